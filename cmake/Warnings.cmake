@@ -1,0 +1,5 @@
+# Linked privately by every target of ours, so that the warnings never reach a consumer.
+add_library(xraycast_warnings INTERFACE)
+target_compile_options(xraycast_warnings INTERFACE
+  -Wall -Wextra -Wpedantic -Wshadow -Wconversion -Wno-sign-conversion -Wnon-virtual-dtor -Wold-style-cast
+  $<$<BOOL:${XRAYCAST_WERROR}>:-Werror>)

@@ -1,0 +1,212 @@
+#include "xraycast/device.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cctype>
+#include <cstdlib>
+#include <numeric>
+
+#include "embedded_kernels.h"
+#include "xraycast/error.hpp"
+
+namespace xraycast {
+namespace {
+
+std::string lower(std::string text) {
+  std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return text;
+}
+
+struct Candidate {
+  cl::Device device;
+  Device::Info info;
+};
+
+Device::Info describe(const cl::Device& device, const std::string& platform, int index) {
+  Device::Info info;
+  info.index = index;
+  info.name = device.getInfo<CL_DEVICE_NAME>();
+  info.platform = platform;
+  info.version = device.getInfo<CL_DEVICE_VERSION>();
+  info.is_gpu = (device.getInfo<CL_DEVICE_TYPE>() & CL_DEVICE_TYPE_GPU) != 0;
+  info.has_images = device.getInfo<CL_DEVICE_IMAGE_SUPPORT>() == CL_TRUE;
+  info.compute_units = static_cast<int>(device.getInfo<CL_DEVICE_MAX_COMPUTE_UNITS>());
+  info.memory_B = static_cast<std::int64_t>(device.getInfo<CL_DEVICE_GLOBAL_MEM_SIZE>());
+  info.max_allocation_B = static_cast<std::int64_t>(device.getInfo<CL_DEVICE_MAX_MEM_ALLOC_SIZE>());
+  return info;
+}
+
+std::vector<Candidate> candidates() {
+  std::vector<Candidate> found;
+  std::vector<cl::Platform> platforms;
+  try {
+    cl::Platform::get(&platforms);
+  } catch (const cl::Error&) {
+    return found;  // the loader reports "no platform" as an error
+  }
+  for (const cl::Platform& platform : platforms) {
+    std::vector<cl::Device> devices;
+    try {
+      platform.getDevices(CL_DEVICE_TYPE_ALL, &devices);
+    } catch (const cl::Error&) {
+      continue;  // a platform without devices
+    }
+    for (const cl::Device& device : devices)
+      found.push_back({device, describe(device, platform.getInfo<CL_PLATFORM_NAME>(), static_cast<int>(found.size()))});
+  }
+  return found;
+}
+
+std::string names_of(const std::vector<Candidate>& found) {
+  std::string names;
+  for (const auto& [device, info] : found) names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", info.index, info.name);
+  return names;
+}
+
+const Candidate& choose(const std::vector<Candidate>& found, const std::string& choice) {
+  if (found.empty())
+    throw DeviceError("no OpenCL device: install a driver, such as Debian's pocl-opencl-icd, which runs on any processor");
+  if (choice.empty()) {
+    const auto gpu = std::ranges::find_if(found, [](const Candidate& c) { return c.info.is_gpu; });
+    return gpu != found.end() ? *gpu : found.front();
+  }
+  const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
+  const auto fits = std::ranges::find_if(found, [&](const Candidate& c) {
+    return is_number ? std::to_string(c.info.index) == choice : lower(c.info.name).find(lower(choice)) != std::string::npos;
+  });
+  if (fits == found.end()) throw DeviceError("no OpenCL device fits '{}'; there is {}", choice, names_of(found));
+  return *fits;
+}
+
+std::string_view source_of(const std::string& file) {
+  for (const EmbeddedKernel& kernel : embedded_kernels())
+    if (kernel.name == file) return kernel.source;
+  throw DeviceError("no kernel file '{}' is embedded", file);
+}
+
+/// The last lines of a build log, on one line: the error message has to fit one.
+std::string tail(std::string log) {
+  while (!log.empty() && std::isspace(static_cast<unsigned char>(log.back()))) log.pop_back();
+  constexpr std::size_t kMost = 600;
+  if (log.size() > kMost) log = "..." + log.substr(log.size() - kMost);
+  std::ranges::replace(log, '\n', ' ');
+  return log;
+}
+
+}  // namespace
+
+std::vector<Device::Info> Device::list() {
+  std::vector<Info> infos;
+  for (const Candidate& candidate : candidates()) infos.push_back(candidate.info);
+  return infos;
+}
+
+Device::Device(const std::string& choice) {
+  const char* environment = std::getenv("XRAYCAST_DEVICE");
+  const auto found = candidates();
+  const Candidate& chosen = choose(found, choice.empty() && environment ? environment : choice);
+  try {
+    device_ = chosen.device;
+    info_ = chosen.info;
+    context_ = cl::Context(device_);
+    queue_ = cl::CommandQueue(context_, device_, CL_QUEUE_PROFILING_ENABLE);
+  } catch (const cl::Error& error) {
+    throw DeviceError("OpenCL device {} cannot be used: {} failed with {}", chosen.info.name, error.what(),
+                      status_name(error.err()));
+  }
+}
+
+cl::Kernel Device::kernel(const std::string& file, const std::string& entry, const std::string& options) {
+  const std::lock_guard lock(programs_mutex_);
+  const std::string key = file + '\n' + options;
+  auto known = programs_.find(key);
+  if (known == programs_.end()) {
+    cl::Program program(context_, std::string(source_of(file)));
+    try {
+      program.build(device_, ("-cl-std=CL1.2 " + options).c_str());
+    } catch (const cl::BuildError& error) {
+      std::string log;
+      for (const auto& [device, text] : error.getBuildLog()) log += text;
+      throw DeviceError("kernels/{}.cl does not build on {}: {}", file, info_.name, tail(log));
+    }
+    known = programs_.emplace(key, std::move(program)).first;
+  }
+  try {
+    return {known->second, entry.c_str()};
+  } catch (const cl::Error& error) {
+    throw DeviceError("kernels/{}.cl has no kernel '{}' on {}: {}", file, entry, info_.name, status_name(error.err()));
+  }
+}
+
+cl::Buffer Device::buffer(cl_mem_flags flags, std::int64_t bytes, void* host) {
+  if (bytes > info_.max_allocation_B)
+    throw DeviceError("{} allows buffers of up to {} MiB, but {} MiB are needed", info_.name, info_.max_allocation_B >> 20,
+                      bytes >> 20);
+  try {
+    return {context_, flags, static_cast<cl::size_type>(bytes), host};
+  } catch (const cl::Error& error) {
+    throw DeviceError("{} has no room for a buffer of {} MiB: {}", info_.name, bytes >> 20, status_name(error.err()));
+  }
+}
+
+Device::SelfTest Device::self_test() {
+  SelfTest result;
+  try {
+    constexpr int n = 1000;
+    std::vector<float> in(n), out(n, -1.0f);
+    std::iota(in.begin(), in.end(), 0.0f);
+    cl::Buffer in_buffer = buffer(CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, n * sizeof(float), in.data());
+    cl::Buffer out_buffer = buffer(CL_MEM_WRITE_ONLY, n * sizeof(float));
+    cl::Kernel run = kernel("selftest", "selftest_buffer");
+    run.setArg(0, in_buffer);
+    run.setArg(1, out_buffer);
+    run.setArg(2, n);
+    queue_.enqueueNDRangeKernel(run, cl::NullRange, cl::NDRange(1024));
+    queue_.enqueueReadBuffer(out_buffer, CL_TRUE, 0, n * sizeof(float), out.data());
+    result.buffers = true;
+    for (int i = 0; i < n; ++i) result.buffers = result.buffers && out[i] == 2.0f * static_cast<float>(i) + 1.0f;
+  } catch (const std::exception&) {
+    result.buffers = false;
+  }
+  if (!info_.has_images) return result;
+  try {
+    constexpr int w = 7, h = 5, d = 3;
+    std::vector<float> in(w * h * d), out(w * h * d, -1.0f);
+    std::iota(in.begin(), in.end(), 1.0f);
+    cl::Image3D image(context_, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, cl::ImageFormat(CL_R, CL_FLOAT), w, h, d, 0, 0,
+                      in.data());
+    cl::Buffer out_buffer = buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(out.size() * sizeof(float)));
+    cl::Kernel run = kernel("selftest", "selftest_image");
+    run.setArg(0, image);
+    run.setArg(1, out_buffer);
+    queue_.enqueueNDRangeKernel(run, cl::NullRange, cl::NDRange(8, 8, 4));
+    queue_.enqueueReadBuffer(out_buffer, CL_TRUE, 0, out.size() * sizeof(float), out.data());
+    result.images = in == out;
+  } catch (const std::exception&) {
+    result.images = false;
+  }
+  return result;
+}
+
+double duration_ms(const cl::Event& event) {
+  const auto start = event.getProfilingInfo<CL_PROFILING_COMMAND_START>();
+  const auto end = event.getProfilingInfo<CL_PROFILING_COMMAND_END>();
+  return static_cast<double>(end - start) * 1e-6;
+}
+
+std::string status_name(cl_int status) {
+  switch (status) {
+    case CL_DEVICE_NOT_AVAILABLE: return "CL_DEVICE_NOT_AVAILABLE";
+    case CL_MEM_OBJECT_ALLOCATION_FAILURE: return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
+    case CL_OUT_OF_RESOURCES: return "CL_OUT_OF_RESOURCES";
+    case CL_OUT_OF_HOST_MEMORY: return "CL_OUT_OF_HOST_MEMORY";
+    case CL_BUILD_PROGRAM_FAILURE: return "CL_BUILD_PROGRAM_FAILURE";
+    case CL_INVALID_KERNEL_NAME: return "CL_INVALID_KERNEL_NAME";
+    case CL_INVALID_KERNEL_ARGS: return "CL_INVALID_KERNEL_ARGS";
+    case CL_INVALID_BUFFER_SIZE: return "CL_INVALID_BUFFER_SIZE";
+    case CL_INVALID_WORK_GROUP_SIZE: return "CL_INVALID_WORK_GROUP_SIZE";
+    default: return fmt::format("OpenCL status {}", status);
+  }
+}
+
+}  // namespace xraycast

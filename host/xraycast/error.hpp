@@ -1,0 +1,35 @@
+#pragma once
+
+#include <stdexcept>
+#include <string>
+
+#include <fmt/format.h>
+
+namespace xraycast {
+
+/// Something failed for a reason that lies neither in the user's input nor in the OpenCL device (a full disk).
+/// `what()` is one line that says what to do; the command line prints it and exits with 1.
+class Error : public std::runtime_error {
+ public:
+  template <typename... Args>
+  explicit Error(fmt::format_string<Args...> format, Args&&... args)
+      : std::runtime_error(fmt::format(format, std::forward<Args>(args)...)) {}
+};
+
+/// The user's data or arguments cannot be used; names the file and the field. Exit status 3.
+class InputError : public Error {
+  using Error::Error;
+};
+
+/// OpenCL is missing or failed. Exit status 4.
+class DeviceError : public Error {
+  using Error::Error;
+};
+
+/// `Progress::cancel` was called; thrown by the next `Progress::advance`. Exit status 130.
+class Cancelled : public Error {
+ public:
+  Cancelled() : Error("cancelled") {}
+};
+
+}  // namespace xraycast

@@ -1,0 +1,33 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <vector>
+
+#include <glm/vec3.hpp>
+
+namespace xraycast {
+
+/// A triangle surface in LPS millimetres, normals outwards (counter-clockwise seen from outside).
+struct Mesh {
+  std::vector<glm::vec3> points_mm;
+  std::vector<std::array<std::uint32_t, 3>> triangles;
+};
+
+/// Every undirected edge belongs to exactly two triangles that run along it in opposite directions.
+bool is_watertight(const Mesh& mesh);
+
+/// Signed volume by the divergence theorem; positive when the normals point outwards. For closed surfaces.
+double volume_mm3(const Mesh& mesh);
+
+/// Binary STL (header and comment carry `SPACE=LPS`, which 3D Slicer reads) or VTK XML PolyData, by the extension
+/// `.stl` or `.vtp`. Throws InputError for another extension, Error when the disk is full.
+void write_mesh(const Mesh& mesh, const std::filesystem::path& path);
+
+/// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (ASCII, inline base64 or appended
+/// raw, uncompressed or zlib). Throws InputError when the file is damaged, has non-finite points or indices out of
+/// range.
+Mesh read_mesh(const std::filesystem::path& path);
+
+}  // namespace xraycast
