@@ -1,9 +1,92 @@
-#include <cstdio>
+#include <csignal>
+#include <exception>
+#include <iostream>
+#include <new>
 
+#include "command.hpp"
+#include "progress_bar.hpp"
 #include "xraycast/device.hpp"
+#include "xraycast/error.hpp"
 
-int main() {
-  for (const auto& info : xraycast::Device::list()) std::puts(info.name.c_str());
-  xraycast::Device device;
-  return device.self_test().images ? 0 : 4;
+namespace {
+
+using namespace xraycast;
+
+// Exit statuses; scripts rely on them.
+enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4, kInterrupted = 130 };
+
+Progress* interruptible = nullptr;
+
+/// The first Ctrl-C lets the job clean up; a second one ends the process at once.
+void interrupt(int) {
+  if (interruptible) interruptible->cancel();
+  std::signal(SIGINT, SIG_DFL);
+}
+
+/// One line, whatever the message holds.
+int report(const std::string& what, Status status) {
+  std::string line = "xraycast: " + what;
+  for (char& c : line)
+    if (c == '\n' || c == '\r') c = ' ';
+  std::cerr << line << '\n';
+  return status;
+}
+
+/// The one place where errors become exit statuses.
+int run(const std::function<void()>& job) {
+  try {
+    job();
+    return kDone;
+  } catch (const Cancelled&) {
+    return report("cancelled; no output was written", kInterrupted);
+  } catch (const InputError& error) {
+    return report(error.what(), kBadInput);
+  } catch (const DeviceError& error) {
+    return report(error.what(), kDeviceFailed);
+  } catch (const cl::Error& error) {
+    return report(std::string(error.what()) + " failed with " + status_name(error.err()), kDeviceFailed);
+  } catch (const std::bad_alloc&) {
+    return report("not enough memory", kFailed);
+  } catch (const std::exception& error) {
+    return report(error.what(), kFailed);
+  }
+}
+
+}  // namespace
+
+int main(int argc, char** argv) {
+  CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.", "xraycast"};
+  app.set_version_flag("--version", XRAYCAST_VERSION);
+  app.require_subcommand(1);
+  app.fallthrough();  // global options are taken behind the subcommand too
+  app.get_formatter()->column_width(34);
+
+  bool quiet = false;
+  std::unique_ptr<cli::ProgressBar> bar;
+  cli::Session session([&bar](const Progress::State& state) {
+    if (bar) bar->show(state);
+  });
+  app.add_option("--device", session.device, "OpenCL device, by number or part of its name (see `xraycast devices`)")->type_name("NAME");
+  app.add_flag("--json", session.json, "Machine-readable results on stdout");
+  app.add_flag("--quiet,-q", quiet, "No notes and no progress");
+  cli::add_info(app, session);
+  cli::add_cast(app, session);
+  cli::add_project(app, session);
+  cli::add_devices(app, session);
+
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& help) {
+    return app.exit(help);
+  } catch (const CLI::ParseError& error) {
+    return report(std::string(error.what()) + " (see `xraycast --help`)", kWrongUsage);
+  }
+  session.quiet = quiet;
+  bar = std::make_unique<cli::ProgressBar>(!quiet);
+  interruptible = &session.progress;
+  std::signal(SIGINT, interrupt);
+  std::signal(SIGTERM, interrupt);
+  return run([&] {
+    session.job();
+  });
 }

@@ -29,4 +29,8 @@ class AtomicFile {
   std::filesystem::path target_, temporary_;
 };
 
+/// Throws as AtomicFile's constructor would, and leaves nothing behind: called before long work whose result goes to
+/// `target`.
+inline void check_writable(const std::filesystem::path& target) { const AtomicFile probe(target); }
+
 }  // namespace xraycast

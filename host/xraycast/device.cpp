@@ -149,6 +149,39 @@ cl::Buffer Device::buffer(cl_mem_flags flags, std::int64_t bytes, void* host) {
   }
 }
 
+template <typename Call>
+void Device::guarded(const char* doing, const Call& call) const {
+  try {
+    call();
+  } catch (const cl::Error& error) {
+    throw DeviceError("{} failed while {}: {} returned {}", info_.name, doing, error.what(), status_name(error.err()));
+  }
+}
+
+cl::Event Device::run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global, std::array<std::int64_t, 3> local) {
+  if (local[0] > 0)
+    for (int i = 0; i < 3; ++i) global[i] = (global[i] + local[i] - 1) / local[i] * local[i];
+  const auto range = [](const std::array<std::int64_t, 3>& n) { return cl::NDRange(n[0], n[1], n[2]); };
+  cl::Event done;
+  guarded("running a kernel", [&] {
+    queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global), local[0] > 0 ? range(local) : cl::NullRange, nullptr,
+                                &done);
+  });
+  return done;
+}
+
+void Device::finish() {
+  guarded("running a kernel", [&] { queue_.finish(); });
+}
+
+void Device::write(const cl::Buffer& target, const void* values, std::size_t bytes) {
+  guarded("uploading", [&] { queue_.enqueueWriteBuffer(target, CL_TRUE, 0, bytes, values); });
+}
+
+void Device::read(const cl::Buffer& source, void* values, std::size_t bytes) {
+  guarded("downloading", [&] { queue_.enqueueReadBuffer(source, CL_TRUE, 0, bytes, values); });
+}
+
 Device::SelfTest Device::self_test() {
   SelfTest result;
   try {

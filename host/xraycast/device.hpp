@@ -1,9 +1,10 @@
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <map>
-#include <memory>
 #include <mutex>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -50,6 +51,25 @@ class Device {
   /// A buffer of `bytes`, checked against the device's largest allocation first. Throws DeviceError.
   cl::Buffer buffer(cl_mem_flags flags, std::int64_t bytes, void* host = nullptr);
 
+  /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is then
+  /// rounded up, so kernels check their bounds. Throws DeviceError.
+  cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global, std::array<std::int64_t, 3> local = {});
+
+  /// Blocking copies of whole spans. Throw DeviceError.
+  template <typename T>
+  cl::Buffer upload(std::span<const T> values) {
+    cl::Buffer target = buffer(CL_MEM_READ_ONLY, static_cast<std::int64_t>(values.size_bytes()));
+    write(target, values.data(), values.size_bytes());
+    return target;
+  }
+  template <typename T>
+  void download(const cl::Buffer& source, std::span<T> values) {
+    read(source, values.data(), values.size_bytes());
+  }
+
+  /// Waits for all that was enqueued. Throws DeviceError.
+  void finish();
+
   /// Writes and reads back known values through a buffer and, where the device has them, through a 3-D image.
   struct SelfTest {
     bool buffers = false;
@@ -58,6 +78,12 @@ class Device {
   SelfTest self_test();
 
  private:
+  /// Turns OpenCL's errors into DeviceError.
+  template <typename Call>
+  void guarded(const char* doing, const Call& call) const;
+  void write(const cl::Buffer& target, const void* values, std::size_t bytes);
+  void read(const cl::Buffer& source, void* values, std::size_t bytes);
+
   Info info_;
   cl::Device device_;
   cl::Context context_;

@@ -1,0 +1,84 @@
+#include "command.hpp"
+
+#include <charconv>
+#include <cmath>
+#include <iostream>
+
+#include "xraycast/error.hpp"
+
+namespace xraycast::cli {
+namespace {
+
+std::vector<std::string> split(const std::string& text, char separator) {
+  std::vector<std::string> parts(1);
+  for (const char c : text)
+    if (c == separator)
+      parts.emplace_back();
+    else
+      parts.back() += c;
+  return parts;
+}
+
+/// The whole text as a number, or not at all.
+template <typename Number>
+bool parse(const std::string& text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+}  // namespace
+
+void Session::say(const std::vector<std::string>& lines) const {
+  if (quiet) return;
+  for (const std::string& line : lines) std::cerr << "xraycast: " << line << '\n';
+}
+
+void Session::print(const Json& result, const std::string& text) const {
+  if (json)
+    std::cout << result.dump(2) << '\n';
+  else if (!quiet)
+    std::cout << text;
+  std::cout.flush();
+}
+
+CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
+                      const std::string& examples, std::function<void()> job) {
+  CLI::App* command = app.add_subcommand(name, purpose);
+  command->footer("Examples:\n" + examples);
+  command->parse_complete_callback([&session, job = std::move(job)] { session.job = job; });
+  return command;
+}
+
+void add_scan_options(CLI::App& command, ScanOptions& options) {
+  command.add_option("--series", options.series, "Which DICOM series of the folder: part of its description, number or UID")->type_name("TEXT");
+  command.add_flag("--keep-slices", options.keep_slices, "Refuse unevenly spaced slices instead of resampling them");
+}
+
+std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option) {
+  std::vector<std::int64_t> sizes;
+  for (const std::string& part : split(text, 'x')) {
+    std::int64_t size = 0;
+    if (!parse(part, size) || size < 1 || size > 65536)
+      throw InputError("{} {}: has to be {} numbers of 1 to 65536, joined by x", option, text, count);
+    sizes.push_back(size);
+  }
+  if (sizes.size() != count) throw InputError("{} {}: has to be {} numbers, joined by x", option, text, count);
+  return sizes;
+}
+
+std::vector<double> parse_numbers(const std::string& text, const std::string& option) {
+  std::vector<double> numbers;
+  for (const std::string& part : split(text, ',')) {
+    double number = 0;
+    if (!parse(part, number) || !std::isfinite(number)) throw InputError("{} {}: '{}' is not a number", option, text, part);
+    numbers.push_back(number);
+  }
+  return numbers;
+}
+
+Json to_json(const VolumeGeometry& geometry) {
+  const auto list = [](const auto& v) { return Json{v.x, v.y, v.z}; };
+  return {{"size", list(geometry.size)}, {"spacing_mm", list(geometry.spacing_mm)}, {"origin_mm", list(geometry.origin_mm)}};
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,82 @@
+#include <memory>
+
+#include <fmt/format.h>
+
+#include "command.hpp"
+#include "xraycast/scan.hpp"
+
+namespace xraycast::cli {
+namespace {
+
+struct Options {
+  std::string input;
+  ScanOptions scan;
+};
+
+std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const SliceSource::HuRange& hu) {
+  std::string text;
+  const auto row = [&](const char* name, const std::string& value) { text += fmt::format("{:<12}{}\n", name, value); };
+  row("format", info.format + (info.modality.empty() ? "" : ", " + info.modality));
+  if (!info.series.empty()) row("series", info.series);
+  for (const std::string& other : info.other_series) row("other", other);
+  row("stored", fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}", info.size.x, info.size.y, info.size.z,
+                            info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z, info.orientation));
+  if (info.tilt_deg != 0) row("tilt", fmt::format("{:.2f} deg", info.tilt_deg));
+  for (const auto& [after, mm] : info.gaps) row("gap", fmt::format("{:.2f} mm after slice {}", mm, after));
+  row("HU", fmt::format("{:g} to {:g}", hu.lowest, hu.highest));
+  row("delivered", fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, from ({:.1f}, {:.1f}, {:.1f}) mm, axes towards LPS",
+                               geometry.size.x, geometry.size.y, geometry.size.z, geometry.spacing_mm.x, geometry.spacing_mm.y,
+                               geometry.spacing_mm.z, geometry.origin_mm.x, geometry.origin_mm.y, geometry.origin_mm.z));
+  for (const std::string& note : info.notes) row("note", note);
+  for (const std::string& warning : info.warnings) row("warning", warning);
+  return text;
+}
+
+Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometry& geometry, const SliceSource::HuRange& hu) {
+  Json gaps = Json::array();
+  for (const auto& [after, mm] : info.gaps) gaps.push_back({{"after_slice", after}, {"mm", mm}});
+  return {{"input", input},
+          {"format", info.format},
+          {"modality", info.modality},
+          {"series", info.series},
+          {"other_series", info.other_series},
+          {"size", {info.size.x, info.size.y, info.size.z}},
+          {"spacing_mm", {info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z}},
+          {"orientation", info.orientation},
+          {"tilt_deg", info.tilt_deg},
+          {"gaps", gaps},
+          {"hu_range", {hu.lowest, hu.highest}},
+          {"volume", to_json(geometry)},
+          {"notes", info.notes},
+          {"warnings", info.warnings}};
+}
+
+/// Reads all slices for their HU range, and keeps none.
+SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
+  const std::int64_t run = std::min<std::int64_t>(64, source.geometry().size.z);
+  const auto voxels = static_cast<std::size_t>(run * source.geometry().slice_voxels());
+  const auto slices = std::make_unique_for_overwrite<std::int16_t[]>(voxels);
+  progress.begin("reading", source.geometry().size.z, "slices");
+  while (source.read({slices.get(), voxels}, progress) > 0) {
+  }
+  return source.hu_range();
+}
+
+}  // namespace
+
+void add_info(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = add_command(app, session, "info", "What was understood of a scan",
+                                  "  xraycast info scans/chest/\n"
+                                  "  xraycast info head.nii.gz --json",
+                                  [options, &session] {
+                                    const Scan scan = open_scan(options->input, options->scan, session.progress);
+                                    const auto hu = read_range(*scan.source, session.progress);
+                                    const VolumeGeometry& geometry = scan.source->geometry();
+                                    session.print(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
+                                  });
+  command->add_option("INPUT", options->input, "DICOM or GE Genesis folder, or a NIfTI, NRRD, MetaImage or single-slice file")->required();
+  add_scan_options(*command, options->scan);
+}
+
+}  // namespace xraycast::cli

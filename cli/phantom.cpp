@@ -1,0 +1,76 @@
+#include <filesystem>
+#include <memory>
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include "command.hpp"
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/vessel_tree.hpp"
+
+namespace xraycast::cli {
+namespace {
+
+struct Options {
+  std::string name, output, size, truth;
+  PhantomOptions phantom;
+};
+
+/// What a segmentation of the phantom should find.
+void write_truth(const Phantom& phantom, const std::filesystem::path& folder) {
+  const VesselTree tree(phantom.vessel_branches(), "phantom " + phantom.name());
+  write_tree(tree, folder / "tree.vtp");
+  write_mesh(tube_mesh(tree), folder / "surface.vtp");
+  write_mask(phantom.geometry(), vessel_mask(phantom), folder / "mask.nrrd");
+}
+
+void check_truth_folder(const Phantom& phantom, const std::string& folder) {
+  if (phantom.vessel_branches().empty())
+    throw InputError("--truth: the phantom {} has no vessels; thorax and head have", phantom.name());
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError("--truth {}: the folder cannot be made: {}", folder, error.message());
+  check_writable(std::filesystem::path(folder) / "tree.vtp");
+}
+
+void make(Options options, Session& session) {
+  if (!options.size.empty()) {
+    const auto size = parse_sizes(options.size, 3, "--size");
+    options.phantom.size = Index3(size[0], size[1], size[2]);
+  }
+  const Phantom phantom = make_phantom(options.name, options.phantom);
+  check_volume_format(options.output);
+  check_writable(options.output);
+  if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
+
+  Device device(session.device);
+  write_volume(generate(phantom, device, session.progress), options.output, session.progress);
+  if (!options.truth.empty()) write_truth(phantom, options.truth);
+  const VolumeGeometry& g = phantom.geometry();
+  session.print({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
+                fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n", options.output, options.name, g.size.x,
+                            g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z));
+}
+
+}  // namespace
+
+void add_phantom(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = add_command(app, session, "phantom", "Make a procedural scan",
+                                  "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
+                                  "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
+                                  "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
+                                  [options, &session] { make(*options, session); });
+  command->add_option("NAME", options->name, fmt::format("{}", fmt::join(phantom_names(), ", ")))->required()->check(CLI::IsMember(phantom_names()));
+  command->add_option("-o,--output", options->output, ".nrrd, .nii, .nii.gz, .mha or .mhd")->required()->type_name("VOLUME");
+  command->add_option("--size", options->size, "Voxels; alone, the extent in mm stays")->type_name("NXxNYxNZ");
+  command->add_option("--spacing", options->phantom.spacing_mm, "Voxel size; alone, the extent in mm stays")->type_name("MM");
+  command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the noise")->type_name("HU");
+  command->add_option("--seed", options->phantom.seed, "Of the noise")->capture_default_str()->type_name("N");
+  command->add_flag("--table", options->phantom.table, "With the scanner's table");
+  command->add_option("--truth", options->truth, "Also the vessels: mask.nrrd, tree.vtp and surface.vtp")->type_name("DIR");
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,38 @@
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "xraycast/opacity.hpp"
+#include "xraycast/progress.hpp"
+#include "xraycast/resident_scan.hpp"
+#include "xraycast/view.hpp"
+
+namespace xraycast {
+
+/// A line through the scan, in LPS millimetres, from where attenuation starts to count to where it ends.
+struct RaySegment {
+  glm::dvec3 start_mm, end_mm;
+};
+
+/// A true projection: H x W optical depths of the whole lines, row 0 on top.
+struct ProjectionImage {
+  View view;
+  std::vector<float> tau;
+  double kernel_ms = 0;
+};
+
+/// Draws the true projection (a digitally reconstructed radiograph) of a resident scan by Joseph's method: the scan
+/// is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within the plane, then
+/// classified, and every sample counts for the length of ray between planes (P. M. Joseph, IEEE Trans. Med. Imaging
+/// 1982). Each plane counts as far as the half-spacings around it lie between source and detector. Outside the scan
+/// there is nothing; at its border samples fade into air (-1024 HU). Stage "projecting" of `progress`.
+///
+/// `view` has to be complete (see `fitted`). Throws DeviceError when the device fails.
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity, Progress& progress);
+
+/// The same along any lines, for detectors that are not flat: one optical depth a segment.
+std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
+                           Progress& progress);
+
+}  // namespace xraycast

@@ -1,0 +1,95 @@
+#include "xraycast/resident_scan.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+
+#include "xraycast/error.hpp"
+
+namespace xraycast {
+namespace {
+
+static_assert(sizeof(XrcScan) == 24);
+
+XrcScan layout_of(const VolumeGeometry& geometry) {
+  XrcScan layout{};
+  layout.size_x = static_cast<int>(geometry.size.x);
+  layout.size_y = static_cast<int>(geometry.size.y);
+  layout.size_z = static_cast<int>(geometry.size.z);
+  layout.pitch_x = layout.size_x + 1;
+  layout.pitch_y = layout.size_y + 1;
+  layout.bricks = (layout.size_z + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
+  return layout;
+}
+
+std::int64_t bytes_of(const XrcScan& layout) {
+  return std::int64_t{layout.pitch_x} * layout.pitch_y * layout.bricks * XRC_BRICK_SLICES *
+         static_cast<std::int64_t>(sizeof(std::int16_t));
+}
+
+}  // namespace
+
+ResidentScan::ResidentScan(Device& device, const VolumeGeometry& geometry)
+    : device_(&device),
+      geometry_(geometry),
+      layout_(layout_of(geometry)),
+      bricks_(device.buffer(CL_MEM_READ_WRITE, bytes_of(layout_))) {}
+
+void ResidentScan::append(std::span<const std::int16_t> hu) {
+  const int count = static_cast<int>(static_cast<std::int64_t>(hu.size()) / geometry_.slice_voxels());
+  const int bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
+  // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.
+  cl::Buffer slices = device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
+                                      const_cast<std::int16_t*>(hu.data()));
+  cl::Kernel pack = device_->kernel("scan", "pack_bricks");
+  pack.setArg(0, slices);
+  pack.setArg(1, bricks_);
+  pack.setArg(2, layout_);
+  pack.setArg(3, bricks_done_);
+  pack.setArg(4, count);
+  device_->run(pack, {layout_.pitch_x, layout_.pitch_y, bricks});
+  device_->finish();
+  bricks_done_ += bricks;
+}
+
+ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
+  using Clock = std::chrono::steady_clock;
+  const auto ms_since = [](Clock::time_point start) {
+    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  };
+  const VolumeGeometry& geometry = source.geometry();
+  ResidentScan scan(device, geometry);
+  constexpr std::int64_t kSlab = 4 * ResidentScan::kBrickSlices;  // enough for every core to have slices to read
+  const auto slab_voxels = static_cast<std::size_t>(kSlab * geometry.slice_voxels());
+  const auto slab = std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels);
+
+  progress.begin("reading", geometry.size.z, "slices");
+  for (std::int64_t done = 0; done < geometry.size.z;) {
+    const auto read_start = Clock::now();
+    const std::int64_t wanted = std::min(kSlab, geometry.size.z - done);
+    std::int64_t got = 0;
+    while (got < wanted) {
+      const auto offset = static_cast<std::size_t>(got * geometry.slice_voxels());
+      const auto rest = static_cast<std::size_t>((wanted - got) * geometry.slice_voxels());
+      const std::int64_t count = source.read({slab.get() + offset, rest}, progress);
+      if (count == 0) throw InputError("the scan ended after {} of {} slices", done + got, geometry.size.z);
+      got += count;
+    }
+    const std::span<const std::int16_t> slices(slab.get(), static_cast<std::size_t>(got * geometry.slice_voxels()));
+    finder.add(slices);
+    timings.read_ms += ms_since(read_start);
+    const auto upload_start = Clock::now();
+    scan.append(slices);
+    timings.upload_ms += ms_since(upload_start);
+    done += got;
+  }
+  return scan;
+}
+
+ResidentScan upload(Device& device, const Volume& volume) {
+  ResidentScan scan(device, volume.geometry());
+  scan.append(volume.hu());
+  return scan;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,69 @@
+#include "xraycast/body_outline.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+#include <gtest/gtest.h>
+
+#include "xraycast/error.hpp"
+
+namespace xraycast {
+namespace {
+
+/// Water where `inside(x_mm, y_mm)`, air elsewhere; 256 x 256 x 30 voxels of 1.5 x 1.5 x 2 mm.
+template <typename Inside>
+Volume make(const Inside& inside) {
+  Volume volume({{256, 256, 30}, {1.5, 1.5, 2}, {-190, -190, 0}});
+  const VolumeGeometry& g = volume.geometry();
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x) {
+        const glm::dvec3 p = g.to_world_mm({x, y, z});
+        volume.at(x, y, z) = inside(p.x, p.y) ? 0 : -1000;
+      }
+  return volume;
+}
+
+bool in_trunk(double x, double y) { return std::hypot((x - 20) / 150, (y + 10) / 100) < 1; }
+bool in_table(double, double y) { return y > 120 && y < 124; }
+
+// One cell of the outline's grid, which is about 3 mm wide.
+constexpr double kCell_mm = 3;
+
+TEST(BodyOutline, CentresOnTheBody) {
+  const BodyOutline outline = find_outline(make(in_trunk));
+  EXPECT_NEAR(outline.centre_mm.x, 20, kCell_mm);
+  EXPECT_NEAR(outline.centre_mm.y, -10, kCell_mm);
+}
+
+TEST(BodyOutline, EnclosesTheBodyTightly) {
+  const BodyOutline outline = find_outline(make(in_trunk));
+  EXPECT_GE(outline.radius_mm, 150 - kCell_mm / 2);
+  EXPECT_LE(outline.radius_mm, 150 + kCell_mm);
+}
+
+TEST(BodyOutline, LeavesTheTableOut) {
+  const auto with_table = make([](double x, double y) { return in_trunk(x, y) || in_table(x, y); });
+  const BodyOutline outline = find_outline(with_table), bare = find_outline(make(in_trunk));
+  EXPECT_EQ(outline.centre_mm, bare.centre_mm);
+  EXPECT_EQ(outline.radius_mm, bare.radius_mm);
+}
+
+TEST(BodyOutline, LeavesTheTableOutWhereTheBodyLiesOnIt) {
+  const auto with_table = make([](double x, double y) { return in_trunk(x, y) || (y > 88 && y < 92); });
+  EXPECT_LE(find_outline(with_table).radius_mm, 150 + kCell_mm);
+}
+
+TEST(BodyOutline, SlicesInRunsGiveTheSame) {
+  const Volume volume = make(in_trunk);
+  OutlineFinder finder(volume.geometry());
+  for (std::int64_t z = 0; z < 30; z += 7) finder.add(volume.slices(z, std::min<std::int64_t>(7, 30 - z)));
+  EXPECT_EQ(finder.finish().centre_mm, find_outline(volume).centre_mm);
+}
+
+TEST(BodyOutline, AirAloneIsRefused) {
+  EXPECT_THROW(find_outline(make([](double, double) { return false; })), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

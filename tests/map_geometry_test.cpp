@@ -1,0 +1,94 @@
+#include "xraycast/map_geometry.hpp"
+
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include "xraycast/error.hpp"
+
+namespace xraycast {
+namespace {
+
+VolumeGeometry chest() { return {{512, 512, 275}, {0.78, 0.78, 1.0}, {-200, -180, 40}}; }
+
+TEST(ShellRadii, EqualAreaShellsHoldEqualAreas) {
+  const auto radii = shell_radii_mm(RadiiRule::equal_area, 8, 200);
+  ASSERT_EQ(radii.size(), 9u);
+  EXPECT_EQ(radii.front(), 0);
+  EXPECT_EQ(radii.back(), 200);
+  for (std::size_t k = 0; k + 1 < radii.size(); ++k)
+    // Rounding of squares of numbers up to 200.
+    EXPECT_NEAR(radii[k + 1] * radii[k + 1] - radii[k] * radii[k], 200.0 * 200 / 8, 1e-9);
+}
+
+TEST(ShellRadii, EqualThicknessShellsAreEquallyThick) {
+  EXPECT_THAT(shell_radii_mm(RadiiRule::equal_thickness, 4, 100), testing::ElementsAre(0, 25, 50, 75, 100));
+}
+
+TEST(ShellRadii, RefusesNoLayersAndNoRadius) {
+  EXPECT_THROW(shell_radii_mm(RadiiRule::equal_area, 0, 100), InputError);
+  EXPECT_THROW(shell_radii_mm(RadiiRule::equal_area, 8, 0), InputError);
+  EXPECT_THROW(shell_radii_mm(RadiiRule::equal_area, 8, std::nan("")), InputError);
+}
+
+TEST(CylinderMap, HasARowForEverySliceSuperiorFirst) {
+  const MapGeometry map = cylinder_map(chest(), 360, {0, 150}, {0, 0});
+  EXPECT_EQ(map.height, 275);
+  EXPECT_EQ(map.z_mm(0), 40 + 274);
+  EXPECT_EQ(map.z_mm(274), 40);
+}
+
+TEST(CylinderMap, ColumnsAreCentredBetweenWholeSteps) {
+  const MapGeometry map = cylinder_map(chest(), 360, {0, 150}, {0, 0});
+  EXPECT_DOUBLE_EQ(map.phi_rad(0), 0.5 * std::numbers::pi / 180);
+  EXPECT_DOUBLE_EQ(map.phi_rad(359), 359.5 * std::numbers::pi / 180);
+}
+
+TEST(CylinderMap, StepsEndAtTheRadiusAndAreAtMostAPixel) {
+  const MapGeometry map = cylinder_map(chest(), 360, {0, 100, 150.3}, {0, 0});
+  EXPECT_LE(map.step_mm, 0.78);
+  const double steps = map.radius_mm() / map.step_mm;
+  // Rounding of one division.
+  EXPECT_NEAR(steps, std::round(steps), 1e-9);
+}
+
+struct BadMap {
+  const char* name;
+  int angles;
+  std::vector<double> radii_mm;
+  glm::dvec2 centre_mm;
+  const char* message;
+};
+
+void PrintTo(const BadMap& bad, std::ostream* out) { *out << bad.name; }
+
+class BadMapTest : public testing::TestWithParam<BadMap> {};
+
+TEST_P(BadMapTest, IsRefusedWithTheReason) {
+  try {
+    cylinder_map(chest(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr(GetParam().message));
+  }
+}
+
+constexpr double kNaN = std::numeric_limits<double>::quiet_NaN();
+INSTANTIATE_TEST_SUITE_P(CylinderMap, BadMapTest,
+                         testing::Values(BadMap{"NoAngles", 0, {0, 100}, {0, 0}, "0 angles"},
+                                         BadMap{"NegativeAngles", -5, {0, 100}, {0, 0}, "-5 angles"},
+                                         BadMap{"TooManyAngles", 100000, {0, 100}, {0, 0}, "100000 angles"},
+                                         BadMap{"OneRadius", 360, {100}, {0, 0}, "1 radii"},
+                                         BadMap{"NoRadii", 360, {}, {0, 0}, "0 radii"},
+                                         BadMap{"Descending", 360, {0, 50, 40}, {0, 0}, "radii[2]"},
+                                         BadMap{"NegativeRadius", 360, {-1, 50}, {0, 0}, "radii[0]"},
+                                         BadMap{"NaNRadius", 360, {0, kNaN}, {0, 0}, "radii[1]"},
+                                         BadMap{"CentreOutside", 360, {0, 100}, {900, 0}, "outside the scan"},
+                                         BadMap{"NaNCentre", 360, {0, 100}, {kNaN, 0}, "outside the scan"}),
+                         [](const auto& bad) { return bad.param.name; });
+
+}  // namespace
+}  // namespace xraycast
