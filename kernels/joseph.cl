@@ -1,16 +1,12 @@
 #include "params.h"
+#include "scan_access.h"
 #include "classify.h"
 
 static float component(const float3 v, const int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
 
-static float voxel(global const short* bricks, const XrcScan* scan, const int x, const int y, const int z) {
-  const long pixel = ((long)(z / XRC_BRICK_SLICES) * scan->pitch_y + y) * scan->pitch_x + x;
-  return bricks[pixel * XRC_BRICK_SLICES + z % XRC_BRICK_SLICES];
-}
-
 /* Bilinear within plane k across `axis`; u and v are the other two coordinates, in ascending order of axis, held
  * within the voxels' centres. */
-static float sample_plane(global const short* bricks, const XrcScan* scan, const int axis, const int k, const float u,
+static float sample_plane(SCAN voxels, const XrcScan* scan, const int axis, const int k, const float u,
                           const float v) {
   const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
   const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
@@ -19,9 +15,9 @@ static float sample_plane(global const short* bricks, const XrcScan* scan, const
   float corner[4];
   for (int c = 0; c < 4; ++c) {
     const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
-    corner[c] = axis == 0   ? voxel(bricks, scan, k, iu, iv)
-                : axis == 1 ? voxel(bricks, scan, iu, k, iv)
-                            : voxel(bricks, scan, iu, iv, k);
+    corner[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
+                : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
+                            : voxel_hu(voxels, scan, iu, iv, k);
   }
   return mix(mix(corner[0], corner[1], cu - (float)u0), mix(corner[2], corner[3], cu - (float)u0), cv - (float)v0);
 }
@@ -41,7 +37,7 @@ static void clip(float* low, float* high, const float start, const float slope, 
 /* Optical depth from `start` to `end`, both in voxels. The ray is clipped to the scan, and every plane counts as far
  * as the half-spacings around it lie on what is left. Loop bounds are integers within the scan, whatever the floats
  * are, so that no ray can hang a device. */
-static float joseph(global const short* bricks, const XrcScan* scan, const float3 spacing_mm, const float3 start,
+static float joseph(SCAN voxels, const XrcScan* scan, const float3 spacing_mm, const float3 start,
                     const float3 end, constant const XrcOpacity* opacity, global const float2* table) {
   const float3 along = end - start, steep = fabs(along);
   const int axis = steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
@@ -65,7 +61,7 @@ static float joseph(global const short* bricks, const XrcScan* scan, const float
   float sum = 0.0f;
   for (int k = first; k <= last; ++k) {
     const float share = fmin((float)k + 0.5f, high) - fmax((float)k - 0.5f, low);
-    const float hu = sample_plane(bricks, scan, axis, k, fma((float)k, du, u0), fma((float)k, dv, v0));
+    const float hu = sample_plane(voxels, scan, axis, k, fma((float)k, du, u0), fma((float)k, dv, v0));
     sum = fma(fmax(share, 0.0f), mu_of(hu, opacity, table), sum);
   }
   return sum * length(per_plane * spacing_mm);
@@ -74,21 +70,21 @@ static float joseph(global const short* bricks, const XrcScan* scan, const float
 static float3 float3_of(const XRC_FLOAT* v) { return (float3)(v[0], v[1], v[2]); }
 
 /* The picture of a flat detector: one work-item a pixel. */
-kernel void project_detector(global const short* bricks, const XrcScan scan, const XrcDetector detector,
+kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector detector,
                              constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
   const int i = (int)get_global_id(0), j = (int)get_global_id(1);
   if (i >= detector.width || j >= detector.height) return;
   const float3 hit = float3_of(detector.corner) + (float)i * float3_of(detector.right) + (float)j * float3_of(detector.down);
   const float3 start = detector.is_cone ? float3_of(detector.source) : hit - float3_of(detector.beam);
   const float3 end = detector.is_cone ? hit : hit + float3_of(detector.beam);
-  tau[(long)j * detector.width + i] = joseph(bricks, &scan, float3_of(detector.spacing_mm), start, end, opacity, table);
+  tau[(long)j * detector.width + i] = joseph(voxels, &scan, float3_of(detector.spacing_mm), start, end, opacity, table);
 }
 
 /* Any rays: start and end of each, in voxels. */
-kernel void project_rays(global const short* bricks, const XrcScan scan, const float4 spacing_mm, const int count,
+kernel void project_rays(SCAN voxels, const XrcScan scan, const float4 spacing_mm, const int count,
                          global const float4* segments, constant const XrcOpacity* opacity, global const float2* table,
                          global float* tau) {
   const int i = (int)get_global_id(0);
   if (i >= count) return;
-  tau[i] = joseph(bricks, &scan, spacing_mm.xyz, segments[2 * i].xyz, segments[2 * i + 1].xyz, opacity, table);
+  tau[i] = joseph(voxels, &scan, spacing_mm.xyz, segments[2 * i].xyz, segments[2 * i + 1].xyz, opacity, table);
 }

@@ -26,7 +26,7 @@ BodyMap make_map(int layers) {
 }
 
 TEST(BodyMapFile, ReadingBackGivesTheSame) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   for (const int layers : {1, 5}) {
     const BodyMap written = make_map(layers);
     write_body_map(written, folder / "map.exr");
@@ -39,7 +39,7 @@ TEST(BodyMapFile, ReadingBackGivesTheSame) {
 }
 
 TEST(BodyMapFile, IsAMultiPartExrThatOthersRead) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   write_body_map(make_map(3), folder / "map.exr");
   const auto in = OIIO::ImageInput::open((folder / "map.exr").string());
   ASSERT_TRUE(in);
@@ -50,7 +50,7 @@ TEST(BodyMapFile, IsAMultiPartExrThatOthersRead) {
 }
 
 TEST(BodyMapFile, DamageIsFound) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   write_body_map(make_map(3), folder / "map.exr");
   std::ifstream file(folder / "map.exr", std::ios::binary);
   const std::string bytes{std::istreambuf_iterator<char>(file), {}};
@@ -61,7 +61,7 @@ TEST(BodyMapFile, DamageIsFound) {
 }
 
 TEST(BodyMapFile, ForeignImagesAreToldApart) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   const auto out = OIIO::ImageOutput::create("exr");
   const OIIO::ImageSpec spec(4, 4, 1, OIIO::TypeDesc::FLOAT);
   const std::vector<float> pixels(16);
@@ -75,7 +75,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
 }
 
 TEST(Preview, StacksLayersFromTheInnermostDown) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   BodyMap map = make_map(2);
   std::ranges::fill(map.tau, 0.0f);
   std::fill(map.tau.begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.tau.end(), 20.0f);
@@ -92,7 +92,7 @@ TEST(Preview, StacksLayersFromTheInnermostDown) {
 }
 
 TEST(Preview, WindowUsesTheWholeRangeOfGrey) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   write_preview(make_map(1), PreviewWindow::automatic, folder / "map.png");
   const auto in = OIIO::ImageInput::open((folder / "map.png").string());
   ASSERT_TRUE(in);
@@ -103,12 +103,12 @@ TEST(Preview, WindowUsesTheWholeRangeOfGrey) {
 }
 
 TEST(OutputFile, FailuresLeaveTheTargetAsItWas) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   std::filesystem::create_directory(folder / "folder.exr");
   EXPECT_THROW(write_body_map(make_map(1), folder / "folder.exr"), InputError);
   EXPECT_THROW(write_body_map(make_map(1), folder / "missing" / "map.exr"), InputError);
   EXPECT_THROW(write_body_map(make_map(1), "/dev/null"), InputError);
-  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder.path()), {}), 1);
+  EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder / ""), {}), 1);
 }
 
 }  // namespace

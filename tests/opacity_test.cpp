@@ -42,7 +42,7 @@ TEST(Opacity, SurvivesJson) {
 }
 
 TEST(Opacity, IsReadFromAFile) {
-  const test::TemporaryFolder folder;
+  const TemporaryFolder folder;
   std::ofstream(folder / "bone.json") << R"({"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [1000, 0.06]]})";
   EXPECT_EQ(Opacity::named((folder / "bone.json").string()), Opacity("bone", {{-1000, 0}, {1000, 0.06}}));
 }

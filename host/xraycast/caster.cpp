@@ -76,8 +76,8 @@ CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opa
   parameters.step_y = static_cast<float>(geometry.step_mm / volume.spacing_mm.y);
   const glm::dvec3 centre = volume.to_index({geometry.centre_mm[0], volume.origin_mm.z});
 
-  cl::Kernel kernel = device.kernel("cylinder", "cast_cylinder", device_opacity.build_options());
-  kernel.setArg(0, scan.bricks());
+  cl::Kernel kernel = device.kernel("cylinder", "cast_cylinder", device_opacity.build_options() + scan.build_options());
+  kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, parameters);
   kernel.setArg(3, static_cast<float>(centre.x));
@@ -88,7 +88,10 @@ CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opa
   kernel.setArg(8, device_opacity.table());
   kernel.setArg(9, tau);
   progress.begin("casting", geometry.height, "slices");
-  const cl::Event done = device.run(kernel, {geometry.width, scan.layout().bricks, 1}, {1, 1, 1});
+  const std::int64_t items = (volume.size.z + scan.slices_per_item() - 1) / scan.slices_per_item();
+  // On a processor, vectors run along the slices and a group of one item is best.
+  const std::int64_t group = scan.slices_per_item() > 1 ? 1 : 64;
+  const cl::Event done = device.run(kernel, {geometry.width, items, 1}, {group, 1, 1});
   device.download(tau, std::span(result.map.tau));
   result.kernel_ms = duration_ms(done);
   progress.advance(geometry.height);

@@ -149,6 +149,23 @@ cl::Buffer Device::buffer(cl_mem_flags flags, std::int64_t bytes, void* host) {
   }
 }
 
+cl::Image3D Device::image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height, std::int64_t depth) {
+  try {
+    return {context_, CL_MEM_READ_ONLY, format, static_cast<cl::size_type>(width), static_cast<cl::size_type>(height),
+            static_cast<cl::size_type>(depth)};
+  } catch (const cl::Error& error) {
+    throw DeviceError("{} has no room for an image of {} x {} x {}: {}", info_.name, width, height, depth,
+                      status_name(error.err()));
+  }
+}
+
+bool Device::takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const {
+  const auto fits = [](std::int64_t size, cl::size_type limit) { return size <= static_cast<std::int64_t>(limit); };
+  return info_.has_images && fits(width, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_WIDTH>()) &&
+         fits(height, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_HEIGHT>()) &&
+         fits(depth, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_DEPTH>());
+}
+
 template <typename Call>
 void Device::guarded(const char* doing, const Call& call) const {
   try {
@@ -172,6 +189,16 @@ cl::Event Device::run(const cl::Kernel& kernel, std::array<std::int64_t, 3> glob
 
 void Device::finish() {
   guarded("running a kernel", [&] { queue_.finish(); });
+}
+
+void Device::write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
+                          std::int64_t count, const void* values) {
+  const std::array<std::size_t, 3> origin{0, 0, static_cast<std::size_t>(first)};
+  const std::array<std::size_t, 3> region{static_cast<std::size_t>(width), static_cast<std::size_t>(height),
+                                          static_cast<std::size_t>(count)};
+  const cl_int status = clEnqueueWriteImage(queue_(), image(), CL_TRUE, origin.data(), region.data(), 0, 0, values, 0,
+                                            nullptr, nullptr);
+  if (status != CL_SUCCESS) throw DeviceError("{} failed while uploading slices: {}", info_.name, status_name(status));
 }
 
 void Device::write(const cl::Buffer& target, const void* values, std::size_t bytes) {

@@ -51,6 +51,14 @@ class Device {
   /// A buffer of `bytes`, checked against the device's largest allocation first. Throws DeviceError.
   cl::Buffer buffer(cl_mem_flags flags, std::int64_t bytes, void* host = nullptr);
 
+  /// A read-only 3-D image, and whether the device takes one of that size. Throws DeviceError.
+  cl::Image3D image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height, std::int64_t depth);
+  bool takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const;
+
+  /// Blocking copy of whole slices of a 3-D image. Throws DeviceError.
+  void write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
+                    std::int64_t count, const void* values);
+
   /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is then
   /// rounded up, so kernels check their bounds. Throws DeviceError.
   cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global, std::array<std::int64_t, 3> local = {});

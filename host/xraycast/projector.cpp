@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include "xraycast/device_opacity.hpp"
+#include "xraycast/error.hpp"
 
 namespace xraycast {
 namespace {
@@ -45,8 +46,8 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
   ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
   const cl::Buffer tau = device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
 
-  cl::Kernel kernel = device.kernel("joseph", "project_detector", device_opacity.build_options());
-  kernel.setArg(0, scan.bricks());
+  cl::Kernel kernel = device.kernel("joseph", "project_detector", device_opacity.build_options() + scan.build_options());
+  kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, detector_of(view, scan.geometry()));
   kernel.setArg(3, device_opacity.parameters());
@@ -68,6 +69,9 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
   std::vector<std::array<float, 4>> ends;  // in voxels, start and end by turns
   for (const RaySegment& ray : rays) {
     for (const glm::dvec3& end_mm : {ray.start_mm, ray.end_mm}) {
+      constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit voxel coordinates lose the voxel
+      if (!(glm::length(end_mm) <= kFarthest_mm))
+        throw InputError("ray {}: its ends have to lie within {:g} mm of the origin", ends.size() / 2, kFarthest_mm);
       const glm::vec3 index(scan.geometry().to_index(end_mm));
       ends.push_back({index.x, index.y, index.z, 0});
     }
@@ -77,8 +81,8 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
   const cl::Buffer tau = device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
   const glm::dvec3 spacing_mm = scan.geometry().spacing_mm;
 
-  cl::Kernel kernel = device.kernel("joseph", "project_rays", device_opacity.build_options());
-  kernel.setArg(0, scan.bricks());
+  cl::Kernel kernel = device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
+  kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, cl_float4{{static_cast<float>(spacing_mm.x), static_cast<float>(spacing_mm.y), static_cast<float>(spacing_mm.z), 0}});
   kernel.setArg(3, static_cast<int>(rays.size()));

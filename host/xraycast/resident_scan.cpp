@@ -27,29 +27,47 @@ std::int64_t bytes_of(const XrcScan& layout) {
          static_cast<std::int64_t>(sizeof(std::int16_t));
 }
 
+cl::Memory allocate(Device& device, const XrcScan& layout, ScanStorage storage) {
+  if (storage == ScanStorage::bricks) return device.buffer(CL_MEM_READ_WRITE, bytes_of(layout));
+  return device.image(cl::ImageFormat(CL_R, CL_SIGNED_INT16), layout.size_x, layout.size_y, layout.size_z);
+}
+
 }  // namespace
 
-ResidentScan::ResidentScan(Device& device, const VolumeGeometry& geometry)
+ScanStorage preferred_storage(Device& device, const VolumeGeometry& geometry) {
+  const bool fits = device.info().is_gpu && device.takes_image(geometry.size.x, geometry.size.y, geometry.size.z);
+  return fits && device.self_test().images ? ScanStorage::image : ScanStorage::bricks;
+}
+
+ResidentScan::ResidentScan(Device& device, const VolumeGeometry& geometry, ScanStorage storage)
     : device_(&device),
       geometry_(geometry),
+      storage_(storage),
       layout_(layout_of(geometry)),
-      bricks_(device.buffer(CL_MEM_READ_WRITE, bytes_of(layout_))) {}
+      voxels_(allocate(device, layout_, storage)) {}
 
 void ResidentScan::append(std::span<const std::int16_t> hu) {
-  const int count = static_cast<int>(static_cast<std::int64_t>(hu.size()) / geometry_.slice_voxels());
+  const std::int64_t count = static_cast<std::int64_t>(hu.size()) / geometry_.slice_voxels();
+  if (storage_ == ScanStorage::bricks)
+    append_bricks(hu, static_cast<int>(count));
+  else
+    device_->write_slices(voxels_, layout_.size_x, layout_.size_y, slices_done_, count, hu.data());
+  slices_done_ += count;
+}
+
+void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
   const int bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
   // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.
   cl::Buffer slices = device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
                                       const_cast<std::int16_t*>(hu.data()));
   cl::Kernel pack = device_->kernel("scan", "pack_bricks");
   pack.setArg(0, slices);
-  pack.setArg(1, bricks_);
+  pack.setArg(1, voxels_);
   pack.setArg(2, layout_);
-  pack.setArg(3, bricks_done_);
+  pack.setArg(3, static_cast<int>(slices_done_ / XRC_BRICK_SLICES));
   pack.setArg(4, count);
   device_->run(pack, {layout_.pitch_x, layout_.pitch_y, bricks});
   device_->finish();
-  bricks_done_ += bricks;
 }
 
 ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
@@ -87,7 +105,11 @@ ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, Lo
 }
 
 ResidentScan upload(Device& device, const Volume& volume) {
-  ResidentScan scan(device, volume.geometry());
+  return upload(device, volume, preferred_storage(device, volume.geometry()));
+}
+
+ResidentScan upload(Device& device, const Volume& volume, ScanStorage storage) {
+  ResidentScan scan(device, volume.geometry(), storage);
   scan.append(volume.hu());
   return scan;
 }

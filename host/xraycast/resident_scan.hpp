@@ -2,6 +2,7 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
 
 #include "params.h"
 #include "xraycast/body_outline.hpp"
@@ -11,11 +12,22 @@
 
 namespace xraycast {
 
-/// A scan in a device's memory, in the layout that the kernels read (XrcScan of kernels/params.h). Move-only.
+/// How a device keeps a scan.
+enum class ScanStorage {
+  bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of kernels/params.h); for processors
+  image,   ///< a 3-D image of 16-bit integers, whose cache follows rays in any direction; for GPUs
+};
+
+/// Images on a GPU that has them, passes the self-test and takes the size; bricks elsewhere.
+ScanStorage preferred_storage(Device& device, const VolumeGeometry& geometry);
+
+/// A scan in a device's memory, where the kernels read it. Move-only.
 class ResidentScan {
  public:
   /// Takes the memory; throws DeviceError when the device has not enough.
-  ResidentScan(Device& device, const VolumeGeometry& geometry);
+  ResidentScan(Device& device, const VolumeGeometry& geometry, ScanStorage storage);
+  ResidentScan(Device& device, const VolumeGeometry& geometry)
+      : ResidentScan(device, geometry, preferred_storage(device, geometry)) {}
   ResidentScan(ResidentScan&&) = default;
   ResidentScan& operator=(ResidentScan&&) = default;
 
@@ -28,14 +40,23 @@ class ResidentScan {
   Device& device() const { return *device_; }
   const VolumeGeometry& geometry() const { return geometry_; }
   const XrcScan& layout() const { return layout_; }
-  const cl::Buffer& bricks() const { return bricks_; }
+
+  /// The memory object that goes with a kernel built with build_options().
+  const cl::Memory& voxels() const { return voxels_; }
+  std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
+
+  /// How many slices a work-item of the casting kernel takes at once.
+  int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
 
  private:
+  void append_bricks(std::span<const std::int16_t> hu, int count);
+
   Device* device_;
   VolumeGeometry geometry_;
+  ScanStorage storage_;
   XrcScan layout_;
-  cl::Buffer bricks_;
-  int bricks_done_ = 0;
+  cl::Memory voxels_;
+  std::int64_t slices_done_ = 0;
 };
 
 /// Wall time of the two halves of `load`.
@@ -49,5 +70,6 @@ ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, Lo
 
 /// A volume that is already there.
 ResidentScan upload(Device& device, const Volume& volume);
+ResidentScan upload(Device& device, const Volume& volume, ScanStorage storage);
 
 }  // namespace xraycast

@@ -1,0 +1,51 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+
+#include <cstdint>
+#include <vector>
+
+namespace xraycast {
+
+/// Line segments with a radius at either end, arranged so that the one nearest to a point is found in
+/// logarithmic time: a bounding volume hierarchy, split at the median of the widest axis. Immutable, so safe
+/// to share.
+class SegmentIndex {
+ public:
+  struct Segment {
+    glm::dvec3 start_mm, end_mm;  ///< apart from each other
+    double start_radius_mm, end_radius_mm;
+    int branch, point;  ///< where its start stands in the tree it was taken from; only carried along
+  };
+
+  /// One segment or more.
+  explicit SegmentIndex(std::vector<Segment> segments);
+
+  struct Nearest {
+    const Segment& segment;  ///< lives as long as the index
+    double fraction;         ///< of the way from its start to its end
+    double distance_mm;
+  };
+  Nearest nearest(const glm::dvec3& point_mm) const;
+
+  /// Whether a point lies in any of the tapered capsules: the hulls of the spheres around both ends of a
+  /// segment.
+  bool inside(const glm::dvec3& point_mm) const;
+
+ private:
+  /// One cache line. Children stand after their parent, the left one at once, so that only the right one is
+  /// named.
+  struct Node {
+    glm::dvec3 lower_mm, upper_mm;  ///< of the segments; their radii are apart in `max_radius_mm`
+    double max_radius_mm;
+    std::uint32_t first;  ///< of a leaf: its first segment; else its right child
+    std::uint32_t count;  ///< of a leaf: how many segments; else 0
+  };
+
+  void build(std::uint32_t first, std::uint32_t last);
+
+  std::vector<Segment> segments_;
+  std::vector<Node> nodes_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,16 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+#include <string_view>
+
+namespace xraycast {
+
+/// The content of a regular file. Throws InputError when there is none or it cannot be read.
+std::string read_whole_file(const std::filesystem::path& path);
+
+/// Replaces a file by `content`, through an AtomicFile. Throws InputError when the target cannot be written
+/// and Error when the disk is full.
+void write_whole_file(const std::filesystem::path& path, std::string_view content);
+
+}  // namespace xraycast

@@ -1,0 +1,26 @@
+/* One voxel of a resident scan, wherever it is kept: in bricks (see XrcScan), or with -DSCAN_IMAGE in a 3-D image of
+ * 16-bit integers, which is read without a linear sampler, since those may weigh with 8 bits only. */
+#ifndef XRAYCAST_SCAN_ACCESS_H
+#define XRAYCAST_SCAN_ACCESS_H
+
+#ifdef SCAN_IMAGE
+
+#define SCAN read_only image3d_t
+constant sampler_t kNearest = CLK_NORMALIZED_COORDS_FALSE | CLK_ADDRESS_CLAMP_TO_EDGE | CLK_FILTER_NEAREST;
+
+static inline float voxel_hu(SCAN voxels, const XrcScan* scan, const int x, const int y, const int z) {
+  (void)scan;
+  return (float)read_imagei(voxels, kNearest, (int4)(x, y, z, 0)).x;
+}
+
+#else
+
+#define SCAN global const short*
+
+static inline float voxel_hu(SCAN voxels, const XrcScan* scan, const int x, const int y, const int z) {
+  const long pixel = ((long)(z / XRC_BRICK_SLICES) * scan->pitch_y + y) * scan->pitch_x + x;
+  return (float)voxels[pixel * XRC_BRICK_SLICES + z % XRC_BRICK_SLICES];
+}
+
+#endif
+#endif

@@ -1,0 +1,89 @@
+// Our surface and tree files against VTK itself, both ways. Debian's python3-vtk9 brings it; the tests are
+// skipped without.
+#include "support/temporary_folder.hpp"
+#include "xraycast/mesh.hpp"
+#include "xraycast/vessel_tree.hpp"
+#include "xraycast/whole_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cstdlib>
+#include <numbers>
+#include <string>
+
+namespace xraycast {
+namespace {
+
+/// Debian's own interpreter, which finds Debian's packages whatever stands first in PATH.
+const std::string kPython = "/usr/bin/python3 ";
+
+class VtkFiles : public testing::Test {
+ protected:
+  void SetUp() override {
+    if (std::system((kPython + "-c 'import vtk' 2>/dev/null").c_str()) != 0)
+      GTEST_SKIP() << "needs VTK for Python: apt-get install --no-install-recommends python3-vtk9";
+  }
+
+  static void run_script(const std::string& arguments) {
+    ASSERT_EQ(std::system((kPython + VTK_FILES_SCRIPT " " + arguments).c_str()), 0) << arguments;
+  }
+
+  nlohmann::json describe(const std::string& file) const {
+    run_script("describe " + (folder_ / file).string() + " > " + (folder_ / "out.json").string());
+    return nlohmann::json::parse(read_whole_file(folder_ / "out.json"));
+  }
+
+  TemporaryFolder folder_;
+  const VesselTree tree_{{{{{{0, 0, 0}, 3}, {{0, 0, 9}, 2}}, -1, {}, {}},
+                          {{{{0, 0, 9}, 2}, {{5, 0, 15}, 1}}, 0, {}, {}},
+                          {{{{0, 0, 9}, 2}, {{-5, 1, 15}, 1}, {{-8, 1, 20}, 0.5}}, 0, {}, {}}},
+                         "tree"};
+};
+
+TEST_F(VtkFiles, VtkReadsOurSurfaces) {
+  const Mesh mesh = tube_mesh(tree_);
+  for (const char* file : {"mesh.stl", "mesh.vtp"}) {
+    write_mesh(mesh, folder_ / file);
+    const nlohmann::json seen = describe(file);
+    EXPECT_EQ(seen["polys"], mesh.triangles.size());
+    EXPECT_EQ(seen["open_edges"], 0);
+    EXPECT_THAT(seen["space"].get<std::string>(), testing::HasSubstr("LPS"));
+    // vtkMassProperties sums in another way, in double; STL and VTP both keep the floats.
+    EXPECT_NEAR(seen["volume"].get<double>(), volume_mm3(mesh), 1e-4 * volume_mm3(mesh));
+  }
+}
+
+TEST_F(VtkFiles, VtkReadsOurTree) {
+  write_tree(tree_, folder_ / "tree.vtp");
+  const nlohmann::json seen = describe("tree.vtp");
+  EXPECT_EQ(seen["lines"], 3);
+  EXPECT_EQ(seen["space"], "LPS");
+  EXPECT_EQ(seen["points"][6], nlohmann::json({-8.0, 1.0, 20.0}));
+  EXPECT_EQ(seen["point_arrays"]["MaximumInscribedSphereRadius"], nlohmann::json({3, 2, 2, 1, 2, 1, 0.5}));
+  EXPECT_EQ(seen["cell_arrays"]["GroupIds"], nlohmann::json({0, 1, 2}));
+  EXPECT_EQ(seen["cell_arrays"]["CenterlineIds"], nlohmann::json({0, 0, 1}));
+  EXPECT_EQ(seen["cell_arrays"]["TractIds"], nlohmann::json({0, 1, 1}));
+  EXPECT_EQ(seen["cell_arrays"]["Blanking"], nlohmann::json({0, 0, 0}));
+  EXPECT_EQ(seen["cell_arrays"]["ParentIds"], nlohmann::json({-1, 0, 0}));
+  EXPECT_EQ(seen["int_arrays"], true);
+}
+
+TEST_F(VtkFiles, WeReadAllOfVtksEncodings) {
+  for (const char* encoding :
+       {"ascii none 32", "binary none 32", "binary none 64", "binary zlib 32", "binary zlib 64",
+        "appended none 64", "appended zlib 32", "raw none 32", "raw zlib 64"}) {
+    SCOPED_TRACE(encoding);
+    run_script("write " + (folder_ / "sphere.vtp").string() + " " + encoding);
+    const Mesh mesh = read_mesh(folder_ / "sphere.vtp");
+    EXPECT_TRUE(is_watertight(mesh));
+    // 80 by 40 facets lie inside the ball of 10 mm; they miss (2 pi / 80)^2 / 6 + (pi / 40)^2 / 4 = 0.3 % of
+    // it.
+    const double ball_mm3 = 4.0 / 3 * std::numbers::pi * 1000;
+    EXPECT_NEAR(volume_mm3(mesh), ball_mm3, 4e-3 * ball_mm3);
+  }
+}
+
+}  // namespace
+}  // namespace xraycast
