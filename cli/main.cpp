@@ -70,9 +70,11 @@ int main(int argc, char** argv) {
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
   app.add_flag("--quiet,-q", quiet, "No notes and no progress");
   cli::add_info(app, session);
+  cli::add_phantom(app, session);
   cli::add_cast(app, session);
   cli::add_project(app, session);
   cli::add_devices(app, session);
+  cli::add_demo(app, session);
 
   try {
     app.parse(argc, argv);

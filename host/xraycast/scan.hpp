@@ -56,6 +56,9 @@ Scan open_scan(const std::filesystem::path& path, const ScanOptions& options, Pr
 /// Throws InputError for another extension and Error when the disk is full.
 void write_volume(const Volume& volume, const std::filesystem::path& path, Progress& progress);
 
+/// Throws InputError, naming the known ones, for an extension that write_volume does not know.
+void check_volume_format(const std::filesystem::path& path);
+
 /// A mask on a volume's grid: 1 inside, 0 outside, x fastest. Written like a volume, one byte a voxel.
 void write_mask(const VolumeGeometry& geometry, std::span<const std::uint8_t> mask, const std::filesystem::path& path);
 

@@ -7,6 +7,7 @@
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
 
+#include <algorithm>
 #include <bit>
 #include <fstream>
 #include <optional>
@@ -87,17 +88,22 @@ void write_meta_image(const VolumeGeometry& geometry, std::span<const T> voxels,
 
 template <typename T>
 void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::path& path) {
+  check_volume_format(path);
   if (has_extension(path, ".nrrd"))
     write_by_itk(itk::NrrdImageIO::New(), geometry, voxels, path);
   else if (has_extension(path, ".nii") || has_extension(path, ".nii.gz"))
     write_by_itk(itk::NiftiImageIO::New(), geometry, voxels, path);
-  else if (has_extension(path, ".mha") || has_extension(path, ".mhd"))
-    write_meta_image(geometry, voxels, path);
   else
-    throw InputError("{}: not a volume's name; end it in .nrrd, .nii, .nii.gz, .mha or .mhd", path.string());
+    write_meta_image(geometry, voxels, path);
 }
 
 }  // namespace
+
+void check_volume_format(const fs::path& path) {
+  constexpr std::string_view kKnown[] = {".nrrd", ".nii", ".nii.gz", ".mha", ".mhd"};
+  if (std::ranges::none_of(kKnown, [&](std::string_view extension) { return has_extension(path, extension); }))
+    throw InputError("{}: not a volume's name; end it in .nrrd, .nii, .nii.gz, .mha or .mhd", path.string());
+}
 
 void write_volume(const Volume& volume, const fs::path& path, Progress& progress) {
   progress.begin("writing", volume.geometry().size.z, "slices");
