@@ -36,8 +36,7 @@ std::string bytes_of(std::initializer_list<T> values) {
   return {reinterpret_cast<const char*>(std::data(values)), values.size() * sizeof(T)};
 }
 
-// ---- the surface itself
-// -------------------------------------------------------------------------------------------
+// ---- the surface itself ---------------------------------------------------------------------------------
 
 TEST(Mesh, ClosedSurfaceIsWatertight) { EXPECT_TRUE(is_watertight(tetrahedron())); }
 
@@ -78,8 +77,7 @@ TEST(Mesh, VolumeDoesNotDependOnThePlace) {
   EXPECT_DOUBLE_EQ(volume_mm3(mesh), 1);
 }
 
-// ---- files of our own
-// ---------------------------------------------------------------------------------------------
+// ---- files of our own -----------------------------------------------------------------------------------
 
 RC_GTEST_PROP(MeshFiles, ReadBackWhatWasWritten, ()) {
   // Coordinates on a coarse grid, so that points coincide now and then; STL joins those.
@@ -147,8 +145,7 @@ TEST(MeshFiles, FailedWriteLeavesTheOldFile) {
   EXPECT_FALSE(std::filesystem::exists(folder / "mesh.obj"));
 }
 
-// ---- other programs' files
-// ----------------------------------------------------------------------------------------
+// ---- other programs' files ------------------------------------------------------------------------------
 
 std::string ascii_stl(const std::string& header, const std::string& end_of_line) {
   std::string text = header + end_of_line;
@@ -328,8 +325,7 @@ TEST(MeshFiles, TurnVtpMarkedRas) {
   EXPECT_DOUBLE_EQ(volume_mm3(mesh), 1);  // half a turn about z keeps the inside in
 }
 
-// ---- damaged files
-// ------------------------------------------------------------------------------------------------
+// ---- damaged files --------------------------------------------------------------------------------------
 
 struct BadFile {
   const char* name;
@@ -517,6 +513,24 @@ TEST_P(BadMesh, IsRefusedWithItsReason) {
 
 INSTANTIATE_TEST_SUITE_P(Files, BadMesh, testing::ValuesIn(kBadFiles),
                          [](const auto& test) { return std::string(test.param.name); });
+
+RC_GTEST_PROP(MeshFiles, DamageIsReadOrRefused, ()) {
+  const TemporaryFolder folder;
+  std::vector<std::pair<const char*, std::string>> files = {{"mesh.stl", ascii_stl("solid", "\n")},
+                                                            {"mesh.stl", binary_stl("", 1)}};
+  for (const auto& [name, text] : kVtpEncodings) files.emplace_back("mesh.vtp", text.str());
+  auto [name, content] = *rc::gen::elementOf(files);
+  for (int i = *rc::gen::inRange(1, 5); i > 0; --i)
+    content[*rc::gen::inRange<std::size_t>(0, content.size())] = *rc::gen::arbitrary<char>();
+  if (*rc::gen::arbitrary<bool>()) content.resize(*rc::gen::inRange<std::size_t>(0, content.size()));
+  write_whole_file(folder / name, content);
+  try {
+    const Mesh mesh = read_mesh(folder / name);
+    for (const auto& triangle : mesh.triangles)
+      for (const std::uint32_t i : triangle) RC_ASSERT(i < mesh.points_mm.size());
+  } catch (const InputError&) {
+  }
+}
 
 TEST(MeshFiles, MissingFileOrFolderIsNamed) {
   const TemporaryFolder folder;

@@ -19,8 +19,7 @@
 namespace xraycast {
 namespace {
 
-// ---- STL
-// ----------------------------------------------------------------------------------------------------------
+// ---- STL ------------------------------------------------------------------------------------------------
 
 static_assert(std::endian::native == std::endian::little, "STL is little endian and copied as it stands");
 constexpr std::size_t kStlHeader_B = 80, kStlStart_B = kStlHeader_B + sizeof(std::uint32_t);
@@ -163,8 +162,7 @@ Mesh read_stl(const std::filesystem::path& path) {
   return binary ? read_binary_stl(bytes, path.string()) : read_ascii_stl(bytes, path.string());
 }
 
-// ---- VTP
-// ----------------------------------------------------------------------------------------------------------
+// ---- VTP ------------------------------------------------------------------------------------------------
 
 void write_polys(const Mesh& mesh, const std::filesystem::path& path) {
   PolyData data;

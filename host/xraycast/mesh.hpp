@@ -21,14 +21,15 @@ bool is_watertight(const Mesh& mesh);
 /// Signed volume by the divergence theorem; positive when the normals point outwards. For closed surfaces.
 double volume_mm3(const Mesh& mesh);
 
-/// Binary STL (header and comment carry `SPACE=LPS`, which 3D Slicer reads) or VTK XML PolyData, by the
-/// extension
-/// `.stl` or `.vtp`. Throws InputError for another extension, Error when the disk is full.
+/// Binary STL (its header carries `SPACE=LPS`, which 3D Slicer reads) or VTK XML PolyData, by the extension
+/// `.stl` or `.vtp`. Throws InputError for another extension or a target that cannot be written, Error when
+/// the disk is full.
 void write_mesh(const Mesh& mesh, const std::filesystem::path& path);
 
-/// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (ASCII, inline base64 or
-/// appended raw, uncompressed or zlib). Throws InputError when the file is damaged, has non-finite points or
-/// indices out of range.
+/// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (see read_vtp). Polygons
+/// are cut into fans, strips into triangles; points of an STL that coincide exactly become one; a file marked
+/// `SPACE=RAS` is turned to LPS. Throws InputError when the file is damaged, has non-finite points or indices
+/// out of range.
 Mesh read_mesh(const std::filesystem::path& path);
 
 }  // namespace xraycast

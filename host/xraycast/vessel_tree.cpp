@@ -25,8 +25,7 @@ constexpr double kCoincident_mm =
     1e-3;  // far below any voxel, far above the rounding of a float near 1000 mm
 constexpr const char* kRadius = "MaximumInscribedSphereRadius";
 
-// ---- the tree's invariants
-// ----------------------------------------------------------------------------------------
+// ---- the tree's invariants ------------------------------------------------------------------------------
 
 bool is_finite(const glm::dvec3& v) { return std::isfinite(v.x) && std::isfinite(v.y) && std::isfinite(v.z); }
 
@@ -111,8 +110,7 @@ int complete(std::vector<VesselBranch>& branches, const std::string& name) {
   return root;
 }
 
-// ---- VTP
-// ----------------------------------------------------------------------------------------------------------
+// ---- VTP ------------------------------------------------------------------------------------------------
 
 void write_lines(const VesselTree& tree, const std::filesystem::path& path) {
   const auto& branches = tree.branches();
@@ -196,8 +194,7 @@ VesselTree read_lines(const std::filesystem::path& path) {
   return VesselTree(std::move(branches), name);
 }
 
-// ---- JSON
-// ---------------------------------------------------------------------------------------------------------
+// ---- JSON -----------------------------------------------------------------------------------------------
 
 void write_json(const VesselTree& tree, const std::filesystem::path& path) {
   nlohmann::ordered_json list = nlohmann::ordered_json::array();
@@ -269,8 +266,7 @@ VesselTree read_json(const std::filesystem::path& path) {
   return VesselTree(std::move(branches), name);
 }
 
-// ---- tubes
-// --------------------------------------------------------------------------------------------------------
+// ---- tubes ----------------------------------------------------------------------------------------------
 
 /// A cross-section of a tube.
 struct Ring {

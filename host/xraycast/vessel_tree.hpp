@@ -80,7 +80,8 @@ VesselTree read_tree(const std::filesystem::path& path);
 
 /// The tree's surface: each branch a closed swept tube of `sides` (3 or more) corners around, its frames
 /// carried along without twist, with round ends. The ends of a bifurcation's branches reach into each other,
-/// so that no gap is seen between them, and the union of all tubes is what VesselTree::inside accepts.
+/// so that no gap is seen between them. All tubes together enclose what VesselTree::inside accepts, up to the
+/// flatness of their sides and the mitres of their bends.
 Mesh tube_mesh(const VesselTree& tree, int sides = 24);
 
 }  // namespace xraycast

@@ -30,8 +30,7 @@ constexpr std::array<std::pair<const char*, PolyData::Cells PolyData::*>, 4> kCe
      {"Strips", &PolyData::strips},
      {"Polys", &PolyData::polys}}};
 
-// ---- writing
-// ------------------------------------------------------------------------------------------------------
+// ---- writing --------------------------------------------------------------------------------------------
 
 std::string to_base64(std::string_view bytes) {
   std::string text;
@@ -83,8 +82,7 @@ void write_cells(pugi::xml_node parent, const PolyData::Cells& cells) {
   write_array(parent, {"offsets", VtkType::kInt64, 1, {cells.ends.begin(), cells.ends.end()}});
 }
 
-// ---- reading
-// ------------------------------------------------------------------------------------------------------
+// ---- reading --------------------------------------------------------------------------------------------
 
 /// Bytes stored as they are or as base64. Padding ends a group, not the stream: some writers encode an
 /// array's header and its data apart, some together, and both read the same here.

@@ -113,8 +113,11 @@ double sample_hu(const Volume& volume, const glm::dvec3& index) {
   const glm::dvec3 held = glm::clamp(index, glm::dvec3(0), last), lower = glm::floor(held);
   const Index3 a(lower), b(glm::min(lower + 1.0, last));
   const glm::dvec3 f = held - lower;
-  const auto row = [&](std::int64_t y, std::int64_t z) { return std::lerp(volume.at(a.x, y, z), volume.at(b.x, y, z), f.x); };
-  return std::lerp(std::lerp(row(a.y, a.z), row(b.y, a.z), f.y), std::lerp(row(a.y, b.z), row(b.y, b.z), f.y), f.z);
+  const auto row = [&](std::int64_t y, std::int64_t z) {
+    return std::lerp(volume.at(a.x, y, z), volume.at(b.x, y, z), f.x);
+  };
+  return std::lerp(std::lerp(row(a.y, a.z), row(b.y, a.z), f.y), std::lerp(row(a.y, b.z), row(b.y, b.z), f.y),
+                   f.z);
 }
 
 Box scan_extent(const VolumeGeometry& geometry) {
@@ -164,7 +167,8 @@ double reference_joseph(const Volume& volume, const glm::dvec3& source_mm, const
 
   const Interval line = in_box(source_mm, end_mm - source_mm, scan_extent(geometry)).within({0, 1});
   if (line.length() == 0) return 0;
-  const double one = source[axis] + line.enter * direction[axis], other = source[axis] + line.leave * direction[axis];
+  const double one = source[axis] + line.enter * direction[axis],
+               other = source[axis] + line.leave * direction[axis];
   const double first = std::min(one, other), last = std::max(one, other);
   const double plane_mm =
       glm::distance(source_mm, end_mm) / extent[axis];  // along the ray, from plane to plane

@@ -36,15 +36,15 @@ std::vector<Box> random_boxes(int count, const Box& bounds, unsigned seed);
 
 // ---- sampling
 
-/// Bilinear in slice `z`. Within a slice the scan ends at the centres of its border voxels, and air (-1024 HU) is
-/// beyond.
+/// Bilinear in slice `z`. Within a slice the scan ends at the centres of its border voxels, and air (-1024
+/// HU) is beyond.
 double sample_hu(const Volume& volume, double x_index, double y_index, std::int64_t z);
 
 /// Trilinear. Coordinates beyond the border voxels' centres are held at them.
 double sample_hu(const Volume& volume, const glm::dvec3& index);
 
-/// What of the world the scan fills: in x and y from the first to the last voxel's centre, in z a slice stands for its
-/// thickness.
+/// What of the world the scan fills: in x and y from the first to the last voxel's centre, in z a slice
+/// stands for its thickness.
 Box scan_extent(const VolumeGeometry& geometry);
 
 // ---- maps and projections
@@ -66,8 +66,8 @@ std::vector<double> reference_cylinder_map(const Volume& volume, std::span<const
 
 /// The optical depth between two points by Joseph's method (IEEE Trans. Med. Imaging 1(3), 1982, 192-196):
 /// the ray is sampled where it crosses the planes through voxel centres of the axis along which it passes
-/// most voxels, bilinear in the plane. Plane k stands for [k - 1/2, k + 1/2], cut to the segment between source and end
-/// and to scan_extent().
+/// most voxels, bilinear in the plane. Plane k stands for [k - 1/2, k + 1/2], cut to the segment between
+/// source and end and to scan_extent().
 double reference_joseph(const Volume& volume, const glm::dvec3& source_mm, const glm::dvec3& end_mm,
                         const MuOfHu& mu);
 
@@ -101,7 +101,6 @@ struct Cylinder {
 double cylinder_chord_mm(const glm::dvec3& a_mm, const glm::dvec3& b_mm, const Cylinder& cylinder);
 
 // ---- closed forms: how much of a map's ray, between two radii about `axis_mm`, lies in a plane figure
-// ---------------
 
 double radial_circle_chord_mm(const glm::dvec2& axis_mm, double phi_rad, double inner_mm, double outer_mm,
                               const glm::dvec2& circle_mm, double radius_mm);
