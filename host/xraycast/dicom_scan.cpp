@@ -1,5 +1,6 @@
 #include "xraycast/dicom_scan.hpp"
 
+#include "xraycast/dicom_header.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/parallel.hpp"
 #include "xraycast/rescale.hpp"
@@ -10,7 +11,6 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <fstream>
 #include <map>
@@ -21,13 +21,13 @@ namespace {
 
 namespace fs = std::filesystem;
 
-const gdcm::Tag kModality(0x0008, 0x0060), kSeriesDescription(0x0008, 0x103e),
-    kSliceThickness(0x0018, 0x0050), kSeriesUid(0x0020, 0x000e), kSeriesNumber(0x0020, 0x0011),
-    kImagePosition(0x0020, 0x0032), kImageOrientation(0x0020, 0x0037), kSamplesPerPixel(0x0028, 0x0002),
-    kNumberOfFrames(0x0028, 0x0008), kRows(0x0028, 0x0010), kColumns(0x0028, 0x0011),
-    kPixelSpacing(0x0028, 0x0030), kBitsAllocated(0x0028, 0x0100), kBitsStored(0x0028, 0x0101),
-    kHighBit(0x0028, 0x0102), kPixelRepresentation(0x0028, 0x0103), kRescaleIntercept(0x0028, 0x1052),
-    kRescaleSlope(0x0028, 0x1053), kPixelData(0x7fe0, 0x0010);
+constexpr DicomTag kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSliceThickness = 0x00180050,
+                   kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011, kImagePosition = 0x00200032,
+                   kImageOrientation = 0x00200037, kSamplesPerPixel = 0x00280002,
+                   kNumberOfFrames = 0x00280008, kRows = 0x00280010, kColumns = 0x00280011,
+                   kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100, kBitsStored = 0x00280101,
+                   kHighBit = 0x00280102, kPixelRepresentation = 0x00280103, kRescaleIntercept = 0x00281052,
+                   kRescaleSlope = 0x00281053;
 
 /// One file's header.
 struct DicomSlice {
@@ -39,64 +39,31 @@ struct DicomSlice {
   int bits_stored = 16, high_bit = 15;
   bool is_signed = false;
   /// Where the pixels start if they are plain 16-bit little-endian words; otherwise GDCM decodes them.
-  std::optional<std::streamoff> plain_pixels_B;
+  std::optional<std::int64_t> plain_pixels_B;
 };
 
 // ---- one file's header ---------------------------------------------------------------------------
 
-std::string text(const gdcm::DataSet& data, const gdcm::Tag& tag) {
-  if (!data.FindDataElement(tag)) return {};
-  const gdcm::ByteValue* bytes = data.GetDataElement(tag).GetByteValue();
-  if (!bytes) return {};
-  std::string value(bytes->GetPointer(), bytes->GetLength());
-  // Values are padded to an even length, with a space or a zero.
-  value.erase(std::find(value.begin(), value.end(), '\0'), value.end());
-  const auto first = value.find_first_not_of(' ');
-  return first == std::string::npos ? "" : value.substr(first, value.find_last_not_of(' ') - first + 1);
-}
-
-/// The numbers of a decimal string, `\` between them; empty where one of them is none.
-std::vector<double> numbers(const gdcm::DataSet& data, const gdcm::Tag& tag) {
-  const std::string value = text(data, tag);
-  std::vector<double> result;
-  for (const char* at = value.data(); at < value.data() + value.size();) {
-    const char* const end = std::find(at, value.data() + value.size(), '\\');
-    at = std::find_if(at, end, [](char c) { return c != ' ' && c != '+'; });
-    if (std::from_chars(at, end, result.emplace_back()).ec != std::errc{}) return {};
-    at = end + 1;
-  }
-  return result;
-}
-
-std::vector<double> numbers(const gdcm::DataSet& data, const gdcm::Tag& tag, std::size_t count,
-                            const fs::path& file, const char* name, const char* consequence) {
-  std::vector<double> result = numbers(data, tag);
+std::vector<double> numbers(const DicomHeader& header, DicomTag tag, std::size_t count, const fs::path& file,
+                            const char* name, const char* consequence) {
+  std::vector<double> result = header.numbers(tag);
   if (result.size() != count || !std::ranges::all_of(result, [](double x) { return std::isfinite(x); }))
     throw InputError("{}: {} ({:04x},{:04x}) is missing or damaged, so {}; export the series again with it",
-                     file.string(), name, tag.GetGroup(), tag.GetElement(), consequence);
+                     file.string(), name, tag >> 16, tag & 0xffff, consequence);
   return result;
 }
 
-double number_or(const gdcm::DataSet& data, const gdcm::Tag& tag, double fallback) {
-  const std::vector<double> result = numbers(data, tag);
+double number_or(const DicomHeader& header, DicomTag tag, double fallback) {
+  const std::vector<double> result = header.numbers(tag);
   return result.empty() ? fallback : result.front();
 }
 
-int unsigned_short_or(const gdcm::DataSet& data, const gdcm::Tag& tag, int fallback) {
-  if (!data.FindDataElement(tag)) return fallback;
-  const gdcm::ByteValue* bytes = data.GetDataElement(tag).GetByteValue();
-  if (!bytes || bytes->GetLength() < 2) return fallback;
-  std::uint16_t value;
-  bytes->GetBuffer(reinterpret_cast<char*>(&value), sizeof value);
-  return value;
-}
-
-SlicePlane read_plane(const gdcm::DataSet& data, const fs::path& file) {
+SlicePlane read_plane(const DicomHeader& header, const fs::path& file) {
   const auto position =
-      numbers(data, kImagePosition, 3, file, "ImagePositionPatient", "its place is unknown");
+      numbers(header, kImagePosition, 3, file, "ImagePositionPatient", "its place is unknown");
   const auto directions =
-      numbers(data, kImageOrientation, 6, file, "ImageOrientationPatient", "left and right are unknown");
-  const auto spacing = numbers(data, kPixelSpacing, 2, file, "PixelSpacing", "its size is unknown");
+      numbers(header, kImageOrientation, 6, file, "ImageOrientationPatient", "left and right are unknown");
+  const auto spacing = numbers(header, kPixelSpacing, 2, file, "PixelSpacing", "its size is unknown");
   if (!(spacing[0] > 0 && spacing[1] > 0))
     throw InputError("{}: PixelSpacing (0028,0030) is {} x {} mm; it has to be above zero", file.string(),
                      spacing[0], spacing[1]);
@@ -113,78 +80,61 @@ SlicePlane read_plane(const gdcm::DataSet& data, const fs::path& file) {
           glm::normalize(j) * spacing[0]};
 }
 
-/// Where the pixel data start, just after their tag and length, if `stream` stands there and they are long
-/// enough.
-std::optional<std::streamoff> plain_pixels_at(std::istream& stream, const DicomSlice& slice,
-                                              bool explicit_vr) {
-  stream.clear();
-  const std::streamoff start = stream.tellg();
-  std::array<std::uint16_t, 2> tag{};
-  stream.seekg(start - (explicit_vr ? 12 : 8));
-  stream.read(reinterpret_cast<char*>(tag.data()), sizeof tag);
-  if (!stream || tag[0] != kPixelData.GetGroup() || tag[1] != kPixelData.GetElement()) return std::nullopt;
-
-  stream.seekg(0, std::ios::end);
-  const std::int64_t held = stream.tellg() - start;
-  const std::int64_t needed = slice.columns * slice.rows * 2;
-  if (held < needed)
-    throw InputError("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
-                     slice.file.string(), held, needed);
-  return start;
-}
-
 /// Nothing for a DICOM file that holds no image.
-std::optional<DicomSlice> read_header(const fs::path& file) {
-  std::ifstream stream(file, std::ios::binary);
-  if (!stream) throw InputError("{}: cannot be read; check its permissions", file.string());
-  gdcm::Reader reader;
-  reader.SetStream(stream);
-  bool whole = false;
-  try {
-    whole = reader.ReadUpToTag(kPixelData, {kPixelData});
-  } catch (const std::exception&) {  // GDCM's parse errors; what they say is about its own code
-  }
-  if (!whole)
-    throw InputError("{}: a damaged or truncated DICOM file; copy it again or take it away", file.string());
-
-  const gdcm::DataSet& data = reader.GetFile().GetDataSet();
+std::optional<DicomSlice> read_slice_header(const fs::path& file) {
+  const DicomHeader header(file);
   DicomSlice slice;
   slice.file = file;
-  slice.columns = unsigned_short_or(data, kColumns, 0);
-  slice.rows = unsigned_short_or(data, kRows, 0);
+  slice.columns = header.unsigned_short(kColumns).value_or(0);
+  slice.rows = header.unsigned_short(kRows).value_or(0);
   if (slice.columns == 0 || slice.rows == 0) return std::nullopt;
-  if (unsigned_short_or(data, kSamplesPerPixel, 1) != 1)
+  if (!header.pixel_data())
+    throw InputError("{}: truncated, it ends before its pixel data; copy the file again", file.string());
+  if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
     throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is grey",
                      file.string());
-  if (number_or(data, kNumberOfFrames, 1) > 1)
+  if (number_or(header, kNumberOfFrames, 1) > 1)
     throw InputError(
         "{}: several frames in one file (NumberOfFrames (0028,0008)); convert it to one file a slice or "
         "to NIfTI",
         file.string());
 
-  slice.modality = text(data, kModality);
-  slice.series_uid = text(data, kSeriesUid);
-  slice.series_description = text(data, kSeriesDescription);
-  slice.series_number = text(data, kSeriesNumber);
-  slice.plane = read_plane(data, file);
-  slice.thickness_mm = number_or(data, kSliceThickness, 0);
-  slice.slope = number_or(data, kRescaleSlope, 1);
-  slice.intercept = number_or(data, kRescaleIntercept, 0);
-  slice.bits_stored = unsigned_short_or(data, kBitsStored, 16);
-  slice.high_bit = unsigned_short_or(data, kHighBit, slice.bits_stored - 1);
-  slice.is_signed = unsigned_short_or(data, kPixelRepresentation, 0) == 1;
+  slice.modality = header.text(kModality);
+  slice.series_uid = header.text(kSeriesUid);
+  slice.series_description = header.text(kSeriesDescription);
+  slice.series_number = header.text(kSeriesNumber);
+  slice.plane = read_plane(header, file);
+  slice.thickness_mm = number_or(header, kSliceThickness, 0);
+  slice.slope = number_or(header, kRescaleSlope, 1);
+  slice.intercept = number_or(header, kRescaleIntercept, 0);
+  const int bits_allocated = header.unsigned_short(kBitsAllocated).value_or(16);
+  slice.bits_stored = header.unsigned_short(kBitsStored).value_or(static_cast<std::uint16_t>(bits_allocated));
+  slice.high_bit =
+      header.unsigned_short(kHighBit).value_or(static_cast<std::uint16_t>(slice.bits_stored - 1));
+  slice.is_signed = header.unsigned_short(kPixelRepresentation).value_or(0) == 1;
 
-  const gdcm::TransferSyntax& syntax = reader.GetFile().GetHeader().GetDataSetTransferSyntax();
-  const bool plain = syntax == gdcm::TransferSyntax::ImplicitVRLittleEndian ||
-                     syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian;
-  if (plain && unsigned_short_or(data, kBitsAllocated, 16) == 16 && slice.high_bit < 16 &&
-      slice.bits_stored <= slice.high_bit + 1 && slice.bits_stored > 0)
-    slice.plain_pixels_B =
-        plain_pixels_at(stream, slice, syntax == gdcm::TransferSyntax::ExplicitVRLittleEndian);
+  const DicomHeader::PixelData& pixels = *header.pixel_data();
+  const std::int64_t needed_B = slice.columns * slice.rows * bits_allocated / 8;
+  if (!pixels.encapsulated && pixels.length_B < needed_B)
+    throw InputError("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
+                     file.string(), pixels.length_B, needed_B);
+  const bool little_endian =
+      header.transfer_syntax() == "1.2.840.10008.1.2" || header.transfer_syntax() == "1.2.840.10008.1.2.1";
+  if (little_endian && !pixels.encapsulated && bits_allocated == 16 && slice.high_bit < 16 &&
+      slice.bits_stored > 0 && slice.bits_stored <= slice.high_bit + 1)
+    slice.plain_pixels_B = pixels.offset_B;
   return slice;
 }
 
 // ---- pixels --------------------------------------------------------------------------------------
+
+/// Bits above the high bit may hold anything (old scanners put overlays there): shifts them out, and with the
+/// way back extends the sign.
+template <typename T>
+void keep_stored_bits(const DicomSlice& slice, std::span<T> words) {
+  const int up = 15 - slice.high_bit, down = 16 - slice.bits_stored;
+  for (T& word : words) word = static_cast<T>(static_cast<T>(word << up) >> down);
+}
 
 /// Reads straight into the slice's own memory and rescales it there.
 SliceSource::HuRange read_plain(const DicomSlice& slice, std::span<std::int16_t> hu) {
@@ -193,18 +143,12 @@ SliceSource::HuRange read_plain(const DicomSlice& slice, std::span<std::int16_t>
   stream.read(reinterpret_cast<char*>(hu.data()), static_cast<std::streamsize>(hu.size_bytes()));
   if (!stream) throw InputError("{}: could not be read to its end", slice.file.string());
 
-  // Bits above the high bit may hold anything (old scanners put overlays there): shift them out, and with the
-  // way back extend the sign.
-  const int up = 15 - slice.high_bit, down = 16 - slice.bits_stored;
-  if (slice.is_signed) {
-    for (std::int16_t& value : hu)
-      value = static_cast<std::int16_t>(static_cast<std::int16_t>(value << up) >> down);
-    return rescale(std::span<const std::int16_t>(hu), slice.slope, slice.intercept, hu);
-  }
-  const std::span<std::uint16_t> words(reinterpret_cast<std::uint16_t*>(hu.data()), hu.size());
-  for (std::uint16_t& value : words)
-    value = static_cast<std::uint16_t>(static_cast<std::uint16_t>(value << up) >> down);
-  return rescale(std::span<const std::uint16_t>(words), slice.slope, slice.intercept, hu);
+  const auto rescale_as = [&]<typename T>(T) {
+    const std::span<T> words(reinterpret_cast<T*>(hu.data()), hu.size());
+    keep_stored_bits(slice, words);
+    return rescale(std::span<const T>(words), slice.slope, slice.intercept, hu);
+  };
+  return slice.is_signed ? rescale_as(std::int16_t{}) : rescale_as(std::uint16_t{});
 }
 
 SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
@@ -217,7 +161,7 @@ SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_
       buffer.resize(reader.GetImage().GetBufferLength());
       decoded = reader.GetImage().GetBuffer(buffer.data());
     }
-  } catch (const std::exception&) {  // as in read_header
+  } catch (const std::exception&) {  // what GDCM says then is about its own code
   }
   if (!decoded)
     throw InputError(
@@ -372,7 +316,7 @@ Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const 
   progress.begin("opening", std::ssize(files), "files");
   std::vector<std::optional<DicomSlice>> headers(files.size());
   parallel_for(std::ssize(files), [&](std::int64_t i) {
-    headers[static_cast<std::size_t>(i)] = read_header(files[static_cast<std::size_t>(i)]);
+    headers[static_cast<std::size_t>(i)] = read_slice_header(files[static_cast<std::size_t>(i)]);
     progress.advance();
   });
 

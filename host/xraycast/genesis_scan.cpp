@@ -181,7 +181,6 @@ Scan open_genesis(const fs::path& path, const std::vector<fs::path>& files, cons
 
   ScanInfo info;
   info.format = "GE Genesis";
-  info.modality = "CT";
   info.orientation = "LPS";
   require_equal_sizes(slices);
   sort_by_location(slices, info);

@@ -48,11 +48,17 @@ struct StoredVoxels {
   std::int64_t offset_B = 0;
 };
 
-void require_size(const fs::path& path, const StoredVoxels& voxels, std::int64_t needed_B) {
+/// The data file that a header names.
+fs::path beside(const fs::path& path, const std::string& data_file) {
+  const fs::path file = path.parent_path() / data_file;
+  if (!fs::is_regular_file(file))
+    throw InputError("{}: its data file {} is missing; put it beside the header", path.string(), data_file);
+  return file;
+}
+
+void require_size(const StoredVoxels& voxels, std::int64_t needed_B) {
   if (voxels.file.empty()) return;
-  std::error_code error;
-  const auto size_B = static_cast<std::int64_t>(fs::file_size(voxels.file, error));
-  if (error) throw InputError("{}: its data file {} cannot be read", path.string(), voxels.file.string());
+  const auto size_B = static_cast<std::int64_t>(fs::file_size(voxels.file));
   if (size_B - voxels.offset_B < needed_B)
     throw InputError("{}: truncated, {} of {} bytes of voxels are there; copy the file again",
                      voxels.file.string(), std::max<std::int64_t>(0, size_B - voxels.offset_B), needed_B);
@@ -123,6 +129,7 @@ class ImageFileStack final : public SliceStack {
   ImageFileStack(itk::ImageIOBase::Pointer io, const fs::path& path) : io_(std::move(io)) {
     try {
       const QuietCerr quiet;
+      itk::Object::GlobalWarningDisplayOff();
       io_->SetFileName(path.string());
       io_->ReadImageInformation();
     } catch (const std::exception&) {
@@ -205,10 +212,10 @@ class ImageFileStack final : public SliceStack {
       region.SetIndex(d, d == 2 ? first : 0);
       region.SetSize(d, d == 2 ? static_cast<std::size_t>(count) : io_->GetDimensions(d));
     }
-    voxels_.resize(static_cast<std::size_t>(count * slice_B()));
     first_voxel_slice_ = first;
     try {
       const QuietCerr quiet;
+      voxels_.resize(static_cast<std::size_t>(count * slice_B()));
       io_->SetIORegion(region);
       io_->Read(voxels_.data());
     } catch (const std::exception&) {
@@ -261,7 +268,6 @@ Scan open_image(std::unique_ptr<ImageFileStack> stack, const char* format, std::
                 const ScanOptions& options) {
   ScanInfo info;
   info.format = format;
-  info.modality = "CT";
   info.orientation = stack->orientation();
   info.warnings = std::move(warnings);
   return deliver(std::move(stack), std::move(info), options);
@@ -302,6 +308,29 @@ class NiftiHeader {
   bool swapped_ = false;
 };
 
+void require_sizes_and_directions(const fs::path& path, const NiftiHeader& header) {
+  const int dimensions = header.get<std::int16_t>(40);
+  if (dimensions < 1 || dimensions > 7)
+    throw InputError("{}: dim holds {} as the number of dimensions; the header is damaged", path.string(),
+                     dimensions);
+  for (int d = 1; d <= dimensions; ++d)
+    if (const auto size = header.get<std::int16_t>(40 + 2 * static_cast<std::size_t>(d)); size < 1)
+      throw InputError("{}: dim holds {}; sizes have to be above zero", path.string(), size);
+  std::array<double, 3> spacing_mm{1, 1, 1};
+  for (int d = 1; d <= std::min(dimensions, 3); ++d)
+    spacing_mm[static_cast<std::size_t>(d - 1)] = header.get<float>(76 + 4 * static_cast<std::size_t>(d));
+  require_spacing(path, "pixdim", spacing_mm);
+
+  const bool has_qform = header.get<std::int16_t>(252) > 0, has_sform = header.get<std::int16_t>(254) > 0;
+  std::array<glm::dvec3, 3> row;
+  for (std::size_t r = 0; r < 3; ++r)
+    row[r] = {header.get<float>(280 + 16 * r), header.get<float>(284 + 16 * r),
+              header.get<float>(288 + 16 * r)};
+  if (has_sform && !has_qform && glm::dot(glm::cross(row[0], row[1]), row[2]) == 0)
+    throw InputError("{}: sform is a singular matrix; export the file again with its orientation",
+                     path.string());
+}
+
 /// Whether a gzip file unpacks to so many bytes.
 bool unpacks_to(const fs::path& path, std::int64_t bytes) {
   // It ends with its unpacked size modulo 2^32; where that fits the file is whole.
@@ -339,9 +368,9 @@ void require_nifti_voxels(const fs::path& path, const NiftiHeader& header) {
   if (header.is_pair()) {
     fs::path voxels = path;
     // ITK also takes a packed .img.gz, which then says itself that it is cut off.
-    if (fs::exists(voxels.replace_extension(".img"))) require_size(path, {voxels, offset_B}, needed_B);
+    if (fs::exists(voxels.replace_extension(".img"))) require_size({voxels, offset_B}, needed_B);
   } else if (!is_gzipped(path)) {
-    require_size(path, {path, offset_B}, needed_B);
+    require_size({path, offset_B}, needed_B);
   } else if (!unpacks_to(path, offset_B + needed_B)) {
     throw InputError("{}: truncated, it does not unpack to {} bytes of voxels; copy the file again",
                      path.string(), needed_B);
@@ -358,20 +387,18 @@ StoredVoxels nrrd_voxels(const fs::path& path, const TextHeader& header) {
                      !header.get("byte skip").empty() || !header.get("byteskip").empty();
   if (header.get("encoding") != "raw" || several_files || skips) return {};
   if (data_file.empty()) return {path, header.end_B};
-  return {path.parent_path() / data_file, 0};
+  return {beside(path, data_file), 0};
 }
 
 // ---- MetaImage -----------------------------------------------------------------------------------
 
 StoredVoxels meta_image_voxels(const fs::path& path, const TextHeader& header) {
-  const std::string data_file = header.get("ElementDataFile");
-  const std::string header_size = header.get("HeaderSize");
-  const bool plain = header.get("CompressedData") != "True" && header.get("BinaryData") != "False" &&
-                     (header_size.empty() || header_size == "0");
+  const std::string data_file = header.get("ElementDataFile"), header_size = header.get("HeaderSize");
   const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
-  if (!plain || several_files || data_file.empty()) return {};
+  const bool simple = header.get("BinaryData") != "False" && (header_size.empty() || header_size == "0");
+  if (!simple || several_files || data_file.empty()) return {};
   if (data_file == "LOCAL" || data_file == "Local" || data_file == "local") return {path, header.end_B};
-  return {path.parent_path() / data_file, 0};
+  return {beside(path, data_file), 0};
 }
 
 }  // namespace
@@ -379,10 +406,7 @@ StoredVoxels meta_image_voxels(const fs::path& path, const TextHeader& header) {
 Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
   const NiftiHeader header(path);
-  std::array<double, 3> spacing_mm{1, 1, 1};
-  for (int d = 0; d < std::clamp<int>(header.get<std::int16_t>(40), 0, 3); ++d)
-    spacing_mm[static_cast<std::size_t>(d)] = header.get<float>(80 + 4 * static_cast<std::size_t>(d));
-  require_spacing(path, "pixdim", spacing_mm);
+  require_sizes_and_directions(path, header);
 
   auto io = itk::NiftiImageIO::New();
   if (!io->CanReadFile(path.c_str()))
@@ -404,8 +428,9 @@ Scan open_nrrd(const fs::path& path, const ScanOptions& options, Progress& progr
   const TextHeader header = read_text_header(path, ':', "");
   require_spacing(path, "spacings", numbers(header.get("spacings")));
 
+  const StoredVoxels voxels = nrrd_voxels(path, header);
   auto stack = std::make_unique<ImageFileStack>(itk::NrrdImageIO::New().GetPointer(), path);
-  require_size(path, nrrd_voxels(path, header), stack->size_B());
+  require_size(voxels, stack->size_B());
 
   std::vector<std::string> warnings;
   if (header.get("space").empty())
@@ -420,7 +445,12 @@ Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress&
   require_spacing(path, "ElementSpacing", numbers(header.get("ElementSpacing")));
 
   auto stack = std::make_unique<ImageFileStack>(itk::MetaImageIO::New().GetPointer(), path);
-  require_size(path, meta_image_voxels(path, header), stack->size_B());
+  const bool compressed = header.get("CompressedData") == "True";
+  const std::vector<double> compressed_B = numbers(header.get("CompressedDataSize"));
+  if (!compressed)
+    require_size(meta_image_voxels(path, header), stack->size_B());
+  else if (!compressed_B.empty())
+    require_size(meta_image_voxels(path, header), static_cast<std::int64_t>(compressed_B.front()));
   progress.advance();
   return open_image(std::move(stack), "MetaImage", {}, options);
 }

@@ -9,6 +9,7 @@
 #include <array>
 #include <cmath>
 #include <deque>
+#include <limits>
 #include <thread>
 
 namespace xraycast {
@@ -21,11 +22,13 @@ struct Track {
   double i, i_step, j, j_step;
 };
 
-/// Bilinear; beyond the slice's outer voxel faces there is air.
+constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
+
+/// Bilinear; not a number beyond the slice's outer voxel faces.
 double sample(const std::int16_t* slice, std::int64_t columns, std::int64_t rows, double i, double j) {
   if (!(i >= -0.5 && i <= static_cast<double>(columns) - 0.5 && j >= -0.5 &&
         j <= static_cast<double>(rows) - 0.5))
-    return kAirHu;
+    return kNothing;
   i = std::clamp(i, 0.0, static_cast<double>(columns - 1));
   j = std::clamp(j, 0.0, static_cast<double>(rows - 1));
   const auto i0 = static_cast<std::int64_t>(i), j0 = static_cast<std::int64_t>(j);
@@ -78,16 +81,16 @@ class ResampledSource final : public SliceSource {
   }
 
  private:
-  /// Index of the stored slice at or below a height, such that there is one above it too if there are two at
-  /// all.
+  /// Index of the stored slice at or below a height; of the last but one for the last, so that there is one
+  /// above.
   std::int64_t slice_below(double height_mm) const {
     const auto above = std::ranges::upper_bound(heights_mm_, height_mm) - heights_mm_.begin();
     return std::clamp<std::int64_t>(above - 1, 0, std::max<std::int64_t>(0, std::ssize(heights_mm_) - 2));
   }
 
-  /// Keeps the stored slices that output slices z0 to z1 need, and decodes those that are not there yet. As z
-  /// grows the needed range never moves down, because slices are sorted along the upward normal; only with a
-  /// normal that lies in the axial plane it stays where it is.
+  /// Keeps the stored slices that output slices z0 to z1 need, and decodes those that are not there yet.
+  /// Where the normal rises with z those below are never needed again; where it falls (it may, for coronal
+  /// and sagittal slices) all are kept.
   void slide_window(std::int64_t z0, std::int64_t z1) {
     double lowest = std::numeric_limits<double>::infinity(), highest = -lowest;
     for (int corner = 0; corner < 8; ++corner) {
@@ -107,7 +110,7 @@ class ResampledSource final : public SliceSource {
     }
     if (!fresh.empty()) include(range_, stack_->decode(window_end_, fresh));
     window_end_ = std::max(window_end_, end);
-    const std::int64_t begin = slice_below(lowest);
+    const std::int64_t begin = normal_.z > 0 ? slice_below(lowest) : 0;
     while (window_end_ - std::ssize(window_) < begin) window_.pop_front();
   }
 
@@ -142,14 +145,17 @@ class ResampledSource final : public SliceSource {
       double weight = gap > 0 ? std::clamp((height - heights_mm_[k]) / gap, 0.0, 1.0) : 0.0;
       // Where the grid meets a slice but for rounding, the other one is not needed.
       if (weight < kNoWeight || weight > 1 - kNoWeight) weight = std::round(weight);
-      double value = 0;
-      if (weight < 1)
-        value += (1 - weight) * sample(slice(k), columns, rows, lower_track.i + step * lower_track.i_step,
-                                       lower_track.j + step * lower_track.j_step);
-      if (weight > 0)
-        value += weight * sample(slice(k_above), columns, rows, upper_track.i + step * upper_track.i_step,
-                                 upper_track.j + step * upper_track.j_step);
-      out[x] = to_hu(value);
+      const double lower = weight < 1
+                               ? sample(slice(k), columns, rows, lower_track.i + step * lower_track.i_step,
+                                        lower_track.j + step * lower_track.j_step)
+                               : 0;
+      const double upper =
+          weight > 0 ? sample(slice(k_above), columns, rows, upper_track.i + step * upper_track.i_step,
+                              upper_track.j + step * upper_track.j_step)
+                     : 0;
+      // Where one of them does not reach, the nearer one speaks alone, for air if that is the one.
+      const bool partial = std::isnan(lower) || std::isnan(upper);
+      out[x] = to_hu(!partial ? lower + weight * (upper - lower) : weight < 0.5 ? lower : upper);
     }
   }
 

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <limits>
 #include <span>
+#include <type_traits>
 
 namespace xraycast {
 
@@ -18,10 +19,11 @@ inline void include(SliceSource::HuRange& range, const SliceSource::HuRange& oth
   range = {std::min(range.lowest, other.lowest), std::max(range.highest, other.highest)};
 }
 
+inline constexpr std::int16_t kHighestHu = std::numeric_limits<std::int16_t>::max();
+
 /// HU as they are kept: rounded, and clamped to [-1024, 32767]. Not a number reads as air.
 inline std::int16_t to_hu(double value) {
-  constexpr double kHighest = std::numeric_limits<std::int16_t>::max();
-  return value > kAirHu ? static_cast<std::int16_t>(std::lrint(std::min(value, kHighest))) : kAirHu;
+  return value > kAirHu ? static_cast<std::int16_t>(std::lrint(std::min<double>(value, kHighestHu))) : kAirHu;
 }
 
 /// Writes stored values as HU = value * slope + intercept, and returns their range before clamping. `stored`
@@ -29,19 +31,23 @@ inline std::int16_t to_hu(double value) {
 template <typename T>
 SliceSource::HuRange rescale(std::span<const T> stored, double slope, double intercept,
                              std::span<std::int16_t> hu) {
-  // Nearly every scanner writes integers with slope 1, which the compiler then vectorises.
-  if constexpr (sizeof(T) <= 2) {
-    if (slope == 1 && std::abs(intercept) < 1e6 && intercept == std::trunc(intercept)) {
-      const auto offset = static_cast<std::int32_t>(intercept);
-      std::int32_t lowest = std::numeric_limits<std::int32_t>::max();
-      std::int32_t highest = std::numeric_limits<std::int32_t>::min();
+  // Nearly every scanner writes 16-bit integers with slope 1: clamped before the addition they stay within 16
+  // bits, which any processor's vector unit handles eight at a time.
+  if constexpr (std::is_integral_v<T> && sizeof(T) == 2) {
+    using Limits = std::numeric_limits<T>;
+    const double lower = std::max<double>(kAirHu - intercept, Limits::min());
+    const double upper = std::min<double>(kHighestHu - intercept, Limits::max());
+    if (slope == 1 && intercept == std::trunc(intercept) && lower <= upper) {
+      const T lowest_kept = static_cast<T>(lower), highest_kept = static_cast<T>(upper);
+      const auto offset = static_cast<int>(intercept);
+      T lowest = Limits::max(), highest = Limits::min();
       for (std::size_t i = 0; i < stored.size(); ++i) {
-        const std::int32_t value = stored[i] + offset;
+        const T value = stored[i];
         lowest = std::min(lowest, value);
         highest = std::max(highest, value);
-        hu[i] = static_cast<std::int16_t>(std::clamp<std::int32_t>(value, kAirHu, 32767));
+        hu[i] = static_cast<std::int16_t>(std::min(std::max(value, lowest_kept), highest_kept) + offset);
       }
-      return {static_cast<double>(lowest), static_cast<double>(highest)};
+      return {lowest + intercept, highest + intercept};
     }
   }
   SliceSource::HuRange range = kNoHu;

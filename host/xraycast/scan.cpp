@@ -1,5 +1,6 @@
 #include "xraycast/scan.hpp"
 
+#include "xraycast/dicom_header.hpp"
 #include "xraycast/dicom_scan.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/genesis_scan.hpp"
@@ -27,24 +28,18 @@ std::string leading_bytes(const fs::path& path) {
   return bytes;
 }
 
-/// DICOM without its preamble (as GE's and old archives write it) starts with an element of group 2 or 8.
-bool is_bare_dicom(const std::string& bytes) {
-  return bytes.size() > 8 && (bytes[0] == 2 || bytes[0] == 8) && bytes[1] == 0 && bytes[3] == 0;
-}
-
 Format format_of(const fs::path& path) {
   const std::string bytes = leading_bytes(path);
   const auto has = [&](std::size_t offset, std::string_view magic) {
     return bytes.size() >= offset + magic.size() && bytes.compare(offset, magic.size(), magic) == 0;
   };
   using namespace std::string_view_literals;
-  if (has(128, "DICM")) return Format::dicom;
   if (has(0, "IMGF")) return Format::genesis;
   if (has(344, "n+1\0"sv) || has(344, "ni1\0"sv)) return Format::nifti;
   if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti2;
   if (has(0, "NRRD000")) return Format::nrrd;
+  if (is_dicom(bytes)) return Format::dicom;
   if (is_meta_image(bytes)) return Format::meta_image;
-  if (is_bare_dicom(bytes)) return Format::dicom;
   return Format::unknown;
 }
 

@@ -32,6 +32,11 @@ double median(std::vector<double> values) {
   return *middle;
 }
 
+/// A distance worked out from positions, or the one that the file states where they differ by rounding only.
+double stated_or(double mm, double stated_mm) {
+  return std::abs(mm - stated_mm) < 1e-6 * mm ? stated_mm : mm;
+}
+
 glm::dvec3 centre_mm(const SliceStack& stack, const SlicePlane& plane) {
   return plane.origin_mm + 0.5 * static_cast<double>(stack.columns - 1) * plane.i_step_mm +
          0.5 * static_cast<double>(stack.rows - 1) * plane.j_step_mm;
@@ -78,7 +83,8 @@ Layout layout_of(const SliceStack& stack) {
   }
   layout.i_mm = median(i_mm);
   layout.j_mm = median(j_mm);
-  layout.k_mm = layout.gaps_mm.empty() ? stack.thickness_mm : median(layout.gaps_mm);
+  layout.k_mm =
+      layout.gaps_mm.empty() ? stack.thickness_mm : stated_or(median(layout.gaps_mm), stack.thickness_mm);
   // The median, so that a reconstruction centre moved between two slices does not count as a tilt.
   layout.tilt_rad = tilts_rad.empty() ? 0 : median(tilts_rad);
   if (!(layout.k_mm > 0))
@@ -121,11 +127,14 @@ VolumeGeometry covering_grid(const SliceStack& stack, const Layout& layout) {
           stack.name, steps.x + 1, steps.y + 1, steps.z + 1);
     grid.size[axis] = static_cast<std::int64_t>(steps[axis]) + 1;
   }
-  // Slices that are uniform but for rounding keep both ends.
+  // Slices that are even but for rounding keep both ends.
   const auto slices = static_cast<std::int64_t>(stack.planes.size());
   const int k_axis = layout.axes[2];
-  if (slices > 1 && grid.size[k_axis] == slices)
-    grid.spacing_mm[k_axis] = (highest - lowest)[k_axis] / static_cast<double>(slices - 1);
+  const bool even =
+      std::ranges::all_of(layout.gaps_mm, [&](double gap) { return is_even(gap, layout.k_mm); });
+  if (even && slices > 1 && grid.size[k_axis] == slices)
+    grid.spacing_mm[k_axis] =
+        stated_or((highest - lowest)[k_axis] / static_cast<double>(slices - 1), stack.thickness_mm);
   return grid;
 }
 

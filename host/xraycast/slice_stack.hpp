@@ -33,7 +33,8 @@ class SliceStack {
   std::string name;  ///< what the user gave, for messages
   std::int64_t columns = 0, rows = 0;
   std::vector<SlicePlane> planes;  ///< ascending along upward(normal)
-  double thickness_mm = 0;         ///< of a stack of one slice; 0 when the file does not say
+  double thickness_mm =
+      0;  ///< as the file states it, or 0: what a single slice and rounded positions rely on
 };
 
 /// The direction or its opposite: the one whose largest component is positive, so that slices sorted along it

@@ -1,0 +1,52 @@
+#pragma once
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <string>
+#include <unordered_map>
+#include <vector>
+
+namespace xraycast {
+
+/// Group and element number in one: (0020,0032) is 0x00200032.
+using DicomTag = std::uint32_t;
+
+/// The elements of a DICOM file up to its pixel data, read without trusting any length in it: GDCM, as Debian
+/// builds it, aborts the program on a file that was cut off, and needs longer.
+///
+/// Explicit and implicit syntaxes, with and without preamble. Elements within sequences are skipped.
+class DicomHeader {
+ public:
+  /// Throws InputError when an element runs beyond the file's end.
+  explicit DicomHeader(const std::filesystem::path& path);
+
+  const std::string& transfer_syntax() const { return transfer_syntax_; }
+
+  /// A text element without its padding; empty if it is missing.
+  std::string text(DicomTag tag) const;
+
+  /// The numbers of a decimal string, `\` between them; none if the element is missing or one of them is no
+  /// number.
+  std::vector<double> numbers(DicomTag tag) const;
+
+  std::optional<std::uint16_t> unsigned_short(DicomTag tag) const;
+
+  struct PixelData {
+    std::int64_t offset_B, length_B;
+    bool encapsulated;  ///< in fragments, compressed; `length_B` counts them with their item headers
+  };
+  const std::optional<PixelData>& pixel_data() const { return pixel_data_; }
+
+ private:
+  std::string transfer_syntax_ = "1.2.840.10008.1.2";
+  bool big_endian_ = false;
+  std::unordered_map<DicomTag, std::string> values_;
+  std::optional<PixelData> pixel_data_;
+};
+
+/// Whether a file's first bytes are those of DICOM: the preamble's magic, or, without it (as old archives
+/// write), the elements that such files start with.
+bool is_dicom(const std::string& leading_bytes);
+
+}  // namespace xraycast

@@ -1,0 +1,175 @@
+#include "support/read_scan.hpp"
+#include "support/scan_files.hpp"
+#include "support/temporary_folder.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+namespace xraycast {
+namespace {
+
+using ::testing::Each;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+/// 3 x 4 x 5 voxels, zero but for three: `left` lies left of the others, `front` anterior of them, `top`
+/// superior.
+struct Markers {
+  Index3 left, front, top;
+
+  std::string voxels() const {
+    std::vector<std::int16_t> values(60);
+    const auto set = [&](const Index3& at, std::int16_t hu) {
+      values[static_cast<std::size_t>((at.z * 4 + at.y) * 3 + at.x)] = hu;
+    };
+    set(left, 100);
+    set(front, 200);
+    set(top, 300);
+    return bytes_of(std::span<const std::int16_t>(values));
+  }
+};
+
+/// Where every orientation test puts the markers, in LPS millimetres.
+constexpr glm::dvec3 kLeftMm(12, -16, 33), kFrontMm(11, -20, 36), kTopMm(10, -18, 42);
+
+void expect_markers(const Volume& volume) {
+  EXPECT_EQ(volume.geometry(), (VolumeGeometry{{3, 4, 5}, {1, 2, 3}, {10, -20, 30}}));
+  EXPECT_EQ(hu_at_mm(volume, kLeftMm), 100);
+  EXPECT_EQ(hu_at_mm(volume, kFrontMm), 200);
+  EXPECT_EQ(hu_at_mm(volume, kTopMm), 300);
+}
+
+constexpr Markers kLps{{2, 2, 1}, {1, 0, 2}, {0, 1, 4}};
+constexpr Markers kRas{{0, 1, 1}, {1, 3, 2}, {2, 2, 4}};
+
+TEST(NiftiScan, KnowsLeftAnteriorAndSuperior) {
+  const TemporaryFolder folder;
+  NiftiFile file;
+  file.dim = {3, 3, 4, 5, 1, 1, 1, 1};
+  file.pixdim = {1, 1, 2, 3, 1, 1, 1, 1};
+  // The first voxel is the left-most, posterior one: R = -12, A = 14, S = 30.
+  file.sform = {1, 0, 0, -12, 0, 2, 0, 14, 0, 0, 3, 30};
+  file.voxels = kRas.voxels();
+  write_bytes(folder / "scan.nii", file.bytes());
+  const auto [info, volume, hu_range] = read_scan(folder / "scan.nii");
+  expect_markers(volume);
+  EXPECT_EQ(info.format, "NIfTI");
+  EXPECT_EQ(info.orientation, "RAS");
+  EXPECT_THAT(info.notes, ElementsAre("reoriented from RAS to LPS"));
+  EXPECT_THAT(info.warnings, IsEmpty());
+}
+
+TEST(NiftiScan, ReadsSlicesStoredFromTheTop) {
+  const TemporaryFolder folder;
+  NiftiFile file;
+  file.dim = {3, 3, 4, 5, 1, 1, 1, 1};
+  file.pixdim = {1, 1, 2, 3, 1, 1, 1, 1};
+  file.sform = {-1, 0, 0, -10, 0, -2, 0, 20, 0, 0, -3, 42};
+  file.voxels = Markers{{2, 2, 3}, {1, 0, 2}, {0, 1, 0}}.voxels();
+  write_bytes(folder / "scan.nii", file.bytes());
+  const auto [info, volume, hu_range] = read_scan(folder / "scan.nii");
+  expect_markers(volume);
+  EXPECT_EQ(info.orientation, "LPI");
+}
+
+TEST(NiftiScan, AppliesTheScaleSlopeAndWarnsOfMissingOrientation) {
+  const TemporaryFolder folder;
+  NiftiFile file;
+  file.dim = {3, 2, 1, 1, 1, 1, 1, 1};
+  file.datatype = 2;
+  file.bitpix = 8;
+  file.slope = 2.5F;
+  file.sform_code = 0;
+  file.voxels = std::string{'\0', '\x64'};
+  write_bytes(folder / "scan.nii", file.bytes());
+  const auto [info, volume, hu_range] = read_scan(folder / "scan.nii");
+  EXPECT_EQ(hu_range.lowest, 0);
+  EXPECT_EQ(hu_range.highest, 250);
+  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("neither qform nor sform")));
+}
+
+std::string nrrd(const std::string& space, const std::string& directions, const std::string& origin,
+                 const std::string& voxels) {
+  return "NRRD0004\ntype: short\ndimension: 3\nspace: " + space +
+         "\nsizes: 3 4 5\nspace directions: " + directions +
+         "\nencoding: raw\nendian: little\nspace origin: " + origin + "\n\n" + voxels;
+}
+
+TEST(NrrdScan, KnowsLeftAnteriorAndSuperiorInItsSpaces) {
+  const TemporaryFolder folder;
+  write_bytes(folder / "ras.nrrd",
+              nrrd("right-anterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(-12,14,30)", kRas.voxels()));
+  write_bytes(folder / "lps.nrrd",
+              nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", kLps.voxels()));
+  // Without its extension, and its axes reversed within RAS.
+  write_bytes(folder / "scan", nrrd("RAS", "(-1,0,0) (0,-2,0) (0,0,3)", "(-10,20,30)", kLps.voxels()));
+  for (const char* name : {"ras.nrrd", "lps.nrrd", "scan"}) {
+    SCOPED_TRACE(name);
+    const auto [info, volume, hu_range] = read_scan(folder / name);
+    expect_markers(volume);
+    EXPECT_EQ(info.format, "NRRD");
+    EXPECT_THAT(info.warnings, IsEmpty());
+  }
+}
+
+TEST(NrrdScan, ReadsADetachedHeader) {
+  const TemporaryFolder folder;
+  std::string header = nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", "");
+  header.replace(header.find("endian"), 0, "data file: voxels.raw\n");
+  write_bytes(folder / "scan.nhdr", header);
+  write_bytes(folder / "voxels.raw", kLps.voxels());
+  expect_markers(read_scan(folder / "scan.nhdr").volume);
+}
+
+TEST(NrrdScan, RoundsFloats) {
+  const TemporaryFolder folder;
+  const float values[] = {-0.4F, 1.6F, -5000.F, 1e9F, std::nanf("")};
+  write_bytes(folder / "scan.nrrd",
+              "NRRD0004\ntype: float\ndimension: 3\nsizes: 5 1 1\nencoding: raw\nendian: little\nspacings: 1 "
+              "1 1\n\n" +
+                  bytes_of(std::span<const float>(values)));
+  const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+  EXPECT_THAT(volume.hu(), ElementsAre(0, 2, -1024, 32767, -1024));
+  EXPECT_EQ(hu_range.lowest, -5000);
+  EXPECT_EQ(hu_range.highest, 1e9);
+  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("no `space`")));
+}
+
+std::string meta_image(const std::string& matrix, const std::string& offset, const std::string& data_file) {
+  return "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nTransformMatrix "
+         "= " +
+         matrix + "\nOffset = " + offset +
+         "\nElementSpacing = 1 2 3\nDimSize = 3 4 5\nElementType = MET_SHORT\nElementDataFile = " +
+         data_file + "\n";
+}
+
+TEST(MetaImageScan, KnowsLeftAnteriorAndSuperior) {
+  const TemporaryFolder folder;
+  write_bytes(folder / "scan.mha", meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL") + kLps.voxels());
+  write_bytes(folder / "reversed.mhd", meta_image("-1 0 0 0 -1 0 0 0 1", "12 -14 30", "voxels.raw"));
+  write_bytes(folder / "voxels.raw", kRas.voxels());
+  write_bytes(folder / "from_the_top.mha", meta_image("1 0 0 0 1 0 0 0 -1", "10 -20 42", "LOCAL") +
+                                               Markers{{2, 2, 3}, {1, 0, 2}, {0, 1, 0}}.voxels());
+  for (const char* name : {"scan.mha", "reversed.mhd", "from_the_top.mha"}) {
+    SCOPED_TRACE(name);
+    const auto [info, volume, hu_range] = read_scan(folder / name);
+    expect_markers(volume);
+    EXPECT_EQ(info.format, "MetaImage");
+  }
+}
+
+TEST(MetaImageScan, StreamsRuns) {
+  const TemporaryFolder folder;
+  write_bytes(folder / "scan.mha", meta_image("1 0 0 0 1 0 0 0 -1", "10 -20 42", "LOCAL") +
+                                       Markers{{2, 2, 3}, {1, 0, 2}, {0, 1, 0}}.voxels());
+  Progress progress;
+  Scan scan = open_scan(folder / "scan.mha", {}, progress);
+  std::vector<std::int16_t> run(2 * 12), all;
+  while (const std::int64_t count = scan.source->read(run, progress))
+    all.insert(all.end(), run.begin(), run.begin() + static_cast<std::ptrdiff_t>(count * 12));
+  EXPECT_THAT(all, testing::ElementsAreArray(read_scan(folder / "scan.mha").volume.hu()));
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,320 @@
+#include "support/read_scan.hpp"
+#include "support/scan_files.hpp"
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <fstream>
+
+namespace xraycast {
+namespace {
+
+using ::testing::HasSubstr;
+
+// Every way in which a scan is refused: what lies in the folder, what is opened, and what the message says.
+
+const std::vector<std::int16_t> kPixels(12);
+const std::string kVoxels = bytes_of(std::span<const std::int16_t>(kPixels));
+
+DicomFile dicom(double z_mm = 0) { return DicomFile(4, 3, kPixels).position({0, 0, z_mm}); }
+
+NiftiFile nifti() {
+  NiftiFile file;
+  file.dim = {3, 4, 3, 1, 1, 1, 1, 1};
+  file.voxels = kVoxels;
+  return file;
+}
+
+NiftiFile nifti(std::size_t field, std::int16_t dim) {
+  NiftiFile file = nifti();
+  file.dim[field] = dim;
+  return file;
+}
+
+NiftiFile nifti_spacing(float mm) {
+  NiftiFile file = nifti();
+  file.pixdim[2] = mm;
+  return file;
+}
+
+std::string nrrd(const std::string& fields, int dimension = 3, const std::string& sizes = "4 3 1") {
+  return "NRRD0004\ntype: short\ndimension: " + std::to_string(dimension) + "\nsizes: " + sizes +
+         "\nencoding: raw\nendian: little\n" + fields + "\n" + kVoxels;
+}
+
+std::string meta_image(const std::string& fields, const std::string& size = "4 3 1", int dimensions = 3) {
+  return "ObjectType = Image\nNDims = " + std::to_string(dimensions) + "\nDimSize = " + size + "\n" + fields +
+         "ElementType = MET_SHORT\nElementDataFile = LOCAL\n" + kVoxels;
+}
+
+std::string without_last(std::string bytes, std::size_t count) {
+  return bytes.substr(0, bytes.size() - count);
+}
+
+struct BadScan {
+  const char* name;
+  void (*make)(const TemporaryFolder&);
+  const char* opened;  ///< within the folder
+  const char* message;
+};
+
+const BadScan kBadScans[] = {
+    {"MissingPath", [](const TemporaryFolder&) {}, "nothing", "no such file or folder"},
+    {"EmptyFolder", [](const TemporaryFolder&) {}, "", "the folder is empty"},
+    {"FolderWithoutImages", [](const TemporaryFolder& f) { write_bytes(f / "a.txt", "text"); }, "",
+     "holds no images"},
+    {"FolderOfOtherFiles", [](const TemporaryFolder& f) { write_bytes(f / "ct.nii", nifti().bytes()); }, "",
+     "give the file itself, such as ct.nii"},
+    {"TextFile", [](const TemporaryFolder& f) { write_bytes(f / "a.dcm", "this is text\n"); }, "a.dcm",
+     "not a scan"},
+    {"EmptyFile", [](const TemporaryFolder& f) { write_bytes(f / "a.nii", ""); }, "a.nii", "not a scan"},
+
+    {"DicomCutInItsPixels",
+     [](const TemporaryFolder& f) {
+       dicom().write(f / "a");
+       write_bytes(f / "a", without_last(read_bytes(f / "a"), 5));
+     },
+     "a", "truncated, 19 of 24 bytes"},
+    {"DicomCutInItsHeader",
+     [](const TemporaryFolder& f) {
+       dicom().write(f / "a");
+       write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
+     },
+     "", "damaged or truncated DICOM"},
+    {"DicomWithoutPosition", [](const TemporaryFolder& f) { dicom().erase(0x00200032).write(f / "a"); }, "a",
+     "ImagePositionPatient (0020,0032) is missing"},
+    {"DicomWithoutOrientation", [](const TemporaryFolder& f) { dicom().erase(0x00200037).write(f / "a"); },
+     "a", "ImageOrientationPatient (0020,0037) is missing"},
+    {"DicomWithHalfAnOrientation",
+     [](const TemporaryFolder& f) { dicom().text(0x00200037, "DS", "1\\0\\0").write(f / "a"); }, "a",
+     "ImageOrientationPatient (0020,0037) is missing or damaged"},
+    {"DicomWithParallelAxes",
+     [](const TemporaryFolder& f) {
+       dicom().directions({1, 0, 0}, {1, 0, 0}).write(f / "a");
+     },
+     "a", "not two perpendicular unit vectors"},
+    {"DicomWithoutPixelSpacing", [](const TemporaryFolder& f) { dicom().erase(0x00280030).write(f / "a"); },
+     "a", "PixelSpacing (0028,0030) is missing"},
+    {"DicomWithPixelSpacingZero",
+     [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "0\\1").write(f / "a"); }, "a",
+     "PixelSpacing (0028,0030) is 0 x 1 mm"},
+    {"DicomWithPixelSpacingNan",
+     [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "nan\\1").write(f / "a"); }, "a",
+     "PixelSpacing (0028,0030) is missing or damaged"},
+    {"DicomSliceWithoutThickness", [](const TemporaryFolder& f) { dicom().erase(0x00180050).write(f / "a"); },
+     "a", "does not say how thick"},
+    {"DicomInColour", [](const TemporaryFolder& f) { dicom().number(0x00280002, 3).write(f / "a"); }, "a",
+     "colour"},
+    {"DicomOfSeveralFrames",
+     [](const TemporaryFolder& f) { dicom().text(0x00280008, "IS", "2").write(f / "a"); }, "a",
+     "NumberOfFrames"},
+    {"DicomWithoutImages",
+     [](const TemporaryFolder& f) { dicom().erase(0x00280010).erase(0x7fe00010).write(f / "a"); }, "",
+     "hold no images"},
+    {"DicomOfTwoSizes",
+     [](const TemporaryFolder& f) {
+       dicom(0).write(f / "a");
+       DicomFile(3, 4, kPixels).position({0, 0, 1}).write(f / "b");
+     },
+     "", "(Rows, Columns)"},
+    {"DicomOfTwoOrientations",
+     [](const TemporaryFolder& f) {
+       dicom(0).write(f / "a");
+       dicom(1).directions({1, 0, 0}, {0, 0, -1}).write(f / "b");
+     },
+     "", "ImageOrientationPatient (0020,0037) differs"},
+    {"DicomMetresApart",
+     [](const TemporaryFolder& f) {
+       for (const double z : {0., 1., 2., 1e9}) dicom(z).write(f / std::to_string(z));
+     },
+     "", "positions are damaged"},
+
+    {"NiftiCut", [](const TemporaryFolder& f) { write_bytes(f / "a.nii", without_last(nifti().bytes(), 5)); },
+     "a.nii", "truncated, 19 of 24 bytes"},
+    {"NiftiGzippedAndCut",
+     [](const TemporaryFolder& f) {
+       Progress progress;
+       write_volume(Volume({{40, 30, 20}, {1, 1, 1}, {0, 0, 0}}), f / "a.nii.gz", progress);
+       write_bytes(f / "a.nii.gz", without_last(read_bytes(f / "a.nii.gz"), 20));
+     },
+     "a.nii.gz", "truncated"},
+    {"NiftiCutInItsHeader",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti().bytes().substr(0, 347)); }, "a.nii",
+     "not a scan"},
+    {"NiftiLargerThanItsFile",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti(3, 30000).bytes()); }, "a.nii",
+     "truncated"},
+    {"NiftiOfFourDimensions",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.dim = {4, 4, 1, 1, 3, 1, 1, 1};
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "4 dimensions"},
+    {"NiftiInColour",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.datatype = 128;
+       file.bitpix = 24;
+       write_bytes(f / "a.nii", file.bytes() + kVoxels);
+     },
+     "a.nii", "colours or vectors"},
+    {"NiftiWithSpacingZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti_spacing(0).bytes()); }, "a.nii",
+     "pixdim holds 0"},
+    {"NiftiWithSpacingBelowZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti_spacing(-1).bytes()); }, "a.nii",
+     "pixdim holds -1"},
+    {"NiftiWithSpacingNan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti_spacing(std::nanf("")).bytes()); },
+     "a.nii", "pixdim holds nan"},
+    {"NiftiWithSizeBelowZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti(2, -3).bytes()); }, "a.nii",
+     "dim holds -3"},
+    {"NiftiOfNoDimensions", [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti(0, 9).bytes()); },
+     "a.nii", "dim holds 9"},
+    {"NiftiWithSingularDirections",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.sform = {1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0};
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "sform is a singular matrix"},
+    {"NiftiUnderAnotherName", [](const TemporaryFolder& f) { write_bytes(f / "a.raw", nifti().bytes()); },
+     "a.raw", "not named .nii; rename it"},
+    {"NiftiOfOneSlice",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.dim[0] = 2;
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "does not say how thick"},
+
+    {"NrrdCut",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", without_last(nrrd("spacings: 1 1 1\n"), 5)); },
+     "a.nrrd", "truncated, 19 of 24 bytes"},
+    {"NrrdWithoutItsDataFile",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nhdr", nrrd("data file: b.raw\nspacings: 1 1 1\n")); },
+     "a.nhdr", "its data file b.raw is missing"},
+    {"NrrdWithSpacingZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("spacings: 1 0 1\n")); }, "a.nrrd",
+     "spacings holds 0"},
+    {"NrrdWithSpacingNan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("spacings: 1 nan 1\n")); }, "a.nrrd",
+     "spacings holds nan"},
+    {"NrrdWithSpacingBelowZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("spacings: 1 -1 1\n")); }, "a.nrrd",
+     "spacings holds -1"},
+    {"NrrdWithSingularDirections",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1,0,0) (1,0,0) (0,0,1)\n"));
+     },
+     "a.nrrd", "singular"},
+    {"NrrdOfFourDimensions",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("", 4, "2 3 1 2")); }, "a.nrrd",
+     "4 dimensions"},
+    {"NrrdOfVectors",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("kinds: vector domain domain domain\n", 4, "3 4 1 1"));
+     },
+     "a.nrrd", "colours or vectors"},
+    {"NrrdOfGarbage", [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", "NRRD0004\ngarbage\n\n"); },
+     "a.nrrd", "the header is damaged"},
+
+    {"MetaImageCut",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", without_last(meta_image(""), 5)); }, "a.mha",
+     "truncated, 19 of 24 bytes"},
+    {"MetaImageCompressedAndCut",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha", meta_image("CompressedData = True\nCompressedDataSize = 50\n"));
+     },
+     "a.mha", "truncated, 24 of 50 bytes"},
+    {"MetaImageWithoutItsDataFile",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mhd",
+                   "NDims = 3\nDimSize = 4 3 1\nElementType = MET_SHORT\nElementDataFile = b.raw\n");
+     },
+     "a.mhd", "its data file b.raw is missing"},
+    {"MetaImageLargerThanAnyMemory",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "60000 60000 60000")); }, "a.mha",
+     "truncated"},
+    {"MetaImageOfOverflowingSize",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "3000000000 3000000000 4")); },
+     "a.mha", "outside 1 to 65536"},
+    {"MetaImageWithSpacingZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("ElementSpacing = 1 0 1\n")); },
+     "a.mha", "ElementSpacing holds 0"},
+    {"MetaImageWithSpacingNan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("ElementSpacing = 1 nan 1\n")); },
+     "a.mha", "ElementSpacing holds nan"},
+    {"MetaImageWithSpacingBelowZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("ElementSpacing = 1 -1 1\n")); },
+     "a.mha", "ElementSpacing holds -1"},
+    {"MetaImageWithSingularDirections",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha", meta_image("TransformMatrix = 1 0 0 1 0 0 0 0 1\n"));
+     },
+     "a.mha", "singular"},
+    {"MetaImageOfVectors",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("ElementNumberOfChannels = 3\n")); },
+     "a.mha", "colours or vectors"},
+    {"MetaImageOfFourDimensions",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "2 3 1 2", 4)); }, "a.mha",
+     "4 dimensions"},
+
+    {"GenesisCut",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", without_last(genesis_bytes({}, std::vector<std::uint16_t>(12)), 5));
+     },
+     "a.fro", "truncated"},
+    {"GenesisCutInItsHeader",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", genesis_bytes({}, std::vector<std::uint16_t>(12)).substr(0, 100));
+     },
+     "a.fro", "truncated"},
+    {"GenesisWithPixelSizeZero",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", genesis_bytes({.pixel_mm = 0}, std::vector<std::uint16_t>(12)));
+     },
+     "a.fro", "pixel size 0 x 0 mm"},
+    {"GenesisWithLocationNan",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro",
+                   genesis_bytes({.location_mm = std::nanf("")}, std::vector<std::uint16_t>(12)));
+     },
+     "a.fro", "location or centre is not a number"},
+    {"GenesisOfTwoSizes",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", genesis_bytes({}, std::vector<std::uint16_t>(12)));
+       write_bytes(f / "b.fro", genesis_bytes({.columns = 3, .rows = 4, .location_mm = 1},
+                                              std::vector<std::uint16_t>(12)));
+     },
+     "", "take one of them away"},
+};
+
+class BadScans : public testing::TestWithParam<BadScan> {};
+
+TEST_P(BadScans, AreRefusedInOneLineThatNamesTheFile) {
+  const TemporaryFolder folder;
+  GetParam().make(folder);
+  testing::internal::CaptureStderr();
+  try {
+    read_scan(folder / GetParam().opened);
+    ADD_FAILURE() << "was read";
+  } catch (const InputError& error) {
+    const std::string what = error.what();
+    EXPECT_THAT(what, HasSubstr(GetParam().message));
+    EXPECT_THAT(what, HasSubstr((folder / "").parent_path().string()));
+    EXPECT_EQ(what.find('\n'), std::string::npos);
+  }
+  // The libraries underneath stay silent.
+  EXPECT_EQ(testing::internal::GetCapturedStderr(), "");
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BadScans, testing::ValuesIn(kBadScans),
+                         [](const auto& param) { return param.param.name; });
+
+}  // namespace
+}  // namespace xraycast

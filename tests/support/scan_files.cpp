@@ -1,0 +1,155 @@
+#include "support/scan_files.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <fstream>
+#include <iterator>
+
+namespace xraycast {
+namespace {
+
+static_assert(std::endian::native == std::endian::little);
+
+template <typename T>
+void put(std::string& bytes, std::size_t offset, const T& value) {
+  std::ranges::copy(bytes_of(value), bytes.begin() + static_cast<std::ptrdiff_t>(offset));
+}
+
+template <typename T>
+void put_big_endian(std::string& bytes, std::size_t offset, const T& value) {
+  std::ranges::reverse_copy(bytes_of(value), bytes.begin() + static_cast<std::ptrdiff_t>(offset));
+}
+
+}  // namespace
+
+void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
+  std::ofstream(path, std::ios::binary) << bytes;
+}
+
+std::string read_bytes(const std::filesystem::path& path) {
+  std::ifstream stream(path, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+DicomFile::DicomFile(int columns, int rows, std::span<const std::int16_t> pixels) {
+  text(0x00080016, "UI", "1.2.840.10008.5.1.4.1.1.2");
+  text(0x00080018, "UI", "1.2.3.4.5");
+  text(0x00080060, "CS", "CT");
+  text(0x00180050, "DS", "1");
+  text(0x0020000d, "UI", "1.2.3");
+  text(0x0020000e, "UI", "1.2.3.4");
+  position({0, 0, 0});
+  directions({1, 0, 0}, {0, 1, 0});
+  number(0x00280002, 1);
+  text(0x00280004, "CS", "MONOCHROME2");
+  number(0x00280010, static_cast<std::uint16_t>(rows));
+  number(0x00280011, static_cast<std::uint16_t>(columns));
+  text(0x00280030, "DS", "1\\1");
+  number(0x00280100, 16);
+  number(0x00280101, 16);
+  number(0x00280102, 15);
+  number(0x00280103, 1);
+  text(0x00281052, "DS", "-1024");
+  text(0x00281053, "DS", "1");
+  elements_[0x7fe00010] = {"OW", bytes_of(pixels)};
+}
+
+DicomFile& DicomFile::text(std::uint32_t tag, const std::string& vr, const std::string& value) {
+  const char padding = vr == "UI" ? '\0' : ' ';
+  std::string padded = value;
+  if (padded.size() % 2 == 1) padded.push_back(padding);
+  elements_[tag] = {vr, padded};
+  return *this;
+}
+
+DicomFile& DicomFile::number(std::uint32_t tag, std::uint16_t value) {
+  elements_[tag] = {"US", bytes_of(value)};
+  return *this;
+}
+
+DicomFile& DicomFile::erase(std::uint32_t tag) {
+  elements_.erase(tag);
+  return *this;
+}
+
+DicomFile& DicomFile::position(const glm::dvec3& mm) {
+  return text(0x00200032, "DS", fmt::format("{}\\{}\\{}", mm.x, mm.y, mm.z));
+}
+
+DicomFile& DicomFile::directions(const glm::dvec3& row, const glm::dvec3& column) {
+  return text(0x00200037, "DS",
+              fmt::format("{:.9f}\\{:.9f}\\{:.9f}\\{:.9f}\\{:.9f}\\{:.9f}", row.x, row.y, row.z, column.x,
+                          column.y, column.z));
+}
+
+void DicomFile::write(const std::filesystem::path& path, bool implicit) const {
+  const auto explicit_element = [](std::uint32_t tag, const Element& element) {
+    const auto group = static_cast<std::uint16_t>(tag >> 16), number = static_cast<std::uint16_t>(tag);
+    const std::string head = bytes_of(group) + bytes_of(number) + element.vr;
+    const auto length = static_cast<std::uint32_t>(element.value.size());
+    if (element.vr == "OW" || element.vr == "OB")
+      return head + std::string(2, '\0') + bytes_of(length) + element.value;
+    return head + bytes_of(static_cast<std::uint16_t>(length)) + element.value;
+  };
+  const auto implicit_element = [](std::uint32_t tag, const Element& element) {
+    const auto group = static_cast<std::uint16_t>(tag >> 16), number = static_cast<std::uint16_t>(tag);
+    const auto length = static_cast<std::uint32_t>(element.value.size());
+    return bytes_of(group) + bytes_of(number) + bytes_of(length) + element.value;
+  };
+
+  std::string syntax = implicit ? "1.2.840.10008.1.2" : "1.2.840.10008.1.2.1";
+  if (syntax.size() % 2 == 1) syntax += '\0';
+  // The meta group is always explicit, and starts with its own length.
+  const std::string meta = explicit_element(0x00020002, elements_.at(0x00080016)) +
+                           explicit_element(0x00020003, elements_.at(0x00080018)) +
+                           explicit_element(0x00020010, {"UI", syntax});
+  std::string bytes =
+      std::string(128, '\0') + "DICM" +
+      explicit_element(0x00020000, {"UL", bytes_of(static_cast<std::uint32_t>(meta.size()))}) + meta;
+  for (const auto& [tag, element] : elements_)
+    bytes += implicit ? implicit_element(tag, element) : explicit_element(tag, element);
+  write_bytes(path, bytes);
+}
+
+std::string genesis_bytes(const GenesisHeader& header, std::span<const std::uint16_t> stored) {
+  const bool version2 = header.version == 2;
+  const std::size_t image_header = version2 ? 2308 : 2394;
+  std::string bytes(3416, '\0');
+  bytes.replace(0, 4, "IMGF");
+  put_big_endian(bytes, 4, static_cast<std::int32_t>(header.pixel_pointer ? bytes.size() : 0));
+  put_big_endian(bytes, 8, static_cast<std::int32_t>(header.columns));
+  put_big_endian(bytes, 12, static_cast<std::int32_t>(header.rows));
+  put_big_endian(bytes, 16, std::int32_t{16});
+  put_big_endian(bytes, 20, std::int32_t{1});
+  put_big_endian(bytes, 52, static_cast<std::int16_t>(header.version));
+  put_big_endian(bytes, 148, static_cast<std::int32_t>(image_header));
+  put_big_endian(bytes, image_header + 26, 1.0F);
+  put_big_endian(bytes, image_header + (version2 ? 52 : 50), header.pixel_mm);
+  put_big_endian(bytes, image_header + (version2 ? 56 : 54), header.pixel_mm);
+  put_big_endian(bytes, image_header + (version2 ? 132 : 126), header.location_mm);
+  put_big_endian(bytes, image_header + (version2 ? 136 : 130), header.right_mm);
+  put_big_endian(bytes, image_header + (version2 ? 140 : 134), header.anterior_mm);
+  for (const std::uint16_t value : stored)
+    bytes += {static_cast<char>(value >> 8), static_cast<char>(value & 0xff)};
+  return bytes;
+}
+
+std::string NiftiFile::bytes() const {
+  std::string result(352, '\0');
+  put(result, 0, std::int32_t{348});
+  put(result, 40, dim);
+  put(result, 70, datatype);
+  put(result, 72, bitpix);
+  put(result, 76, pixdim);
+  put(result, 108, 352.0F);
+  put(result, 112, slope);
+  put(result, 116, intercept);
+  put(result, 254, sform_code);
+  put(result, 280, sform);
+  result.replace(344, 3, "n+1");
+  return result + voxels;
+}
+
+}  // namespace xraycast

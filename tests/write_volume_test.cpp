@@ -1,0 +1,102 @@
+#include "support/read_scan.hpp"
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <csignal>
+#include <sys/resource.h>
+
+namespace xraycast {
+namespace {
+
+using ::testing::ElementsAreArray;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+
+const VolumeGeometry kGeometry{{5, 4, 3}, {0.7, 0.9, 1.1}, {-12.3, 45.6, -78.9}};
+
+Volume numbered(const VolumeGeometry& geometry) {
+  Volume volume(geometry);
+  std::int16_t next = kAirHu;
+  for (std::int16_t& hu : volume.hu()) hu = next++;
+  volume.hu().back() = 32767;
+  return volume;
+}
+
+std::vector<std::string> names_in(const std::filesystem::path& folder) {
+  std::vector<std::string> names;
+  for (const auto& entry : std::filesystem::directory_iterator(folder))
+    names.push_back(entry.path().filename());
+  return names;
+}
+
+class WriteVolume : public testing::TestWithParam<const char*> {};
+
+TEST_P(WriteVolume, IsReadBackBitForBit) {
+  const TemporaryFolder folder;
+  const auto path = folder / GetParam();
+  const Volume volume = numbered(kGeometry);
+  Progress progress;
+  write_volume(volume, path, progress);
+  const ReadScan read = read_scan(path);
+  EXPECT_THAT(read.volume.hu(), ElementsAreArray(volume.hu()));
+  EXPECT_EQ(read.volume.geometry().size, kGeometry.size);
+  for (int axis = 0; axis < 3; ++axis) {
+    // NIfTI keeps spacing and origin as floats.
+    const double tolerance = std::string(GetParam()).find(".nii") == std::string::npos ? 0 : 1e-5;
+    EXPECT_NEAR(read.volume.geometry().spacing_mm[axis], kGeometry.spacing_mm[axis], tolerance);
+    EXPECT_NEAR(read.volume.geometry().origin_mm[axis], kGeometry.origin_mm[axis], tolerance);
+  }
+  EXPECT_THAT(read.info.warnings, IsEmpty());
+}
+
+TEST_P(WriteVolume, LeavesNothingBehindWhenTheDiskIsFull) {
+  const TemporaryFolder folder;
+  // A limit on the size of files stands for the full disk. The values don't compress below it.
+  Volume volume({{100, 100, 20}, {1, 1, 1}, {0, 0, 0}});
+  std::uint32_t random = 1;
+  for (std::int16_t& hu : volume.hu())
+    hu = static_cast<std::int16_t>((random = random * 1664525 + 1013904223) >> 17);
+  rlimit before{};
+  getrlimit(RLIMIT_FSIZE, &before);
+  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
+  const rlimit small{100'000, before.rlim_max};
+  setrlimit(RLIMIT_FSIZE, &small);
+  Progress progress;
+  EXPECT_THAT([&] { write_volume(volume, folder / GetParam(), progress); },
+              testing::ThrowsMessage<Error>(HasSubstr("disk may be full")));
+  setrlimit(RLIMIT_FSIZE, &before);
+  std::signal(SIGXFSZ, handler);
+  EXPECT_THAT(names_in(folder / ""), IsEmpty());
+}
+
+TEST_P(WriteVolume, WritesMasks) {
+  const TemporaryFolder folder;
+  const auto path = folder / GetParam();
+  std::vector<std::uint8_t> mask(60);
+  mask[7] = mask[33] = 1;
+  write_mask(kGeometry, mask, path);
+  EXPECT_THAT(read_scan(path).volume.hu(), ElementsAreArray(mask));
+}
+
+INSTANTIATE_TEST_SUITE_P(Formats, WriteVolume,
+                         testing::Values("volume.nrrd", "volume.nii", "volume.nii.gz", "volume.mha",
+                                         "volume.mhd"),
+                         [](const auto& param) {
+                           std::string name = param.param;
+                           std::ranges::replace(name, '.', '_');
+                           return name;
+                         });
+
+TEST(WriteVolumeNames, RefusesAnotherExtension) {
+  const TemporaryFolder folder;
+  Progress progress;
+  EXPECT_THAT([&] { write_volume(numbered(kGeometry), folder / "volume.dcm", progress); },
+              testing::ThrowsMessage<InputError>(HasSubstr("end it in .nrrd, .nii, .nii.gz, .mha or .mhd")));
+  EXPECT_THAT(names_in(folder / ""), IsEmpty());
+}
+
+}  // namespace
+}  // namespace xraycast
