@@ -118,6 +118,7 @@ TEST_P(VesselMask, AgreesWithVoxelsAndCentrelines) {
   for (const VesselBranch& branch : phantom.vessel_branches())
     for (std::size_t i = 1; i < branch.points.size(); ++i) {
       const VesselPoint &a = branch.points[i - 1], &b = branch.points[i];
+      if (std::abs(a.position_mm.z) > g.upper_mm().z) continue;  // the roots of the head's vessels
       tubes_mm3 += 3.14159 / 3 * glm::distance(a.position_mm, b.position_mm) *
                    (a.radius_mm * a.radius_mm + a.radius_mm * b.radius_mm + b.radius_mm * b.radius_mm);
     }
