@@ -97,7 +97,7 @@ TEST(PhantomNoise, HasItsDeviationAndNoMean) {
 }
 
 class VesselMask : public testing::TestWithParam<const char*> {};
-INSTANTIATE_TEST_SUITE_P(, VesselMask, testing::Values("thorax"));
+INSTANTIATE_TEST_SUITE_P(, VesselMask, testing::Values("thorax", "head"));
 
 TEST_P(VesselMask, AgreesWithVoxelsAndCentrelines) {
   const Phantom phantom = make_phantom(GetParam(), {.spacing_mm = 1.5, .noise_hu = 0.0});
