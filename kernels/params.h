@@ -62,10 +62,10 @@ typedef struct {
 } XrcDetector;
 
 /* Phantoms: shapes, painted in order. What the members mean for each kind:
- *   solid    a = centre, b and c = two unit axes (the third is b x c), size = half axes, exponents = in the plane
- *            of b and c, and along b x c; 2 and 2 make an ellipsoid
+ *   solid    a = centre, b and c = two unit axes (the third is b x c), size = half axes, exponents = in the
+ *            plane of b and c, and along b x c; 2 and 2 make an ellipsoid
  *   box      a, b, c and size as for a solid
- *   capsule  a and b = end points, size = radius at a, radius at b, flattening along the unit axis c (1: round)
+ *   capsule  a and b = end points, size = radius at a, at b, and flattening along the unit axis c (1: round)
  *   plate    a, b, c = corners of a triangle, size[0] = half the thickness
  *   loft     a = z of the first station, distance between stations, 0; stations first to first + count - 1;
  *            exponents[0] = of the super-elliptic sections

@@ -1,10 +1,11 @@
 #include "params.h"
 
-/* Every distance below is signed, in millimetres, negative inside, and exact only near the surface: that is where
- * the coverage of a voxel depends on it. host/xraycast/phantom_scene.cpp says the same in double precision.
+/* Every distance below is signed, in millimetres, negative inside, and exact only near the surface: that is
+ * where the coverage of a voxel depends on it. host/xraycast/phantom_scene.cpp says the same in double
+ * precision.
  *
- * A work-item paints a row of 16 voxels: processors have vectors for them, and what is true of the whole row, such
- * as that it misses a shape, is asked once. */
+ * A work-item paints a row of 16 voxels: processors have vectors for them, and what is true of the whole row,
+ * such as that it misses a shape, is asked once. */
 
 #define FAR_MM 1e6f
 #define TINY 1e-12f
@@ -17,7 +18,9 @@ typedef struct {
 static float3 load3(global const float* v) { return (float3)(v[0], v[1], v[2]); }
 
 static row3 minus(const row3 p, const float3 q) { return (row3){p.x - q.x, p.y - q.y, p.z - q.z}; }
-static row3 minus_scaled(const row3 p, const row t, const float3 v) { return (row3){p.x - t * v.x, p.y - t * v.y, p.z - t * v.z}; }
+static row3 minus_scaled(const row3 p, const row t, const float3 v) {
+  return (row3){p.x - t * v.x, p.y - t * v.y, p.z - t * v.z};
+}
 static row along(const row3 p, const float3 axis) { return p.x * axis.x + p.y * axis.y + p.z * axis.z; }
 static row squared(const row3 p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
 
@@ -43,9 +46,10 @@ static row3 octant(global const xrc_primitive* s, const row3 p) {
 static row solid_distance(global const xrc_primitive* s, const row3 p) {
   const row3 o = octant(s, p), q = {o.x / s->size[0], o.y / s->size[1], o.z / s->size[2]};
   const float n = s->exponents[0], m = s->exponents[1];
-  const row g = max(norm_n(q.x, q.y, n), TINY), f = max(norm_n(g, q.z, m), TINY), slope_g = norm_slope(g / f, m);
-  const row3 slope = {slope_g * norm_slope(q.x / g, n) / s->size[0], slope_g * norm_slope(q.y / g, n) / s->size[1],
-                      norm_slope(q.z / f, m) / s->size[2]};
+  const row g = max(norm_n(q.x, q.y, n), TINY), f = max(norm_n(g, q.z, m), TINY),
+            slope_g = norm_slope(g / f, m);
+  const row3 slope = {slope_g * norm_slope(q.x / g, n) / s->size[0],
+                      slope_g * norm_slope(q.y / g, n) / s->size[1], norm_slope(q.z / f, m) / s->size[2]};
   return (f - 1.0f) / max(sqrt(squared(slope)), TINY);
 }
 
@@ -83,14 +87,16 @@ static row squared_to_edge(const float3 edge, const row3 v) {
 static row plate_distance(global const xrc_primitive* s, const row3 p) {
   const float3 a = load3(s->a), b = load3(s->b), c = load3(s->c), normal = cross(b - a, a - c);
   const row3 ap = minus(p, a), bp = minus(p, b), cp = minus(p, c);
-  const row side = min(along(ap, cross(b - a, normal)), min(along(bp, cross(c - b, normal)), along(cp, cross(a - c, normal))));
-  const row to_rim = min(squared_to_edge(b - a, ap), min(squared_to_edge(c - b, bp), squared_to_edge(a - c, cp)));
+  const row side = min(along(ap, cross(b - a, normal)),
+                       min(along(bp, cross(c - b, normal)), along(cp, cross(a - c, normal))));
+  const row to_rim =
+      min(squared_to_edge(b - a, ap), min(squared_to_edge(c - b, bp), squared_to_edge(a - c, cp)));
   const row height = along(ap, normal) / length(normal);
   return sqrt(side >= 0.0f ? height * height : to_rim) - s->size[0];
 }
 
-/* As for a solid, in the section at the height of p; the slope along z is that of the section's centre and axes.
- * Flat at both ends. */
+/* As for a solid, in the section at the height of p; the slope along z is that of the section's centre and
+ * axes. Flat at both ends. */
 static row loft_distance(global const xrc_primitive* s, global const xrc_station* stations, const row3 p) {
   const float last = (float)(s->count - 1), n = s->exponents[0], up = (p.z.s0 - s->a[0]) / s->a[1];
   const float beyond_end_mm = max(-up, up - last) * s->a[1], height = clamp(up, 0.0f, last);
@@ -98,21 +104,28 @@ static row loft_distance(global const xrc_primitive* s, global const xrc_station
   const float t = height - (float)i;
   const xrc_station low = stations[s->first + i], high = stations[s->first + i + 1];
   const float a = mix(low.a, high.a, t), b = mix(low.b, high.b, t);
-  const row x = p.x - mix(low.x, high.x, t), y = p.y - mix(low.y, high.y, t), u = fabs(x) / a, v = fabs(y) / b;
+  const row x = p.x - mix(low.x, high.x, t), y = p.y - mix(low.y, high.y, t), u = fabs(x) / a,
+            v = fabs(y) / b;
   const row f = max(norm_n(u, v, n), TINY);
   const row slope_x = norm_slope(u / f, n) / a, slope_y = norm_slope(v / f, n) / b;
   const row slope_z = (slope_x * (sign(x) * (high.x - low.x) + u * (high.a - low.a)) +
-                       slope_y * (sign(y) * (high.y - low.y) + v * (high.b - low.b))) / s->a[1];
+                       slope_y * (sign(y) * (high.y - low.y) + v * (high.b - low.b))) /
+                      s->a[1];
   return max((f - 1.0f) / max(sqrt(squared((row3){slope_x, slope_y, slope_z})), TINY), beyond_end_mm);
 }
 
 static row distance_to(global const xrc_primitive* s, global const xrc_station* stations, const row3 p) {
   switch (s->kind) {
-    case XRC_SOLID: return solid_distance(s, p);
-    case XRC_BOX: return box_distance(s, p);
-    case XRC_CAPSULE: return capsule_distance(s, p);
-    case XRC_PLATE: return plate_distance(s, p);
-    default: return loft_distance(s, stations, p);
+    case XRC_SOLID:
+      return solid_distance(s, p);
+    case XRC_BOX:
+      return box_distance(s, p);
+    case XRC_CAPSULE:
+      return capsule_distance(s, p);
+    case XRC_PLATE:
+      return plate_distance(s, p);
+    default:
+      return loft_distance(s, stations, p);
   }
 }
 
@@ -144,8 +157,8 @@ static uint16 hash(uint16 h) {
   return h ^ (h >> 16);
 }
 
-/* Nearly Gaussian with unit deviation: the sum of four random bytes. Integers up to the last step, so that every
- * device draws the same number for a voxel. */
+/* Nearly Gaussian with unit deviation: the sum of four random bytes. Integers up to the last step, so that
+ * every device draws the same number for a voxel. */
 static row noise(const uint16 x, const uint y, const uint z, const uint seed) {
   const uint16 h = hash(x + hash(y + hash(z + hash(seed))));
   const uint16 sum = (h & 255u) + (h >> 8 & 255u) + (h >> 16 & 255u) + (h >> 24);
@@ -164,8 +177,8 @@ static void store(const short16 voxels, const int count, global short* out) {
 
 /* Brick i of the slab starts from base_hu[i] and paints list[first[i]] to list[first[i + 1] - 1] over it. */
 kernel void phantom_slab(const xrc_phantom_slab slab, global const xrc_primitive* primitives,
-                         global const xrc_station* stations, global const float* base_hu, global const int* first,
-                         global const int* list, global short* out) {
+                         global const xrc_station* stations, global const float* base_hu,
+                         global const int* first, global const int* list, global short* out) {
   const int column = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (column >= slab.bricks_x || y >= slab.size[1] || z >= slab.size[2]) return;
   const int brick = y / XRC_PHANTOM_BRICK * slab.bricks_x + column, x = column * XRC_PHANTOM_BRICK;
@@ -174,9 +187,9 @@ kernel void phantom_slab(const xrc_phantom_slab slab, global const xrc_primitive
   const row3 p = {slab.origin_mm[0] + slab.spacing_mm[0] * convert_float16(xs),
                   slab.origin_mm[1] + slab.spacing_mm[1] * (float)y,
                   slab.origin_mm[2] + slab.spacing_mm[2] * (float)slice};
-  const row hu = paint(base_hu[brick], primitives, stations, list + first[brick], first[brick + 1] - first[brick], p,
-                       slab.edge_mm);
+  const row hu = paint(base_hu[brick], primitives, stations, list + first[brick],
+                       first[brick + 1] - first[brick], p, slab.edge_mm);
   const row noisy = hu + slab.noise_hu * noise(convert_uint16(xs), (uint)y, (uint)slice, (uint)slab.seed);
   store(convert_short16_sat_rte(clamp(noisy, -1024.0f, 3071.0f)), slab.size[0] - x,
-        out + (z * slab.size[1] + y) * slab.size[0] + x);
+        out + ((size_t)z * slab.size[1] + y) * slab.size[0] + x);
 }

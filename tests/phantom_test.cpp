@@ -27,7 +27,7 @@ std::string message_of(const std::string& name, const PhantomOptions& options) {
 }
 
 TEST(Phantom, NamesThoseThatThereAre) {
-  EXPECT_THAT(phantom_names(), ElementsAre("thorax", "cylinder", "sphere", "box", "shepp-logan"));
+  EXPECT_THAT(phantom_names(), ElementsAre("thorax", "head", "cylinder", "sphere", "box", "shepp-logan"));
 }
 
 TEST(Phantom, RefusesWhatItCannotMake) {
@@ -36,7 +36,7 @@ TEST(Phantom, RefusesWhatItCannotMake) {
     PhantomOptions options;
     std::string message;
   } kCases[] = {
-      {"torso", {}, "no phantom is named 'torso'; there is thorax, cylinder, sphere, box, shepp-logan"},
+      {"torso", {}, "no phantom is named 'torso'; there is thorax, head, cylinder, sphere, box, shepp-logan"},
       {"box", {.size = Index3(0, 8, 8)}, "phantom box: size 0 x 8 x 8"},
       {"box", {.size = Index3(8, 8, 70000)}, "phantom box: size 8 x 8 x 70000"},
       {"box", {.spacing_mm = 0.0}, "voxel spacing 0 x 0 x 0"},
@@ -128,7 +128,7 @@ class BodyPhantom : public testing::TestWithParam<const char*> {
   const Phantom phantom_ = make_phantom(GetParam());
   const std::vector<VesselBranch>& branches_ = phantom_.vessel_branches();
 };
-INSTANTIATE_TEST_SUITE_P(, BodyPhantom, testing::Values("thorax"));
+INSTANTIATE_TEST_SUITE_P(, BodyPhantom, testing::Values("thorax", "head"));
 
 TEST_P(BodyPhantom, HasVesselsThatFormATree) {
   ASSERT_GT(branches_.size(), 10u);
@@ -203,30 +203,50 @@ TEST_P(BodyPhantom, VesselsTouchOnlyWhereTheyFork) {
     }
 }
 
-TEST(Thorax, HasItsOrgansOnTheirSides) {
-  const Phantom thorax = make_phantom("thorax");
-  const struct {
-    const char* what;
-    glm::dvec3 at_mm;
-    double lowest_hu, highest_hu;
-  } kPlaces[] = {
-      {"air in front", {0, -180, 100}, -1000, -1000},
-      {"right lung", {-110, 20, 110}, -1000, -500},
-      {"left lung", {115, 20, 110}, -1000, -500},
-      {"heart, to the left", {62, -45, 85}, 35, 60},
-      {"lung in its place on the right", {-76, -45, 85}, -1000, -500},
-      {"liver, on the right", {-90, 0, 0}, 55, 70},
-      {"gas in the stomach, on the left", {64, -12, 36}, -1000, -1000},
-      {"spleen, on the left", {100, 42, 4}, 75, 85},
-      {"trachea", {-1, -1, 245}, -1000, -1000},
-      {"descending aorta, left of the spine", {27, 25, 100}, 350, 350},
-      {"spongy bone of a vertebra", {0, 17, -100}, 150, 350},
-      {"head of the right femur", {-91, 0, -283}, 150, 800},
-  };
-  for (const auto& [what, at_mm, lowest_hu, highest_hu] : kPlaces) {
-    EXPECT_GE(thorax.hu_at(at_mm), lowest_hu) << what;
-    EXPECT_LE(thorax.hu_at(at_mm), highest_hu) << what;
+struct Place {
+  const char* what;
+  glm::dvec3 at_mm;
+  double lowest_hu, highest_hu;
+};
+
+void expect_places(const Phantom& phantom, std::initializer_list<Place> places) {
+  for (const auto& [what, at_mm, lowest_hu, highest_hu] : places) {
+    EXPECT_GE(phantom.hu_at(at_mm), lowest_hu) << what;
+    EXPECT_LE(phantom.hu_at(at_mm), highest_hu) << what;
   }
+}
+
+TEST(Thorax, HasItsOrgansOnTheirSides) {
+  expect_places(make_phantom("thorax"), {
+                                            {"air in front", {0, -180, 100}, -1000, -1000},
+                                            {"right lung", {-110, 20, 110}, -1000, -500},
+                                            {"left lung", {115, 20, 110}, -1000, -500},
+                                            {"heart, to the left", {62, -45, 85}, 35, 60},
+                                            {"lung in its place on the right", {-76, -45, 85}, -1000, -500},
+                                            {"liver, on the right", {-90, 0, 0}, 55, 70},
+                                            {"gas in the stomach, on the left", {64, -12, 36}, -1000, -1000},
+                                            {"spleen, on the left", {100, 42, 4}, 75, 85},
+                                            {"trachea", {-1, -1, 245}, -1000, -1000},
+                                            {"descending aorta, left of the spine", {27, 25, 100}, 350, 350},
+                                            {"spongy bone of a vertebra", {0, 17, -100}, 150, 350},
+                                            {"head of the right femur", {-91, 0, -283}, 150, 800},
+                                        });
+}
+
+TEST(Head, HasItsPartsAndItsAneurysmOnTheLeft) {
+  expect_places(make_phantom("head"), {
+                                          {"air in front", {0, -114, 60}, -1000, -1000},
+                                          {"vault of the skull", {0, 6, 111}, 300, 950},
+                                          {"grey matter", {60, 6, 50}, 35, 45},
+                                          {"lateral ventricle", {14, 18, 55}, 5, 15},
+                                          {"right maxillary sinus", {-30, -63, -16}, -1000, -1000},
+                                          {"throat", {0, -15, -70}, -1000, -1000},
+                                          {"left eye", {33, -77, 10}, 5, 15},
+                                          {"petrous bone", {-44, 8, -12}, 600, 1300},
+                                          {"first lower molar's crown", {28.5, -54, -58}, 2000, 2400},
+                                          {"sac of the aneurysm, to its side", {49, -27, 24}, 350, 350},
+                                          {"its place on the right", {-49, -27, 24}, -1000, 60},
+                                      });
 }
 
 }  // namespace

@@ -25,6 +25,7 @@ constexpr double kBodyNoise_hu = 10;
 
 const Kind kKinds[] = {
     {"thorax", {512, 512, 720}, {0.78, 0.78, 1.0}, kBodyNoise_hu, make_thorax},
+    {"head", {320, 384, 416}, {0.6, 0.6, 0.6}, kBodyNoise_hu, make_head},
     {"cylinder", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_cylinder(); }},
     {"sphere", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_sphere(); }},
     {"box", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_box(); }},

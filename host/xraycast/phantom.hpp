@@ -65,6 +65,7 @@ std::vector<std::string> phantom_names();
 
 /// Makes a phantom by name:
 /// - `thorax`: a trunk from the neck to the hips, arms raised, with contrast in the arteries;
+/// - `head`: a head and neck with contrast in the arteries and an aneurysm among them;
 /// - `cylinder` (radius 80 mm, along the whole axis), `sphere` (radius 80 mm) and `box` (half sizes 80, 60
 /// and
 ///   70 mm), of water in air (-1000 HU), centred;

@@ -18,5 +18,6 @@ PhantomBody make_box();
 PhantomBody make_shepp_logan();
 
 PhantomBody make_thorax(bool table);
+PhantomBody make_head(bool table);
 
 }  // namespace xraycast

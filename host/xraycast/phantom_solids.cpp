@@ -1,5 +1,6 @@
 #include "xraycast/phantom.hpp"
 #include "xraycast/phantom_bodies.hpp"
+#include "xraycast/phantom_tissue.hpp"
 
 #include <cmath>
 #include <numbers>
@@ -7,7 +8,6 @@
 namespace xraycast {
 namespace {
 
-constexpr double kAir_hu = -1000;
 constexpr double kWater_hu = 0;
 
 double density_hu(double density) { return 1024 * (density - 1); }

@@ -1,11 +1,11 @@
 #include "xraycast/phantom_bodies.hpp"
+#include "xraycast/phantom_tissue.hpp"
 #include "xraycast/phantom_vessels.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -16,22 +16,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kAir = -1000, kLung = -850, kFat = -100, kSkin = 30, kMuscle = 55, kFluid = 10, kBlood = 45;
-constexpr double kCortical = 750, kSpongy = 180, kCartilage = 110, kDisc = 90, kContrast = 350;
-constexpr double kCurveStep_mm = 4;  // of bones and organs; vessels have their own
-
-constexpr std::array kSides{-1.0, 1.0};  // the patient's right, left
-
-glm::dvec3 mirrored(double side, const glm::dvec3& left) { return {side * left.x, left.y, left.z}; }
-
 double radians(double degrees) { return degrees * std::numbers::pi / 180; }
-
-VesselPoint shrunk(const VesselPoint& p, double by_mm) { return {p.position_mm, p.radius_mm - by_mm}; }
-
-std::vector<VesselPoint> shrunk(std::vector<VesselPoint> points, double by_mm) {
-  for (VesselPoint& point : points) point = shrunk(point, by_mm);
-  return points;
-}
 
 // ---- outlines -------------------------------------------------------------------------------------
 
@@ -48,9 +33,9 @@ Loft trunk() {
            {160, 0, 5, 165, 114},
            {200, 0, 8, 168, 104},
            {230, 0, 10, 164, 88},
-           {252, 0, 12, 148, 76},
-           {268, 0, 13, 116, 68},
-           {284, 0, 12, 84, 63},
+           {252, 0, 13, 148, 79},
+           {268, 0, 15, 116, 72},
+           {284, 0, 14, 84, 66},
            {305, 0, 8, 65, 62},
            {340, 0, 3, 58, 61},
            {400, 0, 0, 57, 62}},
@@ -66,27 +51,28 @@ Loft cage() {
            {80, 0, 4, 147, 100},
            {130, 0, 6, 142, 97},
            {170, 0, 9, 131, 89},
-           {205, 0, 13, 112, 76},
-           {232, 0, 17, 89, 62},
-           {252, 0, 21, 69, 49},
-           {266, 0, 24, 50, 36},
-           {277, 0, 26, 30, 22},
-           {281, 0, 27, 12, 9}},
+           {205, 0, 13, 116, 77},
+           {232, 0, 17, 98, 64},
+           {252, 0, 21, 84, 53},
+           {264, 0, 24, 73, 47},
+           {273, 0, 26, 62, 40},
+           {280, 0, 27, 47, 31},
+           {284, 0, 27, 30, 21}},
           2.2};
 }
 
 /// What lies between the lungs.
 Loft mediastinum() {
-  return {{{-20, 2, 0, 34, 110},
-           {60, 4, 0, 31, 110},
-           {110, 4, -5, 28, 100},
-           {150, 2, -5, 30, 90},
-           {185, 2, 0, 29, 80},
-           {215, 0, 5, 29, 70},
-           {240, 0, 10, 31, 70},
-           {260, 0, 15, 37, 70},
-           {275, 0, 20, 48, 70},
-           {290, 0, 20, 60, 70}},
+  return {{{-20, 2, -12, 34, 82},
+           {60, 4, -14, 31, 82},
+           {110, 4, -14, 28, 80},
+           {150, 2, -8, 30, 76},
+           {185, 2, 0, 29, 70},
+           {215, 0, 6, 29, 60},
+           {240, 0, 12, 31, 52},
+           {258, 0, 16, 33, 46},
+           {272, 0, 16, 35, 42},
+           {284, 0, 14, 37, 40}},
           2};
 }
 
@@ -99,7 +85,7 @@ Loft abdomen() {
            {-180, 0, -22, 116, 66},
            {-110, 0, -22, 119, 64},
            {-40, 0, -16, 124, 72},
-           {10, 0, -10, 128, 78}},
+           {-22, 0, -14, 125, 74}},
           2.3};
 }
 
@@ -121,33 +107,22 @@ Loft spine_curve() {
            {360, 0, 10, 1, 1}}};
 }
 
-struct Vertebra {
-  double bottom_mm, top_mm;  ///< with half a disc at either end
-  double half_width_mm, half_depth_mm;
-  glm::dvec3 centre_mm;
-  glm::dvec3 up;  ///< along the spine
-  bool is_lumbar, is_cervical;
-};
-
 /// C4 to L5, from above.
 std::vector<Vertebra> vertebrae() {
   const Loft curve = spine_curve();
   std::vector<Vertebra> found;
   double top = 358;
   for (int i = 0; i < 21; ++i) {
-    const bool is_cervical = i < 4, is_lumbar = i >= 16;
+    const auto region = i < 4 ? Vertebra::kCervical : i < 16 ? Vertebra::kThoracic : Vertebra::kLumbar;
+    const double height = i < 4 ? 22 : i < 16 ? 19.6 + 7.4 * (i - 4) / 11.0 : 36;
     const double share = std::clamp((i - 4) / 16.0, 0.0, 1.0);  // T1 to L5
-    const double height = is_cervical ? 22 : i < 16 ? 19.6 + 7.4 * (i - 4) / 11.0 : 36;
-    const double z = top - height / 2;
-    const double slope = (curve.at(z + 5).y_mm - curve.at(z - 5).y_mm) / 10;
-    found.push_back({top - height,
-                     top,
-                     is_cervical ? 12.5 : glm::mix(14.5, 25.0, share),
-                     is_cervical ? 9.5 : glm::mix(11.0, 18.0, share),
+    const double z = top - height / 2, slope = (curve.at(z + 5).y_mm - curve.at(z - 5).y_mm) / 10;
+    found.push_back({region,
                      {0, curve.at(z).y_mm, z},
                      glm::normalize(glm::dvec3(0, slope, 1)),
-                     is_lumbar,
-                     is_cervical});
+                     height,
+                     i < 4 ? 12.5 : glm::mix(14.5, 25.0, share),
+                     i < 4 ? 9.5 : glm::mix(11.0, 18.0, share)});
     top -= height;
   }
   return found;
@@ -155,13 +130,13 @@ std::vector<Vertebra> vertebrae() {
 
 // ---- soft tissue ----------------------------------------------------------------------------------
 
-/// The raised arms: both the soft tissue, `thinner_mm` below the skin, and what they share with the
-/// shoulders.
+/// The shoulders and the raised arms, `thinner_mm` below the skin.
 void arms(PhantomScene& scene, double thinner_mm) {
   for (const double side : kSides) {
     const auto at = [&](double x, double y, double z, double r) {
       return VesselPoint{mirrored(side, {x, y, z}), r - thinner_mm};
     };
+    scene.tube(std::vector{at(66, 18, 254, 40), at(112, 15, 250, 43), at(150, 14, 244, 45)});
     scene.tube(smooth_curve(std::vector{at(128, 20, 205, 52), at(152, 14, 240, 50), at(172, 6, 285, 43),
                                         at(205, -6, 360, 40), at(240, -15, 430, 38)},
                             kCurveStep_mm));
@@ -172,10 +147,10 @@ void arms(PhantomScene& scene, double thinner_mm) {
 double fat_mm(double z_mm) { return glm::mix(17.0, 7.0, glm::smoothstep(-200.0, 150.0, z_mm)); }
 
 void body_wall(PhantomScene& scene) {
-  scene.paint(kSkin);
+  scene.paint(kSkin_hu);
   scene.loft(trunk());
   arms(scene, 0);
-  scene.paint(kFat);
+  scene.paint(kFat_hu);
   scene.loft(trunk().inset(1.8, 1.8));
   arms(scene, 1.8);
   Loft muscle = trunk();
@@ -183,15 +158,15 @@ void body_wall(PhantomScene& scene) {
     s.a_mm -= fat_mm(s.z_mm);
     s.b_mm -= 0.8 * fat_mm(s.z_mm);
   }
-  scene.paint(kMuscle);
+  scene.paint(kMuscle_hu);
   scene.loft(muscle);
   arms(scene, 8);
 }
 
 void lungs(PhantomScene& scene) {
-  scene.paint(kLung);
-  scene.loft(cage().inset(7, 7).between(-25, 274));
-  scene.paint(kBlood);
+  scene.paint(kLung_hu);
+  scene.loft(cage().inset(7, 7).between(-18, 283));
+  scene.paint(kBlood_hu);
   scene.loft(mediastinum());
 }
 
@@ -200,10 +175,11 @@ void diaphragm(PhantomScene& scene) {
     scene.superellipsoid({-63, 2, -38}, glm::dvec3(73, 90, 113) - thinner_mm, 2.3, 2.1);
     scene.superellipsoid({62, 2, -44}, glm::dvec3(74, 90, 105) - thinner_mm, 2.3, 2.1);
     scene.superellipsoid({0, -2, -44}, glm::dvec3(60, 84, 98) - thinner_mm, 2.3, 2.1);
+    scene.superellipsoid({0, -50, -40}, glm::dvec3(124, 46, 84) - thinner_mm, 2.6, 2.2);
   };
-  scene.paint(kMuscle);
+  scene.paint(kMuscle_hu);
   domes(0);
-  scene.paint(kFat);
+  scene.paint(kFat_hu);
   domes(4);
   scene.loft(abdomen());
 }
@@ -212,7 +188,7 @@ void liver(PhantomScene& scene) {
   scene.paint(62);  // two lobes that touch in the middle
   scene.superellipsoid({-63, 2, -38}, {67, 83, 107}, 2.3, 2.1);
   scene.ellipsoid({2, -36, 22}, {62, 38, 28}, {{0.97, 0, 0.24}, {0, 1, 0}});
-  scene.paint(kFat);  // below its edge, which rises towards the left
+  scene.paint(kFat_hu);  // below its edge, which rises towards the left
   scene.superellipsoid({-24, -22, -112}, {100, 60, 66}, 2.3, 2.3,
                        {glm::normalize(glm::dvec3(1, 0, 0.35)), {0, 1, 0}});
 }
@@ -236,7 +212,7 @@ void deep_muscles(PhantomScene& scene) {
     const double rear = wall.y_mm + wall.b_mm - 0.8 * fat_mm(z) - 1;
     back.sections.push_back({z, 0, (front + rear) / 2, half_width, (rear - front) / 2});
   }
-  scene.paint(kMuscle);
+  scene.paint(kMuscle_hu);
   scene.loft(back);
   for (const double side : kSides) {
     const auto at = [&](double x, double y, double z, double r) {
@@ -249,7 +225,7 @@ void deep_muscles(PhantomScene& scene) {
 }
 
 void abdominal_organs(PhantomScene& scene) {
-  scene.paint(kFluid);  // gall bladder
+  scene.paint(kFluid_hu);  // gall bladder
   scene.ellipsoid({-52, -52, -48}, {14, 14, 28});
   scene.paint(80);  // spleen
   scene.ellipsoid({100, 42, 4}, {24, 38, 52}, axes_along({-0.3, -0.2, 1}));
@@ -260,14 +236,14 @@ void abdominal_organs(PhantomScene& scene) {
                                                    {{22, -46, -62}, 18},
                                                    {{-18, -38, -52}, 13}},
                           kCurveStep_mm));
-  scene.paint(kAir);
+  scene.paint(kAir_hu);
   scene.ellipsoid({64, -12, 36}, {26, 23, 16}, {{0.98, 0, -0.2}, {0, 1, 0}});
   for (const double side : kSides) {  // kidneys, the right one lower
     const double drop = side < 0 ? 14 : 0;
     const ShapeAxes axes = axes_along({side * -0.22, 0.12, 1});
     scene.paint(130);
     scene.ellipsoid({side * 64, 40, -42 - drop}, {25, 21, 54}, axes);
-    scene.paint(kFluid);
+    scene.paint(kFluid_hu);
     scene.ellipsoid({side * 54, 34, -42 - drop}, {13, 10, 24}, axes);
   }
 }
@@ -309,7 +285,7 @@ void bowel(PhantomScene& scene) {
   }
   scene.paint(38);
   scene.tube(smooth_curve(loops, kCurveStep_mm));
-  scene.paint(kAir);
+  scene.paint(kAir_hu);
   const auto gas = [&](std::size_t from, std::size_t to, double share) {
     std::vector<VesselPoint> bubble(wall.begin() + static_cast<std::ptrdiff_t>(from),
                                     wall.begin() + static_cast<std::ptrdiff_t>(to));
@@ -321,7 +297,7 @@ void bowel(PhantomScene& scene) {
   gas(27, 40, 0.68);
   gas(46, 54, 0.6);
   gas(76, 82, 0.55);
-  scene.paint(kFluid);  // bladder
+  scene.paint(kFluid_hu);  // bladder
   scene.ellipsoid({0, -28, -292}, {40, 32, 28});
 }
 
@@ -338,7 +314,7 @@ void heart(PhantomScene& scene) {
   scene.ellipsoid({6, -54, 96}, {18, 18, 42}, axes_along({0.75, -0.35, -0.56}));
   scene.ellipsoid({6, 10, 128}, {31, 17, 21});
   scene.ellipsoid({-20, -18, 112}, {22, 26, 32});
-  scene.paint(kBlood);  // the great veins
+  scene.paint(kBlood_hu);  // the great veins
   scene.tube(
       smooth_curve(std::vector<VesselPoint>{{{-24, -8, 140}, 10}, {{-26, -10, 175}, 9}, {{-24, -14, 208}, 9}},
                    kCurveStep_mm));
@@ -358,7 +334,7 @@ void airways(PhantomScene& scene) {
   const std::vector<VesselPoint> left{
       {{0, 17, 174}, 7.5}, {{26, 22, 154}, 6.5}, {{44, 26, 142}, 5.5}, {{54, 36, 110}, 4}};
   for (const double wall : {0.0, 2.0}) {
-    scene.paint(wall > 0 ? kAir : kMuscle);
+    scene.paint(wall > 0 ? kAir_hu : kMuscle_hu);
     for (const auto& path : {trachea, right, left})
       scene.tube(shrunk(smooth_curve(path, kCurveStep_mm), wall));
   }
@@ -368,7 +344,7 @@ void airways(PhantomScene& scene) {
 /// lung.
 void pulmonary_vessels(PhantomScene& scene) {
   const PhantomScene lungs_only = scene;
-  const auto is_lung = [&](const glm::dvec3& p) { return lungs_only.hu_at(p, 1) < kLung + 50; };
+  const auto is_lung = [&](const glm::dvec3& p) { return lungs_only.hu_at(p, 1) < kLung_hu + 50; };
   std::mt19937 random(11);
   const auto uniform = [&](double low, double high) {
     return glm::mix(low, high, static_cast<double>(random()) / 0xffffffffu);
@@ -386,7 +362,7 @@ void pulmonary_vessels(PhantomScene& scene) {
                           glm::normalize(glm::dvec3(side, back, up)),
                           4.2,
                           34});
-  scene.paint(kBlood);
+  scene.paint(kBlood_hu);
   while (!shoots.empty()) {
     Shoot shoot = shoots.back();
     shoots.pop_back();
@@ -420,72 +396,6 @@ void pulmonary_vessels(PhantomScene& scene) {
 
 // ---- bones ----------------------------------------------------------------------------------------
 
-void spine(PhantomScene& scene) {
-  const std::vector<Vertebra> all = vertebrae();
-  constexpr double kEndplate_mm = 1.2, kWall_mm = 1.3;
-  const auto bodies = [&](double hu, double thinner_mm, double shorter_mm) {
-    scene.paint(hu);
-    for (const Vertebra& v : all) {
-      const double disc = v.is_lumbar ? 5 : v.is_cervical ? 2.5 : 2.2, half = (v.top_mm - v.bottom_mm) / 2;
-      const ShapeAxes axes{{1, 0, 0}, glm::cross(v.up, {1, 0, 0})};
-      scene.superellipsoid(
-          v.centre_mm, {v.half_width_mm - thinner_mm, v.half_depth_mm - thinner_mm, half - disc - shorter_mm},
-          2.5, 6, axes);
-    }
-  };
-  scene.paint(kDisc);
-  for (const Vertebra& v : all) {
-    const ShapeAxes axes{{1, 0, 0}, glm::cross(v.up, {1, 0, 0})};
-    scene.superellipsoid(v.centre_mm,
-                         {v.half_width_mm - 1, v.half_depth_mm - 1, (v.top_mm - v.bottom_mm) / 2 + 1}, 2.5, 8,
-                         axes);
-  }
-  bodies(kCortical, 0, 0);
-  bodies(kSpongy, kWall_mm, kEndplate_mm);
-
-  // The arch: pedicles, transverse and articular processes, laminae and the spine, cortical outside, spongy
-  // inside.
-  for (const double thinner : {0.0, 1.4}) {
-    scene.paint(thinner > 0 ? 320 : 650);
-    for (const Vertebra& v : all) {
-      const glm::dvec3 back = glm::cross(v.up, {1, 0, 0});
-      const double w = v.half_width_mm, d = v.half_depth_mm, h = v.top_mm - v.bottom_mm;
-      const auto at = [&](double x, double behind, double above) {
-        return v.centre_mm + glm::dvec3(x, 0, 0) + behind * back + above * v.up;
-      };
-      const double size = v.is_lumbar ? 1.35 : v.is_cervical ? 0.8 : 1;
-      const glm::dvec3 lamina = at(0, d + 22 * size, -0.05 * h);
-      const double droop = v.is_lumbar || v.is_cervical ? -0.25 : -0.85;
-      for (const double side : kSides) {
-        const glm::dvec3 joint = at(side * 0.82 * w, d + 12 * size, 0.1 * h);
-        const glm::dvec3 tip =
-            v.is_lumbar     ? at(side * 43, d + 10, 0.05 * h)
-            : v.is_cervical ? at(side * 25, d - 2, 0)
-                            : at(side * glm::mix(36.0, 25.0, glm::smoothstep(260.0, 10.0, v.centre_mm.z)),
-                                 d + 24, 0.12 * h);
-        scene.capsule(shrunk({at(side * 0.75 * w, d - 3, 0.18 * h), 4.2 * size}, thinner),
-                      shrunk({joint, 4.5 * size}, thinner));
-        scene.capsule(shrunk({joint, 4.4 * size}, thinner), shrunk({tip, 3.4}, thinner));
-        scene.capsule(shrunk({at(side * 0.8 * w, d + 12 * size, 0.48 * h), 4 * size}, thinner),
-                      shrunk({at(side * 0.7 * w, d + 15 * size, -0.5 * h), 4 * size}, thinner));
-        scene.plate(joint, lamina, at(0, d + 20 * size, -0.4 * h), 2.8 * size - thinner);
-      }
-      const glm::dvec3 tip = at(0, d + (v.is_lumbar ? 52 : v.is_cervical ? 32 : 44), droop * h);
-      scene.plate(lamina, tip, at(0, d + 21 * size, -0.35 * h), 2.8 * size - thinner);
-      scene.plate(tip, tip + glm::dvec3(0, -2, v.is_lumbar ? -14 : -5), at(0, d + 21 * size, -0.35 * h),
-                  2.8 * size - thinner);
-    }
-  }
-
-  std::vector<VesselPoint> canal;
-  for (const Vertebra& v : all)
-    canal.push_back(
-        {v.centre_mm + (v.half_depth_mm + (v.is_lumbar ? 10.0 : 9.0)) * glm::cross(v.up, {1, 0, 0}),
-         v.is_lumbar ? 9.5 : 8.0});
-  scene.paint(25);
-  scene.tube(smooth_curve(canal, kCurveStep_mm));
-}
-
 void ribs(PhantomScene& scene) {
   const Loft surface = cage();
   const std::vector<Vertebra> all = vertebrae();
@@ -502,7 +412,7 @@ void ribs(PhantomScene& scene) {
     const Vertebra& v = all[static_cast<std::size_t>(i + 4)];
     const double start_z = v.centre_mm.z + 5, start_angle = radians(i == 0 ? 34 : 27),
                  end_angle = radians(rib.end_deg);
-    const double radius = i == 0 ? 6.0 : i == 11 ? 4.8 : 6.6;
+    const double radius = i == 0 ? 6.0 : i == 11 ? 4.8 : 7.0;
     for (const double side : kSides) {
       std::vector<VesselPoint> controls{
           {v.centre_mm + glm::dvec3(side * (v.half_width_mm + 2), 0.75 * v.half_depth_mm, 7), 4.6}};
@@ -529,9 +439,9 @@ void ribs(PhantomScene& scene) {
                      flattening);
         }
       };
-      scene.paint(kCortical);
+      scene.paint(1100);  // thin bone, but dense
       strap(0);
-      scene.paint(260);
+      scene.paint(450);
       strap(1.4);
       if (i >= 10) continue;
       const glm::dvec3 end = bone.back().position_mm;
@@ -541,7 +451,7 @@ void ribs(PhantomScene& scene) {
                                                           1 / surface.exponent);
       const glm::dvec3 middle = surface.surface(end.z + 0.15 * (rib.cartilage_z_mm - end.z),
                                                 end_angle + radians(i < 6 ? 9 : 12), side);
-      scene.paint(kCartilage);
+      scene.paint(kCartilage_hu);
       scene.tube(smooth_curve(
           std::vector<VesselPoint>{{end, 5}, {middle, 5}, {{side * x, y, rib.cartilage_z_mm}, 5}},
           kCurveStep_mm));
@@ -556,7 +466,7 @@ void sternum(PhantomScene& scene) {
     return glm::dvec3(x, s.y_mm - s.b_mm, z);
   };
   for (const double thinner : {0.0, 1.3}) {
-    scene.paint(thinner > 0 ? kSpongy : 500);
+    scene.paint(thinner > 0 ? kSpongy_hu : 500);
     const auto strip = [&](double low_z, double low_w, double high_z, double high_w, double r) {
       scene.plate(at(-low_w, low_z), at(low_w, low_z), at(-high_w, high_z), r - thinner);
       scene.plate(at(low_w, low_z), at(high_w, high_z), at(-high_w, high_z), r - thinner);
@@ -586,7 +496,7 @@ void shoulder(PhantomScene& scene, double side) {
   const glm::dvec3 neck = at(124, 28, 232), below = at(124, 76, 122), medial = at(80, 72, 190),
                    corner = at(76, 56, 240), root = at(79, 66, 218);
   for (const double thinner : {0.0, 1.6}) {
-    const double marrow = thinner > 0 ? 150 : kCortical;
+    const double marrow = thinner > 0 ? 150 : kCortical_hu;
     scene.paint(marrow);
     scene.tube(shrunk(clavicle, 1.2 * thinner));
     scene.tube(shrunk(humerus, 1.6 * thinner));
@@ -599,7 +509,7 @@ void shoulder(PhantomScene& scene, double side) {
     scene.tube(
         shrunk(smooth_curve(
                    std::vector<VesselPoint>{
-                       {root, 3.5}, {at(104, 70, 240), 4.5}, {at(134, 50, 262), 6.5}, {at(150, 18, 274), 6}},
+                       {root, 3.5}, {at(104, 66, 238), 4.5}, {at(134, 42, 259), 6.5}, {at(150, 18, 271), 6}},
                    kCurveStep_mm),
                thinner));
     scene.tube(shrunk(
@@ -610,7 +520,7 @@ void shoulder(PhantomScene& scene, double side) {
     if (thinner > 0) continue;
     scene.plate(below, medial, neck, 1.6);
     scene.plate(medial, corner, neck, 1.6);
-    scene.plate(root, at(104, 70, 240), neck, 1.6);
+    scene.plate(root, at(104, 66, 238), neck, 1.6);
   }
 }
 
@@ -618,7 +528,7 @@ void pelvis(PhantomScene& scene) {
   // The sacrum: five fused bodies, wings to the sacro-iliac joints, and the tail bone.
   const Loft curve = spine_curve();
   for (const double thinner : {0.0, 1.5}) {
-    scene.paint(thinner > 0 ? kSpongy : 550);
+    scene.paint(thinner > 0 ? kSpongy_hu : 550);
     for (int i = 0; i < 5; ++i) {
       const double z = -202 - 22 * i, y = curve.at(z).y_mm + 6, w = 25 - 3.6 * i;
       scene.superellipsoid({0, y, z}, glm::dvec3(w, 15 - 1.8 * i, 11.5) - thinner, 2.4, 4,
@@ -635,7 +545,7 @@ void pelvis(PhantomScene& scene) {
                      kCurveStep_mm),
         thinner));
   }
-  scene.paint(kMuscle);  // its foramina
+  scene.paint(kMuscle_hu);  // its foramina
   for (int i = 0; i < 4; ++i)
     for (const double side : kSides)
       scene.ellipsoid({side * (23 - 2.2 * i), curve.at(-213 - 22 * i).y_mm + 6, -213 - 22.0 * i},
@@ -648,7 +558,7 @@ void pelvis(PhantomScene& scene) {
                      roof = at(88, 6, -258), spina_low = at(100, -42, -258), hollow = at(104, 12, -214);
     const glm::dvec3 hip = at(91, 0, -283);
     for (const double thinner : {0.0, 1.5}) {
-      scene.paint(thinner > 0 ? 200 : kCortical);
+      scene.paint(thinner > 0 ? 200 : kCortical_hu);
       scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{spina_low, 7},
                                                               {spina, 7.5},
                                                               {crest1, 7},
@@ -684,7 +594,7 @@ void pelvis(PhantomScene& scene) {
     scene.ellipsoid(hip, {28, 28, 28});
     scene.capsule({hip, 28}, {at(125, 4, -305), 27});
     for (const double thinner : {0.0, 2.0}) {
-      scene.paint(thinner > 0 ? 230 : kCortical);
+      scene.paint(thinner > 0 ? 230 : kCortical_hu);
       scene.ellipsoid(hip, glm::dvec3(25, 25, 25) - 0.8 * thinner);
       scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{hip, 17},
                                                               {at(112, 2, -296), 15},
@@ -695,7 +605,7 @@ void pelvis(PhantomScene& scene) {
                         1.4 * thinner));
       scene.tube(shrunk({{at(137, 10, -316), 16}, {at(146, 14, -298), 13}}, thinner));
     }
-    scene.paint(kDisc);  // symphysis
+    scene.paint(kDisc_hu);  // symphysis
     scene.ellipsoid({0, -58, -314}, {3, 10, 17});
   }
 }
@@ -799,7 +709,7 @@ VesselGrower arteries() {
 }  // namespace
 
 PhantomBody make_thorax(bool table) {
-  PhantomScene scene(kAir);
+  PhantomScene scene(kAir_hu);
   if (table) table_top(scene);
   body_wall(scene);
   lungs(scene);
@@ -812,12 +722,12 @@ PhantomBody make_thorax(bool table) {
   heart(scene);
   airways(scene);
   ribs(scene);
-  spine(scene);
+  paint_spine(scene, vertebrae());
   sternum(scene);
   for (const double side : kSides) shoulder(scene, side);
   pelvis(scene);
   VesselGrower vessels = arteries();
-  scene.paint(kContrast);
+  scene.paint(kContrast_hu);
   for (const VesselBranch& branch : vessels.branches()) scene.tube(branch.points);
   return {std::move(scene), vessels.branches()};
 }
