@@ -1,10 +1,10 @@
 #include "command.hpp"
 
+#include "xraycast/error.hpp"
+
 #include <charconv>
 #include <cmath>
 #include <iostream>
-
-#include "xraycast/error.hpp"
 
 namespace xraycast::cli {
 namespace {
@@ -50,8 +50,12 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 }
 
 void add_scan_options(CLI::App& command, ScanOptions& options) {
-  command.add_option("--series", options.series, "Which DICOM series of the folder: part of its description, number or UID")->type_name("TEXT");
-  command.add_flag("--keep-slices", options.keep_slices, "Refuse unevenly spaced slices instead of resampling them");
+  command
+      .add_option("--series", options.series,
+                  "Which DICOM series of the folder: part of its description, number or UID")
+      ->type_name("TEXT");
+  command.add_flag("--keep-slices", options.keep_slices,
+                   "Refuse unevenly spaced slices instead of resampling them");
 }
 
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option) {
@@ -62,7 +66,8 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
       throw InputError("{} {}: has to be {} numbers of 1 to 65536, joined by x", option, text, count);
     sizes.push_back(size);
   }
-  if (sizes.size() != count) throw InputError("{} {}: has to be {} numbers, joined by x", option, text, count);
+  if (sizes.size() != count)
+    throw InputError("{} {}: has to be {} numbers, joined by x", option, text, count);
   return sizes;
 }
 
@@ -70,7 +75,8 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   std::vector<double> numbers;
   for (const std::string& part : split(text, ',')) {
     double number = 0;
-    if (!parse(part, number) || !std::isfinite(number)) throw InputError("{} {}: '{}' is not a number", option, text, part);
+    if (!parse(part, number) || !std::isfinite(number))
+      throw InputError("{} {}: '{}' is not a number", option, text, part);
     numbers.push_back(number);
   }
   return numbers;
@@ -78,7 +84,9 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 
 Json to_json(const VolumeGeometry& geometry) {
   const auto list = [](const auto& v) { return Json{v.x, v.y, v.z}; };
-  return {{"size", list(geometry.size)}, {"spacing_mm", list(geometry.spacing_mm)}, {"origin_mm", list(geometry.origin_mm)}};
+  return {{"size", list(geometry.size)},
+          {"spacing_mm", list(geometry.spacing_mm)},
+          {"origin_mm", list(geometry.origin_mm)}};
 }
 
 }  // namespace xraycast::cli

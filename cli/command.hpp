@@ -1,21 +1,21 @@
 #pragma once
 
-#include <functional>
-#include <string>
-#include <vector>
+#include "xraycast/progress.hpp"
+#include "xraycast/scan.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
-#include "xraycast/progress.hpp"
-#include "xraycast/scan.hpp"
+#include <functional>
+#include <string>
+#include <vector>
 
 namespace xraycast::cli {
 
 using Json = nlohmann::ordered_json;
 
-/// What all subcommands share: the global options, the progress of the job, and the job itself, which the chosen
-/// subcommand leaves here while the arguments are parsed.
+/// What all subcommands share: the global options, the progress of the job, and the job itself, which the
+/// chosen subcommand leaves here while the arguments are parsed.
 struct Session {
   std::string device;
   bool json = false;

@@ -12,12 +12,14 @@ struct Picture {
   std::string caption;
 };
 
-/// Lays pictures out in rows of `columns`, each scaled to fit its cell, into one PNG. Throws Error when a picture
-/// cannot be read or the sheet not be written.
-void write_contact_sheet(const std::vector<Picture>& pictures, int columns, const std::filesystem::path& path);
+/// Lays pictures out in rows of `columns`, each scaled to fit its cell, into one PNG. Throws Error when a
+/// picture cannot be read or the sheet not be written.
+void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
+                         const std::filesystem::path& path);
 
 /// An HTML page beside the pictures: title, the pictures with their captions, and a table of facts.
 void write_index_page(const std::string& title, const std::vector<Picture>& pictures,
-                      const std::vector<std::pair<std::string, std::string>>& facts, const std::filesystem::path& path);
+                      const std::vector<std::pair<std::string, std::string>>& facts,
+                      const std::filesystem::path& path);
 
 }  // namespace xraycast::cli

@@ -1,17 +1,18 @@
-#include <chrono>
-#include <filesystem>
-#include <memory>
-#include <numbers>
-
-#include <fmt/format.h>
-
 #include "command.hpp"
 #include "contact_sheet.hpp"
 #include "xraycast/body_outline.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/image.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projection_file.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+#include <numbers>
 
 namespace xraycast::cli {
 namespace {
@@ -40,10 +41,12 @@ class Report {
     session_.say({fmt::format("{:<44}{}", name, value)});
   }
 
-  void picture(const std::string& name, const std::string& caption) { pictures_.push_back({file(name), caption}); }
+  void picture(const std::string& name, const std::string& caption) {
+    pictures_.push_back({file(name), caption});
+  }
 
   void finish() const {
-    write_contact_sheet(pictures_, 3, file("contact-sheet.png"));
+    write_contact_sheet(pictures_, 4, file("contact-sheet.png"));
     write_index_page("xraycast: from a CT scan to body maps", pictures_, facts_, file("index.html"));
   }
 
@@ -54,26 +57,37 @@ class Report {
   std::vector<std::pair<std::string, std::string>> facts_;
 };
 
-void make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report, Progress& progress) {
-  const MapGeometry geometry =
-      cylinder_map(scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm), body.centre_mm);
-  CastResult result = report.timed(fmt::format("cast of {} layer{}, 360 angles", layers, layers > 1 ? "s" : ""),
-                                   [&] { return cast(scan, geometry, Opacity::paper(), progress); });
+void make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
+              Progress& progress) {
+  const MapGeometry geometry = cylinder_map(
+      scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm), body.centre_mm);
+  CastResult result =
+      report.timed(fmt::format("cast of {} layer{}, 360 angles", layers, layers > 1 ? "s" : ""),
+                   [&] { return cast(scan, geometry, Opacity::paper(), progress); });
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
   write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
-  report.picture(name + ".png", layers == 1 ? "Body map, one layer" : fmt::format("Body map, {} layers, innermost on top", layers));
+  if (layers == 1) return report.picture(name + ".png", "Body map, one layer");
+  for (const int k : {0, 1, 2}) {
+    const std::string layer_name = fmt::format("map-{}-layer-{}.png", layers, k);
+    write_png(windowed_transmission(result.map.layer(k)), geometry.width, geometry.height, 1,
+              report.file(layer_name));
+    report.picture(layer_name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1, layers,
+                                           geometry.radii_mm[static_cast<std::size_t>(k)],
+                                           geometry.radii_mm[static_cast<std::size_t>(k) + 1]));
+  }
 }
 
-void make_projection(const ResidentScan& scan, const BodyOutline& body, double angle_deg, Report& report, Progress& progress) {
+void make_projection(const ResidentScan& scan, const BodyOutline& body, double angle_deg, Report& report,
+                     Progress& progress) {
   const VolumeGeometry& volume = scan.geometry();
   View view;
   view.angle_rad = angle_deg * std::numbers::pi / 180;
   view.cone = Cone{1000, 1500};
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
-  view.width = 640;
-  view.height = 800;
+  view.width = 480;
+  view.height = 600;
   const ProjectionImage image = report.timed("true projection, " + label(view), [&] {
     return project(scan, fitted(view, volume, body), Opacity::paper(), progress);
   });
@@ -92,24 +106,32 @@ void run_demo(const std::string& folder, Session& session) {
   Device device(session.device);
   report.note("OpenCL device", device.info().name);
   const Phantom phantom = make_phantom("thorax");
-  const Volume volume = report.timed("thorax phantom, 512 x 512 x 720", [&] { return generate(phantom, device, progress); });
-  report.timed("thorax phantom written", [&] { write_volume(volume, report.file("thorax.nrrd"), progress); return 0; });
+  const Volume volume =
+      report.timed("thorax phantom, 512 x 512 x 720", [&] { return generate(phantom, device, progress); });
+  report.timed("thorax phantom written", [&] {
+    write_volume(volume, report.file("thorax.nrrd"), progress);
+    return 0;
+  });
   const BodyOutline body = find_outline(volume);
   const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
   make_map(scan, body, 8, report, progress);
-  for (const double angle_deg : {0.0, 45.0, 90.0, -45.0}) make_projection(scan, body, angle_deg, report, progress);
+  for (const double angle_deg : {0.0, 45.0, 90.0}) make_projection(scan, body, angle_deg, report, progress);
   report.finish();
-  session.print({{"folder", folder}}, fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
+  session.print({{"folder", folder}},
+                fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
 }
 
 }  // namespace
 
 void add_demo(CLI::App& app, Session& session) {
   const auto folder = std::make_shared<std::string>("demo");
-  CLI::App* command = add_command(app, session, "demo", "The whole pipeline on the built-in phantom", "  xraycast demo -o demo",
-                                  [folder, &session] { run_demo(*folder, session); });
-  command->add_option("-o,--output", *folder, "Where everything goes")->capture_default_str()->type_name("DIR");
+  CLI::App* command =
+      add_command(app, session, "demo", "The whole pipeline on the built-in phantom",
+                  "  xraycast demo -o demo", [folder, &session] { run_demo(*folder, session); });
+  command->add_option("-o,--output", *folder, "Where everything goes")
+      ->capture_default_str()
+      ->type_name("DIR");
 }
 
 }  // namespace xraycast::cli

@@ -1,8 +1,8 @@
-#include <fmt/format.h>
-
 #include "command.hpp"
 #include "xraycast/device.hpp"
 #include "xraycast/error.hpp"
+
+#include <fmt/format.h>
 
 namespace xraycast::cli {
 namespace {
@@ -22,10 +22,16 @@ void list_devices(const Session& session) {
                        {"memory_B", info.memory_B},
                        {"max_allocation_B", info.max_allocation_B},
                        {"self_test", {{"buffers", buffers}, {"images", images}}}});
-    text += fmt::format("{}: {}\n   {}, {}, {} compute units, {:.1f} GiB, buffers up to {:.1f} GiB\n   self-test: buffers {}, images {}\n",
-                        info.index, info.name, info.platform, info.version, info.compute_units,
-                        static_cast<double>(info.memory_B) / (1 << 30), static_cast<double>(info.max_allocation_B) / (1 << 30),
-                        buffers ? "ok" : "WRONG: do not use this device", images ? "ok" : info.has_images ? "WRONG: not used" : "none, not needed");
+    text += fmt::format(
+        "{}: {}\n   {}, {}, {} compute units, {:.1f} GiB, buffers up to {:.1f} GiB\n   self-test: buffers "
+        "{}, images {}\n",
+        info.index, info.name, info.platform, info.version, info.compute_units,
+        static_cast<double>(info.memory_B) / (1 << 30),
+        static_cast<double>(info.max_allocation_B) / (1 << 30),
+        buffers ? "ok" : "WRONG: do not use this device",
+        images            ? "ok"
+        : info.has_images ? "WRONG: not used"
+                          : "none, not needed");
   }
   if (devices.empty()) Device none;  // says what to install
   session.print(devices, text);
@@ -34,8 +40,8 @@ void list_devices(const Session& session) {
 }  // namespace
 
 void add_devices(CLI::App& app, Session& session) {
-  add_command(app, session, "devices", "OpenCL devices and their self-test", "  xraycast devices\n  xraycast devices --json",
-              [&session] { list_devices(session); });
+  add_command(app, session, "devices", "OpenCL devices and their self-test",
+              "  xraycast devices\n  xraycast devices --json", [&session] { list_devices(session); });
 }
 
 }  // namespace xraycast::cli

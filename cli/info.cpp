@@ -1,9 +1,9 @@
-#include <memory>
+#include "command.hpp"
+#include "xraycast/scan.hpp"
 
 #include <fmt/format.h>
 
-#include "command.hpp"
-#include "xraycast/scan.hpp"
+#include <memory>
 
 namespace xraycast::cli {
 namespace {
@@ -15,24 +15,30 @@ struct Options {
 
 std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const SliceSource::HuRange& hu) {
   std::string text;
-  const auto row = [&](const char* name, const std::string& value) { text += fmt::format("{:<12}{}\n", name, value); };
+  const auto row = [&](const char* name, const std::string& value) {
+    text += fmt::format("{:<12}{}\n", name, value);
+  };
   row("format", info.format + (info.modality.empty() ? "" : ", " + info.modality));
   if (!info.series.empty()) row("series", info.series);
   for (const std::string& other : info.other_series) row("other", other);
-  row("stored", fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}", info.size.x, info.size.y, info.size.z,
-                            info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z, info.orientation));
+  row("stored",
+      fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}", info.size.x, info.size.y,
+                  info.size.z, info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z, info.orientation));
   if (info.tilt_deg != 0) row("tilt", fmt::format("{:.2f} deg", info.tilt_deg));
   for (const auto& [after, mm] : info.gaps) row("gap", fmt::format("{:.2f} mm after slice {}", mm, after));
   row("HU", fmt::format("{:g} to {:g}", hu.lowest, hu.highest));
-  row("delivered", fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, from ({:.1f}, {:.1f}, {:.1f}) mm, axes towards LPS",
-                               geometry.size.x, geometry.size.y, geometry.size.z, geometry.spacing_mm.x, geometry.spacing_mm.y,
-                               geometry.spacing_mm.z, geometry.origin_mm.x, geometry.origin_mm.y, geometry.origin_mm.z));
+  row("delivered",
+      fmt::format(
+          "{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, from ({:.1f}, {:.1f}, {:.1f}) mm, axes towards LPS",
+          geometry.size.x, geometry.size.y, geometry.size.z, geometry.spacing_mm.x, geometry.spacing_mm.y,
+          geometry.spacing_mm.z, geometry.origin_mm.x, geometry.origin_mm.y, geometry.origin_mm.z));
   for (const std::string& note : info.notes) row("note", note);
   for (const std::string& warning : info.warnings) row("warning", warning);
   return text;
 }
 
-Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometry& geometry, const SliceSource::HuRange& hu) {
+Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometry& geometry,
+             const SliceSource::HuRange& hu) {
   Json gaps = Json::array();
   for (const auto& [after, mm] : info.gaps) gaps.push_back({{"after_slice", after}, {"mm", mm}});
   return {{"input", input},
@@ -66,16 +72,20 @@ SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
 
 void add_info(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = add_command(app, session, "info", "What was understood of a scan",
-                                  "  xraycast info scans/chest/\n"
-                                  "  xraycast info head.nii.gz --json",
-                                  [options, &session] {
-                                    const Scan scan = open_scan(options->input, options->scan, session.progress);
-                                    const auto hu = read_range(*scan.source, session.progress);
-                                    const VolumeGeometry& geometry = scan.source->geometry();
-                                    session.print(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
-                                  });
-  command->add_option("INPUT", options->input, "DICOM or GE Genesis folder, or a NIfTI, NRRD, MetaImage or single-slice file")->required();
+  CLI::App* command = add_command(
+      app, session, "info", "What was understood of a scan",
+      "  xraycast info scans/chest/\n"
+      "  xraycast info head.nii.gz --json",
+      [options, &session] {
+        const Scan scan = open_scan(options->input, options->scan, session.progress);
+        const auto hu = read_range(*scan.source, session.progress);
+        const VolumeGeometry& geometry = scan.source->geometry();
+        session.print(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
+      });
+  command
+      ->add_option("INPUT", options->input,
+                   "DICOM or GE Genesis folder, or a NIfTI, NRRD, MetaImage or single-slice file")
+      ->required();
   add_scan_options(*command, options->scan);
 }
 

@@ -1,12 +1,12 @@
-#include <csignal>
-#include <exception>
-#include <iostream>
-#include <new>
-
 #include "command.hpp"
 #include "progress_bar.hpp"
 #include "xraycast/device.hpp"
 #include "xraycast/error.hpp"
+
+#include <csignal>
+#include <exception>
+#include <iostream>
+#include <new>
 
 namespace {
 
@@ -55,7 +55,8 @@ int run(const std::function<void()>& job) {
 }  // namespace
 
 int main(int argc, char** argv) {
-  CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.", "xraycast"};
+  CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.",
+               "xraycast"};
   app.set_version_flag("--version", XRAYCAST_VERSION);
   app.require_subcommand(1);
   app.fallthrough();  // global options are taken behind the subcommand too
@@ -66,7 +67,9 @@ int main(int argc, char** argv) {
   cli::Session session([&bar](const Progress::State& state) {
     if (bar) bar->show(state);
   });
-  app.add_option("--device", session.device, "OpenCL device, by number or part of its name (see `xraycast devices`)")->type_name("NAME");
+  app.add_option("--device", session.device,
+                 "OpenCL device, by number or part of its name (see `xraycast devices`)")
+      ->type_name("NAME");
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
   app.add_flag("--quiet,-q", quiet, "No notes and no progress");
   cli::add_info(app, session);
@@ -88,7 +91,5 @@ int main(int argc, char** argv) {
   interruptible = &session.progress;
   std::signal(SIGINT, interrupt);
   std::signal(SIGTERM, interrupt);
-  return run([&] {
-    session.job();
-  });
+  return run([&] { session.job(); });
 }

@@ -1,14 +1,15 @@
-#include <filesystem>
-#include <memory>
-
-#include <fmt/format.h>
-#include <fmt/ranges.h>
+#include "xraycast/phantom.hpp"
 
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
 #include "xraycast/vessel_tree.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <filesystem>
+#include <memory>
 
 namespace xraycast::cli {
 namespace {
@@ -50,8 +51,9 @@ void make(Options options, Session& session) {
   if (!options.truth.empty()) write_truth(phantom, options.truth);
   const VolumeGeometry& g = phantom.geometry();
   session.print({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
-                fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n", options.output, options.name, g.size.x,
-                            g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z));
+                fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",
+                            options.output, options.name, g.size.x, g.size.y, g.size.z, g.spacing_mm.x,
+                            g.spacing_mm.y, g.spacing_mm.z));
 }
 
 }  // namespace
@@ -63,14 +65,22 @@ void add_phantom(CLI::App& app, Session& session) {
                                   "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
                                   "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
                                   [options, &session] { make(*options, session); });
-  command->add_option("NAME", options->name, fmt::format("{}", fmt::join(phantom_names(), ", ")))->required()->check(CLI::IsMember(phantom_names()));
-  command->add_option("-o,--output", options->output, ".nrrd, .nii, .nii.gz, .mha or .mhd")->required()->type_name("VOLUME");
-  command->add_option("--size", options->size, "Voxels; alone, the extent in mm stays")->type_name("NXxNYxNZ");
-  command->add_option("--spacing", options->phantom.spacing_mm, "Voxel size; alone, the extent in mm stays")->type_name("MM");
-  command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the noise")->type_name("HU");
+  command->add_option("NAME", options->name, fmt::format("{}", fmt::join(phantom_names(), ", ")))
+      ->required()
+      ->check(CLI::IsMember(phantom_names()));
+  command->add_option("-o,--output", options->output, ".nrrd, .nii, .nii.gz, .mha or .mhd")
+      ->required()
+      ->type_name("VOLUME");
+  command->add_option("--size", options->size, "Voxels; alone, the extent in mm stays")
+      ->type_name("NXxNYxNZ");
+  command->add_option("--spacing", options->phantom.spacing_mm, "Voxel size; alone, the extent in mm stays")
+      ->type_name("MM");
+  command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the noise")
+      ->type_name("HU");
   command->add_option("--seed", options->phantom.seed, "Of the noise")->capture_default_str()->type_name("N");
   command->add_flag("--table", options->phantom.table, "With the scanner's table");
-  command->add_option("--truth", options->truth, "Also the vessels: mask.nrrd, tree.vtp and surface.vtp")->type_name("DIR");
+  command->add_option("--truth", options->truth, "Also the vessels: mask.nrrd, tree.vtp and surface.vtp")
+      ->type_name("DIR");
 }
 
 }  // namespace xraycast::cli

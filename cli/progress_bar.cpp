@@ -1,11 +1,10 @@
 #include "progress_bar.hpp"
 
-#include <unistd.h>
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cstdio>
-
-#include <fmt/format.h>
+#include <unistd.h>
 
 namespace xraycast::cli {
 namespace {
@@ -33,11 +32,12 @@ void ProgressBar::show(const Progress::State& state) {
   const bool too_soon = now - last_drawn_ < std::chrono::milliseconds(50);
   if (elapsed_s < 0.5 || too_soon || state.done <= 0) return;
   last_drawn_ = now;
-  const double fraction = std::clamp(state.fraction(), 0.0, 1.0), rate = static_cast<double>(state.done) / elapsed_s;
+  const double fraction = std::clamp(state.fraction(), 0.0, 1.0),
+               rate = static_cast<double>(state.done) / elapsed_s;
   const auto filled = static_cast<std::size_t>(fraction * kWidth);
   const std::string bar = std::string(filled, '#') + std::string(kWidth - filled, '.');
-  fmt::print(stderr, "\r\033[K{:<12} [{}] {:3.0f} %  {:.0f} {}/s  {} left", state.stage, bar, 100 * fraction, rate, state.unit,
-             clock(static_cast<double>(state.total - state.done) / rate));
+  fmt::print(stderr, "\r\033[K{:<12} [{}] {:3.0f} %  {:.0f} {}/s  {} left", state.stage, bar, 100 * fraction,
+             rate, state.unit, clock(static_cast<double>(state.total - state.done) / rate));
   std::fflush(stderr);
   drawn_ = true;
 }

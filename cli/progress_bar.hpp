@@ -1,14 +1,14 @@
 #pragma once
 
+#include "xraycast/progress.hpp"
+
 #include <chrono>
 #include <string>
 
-#include "xraycast/progress.hpp"
-
 namespace xraycast::cli {
 
-/// Draws the progress of a job on one line of stderr, with rate and remaining time. Nothing where stderr is not a
-/// terminal, and nothing for stages that are over within half a second.
+/// Draws the progress of a job on one line of stderr, with rate and remaining time. Nothing where stderr is
+/// not a terminal, and nothing for stages that are over within half a second.
 class ProgressBar {
  public:
   explicit ProgressBar(bool enabled);

@@ -1,13 +1,13 @@
-#include <chrono>
-#include <memory>
-#include <numbers>
-
-#include <fmt/format.h>
-
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/projection_file.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <memory>
+#include <numbers>
 
 namespace xraycast::cli {
 namespace {
@@ -27,7 +27,8 @@ View parse_view(const Options& options) {
   view.pixel_mm = options.pixel_mm;
   if (!options.cone.empty()) {
     const std::vector<double> cone = parse_numbers(options.cone, "--cone");
-    if (cone.size() != 2) throw InputError("--cone {}: has to be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", options.cone);
+    if (cone.size() != 2)
+      throw InputError("--cone {}: has to be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", options.cone);
     view.cone = Cone{cone[0], cone[1]};
   }
   if (!options.size.empty()) {
@@ -58,7 +59,8 @@ void project_scan(const Options& options, Session& session) {
   const ProjectionImage image = project(resident, fitted(view, volume, body), opacity, session.progress);
   write_projection(image, options.output);
 
-  const double total_ms = std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  const double total_ms =
+      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
   const View& drawn = image.view;
   session.print({{"input", options.input},
                  {"image",
@@ -69,29 +71,50 @@ void project_scan(const Options& options, Session& session) {
                    {"angle_deg", options.angle_deg},
                    {"tilt_deg", options.tilt_deg}}},
                  {"timings_ms",
-                  {{"read", load_timings.read_ms}, {"upload", load_timings.upload_ms}, {"kernel", image.kernel_ms}, {"total", total_ms}}}},
-                fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, total {:.0f} ms\n",
-                            options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm, load_timings.read_ms,
-                            load_timings.upload_ms, image.kernel_ms, total_ms));
+                  {{"read", load_timings.read_ms},
+                   {"upload", load_timings.upload_ms},
+                   {"kernel", image.kernel_ms},
+                   {"total", total_ms}}}},
+                fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+                            "{:.0f} ms, total {:.0f} ms\n",
+                            options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
+                            load_timings.read_ms, load_timings.upload_ms, image.kernel_ms, total_ms));
 }
 
 }  // namespace
 
 void add_project(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = add_command(app, session, "project", "The true projection of a scan (DRR)",
-                                  "  xraycast project scans/chest/ -o ap.png --angle 0\n"
-                                  "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480",
-                                  [options, &session] { project_scan(*options, session); });
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")->required();
-  command->add_option("-o,--output", options->output, ".exr, .tif, .nrrd hold float tau; .png what is shown")->required()->type_name("IMAGE");
-  command->add_option("--angle", options->angle_deg, "Where the detector stands: LAO is positive, 0 is frontal")->capture_default_str()->type_name("DEG");
-  command->add_option("--tilt", options->tilt_deg, "Cranial is positive")->capture_default_str()->type_name("DEG");
-  command->add_option("--cone", options->cone, "Distances from the source to axis and detector; without it the beam is parallel")->type_name("MM,MM");
+  CLI::App* command = add_command(
+      app, session, "project", "The true projection of a scan (DRR)",
+      "  xraycast project scans/chest/ -o ap.png --angle 0\n"
+      "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480",
+      [options, &session] { project_scan(*options, session); });
+  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
+      ->required();
+  command->add_option("-o,--output", options->output, ".exr, .tif, .nrrd hold float tau; .png what is shown")
+      ->required()
+      ->type_name("IMAGE");
+  command
+      ->add_option("--angle", options->angle_deg, "Where the detector stands: LAO is positive, 0 is frontal")
+      ->capture_default_str()
+      ->type_name("DEG");
+  command->add_option("--tilt", options->tilt_deg, "Cranial is positive")
+      ->capture_default_str()
+      ->type_name("DEG");
+  command
+      ->add_option("--cone", options->cone,
+                   "Distances from the source to axis and detector; without it the beam is parallel")
+      ->type_name("MM,MM");
   command->add_option("--size", options->size, "Pixels; default: everything fits")->type_name("WxH");
-  command->add_option("--pixel", options->pixel_mm, "Pixel size on the detector; default: as fine as the scan, or so that everything fits")
-      ->check(CLI::PositiveNumber)->type_name("MM");
-  command->add_option("--opacity", options->opacity, "paper, bilinear, or a JSON file of HU and mu")->capture_default_str()->type_name("NAME|FILE");
+  command
+      ->add_option("--pixel", options->pixel_mm,
+                   "Pixel size on the detector; default: as fine as the scan, or so that everything fits")
+      ->check(CLI::PositiveNumber)
+      ->type_name("MM");
+  command->add_option("--opacity", options->opacity, "paper, bilinear, or a JSON file of HU and mu")
+      ->capture_default_str()
+      ->type_name("NAME|FILE");
   add_scan_options(*command, options->scan);
 }
 

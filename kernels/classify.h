@@ -1,10 +1,14 @@
-/* From Hounsfield units to attenuation. The program is built with -DRAMPS=1..4, or with -DRAMPS=0 for a table. */
+/* From Hounsfield units to attenuation. The program is built with -DRAMPS=1..4, or with -DRAMPS=0 for a
+ * table. */
 #ifndef XRAYCAST_CLASSIFY_H
 #define XRAYCAST_CLASSIFY_H
 
+#include "params.h"
+
 #if RAMPS > 0
 
-static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity, global const float2* table) {
+static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity,
+                              global const float2* table) {
   (void)table;
   float16 mu = opacity->mu0;
   for (int i = 0; i < RAMPS; ++i) mu = fma((float16)opacity->slope[i], fmax(hu - opacity->from[i], 0.0f), mu);
@@ -27,7 +31,8 @@ static inline float mu_of(const float hu, constant const XrcOpacity* opacity, gl
   return fma(at - (float)i, entry.y, entry.x);
 }
 
-static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity, global const float2* table) {
+static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity,
+                              global const float2* table) {
   float in[16], out[16];
   vstore16(hu, 0, in);
   for (int i = 0; i < 16; ++i) out[i] = mu_of(in[i], opacity, table);

@@ -15,13 +15,13 @@
 /* CT numbers at and below which there is nothing: what rays meet outside the scan. */
 #define XRC_AIR_HU (-1024)
 
-/* A scan on the device: bricks of 16 slices, interleaved voxel by voxel, so that one load takes the same pixel of
- * 16 slices. HU of voxel (x, y, z) is at ((z / 16 * pitch_y + y) * pitch_x + x) * 16 + z % 16. Slices have one more
- * column and row than the scan, and the last brick more slices, all of them air, so that the neighbour behind every
- * voxel can be read.
+/* A scan on the device: bricks of 16 slices, interleaved voxel by voxel, so that one load takes the same
+ * pixel of 16 slices. HU of voxel (x, y, z) is at ((z / 16 * pitch_y + y) * pitch_x + x) * 16 + z % 16.
+ * Slices have one more column and row than the scan, and the last brick more slices, all of them air, so that
+ * the neighbour behind every voxel can be read.
  *
- * Within a slice the scan ends at the centres of its border voxels: there is nothing to interpolate beyond (the
- * convention of RTK). Along z every slice stands for its thickness. */
+ * Within a slice the scan ends at the centres of its border voxels: there is nothing to interpolate beyond
+ * (the convention of RTK). Along z every slice stands for its thickness. */
 #define XRC_BRICK_SLICES 16
 typedef struct {
   XRC_INT size_x, size_y, size_z; /* voxels */
@@ -29,8 +29,8 @@ typedef struct {
   XRC_INT bricks;
 } XrcScan;
 
-/* One shell of a ray whose samples are step_mm long: the rest of the sample that the inner edge cuts, the whole
- * samples [first, last), and the part of sample `last` inside the outer edge. */
+/* One shell of a ray whose samples are step_mm long: the rest of the sample that the inner edge cuts, the
+ * whole samples [first, last), and the part of sample `last` inside the outer edge. */
 typedef struct {
   XRC_INT first, last;
   XRC_FLOAT head_mm, tail_mm;
@@ -53,8 +53,8 @@ typedef struct {
   XRC_INT entries;
 } XrcOpacity;
 
-/* A flat detector in voxel coordinates. Pixel (i, j) is hit at corner + i right + j down. Under a cone all rays
- * start at `source`; without one they run along `beam`, from one side of the scan to the other. */
+/* A flat detector in voxel coordinates. Pixel (i, j) is hit at corner + i right + j down. Under a cone all
+ * rays start at `source`; without one they run along `beam`, from one side of the scan to the other. */
 typedef struct {
   XRC_INT width, height, is_cone;
   XRC_FLOAT corner[3], right[3], down[3], source[3], beam[3];
@@ -76,7 +76,7 @@ typedef struct {
 #define XRC_PLATE 3
 #define XRC_LOFT 4
 
-typedef struct xrc_primitive {
+typedef struct XrcPrimitive {
   XRC_INT kind;
   XRC_INT layer; /* neighbours of the same layer are one body, painted at once */
   XRC_INT is_additive;
@@ -85,18 +85,18 @@ typedef struct xrc_primitive {
   XRC_FLOAT exponents[2];
   XRC_INT first, count;
   XRC_FLOAT lower_mm[3], upper_mm[3]; /* encloses the shape, without its faded edge */
-} xrc_primitive;
+} XrcPrimitive;
 
 /* A loft's section: centre and half axes. */
-typedef struct xrc_station {
+typedef struct XrcStation {
   XRC_FLOAT x, y, a, b;
-} xrc_station;
+} XrcStation;
 
 /* Edge in voxels of the bricks within which the list of shapes is the same. */
 #define XRC_PHANTOM_BRICK 16
 
 /* A run of slices of a phantom. */
-typedef struct xrc_phantom_slab {
+typedef struct XrcPhantomSlab {
   XRC_INT size[3];
   XRC_INT bricks_x;
   XRC_INT first_slice;
@@ -104,6 +104,6 @@ typedef struct xrc_phantom_slab {
   XRC_FLOAT edge_mm;                     /* over which a surface fades */
   XRC_FLOAT noise_hu;                    /* standard deviation */
   XRC_INT seed;
-} xrc_phantom_slab;
+} XrcPhantomSlab;
 
 #endif

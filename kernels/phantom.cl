@@ -36,14 +36,14 @@ static row norm_n(const row u, const row v, const float n) {
 static row norm_slope(const row share, const float n) { return n == 2.0f ? share : power(share, n - 1.0f); }
 
 /* p in the axes of a solid or a box, folded into the first octant. */
-static row3 octant(global const xrc_primitive* s, const row3 p) {
+static row3 octant(global const XrcPrimitive* s, const row3 p) {
   const float3 b = load3(s->b), c = load3(s->c);
   const row3 q = minus(p, load3(s->a));
   return (row3){fabs(along(q, b)), fabs(along(q, c)), fabs(along(q, cross(b, c)))};
 }
 
 /* f = ||(||(x/a, y/b)||, z/c)|| is 1 on the surface; (f - 1) / |grad f| is the distance to first order. */
-static row solid_distance(global const xrc_primitive* s, const row3 p) {
+static row solid_distance(global const XrcPrimitive* s, const row3 p) {
   const row3 o = octant(s, p), q = {o.x / s->size[0], o.y / s->size[1], o.z / s->size[2]};
   const float n = s->exponents[0], m = s->exponents[1];
   const row g = max(norm_n(q.x, q.y, n), TINY), f = max(norm_n(g, q.z, m), TINY),
@@ -53,7 +53,7 @@ static row solid_distance(global const xrc_primitive* s, const row3 p) {
   return (f - 1.0f) / max(sqrt(squared(slope)), TINY);
 }
 
-static row box_distance(global const xrc_primitive* s, const row3 p) {
+static row box_distance(global const XrcPrimitive* s, const row3 p) {
   const row3 q = minus(octant(s, p), load3(s->size));
   const row3 outside = {max(q.x, 0.0f), max(q.y, 0.0f), max(q.z, 0.0f)};
   return sqrt(squared(outside)) + min(max(q.x, max(q.y, q.z)), 0.0f);
@@ -68,7 +68,7 @@ static row3 stretch_row(const row3 p, const float3 axis, const float factor) {
 }
 
 /* A flattened capsule is a round one in a space stretched along the flat axis. */
-static row capsule_distance(global const xrc_primitive* s, const row3 p) {
+static row capsule_distance(global const XrcPrimitive* s, const row3 p) {
   const float3 axis = load3(s->c), a = load3(s->a);
   const float3 ab = stretch(load3(s->b) - a, axis, s->size[2]);
   const row3 ap = stretch_row(minus(p, a), axis, s->size[2]);
@@ -84,7 +84,7 @@ static row squared_to_edge(const float3 edge, const row3 v) {
   return squared(minus_scaled(v, clamp(along(v, edge) / max(dot(edge, edge), TINY), 0.0f, 1.0f), edge));
 }
 
-static row plate_distance(global const xrc_primitive* s, const row3 p) {
+static row plate_distance(global const XrcPrimitive* s, const row3 p) {
   const float3 a = load3(s->a), b = load3(s->b), c = load3(s->c), normal = cross(b - a, a - c);
   const row3 ap = minus(p, a), bp = minus(p, b), cp = minus(p, c);
   const row side = min(along(ap, cross(b - a, normal)),
@@ -97,12 +97,12 @@ static row plate_distance(global const xrc_primitive* s, const row3 p) {
 
 /* As for a solid, in the section at the height of p; the slope along z is that of the section's centre and
  * axes. Flat at both ends. */
-static row loft_distance(global const xrc_primitive* s, global const xrc_station* stations, const row3 p) {
+static row loft_distance(global const XrcPrimitive* s, global const XrcStation* stations, const row3 p) {
   const float last = (float)(s->count - 1), n = s->exponents[0], up = (p.z.s0 - s->a[0]) / s->a[1];
   const float beyond_end_mm = max(-up, up - last) * s->a[1], height = clamp(up, 0.0f, last);
   const int i = min((int)height, s->count - 2);
   const float t = height - (float)i;
-  const xrc_station low = stations[s->first + i], high = stations[s->first + i + 1];
+  const XrcStation low = stations[s->first + i], high = stations[s->first + i + 1];
   const float a = mix(low.a, high.a, t), b = mix(low.b, high.b, t);
   const row x = p.x - mix(low.x, high.x, t), y = p.y - mix(low.y, high.y, t), u = fabs(x) / a,
             v = fabs(y) / b;
@@ -114,7 +114,7 @@ static row loft_distance(global const xrc_primitive* s, global const xrc_station
   return max((f - 1.0f) / max(sqrt(squared((row3){slope_x, slope_y, slope_z})), TINY), beyond_end_mm);
 }
 
-static row distance_to(global const xrc_primitive* s, global const xrc_station* stations, const row3 p) {
+static row distance_to(global const XrcPrimitive* s, global const XrcStation* stations, const row3 p) {
   switch (s->kind) {
     case XRC_SOLID:
       return solid_distance(s, p);
@@ -130,17 +130,17 @@ static row distance_to(global const xrc_primitive* s, global const xrc_station* 
 }
 
 /* The row passes the shape's box at more than `margin_mm`. */
-static bool misses(global const xrc_primitive* s, const row3 p, const float margin_mm) {
+static bool misses(global const XrcPrimitive* s, const row3 p, const float margin_mm) {
   const float3 first = (float3)(p.x.s0, p.y.s0, p.z.s0), last = (float3)(p.x.sf, p.y.s0, p.z.s0);
   return any(last < load3(s->lower_mm) - margin_mm) || any(first > load3(s->upper_mm) + margin_mm);
 }
 
 /* Paints the listed shapes over `hu`, each layer by the share of the voxel that it fills. */
-static row paint(row hu, global const xrc_primitive* primitives, global const xrc_station* stations,
+static row paint(row hu, global const XrcPrimitive* primitives, global const XrcStation* stations,
                  global const int* list, const int count, const row3 p, const float edge_mm) {
   row nearest = FAR_MM;
   for (int i = 0; i < count; ++i) {
-    global const xrc_primitive* s = primitives + list[i];
+    global const XrcPrimitive* s = primitives + list[i];
     if (!misses(s, p, edge_mm)) nearest = min(nearest, distance_to(s, stations, p));
     if (i + 1 < count && primitives[list[i + 1]].layer == s->layer) continue;
     const row coverage = clamp(0.5f - nearest / edge_mm, 0.0f, 1.0f);
@@ -176,8 +176,8 @@ static void store(const short16 voxels, const int count, global short* out) {
 }
 
 /* Brick i of the slab starts from base_hu[i] and paints list[first[i]] to list[first[i + 1] - 1] over it. */
-kernel void phantom_slab(const xrc_phantom_slab slab, global const xrc_primitive* primitives,
-                         global const xrc_station* stations, global const float* base_hu,
+kernel void phantom_slab(const XrcPhantomSlab slab, global const XrcPrimitive* primitives,
+                         global const XrcStation* stations, global const float* base_hu,
                          global const int* first, global const int* list, global short* out) {
   const int column = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (column >= slab.bricks_x || y >= slab.size[1] || z >= slab.size[2]) return;

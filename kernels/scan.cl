@@ -1,9 +1,9 @@
 #include "params.h"
 
-/* Slices as they are in a file (x fastest) into bricks; see XrcScan. One work-item makes one pixel of one brick.
- * `first_brick` is where the slices go; slices beyond `count` become air. */
-kernel void pack_bricks(global const short* slices, global short* bricks, const XrcScan scan, const int first_brick,
-                        const int count) {
+/* Slices as they are in a file (x fastest) into bricks; see XrcScan. One work-item makes one pixel of one
+ * brick. `first_brick` is where the slices go; slices beyond `count` become air. */
+kernel void pack_bricks(global const short* slices, global short* bricks, const XrcScan scan,
+                        const int first_brick, const int count) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), b = (int)get_global_id(2);
   if (x >= scan.pitch_x || y >= scan.pitch_y) return;
   const int in_slice = x < scan.size_x && y < scan.size_y;

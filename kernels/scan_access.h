@@ -1,7 +1,10 @@
-/* One voxel of a resident scan, wherever it is kept: in bricks (see XrcScan), or with -DSCAN_IMAGE in a 3-D image of
- * 16-bit integers, which is read without a linear sampler, since those may weigh with 8 bits only. */
+/* One voxel of a resident scan, wherever it is kept: in bricks (see XrcScan), or with -DSCAN_IMAGE in a 3-D
+ * image of 16-bit integers, which is read without a linear sampler, since those may weigh with 8 bits only.
+ */
 #ifndef XRAYCAST_SCAN_ACCESS_H
 #define XRAYCAST_SCAN_ACCESS_H
+
+#include "params.h"
 
 #ifdef SCAN_IMAGE
 

@@ -1,11 +1,11 @@
 #include "xraycast/body_outline.hpp"
 
-#include <algorithm>
-#include <cmath>
+#include "xraycast/error.hpp"
 
 #include <gtest/gtest.h>
 
-#include "xraycast/error.hpp"
+#include <algorithm>
+#include <cmath>
 
 namespace xraycast {
 namespace {

@@ -1,4 +1,7 @@
+#include "support/reference.hpp"
 #include "xraycast/caster.hpp"
+
+#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
@@ -6,15 +9,11 @@
 #include <numeric>
 #include <random>
 
-#include <gtest/gtest.h>
-
-#include "support/reference.hpp"
-
 namespace xraycast::test {
 namespace {
 
-// A ray adds up some hundred products of 24-bit floats, whose positions are good to 1e-5 voxel: 1e-5 of the largest
-// value leaves a margin of two over what was seen.
+// A ray adds up some hundred products of 24-bit floats, whose positions are good to 1e-5 voxel: 1e-5 of the
+// largest value leaves a margin of two over what was seen.
 constexpr double kFloat = 1e-5;
 
 double water(double) { return 0.02; }
@@ -32,7 +31,8 @@ Volume textured_volume(const Index3& size, const glm::dvec3& spacing_mm) {
   });
 }
 
-std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry, const Opacity& opacity = Opacity::paper(),
+std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,
+                            const Opacity& opacity = Opacity::paper(),
                             ScanStorage storage = ScanStorage::bricks) {
   static Device device;
   Progress progress;
@@ -47,7 +47,8 @@ std::vector<double> expected_map(const Volume& volume, const MapGeometry& g, con
 template <typename A, typename B>
 double largest_difference(const A& a, const B& b) {
   double largest = 0;
-  for (std::size_t i = 0; i < a.size(); ++i) largest = std::max(largest, std::abs(double{a[i]} - double{b[i]}));
+  for (std::size_t i = 0; i < a.size(); ++i)
+    largest = std::max(largest, std::abs(double{a[i]} - double{b[i]}));
   return largest;
 }
 
@@ -69,16 +70,20 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 
 class CylinderMap : public testing::TestWithParam<Case> {
  protected:
-  void SetUp() override { ASSERT_FALSE(Device::list().empty()) << "these tests need an OpenCL device, such as PoCL"; }
+  void SetUp() override {
+    ASSERT_FALSE(Device::list().empty()) << "these tests need an OpenCL device, such as PoCL";
+  }
 };
 
 TEST_P(CylinderMap, EqualsTheReference) {
   const Volume volume = textured_volume(GetParam().size, GetParam().spacing_mm);
-  const MapGeometry geometry = cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
+  const MapGeometry geometry =
+      cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
   std::vector<Opacity::Knot> knots;
   for (int i = 0; i < 64; ++i) knots.push_back({-1000.0 + 37 * i, 0.0003 * i * (1 + i % 3)});
-  for (const Opacity& opacity : {Opacity::paper(), Opacity::bilinear(), Opacity("64 knots", knots), Opacity("constant", {{0, 0.02}}),
-                                 Opacity("window", {{-100, 0.01}, {100, 0.03}})}) {
+  for (const Opacity& opacity :
+       {Opacity::paper(), Opacity::bilinear(), Opacity("64 knots", knots), Opacity("constant", {{0, 0.02}}),
+        Opacity("window", {{-100, 0.01}, {100, 0.03}})}) {
     const auto expected = expected_map(volume, geometry, mu_of(opacity));
     const auto actual = cast_map(volume, geometry, opacity);
     ASSERT_EQ(actual.size(), expected.size());
@@ -90,16 +95,22 @@ TEST_P(CylinderMap, IsTheSameFromImages) {
   Device device;
   if (!device.self_test().images) GTEST_SKIP() << "the device has no usable images";
   const Volume volume = textured_volume(GetParam().size, GetParam().spacing_mm);
-  const MapGeometry geometry = cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
-  const auto bricks = cast_map(volume, geometry), images = cast_map(volume, geometry, Opacity::bilinear(), ScanStorage::image);
+  const MapGeometry geometry =
+      cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
+  const auto bricks = cast_map(volume, geometry),
+             images = cast_map(volume, geometry, Opacity::bilinear(), ScanStorage::image);
   // VALIDATION: nanodrr compares back ends to 1e-4 of the maximum; ours differ by rounding alone.
-  EXPECT_LE(largest_difference(images, cast_map(volume, geometry, Opacity::bilinear())), 1e-4 * largest(bricks));
+  EXPECT_LE(largest_difference(images, cast_map(volume, geometry, Opacity::bilinear())),
+            1e-4 * largest(bricks));
 }
 
 TEST_P(CylinderMap, LayersAddUpToTheSingleCylinder) {
   const Volume volume = textured_volume(GetParam().size, GetParam().spacing_mm);
-  const MapGeometry layered = cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
-  const MapGeometry single = cylinder_map(volume.geometry(), GetParam().angles, {GetParam().radii_mm.front(), GetParam().radii_mm.back()}, GetParam().centre_mm);
+  const MapGeometry layered =
+      cylinder_map(volume.geometry(), GetParam().angles, GetParam().radii_mm, GetParam().centre_mm);
+  const MapGeometry single =
+      cylinder_map(volume.geometry(), GetParam().angles,
+                   {GetParam().radii_mm.front(), GetParam().radii_mm.back()}, GetParam().centre_mm);
   const auto shells = cast_map(volume, layered), whole = cast_map(volume, single);
   std::vector<float> sum(whole.size());
   for (std::size_t i = 0; i < shells.size(); ++i) sum[i % sum.size()] += shells[i];
@@ -109,17 +120,34 @@ TEST_P(CylinderMap, LayersAddUpToTheSingleCylinder) {
 INSTANTIATE_TEST_SUITE_P(
     Cast, CylinderMap,
     testing::Values(Case{"OneLayer", {60, 50, 20}, {1, 1, 2}, {0, 24}, {0, 0}, 90},
-                    Case{"EightLayers", {60, 50, 20}, {1, 1, 2}, shell_radii_mm(RadiiRule::equal_area, 8, 23.7), {1.3, -2.6}, 90},
-                    Case{"OblongPixels", {64, 40, 33}, {0.7, 1.3, 3}, shell_radii_mm(RadiiRule::equal_thickness, 5, 21), {0.4, 0.1}, 77},
+                    Case{"EightLayers",
+                         {60, 50, 20},
+                         {1, 1, 2},
+                         shell_radii_mm(RadiiRule::equal_area, 8, 23.7),
+                         {1.3, -2.6},
+                         90},
+                    Case{"OblongPixels",
+                         {64, 40, 33},
+                         {0.7, 1.3, 3},
+                         shell_radii_mm(RadiiRule::equal_thickness, 5, 21),
+                         {0.4, 0.1},
+                         77},
                     Case{"BeyondTheSlice", {30, 30, 17}, {1, 1, 1}, {0, 10, 20, 60}, {5, -4}, 64},
-                    Case{"ShellsThinnerThanAStep", {40, 40, 5}, {1, 1, 1}, {0, 3.1, 3.2, 3.3, 3.9, 4.7, 4.8, 12}, {0, 0}, 36},
+                    Case{"ShellsThinnerThanAStep",
+                         {40, 40, 5},
+                         {1, 1, 1},
+                         {0, 3.1, 3.2, 3.3, 3.9, 4.7, 4.8, 12},
+                         {0, 0},
+                         36},
                     Case{"HollowInside", {40, 40, 16}, {1, 1, 1}, {4.4, 9, 15.2}, {0, 0}, 36},
-                    Case{"OneVoxel", {1, 1, 1}, {1, 1, 1}, {0, 5}, {0, 0}, 8}, Case{"OneRow", {50, 1, 3}, {1, 1, 1}, {0, 30}, {0, 0}, 16}),
+                    Case{"OneVoxel", {1, 1, 1}, {1, 1, 1}, {0, 5}, {0, 0}, 8},
+                    Case{"OneRow", {50, 1, 3}, {1, 1, 1}, {0, 30}, {0, 0}, 16}),
     [](const auto& c) { return c.param.name; });
 
 TEST(CylinderCast, HomogeneousMatterGivesMuTimesThickness) {
   const Volume volume = make_volume({128, 128, 18}, {1, 1, 1}, [](const glm::dvec3&) { return 0; });
-  const MapGeometry geometry = cylinder_map(volume.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, 8, 60), {0, 0});
+  const MapGeometry geometry =
+      cylinder_map(volume.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, 8, 60), {0, 0});
   const auto tau = cast_map(volume, geometry);
   const std::size_t layer = 360 * 18;
   for (std::size_t i = 0; i < tau.size(); ++i) {
@@ -138,11 +166,13 @@ TEST(CylinderCast, OffAxisCylindersMatchTheirClosedForm) {
   const auto tau = cast_map(volume, geometry);
   for (int k = 0; k < 3; ++k) {
     for (int column = 0; column < 360; ++column) {
-      const double chord_mm = radial_circle_chord_mm(axis_mm, geometry.phi_rad(column), geometry.radii_mm[k], geometry.radii_mm[k + 1], circle_mm, 30);
-      // Where a ray grazes the circle, the one-voxel edge changes its chord by up to sqrt(2 * 30 mm * 0.5 mm); across
-      // the edge, by the error of the step, 1 mm.
+      const double chord_mm = radial_circle_chord_mm(axis_mm, geometry.phi_rad(column), geometry.radii_mm[k],
+                                                     geometry.radii_mm[k + 1], circle_mm, 30);
+      // Where a ray grazes the circle, the one-voxel edge changes its chord by up to sqrt(2 * 30 mm * 0.5
+      // mm); across the edge, by the error of the step, 1 mm.
       const double tolerance_mm = chord_mm > 0 && chord_mm < 12 ? 5.5 : 1;
-      ASSERT_NEAR(tau[static_cast<std::size_t>((k * 16 + 5) * 360 + column)], water(0) * chord_mm, water(0) * tolerance_mm)
+      ASSERT_NEAR(tau[static_cast<std::size_t>((k * 16 + 5) * 360 + column)], water(0) * chord_mm,
+                  water(0) * tolerance_mm)
           << "layer " << k << ", column " << column;
     }
   }
@@ -150,17 +180,20 @@ TEST(CylinderCast, OffAxisCylindersMatchTheirClosedForm) {
 
 TEST(CylinderCast, OffAxisBoxesMatchTheirClosedForm) {
   const Box box{{-10.5, 8.5, -100}, {31.5, 40.5, 100}};
-  const Volume volume = make_volume({128, 128, 16}, {1, 1, 1}, [&](const glm::dvec3& p) { return box.contains(p) ? 0 : -1024; });
+  const Volume volume = make_volume({128, 128, 16}, {1, 1, 1},
+                                    [&](const glm::dvec3& p) { return box.contains(p) ? 0 : -1024; });
   const MapGeometry geometry = cylinder_map(volume.geometry(), 360, {0, 60}, {0, 0});
   const auto tau = cast_map(volume, geometry);
   double worst_mm = 0, mean_mm = 0;
   for (int column = 0; column < 360; ++column) {
-    const double chord_mm = radial_box_chord_mm({0, 0}, geometry.phi_rad(column), 0, 60, glm::dvec2(box.lower_mm), glm::dvec2(box.upper_mm));
+    const double chord_mm = radial_box_chord_mm({0, 0}, geometry.phi_rad(column), 0, 60,
+                                                glm::dvec2(box.lower_mm), glm::dvec2(box.upper_mm));
     const double error_mm = std::abs(tau[static_cast<std::size_t>(column)] / water(0) - chord_mm);
     worst_mm = std::max(worst_mm, error_mm);
     mean_mm += error_mm / 360;
   }
-  // A ray along a face moves through the half-filled voxels there, of which the longest run is a corner's few.
+  // A ray along a face moves through the half-filled voxels there, of which the longest run is a corner's
+  // few.
   EXPECT_LE(worst_mm, 6);
   // Both faces at most half a step off.
   EXPECT_LE(mean_mm, 0.5);
@@ -171,10 +204,10 @@ TEST(CylinderCast, PatientsLeftIsAQuarterAround) {
     return p.x > 15 && std::abs(p.y) < 3 && p.z > 0 ? 1000 : -1024;
   });
   const auto tau = cast_map(volume, cylinder_map(volume.geometry(), 360, {0, 30}, {0, 0}));
-  EXPECT_GT(tau[90], 0.1);             // superior row, towards the left
-  EXPECT_EQ(tau[0], 0);                // anterior
-  EXPECT_EQ(tau[270], 0);              // right
-  EXPECT_EQ(tau[15 * 360 + 90], 0);    // most inferior row
+  EXPECT_GT(tau[90], 0.1);           // superior row, towards the left
+  EXPECT_EQ(tau[0], 0);              // anterior
+  EXPECT_EQ(tau[270], 0);            // right
+  EXPECT_EQ(tau[15 * 360 + 90], 0);  // most inferior row
 }
 
 TEST(CylinderCast, AQuarterTurnOfTheScanShiftsTheMapByAQuarter) {
@@ -182,7 +215,8 @@ TEST(CylinderCast, AQuarterTurnOfTheScanShiftsTheMapByAQuarter) {
   Volume turned(volume.geometry());
   for (std::int64_t z = 0; z < 20; ++z)
     for (std::int64_t y = 0; y < 64; ++y)
-      for (std::int64_t x = 0; x < 64; ++x) turned.at(63 - y, x, z) = volume.at(x, y, z);  // anterior becomes left
+      for (std::int64_t x = 0; x < 64; ++x)
+        turned.at(63 - y, x, z) = volume.at(x, y, z);  // anterior becomes left
   const MapGeometry geometry = cylinder_map(volume.geometry(), 360, {0, 15, 30}, {0, 0});
   const auto before = cast_map(volume, geometry), after = cast_map(turned, geometry);
   std::vector<float> shifted(before.size());
@@ -191,16 +225,19 @@ TEST(CylinderCast, AQuarterTurnOfTheScanShiftsTheMapByAQuarter) {
 }
 
 TEST(CylinderCast, TheSeamIsContinuous) {
-  const Volume volume = make_volume({128, 128, 16}, {1, 1, 1}, [](const glm::dvec3& p) { return 300 * std::sin(p.x / 20) + 5 * p.y; });
+  const Volume volume = make_volume({128, 128, 16}, {1, 1, 1},
+                                    [](const glm::dvec3& p) { return 300 * std::sin(p.x / 20) + 5 * p.y; });
   const auto tau = cast_map(volume, cylinder_map(volume.geometry(), 360, {0, 55}, {0, 0}));
   double steepest = 0;
-  for (std::size_t i = 0; i + 1 < 360; ++i) steepest = std::max(steepest, double{std::abs(tau[i + 1] - tau[i])});
+  for (std::size_t i = 0; i + 1 < 360; ++i)
+    steepest = std::max(steepest, double{std::abs(tau[i + 1] - tau[i])});
   EXPECT_LE(std::abs(tau[0] - tau[359]), steepest);
 }
 
 TEST(CylinderCast, GivesTheSameOnEveryDevice) {
   const Volume volume = textured_volume({60, 50, 20}, {1, 1, 2});
-  const MapGeometry geometry = cylinder_map(volume.geometry(), 90, shell_radii_mm(RadiiRule::equal_area, 8, 24), {0, 0});
+  const MapGeometry geometry =
+      cylinder_map(volume.geometry(), 90, shell_radii_mm(RadiiRule::equal_area, 8, 24), {0, 0});
   const auto expected = expected_map(volume, geometry, mu_of(Opacity::paper()));
   for (const Device::Info& info : Device::list()) {
     Device device(std::to_string(info.index));

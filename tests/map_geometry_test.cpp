@@ -1,13 +1,13 @@
 #include "xraycast/map_geometry.hpp"
 
-#include <cmath>
-#include <limits>
-#include <numbers>
+#include "xraycast/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "xraycast/error.hpp"
+#include <cmath>
+#include <limits>
+#include <numbers>
 
 namespace xraycast {
 namespace {

@@ -1,12 +1,12 @@
 #include "xraycast/opacity.hpp"
 
-#include <fstream>
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include <fstream>
 
 namespace xraycast {
 namespace {
@@ -43,7 +43,8 @@ TEST(Opacity, SurvivesJson) {
 
 TEST(Opacity, IsReadFromAFile) {
   const TemporaryFolder folder;
-  std::ofstream(folder / "bone.json") << R"({"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [1000, 0.06]]})";
+  std::ofstream(folder / "bone.json")
+      << R"({"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [1000, 0.06]]})";
   EXPECT_EQ(Opacity::named((folder / "bone.json").string()), Opacity("bone", {{-1000, 0}, {1000, 0.06}}));
 }
 
@@ -69,7 +70,8 @@ TEST_P(BadOpacityTest, IsRefusedNamingTheField) {
 
 INSTANTIATE_TEST_SUITE_P(
     Opacity, BadOpacityTest,
-    testing::Values(BadOpacity{"NotJson", "hello", "not a JSON object"}, BadOpacity{"List", "[1, 2]", "not a JSON object"},
+    testing::Values(BadOpacity{"NotJson", "hello", "not a JSON object"},
+                    BadOpacity{"List", "[1, 2]", "not a JSON object"},
                     BadOpacity{"NoKnots", R"({"name": "x"})", "knots is missing"},
                     BadOpacity{"EmptyKnots", R"({"knots": []})", "knots has 0 entries"},
                     BadOpacity{"WrongUnit", R"({"unit": "1/cm", "knots": [[0, 0]]})", "unit is \"1/cm\""},

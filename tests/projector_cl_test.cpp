@@ -1,6 +1,9 @@
+#include "support/reference.hpp"
+#include "xraycast/error.hpp"
 #include "xraycast/projector.hpp"
 
-#include <unistd.h>
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
 
 #include <algorithm>
 #include <cmath>
@@ -8,12 +11,7 @@
 #include <limits>
 #include <numbers>
 #include <random>
-
-#include <glm/geometric.hpp>
-#include <gtest/gtest.h>
-
-#include "support/reference.hpp"
-#include "xraycast/error.hpp"
+#include <unistd.h>
 
 namespace xraycast::test {
 namespace {
@@ -31,7 +29,8 @@ Device& device() {
   return device;
 }
 
-std::vector<float> project_rays(const Volume& volume, std::span<const RaySegment> rays, const Opacity& opacity = lengths(),
+std::vector<float> project_rays(const Volume& volume, std::span<const RaySegment> rays,
+                                const Opacity& opacity = lengths(),
                                 ScanStorage storage = ScanStorage::bricks) {
   Progress progress;
   return project(upload(device(), volume, storage), rays, opacity, progress);
@@ -46,12 +45,14 @@ std::vector<RaySegment> rays_of(const View& view) {
       if (view.cone)
         rays.push_back({view.source_mm(), pixel_mm});
       else
-        rays.push_back({pixel_mm - 2000.0 * view.towards_detector(), pixel_mm + 2000.0 * view.towards_detector()});
+        rays.push_back(
+            {pixel_mm - 2000.0 * view.towards_detector(), pixel_mm + 2000.0 * view.towards_detector()});
     }
   return rays;
 }
 
-/// RTK's bars for its forward projectors: mean absolute error below 1.28 mm and PSNR above 44 dB at a peak of 255.
+/// RTK's bars for its forward projectors: mean absolute error below 1.28 mm and PSNR above 44 dB at a peak of
+/// 255.
 void expect_rtk_bars(const std::vector<float>& actual, const std::vector<double>& expected) {
   double absolute = 0, squared = 0;
   for (std::size_t i = 0; i < actual.size(); ++i) {
@@ -64,7 +65,12 @@ void expect_rtk_bars(const std::vector<float>& actual, const std::vector<double>
 }
 
 View cone_view(double angle_deg, double tilt_deg, const Cone& cone) {
-  return {.angle_rad = angle_deg * kRadians, .tilt_rad = tilt_deg * kRadians, .cone = cone, .width = 64, .height = 65, .pixel_mm = 8};
+  return {.angle_rad = angle_deg * kRadians,
+          .tilt_rad = tilt_deg * kRadians,
+          .cone = cone,
+          .width = 64,
+          .height = 65,
+          .pixel_mm = 8};
 }
 
 class ProjectedView : public testing::TestWithParam<View> {};
@@ -72,18 +78,22 @@ class ProjectedView : public testing::TestWithParam<View> {};
 TEST_P(ProjectedView, OfOnesIsTheLengthInTheScan) {
   const Volume volume = make_volume({64, 64, 64}, {4, 4, 4}, [](const glm::dvec3&) { return 0; });
   std::vector<double> expected;
-  for (const RaySegment& ray : rays_of(GetParam())) expected.push_back(box_chord_mm(ray.start_mm, ray.end_mm, scan_extent(volume.geometry())));
+  for (const RaySegment& ray : rays_of(GetParam()))
+    expected.push_back(box_chord_mm(ray.start_mm, ray.end_mm, scan_extent(volume.geometry())));
   Progress progress;
   const auto image = project(upload(device(), volume), GetParam(), lengths(), progress);
   expect_rtk_bars(image.tau, expected);
   // We clip to the scan, so that more than RTK's bars holds: 24-bit floats over a few hundred mm.
-  for (std::size_t i = 0; i < expected.size(); ++i) ASSERT_NEAR(image.tau[i], expected[i], 0.02) << "pixel " << i;
+  for (std::size_t i = 0; i < expected.size(); ++i)
+    ASSERT_NEAR(image.tau[i], expected[i], 0.02) << "pixel " << i;
 }
 
 TEST_P(ProjectedView, EqualsTheReference) {
   std::mt19937 random(11);
   std::uniform_real_distribution<double> noise(-100, 100);
-  const Volume volume = make_volume({50, 60, 37}, {2, 1.5, 2.5}, [&](const glm::dvec3& p) { return -500 + 400 * std::sin(p.x / 9) + 300 * std::cos(p.y * p.z / 60) + noise(random); });
+  const Volume volume = make_volume({50, 60, 37}, {2, 1.5, 2.5}, [&](const glm::dvec3& p) {
+    return -500 + 400 * std::sin(p.x / 9) + 300 * std::cos(p.y * p.z / 60) + noise(random);
+  });
   Progress progress;
   const ResidentScan scan = upload(device(), volume);
   std::vector<Opacity::Knot> knots;
@@ -92,8 +102,10 @@ TEST_P(ProjectedView, EqualsTheReference) {
   for (const Opacity& opacity : {Opacity::paper(), Opacity::bilinear(), Opacity("20 knots", knots)}) {
     const auto image = project(scan, GetParam(), opacity, progress);
     for (std::size_t i = 0; i < rays.size(); ++i) {
-      const double expected = reference_joseph(volume, rays[i].start_mm, rays[i].end_mm, [&](double hu) { return opacity.mu_per_mm(hu); });
-      // Voxel coordinates of far sources are good to 1e-4 in 24-bit floats, and HU change by some hundred a voxel.
+      const double expected = reference_joseph(volume, rays[i].start_mm, rays[i].end_mm,
+                                               [&](double hu) { return opacity.mu_per_mm(hu); });
+      // Voxel coordinates of far sources are good to 1e-4 in 24-bit floats, and HU change by some hundred a
+      // voxel.
       ASSERT_NEAR(image.tau[i], expected, 2e-3) << opacity.name() << ", pixel " << i;
     }
   }
@@ -101,27 +113,35 @@ TEST_P(ProjectedView, EqualsTheReference) {
 
 INSTANTIATE_TEST_SUITE_P(
     Project, ProjectedView,
-    testing::Values(View{.width = 64, .height = 65, .pixel_mm = 5}, View{.angle_rad = 37 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
-                    View{.angle_rad = 90 * kRadians, .tilt_rad = 25 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
-                    View{.angle_rad = 10 * kRadians, .tilt_rad = 80 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
-                    cone_view(0, 0, {1000, 1500}), cone_view(45, 0, {1000, 1500}), cone_view(200, 20, {600, 900}),
-                    cone_view(33, 5, {40, 500})));  // the source inside the scan
+    testing::Values(
+        View{.width = 64, .height = 65, .pixel_mm = 5},
+        View{.angle_rad = 37 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        View{.angle_rad = 90 * kRadians, .tilt_rad = 25 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        View{.angle_rad = 10 * kRadians, .tilt_rad = 80 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        cone_view(0, 0, {1000, 1500}), cone_view(45, 0, {1000, 1500}), cone_view(200, 20, {600, 900}),
+        cone_view(33, 5, {40, 500})));  // the source inside the scan
 
 TEST(ProjectedRays, FromImagesAreTheSame) {
   if (!device().self_test().images) GTEST_SKIP() << "the device has no usable images";
-  const Volume volume = make_volume({50, 60, 37}, {2, 1.5, 2.5}, [](const glm::dvec3& p) { return 10 * p.x - 7 * p.y + p.z * p.z / 9; });
+  const Volume volume = make_volume({50, 60, 37}, {2, 1.5, 2.5},
+                                    [](const glm::dvec3& p) { return 10 * p.x - 7 * p.y + p.z * p.z / 9; });
   const auto rays = rays_of(cone_view(33, 12, {700, 1000}));
-  const auto bricks = project_rays(volume, rays), images = project_rays(volume, rays, lengths(), ScanStorage::image);
+  const auto bricks = project_rays(volume, rays),
+             images = project_rays(volume, rays, lengths(), ScanStorage::image);
   // As nanodrr compares its back ends.
-  for (std::size_t i = 0; i < rays.size(); ++i) ASSERT_NEAR(images[i], bricks[i], 1e-4 * *std::ranges::max_element(bricks));
+  for (std::size_t i = 0; i < rays.size(); ++i)
+    ASSERT_NEAR(images[i], bricks[i], 1e-4 * *std::ranges::max_element(bricks));
 }
 
 /// 1 within [first, last], falling linearly to 0 over one voxel on both sides: an interpolated row of ones.
-double trapezoid(double x, double first, double last) { return std::clamp(std::min(x - first + 1, last + 1 - x), 0.0, 1.0); }
+double trapezoid(double x, double first, double last) {
+  return std::clamp(std::min(x - first + 1, last + 1 - x), 0.0, 1.0);
+}
 
-// The integral, along a ray, of a box of ones between voxels `lower` and `upper` of a grid of unit voxels that
-// interpolates linearly across the ray's dominant axis: written from the definition, without any voxels.
-double interpolated_box_integral(const glm::dvec3& a, const glm::dvec3& b, const Index3& lower, const Index3& upper) {
+// The integral, along a ray, of a box of ones between voxels `lower` and `upper` of a grid of unit voxels
+// that interpolates linearly across the ray's dominant axis: written from the definition, without any voxels.
+double interpolated_box_integral(const glm::dvec3& a, const glm::dvec3& b, const Index3& lower,
+                                 const Index3& upper) {
   const glm::dvec3 d = b - a, extent = glm::abs(d);
   const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
   double sum = 0;
@@ -129,7 +149,9 @@ double interpolated_box_integral(const glm::dvec3& a, const glm::dvec3& b, const
     const double t = (static_cast<double>(k) - a[axis]) / d[axis];
     double weight = 1;
     for (int other = 0; other < 3; ++other)
-      if (other != axis) weight *= trapezoid(a[other] + t * d[other], static_cast<double>(lower[other]), static_cast<double>(upper[other]));
+      if (other != axis)
+        weight *= trapezoid(a[other] + t * d[other], static_cast<double>(lower[other]),
+                            static_cast<double>(upper[other]));
     sum += weight;
   }
   return sum * glm::length(d) / extent[axis];
@@ -137,8 +159,12 @@ double interpolated_box_integral(const glm::dvec3& a, const glm::dvec3& b, const
 
 TEST(ProjectedRays, MatchTheExactIntegralsOfRandomBoxes) {
   std::mt19937 random(50);
-  const auto integer = [&](std::int64_t low, std::int64_t high) { return std::uniform_int_distribution<std::int64_t>(low, high)(random); };
-  const auto real = [&](double low, double high) { return std::uniform_real_distribution<double>(low, high)(random); };
+  const auto integer = [&](std::int64_t low, std::int64_t high) {
+    return std::uniform_int_distribution<std::int64_t>(low, high)(random);
+  };
+  const auto real = [&](double low, double high) {
+    return std::uniform_real_distribution<double>(low, high)(random);
+  };
   constexpr std::int64_t kSize = 48;
   for (int box = 0; box < 50; ++box) {
     Index3 lower, upper;
@@ -149,19 +175,25 @@ TEST(ProjectedRays, MatchTheExactIntegralsOfRandomBoxes) {
     const VolumeGeometry geometry = centred_geometry({kSize, kSize, kSize}, {1, 1, 1});
     const Volume volume = make_volume(geometry.size, geometry.spacing_mm, [&](const glm::dvec3& p) {
       const Index3 voxel(glm::round(geometry.to_index(p)));
-      return glm::all(glm::greaterThanEqual(voxel, lower)) && glm::all(glm::lessThanEqual(voxel, upper)) ? 0 : -1024;
+      return glm::all(glm::greaterThanEqual(voxel, lower)) && glm::all(glm::lessThanEqual(voxel, upper))
+                 ? 0
+                 : -1024;
     });
     std::vector<RaySegment> rays;
     for (int i = 0; i < 200; ++i) {
       const glm::dvec3 through(real(-24, 24), real(-24, 24), real(-24, 24));
-      const double phi = real(0, 2 * std::numbers::pi), cosine = real(-1, 1), sine = std::sqrt(1 - cosine * cosine);
+      const double phi = real(0, 2 * std::numbers::pi), cosine = real(-1, 1),
+                   sine = std::sqrt(1 - cosine * cosine);
       const glm::dvec3 direction(sine * std::cos(phi), sine * std::sin(phi), cosine);
       rays.push_back({through - 100.0 * direction, through + 100.0 * direction});
     }
     const auto tau = project_rays(volume, rays);
     for (std::size_t i = 0; i < rays.size(); ++i)
       // ASTRA's bar for its linear kernels, in voxels.
-      ASSERT_NEAR(tau[i], interpolated_box_integral(geometry.to_index(rays[i].start_mm), geometry.to_index(rays[i].end_mm), lower, upper), 2e-3)
+      ASSERT_NEAR(tau[i],
+                  interpolated_box_integral(geometry.to_index(rays[i].start_mm),
+                                            geometry.to_index(rays[i].end_mm), lower, upper),
+                  2e-3)
           << "box " << box << ", ray " << i;
   }
 }
@@ -169,7 +201,8 @@ TEST(ProjectedRays, MatchTheExactIntegralsOfRandomBoxes) {
 TEST(ProjectedRays, ThroughASingleVoxelIntegrateToItsLength) {
   Volume volume = make_volume({9, 9, 9}, {1, 1, 1}, [](const glm::dvec3&) { return -1024; });
   volume.at(4, 4, 4) = 0;
-  const std::vector<RaySegment> rays{{{-50, 0, 0}, {50, 0, 0}}, {{0, 50, 0}, {0, -50, 0}}, {{0, 0, -50}, {0, 0, 50}}};
+  const std::vector<RaySegment> rays{
+      {{-50, 0, 0}, {50, 0, 0}}, {{0, 50, 0}, {0, -50, 0}}, {{0, 0, -50}, {0, 0, 50}}};
   // nanodrr's bar.
   for (const float tau : project_rays(volume, rays)) EXPECT_NEAR(tau, 1, 1e-3);
 }
@@ -186,12 +219,12 @@ void project_odd_rays() {
   alarm(60);  // a hang ends the process with a signal
   const Volume volume = make_volume({16, 12, 10}, {1, 2, 3}, [](const glm::dvec3& p) { return 100 * p.x; });
   const Box extent = scan_extent(volume.geometry());
-  std::vector<RaySegment> rays{{{500, 500, 500}, {600, 500, 500}},                    // misses
-                               {{0, 0, 0}, {0, 0, 0}},                                // no length
-                               {{-100, 0, 0}, {100, 0, 0}},                           // along an axis
-                               {{-100, 1e-9, 0}, {100, -1e-9, 1e-9}},                 // almost
+  std::vector<RaySegment> rays{{{500, 500, 500}, {600, 500, 500}},     // misses
+                               {{0, 0, 0}, {0, 0, 0}},                 // no length
+                               {{-100, 0, 0}, {100, 0, 0}},            // along an axis
+                               {{-100, 1e-9, 0}, {100, -1e-9, 1e-9}},  // almost
                                {{0, 0, -1e5}, {1e-7, 0, 1e5}}};
-  for (const double x : {extent.lower_mm.x, extent.upper_mm.x})                       // grazes edges and corners
+  for (const double x : {extent.lower_mm.x, extent.upper_mm.x})  // grazes edges and corners
     for (const double y : {extent.lower_mm.y, extent.upper_mm.y})
       for (const double z : {extent.lower_mm.z, extent.upper_mm.z}) {
         rays.push_back({{x, y, -100}, {x, y, 100}});
@@ -203,7 +236,8 @@ void project_odd_rays() {
   bool ok = std::ranges::all_of(project_rays(volume, rays), finite);
   Progress progress;
   const ResidentScan scan = upload(device(), volume);
-  for (const auto& [width, height] : {std::pair{1, 1}, std::pair{7, 3}, std::pair{1, 257}, std::pair{1023, 5}})
+  for (const auto& [width, height] :
+       {std::pair{1, 1}, std::pair{7, 3}, std::pair{1, 257}, std::pair{1023, 5}})
     for (const bool cone : {false, true}) {
       View view{.angle_rad = 0.3, .width = width, .height = height, .pixel_mm = 1};
       if (cone) view.cone = Cone{100, 150};
@@ -213,7 +247,8 @@ void project_odd_rays() {
 }
 
 TEST(ProjectedRays, OddOnesEndInTimeWithFiniteValues) {
-  GTEST_FLAG_SET(death_test_style, "threadsafe");  // a new process: the driver's threads do not survive a fork
+  GTEST_FLAG_SET(death_test_style,
+                 "threadsafe");  // a new process: the driver's threads do not survive a fork
   EXPECT_EXIT(project_odd_rays(), testing::ExitedWithCode(0), "");
 }
 

@@ -1,13 +1,13 @@
 #include "xraycast/view.hpp"
 
-#include <cmath>
-#include <numbers>
+#include "xraycast/error.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include "xraycast/error.hpp"
+#include <cmath>
+#include <numbers>
 
 namespace xraycast {
 namespace {
@@ -72,7 +72,9 @@ TEST_P(FittedView, ShowsTheWholeBody) {
       const double phi = degree * kRadians;
       const glm::dvec3 rim = glm::dvec3(5, -3, z) + 150.0 * glm::dvec3(std::sin(phi), -std::cos(phi), 0);
       glm::dvec3 offset = rim - view.centre_mm;
-      if (view.cone) offset *= view.cone->source_detector_mm / (view.cone->source_axis_mm + glm::dot(offset, view.towards_detector()));
+      if (view.cone)
+        offset *= view.cone->source_detector_mm /
+                  (view.cone->source_axis_mm + glm::dot(offset, view.towards_detector()));
       EXPECT_LE(std::abs(glm::dot(offset, view.right())), 0.5 * view.width * view.pixel_mm + kRounding);
       EXPECT_LE(std::abs(glm::dot(offset, view.up())), 0.5 * view.height * view.pixel_mm + kRounding);
     }

@@ -1,13 +1,12 @@
 #include "xraycast/atomic_file.hpp"
 
-#include <fcntl.h>
-#include <unistd.h>
+#include "xraycast/error.hpp"
 
 #include <atomic>
 #include <cerrno>
 #include <cstring>
-
-#include "xraycast/error.hpp"
+#include <fcntl.h>
+#include <unistd.h>
 
 namespace xraycast {
 namespace {
@@ -26,13 +25,15 @@ AtomicFile::AtomicFile(std::filesystem::path target) : target_(std::move(target)
   std::error_code error;
   const auto status = std::filesystem::status(target_, error);
   if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw InputError("{}: not a regular file, so it is not replaced; choose another output name", target_.string());
+    throw InputError("{}: not a regular file, so it is not replaced; choose another output name",
+                     target_.string());
   if (target_.filename().empty()) throw InputError("{}: not a file name", target_.string());
   const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
   if (!std::filesystem::is_directory(folder, error))
     throw InputError("{}: the output folder does not exist; create it first", folder.string());
 
-  temporary_ = folder / fmt::format(".{}.{}-{}.part{}", target_.stem().string(), getpid(), serial++, extensions(target_));
+  temporary_ = folder / fmt::format(".{}.{}-{}.part{}", target_.stem().string(), getpid(), serial++,
+                                    extensions(target_));
   const int file = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
   if (file < 0) throw InputError("{}: cannot be written: {}", target_.string(), std::strerror(errno));
   close(file);

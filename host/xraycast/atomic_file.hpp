@@ -4,14 +4,15 @@
 
 namespace xraycast {
 
-/// A file that appears under its name only when it is whole. It is written under a temporary name beside the target
-/// and renamed by commit(); without commit() the temporary file is removed and the target stays as it was.
+/// A file that appears under its name only when it is whole. It is written under a temporary name beside the
+/// target and renamed by commit(); without commit() the temporary file is removed and the target stays as it
+/// was.
 ///
 /// Make one before long work starts: the constructor already finds out whether the target can be written.
 class AtomicFile {
  public:
-  /// Throws InputError when the folder does not exist or is not writable, or when the target exists and is not a
-  /// regular file.
+  /// Throws InputError when the folder does not exist or is not writable, or when the target exists and is
+  /// not a regular file.
   explicit AtomicFile(std::filesystem::path target);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
@@ -29,8 +30,8 @@ class AtomicFile {
   std::filesystem::path target_, temporary_;
 };
 
-/// Throws as AtomicFile's constructor would, and leaves nothing behind: called before long work whose result goes to
-/// `target`.
+/// Throws as AtomicFile's constructor would, and leaves nothing behind: called before long work whose result
+/// goes to `target`.
 inline void check_writable(const std::filesystem::path& target) { const AtomicFile probe(target); }
 
 }  // namespace xraycast

@@ -1,15 +1,15 @@
 #include "xraycast/body_map.hpp"
 
-#include <algorithm>
-#include <array>
-#include <cmath>
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/image.hpp"
 
 #include <OpenImageIO/imageio.h>
 #include <nlohmann/json.hpp>
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/image.hpp"
+#include <algorithm>
+#include <array>
+#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -56,7 +56,8 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   MapGeometry geometry;
   const std::string projection = spec.get_string_attribute("xraycast:projection");
   if (projection != to_string(Projection::cylinder))
-    throw InputError("{}: attribute xraycast:projection is '{}', which this version does not know", path, projection);
+    throw InputError("{}: attribute xraycast:projection is '{}', which this version does not know", path,
+                     projection);
   geometry.width = spec.width;
   geometry.height = spec.height;
   const auto read = [&](const char* name, auto& value) {
@@ -101,14 +102,18 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   const OIIO::ImageSpec& first = in->spec();
   const int version = first.get_int_attribute("xraycast:version", 0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  if (version != kVersion) throw InputError("{}: body map of version {}, but this program reads version {}", name, version, kVersion);
+  if (version != kVersion)
+    throw InputError("{}: body map of version {}, but this program reads version {}", name, version,
+                     kVersion);
 
   BodyMap map;
   map.geometry = geometry_of(first, name);
-  map.opacity = Opacity::from_json(first.get_string_attribute("xraycast:opacity"), name + ": attribute xraycast:opacity");
+  map.opacity = Opacity::from_json(first.get_string_attribute("xraycast:opacity"),
+                                   name + ": attribute xraycast:opacity");
   map.source = first.get_string_attribute("xraycast:source");
   for (int k = 0; k < map.geometry.layers(); ++k) {
-    if (!in->seek_subimage(k, 0)) throw InputError("{}: layer {} of {} is missing", name, k, map.geometry.layers());
+    if (!in->seek_subimage(k, 0))
+      throw InputError("{}: layer {} of {} is missing", name, k, map.geometry.layers());
     const OIIO::ImageSpec& spec = in->spec();
     if (spec.width != map.geometry.width || spec.height != map.geometry.height || spec.nchannels != 1)
       throw InputError("{}: layer {} has another size than layer 0", name, k);
@@ -122,14 +127,16 @@ BodyMap read_body_map(const std::filesystem::path& path) {
 }
 
 void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
-  // Every layer has its own window, but one that holds next to nothing must not look like one that holds bones.
+  // Every layer has its own window, but one that holds next to nothing must not look like one that holds
+  // bones.
   constexpr double kFaintest = 0.2;
   double deepest = 0;
   for (int k = 0; k < map.geometry.layers(); ++k) deepest = std::max(deepest, typical_depth(map.layer(k)));
   std::vector<std::uint8_t> rgb;
   for (int k = 0; k < map.geometry.layers(); ++k) {
-    const auto greys = window == PreviewWindow::paper ? plain_transmission(map.layer(k))
-                                                      : windowed_transmission(map.layer(k), kFaintest * deepest);
+    const auto greys = window == PreviewWindow::paper
+                           ? plain_transmission(map.layer(k))
+                           : windowed_transmission(map.layer(k), kFaintest * deepest);
     for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
   }
   write_png(rgb, map.geometry.width, map.geometry.height * map.geometry.layers(), 3, path);

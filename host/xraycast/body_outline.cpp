@@ -1,11 +1,11 @@
 #include "xraycast/body_outline.hpp"
 
-#include <algorithm>
-#include <cmath>
+#include "xraycast/error.hpp"
 
 #include <glm/geometric.hpp>
 
-#include "xraycast/error.hpp"
+#include <algorithm>
+#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -14,10 +14,12 @@ constexpr std::int16_t kBodyHu = -300;
 constexpr double kGrid_mm = 3;
 constexpr double kOpening_mm = 5;  // to each side
 
-/// Erodes (keep = all) or dilates (keep = any) one line of `n` cells, `stride` apart, by `reach` to each side.
-/// Beyond the line's ends there is nothing to erode from: a body cut by the scan's edge is not opened there.
+/// Erodes (keep = all) or dilates (keep = any) one line of `n` cells, `stride` apart, by `reach` to each
+/// side. Beyond the line's ends there is nothing to erode from: a body cut by the scan's edge is not opened
+/// there.
 template <bool kErode>
-void filter_line(std::uint8_t* line, std::int64_t n, std::int64_t stride, std::int64_t reach, std::vector<std::uint8_t>& copy) {
+void filter_line(std::uint8_t* line, std::int64_t n, std::int64_t stride, std::int64_t reach,
+                 std::vector<std::uint8_t>& copy) {
   copy.resize(static_cast<std::size_t>(n));
   for (std::int64_t i = 0; i < n; ++i) copy[i] = line[i * stride];
   constexpr std::uint8_t kWanted = kErode ? 0 : 1;
@@ -65,15 +67,20 @@ std::vector<std::int64_t> largest_component(std::vector<std::uint8_t>& dense, co
   return largest;
 }
 
-std::int64_t stride_for(double spacing_mm) { return std::max<std::int64_t>(1, std::llround(kGrid_mm / spacing_mm)); }
+std::int64_t stride_for(double spacing_mm) {
+  return std::max<std::int64_t>(1, std::llround(kGrid_mm / spacing_mm));
+}
 
-std::int64_t reach_for(double cell_mm) { return std::max<std::int64_t>(0, std::llround(kOpening_mm / cell_mm)); }
+std::int64_t reach_for(double cell_mm) {
+  return std::max<std::int64_t>(0, std::llround(kOpening_mm / cell_mm));
+}
 
 }  // namespace
 
 OutlineFinder::OutlineFinder(const VolumeGeometry& geometry)
     : geometry_(geometry),
-      stride_(stride_for(geometry.spacing_mm.x), stride_for(geometry.spacing_mm.y), stride_for(geometry.spacing_mm.z)),
+      stride_(stride_for(geometry.spacing_mm.x), stride_for(geometry.spacing_mm.y),
+              stride_for(geometry.spacing_mm.z)),
       size_((geometry.size + stride_ - Index3(1)) / stride_) {
   dense_.reserve(static_cast<std::size_t>(size_.x * size_.y * size_.z));
 }
@@ -99,10 +106,13 @@ BodyOutline OutlineFinder::finish() const {
     body = largest_component(opened, size_);
   }
   if (body.empty())
-    throw InputError("nothing in the scan lies above {} HU, so there is no body to centre on; give --centre and --radius", kBodyHu);
+    throw InputError(
+        "nothing in the scan lies above {} HU, so there is no body to centre on; give --centre and --radius",
+        kBodyHu);
 
   const auto position_mm = [&](std::int64_t cell) {
-    const glm::dvec2 index(static_cast<double>(cell % size_.x), static_cast<double>(cell / size_.x % size_.y));
+    const glm::dvec2 index(static_cast<double>(cell % size_.x),
+                           static_cast<double>(cell / size_.x % size_.y));
     return glm::dvec2(geometry_.origin_mm) + index * glm::dvec2(cell_mm);
   };
   glm::dvec2 sum_mm(0);

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <cstdint>
-#include <span>
-#include <vector>
+#include "xraycast/volume.hpp"
 
 #include <glm/vec2.hpp>
 
-#include "xraycast/volume.hpp"
+#include <cstdint>
+#include <span>
+#include <vector>
 
 namespace xraycast {
 
@@ -16,8 +16,9 @@ struct BodyOutline {
   double radius_mm;      ///< of a circle about the centre that encloses the body in every slice
 };
 
-/// Finds the body while the slices go by, on a grid of about 3 mm: everything above -300 HU, opened by about 10 mm
-/// in each slice so that the table's thin shells drop off, of which the largest connected part is the body.
+/// Finds the body while the slices go by, on a grid of about 3 mm: everything above -300 HU, opened by about
+/// 10 mm in each slice so that the table's thin shells drop off, of which the largest connected part is the
+/// body.
 ///
 /// Centre and radius are good to about one grid step; the radius errs on the large side.
 class OutlineFinder {
@@ -32,8 +33,8 @@ class OutlineFinder {
 
  private:
   VolumeGeometry geometry_;
-  Index3 stride_;                  ///< in voxels
-  Index3 size_;                    ///< of the coarse grid
+  Index3 stride_;  ///< in voxels
+  Index3 size_;    ///< of the coarse grid
   std::int64_t slices_seen_ = 0;
   std::vector<std::uint8_t> dense_;  ///< 1 above the threshold; x fastest
 };

@@ -1,9 +1,9 @@
 #include "xraycast/caster.hpp"
 
-#include <cmath>
-
 #include "xraycast/device_opacity.hpp"
 #include "xraycast/error.hpp"
+
+#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -25,13 +25,16 @@ std::vector<Direction> directions_of(const MapGeometry& geometry) {
 }
 
 /// Edges in units of a step. One that meets the sample grid but for rounding is put on it.
-double on_grid(double edge) { return std::abs(edge - std::round(edge)) < 1e-9 * (1 + edge) ? std::round(edge) : edge; }
+double on_grid(double edge) {
+  return std::abs(edge - std::round(edge)) < 1e-9 * (1 + edge) ? std::round(edge) : edge;
+}
 
 std::vector<XrcShell> shells_of(const MapGeometry& geometry) {
   const double step_mm = geometry.step_mm;
   std::vector<XrcShell> shells;
   for (int k = 0; k < geometry.layers(); ++k) {
-    const double inner = on_grid(geometry.radii_mm[k] / step_mm), outer = on_grid(geometry.radii_mm[k + 1] / step_mm);
+    const double inner = on_grid(geometry.radii_mm[k] / step_mm),
+                 outer = on_grid(geometry.radii_mm[k + 1] / step_mm);
     const double first = std::ceil(inner), last = std::floor(outer);
     XrcShell shell{static_cast<int>(first), static_cast<int>(last), 0, 0};
     if (last < first) {  // both edges in one sample
@@ -49,12 +52,14 @@ std::vector<XrcShell> shells_of(const MapGeometry& geometry) {
 void check_belongs(const ResidentScan& scan, const MapGeometry& geometry) {
   validate(geometry, "map");
   if (geometry.height != scan.geometry().size.z || geometry.centre_mm.size() != 1)
-    throw InputError("a map of {} rows does not belong to a scan of {} slices", geometry.height, scan.geometry().size.z);
+    throw InputError("a map of {} rows does not belong to a scan of {} slices", geometry.height,
+                     scan.geometry().size.z);
 }
 
 }  // namespace
 
-CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity, Progress& progress) {
+CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                Progress& progress) {
   check_belongs(scan, geometry);
   Device& device = scan.device();
   const VolumeGeometry& volume = scan.geometry();
@@ -64,7 +69,8 @@ CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opa
   const cl::Buffer shells = device.upload(std::span<const XrcShell>(shells_of(geometry)));
   CastResult result{{geometry, opacity, {}, {}}};
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
-  cl::Buffer tau = device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(result.map.tau.size() * sizeof(float)));
+  cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(result.map.tau.size() * sizeof(float)));
 
   XrcCylinder parameters{};
   parameters.width = geometry.width;
@@ -76,7 +82,8 @@ CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opa
   parameters.step_y = static_cast<float>(geometry.step_mm / volume.spacing_mm.y);
   const glm::dvec3 centre = volume.to_index({geometry.centre_mm[0], volume.origin_mm.z});
 
-  cl::Kernel kernel = device.kernel("cylinder", "cast_cylinder", device_opacity.build_options() + scan.build_options());
+  cl::Kernel kernel =
+      device.kernel("cylinder", "cast_cylinder", device_opacity.build_options() + scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, parameters);

@@ -14,12 +14,13 @@ struct CastResult {
   double kernel_ms = 0;  ///< wall time of the kernels on the device
 };
 
-/// Casts rays outwards through a resident scan and sums mu(HU) * length along them, layer by layer (equations 1 and
-/// 2 of the X-ray casting paper). Samples lie in the middle of steps of `geometry.step_mm` and are interpolated
-/// bilinearly within the slice, then classified; a sample that straddles a shell's edge is split by length. Rays
-/// that leave the slice see air (-1024 HU). Stage "casting" of `progress`.
+/// Casts rays outwards through a resident scan and sums mu(HU) * length along them, layer by layer (equations
+/// 1 and 2 of the X-ray casting paper). Samples lie in the middle of steps of `geometry.step_mm` and are
+/// interpolated bilinearly within the slice, then classified; a sample that straddles a shell's edge is split
+/// by length. Rays that leave the slice see air (-1024 HU). Stage "casting" of `progress`.
 ///
 /// Throws InputError when the geometry does not belong to the scan, DeviceError when the device fails.
-CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity, Progress& progress);
+CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                Progress& progress);
 
 }  // namespace xraycast

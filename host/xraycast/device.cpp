@@ -1,19 +1,20 @@
 #include "xraycast/device.hpp"
 
+#include "embedded_kernels.h"
+#include "xraycast/error.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cstdlib>
 #include <numeric>
 
-#include "embedded_kernels.h"
-#include "xraycast/error.hpp"
-
 namespace xraycast {
 namespace {
 
 std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(text, text.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return text;
 }
 
@@ -52,29 +53,34 @@ std::vector<Candidate> candidates() {
       continue;  // a platform without devices
     }
     for (const cl::Device& device : devices)
-      found.push_back({device, describe(device, platform.getInfo<CL_PLATFORM_NAME>(), static_cast<int>(found.size()))});
+      found.push_back(
+          {device, describe(device, platform.getInfo<CL_PLATFORM_NAME>(), static_cast<int>(found.size()))});
   }
   return found;
 }
 
 std::string names_of(const std::vector<Candidate>& found) {
   std::string names;
-  for (const auto& [device, info] : found) names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", info.index, info.name);
+  for (const auto& [device, info] : found)
+    names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", info.index, info.name);
   return names;
 }
 
 const Candidate& choose(const std::vector<Candidate>& found, const std::string& choice) {
   if (found.empty())
-    throw DeviceError("no OpenCL device: install a driver, such as Debian's pocl-opencl-icd, which runs on any processor");
+    throw DeviceError(
+        "no OpenCL device: install a driver, such as Debian's pocl-opencl-icd, which runs on any processor");
   if (choice.empty()) {
     const auto gpu = std::ranges::find_if(found, [](const Candidate& c) { return c.info.is_gpu; });
     return gpu != found.end() ? *gpu : found.front();
   }
   const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
   const auto fits = std::ranges::find_if(found, [&](const Candidate& c) {
-    return is_number ? std::to_string(c.info.index) == choice : lower(c.info.name).find(lower(choice)) != std::string::npos;
+    return is_number ? std::to_string(c.info.index) == choice
+                     : lower(c.info.name).find(lower(choice)) != std::string::npos;
   });
-  if (fits == found.end()) throw DeviceError("no OpenCL device fits '{}'; there is {}", choice, names_of(found));
+  if (fits == found.end())
+    throw DeviceError("no OpenCL device fits '{}'; there is {}", choice, names_of(found));
   return *fits;
 }
 
@@ -134,24 +140,31 @@ cl::Kernel Device::kernel(const std::string& file, const std::string& entry, con
   try {
     return {known->second, entry.c_str()};
   } catch (const cl::Error& error) {
-    throw DeviceError("kernels/{}.cl has no kernel '{}' on {}: {}", file, entry, info_.name, status_name(error.err()));
+    throw DeviceError("kernels/{}.cl has no kernel '{}' on {}: {}", file, entry, info_.name,
+                      status_name(error.err()));
   }
 }
 
 cl::Buffer Device::buffer(cl_mem_flags flags, std::int64_t bytes, void* host) {
   if (bytes > info_.max_allocation_B)
-    throw DeviceError("{} allows buffers of up to {} MiB, but {} MiB are needed", info_.name, info_.max_allocation_B >> 20,
-                      bytes >> 20);
+    throw DeviceError("{} allows buffers of up to {} MiB, but {} MiB are needed", info_.name,
+                      info_.max_allocation_B >> 20, bytes >> 20);
   try {
     return {context_, flags, static_cast<cl::size_type>(bytes), host};
   } catch (const cl::Error& error) {
-    throw DeviceError("{} has no room for a buffer of {} MiB: {}", info_.name, bytes >> 20, status_name(error.err()));
+    throw DeviceError("{} has no room for a buffer of {} MiB: {}", info_.name, bytes >> 20,
+                      status_name(error.err()));
   }
 }
 
-cl::Image3D Device::image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height, std::int64_t depth) {
+cl::Image3D Device::image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height,
+                          std::int64_t depth) {
   try {
-    return {context_, CL_MEM_READ_ONLY, format, static_cast<cl::size_type>(width), static_cast<cl::size_type>(height),
+    return {context_,
+            CL_MEM_READ_ONLY,
+            format,
+            static_cast<cl::size_type>(width),
+            static_cast<cl::size_type>(height),
             static_cast<cl::size_type>(depth)};
   } catch (const cl::Error& error) {
     throw DeviceError("{} has no room for an image of {} x {} x {}: {}", info_.name, width, height, depth,
@@ -160,7 +173,9 @@ cl::Image3D Device::image(const cl::ImageFormat& format, std::int64_t width, std
 }
 
 bool Device::takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const {
-  const auto fits = [](std::int64_t size, cl::size_type limit) { return size <= static_cast<std::int64_t>(limit); };
+  const auto fits = [](std::int64_t size, cl::size_type limit) {
+    return size <= static_cast<std::int64_t>(limit);
+  };
   return info_.has_images && fits(width, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_WIDTH>()) &&
          fits(height, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_HEIGHT>()) &&
          fits(depth, device_.getInfo<CL_DEVICE_IMAGE3D_MAX_DEPTH>());
@@ -171,18 +186,20 @@ void Device::guarded(const char* doing, const Call& call) const {
   try {
     call();
   } catch (const cl::Error& error) {
-    throw DeviceError("{} failed while {}: {} returned {}", info_.name, doing, error.what(), status_name(error.err()));
+    throw DeviceError("{} failed while {}: {} returned {}", info_.name, doing, error.what(),
+                      status_name(error.err()));
   }
 }
 
-cl::Event Device::run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global, std::array<std::int64_t, 3> local) {
+cl::Event Device::run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global,
+                      std::array<std::int64_t, 3> local) {
   if (local[0] > 0)
     for (int i = 0; i < 3; ++i) global[i] = (global[i] + local[i] - 1) / local[i] * local[i];
   const auto range = [](const std::array<std::int64_t, 3>& n) { return cl::NDRange(n[0], n[1], n[2]); };
   cl::Event done;
   guarded("running a kernel", [&] {
-    queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global), local[0] > 0 ? range(local) : cl::NullRange, nullptr,
-                                &done);
+    queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global),
+                                local[0] > 0 ? range(local) : cl::NullRange, nullptr, &done);
   });
   return done;
 }
@@ -191,14 +208,15 @@ void Device::finish() {
   guarded("running a kernel", [&] { queue_.finish(); });
 }
 
-void Device::write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
-                          std::int64_t count, const void* values) {
+void Device::write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height,
+                          std::int64_t first, std::int64_t count, const void* values) {
   const std::array<std::size_t, 3> origin{0, 0, static_cast<std::size_t>(first)};
   const std::array<std::size_t, 3> region{static_cast<std::size_t>(width), static_cast<std::size_t>(height),
                                           static_cast<std::size_t>(count)};
-  const cl_int status = clEnqueueWriteImage(queue_(), image(), CL_TRUE, origin.data(), region.data(), 0, 0, values, 0,
-                                            nullptr, nullptr);
-  if (status != CL_SUCCESS) throw DeviceError("{} failed while uploading slices: {}", info_.name, status_name(status));
+  const cl_int status = clEnqueueWriteImage(queue_(), image(), CL_TRUE, origin.data(), region.data(), 0, 0,
+                                            values, 0, nullptr, nullptr);
+  if (status != CL_SUCCESS)
+    throw DeviceError("{} failed while uploading slices: {}", info_.name, status_name(status));
 }
 
 void Device::write(const cl::Buffer& target, const void* values, std::size_t bytes) {
@@ -224,7 +242,8 @@ Device::SelfTest Device::self_test() {
     queue_.enqueueNDRangeKernel(run, cl::NullRange, cl::NDRange(1024));
     queue_.enqueueReadBuffer(out_buffer, CL_TRUE, 0, n * sizeof(float), out.data());
     result.buffers = true;
-    for (int i = 0; i < n; ++i) result.buffers = result.buffers && out[i] == 2.0f * static_cast<float>(i) + 1.0f;
+    for (int i = 0; i < n; ++i)
+      result.buffers = result.buffers && out[i] == 2.0f * static_cast<float>(i) + 1.0f;
   } catch (const std::exception&) {
     result.buffers = false;
   }
@@ -233,8 +252,8 @@ Device::SelfTest Device::self_test() {
     constexpr int w = 7, h = 5, d = 3;
     std::vector<float> in(w * h * d), out(w * h * d, -1.0f);
     std::iota(in.begin(), in.end(), 1.0f);
-    cl::Image3D image(context_, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, cl::ImageFormat(CL_R, CL_FLOAT), w, h, d, 0, 0,
-                      in.data());
+    cl::Image3D image(context_, CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, cl::ImageFormat(CL_R, CL_FLOAT), w,
+                      h, d, 0, 0, in.data());
     cl::Buffer out_buffer = buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(out.size() * sizeof(float)));
     cl::Kernel run = kernel("selftest", "selftest_image");
     run.setArg(0, image);
@@ -256,16 +275,26 @@ double duration_ms(const cl::Event& event) {
 
 std::string status_name(cl_int status) {
   switch (status) {
-    case CL_DEVICE_NOT_AVAILABLE: return "CL_DEVICE_NOT_AVAILABLE";
-    case CL_MEM_OBJECT_ALLOCATION_FAILURE: return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
-    case CL_OUT_OF_RESOURCES: return "CL_OUT_OF_RESOURCES";
-    case CL_OUT_OF_HOST_MEMORY: return "CL_OUT_OF_HOST_MEMORY";
-    case CL_BUILD_PROGRAM_FAILURE: return "CL_BUILD_PROGRAM_FAILURE";
-    case CL_INVALID_KERNEL_NAME: return "CL_INVALID_KERNEL_NAME";
-    case CL_INVALID_KERNEL_ARGS: return "CL_INVALID_KERNEL_ARGS";
-    case CL_INVALID_BUFFER_SIZE: return "CL_INVALID_BUFFER_SIZE";
-    case CL_INVALID_WORK_GROUP_SIZE: return "CL_INVALID_WORK_GROUP_SIZE";
-    default: return fmt::format("OpenCL status {}", status);
+    case CL_DEVICE_NOT_AVAILABLE:
+      return "CL_DEVICE_NOT_AVAILABLE";
+    case CL_MEM_OBJECT_ALLOCATION_FAILURE:
+      return "CL_MEM_OBJECT_ALLOCATION_FAILURE";
+    case CL_OUT_OF_RESOURCES:
+      return "CL_OUT_OF_RESOURCES";
+    case CL_OUT_OF_HOST_MEMORY:
+      return "CL_OUT_OF_HOST_MEMORY";
+    case CL_BUILD_PROGRAM_FAILURE:
+      return "CL_BUILD_PROGRAM_FAILURE";
+    case CL_INVALID_KERNEL_NAME:
+      return "CL_INVALID_KERNEL_NAME";
+    case CL_INVALID_KERNEL_ARGS:
+      return "CL_INVALID_KERNEL_ARGS";
+    case CL_INVALID_BUFFER_SIZE:
+      return "CL_INVALID_BUFFER_SIZE";
+    case CL_INVALID_WORK_GROUP_SIZE:
+      return "CL_INVALID_WORK_GROUP_SIZE";
+    default:
+      return fmt::format("OpenCL status {}", status);
   }
 }
 

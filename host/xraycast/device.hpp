@@ -36,32 +36,35 @@ class Device {
   static std::vector<Info> list();
 
   /// Chooses by number or by part of the name, case ignored. An empty choice takes the environment's
-  /// XRAYCAST_DEVICE, and without that the first GPU or else the first device. Throws DeviceError when there is no
-  /// device, or none that fits, and names those there are.
+  /// XRAYCAST_DEVICE, and without that the first GPU or else the first device. Throws DeviceError when there
+  /// is no device, or none that fits, and names those there are.
   explicit Device(const std::string& choice = "");
 
   const Info& info() const { return info_; }
   cl::Context& context() { return context_; }
   cl::CommandQueue& queue() { return queue_; }
 
-  /// Kernel `entry` of kernels/`file`.cl, built with `options` at first use. Throws DeviceError with the end of the
-  /// build log. Drivers keep their own cache of binaries on disk, so the first build on a machine is the slow one.
+  /// Kernel `entry` of kernels/`file`.cl, built with `options` at first use. Throws DeviceError with the end
+  /// of the build log. Drivers keep their own cache of binaries on disk, so the first build on a machine is
+  /// the slow one.
   cl::Kernel kernel(const std::string& file, const std::string& entry, const std::string& options = "");
 
   /// A buffer of `bytes`, checked against the device's largest allocation first. Throws DeviceError.
   cl::Buffer buffer(cl_mem_flags flags, std::int64_t bytes, void* host = nullptr);
 
   /// A read-only 3-D image, and whether the device takes one of that size. Throws DeviceError.
-  cl::Image3D image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height, std::int64_t depth);
+  cl::Image3D image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height,
+                    std::int64_t depth);
   bool takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const;
 
   /// Blocking copy of whole slices of a 3-D image. Throws DeviceError.
   void write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
                     std::int64_t count, const void* values);
 
-  /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is then
-  /// rounded up, so kernels check their bounds. Throws DeviceError.
-  cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global, std::array<std::int64_t, 3> local = {});
+  /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is
+  /// then rounded up, so kernels check their bounds. Throws DeviceError.
+  cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global,
+                std::array<std::int64_t, 3> local = {});
 
   /// Blocking copies of whole spans. Throw DeviceError.
   template <typename T>

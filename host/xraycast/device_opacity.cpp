@@ -1,11 +1,11 @@
 #include "xraycast/device_opacity.hpp"
 
-#include <cmath>
-#include <vector>
+#include "params.h"
 
 #include <fmt/format.h>
 
-#include "params.h"
+#include <cmath>
+#include <vector>
 
 namespace xraycast {
 namespace {

@@ -1,14 +1,14 @@
 #pragma once
 
+#include <fmt/format.h>
+
 #include <stdexcept>
 #include <string>
 
-#include <fmt/format.h>
-
 namespace xraycast {
 
-/// Something failed for a reason that lies neither in the user's input nor in the OpenCL device (a full disk).
-/// `what()` is one line that says what to do; the command line prints it and exits with 1.
+/// Something failed for a reason that lies neither in the user's input nor in the OpenCL device (a full
+/// disk). `what()` is one line that says what to do; the command line prints it and exits with 1.
 class Error : public std::runtime_error {
  public:
   template <typename... Args>

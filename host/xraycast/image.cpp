@@ -1,24 +1,27 @@
 #include "xraycast/image.hpp"
 
-#include <algorithm>
-#include <cmath>
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/error.hpp"
 
 #include <OpenImageIO/imageio.h>
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
+#include <algorithm>
+#include <cmath>
 
 namespace xraycast {
 namespace {
 
 /// The value that `share` of the values do not exceed.
 float quantile(std::vector<float> values, double share) {
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  const auto nth =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
   std::ranges::nth_element(values, nth);
   return *nth;
 }
 
-std::uint8_t grey(double share) { return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0))); }
+std::uint8_t grey(double share) {
+  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0)));
+}
 
 }  // namespace
 
@@ -30,12 +33,14 @@ double typical_depth(std::span<const float> tau) {
 }
 
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
-  const double scale = std::max(typical_depth(tau), least_depth) / 1.2;
+  const double scale = 2 * std::max(typical_depth(tau), least_depth);
   const std::vector<float> all(tau.begin(), tau.end());
+  constexpr double kHeadroom = 1.15;  // keeps the darkest parts off black, where nothing can be told apart
   const double light = std::exp(-quantile(all, 0.001) / scale);
-  const double dark = std::min(std::exp(-quantile(all, 0.999) / scale), 0.8 * light);
+  const double dark = std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light);
   std::vector<std::uint8_t> greys(tau.size());
-  std::ranges::transform(tau, greys.begin(), [&](float t) { return grey((std::exp(-t / scale) - dark) / (light - dark)); });
+  std::ranges::transform(tau, greys.begin(),
+                         [&](float t) { return grey((std::exp(-t / scale) - dark) / (light - dark)); });
   return greys;
 }
 
@@ -45,12 +50,14 @@ std::vector<std::uint8_t> plain_transmission(std::span<const float> tau) {
   return greys;
 }
 
-void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels, const std::filesystem::path& path) {
+void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
+               const std::filesystem::path& path) {
   AtomicFile file(path);
   const auto out = OIIO::ImageOutput::create("png");
   if (!out) throw Error("{}: OpenImageIO cannot write PNG", path.string());
   const OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
-  if (!out->open(file.temporary().string(), spec) || !out->write_image(OIIO::TypeDesc::UINT8, pixels.data()) || !out->close())
+  if (!out->open(file.temporary().string(), spec) ||
+      !out->write_image(OIIO::TypeDesc::UINT8, pixels.data()) || !out->close())
     throw Error("{}: could not be written: {}", path.string(), out->geterror());
   file.commit();
 }

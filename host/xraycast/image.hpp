@@ -10,16 +10,18 @@ namespace xraycast {
 /// The optical depth of an image's denser parts: the 90th percentile of all that is not air.
 double typical_depth(std::span<const float> tau);
 
-/// Grey 0 to 255 of exp(-tau), so that a person sees something: a chest's plain exp(-tau) is nearly black. Shows
-/// exp(-tau / s), stretched from the image's darkest to its lightest, with s so that the denser parts come out at
-/// 30 %. An image whose denser parts are below `least_depth` is shown as if they were at it, and so stays faint.
+/// Grey 0 to 255 of exp(-tau), so that a person sees something: a chest's plain exp(-tau) is nearly black.
+/// Shows exp(-tau / s) from somewhat below the image's darkest to its lightest, with s twice the depth of its
+/// denser parts, which is close to what a radiograph's logarithm shows. An image whose denser parts are below
+/// `least_depth` is shown as if they were at it, and so stays faint.
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth = 0);
 
 /// Grey 0 to 255 of exp(-tau), unscaled.
 std::vector<std::uint8_t> plain_transmission(std::span<const float> tau);
 
-/// 8-bit PNG with `channels` 1 (grey) or 3 (RGB) interleaved; row 0 on top. Throws InputError when `path` cannot be
-/// written, Error when the disk is full.
-void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels, const std::filesystem::path& path);
+/// 8-bit PNG with `channels` 1 (grey) or 3 (RGB) interleaved; row 0 on top. Throws InputError when `path`
+/// cannot be written, Error when the disk is full.
+void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
+               const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -1,14 +1,14 @@
 #include "xraycast/opacity.hpp"
 
+#include "xraycast/error.hpp"
+#include "xraycast/volume.hpp"
+
+#include <nlohmann/json.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <fstream>
 #include <iterator>
-
-#include <nlohmann/json.hpp>
-
-#include "xraycast/error.hpp"
-#include "xraycast/volume.hpp"
 
 namespace xraycast {
 namespace {
@@ -17,7 +17,8 @@ constexpr double kHighestHu = 32767;
 
 void validate(const std::string& name, const std::vector<Opacity::Knot>& knots) {
   if (knots.empty() || knots.size() > Opacity::kMaxKnots)
-    throw InputError("{}: knots has {} entries, but has to have 1 to {}", name, knots.size(), Opacity::kMaxKnots);
+    throw InputError("{}: knots has {} entries, but has to have 1 to {}", name, knots.size(),
+                     Opacity::kMaxKnots);
   for (std::size_t i = 0; i < knots.size(); ++i) {
     const auto [hu, mu] = knots[i];
     if (!(hu >= kAirHu && hu <= kHighestHu))
@@ -25,14 +26,15 @@ void validate(const std::string& name, const std::vector<Opacity::Knot>& knots) 
     if (!std::isfinite(mu) || mu < 0)
       throw InputError("{}: knots[{}] has mu = {} /mm, which has to be finite and not negative", name, i, mu);
     if (i > 0 && hu <= knots[i - 1].hu)
-      throw InputError("{}: knots[{}] at {} HU does not lie above the one before it, {} HU; sort the knots", name, i, hu,
-                       knots[i - 1].hu);
+      throw InputError("{}: knots[{}] at {} HU does not lie above the one before it, {} HU; sort the knots",
+                       name, i, hu, knots[i - 1].hu);
   }
 }
 
 }  // namespace
 
-Opacity::Opacity(std::string name, std::vector<Knot> knots) : name_(std::move(name)), knots_(std::move(knots)) {
+Opacity::Opacity(std::string name, std::vector<Knot> knots)
+    : name_(std::move(name)), knots_(std::move(knots)) {
   validate("opacity " + name_, knots_);
 }
 
@@ -70,7 +72,8 @@ Opacity Opacity::named(const std::string& name_or_file) {
   if (name_or_file == "paper") return paper();
   if (name_or_file == "bilinear") return bilinear();
   std::ifstream file(name_or_file);
-  if (!file) throw InputError("{}: neither an opacity (paper, bilinear) nor a file that can be read", name_or_file);
+  if (!file)
+    throw InputError("{}: neither an opacity (paper, bilinear) nor a file that can be read", name_or_file);
   return from_json({std::istreambuf_iterator<char>(file), {}}, name_or_file);
 }
 

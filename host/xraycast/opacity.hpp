@@ -25,12 +25,12 @@ class Opacity {
   /// mu = 0.02/mm (HU / 1024 + 1): equation 1 of the X-ray casting paper, and the default.
   static Opacity paper();
 
-  /// 0 up to -1000 HU, 0.0192/mm at 0 HU and 0.0573/mm at 1000 HU, linear between and above: water and bone at
-  /// about 70 keV, as nanodrr has them.
+  /// 0 up to -1000 HU, 0.0192/mm at 0 HU and 0.0573/mm at 1000 HU, linear between and above: water and bone
+  /// at about 70 keV, as nanodrr has them.
   static Opacity bilinear();
 
-  /// {"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [150, 0], [1000, 0.06]]}. Throws InputError naming the
-  /// field; `origin` (a file name) stands in front.
+  /// {"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [150, 0], [1000, 0.06]]}. Throws InputError
+  /// naming the field; `origin` (a file name) stands in front.
   static Opacity from_json(const std::string& text, const std::string& origin);
 
   /// `paper`, `bilinear`, or the name of a JSON file.

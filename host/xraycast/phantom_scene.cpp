@@ -13,8 +13,8 @@
 namespace xraycast {
 namespace {
 
-static_assert(sizeof(xrc_primitive) == 26 * 4);
-static_assert(sizeof(xrc_station) == 4 * 4);
+static_assert(sizeof(XrcPrimitive) == 26 * 4);
+static_assert(sizeof(XrcStation) == 4 * 4);
 
 constexpr double kFar = std::numeric_limits<double>::infinity();
 constexpr double kTiny = 1e-12;
@@ -34,13 +34,13 @@ double norm(double u, double v, double n) {
 /// The derivative of the n-norm by a component that is `share` of it.
 double norm_slope(double share, double n) { return std::pow(share, n - 1); }
 
-glm::dvec3 octant(const xrc_primitive& s, const glm::dvec3& p) {
+glm::dvec3 octant(const XrcPrimitive& s, const glm::dvec3& p) {
   const glm::dvec3 b = load(s.b), c = load(s.c), q = p - load(s.a);
   return glm::abs(glm::dvec3(glm::dot(q, b), glm::dot(q, c), glm::dot(q, glm::cross(b, c))));
 }
 
 // f = ||(||(x/a, y/b)||, z/c)|| is 1 on the surface; (f - 1) / |grad f| is the distance to first order.
-double solid_distance(const xrc_primitive& s, const glm::dvec3& p) {
+double solid_distance(const XrcPrimitive& s, const glm::dvec3& p) {
   const glm::dvec3 size = load(s.size), q = octant(s, p) / size;
   const double n = s.exponents[0], m = s.exponents[1];
   const double g = std::max(norm(q.x, q.y, n), kTiny), f = std::max(norm(g, q.z, m), kTiny);
@@ -50,7 +50,7 @@ double solid_distance(const xrc_primitive& s, const glm::dvec3& p) {
   return (f - 1) / std::max(glm::length(slope), kTiny);
 }
 
-double box_distance(const xrc_primitive& s, const glm::dvec3& p) {
+double box_distance(const XrcPrimitive& s, const glm::dvec3& p) {
   const glm::dvec3 q = octant(s, p) - load(s.size);
   return glm::length(glm::max(q, 0.0)) + std::min(std::max({q.x, q.y, q.z}), 0.0);
 }
@@ -60,7 +60,7 @@ glm::dvec3 stretch(const glm::dvec3& v, const glm::dvec3& axis, double factor) {
 }
 
 // A flattened capsule is a round one in a space stretched along the flat axis.
-double capsule_distance(const xrc_primitive& s, const glm::dvec3& p) {
+double capsule_distance(const XrcPrimitive& s, const glm::dvec3& p) {
   const glm::dvec3 axis = load(s.c), a = load(s.a);
   const glm::dvec3 ab = stretch(load(s.b) - a, axis, s.size[2]), ap = stretch(p - a, axis, s.size[2]);
   const double t = std::clamp(glm::dot(ap, ab) / std::max(glm::dot(ab, ab), kTiny), 0.0, 1.0);
@@ -76,7 +76,7 @@ double squared_to_edge(const glm::dvec3& edge, const glm::dvec3& v) {
   return squared(v - edge * std::clamp(glm::dot(v, edge) / std::max(squared(edge), kTiny), 0.0, 1.0));
 }
 
-double plate_distance(const xrc_primitive& s, const glm::dvec3& p) {
+double plate_distance(const XrcPrimitive& s, const glm::dvec3& p) {
   const glm::dvec3 a = load(s.a), b = load(s.b), c = load(s.c), normal = glm::cross(b - a, a - c);
   const bool is_above_face = glm::dot(glm::cross(b - a, normal), p - a) >= 0 &&
                              glm::dot(glm::cross(c - b, normal), p - b) >= 0 &&
@@ -89,11 +89,11 @@ double plate_distance(const xrc_primitive& s, const glm::dvec3& p) {
 
 // As for a solid, in the section at the height of p; the slope along z is that of the section's centre and
 // axes. Flat at both ends.
-double loft_distance(const xrc_primitive& s, std::span<const xrc_station> stations, const glm::dvec3& p) {
+double loft_distance(const XrcPrimitive& s, std::span<const XrcStation> stations, const glm::dvec3& p) {
   const double last = s.count - 1, n = s.exponents[0], up = (p.z - s.a[0]) / s.a[1];
   const double beyond_end_mm = std::max(-up, up - last) * s.a[1], height = std::clamp(up, 0.0, last);
   const int i = std::min(static_cast<int>(height), s.count - 2);
-  const xrc_station &low = stations[s.first + i], &high = stations[s.first + i + 1];
+  const XrcStation &low = stations[s.first + i], &high = stations[s.first + i + 1];
   const glm::dvec4 lower(low.x, low.y, low.a, low.b), upper(high.x, high.y, high.a, high.b);
   const glm::dvec4 here = glm::mix(lower, upper, height - i),
                    rise = (upper - lower) / static_cast<double>(s.a[1]);
@@ -181,9 +181,9 @@ void PhantomScene::begin_layer(double hu, bool is_additive) {
   layer_is_additive_ = is_additive;
 }
 
-xrc_primitive& PhantomScene::append(int kind, const Box& bounds) {
+XrcPrimitive& PhantomScene::append(int kind, const Box& bounds) {
   assert(layer_ > 0);  // paint() or add() comes first
-  xrc_primitive shape{};
+  XrcPrimitive shape{};
   shape.kind = kind;
   shape.layer = layer_;
   shape.is_additive = layer_is_additive_;
@@ -200,7 +200,7 @@ void PhantomScene::ellipsoid(const glm::dvec3& centre, const glm::dvec3& half_ax
 void PhantomScene::superellipsoid(const glm::dvec3& centre, const glm::dvec3& half_axes, double section,
                                   double height, const ShapeAxes& axes) {
   const glm::dvec3 half = half_extent(half_axes, axes, section > 2 || height > 2);
-  xrc_primitive& shape = append(XRC_SOLID, {centre - half, centre + half});
+  XrcPrimitive& shape = append(XRC_SOLID, {centre - half, centre + half});
   store(shape.a, centre);
   store(shape.b, axes.u);
   store(shape.c, axes.v);
@@ -210,7 +210,7 @@ void PhantomScene::superellipsoid(const glm::dvec3& centre, const glm::dvec3& ha
 }
 
 void PhantomScene::box(const glm::dvec3& centre, const glm::dvec3& half_sizes) {
-  xrc_primitive& shape = append(XRC_BOX, {centre - half_sizes, centre + half_sizes});
+  XrcPrimitive& shape = append(XRC_BOX, {centre - half_sizes, centre + half_sizes});
   store(shape.a, centre);
   store(shape.b, {1, 0, 0});
   store(shape.c, {0, 1, 0});
@@ -222,7 +222,7 @@ void PhantomScene::capsule(const VesselPoint& from, const VesselPoint& to) { tub
 void PhantomScene::tube(std::span<const VesselPoint> points, const glm::dvec3& flat, double flattening) {
   for (std::size_t i = 1; i < points.size(); ++i) {
     const VesselPoint &from = points[i - 1], &to = points[i];
-    xrc_primitive& shape =
+    XrcPrimitive& shape =
         append(XRC_CAPSULE, {glm::min(from.position_mm - from.radius_mm, to.position_mm - to.radius_mm),
                              glm::max(from.position_mm + from.radius_mm, to.position_mm + to.radius_mm)});
     store(shape.a, from.position_mm);
@@ -233,7 +233,7 @@ void PhantomScene::tube(std::span<const VesselPoint> points, const glm::dvec3& f
 }
 
 void PhantomScene::plate(const glm::dvec3& a, const glm::dvec3& b, const glm::dvec3& c, double radius_mm) {
-  xrc_primitive& shape =
+  XrcPrimitive& shape =
       append(XRC_PLATE, {glm::min(a, glm::min(b, c)) - radius_mm, glm::max(a, glm::max(b, c)) + radius_mm});
   store(shape.a, a);
   store(shape.b, b);
@@ -253,7 +253,7 @@ void PhantomScene::loft(const Loft& loft) {
     bounds.lower_mm = glm::min(bounds.lower_mm, glm::dvec3(s.x_mm - s.a_mm, s.y_mm - s.b_mm, bottom));
     bounds.upper_mm = glm::max(bounds.upper_mm, glm::dvec3(s.x_mm + s.a_mm, s.y_mm + s.b_mm, top));
   }
-  xrc_primitive& shape = append(XRC_LOFT, bounds);
+  XrcPrimitive& shape = append(XRC_LOFT, bounds);
   store(shape.a, {bottom, (top - bottom) / pieces, 0});
   shape.exponents[0] = static_cast<float>(loft.exponent);
   shape.first = first;
@@ -262,7 +262,7 @@ void PhantomScene::loft(const Loft& loft) {
 
 // ---- evaluating -----------------------------------------------------------------------------------
 
-double PhantomScene::distance_mm(const xrc_primitive& shape, const glm::dvec3& point_mm) const {
+double PhantomScene::distance_mm(const XrcPrimitive& shape, const glm::dvec3& point_mm) const {
   switch (shape.kind) {
     case XRC_SOLID:
       return solid_distance(shape, point_mm);
@@ -280,7 +280,7 @@ double PhantomScene::distance_mm(const xrc_primitive& shape, const glm::dvec3& p
 double PhantomScene::hu_at(const glm::dvec3& point_mm, double edge_mm) const {
   double hu = background_hu_, nearest = kFar;
   for (std::size_t i = 0; i < primitives_.size(); ++i) {
-    const xrc_primitive& shape = primitives_[i];
+    const XrcPrimitive& shape = primitives_[i];
     const glm::dvec3 outside = glm::max(load(shape.lower_mm) - point_mm, point_mm - load(shape.upper_mm));
     if (std::max({outside.x, outside.y, outside.z}) < edge_mm)
       nearest = std::min(nearest, distance_mm(shape, point_mm));
@@ -292,7 +292,7 @@ double PhantomScene::hu_at(const glm::dvec3& point_mm, double edge_mm) const {
   return hu;
 }
 
-bool PhantomScene::covers(const xrc_primitive& shape, const Box& box, double edge_mm) const {
+bool PhantomScene::covers(const XrcPrimitive& shape, const Box& box, double edge_mm) const {
   if (shape.is_additive) return false;
   const glm::dvec3 outside =
       glm::max(load(shape.lower_mm) - box.lower_mm, box.upper_mm - load(shape.upper_mm));

@@ -66,8 +66,8 @@ class PhantomScene {
   void loft(const Loft& loft);
 
   double background_hu() const { return background_hu_; }
-  std::span<const xrc_primitive> primitives() const { return primitives_; }
-  std::span<const xrc_station> stations() const { return stations_; }
+  std::span<const XrcPrimitive> primitives() const { return primitives_; }
+  std::span<const XrcStation> stations() const { return stations_; }
 
   /// The value at a point, surfaces fading over `edge_mm`, in double precision.
   double hu_at(const glm::dvec3& point_mm, double edge_mm) const;
@@ -76,19 +76,19 @@ class PhantomScene {
     glm::dvec3 lower_mm, upper_mm;
   };
   /// The shape fills all of the box, its faded edge excluded, so that what was painted earlier does not show.
-  bool covers(const xrc_primitive& shape, const Box& box, double edge_mm) const;
+  bool covers(const XrcPrimitive& shape, const Box& box, double edge_mm) const;
 
  private:
   void begin_layer(double hu, bool is_additive);
-  xrc_primitive& append(int kind, const Box& bounds);
-  double distance_mm(const xrc_primitive& shape, const glm::dvec3& point_mm) const;
+  XrcPrimitive& append(int kind, const Box& bounds);
+  double distance_mm(const XrcPrimitive& shape, const glm::dvec3& point_mm) const;
 
   double background_hu_;
   double layer_hu_ = 0;
   bool layer_is_additive_ = false;
   int layer_ = 0;
-  std::vector<xrc_primitive> primitives_;
-  std::vector<xrc_station> stations_;
+  std::vector<XrcPrimitive> primitives_;
+  std::vector<XrcStation> stations_;
 };
 
 }  // namespace xraycast

@@ -10,7 +10,7 @@
 namespace xraycast {
 namespace {
 
-static_assert(sizeof(xrc_phantom_slab) == 14 * 4);
+static_assert(sizeof(XrcPhantomSlab) == 14 * 4);
 
 constexpr std::int64_t kBrick = XRC_PHANTOM_BRICK;
 
@@ -37,7 +37,7 @@ BrickLists list_bricks(const Phantom& phantom, std::int64_t first_slice, std::in
                              static_cast<float>(scene.background_hu()));
   std::vector<std::vector<cl_int>> lists(base_hu.size());
   for (std::size_t i = 0; i < scene.primitives().size(); ++i) {
-    const xrc_primitive& shape = scene.primitives()[i];
+    const XrcPrimitive& shape = scene.primitives()[i];
     const glm::dvec3 lower = glm::floor((load(shape.lower_mm) - edge - origin) / brick_mm);
     const glm::dvec3 upper = glm::floor((load(shape.upper_mm) + edge - origin) / brick_mm);
     if (lower.z > 0 || upper.z < 0) continue;
@@ -85,7 +85,7 @@ PhantomSource::PhantomSource(const Phantom& phantom, Device& device)
 
 void PhantomSource::paint(std::span<std::int16_t> slices, std::int64_t count) {
   const VolumeGeometry& geometry = phantom_.geometry();
-  xrc_phantom_slab slab{};
+  XrcPhantomSlab slab{};
   for (int i = 0; i < 3; ++i) {
     slab.size[i] = static_cast<cl_int>(i < 2 ? geometry.size[i] : count);
     slab.origin_mm[i] = static_cast<float>(geometry.origin_mm[i]);

@@ -8,8 +8,8 @@
 
 namespace xraycast {
 
-/// How far a long call is, and the way to stop it. One object serves a whole job: the worker reports to it, and
-/// whoever waits (a progress bar, a window, a signal handler) listens and may cancel.
+/// How far a long call is, and the way to stop it. One object serves a whole job: the worker reports to it,
+/// and whoever waits (a progress bar, a window, a signal handler) listens and may cancel.
 ///
 /// Thread-safe. The listener runs on the reporting thread, one call at a time, and should return quickly.
 class Progress {
@@ -19,7 +19,9 @@ class Progress {
     std::string unit;       ///< what `done` counts, such as "slices"
     std::int64_t done = 0;  ///< 0 to total
     std::int64_t total = 0;
-    double fraction() const { return total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 0.0; }
+    double fraction() const {
+      return total > 0 ? static_cast<double>(done) / static_cast<double>(total) : 0.0;
+    }
   };
   using Listener = std::function<void(const State&)>;
 

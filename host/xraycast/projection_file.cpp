@@ -1,7 +1,8 @@
 #include "xraycast/projection_file.hpp"
 
-#include <algorithm>
-#include <cctype>
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/image.hpp"
 
 #include <OpenImageIO/imageio.h>
 #include <itkImage.h>
@@ -9,9 +10,8 @@
 #include <itkNrrdImageIO.h>
 #include <nlohmann/json.hpp>
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/image.hpp"
+#include <algorithm>
+#include <cctype>
 
 namespace xraycast {
 namespace {
@@ -44,9 +44,11 @@ void write_float_image(const ProjectionImage& image, const char* format, const A
   OIIO::ImageSpec spec(image.view.width, image.view.height, 1, OIIO::TypeDesc::FLOAT);
   spec.channelnames = {"tau"};
   spec.attribute("compression", "zip");
-  spec.attribute("ImageDescription", "xraycast: optical depth tau; transmission is exp(-tau); view " + view_to_json(image.view).dump());
+  spec.attribute("ImageDescription", "xraycast: optical depth tau; transmission is exp(-tau); view " +
+                                         view_to_json(image.view).dump());
   spec.attribute("xraycast:view", view_to_json(image.view).dump());
-  if (!out->open(file.temporary().string(), spec) || !out->write_image(OIIO::TypeDesc::FLOAT, image.tau.data()) || !out->close())
+  if (!out->open(file.temporary().string(), spec) ||
+      !out->write_image(OIIO::TypeDesc::FLOAT, image.tau.data()) || !out->close())
     throw Error("{}: could not be written: {}", file.target().string(), out->geterror());
 }
 
@@ -54,7 +56,8 @@ void write_float_image(const ProjectionImage& image, const char* format, const A
 void write_nrrd(const ProjectionImage& image, const AtomicFile& file) {
   using Image = itk::Image<float, 3>;
   const auto picture = Image::New();
-  picture->SetRegions(Image::SizeType{{static_cast<itk::SizeValueType>(image.view.width), static_cast<itk::SizeValueType>(image.view.height), 1}});
+  picture->SetRegions(Image::SizeType{{static_cast<itk::SizeValueType>(image.view.width),
+                                       static_cast<itk::SizeValueType>(image.view.height), 1}});
   picture->Allocate();
   std::ranges::copy(image.tau, picture->GetBufferPointer());
   const glm::dvec3 axes[] = {image.view.right(), -image.view.up(), -image.view.towards_detector()};
@@ -63,7 +66,8 @@ void write_nrrd(const ProjectionImage& image, const AtomicFile& file) {
   Image::PointType point;
   for (unsigned row = 0; row < 3; ++row) {
     point[row] = origin[static_cast<int>(row)];
-    for (unsigned column = 0; column < 3; ++column) direction(row, column) = axes[column][static_cast<int>(row)];
+    for (unsigned column = 0; column < 3; ++column)
+      direction(row, column) = axes[column][static_cast<int>(row)];
   }
   picture->SetDirection(direction);
   picture->SetOrigin(point);
@@ -82,7 +86,8 @@ void write_nrrd(const ProjectionImage& image, const AtomicFile& file) {
 
 std::string extension_of(const std::filesystem::path& path) {
   std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(extension, extension.begin(),
+                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
   return extension == ".tiff" ? ".tif" : extension;
 }
 
@@ -91,13 +96,15 @@ std::string extension_of(const std::filesystem::path& path) {
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
   if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif")
-    throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)", path.string());
+    throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)",
+                     path.string());
 }
 
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path) {
   check_projection_format(path);
   const std::string extension = extension_of(path);
-  if (extension == ".png") return write_png(windowed_transmission(image.tau), image.view.width, image.view.height, 1, path);
+  if (extension == ".png")
+    return write_png(windowed_transmission(image.tau), image.view.width, image.view.height, 1, path);
   AtomicFile file(path);
   if (extension == ".nrrd") write_nrrd(image, file);
   if (extension == ".exr") write_float_image(image, "openexr", file);

@@ -1,12 +1,12 @@
 #include "xraycast/projector.hpp"
 
-#include <array>
-#include <cmath>
+#include "xraycast/device_opacity.hpp"
+#include "xraycast/error.hpp"
 
 #include <glm/geometric.hpp>
 
-#include "xraycast/device_opacity.hpp"
-#include "xraycast/error.hpp"
+#include <array>
+#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -28,7 +28,8 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume) {
   if (view.cone) {
     store(volume.to_index(view.source_mm()), detector.source);
   } else {
-    // Far enough to both sides for every pixel's ray to leave the scan, however the picture's plane is placed.
+    // Far enough to both sides for every pixel's ray to leave the scan, however the picture's plane is
+    // placed.
     const double span_mm = glm::length(volume.upper_mm() - volume.lower_mm()) +
                            glm::distance(view.centre_mm, 0.5 * (volume.lower_mm() + volume.upper_mm())) +
                            view.pixel_mm * (view.width + view.height);
@@ -40,13 +41,16 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume) {
 
 }  // namespace
 
-ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity, Progress& progress) {
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                        Progress& progress) {
   Device& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
   ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
-  const cl::Buffer tau = device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
+  const cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
 
-  cl::Kernel kernel = device.kernel("joseph", "project_detector", device_opacity.build_options() + scan.build_options());
+  cl::Kernel kernel =
+      device.kernel("joseph", "project_detector", device_opacity.build_options() + scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, detector_of(view, scan.geometry()));
@@ -71,20 +75,24 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
     for (const glm::dvec3& end_mm : {ray.start_mm, ray.end_mm}) {
       constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit voxel coordinates lose the voxel
       if (!(glm::length(end_mm) <= kFarthest_mm))
-        throw InputError("ray {}: its ends have to lie within {:g} mm of the origin", ends.size() / 2, kFarthest_mm);
+        throw InputError("ray {}: its ends have to lie within {:g} mm of the origin", ends.size() / 2,
+                         kFarthest_mm);
       const glm::vec3 index(scan.geometry().to_index(end_mm));
       ends.push_back({index.x, index.y, index.z, 0});
     }
   }
   std::vector<float> depths(rays.size());
   const cl::Buffer segments = device.upload(std::span<const std::array<float, 4>>(ends));
-  const cl::Buffer tau = device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
+  const cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
   const glm::dvec3 spacing_mm = scan.geometry().spacing_mm;
 
-  cl::Kernel kernel = device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
+  cl::Kernel kernel =
+      device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
-  kernel.setArg(2, cl_float4{{static_cast<float>(spacing_mm.x), static_cast<float>(spacing_mm.y), static_cast<float>(spacing_mm.z), 0}});
+  kernel.setArg(2, cl_float4{{static_cast<float>(spacing_mm.x), static_cast<float>(spacing_mm.y),
+                              static_cast<float>(spacing_mm.z), 0}});
   kernel.setArg(3, static_cast<int>(rays.size()));
   kernel.setArg(4, segments);
   kernel.setArg(5, device_opacity.parameters());

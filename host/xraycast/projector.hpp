@@ -1,12 +1,12 @@
 #pragma once
 
-#include <span>
-#include <vector>
-
 #include "xraycast/opacity.hpp"
 #include "xraycast/progress.hpp"
 #include "xraycast/resident_scan.hpp"
 #include "xraycast/view.hpp"
+
+#include <span>
+#include <vector>
 
 namespace xraycast {
 
@@ -22,18 +22,19 @@ struct ProjectionImage {
   double kernel_ms = 0;
 };
 
-/// Draws the true projection (a digitally reconstructed radiograph) of a resident scan by Joseph's method: the scan
-/// is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within the plane, then
-/// classified, and every sample counts for the length of ray between planes (P. M. Joseph, IEEE Trans. Med. Imaging
-/// 1982). The ray is clipped to the scan, from the first to the last voxel's centre in x and y and by whole slices in
-/// z, and every plane counts as far as the half-spacings around it lie on what is left between source and detector.
-/// Stage "projecting" of `progress`.
+/// Draws the true projection (a digitally reconstructed radiograph) of a resident scan by Joseph's method:
+/// the scan is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within
+/// the plane, then classified, and every sample counts for the length of ray between planes (P. M. Joseph,
+/// IEEE Trans. Med. Imaging 1982). The ray is clipped to the scan, from the first to the last voxel's centre
+/// in x and y and by whole slices in z, and every plane counts as far as the half-spacings around it lie on
+/// what is left between source and detector. Stage "projecting" of `progress`.
 ///
 /// `view` has to be complete (see `fitted`). Throws DeviceError when the device fails.
-ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity, Progress& progress);
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                        Progress& progress);
 
-/// The same along any lines, for detectors that are not flat: one optical depth a segment. Throws InputError when an
-/// end is not finite or farther than a kilometre.
+/// The same along any lines, for detectors that are not flat: one optical depth a segment. Throws InputError
+/// when an end is not finite or farther than a kilometre.
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
                            Progress& progress);
 

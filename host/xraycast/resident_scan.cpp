@@ -1,10 +1,10 @@
 #include "xraycast/resident_scan.hpp"
 
+#include "xraycast/error.hpp"
+
 #include <algorithm>
 #include <chrono>
 #include <memory>
-
-#include "xraycast/error.hpp"
 
 namespace xraycast {
 namespace {
@@ -35,7 +35,8 @@ cl::Memory allocate(Device& device, const XrcScan& layout, ScanStorage storage) 
 }  // namespace
 
 ScanStorage preferred_storage(Device& device, const VolumeGeometry& geometry) {
-  const bool fits = device.info().is_gpu && device.takes_image(geometry.size.x, geometry.size.y, geometry.size.z);
+  const bool fits =
+      device.info().is_gpu && device.takes_image(geometry.size.x, geometry.size.y, geometry.size.z);
   return fits && device.self_test().images ? ScanStorage::image : ScanStorage::bricks;
 }
 
@@ -58,8 +59,9 @@ void ResidentScan::append(std::span<const std::int16_t> hu) {
 void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
   const int bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
   // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.
-  cl::Buffer slices = device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
-                                      const_cast<std::int16_t*>(hu.data()));
+  cl::Buffer slices =
+      device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
+                      const_cast<std::int16_t*>(hu.data()));
   cl::Kernel pack = device_->kernel("scan", "pack_bricks");
   pack.setArg(0, slices);
   pack.setArg(1, voxels_);
@@ -70,14 +72,16 @@ void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
   device_->finish();
 }
 
-ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
+ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,
+                  Progress& progress) {
   using Clock = std::chrono::steady_clock;
   const auto ms_since = [](Clock::time_point start) {
     return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
   };
   const VolumeGeometry& geometry = source.geometry();
   ResidentScan scan(device, geometry);
-  constexpr std::int64_t kSlab = 4 * ResidentScan::kBrickSlices;  // enough for every core to have slices to read
+  constexpr std::int64_t kSlab =
+      4 * ResidentScan::kBrickSlices;  // enough for every core to have slices to read
   const auto slab_voxels = static_cast<std::size_t>(kSlab * geometry.slice_voxels());
   const auto slab = std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels);
 
@@ -93,7 +97,8 @@ ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, Lo
       if (count == 0) throw InputError("the scan ended after {} of {} slices", done + got, geometry.size.z);
       got += count;
     }
-    const std::span<const std::int16_t> slices(slab.get(), static_cast<std::size_t>(got * geometry.slice_voxels()));
+    const std::span<const std::int16_t> slices(slab.get(),
+                                               static_cast<std::size_t>(got * geometry.slice_voxels()));
     finder.add(slices);
     timings.read_ms += ms_since(read_start);
     const auto upload_start = Clock::now();

@@ -1,14 +1,14 @@
 #pragma once
 
-#include <cstdint>
-#include <span>
-#include <string>
-
 #include "params.h"
 #include "xraycast/body_outline.hpp"
 #include "xraycast/device.hpp"
 #include "xraycast/slice_source.hpp"
 #include "xraycast/volume.hpp"
+
+#include <cstdint>
+#include <span>
+#include <string>
 
 namespace xraycast {
 
@@ -31,8 +31,8 @@ class ResidentScan {
   ResidentScan(ResidentScan&&) = default;
   ResidentScan& operator=(ResidentScan&&) = default;
 
-  /// The next slices, from slice 0 on. All calls but the last take a multiple of kBrickSlices. Returns when the
-  /// slices are no longer needed.
+  /// The next slices, from slice 0 on. All calls but the last take a multiple of kBrickSlices. Returns when
+  /// the slices are no longer needed.
   void append(std::span<const std::int16_t> hu);
 
   static constexpr std::int64_t kBrickSlices = XRC_BRICK_SLICES;
@@ -64,9 +64,10 @@ struct LoadTimings {
   double read_ms = 0, upload_ms = 0;
 };
 
-/// Reads a scan slab by slab into the device, never holding it whole in the host's memory. `finder` sees every slice.
-/// Stage "reading" of `progress`. Throws InputError when the source ends early.
-ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings, Progress& progress);
+/// Reads a scan slab by slab into the device, never holding it whole in the host's memory. `finder` sees
+/// every slice. Stage "reading" of `progress`. Throws InputError when the source ends early.
+ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,
+                  Progress& progress);
 
 /// A volume that is already there.
 ResidentScan upload(Device& device, const Volume& volume);

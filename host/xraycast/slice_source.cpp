@@ -15,7 +15,8 @@ Volume collect(SliceSource& source, Progress& progress) {
     if (count == 0) break;
     done += count;
   }
-  std::ranges::fill(volume.hu().subspan(static_cast<std::size_t>(done * source.geometry().slice_voxels())), kAirHu);
+  std::ranges::fill(volume.hu().subspan(static_cast<std::size_t>(done * source.geometry().slice_voxels())),
+                    kAirHu);
   return volume;
 }
 

@@ -1,15 +1,15 @@
 #pragma once
 
-#include <cstdint>
-#include <span>
-
 #include "xraycast/progress.hpp"
 #include "xraycast/volume.hpp"
 
+#include <cstdint>
+#include <span>
+
 namespace xraycast {
 
-/// A scan that arrives slice by slice, from the most inferior to the most superior, so that a scan larger than
-/// memory can be cast. Readers, resamplers and phantoms are SliceSources.
+/// A scan that arrives slice by slice, from the most inferior to the most superior, so that a scan larger
+/// than memory can be cast. Readers, resamplers and phantoms are SliceSources.
 class SliceSource {
  public:
   virtual ~SliceSource() = default;
@@ -17,9 +17,9 @@ class SliceSource {
   /// Known before the first slice is read, and constant.
   virtual const VolumeGeometry& geometry() const = 0;
 
-  /// Fills `hu` with as many of the next slices as fit, in Hounsfield units clamped to [-1024, 32767], and returns
-  /// their number; 0 after the last one. Advances `progress` by one for each slice. Throws InputError when the
-  /// file turns out to be damaged.
+  /// Fills `hu` with as many of the next slices as fit, in Hounsfield units clamped to [-1024, 32767], and
+  /// returns their number; 0 after the last one. Advances `progress` by one for each slice. Throws InputError
+  /// when the file turns out to be damaged.
   virtual std::int64_t read(std::span<std::int16_t> hu, Progress& progress) = 0;
 
   /// Smallest and largest HU of the slices read so far, before clamping; {0, 0} before the first.

@@ -1,12 +1,12 @@
 #include "xraycast/view.hpp"
 
-#include <algorithm>
-#include <cmath>
-#include <numbers>
+#include "xraycast/error.hpp"
 
 #include <glm/geometric.hpp>
 
-#include "xraycast/error.hpp"
+#include <algorithm>
+#include <cmath>
+#include <numbers>
 
 namespace xraycast {
 namespace {
@@ -15,20 +15,26 @@ constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMaxSide = 16384;
 
 void check(const View& view) {
-  if (!std::isfinite(view.angle_rad) || !std::isfinite(view.tilt_rad)) throw InputError("the view's angles have to be finite");
+  if (!std::isfinite(view.angle_rad) || !std::isfinite(view.tilt_rad))
+    throw InputError("the view's angles have to be finite");
   if (view.width < 0 || view.width > kMaxSide || view.height < 0 || view.height > kMaxSide)
-    throw InputError("a picture of {} x {} pixels: sides have to be 1 to {}", view.width, view.height, kMaxSide);
-  if (!std::isfinite(view.pixel_mm) || view.pixel_mm < 0) throw InputError("pixel size of {} mm has to be above 0", view.pixel_mm);
+    throw InputError("a picture of {} x {} pixels: sides have to be 1 to {}", view.width, view.height,
+                     kMaxSide);
+  if (!std::isfinite(view.pixel_mm) || view.pixel_mm < 0)
+    throw InputError("pixel size of {} mm has to be above 0", view.pixel_mm);
   if (!view.cone) return;
   const auto [axis, detector] = *view.cone;
   if (!(axis > 0) || !(detector >= axis) || !std::isfinite(detector))
-    throw InputError("cone {:g},{:g}: the source has to be above 0 mm from the axis, and the detector beyond the axis", axis, detector);
+    throw InputError(
+        "cone {:g},{:g}: the source has to be above 0 mm from the axis, and the detector beyond the axis",
+        axis, detector);
 }
 
 }  // namespace
 
 glm::dvec3 View::towards_detector() const {
-  return {std::sin(angle_rad) * std::cos(tilt_rad), -std::cos(angle_rad) * std::cos(tilt_rad), std::sin(tilt_rad)};
+  return {std::sin(angle_rad) * std::cos(tilt_rad), -std::cos(angle_rad) * std::cos(tilt_rad),
+          std::sin(tilt_rad)};
 }
 
 glm::dvec3 View::right() const { return {std::cos(angle_rad), std::sin(angle_rad), 0}; }
@@ -46,8 +52,11 @@ glm::dvec3 View::source_mm() const { return centre_mm - cone->source_axis_mm * t
 std::string label(const View& view) {
   double angle = std::remainder(view.angle_rad * kDegrees, 360.0);
   const double tilt = view.tilt_rad * kDegrees;
-  const auto shown = [](double degrees) { return fmt::format("{:g}", std::round(std::abs(degrees) * 10) / 10); };
-  std::string text = std::abs(angle) < 0.05 ? "AP" : fmt::format("{} {}", angle > 0 ? "LAO" : "RAO", shown(angle));
+  const auto shown = [](double degrees) {
+    return fmt::format("{:g}", std::round(std::abs(degrees) * 10) / 10);
+  };
+  std::string text =
+      std::abs(angle) < 0.05 ? "AP" : fmt::format("{} {}", angle > 0 ? "LAO" : "RAO", shown(angle));
   if (std::abs(tilt) >= 0.05) text += fmt::format(" / {} {}", tilt > 0 ? "CRA" : "CAU", shown(tilt));
   return text;
 }
@@ -67,13 +76,16 @@ View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body) {
   if (view.pixel_mm == 0) {
     view.pixel_mm = std::min({volume.spacing_mm.x, volume.spacing_mm.y, volume.spacing_mm.z}) *
                     (view.cone ? view.cone->source_detector_mm / view.cone->source_axis_mm : 1);
-    if (view.width > 0 && view.height > 0) view.pixel_mm = std::max(width_mm / view.width, height_mm / view.height);
+    if (view.width > 0 && view.height > 0)
+      view.pixel_mm = std::max(width_mm / view.width, height_mm / view.height);
     // A thin stack of fine slices would make a huge picture; the detector has only so many pixels.
     constexpr double kMostByDefault = 4096;
     view.pixel_mm = std::max(view.pixel_mm, std::max(width_mm, height_mm) / kMostByDefault);
   }
-  if (view.width == 0) view.width = static_cast<int>(std::min<double>(kMaxSide, std::ceil(width_mm / view.pixel_mm)));
-  if (view.height == 0) view.height = static_cast<int>(std::min<double>(kMaxSide, std::ceil(height_mm / view.pixel_mm)));
+  if (view.width == 0)
+    view.width = static_cast<int>(std::min<double>(kMaxSide, std::ceil(width_mm / view.pixel_mm)));
+  if (view.height == 0)
+    view.height = static_cast<int>(std::min<double>(kMaxSide, std::ceil(height_mm / view.pixel_mm)));
   view.width = std::max(view.width, 1);
   view.height = std::max(view.height, 1);
   return view;

@@ -1,12 +1,12 @@
 #pragma once
 
-#include <optional>
-#include <string>
+#include "xraycast/body_outline.hpp"
+#include "xraycast/volume.hpp"
 
 #include <glm/vec3.hpp>
 
-#include "xraycast/body_outline.hpp"
-#include "xraycast/volume.hpp"
+#include <optional>
+#include <string>
 
 namespace xraycast {
 
@@ -17,21 +17,23 @@ struct Cone {
   bool operator==(const Cone&) const = default;
 };
 
-/// A C-arm and its detector. The angle is where the detector stands: LAO is positive; cranial tilt is positive. The
-/// picture is seen from the detector, so that at 0 deg the patient's left is on the right, and up is superior.
+/// A C-arm and its detector. The angle is where the detector stands: LAO is positive; cranial tilt is
+/// positive. The picture is seen from the detector, so that at 0 deg the patient's left is on the right, and
+/// up is superior.
 struct View {
   double angle_rad = 0;
   double tilt_rad = 0;
-  std::optional<Cone> cone{};       ///< none: a parallel beam
-  glm::dvec3 centre_mm{0, 0, 0};    ///< the point on the axis that the picture's centre shows
-  int width = 0, height = 0;        ///< pixels
-  double pixel_mm = 1;              ///< measured on the detector
+  std::optional<Cone> cone{};     ///< none: a parallel beam
+  glm::dvec3 centre_mm{0, 0, 0};  ///< the point on the axis that the picture's centre shows
+  int width = 0, height = 0;      ///< pixels
+  double pixel_mm = 1;            ///< measured on the detector
 
   glm::dvec3 towards_detector() const;  ///< n = (sin a cos t, -cos a cos t, sin t)
   glm::dvec3 right() const;             ///< (cos a, sin a, 0)
   glm::dvec3 up() const;                ///< n x right
 
-  /// The middle of pixel (i, j), row 0 on top: on the detector under a cone, else in the plane through the centre.
+  /// The middle of pixel (i, j), row 0 on top: on the detector under a cone, else in the plane through the
+  /// centre.
   glm::dvec3 pixel_on_detector_mm(double i, double j) const;
 
   /// The cone's source. Only for cones.
@@ -41,10 +43,10 @@ struct View {
 /// `LAO 30 / CRA 10`, as C-arm angles are read out; never a bare sign.
 std::string label(const View& view);
 
-/// Sets pixel size and picture size where they are 0, so that the body's circle and the whole height of the scan fit
-/// at every angle. `pixel_mm` of 0: the scan's finest spacing, or what makes the given picture size fit. Throws
-/// InputError when something is not usable: a picture above 16384 pixels a side, a source within the centre, a
-/// detector nearer than the centre.
+/// Sets pixel size and picture size where they are 0, so that the body's circle and the whole height of the
+/// scan fit at every angle. `pixel_mm` of 0: the scan's finest spacing, or what makes the given picture size
+/// fit. Throws InputError when something is not usable: a picture above 16384 pixels a side, a source within
+/// the centre, a detector nearer than the centre.
 View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body);
 
 }  // namespace xraycast

@@ -1,17 +1,17 @@
 #include "xraycast/volume.hpp"
 
-#include <unistd.h>
+#include "xraycast/error.hpp"
 
 #include <cmath>
 #include <string>
-
-#include "xraycast/error.hpp"
+#include <unistd.h>
 
 namespace xraycast {
 namespace {
 
 std::int64_t physical_memory_B() {
-  return static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) * static_cast<std::int64_t>(sysconf(_SC_PAGE_SIZE));
+  return static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) *
+         static_cast<std::int64_t>(sysconf(_SC_PAGE_SIZE));
 }
 
 }  // namespace
@@ -20,8 +20,8 @@ void validate(const VolumeGeometry& geometry, const std::string& name) {
   constexpr std::int64_t kMaxSize = 65536;
   for (int axis = 0; axis < 3; ++axis) {
     if (geometry.size[axis] < 1 || geometry.size[axis] > kMaxSize)
-      throw InputError("{}: size {} x {} x {} is outside 1 to {} per axis", name, geometry.size.x, geometry.size.y,
-                       geometry.size.z, kMaxSize);
+      throw InputError("{}: size {} x {} x {} is outside 1 to {} per axis", name, geometry.size.x,
+                       geometry.size.y, geometry.size.z, kMaxSize);
     if (!std::isfinite(geometry.spacing_mm[axis]) || geometry.spacing_mm[axis] <= 0)
       throw InputError("{}: voxel spacing {} x {} x {} mm has to be finite and above zero", name,
                        geometry.spacing_mm.x, geometry.spacing_mm.y, geometry.spacing_mm.z);

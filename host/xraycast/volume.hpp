@@ -1,21 +1,22 @@
 #pragma once
 
+#include <glm/ext/vector_int3_sized.hpp>
+#include <glm/vec3.hpp>
+
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <string>
 
-#include <glm/ext/vector_int3_sized.hpp>
-#include <glm/vec3.hpp>
-
 namespace xraycast {
 
-/// Number of voxels along x, y and z; 64 bits, so that products of them are safe once `voxel_count` accepted them.
+/// Number of voxels along x, y and z; 64 bits, so that products of them are safe once `voxel_count` accepted
+/// them.
 using Index3 = glm::i64vec3;
 
 /// Where a volume's voxels lie. Every volume in xraycast is aligned with the patient: x grows towards the
-/// patient's left, y towards posterior and z towards superior (LPS, millimetres). Readers reorient or resample
-/// whatever a file holds to this frame.
+/// patient's left, y towards posterior and z towards superior (LPS, millimetres). Readers reorient or
+/// resample whatever a file holds to this frame.
 struct VolumeGeometry {
   Index3 size{0, 0, 0};
   glm::dvec3 spacing_mm{1, 1, 1};
@@ -35,8 +36,8 @@ struct VolumeGeometry {
   bool operator==(const VolumeGeometry&) const = default;
 };
 
-/// Throws InputError, with `name` in front, unless every size is 1 to 65,536 (so that the product fits in 48 bits),
-/// spacing and origin are finite, and spacing is positive.
+/// Throws InputError, with `name` in front, unless every size is 1 to 65,536 (so that the product fits in 48
+/// bits), spacing and origin are finite, and spacing is positive.
 void validate(const VolumeGeometry& geometry, const std::string& name);
 
 /// CT numbers below this are padding or noise and read as air; readers clamp to it.
@@ -52,7 +53,9 @@ class Volume {
   const VolumeGeometry& geometry() const { return geometry_; }
 
   std::span<std::int16_t> hu() { return {hu_.get(), static_cast<std::size_t>(geometry_.voxel_count())}; }
-  std::span<const std::int16_t> hu() const { return {hu_.get(), static_cast<std::size_t>(geometry_.voxel_count())}; }
+  std::span<const std::int16_t> hu() const {
+    return {hu_.get(), static_cast<std::size_t>(geometry_.voxel_count())};
+  }
 
   /// Slices `first` to `first + count - 1`.
   std::span<const std::int16_t> slices(std::int64_t first, std::int64_t count) const {

@@ -2,8 +2,8 @@
 #include "xraycast/error.hpp"
 #include "xraycast/scan.hpp"
 
-#include <array>
 #include <algorithm>
+#include <array>
 #include <bit>
 #include <cstring>
 #include <optional>
@@ -157,7 +157,8 @@ void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::
 
 void check_volume_format(const fs::path& path) {
   constexpr std::string_view kKnown[] = {".nrrd", ".nii", ".nii.gz", ".mha", ".mhd"};
-  if (std::ranges::none_of(kKnown, [&](std::string_view extension) { return has_extension(path, extension); }))
+  if (std::ranges::none_of(kKnown,
+                           [&](std::string_view extension) { return has_extension(path, extension); }))
     throw InputError("{}: not a volume's name; end it in .nrrd, .nii, .nii.gz, .mha or .mhd", path.string());
 }
 
