@@ -86,8 +86,10 @@ void make_projection(const ResidentScan& scan, const BodyOutline& body, double a
   view.angle_rad = angle_deg * std::numbers::pi / 180;
   view.cone = Cone{1000, 1500};
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
+  view.centre_mm.z += 70;  // the chest
   view.width = 480;
   view.height = 600;
+  view.pixel_mm = 1.4;
   const ProjectionImage image = report.timed("true projection, " + label(view), [&] {
     return project(scan, fitted(view, volume, body), Opacity::paper(), progress);
   });
@@ -116,7 +118,7 @@ void run_demo(const std::string& folder, Session& session) {
   const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
   make_map(scan, body, 8, report, progress);
-  for (const double angle_deg : {0.0, 45.0, 90.0}) make_projection(scan, body, angle_deg, report, progress);
+  for (const double angle_deg : {0.0, -45.0, 45.0, 90.0}) make_projection(scan, body, angle_deg, report, progress);
   report.finish();
   session.print({{"folder", folder}},
                 fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));

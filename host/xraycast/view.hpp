@@ -26,7 +26,7 @@ struct View {
   std::optional<Cone> cone{};     ///< none: a parallel beam
   glm::dvec3 centre_mm{0, 0, 0};  ///< the point on the axis that the picture's centre shows
   int width = 0, height = 0;      ///< pixels
-  double pixel_mm = 1;            ///< measured on the detector
+  double pixel_mm = 0;            ///< measured on the detector
 
   glm::dvec3 towards_detector() const;  ///< n = (sin a cos t, -cos a cos t, sin t)
   glm::dvec3 right() const;             ///< (cos a, sin a, 0)
