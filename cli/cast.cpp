@@ -1,11 +1,14 @@
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/caster.hpp"
+#include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
 
 #include <fmt/format.h>
+#include <glm/geometric.hpp>
 
 #include <chrono>
+#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -22,20 +25,25 @@ struct Options {
   std::string input, output, preview;
   ScanOptions scan;
   std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto",
-              opacity = "paper", window = "auto";
+              opacity = "paper", window = "auto", centre_line;
   std::optional<int> layers;
-  int angles = 360;
+  int angles = 360, views = 36;
 };
+
+/// --centre X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
+glm::dvec3 parse_centre(const Options& options, double z_mm) {
+  const std::vector<double> centre = parse_numbers(options.centre, "--centre");
+  const bool has_z = centre.size() == 3 && options.projection == "sphere";
+  if (centre.size() != 2 && !has_z)
+    throw InputError("--centre {}: has to be auto or X,Y in mm, and for a sphere also X,Y,Z", options.centre);
+  return {centre[0], centre[1], has_z ? centre[2] : z_mm};
+}
 
 /// The centre and radius that the user gave, the rest from the body.
 BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder) {
   BodyOutline outline{};
   if (options.centre == "auto" || options.radius == "auto") outline = finder.finish();
-  if (options.centre != "auto") {
-    const std::vector<double> centre = parse_numbers(options.centre, "--centre");
-    if (centre.size() != 2) throw InputError("--centre {}: has to be auto or X,Y in mm", options.centre);
-    outline.centre_mm = {centre[0], centre[1]};
-  }
+  if (options.centre != "auto") outline.centre_mm = glm::dvec2(parse_centre(options, 0));
   if (options.radius != "auto") outline.radius_mm = parse_numbers(options.radius, "--radius").front();
   return outline;
 }
@@ -60,6 +68,41 @@ void check(const Options& options) {
   check_writable(options.output);
   if (!options.preview.empty()) check_writable(options.preview);
   resolve_radii(options, options.radius == "auto" ? 1 : parse_numbers(options.radius, "--radius").front());
+}
+
+MapGeometry resolve_sphere(const Options& options, const VolumeGeometry& volume, const BodyOutline& outline) {
+  const double middle_mm = 0.5 * (volume.lower_mm().z + volume.upper_mm().z);
+  const glm::dvec3 centre_mm =
+      options.centre == "auto" ? glm::dvec3(outline.centre_mm, middle_mm) : parse_centre(options, middle_mm);
+  double radius_mm = outline.radius_mm;
+  if (options.radius == "auto")  // has to enclose the body at both ends of the scan too
+    radius_mm =
+        std::hypot(radius_mm, std::max(volume.upper_mm().z - centre_mm.z, centre_mm.z - volume.lower_mm().z));
+  return sphere_map(volume, options.angles, resolve_radii(options, radius_mm), centre_mm);
+}
+
+MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volume,
+                             const BodyOutline& outline) {
+  if (options.centre_line.empty())
+    return cylinder_map(volume, options.angles, resolve_radii(options, outline.radius_mm), outline.centre_mm);
+  const std::vector<glm::dvec2> centre_mm =
+      CentreLine::from_file(options.centre_line).centre_of_rows_mm(volume);
+  double radius_mm = outline.radius_mm;
+  if (options.radius == "auto") {  // has to enclose the body wherever the centre goes
+    double farthest_mm = 0;
+    for (const glm::dvec2& centre : centre_mm)
+      farthest_mm = std::max(farthest_mm, glm::distance(centre, outline.centre_mm));
+    radius_mm += farthest_mm;
+  }
+  return cylinder_map(volume, options.angles, resolve_radii(options, radius_mm), centre_mm);
+}
+
+MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volume,
+                             const BodyOutline& outline) {
+  if (options.projection == "rectangle")
+    return rectangle_map(volume, options.views, outline.radius_mm, outline.centre_mm);
+  return options.projection == "sphere" ? resolve_sphere(options, volume, outline)
+                                        : resolve_cylinder(options, volume, outline);
 }
 
 Json json_of(const Options& options, const MapGeometry& map, const LoadTimings& load, double kernel_ms,
@@ -92,8 +135,7 @@ void cast_map(const Options& options, Session& session) {
   LoadTimings load_timings;
   const ResidentScan resident = load(device, *scan.source, finder, load_timings, session.progress);
   const BodyOutline outline = resolve_outline(options, finder);
-  const MapGeometry geometry = cylinder_map(resident.geometry(), options.angles,
-                                            resolve_radii(options, outline.radius_mm), outline.centre_mm);
+  const MapGeometry geometry = resolve_geometry(options, resident.geometry(), outline);
   CastResult result = cast(resident, geometry, opacity, session.progress);
   result.map.source = fmt::format("{} {}", scan.info.format, options.input);
 
@@ -128,8 +170,8 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("-o,--output", options->output, "The body map, OpenEXR")
       ->required()
       ->type_name("MAP.exr");
-  command->add_option("--projection", options->projection, "Along which rays: cylinder")
-      ->check(CLI::IsMember({"cylinder"}))
+  command->add_option("--projection", options->projection, "Along which rays: cylinder, sphere or rectangle")
+      ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()
       ->type_name("NAME");
   command->add_option("--layers", options->layers, "Number of concentric shells (default 1)")->type_name("K");
@@ -141,9 +183,18 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--angles", options->angles, "Rays around the axis; the map's width")
       ->capture_default_str()
       ->type_name("N");
-  command->add_option("--centre", options->centre, "The axis in mm; auto: the body's centroid")
+  command->add_option("--views", options->views, "rectangle: pictures over 180 deg")
       ->capture_default_str()
-      ->type_name("auto|X,Y");
+      ->type_name("N");
+  command
+      ->add_option("--centre", options->centre,
+                   "The axis in mm, for a sphere the point; auto: the body's centroid")
+      ->capture_default_str()
+      ->type_name("auto|X,Y[,Z]");
+  command
+      ->add_option("--centre-line", options->centre_line,
+                   "cylinder: a centre that follows a line, monotone in z; a CSV of x,y,z or a vessel tree")
+      ->type_name("FILE[#BRANCH]");
   command->add_option("--radius", options->radius, "The outermost radius in mm; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");

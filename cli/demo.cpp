@@ -118,7 +118,8 @@ void run_demo(const std::string& folder, Session& session) {
   const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
   make_map(scan, body, 8, report, progress);
-  for (const double angle_deg : {0.0, -45.0, 45.0, 90.0}) make_projection(scan, body, angle_deg, report, progress);
+  for (const double angle_deg : {0.0, -45.0, 45.0, 90.0})
+    make_projection(scan, body, angle_deg, report, progress);
   report.finish();
   session.print({{"folder", folder}},
                 fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));

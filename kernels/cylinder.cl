@@ -1,9 +1,11 @@
 #include "classify.h"
 #include "params.h"
+#include "rays.h"
 #include "scan_access.h"
 
-/* A ray's work differs only in how many slices it takes at once: the 16 of a brick, or one of an image. */
-#ifdef SCAN_IMAGE
+/* A ray's work differs only in how many slices it takes at once: the 16 of a brick, or one of an image or,
+ * with -DONE_SLICE, where the centre differs from slice to slice. */
+#if defined(SCAN_IMAGE) || defined(ONE_SLICE)
 
 #define SLICES 1
 typedef float Slices;
@@ -43,33 +45,27 @@ static void store(const Slices value, float* values) { vstore16(value, 0, values
 
 #endif
 
-/* How many samples of a ray, at centre + (i + 1/2) * step, lie within [0, last] along one axis. The centre
- * does. */
-static int samples_within(const float centre, const float step, const int last, const int samples) {
-  const float room = step > 0.0f ? (float)last - centre : centre;
-  const float count = fabs(step) > 0.0f ? floor(room / fabs(step) + 0.5f) : (float)samples;
-  return clamp((int)fmin(count, (float)samples), 0, samples);
-}
-
 /* One work-item follows the rays of one angle through SLICES slices and writes their texel of every layer.
- * `directions` holds the sine and cosine of every angle. All layers share one sample grid; a sample that
- * straddles a shell's edge is taken once and split by length. Samples beyond the slice are air. */
-kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder map, const float centre_x,
-                          const float centre_y, global const float2* directions,
+ * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle. All layers
+ * share one sample grid; a sample that straddles a shell's edge is taken once and split by length. Samples
+ * beyond the slice are air. */
+kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder map,
+                          global const float2* centres, global const float2* directions,
                           constant const XrcShell* shells, constant const XrcOpacity* opacity,
                           global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), run = (int)get_global_id(1);
   if (column >= map.width || run * SLICES >= scan.size_z) return;
+  const float2 centre = centres[run * SLICES];
   const float dx = directions[column].x * map.step_x, dy = -directions[column].y * map.step_y;
-  const int inside = min(samples_within(centre_x, dx, scan.size_x - 1, map.samples),
-                         samples_within(centre_y, dy, scan.size_y - 1, map.samples));
+  const int inside = min(samples_within(centre.x, dx, 0.0f, (float)(scan.size_x - 1), map.samples),
+                         samples_within(centre.y, dy, 0.0f, (float)(scan.size_y - 1), map.samples));
   const float air_mu = mu_of(XRC_AIR_HU, opacity, table);
 
 /* Rounding may carry the first or last sample a hair beyond the slice; the clamp keeps its address inside. */
 #define MU_AT(i)                                                                                    \
   mu_of_slices(sample(voxels, &scan, run,                                                           \
-                      clamp(fma((float)(i) + 0.5f, dx, centre_x), 0.0f, (float)(scan.size_x - 1)),  \
-                      clamp(fma((float)(i) + 0.5f, dy, centre_y), 0.0f, (float)(scan.size_y - 1))), \
+                      clamp(fma((float)(i) + 0.5f, dx, centre.x), 0.0f, (float)(scan.size_x - 1)),  \
+                      clamp(fma((float)(i) + 0.5f, dy, centre.y), 0.0f, (float)(scan.size_y - 1))), \
                opacity, table)
 
   Slices edge_mu = air_mu;

@@ -43,6 +43,14 @@ typedef struct {
   XRC_FLOAT step_x, step_y; /* voxels along x and y for step_mm */
 } XrcCylinder;
 
+typedef struct {
+  XRC_INT width, height, layers;
+  XRC_INT samples; /* of a whole ray */
+  XRC_FLOAT step_mm;
+  XRC_FLOAT centre[3]; /* voxels */
+  XRC_FLOAT step[3];   /* voxels along x, y and z for step_mm */
+} XrcSphere;
+
 /* mu(hu) = mu0 + sum of slope * max(0, hu - from) over the ramps. */
 #define XRC_MAX_RAMPS 4
 typedef struct {

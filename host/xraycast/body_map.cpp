@@ -35,6 +35,10 @@ OIIO::ImageSpec spec_of_layer(const BodyMap& map, int layer) {
   spec.attribute("xraycast:projection", to_string(geometry.projection));
   spec.attribute("xraycast:radii_mm", json(geometry.radii_mm).dump());
   spec.attribute("xraycast:centre_mm", centres_to_json(geometry.centre_mm).dump());
+  if (geometry.projection == Projection::sphere)
+    spec.attribute("xraycast:centre_z_mm", json(geometry.centre_z_mm).dump());
+  if (geometry.projection == Projection::rectangle)
+    spec.attribute("xraycast:views", json(geometry.views).dump());
   spec.attribute("xraycast:top_mm", json(geometry.top_mm).dump());
   spec.attribute("xraycast:row_spacing_mm", json(geometry.row_spacing_mm).dump());
   spec.attribute("xraycast:step_mm", json(geometry.step_mm).dump());
@@ -54,10 +58,11 @@ json attribute(const OIIO::ImageSpec& spec, const std::string& name, const std::
 
 MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   MapGeometry geometry;
-  const std::string projection = spec.get_string_attribute("xraycast:projection");
-  if (projection != to_string(Projection::cylinder))
-    throw InputError("{}: attribute xraycast:projection is '{}', which this version does not know", path,
-                     projection);
+  try {
+    geometry.projection = projection_named(spec.get_string_attribute("xraycast:projection"));
+  } catch (const InputError& error) {
+    throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
+  }
   geometry.width = spec.width;
   geometry.height = spec.height;
   const auto read = [&](const char* name, auto& value) {
@@ -73,6 +78,8 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   read("top_mm", geometry.top_mm);
   read("row_spacing_mm", geometry.row_spacing_mm);
   read("step_mm", geometry.step_mm);
+  if (geometry.projection == Projection::sphere) read("centre_z_mm", geometry.centre_z_mm);
+  if (geometry.projection == Projection::rectangle) read("views", geometry.views);
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
   validate(geometry, path);
   return geometry;

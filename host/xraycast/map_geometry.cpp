@@ -11,7 +11,36 @@ namespace {
 
 constexpr int kMaxAngles = 16384;
 constexpr int kMaxLayers = 256;
+constexpr int kMaxViews = 3600;
 constexpr double kMaxRadius_mm = 1e5;
+
+void check_within(const VolumeGeometry& volume, const glm::dvec3& centre_mm) {
+  const glm::dvec3 lower = volume.to_world_mm(glm::dvec3(0, 0, -0.5));
+  const glm::dvec3 upper = volume.to_world_mm(glm::dvec3(volume.size) - glm::dvec3(1, 1, 0.5));
+  const auto within = [&](int axis) {
+    return centre_mm[axis] >= lower[axis] && centre_mm[axis] <= upper[axis];
+  };
+  if (!within(0) || !within(1) || !within(2))
+    throw InputError(
+        "the centre ({:g}, {:g}, {:g}) mm lies outside the scan, which spans {:.1f} to {:.1f} mm in x, "
+        "{:.1f} to "
+        "{:.1f} mm in y and {:.1f} to {:.1f} mm in z",
+        centre_mm.x, centre_mm.y, centre_mm.z, lower.x, upper.x, lower.y, upper.y, lower.z, upper.z);
+}
+
+/// What maps with a row a slice have in common.
+MapGeometry map_of_slices(const VolumeGeometry& volume) {
+  MapGeometry map;
+  map.height = static_cast<int>(volume.size.z);
+  map.top_mm = volume.origin_mm.z + static_cast<double>(volume.size.z - 1) * volume.spacing_mm.z;
+  map.row_spacing_mm = volume.spacing_mm.z;
+  return map;
+}
+
+/// The longest step of at most `most_mm` that divides the outermost radius.
+double step_within(const std::vector<double>& radii_mm, double most_mm) {
+  return radii_mm.empty() ? most_mm : radii_mm.back() / std::max(1.0, std::ceil(radii_mm.back() / most_mm));
+}
 
 }  // namespace
 
@@ -19,8 +48,18 @@ std::string to_string(Projection projection) {
   switch (projection) {
     case Projection::cylinder:
       return "cylinder";
+    case Projection::sphere:
+      return "sphere";
+    case Projection::rectangle:
+      return "rectangle";
   }
   return {};
+}
+
+Projection projection_named(const std::string& name) {
+  for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
+    if (to_string(projection) == name) return projection;
+  throw InputError("'{}' is not a projection; there are cylinder, sphere and rectangle", name);
 }
 
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm) {
@@ -38,25 +77,63 @@ std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm)
 
 double MapGeometry::phi_rad(double column) const { return (column + 0.5) * 2 * std::numbers::pi / width; }
 
+double MapGeometry::theta_rad(double row) const { return (row + 0.5) * std::numbers::pi / height; }
+
+double MapGeometry::view_rad(double layer) const { return layer * std::numbers::pi / views; }
+
 MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
                          glm::dvec2 centre_mm) {
-  const glm::dvec3 lower = volume.lower_mm(), upper = volume.upper_mm();
-  if (!(centre_mm.x >= lower.x && centre_mm.x <= upper.x && centre_mm.y >= lower.y && centre_mm.y <= upper.y))
-    throw InputError(
-        "the centre ({:g}, {:g}) mm lies outside the scan, which spans {:.1f} to {:.1f} mm in x and {:.1f} "
-        "to {:.1f} mm in y",
-        centre_mm.x, centre_mm.y, lower.x, upper.x, lower.y, upper.y);
-  MapGeometry map;
+  return cylinder_map(volume, angles, std::move(radii_mm), std::vector{centre_mm});
+}
+
+MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                         std::vector<glm::dvec2> centre_of_row_mm) {
+  for (const glm::dvec2& centre : centre_of_row_mm) check_within(volume, {centre, volume.origin_mm.z});
+  MapGeometry map = map_of_slices(volume);
   map.width = angles;
-  map.height = static_cast<int>(volume.size.z);
   map.radii_mm = std::move(radii_mm);
+  map.centre_mm = std::move(centre_of_row_mm);
+  map.step_mm = step_within(map.radii_mm, std::min(volume.spacing_mm.x, volume.spacing_mm.y));
+  validate(map, "map");
+  return map;
+}
+
+MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                       const glm::dvec3& centre_mm) {
+  check_within(volume, centre_mm);
+  MapGeometry map;
+  map.projection = Projection::sphere;
+  map.width = angles;
+  map.height = std::max(1, angles / 2);
+  map.radii_mm = std::move(radii_mm);
+  map.centre_mm = {glm::dvec2(centre_mm)};
+  map.centre_z_mm = centre_mm.z;
+  map.step_mm =
+      step_within(map.radii_mm, std::min({volume.spacing_mm.x, volume.spacing_mm.y, volume.spacing_mm.z}));
+  validate(map, "map");
+  return map;
+}
+
+MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius_mm, glm::dvec2 centre_mm) {
+  check_within(volume, {centre_mm, volume.origin_mm.z});
+  const double pixel_mm = std::min(volume.spacing_mm.x, volume.spacing_mm.y);
+  const auto pixels = [&](double length_mm) {
+    const double count = std::ceil(length_mm / pixel_mm - 1e-6);  // but for rounding
+    if (!(count >= 1 && count <= kMaxAngles))
+      throw InputError("rectangle: {:g} mm at {:g} mm a pixel do not make a picture of 1 to {} pixels",
+                       length_mm, pixel_mm, kMaxAngles);
+    return static_cast<int>(count);
+  };
+  MapGeometry map;
+  map.projection = Projection::rectangle;
+  map.views = views;
+  map.width = pixels(2 * radius_mm);
+  map.height = pixels(static_cast<double>(volume.size.z) * volume.spacing_mm.z);
+  map.radii_mm = {0, radius_mm};
   map.centre_mm = {centre_mm};
-  map.top_mm = volume.origin_mm.z + static_cast<double>(volume.size.z - 1) * volume.spacing_mm.z;
-  map.row_spacing_mm = volume.spacing_mm.z;
-  if (!map.radii_mm.empty()) {
-    const double pixel_mm = std::min(volume.spacing_mm.x, volume.spacing_mm.y);
-    map.step_mm = map.radius_mm() / std::max(1.0, std::ceil(map.radius_mm() / pixel_mm));
-  }
+  map.top_mm = volume.upper_mm().z - 0.5 * pixel_mm;
+  map.row_spacing_mm = pixel_mm;
+  map.step_mm = pixel_mm;
   validate(map, "map");
   return map;
 }
@@ -66,7 +143,9 @@ void validate(const MapGeometry& geometry, const std::string& name) {
     throw InputError("{}: {} angles, but there have to be 1 to {}", name, geometry.width, kMaxAngles);
   if (geometry.height < 1 || geometry.height > 65536)
     throw InputError("{}: height is {}", name, geometry.height);
-  if (geometry.layers() < 1 || geometry.layers() > kMaxLayers)
+  if (geometry.projection == Projection::rectangle && (geometry.views < 1 || geometry.views > kMaxViews))
+    throw InputError("{}: {} views, but there have to be 1 to {}", name, geometry.views, kMaxViews);
+  if (geometry.radii_mm.size() < 2 || geometry.radii_mm.size() > kMaxLayers + 1)
     throw InputError("{}: {} radii, but there have to be 2 to {}", name, geometry.radii_mm.size(),
                      kMaxLayers + 1);
   for (std::size_t k = 0; k < geometry.radii_mm.size(); ++k) {
@@ -83,6 +162,7 @@ void validate(const MapGeometry& geometry, const std::string& name) {
   for (const glm::dvec2& centre : geometry.centre_mm)
     if (!std::isfinite(centre.x) || !std::isfinite(centre.y))
       throw InputError("{}: a centre is not finite", name);
+  if (!std::isfinite(geometry.centre_z_mm)) throw InputError("{}: the centre is not finite", name);
   if (!std::isfinite(geometry.top_mm) || !std::isfinite(geometry.row_spacing_mm) ||
       geometry.row_spacing_mm <= 0)
     throw InputError("{}: top or row spacing is not usable", name);

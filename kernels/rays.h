@@ -1,0 +1,14 @@
+/* What maps of rays that run outwards from a centre share. */
+#ifndef XRAYCAST_RAYS_H
+#define XRAYCAST_RAYS_H
+
+/* How many samples of a ray, at centre + (i + 1/2) * step, lie within [lower, upper] along one axis. The
+ * centre does. */
+static inline int samples_within(const float centre, const float step, const float lower, const float upper,
+                                 const int samples) {
+  const float room = step > 0.0f ? upper - centre : centre - lower;
+  const float count = fabs(step) > 0.0f ? floor(room / fabs(step) + 0.5f) : (float)samples;
+  return clamp((int)fmin(count, (float)samples), 0, samples);
+}
+
+#endif
