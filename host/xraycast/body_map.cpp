@@ -1,10 +1,9 @@
 #include "xraycast/body_map.hpp"
 
-#include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
+#include "xraycast/image_output.hpp"
 
-#include <OpenImageIO/imageio.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -88,18 +87,10 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
 }  // namespace
 
 void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
-  AtomicFile file(path);
-  const auto out = OIIO::ImageOutput::create("exr");
-  if (!out) throw Error("{}: OpenImageIO cannot write OpenEXR", path.string());
-  std::vector<OIIO::ImageSpec> specs;
-  for (int k = 0; k < map.geometry.layers(); ++k) specs.push_back(spec_of_layer(map, k));
-  bool ok = out->open(file.temporary().string(), static_cast<int>(specs.size()), specs.data());
-  for (int k = 0; ok && k < map.geometry.layers(); ++k) {
-    ok = k == 0 || out->open(file.temporary().string(), specs[k], OIIO::ImageOutput::AppendSubimage);
-    ok = ok && out->write_image(OIIO::TypeDesc::FLOAT, map.layer(k).data());
-  }
-  if (!ok || !out->close()) throw Error("{}: could not be written: {}", path.string(), out->geterror());
-  file.commit();
+  std::vector<ImagePart> parts;
+  for (int k = 0; k < map.geometry.layers(); ++k)
+    parts.push_back({spec_of_layer(map, k), map.layer(k).data()});
+  write_image_file(parts, "openexr", path);
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {

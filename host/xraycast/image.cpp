@@ -1,9 +1,6 @@
 #include "xraycast/image.hpp"
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-
-#include <OpenImageIO/imageio.h>
+#include "xraycast/image_output.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -52,14 +49,8 @@ std::vector<std::uint8_t> plain_transmission(std::span<const float> tau) {
 
 void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
                const std::filesystem::path& path) {
-  AtomicFile file(path);
-  const auto out = OIIO::ImageOutput::create("png");
-  if (!out) throw Error("{}: OpenImageIO cannot write PNG", path.string());
-  const OIIO::ImageSpec spec(width, height, channels, OIIO::TypeDesc::UINT8);
-  if (!out->open(file.temporary().string(), spec) ||
-      !out->write_image(OIIO::TypeDesc::UINT8, pixels.data()) || !out->close())
-    throw Error("{}: could not be written: {}", path.string(), out->geterror());
-  file.commit();
+  const ImagePart part{OIIO::ImageSpec(width, height, channels, OIIO::TypeDesc::UINT8), pixels.data()};
+  write_image_file(std::span(&part, 1), "png", path);
 }
 
 }  // namespace xraycast

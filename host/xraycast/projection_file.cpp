@@ -1,16 +1,14 @@
 #include "xraycast/projection_file.hpp"
 
-#include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
+#include "xraycast/image_output.hpp"
+#include "xraycast/whole_file.hpp"
 
-#include <OpenImageIO/imageio.h>
-#include <itkImage.h>
-#include <itkImageFileWriter.h>
-#include <itkNrrdImageIO.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <bit>
 #include <cctype>
 
 namespace xraycast {
@@ -37,51 +35,32 @@ json view_to_json(const View& view) {
   return out;
 }
 
-/// EXR and TIFF.
-void write_float_image(const ProjectionImage& image, const char* format, const AtomicFile& file) {
-  const auto out = OIIO::ImageOutput::create(format);
-  if (!out) throw Error("{}: OpenImageIO cannot write {}", file.target().string(), format);
-  OIIO::ImageSpec spec(image.view.width, image.view.height, 1, OIIO::TypeDesc::FLOAT);
-  spec.channelnames = {"tau"};
-  spec.attribute("compression", "zip");
-  spec.attribute("ImageDescription", "xraycast: optical depth tau; transmission is exp(-tau); view " +
-                                         view_to_json(image.view).dump());
-  spec.attribute("xraycast:view", view_to_json(image.view).dump());
-  if (!out->open(file.temporary().string(), spec) ||
-      !out->write_image(OIIO::TypeDesc::FLOAT, image.tau.data()) || !out->close())
-    throw Error("{}: could not be written: {}", file.target().string(), out->geterror());
+void write_float_image(const ProjectionImage& image, const char* format, const std::filesystem::path& path) {
+  ImagePart part{OIIO::ImageSpec(image.view.width, image.view.height, 1, OIIO::TypeDesc::FLOAT),
+                 image.tau.data()};
+  part.spec.channelnames = {"tau"};
+  part.spec.attribute("compression", "zip");
+  const std::string view = view_to_json(image.view).dump();
+  // TIFF keeps no attributes of ours, so the description holds all of it.
+  part.spec.attribute("ImageDescription",
+                      "xraycast: optical depth tau; transmission is exp(-tau); view " + view);
+  part.spec.attribute("xraycast:view", view);
+  write_image_file(std::span(&part, 1), format, path);
 }
 
 /// One slice in space: columns along the picture's right, rows downwards, on the detector.
-void write_nrrd(const ProjectionImage& image, const AtomicFile& file) {
-  using Image = itk::Image<float, 3>;
-  const auto picture = Image::New();
-  picture->SetRegions(Image::SizeType{{static_cast<itk::SizeValueType>(image.view.width),
-                                       static_cast<itk::SizeValueType>(image.view.height), 1}});
-  picture->Allocate();
-  std::ranges::copy(image.tau, picture->GetBufferPointer());
-  const glm::dvec3 axes[] = {image.view.right(), -image.view.up(), -image.view.towards_detector()};
-  const glm::dvec3 origin = image.view.pixel_on_detector_mm(0, 0);
-  Image::DirectionType direction;
-  Image::PointType point;
-  for (unsigned row = 0; row < 3; ++row) {
-    point[row] = origin[static_cast<int>(row)];
-    for (unsigned column = 0; column < 3; ++column)
-      direction(row, column) = axes[column][static_cast<int>(row)];
-  }
-  picture->SetDirection(direction);
-  picture->SetOrigin(point);
-  const double spacing[] = {image.view.pixel_mm, image.view.pixel_mm, image.view.pixel_mm};
-  picture->SetSpacing(spacing);
-  const auto writer = itk::ImageFileWriter<Image>::New();
-  writer->SetImageIO(itk::NrrdImageIO::New());
-  writer->SetFileName(file.temporary().string());
-  writer->SetInput(picture);
-  try {
-    writer->Update();
-  } catch (const itk::ExceptionObject& error) {
-    throw Error("{}: could not be written: {}", file.target().string(), error.GetDescription());
-  }
+void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path) {
+  static_assert(std::endian::native == std::endian::little, "the header says so");
+  const View& view = image.view;
+  const auto vector = [](const glm::dvec3& v) { return fmt::format("({},{},{})", v.x, v.y, v.z); };
+  const std::string header = fmt::format(
+      "NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\nsizes: {} {} 1\n"
+      "space directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: raw\n"
+      "space origin: {}\n\n",
+      view.width, view.height, vector(view.pixel_mm * view.right()), vector(-view.pixel_mm * view.up()),
+      vector(-view.pixel_mm * view.towards_detector()), vector(view.pixel_on_detector_mm(0, 0)));
+  const auto voxels = std::as_bytes(std::span(image.tau));
+  write_whole_file(path, header + std::string(reinterpret_cast<const char*>(voxels.data()), voxels.size()));
 }
 
 std::string extension_of(const std::filesystem::path& path) {
@@ -105,11 +84,8 @@ void write_projection(const ProjectionImage& image, const std::filesystem::path&
   const std::string extension = extension_of(path);
   if (extension == ".png")
     return write_png(windowed_transmission(image.tau), image.view.width, image.view.height, 1, path);
-  AtomicFile file(path);
-  if (extension == ".nrrd") write_nrrd(image, file);
-  if (extension == ".exr") write_float_image(image, "openexr", file);
-  if (extension == ".tif") write_float_image(image, "tiff", file);
-  file.commit();
+  if (extension == ".nrrd") return write_nrrd(image, path);
+  write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
 }
 
 }  // namespace xraycast

@@ -1,0 +1,110 @@
+#include "xraycast/projection_file.hpp"
+
+#include "support/scan_files.hpp"
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
+
+#include <OpenImageIO/imageio.h>
+#include <glm/geometric.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <numbers>
+#include <regex>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+/// 5 x 4 pixels, seen obliquely; every pixel has its own depth.
+ProjectionImage oblique_image(std::optional<Cone> cone) {
+  ProjectionImage image;
+  image.view = {.angle_rad = 30 * kRadians,
+                .tilt_rad = -20 * kRadians,
+                .cone = cone,
+                .centre_mm = {10, -20, 30},
+                .width = 5,
+                .height = 4,
+                .pixel_mm = 2.5};
+  for (int i = 0; i < 20; ++i) image.tau.push_back(0.1f * static_cast<float>(i * i));
+  return image;
+}
+
+class ProjectionFile : public testing::TestWithParam<std::optional<Cone>> {
+ protected:
+  const ProjectionImage image_ = oblique_image(GetParam());
+  TemporaryFolder folder_;
+};
+INSTANTIATE_TEST_SUITE_P(, ProjectionFile, testing::Values(std::nullopt, Cone{1000, 1500}),
+                         [](const auto& cone) { return cone.param ? "Cone" : "Parallel"; });
+
+/// The numbers of a header's line, in order.
+std::vector<double> numbers_after(const std::string& field, const std::string& header) {
+  const std::size_t start = header.find(field) + field.size();
+  const std::string line = header.substr(start, header.find('\n', start) - start);
+  const std::regex number("[-+0-9.e]+");
+  std::vector<double> numbers;
+  for (auto i = std::sregex_iterator(line.begin(), line.end(), number); i != std::sregex_iterator(); ++i)
+    numbers.push_back(std::stod(i->str()));
+  return numbers;
+}
+
+TEST_P(ProjectionFile, NrrdPlacesEveryPixelWhereTheViewDoes) {
+  write_projection(image_, folder_ / "p.nrrd");
+  const std::string bytes = read_bytes(folder_ / "p.nrrd"), header = bytes.substr(0, bytes.find("\n\n") + 1);
+  EXPECT_THAT(header, testing::HasSubstr("space: left-posterior-superior\n"));
+  EXPECT_THAT(header, testing::HasSubstr("sizes: 5 4 1\n"));
+  const std::vector<double> axes = numbers_after("space directions:", header),
+                            origin = numbers_after("space origin:", header);
+  ASSERT_EQ(axes.size(), 9u);
+  ASSERT_EQ(origin.size(), 3u);
+  const glm::dvec3 right(axes[0], axes[1], axes[2]), down(axes[3], axes[4], axes[5]);
+  const glm::dvec3 inwards(axes[6], axes[7], axes[8]), first(origin[0], origin[1], origin[2]);
+  for (int j = 0; j < image_.view.height; ++j)
+    for (int i = 0; i < image_.view.width; ++i)
+      // Double precision, printed with all its digits.
+      EXPECT_LT(
+          glm::distance(first + double(i) * right + double(j) * down, image_.view.pixel_on_detector_mm(i, j)),
+          1e-9);
+  // The third axis makes the frame right-handed, which viewers expect.
+  EXPECT_GT(glm::dot(glm::cross(right, down), inwards), 0);
+  const std::string voxels = bytes_of(std::span<const float>(image_.tau));
+  EXPECT_EQ(bytes.substr(bytes.size() - voxels.size()), voxels);
+}
+
+TEST_P(ProjectionFile, ExrAndTiffHoldTheFloatsAndTheView) {
+  for (const char* name : {"p.exr", "p.tif"}) {
+    SCOPED_TRACE(name);
+    write_projection(image_, folder_ / name);
+    const auto file = OIIO::ImageInput::open((folder_ / name).string());
+    ASSERT_TRUE(file);
+    std::vector<float> tau(image_.tau.size());
+    ASSERT_TRUE(file->read_image(0, 0, 0, 1, OIIO::TypeDesc::FLOAT, tau.data()));
+    EXPECT_EQ(tau, image_.tau);
+
+    const std::string description = file->spec().get_string_attribute("ImageDescription");
+    EXPECT_THAT(description, testing::StartsWith("xraycast: optical depth tau; transmission is exp(-tau)"));
+    const std::string text = description.substr(description.find('{'));
+    if (name == std::string("p.exr")) {
+      EXPECT_EQ(file->spec().get_string_attribute("xraycast:view"), text);
+    }
+    const auto view = nlohmann::json::parse(text);
+    EXPECT_EQ(view["label"], "LAO 30 / CAU 20");
+    EXPECT_EQ(view["angle_rad"], image_.view.angle_rad);
+    EXPECT_EQ(view["centre_mm"], nlohmann::json({10.0, -20.0, 30.0}));
+    EXPECT_EQ(view["pixel_mm"], 2.5);
+    EXPECT_EQ(view.contains("source_mm"), GetParam().has_value());
+  }
+}
+
+TEST(ProjectionFormat, KnowsItsFormatsByAnyCase) {
+  for (const char* name : {"a.exr", "a.tif", "a.TIFF", "a.nrrd", "a.PNG"})
+    EXPECT_NO_THROW(check_projection_format(name)) << name;
+  for (const char* name : {"a.jpg", "a", ".png", "a.png.txt"})
+    EXPECT_THROW(check_projection_format(name), InputError) << name;
+}
+
+}  // namespace
+}  // namespace xraycast
