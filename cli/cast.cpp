@@ -39,12 +39,19 @@ glm::dvec3 parse_centre(const Options& options, double z_mm) {
   return {centre[0], centre[1], has_z ? centre[2] : z_mm};
 }
 
+std::optional<double> given_radius_mm(const Options& options) {
+  if (options.radius == "auto") return std::nullopt;
+  const std::vector<double> radius = parse_numbers(options.radius, "--radius");
+  if (radius.size() != 1) throw InputError("--radius {}: has to be auto or one number in mm", options.radius);
+  return radius[0];
+}
+
 /// The centre and radius that the user gave, the rest from the body.
 BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder) {
   BodyOutline outline{};
   if (options.centre == "auto" || options.radius == "auto") outline = finder.finish();
   if (options.centre != "auto") outline.centre_mm = glm::dvec2(parse_centre(options, 0));
-  if (options.radius != "auto") outline.radius_mm = parse_numbers(options.radius, "--radius").front();
+  outline.radius_mm = given_radius_mm(options).value_or(outline.radius_mm);
   return outline;
 }
 
@@ -60,14 +67,30 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
     throw InputError("--radii {} makes {} layers, but --layers asks for {}", options.radii,
                      edges_mm.size() - 1, layers);
+  if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges_mm.back())
+    throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", options.radii,
+                     options.radius);
   return edges_mm;
+}
+
+void check_name(const std::filesystem::path& path, const char* extension) {
+  if (path.extension() != extension)
+    throw InputError("{}: end the name in {}, which is what is written", path.string(), extension);
+  check_writable(path);
 }
 
 /// Rejects what can be known to be wrong before the scan is read.
 void check(const Options& options) {
-  check_writable(options.output);
-  if (!options.preview.empty()) check_writable(options.preview);
-  resolve_radii(options, options.radius == "auto" ? 1 : parse_numbers(options.radius, "--radius").front());
+  check_name(options.output, ".exr");
+  if (!options.preview.empty()) check_name(options.preview, ".png");
+  MapGeometry of_one_row;
+  of_one_row.projection = projection_named(options.projection);
+  of_one_row.width = options.angles;
+  of_one_row.height = 1;
+  of_one_row.views = options.views;
+  of_one_row.radii_mm = resolve_radii(options, given_radius_mm(options).value_or(1));
+  of_one_row.centre_mm = {options.centre == "auto" ? glm::dvec2(0) : glm::dvec2(parse_centre(options, 0))};
+  validate(of_one_row, "map");
 }
 
 MapGeometry resolve_sphere(const Options& options, const VolumeGeometry& volume, const BodyOutline& outline) {
@@ -151,7 +174,7 @@ void cast_map(const Options& options, Session& session) {
           "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
           "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
           options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
-          outline.centre_mm.x, outline.centre_mm.y, opacity.name(), load_timings.read_ms,
+          geometry.centre_mm[0].x, geometry.centre_mm[0].y, opacity.name(), load_timings.read_ms,
           load_timings.upload_ms, result.kernel_ms, write_ms, total_ms));
 }
 

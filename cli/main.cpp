@@ -58,20 +58,17 @@ int main(int argc, char** argv) {
   CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.",
                "xraycast"};
   app.set_version_flag("--version", XRAYCAST_VERSION);
-  app.require_subcommand(1);
-  app.fallthrough();  // global options are taken behind the subcommand too
+  app.require_subcommand(0, 1);  // none is told below: CLI11 would take a misspelt one for none
+  app.fallthrough();             // global options are taken behind the subcommand too
   app.get_formatter()->column_width(34);
 
-  bool quiet = false;
-  std::unique_ptr<cli::ProgressBar> bar;
-  cli::Session session([&bar](const Progress::State& state) {
-    if (bar) bar->show(state);
-  });
+  cli::ProgressBar* bar = nullptr;
+  cli::Session session([&bar](const Progress::State& state) { bar->show(state); });
   app.add_option("--device", session.device,
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
-  app.add_flag("--quiet,-q", quiet, "No notes and no progress");
+  app.add_flag("--quiet,-q", session.quiet, "No notes and no progress");
   cli::add_info(app, session);
   cli::add_phantom(app, session);
   cli::add_cast(app, session);
@@ -86,10 +83,14 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report(std::string(error.what()) + " (see `xraycast --help`)", kWrongUsage);
   }
-  session.quiet = quiet;
-  bar = std::make_unique<cli::ProgressBar>(!quiet);
+  if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   interruptible = &session.progress;
   std::signal(SIGINT, interrupt);
   std::signal(SIGTERM, interrupt);
-  return run([&] { session.job(); });
+  return run([&] {
+    // Gone, and its line with it, before an error is reported.
+    cli::ProgressBar drawn(!session.quiet);
+    bar = &drawn;
+    session.job();
+  });
 }

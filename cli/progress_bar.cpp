@@ -28,6 +28,7 @@ void ProgressBar::show(const Progress::State& state) {
     stage_ = state.stage;
     stage_start_ = last_drawn_ = now;
   }
+  if (state.done >= state.total) return clear();  // results follow
   const double elapsed_s = std::chrono::duration<double>(now - stage_start_).count();
   const bool too_soon = now - last_drawn_ < std::chrono::milliseconds(50);
   if (elapsed_s < 0.5 || too_soon || state.done <= 0) return;

@@ -1,0 +1,479 @@
+// The program as a user meets it: exit status, stdout, stderr, and the files that are there afterwards.
+#include "support/process.hpp"
+#include "support/scan_files.hpp"
+#include "support/temporary_folder.hpp"
+#include "xraycast/body_map.hpp"
+
+#include <OpenImageIO/imageio.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <csignal>
+#include <cstring>
+#include <sched.h>
+#include <sstream>
+#include <sys/mount.h>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+using ::testing::ElementsAre;
+using ::testing::HasSubstr;
+using ::testing::IsEmpty;
+using ::testing::StartsWith;
+
+/// A folder's files with their bytes' hash, and its folders.
+using Snapshot = std::map<std::string, std::size_t>;
+
+Snapshot snapshot(const fs::path& folder) {
+  Snapshot all;
+  for (const auto& entry : fs::recursive_directory_iterator(folder))
+    all[entry.path().string()] =
+        entry.is_regular_file() ? std::hash<std::string>()(read_bytes(entry.path())) : 0;
+  return all;
+}
+
+std::vector<std::string> keys_of(const Json& json) {
+  std::vector<std::string> keys;
+  for (const auto& [key, value] : json.items()) keys.push_back(key);
+  return keys;
+}
+
+/// 8 x 8 x 4 voxels of 1 mm from the origin on, all of them water.
+NiftiFile little_scan() {
+  NiftiFile file;
+  file.dim = {3, 8, 8, 4, 1, 1, 1, 1};
+  file.sform = {-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0};  // LPS, so that nothing has to be reoriented
+  file.voxels = std::string(8 * 8 * 4 * 2, '\0');
+  return file;
+}
+
+class Cli : public testing::Test {
+ protected:
+  /// `line` is what follows the program's name, its words apart by spaces; @ stands for the test's folder.
+  Command command(const std::string& line) const {
+    Command result{{XRAYCAST_PROGRAM}};
+    std::istringstream stream(line);
+    for (std::string word; stream >> word; result.words.push_back(word))
+      for (std::size_t at; (at = word.find('@')) != std::string::npos;)
+        word.replace(at, 1, (folder_ / "").parent_path().string());
+    return result;
+  }
+
+  Finished run(const std::string& line) const { return run_process(command(line)); }
+
+  /// The same, of which no complaint is expected.
+  std::string output_of(const std::string& line) const {
+    const Finished done = run(line);
+    EXPECT_EQ(done.status, 0) << line;
+    EXPECT_EQ(done.err, "") << line;
+    return done.out;
+  }
+  Json json_of(const std::string& line) const { return Json::parse(output_of(line + " --json")); }
+
+  static void expect_one_line(const std::string& err, const std::string& part) {
+    EXPECT_THAT(err, StartsWith("xraycast: "));
+    EXPECT_THAT(err, HasSubstr(part));
+    EXPECT_EQ(std::ranges::count(err, '\n'), 1) << err;
+    EXPECT_EQ(err.back(), '\n');
+  }
+
+  TemporaryFolder folder_;
+};
+
+// ---- what goes wrong ------------------------------------------------------------------------------
+
+struct BadCall {
+  const char* name;
+  const char* line;
+  int status;
+  const char* message;
+  void (*make)(const TemporaryFolder&) = [](const TemporaryFolder&) {};  ///< what lies in the folder
+};
+
+DicomFile slice() { return {8, 8, std::vector<std::int16_t>(64)}; }
+
+std::string nrrd_of(const std::string& sizes, const std::string& dimension = "3") {
+  return "NRRD0004\ntype: short\ndimension: " + dimension + "\nsizes: " + sizes +
+         "\nencoding: raw\nendian: little\n\nvoxels";
+}
+
+const BadCall kBadCalls[] = {
+    // The scan.
+    {"MissingScan", "cast @/nothing -o @/out.exr", 3, "nothing: no such file or folder"},
+    {"EmptyFolder", "cast @/empty -o @/out.exr", 3, "the folder is empty",
+     [](const TemporaryFolder& f) { fs::create_directory(f / "empty"); }},
+    {"TextFile", "cast @/a.dcm -o @/out.exr", 3, "not a scan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.dcm", "this is text\n"); }},
+    {"TruncatedNifti", "project @/a.nii -o @/out.exr", 3, "truncated",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", little_scan().bytes().substr(0, 700)); }},
+    {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
+    {"TruncatedDicom", "cast @/a -o @/out.exr", 3, "truncated",
+     [](const TemporaryFolder& f) {
+       slice().write(f / "a");
+       const std::string whole = read_bytes(f / "a");
+       write_bytes(f / "a", whole.substr(0, whole.size() - 5));
+     }},
+    {"FourDimensions", "info @/a.nrrd", 3, "4 dimensions",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("2 2 2 2", "4")); }},
+    {"SpacingZero", "info @/a.nii", 3, "pixdim",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = little_scan();
+       file.pixdim[2] = 0;
+       write_bytes(f / "a.nii", file.bytes());
+     }},
+    {"HugeScan", "cast @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 432000000000000 bytes",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("60000 60000 60000")); }},
+    {"SliceWithoutThickness", "cast @/a -o @/out.exr", 3, "does not say how thick",
+     [](const TemporaryFolder& f) { slice().erase(0x00180050).write(f / "a"); }},
+
+    // The output.
+    {"OutputFolderMissing", "cast @/ct.nii -o @/missing/out.exr", 3, "the output folder does not exist"},
+    {"OutputFolderIsAFile", "project @/ct.nii -o @/ct.nii/out.png", 3, "the output folder does not exist"},
+    {"OutputFolderNotWritable", "cast @/ct.nii -o /proc/out.exr", 3, "/proc/out.exr: cannot be written"},
+    {"OutputIsADevice", "phantom box -o @/device.nrrd", 3, "not a regular file",
+     [](const TemporaryFolder& f) { fs::create_symlink("/dev/null", f / "device.nrrd"); }},
+    {"OutputIsAFolder", "cast @/ct.nii -o @/folder.exr", 3, "not a regular file",
+     [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
+    {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: end the name in .exr"},
+    {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3, "end the name in .png"},
+    {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
+    {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
+    {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},
+
+    // The opacity.
+    {"OpacityUnknown", "cast @/ct.nii -o @/out.exr --opacity fog", 3, "fog: neither an opacity"},
+    {"OpacityUnsorted", "cast @/ct.nii -o @/out.exr --opacity @/mu.json", 3, "sort the knots",
+     [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, 0], [-9, 1]]})"); }},
+    {"OpacityNotFinite", "project @/ct.nii -o @/out.exr --opacity @/mu.json", 3,
+     "mu.json: ", [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, 1e999]]})"); }},
+    {"OpacityBelowZero", "project @/ct.nii -o @/out.exr --opacity @/mu.json", 3, "not negative",
+     [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, -1]]})"); }},
+
+    // The map.
+    {"LayersZero", "cast @/ct.nii -o @/out.exr --layers 0", 3, "layers is 0, but has to be 1 to 256"},
+    {"RadiusZero", "cast @/ct.nii -o @/out.exr --radius 0", 3, "radius is 0 mm"},
+    {"RadiusOfTwoNumbers", "cast @/ct.nii -o @/out.exr --radius 3,4", 3, "one number in mm"},
+    {"AnglesBelowZero", "cast @/ct.nii -o @/out.exr --angles -5", 3, "-5 angles"},
+    {"AnglesZero", "cast @/ct.nii -o @/out.exr --angles 0", 3, "0 angles, but there have to be 1 to 16384"},
+    {"CentreOutsideTheScan", "cast @/ct.nii -o @/out.exr --centre 500,0", 3, "spans -0.5 to 7.5 mm in x"},
+    {"CentreOfOneNumber", "cast @/ct.nii -o @/out.exr --centre 5", 3, "--centre 5: has to be auto or X,Y"},
+    {"CentreOfWords", "cast @/ct.nii -o @/out.exr --centre here", 3, "'here' is not a number"},
+    {"RadiiDescending", "cast @/ct.nii -o @/out.exr --radii 4,2", 3, "does not exceed the one before it"},
+    {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
+     "makes 2 layers, but --layers asks for 3"},
+    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
+    {"MapRefusedBeforeTheScanIsRead", "cast @/nothing -o @/out.exr --centre here", 3, "--centre"},
+
+    // The picture and the phantom.
+    {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
+    {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},
+    {"AngleNotFinite", "project @/ct.nii -o @/out.exr --angle inf", 3, "finite"},
+    {"PhantomLargerThanMemory", "phantom box -o @/box.nrrd --size 65536x65536x65536", 3,
+     "more than this machine's memory"},
+
+    // The words themselves.
+    {"NoSubcommand", "--json", 2, "a subcommand is required"},
+    {"UnknownSubcommand", "cats", 2, "not expected: cats"},
+    {"UnknownOption", "cast @/ct.nii -o @/out.exr --frames", 2, "not expected: --frames"},
+    {"OptionNotANumber", "cast @/ct.nii -o @/out.exr --layers many", 2, "--layers"},
+    {"OutputNotGiven", "cast @/ct.nii", 2, "--output is required"},
+    {"PhantomUnknown", "phantom torso -o @/out.nrrd", 2, "torso not in"},
+    {"ProjectionUnknown", "cast @/ct.nii -o @/out.exr --projection cone", 2, "cone not in"},
+
+    {"DeviceUnknown", "project @/ct.nii -o @/out.exr --device abacus", 4, "no OpenCL device fits 'abacus'"},
+};
+
+class BadCalls : public Cli, public testing::WithParamInterface<BadCall> {};
+
+TEST_P(BadCalls, SayWhyInOneLineAndLeaveAllFilesAlone) {
+  write_bytes(folder_ / "ct.nii", little_scan().bytes());
+  write_bytes(folder_ / "out.exr", "an older picture");
+  GetParam().make(folder_);
+  const Snapshot before = snapshot(folder_ / "");
+  const Finished done = run(GetParam().line);
+  EXPECT_EQ(done.status, GetParam().status);
+  EXPECT_EQ(done.out, "");
+  expect_one_line(done.err, GetParam().message);
+  EXPECT_EQ(snapshot(folder_ / ""), before);
+}
+
+INSTANTIATE_TEST_SUITE_P(, BadCalls, testing::ValuesIn(kBadCalls),
+                         [](const auto& call) { return call.param.name; });
+
+TEST_F(Cli, SaysWhatToInstallWithoutAnOpenClDriver) {
+  fs::create_directory(folder_ / "drivers");
+  write_bytes(folder_ / "ct.nii", little_scan().bytes());
+  for (const char* line : {"devices", "phantom box -o @/box.nrrd", "cast @/ct.nii -o @/map.exr"}) {
+    Command without_driver = command(line);
+    without_driver.environment["OCL_ICD_VENDORS"] = (folder_ / "drivers").string();
+    const Finished done = run_process(without_driver);
+    EXPECT_EQ(done.status, 4) << line;
+    expect_one_line(done.err, "no OpenCL device: install a driver");
+  }
+}
+
+TEST_F(Cli, TakesTheDeviceFromTheEnvironmentUnlessToldOtherwise) {
+  Command box = command("phantom box -o @/box.nrrd --size 8x8x8");
+  box.environment["XRAYCAST_DEVICE"] = "abacus";
+  const Finished refused = run_process(box);
+  EXPECT_EQ(refused.status, 4);
+  expect_one_line(refused.err, "no OpenCL device fits 'abacus'");
+  box.words.insert(box.words.end(), {"--device", "0"});
+  EXPECT_EQ(run_process(box).status, 0);
+}
+
+// ---- a full disk ----------------------------------------------------------------------------------
+
+struct Writer {
+  const char* name;
+  const char* line;
+};
+
+// More than 2 MiB each; noise, because it does not compress.
+const Writer kLargeWriters[] = {
+    {"Nrrd", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.nrrd"},
+    {"NiftiPacked", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.nii.gz"},
+    {"MetaImage", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mha"},
+    {"MetaImageInTwoFiles", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mhd"},
+    {"Map", "cast @/ct.nrrd --layers 32 -o @/disk/out.exr"},
+    {"ProjectionExr", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.exr"},
+    {"ProjectionTiff", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.tif"},
+    {"ProjectionNrrd", "project @/ct.nrrd --size 1024x1024 -o @/disk/out.nrrd"},
+};
+
+class FullDisk : public Cli, public testing::WithParamInterface<Writer> {
+ protected:
+  void SetUp() override {
+    output_of("phantom sphere --noise 20 -q -o @/ct.nrrd");
+    fs::create_directory(folder_ / "disk");
+  }
+
+  void expect_failure(const Finished& done) const {
+    EXPECT_EQ(done.status, 1);
+    EXPECT_EQ(done.out, "");
+    expect_one_line(done.err, "could not be written");
+    EXPECT_THAT(done.err, HasSubstr((folder_ / "disk/out.").string()));
+    EXPECT_THAT(snapshot(folder_ / "disk"), IsEmpty());
+  }
+};
+
+class WriteLimit : public FullDisk {};
+
+TEST_P(WriteLimit, LeavesNothingBehind) {
+  Command limited = command(GetParam().line);
+  // PoCL writes the kernels that it builds, about 1 MB, to files of its own, under the same limit.
+  limited.largest_file_B = 2 << 20;
+  expect_failure(run_process(limited));
+}
+
+INSTANTIATE_TEST_SUITE_P(, WriteLimit, testing::ValuesIn(kLargeWriters),
+                         [](const auto& writer) { return writer.param.name; });
+
+const Writer kSmallWriters[] = {
+    {"Png", "project @/ct.nrrd --size 512x512 -o @/disk/out.png"},
+    {"Exr", "project @/ct.nrrd --size 512x512 -o @/disk/out.exr"},
+    {"Tiff", "project @/ct.nrrd --size 512x512 -o @/disk/out.tif"},
+    {"ProjectionNrrd", "project @/ct.nrrd --size 512x512 -o @/disk/out.nrrd"},
+    {"Map", "cast @/ct.nrrd -o @/disk/out.exr"},
+    {"Nifti", "phantom sphere --noise 20 --size 64x64x64 -o @/disk/out.nii"},
+};
+
+class SmallDisk : public FullDisk {};
+
+TEST_P(SmallDisk, LeavesNothingBehind) {
+  // Mounted where only this process sees it, and gone with it.
+  if (unshare(CLONE_NEWNS) != 0 || mount(nullptr, "/", nullptr, MS_REC | MS_PRIVATE, nullptr) != 0 ||
+      mount("tmpfs", (folder_ / "disk").c_str(), "tmpfs", 0, "size=16k") != 0)
+    GTEST_SKIP() << "mounting needs CAP_SYS_ADMIN: " << std::strerror(errno);
+  expect_failure(run(GetParam().line));
+  umount((folder_ / "disk").c_str());
+}
+
+INSTANTIATE_TEST_SUITE_P(, SmallDisk, testing::ValuesIn(kSmallWriters),
+                         [](const auto& writer) { return writer.param.name; });
+
+// ---- Ctrl-C ---------------------------------------------------------------------------------------
+
+class Interrupted : public Cli {
+ protected:
+  /// Sends the signal once the progress bar shows `stage`.
+  void expect_cancelled(const std::string& line, const std::string& stage, int signal) const {
+    const Snapshot before = snapshot(folder_ / "");
+    Command on_terminal = command(line);
+    on_terminal.on_terminal = true;
+    Process process(on_terminal);
+    process.wait_for(stage);
+    process.send(signal);
+    const Finished done = process.finish();
+    EXPECT_EQ(done.status, 130);
+    EXPECT_EQ(done.out, "");
+    // The bar's line is cleared first. A terminal makes \r\n of \n.
+    EXPECT_THAT(done.err, ::testing::EndsWith("\r\x1b[Kxraycast: cancelled; no output was written\r\n"));
+    EXPECT_EQ(snapshot(folder_ / ""), before);
+  }
+};
+
+TEST_F(Interrupted, PhantomLeavesNothingBehind) {
+  write_bytes(folder_ / "out.nrrd", "an older scan");
+  expect_cancelled("phantom thorax --size 512x512x2000 -o @/out.nrrd", "painting", SIGINT);
+}
+
+TEST_F(Interrupted, CastLeavesNothingBehind) {
+  write_bytes(folder_ / "out.exr", "an older map");
+  // 1 GB of nothing on disk, turned about the patient's long axis: that takes long to read.
+  const std::string header =
+      "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 512 512 2000\n"
+      "space directions: (0.8,0.6,0) (-0.6,0.8,0) (0,0,1)\nspace origin: (0,0,0)\n"
+      "encoding: raw\nendian: little\n\n";
+  TemporaryFolder elsewhere;  // the test's folder is compared byte by byte
+  const fs::path scan = elsewhere / "turned.nrrd";
+  write_bytes(scan, header);
+  fs::resize_file(scan, header.size() + std::uintmax_t{2} * 512 * 512 * 2000);
+  expect_cancelled("cast " + scan.string() + " -o @/out.exr --preview @/out.png", "reading", SIGTERM);
+}
+
+// ---- what goes right ------------------------------------------------------------------------------
+
+TEST_F(Cli, InfoDescribesAPhantom) {
+  const Json made = json_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
+  EXPECT_EQ(made["volume"]["size"], Json({64, 48, 32}));
+  const Json info = json_of("info @/ct.nrrd");
+  EXPECT_EQ(info["format"], "NRRD");
+  EXPECT_EQ(info["volume"], made["volume"]);
+  EXPECT_EQ(info["hu_range"], Json({-1000, 0}));
+  EXPECT_THAT(output_of("info @/ct.nrrd"), HasSubstr("64 x 48 x 32, 2 x 2 x 2 mm, axes towards LPS"));
+}
+
+TEST_F(Cli, CastSaysWhatItMade) {
+  output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
+  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,20,30.5 --angles 90 --centre -3.5,2");
+  EXPECT_THAT(keys_of(said), ElementsAre("input", "map", "timings_ms"));
+  EXPECT_EQ(said["input"], (folder_ / "ct.nrrd").string());
+  EXPECT_EQ(said["map"], Json::parse(R"({"width": 90, "height": 32, "layers": 2,
+                                         "radii_mm": [0.0, 20.0, 30.5], "centre_mm": [-3.5, 2.0]})"));
+  EXPECT_THAT(keys_of(said["map"]), ElementsAre("width", "height", "layers", "radii_mm", "centre_mm"));
+  EXPECT_THAT(keys_of(said["timings_ms"]), ElementsAre("read", "upload", "kernel", "write", "total"));
+  for (const auto& [stage, ms] : said["timings_ms"].items()) {
+    EXPECT_GT(ms, 0) << stage;
+    EXPECT_LE(ms, said["timings_ms"]["total"]) << stage;
+  }
+  const BodyMap map = read_body_map(folder_ / "map.exr");
+  EXPECT_THAT(map.geometry.radii_mm, ElementsAre(0, 20, 30.5));
+  EXPECT_EQ(map.geometry.width, 90);
+  EXPECT_THAT(map.source, HasSubstr("ct.nrrd"));
+}
+
+TEST_F(Cli, PaperPreviewIsPlainTransmission) {
+  output_of("phantom thorax --size 64x64x40 -o @/ct.nrrd");
+  output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper");
+  const BodyMap map = read_body_map(folder_ / "map.exr");
+  const auto picture = OIIO::ImageInput::open((folder_ / "map.png").string());
+  ASSERT_TRUE(picture);
+  ASSERT_EQ(picture->spec().width, 360);
+  ASSERT_EQ(picture->spec().height, 3 * 40);
+  ASSERT_EQ(picture->spec().nchannels, 3);
+  std::vector<std::uint8_t> rgb(map.tau.size() * 3);
+  ASSERT_TRUE(picture->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, rgb.data()));
+  for (std::size_t i = 0; i < rgb.size(); ++i)
+    ASSERT_EQ(rgb[i], std::lround(255 * std::exp(-map.tau[i / 3]))) << i;
+}
+
+TEST_F(Cli, ProjectSaysWhatItMade) {
+  output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
+  const Json said =
+      json_of("project @/ct.nrrd -o @/p.exr --angle 30 --tilt -10 --size 40x30 --pixel 2.5 --cone 500,750");
+  EXPECT_THAT(keys_of(said), ElementsAre("input", "image", "timings_ms"));
+  EXPECT_THAT(keys_of(said["image"]),
+              ElementsAre("width", "height", "pixel_mm", "centre_mm", "angle_deg", "tilt_deg"));
+  EXPECT_EQ(said["image"]["width"], 40);
+  EXPECT_EQ(said["image"]["height"], 30);
+  EXPECT_EQ(said["image"]["pixel_mm"], 2.5);
+  EXPECT_EQ(said["image"]["centre_mm"][2], 0);  // at mid-height; x and y are the body's
+  EXPECT_EQ(said["image"]["angle_deg"], 30);
+  EXPECT_EQ(said["image"]["tilt_deg"], -10);
+}
+
+TEST_F(Cli, ProjectsToEveryFormat) {
+  output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
+  for (const auto& [file, magic] : {std::pair{"p.exr", "\x76\x2f\x31\x01"}, std::pair{"p.tif", "II*"},
+                                    std::pair{"p.nrrd", "NRRD"}, std::pair{"p.png", "\x89PNG"}}) {
+    EXPECT_THAT(output_of("project @/ct.nrrd --size 40x30 -o @/" + std::string(file)),
+                HasSubstr(std::string(file) + ": AP, 40 x 30 pixels"));
+    EXPECT_THAT(read_bytes(folder_ / file), StartsWith(magic)) << file;
+  }
+}
+
+TEST_F(Cli, DevicesPassTheirSelfTest) {
+  const Json devices = json_of("devices");
+  ASSERT_FALSE(devices.empty());
+  for (const Json& device : devices) EXPECT_EQ(device["self_test"]["buffers"], true) << device;
+  EXPECT_THAT(output_of("devices"), HasSubstr("self-test: buffers ok"));
+}
+
+TEST_F(Cli, HelpOfEverySubcommandEndsInExamples) {
+  const std::string help = output_of("--help");
+  for (const std::string subcommand : {"info", "phantom", "cast", "project", "devices", "demo"}) {
+    EXPECT_THAT(help, HasSubstr("\n  " + subcommand + " "));
+    EXPECT_THAT(output_of(subcommand + " --help"), HasSubstr("\nExamples:\n  xraycast " + subcommand));
+  }
+}
+
+TEST_F(Cli, TellsItsVersion) { EXPECT_EQ(output_of("--version"), XRAYCAST_VERSION "\n"); }
+
+TEST_F(Cli, NotesGoToStderrAndQuietSilencesThem) {
+  NiftiFile file = little_scan();
+  file.sform[0] = 1;  // grows to the right, so it has to be turned
+  write_bytes(folder_ / "ct.nii", file.bytes());
+  const Finished told = run("cast @/ct.nii -o @/map.exr --json");
+  EXPECT_EQ(told.err, "xraycast: reoriented from RPS to LPS\n");
+  EXPECT_EQ(Json::parse(told.out)["map"]["height"], 4);
+  EXPECT_EQ(output_of("cast @/ct.nii -o @/map.exr --quiet"), "");
+  EXPECT_EQ(output_of("-q project @/ct.nii -o @/p.png"), "");
+  EXPECT_EQ(output_of("-q phantom box --size 8x8x8 -o @/box.nrrd"), "");
+}
+
+// Long enough for the bar to appear, half a second after a stage began.
+constexpr char kLongJob[] = "phantom thorax --size 512x512x300 -o @/ct.nrrd";
+
+TEST_F(Cli, ProgressOnATerminalShowsRateAndRemainingTime) {
+  Command on_terminal = command(kLongJob);
+  on_terminal.on_terminal = true;
+  const Finished done = run_process(on_terminal);
+  EXPECT_EQ(done.status, 0);
+  EXPECT_THAT(done.err,
+              ::testing::ContainsRegex("painting +\\[#+\\.*\\] +[0-9]+ %  [0-9]+ slices/s  [0-9]+ s left"));
+  EXPECT_THAT(done.err, ::testing::EndsWith("\r\x1b[K"));  // the line is cleared
+}
+
+TEST_F(Cli, ProgressStaysOutOfPipes) { output_of(kLongJob); }
+
+TEST_F(Cli, TakesPathsWithSpacesAndLettersBeyondAscii) {
+  const fs::path place = folder_ / "Röntgen 体 scans";
+  fs::create_directory(place);
+  const auto made = [&](std::vector<std::string> words, const char* file) {
+    words.insert(words.begin(), XRAYCAST_PROGRAM);
+    words.insert(words.end(), {"-o", (place / file).string()});
+    const Finished done = run_process({words});
+    EXPECT_EQ(done.status, 0);
+    EXPECT_EQ(done.err, "");
+    EXPECT_GT(fs::file_size(place / file), 0) << file;
+  };
+  for (const char* file : {"Größe 1.nrrd", "Größe 1.nii.gz", "Größe 1.mhd"}) {
+    made({"phantom", "sphere", "--size", "32x32x32"}, file);
+    made({"cast", (place / file).string(), "--preview", (place / "schön 1.png").string()}, "schön 1.exr");
+    EXPECT_GT(fs::file_size(place / "schön 1.png"), 0);
+  }
+  for (const char* picture : {"ä b.exr", "ä b.tif", "ä b.nrrd", "ä b.png"})
+    made({"project", (place / "Größe 1.nrrd").string()}, picture);
+  EXPECT_EQ(read_body_map(place / "schön 1.exr").source, "MetaImage " + (place / "Größe 1.mhd").string());
+}
+
+}  // namespace
+}  // namespace xraycast
