@@ -1,6 +1,6 @@
-// Every benchmark with its yardstick in the same run, repeated and interleaved at random, so that their ratio survives
-// a machine whose speed drifts. What is held constant: the thorax phantom of 512 x 512 x 720 voxels, 360 angles, a
-// radius of 255 pixels about the middle, all cores.
+// Every benchmark with its yardstick in the same run, repeated and interleaved at random, so that their ratio
+// survives a machine whose speed drifts. What is held constant: the thorax phantom of 512 x 512 x 720 voxels,
+// 360 angles, a radius of 255 pixels about the middle, all cores.
 #include "table.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/phantom.hpp"
@@ -52,13 +52,15 @@ struct Bench {
   MapGeometry map(int layers) const {
     const VolumeGeometry& g = volume.geometry();
     const glm::dvec3 middle = g.to_world_mm(0.5 * glm::dvec3(g.size - Index3(1)));
-    return cylinder_map(g, 360, shell_radii_mm(RadiiRule::equal_area, layers, 255 * g.spacing_mm.x), glm::dvec2(middle));
+    return cylinder_map(g, 360, shell_radii_mm(RadiiRule::equal_area, layers, 255 * g.spacing_mm.x),
+                        glm::dvec2(middle));
   }
 };
 
 Opacity many_knots(int count) {
   std::vector<Opacity::Knot> knots;
-  for (int i = 0; i < count; ++i) knots.push_back({-1000.0 + 2500.0 / count * i, 0.0005 * i * (1 + 0.2 * (i % 3))});
+  for (int i = 0; i < count; ++i)
+    knots.push_back({-1000.0 + 2500.0 / count * i, 0.0005 * i * (1 + 0.2 * (i % 3))});
   return {fmt::format("{} knots", count), knots};
 }
 
@@ -70,7 +72,8 @@ void add(const std::string& name, Work work) {
       if constexpr (std::is_void_v<decltype(work())>) {
         const auto start = std::chrono::steady_clock::now();
         work();
-        state.SetIterationTime(std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        state.SetIterationTime(
+            std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
       } else {
         state.SetIterationTime(work() / 1000);
       }
@@ -115,7 +118,8 @@ void register_all(Bench& bench) {
   add("file read", [&bench] { read_file(bench.file); });
   add("OpenCV warpPolar", [&bench] { map_by_opencv(bench.volume, 255); });
   for (const int layers : {1, 8, 16})
-    add(fmt::format("cast_resident_{}", layers), [&bench, layers] { return kernel_ms(bench, layers, Opacity::paper()); });
+    add(fmt::format("cast_resident_{}", layers),
+        [&bench, layers] { return kernel_ms(bench, layers, Opacity::paper()); });
   add("cast_64knots_1", [&bench] { return kernel_ms(bench, 1, many_knots(64)); });
   add("cast_from_file_1", [&bench] { cast_from_file(bench); });
   add("project_640x480", [&bench] { return project_ms(bench, 0, Opacity::paper()); });

@@ -21,10 +21,12 @@ void print_table(const std::vector<Row>& rows, const Times& times) {
     std::string verdict = "reported";
     if (row.bar != Row::Bar::reported && r) {
       const bool met = row.bar == Row::Bar::at_most ? *r <= row.limit : *r >= row.limit;
-      verdict = fmt::format("{} {:g}: {}", row.bar == Row::Bar::at_most ? "<=" : ">=", row.limit, met ? "met" : "missed");
+      verdict = fmt::format("{} {:g}: {}", row.bar == Row::Bar::at_most ? "<=" : ">=", row.limit,
+                            met ? "met" : "missed");
     }
     fmt::print("{:<22} {:>8.2f} ms  {:<20} {:>8} {:>11}  {}\n", row.name, times.at(row.name), row.yardstick,
-               r ? fmt::format("{:.2f} ms", times.at(row.yardstick)) : "", r ? fmt::format("{:.3f}", *r) : "", verdict);
+               r ? fmt::format("{:.2f} ms", times.at(row.yardstick)) : "", r ? fmt::format("{:.3f}", *r) : "",
+               verdict);
   }
 }
 

@@ -1,19 +1,19 @@
 #include "yardsticks.hpp"
 
 #include <benchmark/benchmark.h>
-#include <fcntl.h>
 #include <itkGDCMImageIO.h>
 #include <itkGDCMSeriesFileNames.h>
 #include <itkImage.h>
 #include <itkImageSeriesReader.h>
-#include <opencv2/core.hpp>
-#include <opencv2/imgproc.hpp>
-#include <unistd.h>
 
 #include <algorithm>
 #include <array>
 #include <cstring>
+#include <fcntl.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
 #include <thread>
+#include <unistd.h>
 #include <vector>
 
 namespace xraycast::bench {
@@ -106,8 +106,8 @@ void map_by_opencv(const Volume& volume, double radius_vox) {
       slice.convertTo(mu, CV_32F, 0.02 / 1024, 0.02);
       cv::max(mu, 0, mu);
       cv::warpPolar(mu, polar, cv::Size(static_cast<int>(radius_vox), 360),
-                    cv::Point2f(0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)), radius_vox,
-                    cv::INTER_LINEAR);
+                    cv::Point2f(0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)),
+                    radius_vox, cv::INTER_LINEAR);
       cv::reduce(polar, map, 1, cv::REDUCE_SUM);
       benchmark::DoNotOptimize(map.data);
     }

@@ -10,8 +10,8 @@ namespace xraycast::bench {
 /// All cores read the bytes once.
 void read_all(const Volume& volume);
 
-/// All cores take `samples` bilinear samples in 16 slices each, from a block that stays in the first-level cache, and
-/// classify them by the paper's opacity.
+/// All cores take `samples` bilinear samples in 16 slices each, from a block that stays in the first-level
+/// cache, and classify them by the paper's opacity.
 void sample_from_cache(std::int64_t samples);
 
 /// One thread reads a file into fresh memory by read().

@@ -51,6 +51,17 @@ typedef struct {
   XRC_FLOAT step[3];   /* voxels along x, y and z for step_mm */
 } XrcSphere;
 
+/* The basis of recasting: how many millimetres of a ray count for each knot of an opacity. A tile is
+ * 16 slices (those of a brick) of one map column in one layer; tile (brick * layers + layer) * width +
+ * column. For every knot that any of its texels touches it has a row of 16 weights, in units of its shell's
+ * thickness / XRC_WEIGHT_SUM, so that the weights of a texel add up to exactly XRC_WEIGHT_SUM. */
+#define XRC_MAX_KNOTS 64
+#define XRC_WEIGHT_SUM 65535
+
+/* Bins of a scan's histogram, from XRC_AIR_HU on; the last one holds all above. */
+#define XRC_HISTOGRAM_BINS 256
+#define XRC_HISTOGRAM_BIN_HU 16
+
 /* mu(hu) = mu0 + sum of slope * max(0, hu - from) over the ramps. */
 #define XRC_MAX_RAMPS 4
 typedef struct {

@@ -21,8 +21,8 @@ static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
 
 /* One work-item follows one ray and writes its texel of every layer, as in cast_cylinder. `azimuths` and
  * `polars` hold the sine and cosine of every column's phi and every row's theta. */
-kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere map, global const float2* azimuths,
-                        global const float2* polars, constant const XrcShell* shells,
+kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere map, global const float2* polars,
+                        global const float2* azimuths, constant const XrcShell* shells,
                         constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), row = (int)get_global_id(1);
   if (column >= map.width || row >= map.height) return;

@@ -1,7 +1,6 @@
-#include "xraycast/slab_caster.hpp"
-
 #include "support/reference.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/slab_caster.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,8 +42,8 @@ TEST(SlabCast, OfProjectionsThatCrossSlicesIsRefused) {
   Device device;
   Progress progress;
   VolumeSource source(volume);
-  EXPECT_THROW(cast_by_slabs(device, source, sphere_map(volume.geometry(), 30, {0, 10}, {0, 0, 0}), Opacity::paper(), 16,
-                             progress),
+  EXPECT_THROW(cast_by_slabs(device, source, sphere_map(volume.geometry(), 30, {0, 10}, {0, 0, 0}),
+                             Opacity::paper(), 16, progress),
                InputError);
 }
 

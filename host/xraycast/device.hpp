@@ -68,8 +68,8 @@ class Device {
 
   /// Blocking copies of whole spans. Throw DeviceError.
   template <typename T>
-  cl::Buffer upload(std::span<const T> values) {
-    cl::Buffer target = buffer(CL_MEM_READ_ONLY, static_cast<std::int64_t>(values.size_bytes()));
+  cl::Buffer upload(std::span<const T> values, cl_mem_flags flags = CL_MEM_READ_ONLY) {
+    cl::Buffer target = buffer(flags, static_cast<std::int64_t>(values.size_bytes()));
     write(target, values.data(), values.size_bytes());
     return target;
   }

@@ -18,9 +18,9 @@ struct Slab {
 void fill(Slab& slab, SliceSource& source, std::int64_t wanted, Progress& progress) {
   const std::int64_t slice = source.geometry().slice_voxels();
   for (slab.slices = 0; slab.slices < wanted;) {
-    const std::int64_t count = source.read({slab.hu.get() + slab.slices * slice,
-                                            static_cast<std::size_t>((wanted - slab.slices) * slice)},
-                                           progress);
+    const std::int64_t count = source.read(
+        {slab.hu.get() + slab.slices * slice, static_cast<std::size_t>((wanted - slab.slices) * slice)},
+        progress);
     if (count == 0) throw InputError("the scan ended before its {} slices", source.geometry().size.z);
     slab.slices += count;
   }
@@ -39,9 +39,10 @@ MapGeometry rows_of(const MapGeometry& whole, std::int64_t first, std::int64_t c
 
 void insert_rows(const BodyMap& part, std::int64_t top_row, BodyMap& whole) {
   for (int k = 0; k < whole.geometry.layers(); ++k)
-    std::ranges::copy(part.layer(k), whole.tau.begin() + static_cast<std::ptrdiff_t>(
-                                                            static_cast<std::size_t>(k) * whole.layer_size()) +
-                                         top_row * whole.geometry.width);
+    std::ranges::copy(part.layer(k),
+                      whole.tau.begin() +
+                          static_cast<std::ptrdiff_t>(static_cast<std::size_t>(k) * whole.layer_size()) +
+                          top_row * whole.geometry.width);
 }
 
 }  // namespace
@@ -58,16 +59,18 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
   const std::int64_t slab_B = 3 * resident_bytes(smallest), slabs = limit_B / slab_B;
   if (slabs < 1)
     throw InputError("a memory limit of {} MiB is below the {} MiB that {} slices of {} x {} take; raise it",
-                     limit_B >> 20, (slab_B >> 20) + 1, ResidentScan::kBrickSlices, volume.size.x, volume.size.y);
+                     limit_B >> 20, (slab_B >> 20) + 1, ResidentScan::kBrickSlices, volume.size.x,
+                     volume.size.y);
   return slabs * ResidentScan::kBrickSlices;
 }
 
-CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry, const Opacity& opacity,
-                         std::int64_t slab_slices, Progress& progress) {
+CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry,
+                         const Opacity& opacity, std::int64_t slab_slices, Progress& progress) {
   const VolumeGeometry& volume = source.geometry();
   if (geometry.projection != Projection::cylinder)
-    throw InputError("a {} map needs the whole scan at once, since its rays cross slices; raise the memory limit",
-                     to_string(geometry.projection));
+    throw InputError(
+        "a {} map needs the whole scan at once, since its rays cross slices; raise the memory limit",
+        to_string(geometry.projection));
   CastResult result{{geometry, opacity, {}, {}}};
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
 

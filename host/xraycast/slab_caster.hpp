@@ -7,21 +7,21 @@
 
 namespace xraycast {
 
-/// How many slices at once, a multiple of ResidentScan::kBrickSlices, keep a cast by slabs within `limit_B` bytes:
-/// two slabs in the host's memory, of which one is read while the other is cast, and one on the device. The map comes
-/// on top. Throws InputError when not even the smallest slab does.
+/// How many slices at once, a multiple of ResidentScan::kBrickSlices, keep a cast by slabs within `limit_B`
+/// bytes: two slabs in the host's memory, of which one is read while the other is cast, and one on the
+/// device. The map comes on top. Throws InputError when not even the smallest slab does.
 std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit_B);
 
 /// Bytes that a whole scan takes on the device.
 std::int64_t resident_bytes(const VolumeGeometry& volume);
 
-/// Casts a cylinder map of a scan that need not fit in memory, slab by slab; reading the next slab overlaps uploading
-/// and casting this one. Rays stay within their slices, so the map is the one cast whole, bit for bit. Stage
-/// "casting" of `progress`.
+/// Casts a cylinder map of a scan that need not fit in memory, slab by slab; reading the next slab overlaps
+/// uploading and casting this one. Rays stay within their slices, so the map is the one cast whole, bit for
+/// bit. Stage "casting" of `progress`.
 ///
-/// `source` has not been read from yet. Throws InputError for other projections, whose rays cross slices, and when
-/// the source ends early.
-CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry, const Opacity& opacity,
-                         std::int64_t slab_slices, Progress& progress);
+/// `source` has not been read from yet. Throws InputError for other projections, whose rays cross slices, and
+/// when the source ends early.
+CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry,
+                         const Opacity& opacity, std::int64_t slab_slices, Progress& progress);
 
 }  // namespace xraycast

@@ -1,0 +1,75 @@
+/* The rays of a cylinder map: one sample grid for all kernels that follow them. */
+#ifndef XRAYCAST_CYLINDER_RAY_H
+#define XRAYCAST_CYLINDER_RAY_H
+
+#include "rays.h"
+#include "scan_access.h"
+
+/* A ray's work differs only in how many slices it takes at once: the 16 of a brick, or one of an image or,
+ * with -DONE_SLICE, where the centre differs from slice to slice. */
+#if defined(SCAN_IMAGE) || defined(ONE_SLICE)
+
+#define SLICES 1
+typedef float Slices;
+
+/* Position (x, y), which lies within slice z, interpolated bilinearly. */
+static Slices sample(SCAN voxels, const XrcScan* scan, const int z, const float x, const float y) {
+  const int ix = (int)x, iy = (int)y;
+  const float fx = x - (float)ix, fy = y - (float)iy;
+  const float a = voxel_hu(voxels, scan, ix, iy, z), b = voxel_hu(voxels, scan, ix + 1, iy, z);
+  const float c = voxel_hu(voxels, scan, ix, iy + 1, z), d = voxel_hu(voxels, scan, ix + 1, iy + 1, z);
+  const float ab = fma(fx, b - a, a), cd = fma(fx, d - c, c);
+  return fma(fy, cd - ab, ab);
+}
+
+static void store(const Slices value, float* values) { *values = value; }
+
+#else
+
+#define SLICES XRC_BRICK_SLICES
+typedef float16 Slices;
+
+/* The same position in the 16 slices of a brick, interpolated bilinearly; (x, y) lies within the slice. */
+static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
+  const int ix = (int)x, iy = (int)y;
+  const float fx = x - (float)ix, fy = y - (float)iy;
+  SCAN upper = voxels + (((long)brick * scan->pitch_y + iy) * scan->pitch_x + ix) * XRC_BRICK_SLICES;
+  SCAN lower = upper + (long)scan->pitch_x * XRC_BRICK_SLICES;
+  const Slices a = convert_float16(vload16(0, upper)), b = convert_float16(vload16(1, upper));
+  const Slices c = convert_float16(vload16(0, lower)), d = convert_float16(vload16(1, lower));
+  const Slices ab = fma((Slices)fx, b - a, a), cd = fma((Slices)fx, d - c, c);
+  return fma((Slices)fy, cd - ab, ab);
+}
+
+static void store(const Slices value, float* values) { vstore16(value, 0, values); }
+
+#endif
+
+/* In voxels. The first `inside` samples lie within the slice; those beyond are air. */
+typedef struct {
+  float2 centre;
+  float dx, dy;
+  int inside;
+} Ray;
+
+/* The ray from `centre` at the angle whose sine and cosine are `direction`. */
+static Ray ray_along(const float2 centre, const float2 direction, const XrcCylinder* map,
+                     const XrcScan* scan) {
+  Ray ray;
+  ray.centre = centre;
+  ray.dx = direction.x * map->step_x;
+  ray.dy = -direction.y * map->step_y;
+  ray.inside = min(samples_within(centre.x, ray.dx, 0.0f, (float)(scan->size_x - 1), map->samples),
+                   samples_within(centre.y, ray.dy, 0.0f, (float)(scan->size_y - 1), map->samples));
+  return ray;
+}
+
+/* Sample i < inside, in run `run` of SLICES slices. Rounding may carry the first or last sample a hair beyond
+ * the slice; the clamp keeps its address inside. */
+static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int i) {
+  const float at = (float)i + 0.5f;
+  return sample(voxels, scan, run, clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
+                clamp(fma(at, ray->dy, ray->centre.y), 0.0f, (float)(scan->size_y - 1)));
+}
+
+#endif
