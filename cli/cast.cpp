@@ -1,3 +1,4 @@
+#include "attenuation.hpp"
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/caster.hpp"
@@ -22,7 +23,8 @@ struct Options {
   std::string input, output, preview;
   ScanOptions scan;
   std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto",
-              opacity = "paper", window = "auto";
+              window = "auto";
+  AttenuationOptions attenuation;
   std::optional<int> layers;
   int angles = 360;
 };
@@ -81,7 +83,7 @@ Json json_of(const Options& options, const MapGeometry& map, const LoadTimings& 
 
 void cast_map(const Options& options, Session& session) {
   const auto start = Clock::now();
-  const Opacity opacity = Opacity::named(options.opacity);
+  const auto attenuation = resolve(options.attenuation);
   check(options);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
@@ -90,11 +92,15 @@ void cast_map(const Options& options, Session& session) {
   Device device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
-  const ResidentScan resident = load(device, *scan.source, finder, load_timings, session.progress);
+  const SpectralScan resident =
+      load(device, scan, options.attenuation, finder, load_timings, session.progress);
   const BodyOutline outline = resolve_outline(options, finder);
-  const MapGeometry geometry = cylinder_map(resident.geometry(), options.angles,
+  const MapGeometry geometry = cylinder_map(resident.native.geometry(), options.angles,
                                             resolve_radii(options, outline.radius_mm), outline.centre_mm);
-  CastResult result = cast(resident, geometry, opacity, session.progress);
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  CastResult result = spectrum
+                          ? cast(resident, geometry, *spectrum, session.progress)
+                          : cast(resident.native, geometry, std::get<Opacity>(attenuation), session.progress);
   result.map.source = fmt::format("{} {}", scan.info.format, options.input);
 
   const auto write_start = Clock::now();
@@ -109,7 +115,8 @@ void cast_map(const Options& options, Session& session) {
           "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
           "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
           options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
-          outline.centre_mm.x, outline.centre_mm.y, opacity.name(), load_timings.read_ms,
+          outline.centre_mm.x, outline.centre_mm.y,
+          std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
           load_timings.upload_ms, result.kernel_ms, write_ms, total_ms));
 }
 
@@ -121,6 +128,7 @@ void add_cast(CLI::App& app, Session& session) {
       add_command(app, session, "cast", "Cast a scan into a body map",
                   "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
                   "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
+                  "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
                   "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
                   [options, &session] { cast_map(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
@@ -147,9 +155,7 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--radius", options->radius, "The outermost radius in mm; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
-  command->add_option("--opacity", options->opacity, "paper, bilinear, or a JSON file of HU and mu")
-      ->capture_default_str()
-      ->type_name("NAME|FILE");
+  add_attenuation_options(*command, options->attenuation);
   command->add_option("--preview", options->preview, "Also a picture of the layers, innermost on top")
       ->type_name("PNG");
   command
