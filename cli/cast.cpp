@@ -1,8 +1,10 @@
+#include "attenuation.hpp"
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/slab_caster.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -25,7 +27,8 @@ struct Options {
   std::string input, output, preview;
   ScanOptions scan;
   std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto",
-              opacity = "paper", window = "auto", centre_line;
+              window = "auto", centre_line, memory_limit;
+  AttenuationOptions attenuation;
   std::optional<int> layers;
   int angles = 360, views = 36;
 };
@@ -145,22 +148,79 @@ Json json_of(const Options& options, const MapGeometry& map, const LoadTimings& 
             {"total", total_ms}}}};
 }
 
+/// `--memory-limit` in bytes; without it, what the device allows one buffer to take.
+std::int64_t memory_limit_B(const Options& options, const Device& device) {
+  if (options.memory_limit.empty()) return device.info().max_allocation_B;
+  std::size_t digits = 0;
+  double number = 0;
+  try {
+    number = std::stod(options.memory_limit, &digits);
+  } catch (const std::exception&) {
+    digits = 0;
+  }
+  const std::string unit = options.memory_limit.substr(digits);
+  const int shift = unit == "GiB" || unit == "G" ? 30 : unit == "MiB" || unit == "M" ? 20 : -1;
+  if (digits == 0 || shift < 0 || !(number > 0 && number < 1e6))
+    throw InputError("--memory-limit {}: has to be a size such as 800M or 1.5G", options.memory_limit);
+  return static_cast<std::int64_t>(std::ldexp(number, shift));
+}
+
+/// A cast and what it took.
+struct Casting {
+  CastResult result;
+  LoadTimings timings;
+};
+
+Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, const Scan& scan,
+                      Device& device, Progress& progress) {
+  OutlineFinder finder(scan.source->geometry());
+  LoadTimings timings;
+  const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
+  const MapGeometry geometry =
+      resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder));
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  return {spectrum ? cast(resident, geometry, *spectrum, progress)
+                   : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
+          timings};
+}
+
+/// Casts a scan that exceeds the limit, which is read twice where the body has to be found first.
+Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
+                   std::int64_t limit_B, Device& device, Progress& progress) {
+  const VolumeGeometry volume = scan.source->geometry();
+  const std::int64_t slices = slab_slices_within(volume, limit_B);
+  const auto* opacity = std::get_if<Opacity>(&attenuation);
+  if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
+  OutlineFinder finder(volume);
+  LoadTimings timings;
+  const auto start = Clock::now();
+  if (options.centre == "auto" || options.radius == "auto") {
+    look_through(*scan.source, finder, progress);
+    scan = open_scan(options.input, options.scan, progress);
+  }
+  const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder));
+  CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, progress);
+  timings.read_ms = ms_since(start) - result.kernel_ms;
+  return {std::move(result), timings};
+}
+
 void cast_map(const Options& options, Session& session) {
   const auto start = Clock::now();
-  const Opacity opacity = Opacity::named(options.opacity);
+  const auto attenuation = resolve(options.attenuation);
   check(options);
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
+  Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
+  const std::string source = fmt::format("{} {}", scan.info.format, options.input);
 
   Device device(session.device);
-  OutlineFinder finder(scan.source->geometry());
-  LoadTimings load_timings;
-  const ResidentScan resident = load(device, *scan.source, finder, load_timings, session.progress);
-  const BodyOutline outline = resolve_outline(options, finder);
-  const MapGeometry geometry = resolve_geometry(options, resident.geometry(), outline);
-  CastResult result = cast(resident, geometry, opacity, session.progress);
-  result.map.source = fmt::format("{} {}", scan.info.format, options.input);
+  const std::int64_t limit_B = memory_limit_B(options, device);
+  auto [result, load_timings] =
+      resident_bytes(scan.source->geometry()) <= limit_B
+          ? cast_resident(options, attenuation, scan, device, session.progress)
+          : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
+  result.map.source = source;
+  const MapGeometry& geometry = result.map.geometry;
 
   const auto write_start = Clock::now();
   write_body_map(result.map, options.output);
@@ -174,7 +234,8 @@ void cast_map(const Options& options, Session& session) {
           "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
           "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
           options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
-          geometry.centre_mm[0].x, geometry.centre_mm[0].y, opacity.name(), load_timings.read_ms,
+          geometry.centre_mm[0].x, geometry.centre_mm[0].y,
+          std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
           load_timings.upload_ms, result.kernel_ms, write_ms, total_ms));
 }
 
@@ -186,6 +247,7 @@ void add_cast(CLI::App& app, Session& session) {
       add_command(app, session, "cast", "Cast a scan into a body map",
                   "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
                   "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
+                  "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
                   "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
                   [options, &session] { cast_map(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
@@ -221,9 +283,11 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--radius", options->radius, "The outermost radius in mm; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
-  command->add_option("--opacity", options->opacity, "paper, bilinear, or a JSON file of HU and mu")
-      ->capture_default_str()
-      ->type_name("NAME|FILE");
+  add_attenuation_options(*command, options->attenuation);
+  command
+      ->add_option("--memory-limit", options->memory_limit,
+                   "Cast scans that take more than this in slabs; default: the device's largest buffer")
+      ->type_name("SIZE");
   command->add_option("--preview", options->preview, "Also a picture of the layers, innermost on top")
       ->type_name("PNG");
   command

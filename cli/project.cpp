@@ -1,3 +1,4 @@
+#include "attenuation.hpp"
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
@@ -15,8 +16,9 @@ namespace {
 constexpr double kRadians = std::numbers::pi / 180;
 
 struct Options {
-  std::string input, output, cone, size, opacity = "paper";
+  std::string input, output, cone, size;
   ScanOptions scan;
+  AttenuationOptions attenuation;
   double angle_deg = 0, tilt_deg = 0, pixel_mm = 0;
 };
 
@@ -41,7 +43,7 @@ View parse_view(const Options& options) {
 
 void project_scan(const Options& options, Session& session) {
   const auto start = std::chrono::steady_clock::now();
-  const Opacity opacity = Opacity::named(options.opacity);
+  const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
   check_writable(options.output);
   View view = parse_view(options);
@@ -52,11 +54,16 @@ void project_scan(const Options& options, Session& session) {
   Device device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
-  const ResidentScan resident = load(device, *scan.source, finder, load_timings, session.progress);
-  const VolumeGeometry& volume = resident.geometry();
+  const SpectralScan resident =
+      load(device, scan, options.attenuation, finder, load_timings, session.progress);
+  const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
-  const ProjectionImage image = project(resident, fitted(view, volume, body), opacity, session.progress);
+  view = fitted(view, volume, body);
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  const ProjectionImage image =
+      spectrum ? project(resident, view, *spectrum, session.progress)
+               : project(resident.native, view, std::get<Opacity>(attenuation), session.progress);
   write_projection(image, options.output);
 
   const double total_ms =
@@ -112,9 +119,7 @@ void add_project(CLI::App& app, Session& session) {
                    "Pixel size on the detector; default: as fine as the scan, or so that everything fits")
       ->check(CLI::PositiveNumber)
       ->type_name("MM");
-  command->add_option("--opacity", options->opacity, "paper, bilinear, or a JSON file of HU and mu")
-      ->capture_default_str()
-      ->type_name("NAME|FILE");
+  add_attenuation_options(*command, options->attenuation);
   add_scan_options(*command, options->scan);
 }
 

@@ -39,6 +39,42 @@ TEST(BodyMapFile, ReadingBackGivesTheSame) {
   }
 }
 
+BodyMap make_spectrum_map(int layers) {
+  BodyMap map = make_map(layers);
+  map.opacity = Opacity::paper();
+  map.spectrum = Spectrum("two lines", {{33.3, 1.0 / 3}, {60, 2}});
+  map.depths = {map.tau, std::vector<float>(map.tau.rbegin(), map.tau.rend()),
+                std::vector<float>(map.tau.size())};
+  map.tau.clear();
+  return map;
+}
+
+TEST(BodyMapFile, OfASpectrumReadsBackTheSame) {
+  const TemporaryFolder folder;
+  for (const int layers : {1, 5}) {
+    const BodyMap written = make_spectrum_map(layers);
+    write_body_map(written, folder / "map.exr");
+    const BodyMap read = read_body_map(folder / "map.exr");
+    EXPECT_EQ(read.geometry, written.geometry);
+    EXPECT_EQ(read.spectrum, written.spectrum);
+    EXPECT_EQ(read.source, written.source);
+    EXPECT_EQ(read.depths, written.depths);
+    EXPECT_TRUE(read.tau.empty());
+  }
+}
+
+TEST(BodyMapFile, VersionSaysWhetherItIsOfASpectrum) {
+  const TemporaryFolder folder;
+  const auto spec_of = [&](const BodyMap& map) {
+    write_body_map(map, folder / "map.exr");
+    return OIIO::ImageInput::open((folder / "map.exr").string())->spec();
+  };
+  EXPECT_EQ(spec_of(make_map(2)).get_int_attribute("xraycast:version"), 1);
+  const OIIO::ImageSpec spec = spec_of(make_spectrum_map(2));
+  EXPECT_EQ(spec.get_int_attribute("xraycast:version"), 2);
+  EXPECT_THAT(spec.channelnames, testing::UnorderedElementsAre("water", "bone", "iodine"));
+}
+
 TEST(BodyMapFile, IsAMultiPartExrThatOthersRead) {
   const TemporaryFolder folder;
   write_body_map(make_map(3), folder / "map.exr");
@@ -92,6 +128,25 @@ TEST(Preview, StacksLayersFromTheInnermostDown) {
   ASSERT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, pixels.data()));
   EXPECT_EQ(pixels.front(), 255);  // exp(-0)
   EXPECT_EQ(pixels.back(), 0);     // exp(-20), below half a grey level
+}
+
+TEST(Preview, AppliesTheSpectrumToEachLayer) {
+  const TemporaryFolder folder;
+  BodyMap map = make_spectrum_map(2);
+  map.spectrum = Spectrum("a line", {{60, 1}});
+  // A transmission of a half in the inner layer, of a quarter in the outer one.
+  const auto half_g_cm2 = static_cast<float>(std::log(2) / mass_attenuation_cm2_g("Water, Liquid", 60));
+  for (auto& depth : map.depths) std::ranges::fill(depth, 0.0f);
+  std::ranges::fill(map.depths[0], half_g_cm2);
+  std::fill(map.depths[0].begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.depths[0].end(),
+            2 * half_g_cm2);
+  write_preview(map, PreviewWindow::paper, folder / "map.png");
+  const auto in = OIIO::ImageInput::open((folder / "map.png").string());
+  ASSERT_TRUE(in);
+  std::vector<std::uint8_t> pixels(90 * 40 * 3);
+  ASSERT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, pixels.data()));
+  EXPECT_NEAR(pixels.front(), 127.5, 1);  // a grey level
+  EXPECT_NEAR(pixels.back(), 63.75, 1);
 }
 
 TEST(Preview, WindowUsesMostOfTheRangeOfGrey) {

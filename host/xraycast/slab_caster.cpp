@@ -64,6 +64,17 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
   return slabs * ResidentScan::kBrickSlices;
 }
 
+void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress) {
+  const VolumeGeometry& volume = source.geometry();
+  const std::int64_t most = std::min<std::int64_t>(64, volume.size.z);
+  Slab slab{std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(most * volume.slice_voxels())), 0};
+  progress.begin("looking", volume.size.z, "slices");
+  for (std::int64_t first = 0; first < volume.size.z; first += slab.slices) {
+    fill(slab, source, std::min(most, volume.size.z - first), progress);
+    finder.add({slab.hu.get(), static_cast<std::size_t>(slab.slices * volume.slice_voxels())});
+  }
+}
+
 CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry,
                          const Opacity& opacity, std::int64_t slab_slices, Progress& progress) {
   const VolumeGeometry& volume = source.geometry();
@@ -75,8 +86,8 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
 
   const auto slab_voxels = static_cast<std::size_t>(slab_slices * volume.slice_voxels());
-  Slab now{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels)};
-  Slab next{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels)};
+  Slab now{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels), 0};
+  Slab next{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels), 0};
   const auto size_at = [&](std::int64_t first) { return std::min(slab_slices, volume.size.z - first); };
 
   progress.begin("casting", volume.size.z, "slices");

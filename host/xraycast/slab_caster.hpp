@@ -15,6 +15,9 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
 /// Bytes that a whole scan takes on the device.
 std::int64_t resident_bytes(const VolumeGeometry& volume);
 
+/// Shows all slices to `finder`, holding few of them at a time. Stage "looking" of `progress`.
+void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress);
+
 /// Casts a cylinder map of a scan that need not fit in memory, slab by slab; reading the next slab overlaps
 /// uploading and casting this one. Rays stay within their slices, so the map is the one cast whole, bit for
 /// bit. Stage "casting" of `progress`.

@@ -1,0 +1,40 @@
+#include "attenuation.hpp"
+
+#include "xraycast/error.hpp"
+
+namespace xraycast::cli {
+
+void add_attenuation_options(CLI::App& command, AttenuationOptions& options) {
+  command
+      .add_option(
+          "--opacity", options.opacity,
+          "paper, bilinear, or a JSON file of HU and mu; or spectrum: with 80, 100, 120 (kVp) or a file "
+          "of keV and fluence, for beam hardening")
+      ->capture_default_str()
+      ->type_name("NAME|FILE|spectrum:KVP|spectrum:FILE");
+  command
+      .add_option(
+          "--iodine", options.iodine,
+          "Under a spectrum: the vessels as a mask on the scan's grid; what lies above blood in them is "
+          "iodine, not bone")
+      ->type_name("MASK");
+}
+
+std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options) {
+  const std::string prefix = "spectrum:";
+  if (options.opacity.starts_with(prefix)) return Spectrum::named(options.opacity.substr(prefix.size()));
+  if (!options.iodine.empty())
+    throw InputError("--iodine {}: only a spectrum tells iodine apart; give --opacity spectrum:KVP too",
+                     options.iodine);
+  return Opacity::named(options.opacity);
+}
+
+SpectralScan load(Device& device, const Scan& scan, const AttenuationOptions& options, OutlineFinder& finder,
+                  LoadTimings& timings, Progress& progress) {
+  if (options.iodine.empty()) return {load(device, *scan.source, finder, timings, progress), {}};
+  const Scan vessels = open_scan(options.iodine, {}, progress);
+  check_mask_grid(vessels.source->geometry(), scan.source->geometry(), "--iodine " + options.iodine);
+  return load(device, *scan.source, *vessels.source, finder, timings, progress);
+}
+
+}  // namespace xraycast::cli
