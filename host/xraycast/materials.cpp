@@ -6,6 +6,7 @@
 #include <glm/vector_relational.hpp>
 
 #include <algorithm>
+#include <memory>
 #include <xraylib.h>
 
 namespace xraycast {
@@ -20,17 +21,30 @@ std::string text_of(const VolumeGeometry& grid) {
                      grid.spacing_mm.z, grid.origin_mm.x, grid.origin_mm.y, grid.origin_mm.z);
 }
 
-}  // namespace
-
-double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
+double element_attenuation_cm2_g(int atomic_number, double energy_kev) {
   xrl_error* error = nullptr;
-  const double value = CS_Total_CP(material.c_str(), energy_kev, &error);
+  const double cm2_g = CS_Total(atomic_number, energy_kev, &error);
   if (error) {
     const std::string message = error->message;
     xrl_error_free(error);
-    throw Error("{} at {} keV: xraylib: {}", material, energy_kev, message);
+    throw Error("element {} at {} keV: xraylib: {}", atomic_number, energy_kev, message);
   }
-  return value;
+  return cm2_g;
+}
+
+}  // namespace
+
+// Element by element, because xraylib 4.0.0 leaks memory on every call of CS_Total_CP.
+double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
+  if (const int z = SymbolToAtomicNumber(material.c_str(), nullptr); z > 0)
+    return element_attenuation_cm2_g(z, energy_kev);
+  const std::unique_ptr<compoundDataNIST, decltype(&FreeCompoundDataNIST)> compound(
+      GetCompoundDataNISTByName(material.c_str(), nullptr), &FreeCompoundDataNIST);
+  if (!compound) throw Error("{}: neither an element nor a compound of NIST's list", material);
+  double sum = 0;
+  for (int i = 0; i < compound->nElements; ++i)
+    sum += compound->massFractions[i] * element_attenuation_cm2_g(compound->Elements[i], energy_kev);
+  return sum;
 }
 
 std::array<Opacity, kMaterials.size()> material_contents() {

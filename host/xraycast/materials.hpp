@@ -26,9 +26,8 @@ inline constexpr std::array<Material, 3> kMaterials{{
 using MaterialDepths = std::array<std::vector<float>, kMaterials.size()>;
 
 /// The mass attenuation coefficient mu/rho of a material, coherent scattering included, by xraylib
-/// (T. Schoonjans et al., Spectrochim. Acta B 66, 2011, 776-784). `material` is an element's symbol, a
-/// chemical formula or a name of NIST's list of compounds; energies are 1 to 800 keV. Throws Error for
-/// others.
+/// (T. Schoonjans et al., Spectrochim. Acta B 66, 2011, 776-784). `material` is an element's symbol or
+/// a name of NIST's list of compounds; energies are 1 to 800 keV. Throws Error for others.
 double mass_attenuation_cm2_g(const std::string& material, double energy_kev);
 
 /// The CT number of blood without contrast.

@@ -23,12 +23,12 @@ constexpr double kLowest_kev = 1, kHighest_kev = 800;  // what xraylib knows
 constexpr int kTubes_kv[] = {80, 100, 120};
 constexpr double kAnodeAngle_rad = 10 * std::numbers::pi / 180;
 constexpr double kFilter_g_cm2 = 0.25 * 2.699;  // aluminium
-constexpr int kTungsten = 74;
+constexpr int kTungsten = 74;  // without the tenth of rhenium, element 75, in the paper's anode
 
 /// The mean of f over [0, 1], by the midpoint rule.
 template <typename Function>
 double mean_over_unit(const Function& f) {
-  constexpr int kSteps = 200;  // the spectra are good to 1e-4
+  constexpr int kSteps = 200;  // every bin is good to 0.2 %
   double sum = 0;
   for (int i = 0; i < kSteps; ++i) sum += f((i + 0.5) / kSteps);
   return sum / kSteps;
@@ -41,9 +41,9 @@ double depth_g_cm2(double tube_kv, double electron_kev) {
   return (tube_kv * tube_kv - electron_kev * electron_kev) / (1e6 * (0.39 + 0.00304 * tube_kv));
 }
 
-/// The share of photons made at a depth in the anode that leave it.
-double leaving_share(double energy_kev, double g_cm2) {
-  return std::exp(-mass_attenuation_cm2_g("W", energy_kev) * g_cm2 / std::sin(kAnodeAngle_rad));
+/// Attenuation of photons on their way out of the anode, for each g/cm2 of depth.
+double way_out_cm2_g(double energy_kev) {
+  return mass_attenuation_cm2_g("W", energy_kev) / std::sin(kAnodeAngle_rad);
 }
 
 /// Photons per electron and keV.
@@ -55,29 +55,29 @@ double bremsstrahlung(double tube_kv, double energy_kev) {
   // The paper's A0 and A1 times 1000: only so is the tube's output that of real ones, some 90 uGy/mAs of air
   // kerma a metre from 100 kVp, and in proportion to the K lines.
   const double strength = 36.85 + 0.029 * tube_kv;
+  const double attenuation_cm2_g = way_out_cm2_g(energy_kev);
   const double mean = mean_over_unit([&](double share) {
     const double electron_kev = std::lerp(energy_kev, tube_kv, share), u = energy_kev / electron_kev;
     const double shape = 1 + u * (-5.049 + u * (10.847 + u * (-10.516 + u * 3.842)));
     const double stopping_kev_cm2_g = 2024.1 + 10361 * std::exp(-0.04695 * electron_kev);
     return strength * shape * (electron_kev + MEC2) / electron_kev / stopping_kev_cm2_g *
-           leaving_share(energy_kev, depth_g_cm2(tube_kv, electron_kev));
+           std::exp(-attenuation_cm2_g * depth_g_cm2(tube_kv, electron_kev));
   });
   return unit_cm2_g / energy_kev * (tube_kv - energy_kev) * mean;
 }
 
-/// The K lines; fluences are photons per electron. They are made down to where electrons can no longer free a
-/// K electron, most of them near the surface.
+/// The K lines of a tube above the K edge, 69.5 kV; fluences are photons per electron. They are made down to
+/// where electrons can no longer free a K electron, most of them near the surface.
 std::vector<Spectrum::Bin> k_lines(double tube_kv) {
   const double edge_kev = EdgeEnergy(kTungsten, K_SHELL, nullptr);
-  if (tube_kv <= edge_kev) return {};
   const double made = 1.349e-3 * std::pow(tube_kv / edge_kev - 1, 1.648);
   const double deepest_g_cm2 = depth_g_cm2(tube_kv, edge_kev);
   std::vector<Spectrum::Bin> lines;
   for (const int line : {KL3_LINE, KL2_LINE, KM3_LINE, KM2_LINE, KN3_LINE, KN2_LINE}) {
     const double energy_kev = LineEnergy(kTungsten, line, nullptr);
-    const double leaving = mean_over_unit([&](double depth) {
-      return 1.5 * (1 - depth * depth) * leaving_share(energy_kev, depth * deepest_g_cm2);
-    });
+    const double attenuation = way_out_cm2_g(energy_kev) * deepest_g_cm2;
+    const double leaving = mean_over_unit(
+        [&](double depth) { return 1.5 * (1 - depth * depth) * std::exp(-attenuation * depth); });
     lines.push_back({energy_kev, made * RadRate(kTungsten, line, nullptr) * leaving});
   }
   return lines;
