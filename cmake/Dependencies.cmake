@@ -6,7 +6,6 @@ find_package(ITK 5.2 REQUIRED COMPONENTS
   ITKCommon ITKIOImageBase ITKIONIFTI ITKIONRRD ITKIOMeta)
 # GDCM's package complains of command line tools that Debian packs apart.
 find_package(GDCM REQUIRED QUIET)
-find_package(ZLIB REQUIRED)
 find_package(OpenImageIO 2.4 REQUIRED)
 # Its target names OpenCV's headers, which Debian's package does not depend on and we do not use through it.
 get_target_property(oiio_includes OpenImageIO::OpenImageIO INTERFACE_INCLUDE_DIRECTORIES)

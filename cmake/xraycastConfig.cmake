@@ -1,0 +1,13 @@
+# The library is static: whoever links it needs what it links. `project` has to enable C beside C++, for ITK.
+include(CMakeFindDependencyMacro)
+find_dependency(Threads)
+find_dependency(OpenCL)
+find_dependency(ITK 5.2 COMPONENTS ITKCommon ITKIOImageBase ITKIONIFTI ITKIONRRD ITKIOMeta)
+find_dependency(GDCM)
+find_dependency(ZLIB)
+find_dependency(OpenImageIO)
+find_dependency(glm)
+find_dependency(fmt)
+find_dependency(nlohmann_json)
+find_dependency(pugixml)
+include("${CMAKE_CURRENT_LIST_DIR}/xraycastTargets.cmake")
