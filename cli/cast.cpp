@@ -63,7 +63,7 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
   if (options.radii == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
   if (options.radii == "equal-thickness")
     return shell_radii_mm(RadiiRule::equal_thickness, layers, radius_mm);
-  const std::vector<double> edges_mm = parse_numbers(options.radii, "--radii");
+  std::vector<double> edges_mm = parse_numbers(options.radii, "--radii");
   if (edges_mm.size() < 2)
     throw InputError("--radii {}: has to be equal-area, equal-thickness or all edges in mm, innermost first",
                      options.radii);
