@@ -1,6 +1,7 @@
 #include "attenuation.hpp"
 #include "command.hpp"
 #include "xraycast/atomic_file.hpp"
+#include "xraycast/basis_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
@@ -24,7 +25,7 @@ double ms_since(Clock::time_point start) {
 }
 
 struct Options {
-  std::string input, output, preview;
+  std::string input, output, preview, basis, knots;
   ScanOptions scan;
   std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto",
               window = "auto", centre_line, memory_limit;
@@ -82,6 +83,20 @@ void check_name(const std::filesystem::path& path, const char* extension) {
   check_writable(path);
 }
 
+/// Where the basis has its knots; none where none is asked for.
+std::vector<double> resolve_knots(const Options& options,
+                                  const std::variant<Opacity, Spectrum>& attenuation) {
+  if (options.basis.empty()) return {};
+  const auto* opacity = std::get_if<Opacity>(&attenuation);
+  if (!opacity || options.projection != "cylinder")
+    throw InputError("--keep-basis {}: a basis is made for cylinder maps under an opacity", options.basis);
+  check_writable(options.basis);
+  const std::vector<double> knots_hu =
+      options.knots.empty() ? useful_knots_hu(*opacity) : parse_numbers(options.knots, "--knots");
+  validate_knots(knots_hu, options.knots.empty() ? "opacity " + opacity->name() : "--knots " + options.knots);
+  return knots_hu;
+}
+
 /// Rejects what can be known to be wrong before the scan is read.
 void check(const Options& options) {
   check_name(options.output, ".exr");
@@ -131,23 +146,6 @@ MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volum
                                         : resolve_cylinder(options, volume, outline);
 }
 
-Json json_of(const Options& options, const MapGeometry& map, const LoadTimings& load, double kernel_ms,
-             double write_ms, double total_ms) {
-  return {{"input", options.input},
-          {"map",
-           {{"width", map.width},
-            {"height", map.height},
-            {"layers", map.layers()},
-            {"radii_mm", map.radii_mm},
-            {"centre_mm", {map.centre_mm[0].x, map.centre_mm[0].y}}}},
-          {"timings_ms",
-           {{"read", load.read_ms},
-            {"upload", load.upload_ms},
-            {"kernel", kernel_ms},
-            {"write", write_ms},
-            {"total", total_ms}}}};
-}
-
 /// `--memory-limit` in bytes; without it, what the device allows one buffer to take.
 std::int64_t memory_limit_B(const Options& options, const Device& device) {
   if (options.memory_limit.empty()) return device.info().max_allocation_B;
@@ -169,19 +167,28 @@ std::int64_t memory_limit_B(const Options& options, const Device& device) {
 struct Casting {
   CastResult result;
   LoadTimings timings;
+  std::optional<Basis> basis{};
+  double basis_ms = 0;
 };
 
-Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, const Scan& scan,
-                      Device& device, Progress& progress) {
+Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
+                      const std::vector<double>& knots_hu, const Scan& scan, Device& device,
+                      Progress& progress) {
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
   const MapGeometry geometry =
       resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder));
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  return {spectrum ? cast(resident, geometry, *spectrum, progress)
-                   : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
-          timings};
+  Casting casting{spectrum ? cast(resident, geometry, *spectrum, progress)
+                           : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
+                  timings};
+  if (!knots_hu.empty()) {
+    const auto basis_start = Clock::now();
+    casting.basis = make_basis(resident.native, geometry, knots_hu, progress);
+    casting.basis_ms = ms_since(basis_start);
+  }
+  return casting;
 }
 
 /// Casts a scan that exceeds the limit, which is read twice where the body has to be found first.
@@ -191,6 +198,8 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   const std::int64_t slices = slab_slices_within(volume, limit_B);
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
+  if (!options.basis.empty())
+    throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
   OutlineFinder finder(volume);
   LoadTimings timings;
   const auto start = Clock::now();
@@ -208,6 +217,7 @@ void cast_map(const Options& options, Session& session) {
   const auto start = Clock::now();
   const auto attenuation = resolve(options.attenuation);
   check(options);
+  const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
@@ -215,9 +225,9 @@ void cast_map(const Options& options, Session& session) {
 
   Device device(session.device);
   const std::int64_t limit_B = memory_limit_B(options, device);
-  auto [result, load_timings] =
+  auto [result, load_timings, basis, basis_ms] =
       resident_bytes(scan.source->geometry()) <= limit_B
-          ? cast_resident(options, attenuation, scan, device, session.progress)
+          ? cast_resident(options, attenuation, knots_hu, scan, device, session.progress)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
   result.map.source = source;
   const MapGeometry& geometry = result.map.geometry;
@@ -227,16 +237,33 @@ void cast_map(const Options& options, Session& session) {
   if (!options.preview.empty())
     write_preview(result.map, options.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
                   options.preview);
+  if (basis) {
+    basis->source = source;
+    write_basis(*basis, options.basis);
+  }
   const double write_ms = ms_since(write_start), total_ms = ms_since(start);
-  session.print(
-      json_of(options, geometry, load_timings, result.kernel_ms, write_ms, total_ms),
-      fmt::format(
-          "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
-          "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-          options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
-          geometry.centre_mm[0].x, geometry.centre_mm[0].y,
-          std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
-          load_timings.upload_ms, result.kernel_ms, write_ms, total_ms));
+
+  Json json{{"input", options.input},
+            {"map", to_json(geometry)},
+            {"timings_ms",
+             {{"read", load_timings.read_ms},
+              {"upload", load_timings.upload_ms},
+              {"kernel", result.kernel_ms},
+              {"write", write_ms},
+              {"total", total_ms}}}};
+  std::string text = fmt::format(
+      "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
+      options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
+      geometry.centre_mm[0].x, geometry.centre_mm[0].y,
+      std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
+      load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
+  if (basis) {
+    json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
+    json["timings_ms"]["basis"] = basis_ms;
+    text += fmt::format("{}: basis of {} knots, {:.0f} ms\n", options.basis, knots_hu.size(), basis_ms);
+  }
+  session.print(json, text);
 }
 
 }  // namespace
@@ -247,6 +274,7 @@ void add_cast(CLI::App& app, Session& session) {
       add_command(app, session, "cast", "Cast a scan into a body map",
                   "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
                   "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
+                  "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --keep-basis chest.basis\n"
                   "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
                   "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
                   [options, &session] { cast_map(*options, session); });
@@ -296,6 +324,17 @@ void add_cast(CLI::App& app, Session& session) {
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str()
       ->type_name("auto|paper");
+  CLI::Option* keep_basis =
+      command
+          ->add_option("--keep-basis", options->basis,
+                       "Also what `xraycast recast` needs to make the map under other opacities")
+          ->type_name("FILE");
+  command
+      ->add_option("--knots", options->knots,
+                   "At which HU those opacities may bend, at most 64 (default: where --opacity does, and the "
+                   "usual places)")
+      ->needs(keep_basis)
+      ->type_name("HU,HU,...");
   add_scan_options(*command, options->scan);
 }
 

@@ -89,4 +89,13 @@ Json to_json(const VolumeGeometry& geometry) {
           {"origin_mm", list(geometry.origin_mm)}};
 }
 
+Json to_json(const MapGeometry& geometry) {
+  const glm::dvec2 centre_mm = geometry.centre_of_row_mm(0);
+  return {{"width", geometry.width},
+          {"height", geometry.height},
+          {"layers", geometry.layers()},
+          {"radii_mm", geometry.radii_mm},
+          {"centre_mm", {centre_mm.x, centre_mm.y}}};
+}
+
 }  // namespace xraycast::cli

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/map_geometry.hpp"
 #include "xraycast/progress.hpp"
 #include "xraycast/scan.hpp"
 
@@ -43,6 +44,7 @@ void add_scan_options(CLI::App& command, ScanOptions& options);
 void add_info(CLI::App& app, Session& session);
 void add_phantom(CLI::App& app, Session& session);
 void add_cast(CLI::App& app, Session& session);
+void add_recast(CLI::App& app, Session& session);
 void add_project(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);
 void add_demo(CLI::App& app, Session& session);
@@ -55,5 +57,8 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);
+
+/// {"width", "height", "layers", "radii_mm", "centre_mm"}, the last of row 0.
+Json to_json(const MapGeometry& geometry);
 
 }  // namespace xraycast::cli

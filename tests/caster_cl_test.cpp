@@ -7,7 +7,6 @@
 #include <cmath>
 #include <numbers>
 #include <numeric>
-#include <random>
 
 namespace xraycast::test {
 namespace {
@@ -20,15 +19,6 @@ double water(double) { return 0.02; }
 
 MuOfHu mu_of(const Opacity& opacity) {
   return [&opacity](double hu) { return opacity.mu_per_mm(hu); };
-}
-
-/// Smooth and rough at once, different in every slice, without symmetry.
-Volume textured_volume(const Index3& size, const glm::dvec3& spacing_mm) {
-  std::mt19937 random(3);
-  std::uniform_real_distribution<double> noise(-60, 60);
-  return make_volume(size, spacing_mm, [&](const glm::dvec3& p) {
-    return -200 + 500 * std::sin(p.x / 9) * std::cos(p.y / 7 + p.z) + 8 * p.x - 3 * p.y + noise(random);
-  });
 }
 
 std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,

@@ -5,20 +5,36 @@
 
 #include <algorithm>
 #include <bit>
-#include <cmath>
 #include <iterator>
+#include <limits>
 
 namespace xraycast {
 namespace {
 
 constexpr double kHighestHu = 32767;
 
-/// For every whole HU from air on, how many knots lie at or below it.
-std::vector<std::uint8_t> knots_upto(std::span<const double> knots_hu) {
-  std::vector<std::uint8_t> counts;
-  for (int hu = XRC_AIR_HU; hu <= kHighestHu; ++hu)
-    counts.push_back(static_cast<std::uint8_t>(std::ranges::upper_bound(knots_hu, hu) - knots_hu.begin()));
-  return counts;
+/// As `weigh` of kernels/basis.cl takes them.
+struct DeviceKnot {
+  float hu, per_hu;
+};
+
+std::vector<DeviceKnot> device_knots(std::span<const double> knots_hu) {
+  std::vector<DeviceKnot> knots;
+  for (const double hu : knots_hu) knots.push_back({static_cast<float>(hu), 0});
+  for (std::size_t i = 0; i + 1 < knots.size(); ++i) knots[i].per_hu = 1 / (knots[i + 1].hu - knots[i].hu);
+  knots.push_back({std::numeric_limits<float>::infinity(), 0});
+  return knots;
+}
+
+/// For every whole HU from air on, the last knot at or below it; the first knot where there is none.
+std::vector<std::uint8_t> knots_below(std::span<const DeviceKnot> knots) {
+  std::vector<std::uint8_t> below;
+  std::uint8_t knot = 0;
+  for (int hu = XRC_AIR_HU; hu <= kHighestHu; ++hu) {
+    while (knots[knot + 1].hu <= static_cast<float>(hu)) ++knot;
+    below.push_back(knot);
+  }
+  return below;
 }
 
 std::vector<std::int64_t> count_hu(const ResidentScan& scan) {
@@ -30,8 +46,10 @@ std::vector<std::int64_t> count_hu(const ResidentScan& scan) {
   cl::Kernel kernel = device.kernel("basis", "count_hu", scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
-  kernel.setArg(2, counts);
-  device.run(kernel, {scan.layout().size_y, scan.layout().bricks, 1}, {1, 1, 1});
+  kernel.setArg(2, Basis::kHistogramStride);
+  kernel.setArg(3, counts);
+  const int rows = (scan.layout().size_y + Basis::kHistogramStride - 1) / Basis::kHistogramStride;
+  device.run(kernel, {rows, scan.layout().bricks, 1}, {1, 1, 1});
   device.download(counts, std::span(of_bricks));
   std::vector<std::int64_t> histogram(XRC_HISTOGRAM_BINS, 0);
   for (std::size_t i = 0; i < of_bricks.size(); ++i) histogram[i % XRC_HISTOGRAM_BINS] += of_bricks[i];
@@ -81,14 +99,11 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
   const std::int64_t tiles = tile_count(geometry);
   progress.begin("weighing", tiles, "tiles");
   Basis basis{geometry, std::move(knots_hu), {}, count_hu(scan), {}, {}};
-  const std::vector<float> knots(basis.knots_hu.begin(), basis.knots_hu.end());
-  const cl::Buffer device_knots = device.upload(std::span<const float>(knots));
-  const cl::Buffer upto = device.upload(std::span<const std::uint8_t>(knots_upto(basis.knots_hu)));
   basis.touched.resize(static_cast<std::size_t>(tiles));
 
   // The device has room for all rows of some tiles; those that hold anything are collected here.
   constexpr std::int64_t kRoom_B = 64 << 20;
-  const std::size_t tile_weights = knots.size() * Basis::kTileSlices;
+  const std::size_t tile_weights = basis.knots_hu.size() * Basis::kTileSlices;
   const std::int64_t step =
       std::min(tiles, kRoom_B / static_cast<std::int64_t>(tile_weights * sizeof(std::uint16_t)));
   std::vector<std::uint16_t> dense(static_cast<std::size_t>(step) * tile_weights);
@@ -96,6 +111,9 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
       device.buffer(CL_MEM_READ_WRITE, static_cast<std::int64_t>(dense.size() * sizeof(std::uint16_t)));
   const cl::Buffer touched = device.buffer(CL_MEM_READ_WRITE, step * std::int64_t{sizeof(std::uint64_t)});
 
+  const std::vector<DeviceKnot> knot_list = device_knots(basis.knots_hu);
+  const cl::Buffer knots = device.upload(std::span<const DeviceKnot>(knot_list));
+  const cl::Buffer below = device.upload(std::span<const std::uint8_t>(knots_below(knot_list)));
   cl::Kernel kernel = device.kernel("basis", "weigh_tiles", rays.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
@@ -103,9 +121,9 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
   kernel.setArg(3, rays.centres());
   kernel.setArg(4, rays.azimuths());
   kernel.setArg(5, rays.shells());
-  kernel.setArg(6, device_knots);
-  kernel.setArg(7, upto);
-  kernel.setArg(8, static_cast<int>(knots.size()));
+  kernel.setArg(6, knots);
+  kernel.setArg(7, below);
+  kernel.setArg(8, static_cast<int>(basis.knots_hu.size()));
   kernel.setArg(11, touched);
   kernel.setArg(12, weights);
   for (std::int64_t first = 0; first < tiles; first += step) {

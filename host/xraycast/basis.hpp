@@ -28,13 +28,14 @@ namespace xraycast {
 /// thickness / 131070 * (sum over neighbouring knots of |mu's difference|).
 struct Basis {
   static constexpr std::int64_t kTileSlices = ResidentScan::kBrickSlices;
-  static constexpr double kHistogramBin_hu = XRC_HISTOGRAM_BIN_HU;
+  static constexpr int kHistogramBin_hu = XRC_HISTOGRAM_BIN_HU;
+  static constexpr int kHistogramStride = 4;
 
   MapGeometry geometry;
   std::vector<double> knots_hu;  ///< 1 to 64, strictly ascending
   std::string source;            ///< what was cast, in words
-  /// Voxels of the scan in bins of 16 HU from -1024 HU on, for those who draw an opacity's curve over it; the
-  /// last of 256 bins holds all above.
+  /// Voxels of the scan, of every fourth row and column, in bins of 16 HU from -1024 HU on; the last of 256
+  /// bins holds all above. For those who draw an opacity's curve over it.
   std::vector<std::int64_t> hu_histogram;
   std::vector<std::uint64_t> touched;  ///< of each tile: bit k says whether knot k has a row
   std::vector<std::uint16_t> weights;  ///< the rows, tile by tile, in the order of the knots

@@ -67,7 +67,9 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
 void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress) {
   const VolumeGeometry& volume = source.geometry();
   const std::int64_t most = std::min<std::int64_t>(64, volume.size.z);
-  Slab slab{std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(most * volume.slice_voxels())), 0};
+  Slab slab{
+      std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(most * volume.slice_voxels())),
+      0};
   progress.begin("looking", volume.size.z, "slices");
   for (std::int64_t first = 0; first < volume.size.z; first += slab.slices) {
     fill(slab, source, std::min(most, volume.size.z - first), progress);

@@ -80,6 +80,14 @@ Volume make_volume(const Index3& size, const glm::dvec3& spacing_mm,
   return volume;
 }
 
+Volume textured_volume(const Index3& size, const glm::dvec3& spacing_mm) {
+  std::mt19937 random(3);
+  std::uniform_real_distribution<double> noise(-60, 60);
+  return make_volume(size, spacing_mm, [&](const glm::dvec3& p) {
+    return -200 + 500 * std::sin(p.x / 9) * std::cos(p.y / 7 + p.z) + 8 * p.x - 3 * p.y + noise(random);
+  });
+}
+
 bool Box::contains(const glm::dvec3& point_mm) const {
   return glm::clamp(point_mm, lower_mm, upper_mm) == point_mm;
 }

@@ -26,6 +26,9 @@ VolumeGeometry centred_geometry(const Index3& size, const glm::dvec3& spacing_mm
 Volume make_volume(const Index3& size, const glm::dvec3& spacing_mm,
                    const std::function<double(const glm::dvec3& world_mm)>& hu);
 
+/// Smooth and rough at once, different in every slice, without symmetry.
+Volume textured_volume(const Index3& size, const glm::dvec3& spacing_mm);
+
 struct Box {
   glm::dvec3 lower_mm, upper_mm;
   bool contains(const glm::dvec3& point_mm) const;
