@@ -194,12 +194,12 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
 /// Casts a scan that exceeds the limit, which is read twice where the body has to be found first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
                    std::int64_t limit_B, Device& device, Progress& progress) {
+  if (!options.basis.empty())
+    throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
   const VolumeGeometry volume = scan.source->geometry();
   const std::int64_t slices = slab_slices_within(volume, limit_B);
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
-  if (!options.basis.empty())
-    throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
   OutlineFinder finder(volume);
   LoadTimings timings;
   const auto start = Clock::now();

@@ -171,6 +171,19 @@ const BadCall kBadCalls[] = {
     {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
     {"MapRefusedBeforeTheScanIsRead", "cast @/nothing -o @/out.exr --centre here", 3, "--centre"},
 
+    // The basis.
+    {"BasisOfASphere", "cast @/ct.nii -o @/out.exr --projection sphere --keep-basis @/b", 3, "cylinder maps"},
+    {"BasisOfASpectrum", "cast @/ct.nii -o @/out.exr --opacity spectrum:80 --keep-basis @/b", 3,
+     "under an opacity"},
+    {"BasisOfASlab", "cast @/ct.nii -o @/out.exr --memory-limit 0.0001M --keep-basis @/b", 3,
+     "needs the whole scan"},
+    {"BasisWithoutAPlace", "cast @/ct.nii -o @/out.exr --keep-basis @/missing/b", 3, "folder does not exist"},
+    {"KnotsDescending", "cast @/nothing -o @/out.exr --keep-basis @/b --knots 0,-5", 3, "knot 1 at -5 HU"},
+    {"KnotsWithoutABasis", "cast @/ct.nii -o @/out.exr --knots 0,5", 2, "--keep-basis"},
+    {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: there is no such file"},
+    {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3, "not a basis; make one with"},
+    {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
+
     // The picture and the phantom.
     {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
     {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},
@@ -243,6 +256,7 @@ const Writer kLargeWriters[] = {
     {"MetaImage", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mha"},
     {"MetaImageInTwoFiles", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mhd"},
     {"Map", "cast @/ct.nrrd --layers 32 -o @/disk/out.exr"},
+    {"Basis", "cast @/ct.nrrd --layers 8 -o @/map.exr --keep-basis @/disk/out.basis"},
     {"ProjectionExr", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.exr"},
     {"ProjectionTiff", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.tif"},
     {"ProjectionNrrd", "project @/ct.nrrd --size 1024x1024 -o @/disk/out.nrrd"},

@@ -212,6 +212,15 @@ TEST_F(RecastKnots, AreChangedWhileTheScanIsResident) {
   expect_same(session.recast(Opacity::bilinear()), cast(scan, geometry, Opacity::bilinear(), progress).map);
 }
 
+TEST_F(RecastKnots, ServeACentreLine) {
+  std::vector<glm::dvec2> centre_mm;
+  for (int row = 0; row < geometry.height; ++row) centre_mm.emplace_back(0.4 * row - 3, 2 - 0.3 * row);
+  const MapGeometry winding = cylinder_map(volume.geometry(), 77, geometry.radii_mm, centre_mm);
+  RecastSession session(device(), make_basis(scan, winding, basis.knots_hu, progress));
+  const Opacity opacity("air", {{-1000, 0.04}, {0, 0.01}, {1200, 0.03}});
+  expect_same(session.recast(opacity), cast(scan, winding, opacity, progress).map);
+}
+
 TEST_F(RecastKnots, MayLieWithinOneHu) {
   const std::vector<double> knots_hu{-0.75, -0.5, 0.125, 0.25, 0.5, 17.5, 32767};
   RecastSession session(device(), make_basis(scan, geometry, knots_hu, progress));

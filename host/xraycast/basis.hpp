@@ -18,10 +18,9 @@ namespace xraycast {
 /// then sum of mu(knot) * weight, without the scan.
 ///
 /// Stored sparsely, since a shell's samples in neighbouring slices lie between few knots. A tile is one
-/// column of one layer in 16 slices, counted from the most inferior one; tile (brick * layers + layer) *
-/// width
-/// + column has, for every knot that any of its texels touches, a row of 16 weights, one a slice.
-/// Slices beyond the last have no weight.
+/// column of one layer in 16 slices, counted from the most inferior one; tile
+/// (brick * layers + layer) * width + column has, for every knot that any of its texels touches, a row of 16
+/// weights, one a slice. Slices beyond the last have no weight.
 ///
 /// Weights are whole multiples of the shell's thickness / 65535 and those of a texel add up to the thickness.
 /// What is rounded is their running sum over the knots, by at most half a unit; hence tau is good to
