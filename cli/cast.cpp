@@ -91,7 +91,7 @@ std::vector<double> resolve_knots(const Options& options,
   if (!opacity || options.projection != "cylinder")
     throw InputError("--keep-basis {}: a basis is made for cylinder maps under an opacity", options.basis);
   check_writable(options.basis);
-  const std::vector<double> knots_hu =
+  std::vector<double> knots_hu =
       options.knots.empty() ? useful_knots_hu(*opacity) : parse_numbers(options.knots, "--knots");
   validate_knots(knots_hu, options.knots.empty() ? "opacity " + opacity->name() : "--knots " + options.knots);
   return knots_hu;

@@ -296,8 +296,7 @@ void sort_by_position(Series& series, ScanInfo& info) {
     return height_mm(b) - height_mm(a) < 1e-3;
   };
   const std::size_t before = series.size();
-  const auto [begin, end] = std::ranges::unique(series, same);
-  series.erase(begin, end);
+  series.erase(std::unique(series.begin(), series.end(), same), series.end());
   if (series.size() < before)
     info.warnings.push_back(
         fmt::format("{} slices lie where the series already has one and were dropped; it may hold "

@@ -407,9 +407,9 @@ void ribs(PhantomScene& scene) {
   constexpr Rib kRibs[12] = {{140, 34, 224, 22},  {146, 62, 181, 20}, {148, 78, 158, 18}, {147, 90, 136, 18},
                              {145, 100, 116, 18}, {141, 108, 98, 18}, {136, 114, 82, 16}, {127, 116, 58, 42},
                              {116, 114, 34, 62},  {105, 108, 8, 80},  {78, 82, 0, 0},     {50, 48, 0, 0}};
-  for (int i = 0; i < 12; ++i) {
+  for (std::size_t i = 0; i < 12; ++i) {
     const Rib& rib = kRibs[i];
-    const Vertebra& v = all[static_cast<std::size_t>(i + 4)];
+    const Vertebra& v = all[i + 4];
     const double start_z = v.centre_mm.z + 5, start_angle = radians(i == 0 ? 34 : 27),
                  end_angle = radians(rib.end_deg);
     const double radius = i == 0 ? 6.0 : i == 11 ? 4.8 : 7.0;
