@@ -8,6 +8,68 @@
 #define mu_of_slices mu_of16
 #endif
 
+#if SLICES == 1
+
+/* The sum of mu at samples [first, last), which lie within the slice. */
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,
+                        const int last, constant const XrcOpacity* opacity, global const float2* table) {
+  Slices sum = 0.0f;
+  for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, run, i), opacity, table);
+  return sum;
+}
+
+#else
+
+/* The same in 16 slices. Where samples lie is found for a strip of 16 of them at once, one strip ahead, so that
+ * what is left for each is the arithmetic on its slices, and what it reads was fetched a strip earlier. */
+#define STRIP 16
+
+typedef struct {
+  int pixel[STRIP];
+  float fx[STRIP], fy[STRIP];
+} Strip;
+
+static Strip strip_from(const int first, const Ray* ray, const XrcScan* scan) {
+  const float16 at =
+      (float)first + 0.5f + (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const float16 x = clamp(fma(at, (float16)ray->dx, (float16)ray->centre.x), 0.0f, (float)(scan->size_x - 1));
+  const float16 y = clamp(fma(at, (float16)ray->dy, (float16)ray->centre.y), 0.0f, (float)(scan->size_y - 1));
+  const int16 ix = convert_int16(x), iy = convert_int16(y);
+  Strip strip;
+  vstore16(iy * scan->pitch_x + ix, 0, strip.pixel);
+  vstore16(x - convert_float16(ix), 0, strip.fx);
+  vstore16(y - convert_float16(iy), 0, strip.fy);
+  return strip;
+}
+
+static void fetch_pixels(SCAN row) { /* two neighbours, which may lie in two cache lines */
+  fetch_line(row);
+  fetch_line(row + 2 * XRC_BRICK_SLICES - 1);
+}
+
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,
+                        const int last, constant const XrcOpacity* opacity, global const float2* table) {
+  const long row_step = (long)scan->pitch_x * XRC_BRICK_SLICES;
+  SCAN brick = voxels + run * scan->pitch_y * row_step;
+  Slices sum = 0.0f;
+  Strip strip = strip_from(first, ray, scan);
+  for (int from = first; from < last; from += STRIP) {
+    const Strip next = strip_from(from + STRIP, ray, scan);
+    const int count = min(STRIP, last - from);
+    for (int i = 0; i < count; ++i) {
+      SCAN ahead = brick + (long)next.pixel[i] * XRC_BRICK_SLICES;
+      fetch_pixels(ahead);
+      fetch_pixels(ahead + row_step);
+      SCAN upper = brick + (long)strip.pixel[i] * XRC_BRICK_SLICES;
+      sum += mu_of16(bilinear16(upper, upper + row_step, strip.fx[i], strip.fy[i]), opacity, table);
+    }
+    strip = next;
+  }
+  return sum;
+}
+
+#endif
+
 /* One work-item follows the rays of one angle through SLICES slices and writes their texel of every layer.
  * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle. All layers
  * share one sample grid; a sample that straddles a shell's edge is taken once and split by length. Samples
@@ -29,7 +91,7 @@ kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder map
     const XrcShell shell = shells[k];
     const int last_inside = min(shell.last, ray.inside);
     Slices sum = (float)max(0, shell.last - max(shell.first, ray.inside)) * air_mu;
-    for (int i = shell.first; i < last_inside; ++i) sum += MU_AT(i);
+    sum += sum_of_mu(voxels, &scan, &ray, run, shell.first, last_inside, opacity, table);
     Slices layer_tau = fma(sum, (Slices)map.step_mm, edge_mu * shell.head_mm);
     if (shell.tail_mm > 0.0f) {
       edge_mu = air_mu;

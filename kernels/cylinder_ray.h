@@ -29,16 +29,19 @@ static void store(const Slices value, float* values) { *values = value; }
 #define SLICES XRC_BRICK_SLICES
 typedef float16 Slices;
 
-/* The same position in the 16 slices of a brick, interpolated bilinearly; (x, y) lies within the slice. */
-static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
-  const int ix = (int)x, iy = (int)y;
-  const float fx = x - (float)ix, fy = y - (float)iy;
-  SCAN upper = voxels + (((long)brick * scan->pitch_y + iy) * scan->pitch_x + ix) * XRC_BRICK_SLICES;
-  SCAN lower = upper + (long)scan->pitch_x * XRC_BRICK_SLICES;
+/* Between two pixels of a row and the two below them, in 16 slices. */
+static Slices bilinear16(SCAN upper, SCAN lower, const float fx, const float fy) {
   const Slices a = convert_float16(vload16(0, upper)), b = convert_float16(vload16(1, upper));
   const Slices c = convert_float16(vload16(0, lower)), d = convert_float16(vload16(1, lower));
   const Slices ab = fma((Slices)fx, b - a, a), cd = fma((Slices)fx, d - c, c);
   return fma((Slices)fy, cd - ab, ab);
+}
+
+/* Position (x, y) in the 16 slices of a brick, which lies within them, interpolated bilinearly. */
+static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
+  const int ix = (int)x, iy = (int)y;
+  SCAN upper = voxels + (((long)brick * scan->pitch_y + iy) * scan->pitch_x + ix) * XRC_BRICK_SLICES;
+  return bilinear16(upper, upper + (long)scan->pitch_x * XRC_BRICK_SLICES, x - (float)ix, y - (float)iy);
 }
 
 static void store(const Slices value, float* values) { vstore16(value, 0, values); }

@@ -6,6 +6,16 @@
 
 #include "params.h"
 
+/* Asks for the cache line of an address that will be read soon, where the compiler knows how. */
+#ifdef __has_builtin
+#if __has_builtin(__builtin_prefetch)
+#define fetch_line(address) __builtin_prefetch(address)
+#endif
+#endif
+#ifndef fetch_line
+#define fetch_line(address) (void)(address)
+#endif
+
 #ifdef SCAN_IMAGE
 
 #define SCAN read_only image3d_t
