@@ -6,6 +6,7 @@
 #include "xraycast/phantom.hpp"
 #include "xraycast/projector.hpp"
 #include "xraycast/scan.hpp"
+#include "xraycast/slab_caster.hpp"
 #include "yardsticks.hpp"
 
 #include <benchmark/benchmark.h>
@@ -88,11 +89,10 @@ double kernel_ms(Bench& bench, int layers, const Opacity& opacity) {
 
 void cast_from_file(Bench& bench) {
   const Scan scan = open_scan(bench.file, {}, bench.progress);
-  OutlineFinder finder(scan.source->geometry());
-  LoadTimings timings;
-  const ResidentScan resident = load(bench.device, *scan.source, finder, timings, bench.progress);
-  write_body_map(cast(resident, bench.map(1), Opacity::paper(), bench.progress).map,
-                 fs::path(bench.file).replace_extension(".exr"));
+  const std::int64_t slab = slab_slices_within(scan.source->geometry(), bench.device.info().max_allocation_B);
+  const CastResult result =
+      cast_by_slabs(bench.device, *scan.source, bench.map(1), Opacity::paper(), slab, bench.progress);
+  write_body_map(result.map, fs::path(bench.file).replace_extension(".exr"));
 }
 
 double project_ms(Bench& bench, double tilt_deg, const Opacity& opacity) {

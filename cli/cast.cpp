@@ -191,7 +191,7 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
   return casting;
 }
 
-/// Casts a scan that exceeds the limit, which is read twice where the body has to be found first.
+/// Casts without holding the scan; it is read twice where the body has to be found first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
                    std::int64_t limit_B, Device& device, Progress& progress) {
   if (!options.basis.empty())
@@ -213,6 +213,14 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   return {std::move(result), timings};
 }
 
+/// Whether all is known before the first slice is read, and nothing needs the scan afterwards: then slabs
+/// take less memory, and with it less time.
+bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation) {
+  return options.centre != "auto" && options.radius != "auto" && options.centre_line.empty() &&
+         options.basis.empty() && options.projection == "cylinder" &&
+         std::holds_alternative<Opacity>(attenuation);
+}
+
 void cast_map(const Options& options, Session& session) {
   const auto start = Clock::now();
   const auto attenuation = resolve(options.attenuation);
@@ -225,8 +233,9 @@ void cast_map(const Options& options, Session& session) {
 
   Device device(session.device);
   const std::int64_t limit_B = memory_limit_B(options, device);
+  const bool fits = resident_bytes(scan.source->geometry()) <= limit_B;
   auto [result, load_timings, basis, basis_ms] =
-      resident_bytes(scan.source->geometry()) <= limit_B
+      fits && !is_best_by_slabs(options, attenuation)
           ? cast_resident(options, attenuation, knots_hu, scan, device, session.progress)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
   result.map.source = source;

@@ -122,6 +122,21 @@ TEST(NrrdScan, ReadsADetachedHeader) {
   expect_markers(read_scan(folder / "scan.nhdr").volume);
 }
 
+/// Every value's two bytes exchanged.
+std::string swapped(std::string shorts) {
+  for (std::size_t i = 0; i + 1 < shorts.size(); i += 2) std::swap(shorts[i], shorts[i + 1]);
+  return shorts;
+}
+
+TEST(NrrdScan, ReadsBigEndianVoxels) {
+  const TemporaryFolder folder;
+  std::string bytes =
+      nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", swapped(kLps.voxels()));
+  bytes.replace(bytes.find("little"), 6, "big");
+  write_bytes(folder / "scan.nrrd", bytes);
+  expect_markers(read_scan(folder / "scan.nrrd").volume);
+}
+
 TEST(NrrdScan, RoundsFloats) {
   const TemporaryFolder folder;
   const float values[] = {-0.4F, 1.6F, -5000.F, 1e9F, std::nanf("")};
@@ -157,6 +172,14 @@ TEST(MetaImageScan, KnowsLeftAnteriorAndSuperior) {
     expect_markers(volume);
     EXPECT_EQ(info.format, "MetaImage");
   }
+}
+
+TEST(MetaImageScan, ReadsBigEndianVoxels) {
+  const TemporaryFolder folder;
+  std::string header = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL");
+  header.replace(header.find("MSB = False"), 11, "MSB = True");
+  write_bytes(folder / "scan.mha", header + swapped(kLps.voxels()));
+  expect_markers(read_scan(folder / "scan.mha").volume);
 }
 
 TEST(MetaImageScan, StreamsRuns) {

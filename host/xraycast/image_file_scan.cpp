@@ -1,6 +1,8 @@
 #include "xraycast/image_file_scan.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/parallel.hpp"
+#include "xraycast/raw_voxels.hpp"
 #include "xraycast/rescale.hpp"
 #include "xraycast/slice_stack.hpp"
 
@@ -42,11 +44,17 @@ class QuietCerr {
 // ---- what ITK would not notice -------------------------------------------------------------------
 // ITK replaces spacings that are not numbers by 1, and fills what a truncated file lacks with zeros.
 
-/// Where a header says that the voxels are. No file where that takes more than one, or ITK to decode them.
+/// Where a header says that the voxels are, one after the other.
 struct StoredVoxels {
   fs::path file;
   std::int64_t offset_B = 0;
+  bool is_big_endian = false;
 };
+
+/// A file of at least so many bytes behind an offset, or an InputError.
+void require_size(const StoredVoxels& voxels, std::int64_t needed_B) {
+  RawVoxels(voxels.file, voxels.offset_B, needed_B);
+}
 
 /// The data file that a header names.
 fs::path beside(const fs::path& path, const std::string& data_file) {
@@ -54,14 +62,6 @@ fs::path beside(const fs::path& path, const std::string& data_file) {
   if (!fs::is_regular_file(file))
     throw InputError("{}: its data file {} is missing; put it beside the header", path.string(), data_file);
   return file;
-}
-
-void require_size(const StoredVoxels& voxels, std::int64_t needed_B) {
-  if (voxels.file.empty()) return;
-  const auto size_B = static_cast<std::int64_t>(fs::file_size(voxels.file));
-  if (size_B - voxels.offset_B < needed_B)
-    throw InputError("{}: truncated, {} of {} bytes of voxels are there; copy the file again",
-                     voxels.file.string(), std::max<std::int64_t>(0, size_B - voxels.offset_B), needed_B);
 }
 
 void require_spacing(const fs::path& path, const char* field, std::span<const double> spacing_mm) {
@@ -119,6 +119,11 @@ TextHeader read_text_header(const fs::path& path, char separator, const std::str
 
 // ---- the stack -----------------------------------------------------------------------------------
 
+void swap_bytes(std::span<char> bytes, std::size_t component_B) {
+  for (std::size_t i = 0; i + component_B <= bytes.size(); i += component_B)
+    std::reverse(bytes.data() + i, bytes.data() + i + component_B);
+}
+
 template <typename T>
 SliceSource::HuRange rescale_bytes(const char* bytes, std::span<std::int16_t> hu) {
   return rescale(std::span(reinterpret_cast<const T*>(bytes), hu.size()), 1, 0, hu);
@@ -168,15 +173,42 @@ class ImageFileStack final : public SliceStack {
       planes.push_back({origin_mm + static_cast<double>(reversed_ ? slices_ - 1 - s : s) * k, i, j});
   }
 
-  /// Bytes of all voxels as ITK delivers them.
-  std::int64_t size_B() const { return slice_B() * slices_; }
-
   std::string orientation() const {
     return {side(step_mm(0)), side(step_mm(1)),
             slices_ > 1 || thickness_mm > 0 ? side(step_mm(2)) : side(glm::cross(step_mm(0), step_mm(1)))};
   }
 
+  /// Reads the voxels from here rather than through ITK, which takes one core, and for NRRD the whole volume.
+  void read_from(const StoredVoxels& voxels) {
+    raw_.emplace(voxels.file, voxels.offset_B, slice_B() * slices_);
+    swapped_ = voxels.is_big_endian == (std::endian::native == std::endian::little);
+  }
+
   SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> destinations) override {
+    return raw_ ? decode_raw(first, destinations) : decode_by_itk(first, destinations);
+  }
+
+ private:
+  std::int64_t slice_B() const { return columns * rows * static_cast<std::int64_t>(io_->GetComponentSize()); }
+
+  SliceSource::HuRange decode_raw(std::int64_t first, std::span<std::int16_t* const> destinations) {
+    std::vector<SliceSource::HuRange> ranges(destinations.size());
+    parallel_for(std::ssize(destinations), [&](std::int64_t s) {
+      const std::span hu(destinations[static_cast<std::size_t>(s)], static_cast<std::size_t>(columns * rows));
+      // 16-bit voxels become HU where they are.
+      std::vector<char> wider(io_->GetComponentSize() == sizeof(std::int16_t) ? 0 : slice_B());
+      const std::span bytes =
+          wider.empty() ? std::span(reinterpret_cast<char*>(hu.data()), hu.size_bytes()) : std::span(wider);
+      raw_->read((reversed_ ? slices_ - 1 - first - s : first + s) * slice_B(), bytes);
+      if (swapped_) swap_bytes(bytes, io_->GetComponentSize());
+      ranges[static_cast<std::size_t>(s)] = rescale_slice(bytes.data(), hu);
+    });
+    SliceSource::HuRange range = kNoHu;
+    for (const SliceSource::HuRange& one : ranges) include(range, one);
+    return range;
+  }
+
+  SliceSource::HuRange decode_by_itk(std::int64_t first, std::span<std::int16_t* const> destinations) {
     const std::int64_t count = std::ssize(destinations);
     const std::int64_t first_stored = reversed_ ? slices_ - first - count : first;
     // Formats that cannot be read in parts are read whole, once.
@@ -193,9 +225,6 @@ class ImageFileStack final : public SliceStack {
     }
     return range;
   }
-
- private:
-  std::int64_t slice_B() const { return columns * rows * static_cast<std::int64_t>(io_->GetComponentSize()); }
 
   glm::dvec3 step_mm(unsigned axis) const {
     const std::vector<double> direction = io_->GetDirection(axis);
@@ -260,6 +289,8 @@ class ImageFileStack final : public SliceStack {
   itk::ImageIOBase::Pointer io_;
   std::int64_t slices_ = 1;
   bool reversed_ = false;
+  std::optional<RawVoxels> raw_;
+  bool swapped_ = false;      ///< raw_'s bytes
   std::vector<char> voxels_;  ///< as stored, from slice first_voxel_slice_ on
   std::int64_t first_voxel_slice_ = 0;
 };
@@ -379,26 +410,32 @@ void require_nifti_voxels(const fs::path& path, const NiftiHeader& header) {
 
 // ---- NRRD ----------------------------------------------------------------------------------------
 
-StoredVoxels nrrd_voxels(const fs::path& path, const TextHeader& header) {
+/// Nothing where it takes more than one file, or ITK to decode them.
+std::optional<StoredVoxels> nrrd_voxels(const fs::path& path, const TextHeader& header) {
   std::string data_file = header.get("data file");
   if (data_file.empty()) data_file = header.get("datafile");
   const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
   const bool skips = !header.get("line skip").empty() || !header.get("lineskip").empty() ||
                      !header.get("byte skip").empty() || !header.get("byteskip").empty();
-  if (header.get("encoding") != "raw" || several_files || skips) return {};
-  if (data_file.empty()) return {path, header.end_B};
-  return {beside(path, data_file), 0};
+  if (header.get("encoding") != "raw" || several_files || skips) return std::nullopt;
+  const bool is_big_endian = header.get("endian") == "big";
+  if (data_file.empty()) return StoredVoxels{path, header.end_B, is_big_endian};
+  return StoredVoxels{beside(path, data_file), 0, is_big_endian};
 }
 
 // ---- MetaImage -----------------------------------------------------------------------------------
 
-StoredVoxels meta_image_voxels(const fs::path& path, const TextHeader& header) {
+/// Nothing where it takes more than one file, or ITK to find them.
+std::optional<StoredVoxels> meta_image_voxels(const fs::path& path, const TextHeader& header) {
   const std::string data_file = header.get("ElementDataFile"), header_size = header.get("HeaderSize");
   const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
   const bool simple = header.get("BinaryData") != "False" && (header_size.empty() || header_size == "0");
-  if (!simple || several_files || data_file.empty()) return {};
-  if (data_file == "LOCAL" || data_file == "Local" || data_file == "local") return {path, header.end_B};
-  return {beside(path, data_file), 0};
+  if (!simple || several_files || data_file.empty()) return std::nullopt;
+  const bool is_big_endian =
+      header.get("BinaryDataByteOrderMSB") == "True" || header.get("ElementByteOrderMSB") == "True";
+  if (data_file == "LOCAL" || data_file == "Local" || data_file == "local")
+    return StoredVoxels{path, header.end_B, is_big_endian};
+  return StoredVoxels{beside(path, data_file), 0, is_big_endian};
 }
 
 }  // namespace
@@ -428,9 +465,9 @@ Scan open_nrrd(const fs::path& path, const ScanOptions& options, Progress& progr
   const TextHeader header = read_text_header(path, ':', "");
   require_spacing(path, "spacings", numbers(header.get("spacings")));
 
-  const StoredVoxels voxels = nrrd_voxels(path, header);
+  const std::optional<StoredVoxels> voxels = nrrd_voxels(path, header);
   auto stack = std::make_unique<ImageFileStack>(itk::NrrdImageIO::New().GetPointer(), path);
-  require_size(voxels, stack->size_B());
+  if (voxels) stack->read_from(*voxels);
 
   std::vector<std::string> warnings;
   if (header.get("space").empty())
@@ -447,10 +484,11 @@ Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress&
   auto stack = std::make_unique<ImageFileStack>(itk::MetaImageIO::New().GetPointer(), path);
   const bool compressed = header.get("CompressedData") == "True";
   const std::vector<double> compressed_B = numbers(header.get("CompressedDataSize"));
-  if (!compressed)
-    require_size(meta_image_voxels(path, header), stack->size_B());
-  else if (!compressed_B.empty())
-    require_size(meta_image_voxels(path, header), static_cast<std::int64_t>(compressed_B.front()));
+  const std::optional<StoredVoxels> voxels = meta_image_voxels(path, header);
+  if (voxels && !compressed)
+    stack->read_from(*voxels);
+  else if (voxels && !compressed_B.empty())
+    require_size(*voxels, static_cast<std::int64_t>(compressed_B.front()));
   progress.advance();
   return open_image(std::move(stack), "MetaImage", {}, options);
 }

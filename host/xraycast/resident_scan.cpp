@@ -56,6 +56,12 @@ void ResidentScan::append(std::span<const std::int16_t> hu) {
   slices_done_ += count;
 }
 
+void ResidentScan::restart(const VolumeGeometry& geometry) {
+  geometry_ = geometry;
+  layout_ = layout_of(geometry);
+  slices_done_ = 0;
+}
+
 void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
   const int bricks = (count + XRC_BRICK_SLICES - 1) / XRC_BRICK_SLICES;
   // A processor's driver reads the caller's memory in place; const_cast because OpenCL has one pointer type.

@@ -35,6 +35,9 @@ class ResidentScan {
   /// the slices are no longer needed.
   void append(std::span<const std::int16_t> hu);
 
+  /// Makes room for another scan in the same memory: of the same slices, and not more of them than at first.
+  void restart(const VolumeGeometry& geometry);
+
   static constexpr std::int64_t kBrickSlices = XRC_BRICK_SLICES;
 
   Device& device() const { return *device_; }

@@ -61,7 +61,7 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
     throw InputError("a memory limit of {} MiB is below the {} MiB that {} slices of {} x {} take; raise it",
                      limit_B >> 20, (slab_B >> 20) + 1, ResidentScan::kBrickSlices, volume.size.x,
                      volume.size.y);
-  return slabs * ResidentScan::kBrickSlices;
+  return std::min<std::int64_t>(slabs * ResidentScan::kBrickSlices, 64);
 }
 
 void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress) {
@@ -92,6 +92,11 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
   Slab next{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels), 0};
   const auto size_at = [&](std::int64_t first) { return std::min(slab_slices, volume.size.z - first); };
 
+  VolumeGeometry part = volume;
+  part.size.z = size_at(0);
+  // Memory that is taken anew costs more time than what is done in it.
+  ResidentScan scan(device, part);
+
   progress.begin("casting", volume.size.z, "slices");
   fill(now, source, size_at(0), progress);
   std::int64_t first = 0;
@@ -101,15 +106,14 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
     if (behind < volume.size.z)
       reading = std::async(std::launch::async, [&] { fill(next, source, size_at(behind), progress); });
 
-    VolumeGeometry slab_geometry = volume;
-    slab_geometry.size.z = now.slices;
-    slab_geometry.origin_mm.z += static_cast<double>(first) * volume.spacing_mm.z;
-    ResidentScan scan(device, slab_geometry);
+    part.size.z = now.slices;
+    part.origin_mm.z = volume.origin_mm.z + static_cast<double>(first) * volume.spacing_mm.z;
+    scan.restart(part);
     scan.append({now.hu.get(), static_cast<std::size_t>(now.slices * volume.slice_voxels())});
     Progress part_progress;  // the slices are counted as they are read
-    const CastResult part = cast(scan, rows_of(geometry, first, now.slices), opacity, part_progress);
-    insert_rows(part.map, geometry.height - behind, result.map);
-    result.kernel_ms += part.kernel_ms;
+    const CastResult rows = cast(scan, rows_of(geometry, first, now.slices), opacity, part_progress);
+    insert_rows(rows.map, geometry.height - behind, result.map);
+    result.kernel_ms += rows.kernel_ms;
 
     if (reading.valid()) reading.get();
     std::swap(now, next);
