@@ -5,6 +5,7 @@
 #include "xraycast/caster.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projector.hpp"
+#include "xraycast/recast.hpp"
 #include "xraycast/scan.hpp"
 #include "xraycast/slab_caster.hpp"
 #include "yardsticks.hpp"
@@ -13,6 +14,7 @@
 #include <fmt/format.h>
 
 #include <algorithm>
+#include <array>
 #include <chrono>
 #include <filesystem>
 #include <memory>
@@ -68,7 +70,7 @@ Opacity many_knots(int count) {
 /// Registers `work`, timed by the wall, or by what it returns in milliseconds.
 template <typename Work>
 void add(const std::string& name, Work work) {
-  auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) {
+  auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) mutable {
     for (auto _ : state) {
       if constexpr (std::is_void_v<decltype(work())>) {
         const auto start = std::chrono::steady_clock::now();
@@ -93,6 +95,30 @@ void cast_from_file(Bench& bench) {
   const CastResult result =
       cast_by_slabs(bench.device, *scan.source, bench.map(1), Opacity::paper(), slab, bench.progress);
   write_body_map(result.map, fs::path(bench.file).replace_extension(".exr"));
+}
+
+/// A session over `layers` layers on the knots of `opacity`.
+std::shared_ptr<RecastSession> recast_session(Bench& bench, int layers, const Opacity& opacity) {
+  std::vector<double> knots_hu;
+  for (const Opacity::Knot& knot : opacity.knots()) knots_hu.push_back(knot.hu);
+  return std::make_shared<RecastSession>(bench.device,
+                                         make_basis(bench.scan, bench.map(layers), knots_hu, bench.progress));
+}
+
+/// Recasts under another opacity at every call.
+void add_recast(Bench& bench, const std::string& name, int layers, int knots) {
+  const Opacity opacity = many_knots(knots);
+  const auto session = recast_session(bench, layers, opacity);
+  std::vector<Opacity::Knot> brighter(opacity.knots().begin(), opacity.knots().end());
+  for (Opacity::Knot& knot : brighter) knot.mu_per_mm *= 1.5;
+  const std::array opacities{opacity, Opacity("brighter", brighter)};
+  add(name, [session, opacities, next = 0]() mutable { session->recast(opacities[next ^= 1]); });
+}
+
+void add_knot_move(Bench& bench, const std::string& name, int layers, int knots) {
+  const auto session = recast_session(bench, layers, many_knots(knots));
+  session->recast(many_knots(knots));
+  add(name, [session, moves = 0]() mutable { session->set_knot(13, 0.01 + 0.001 * (++moves % 10)); });
 }
 
 double project_ms(Bench& bench, double tilt_deg, const Opacity& opacity) {
@@ -121,6 +147,9 @@ void register_all(Bench& bench) {
     add(fmt::format("cast_resident_{}", layers),
         [&bench, layers] { return kernel_ms(bench, layers, Opacity::paper()); });
   add("cast_64knots_1", [&bench] { return kernel_ms(bench, 1, many_knots(64)); });
+  add_recast(bench, "recast_1", 1, 64);
+  add_recast(bench, "recast_8", 8, 32);
+  add_knot_move(bench, "recast_knot_8", 8, 32);
   add("cast_from_file_1", [&bench] { cast_from_file(bench); });
   add("project_640x480", [&bench] { return project_ms(bench, 0, Opacity::paper()); });
   add("project_640x480_tilt", [&bench] { return project_ms(bench, 20, Opacity::paper()); });
@@ -142,6 +171,9 @@ std::vector<Row> rows() {
           {"cast_resident_8", "floor", reported, 0},
           {"cast_64knots_1", "floor", reported, 0},
           {"cast_from_file_1", "file read", at_most, 2},
+          {"recast_1", "cast_resident_1", at_most, 0.08},
+          {"recast_8", "cast_resident_8", at_most, 0.3},
+          {"recast_knot_8", "cast_resident_8", at_most, 0.1},
           {"read_dicom_275", "ITK series reader", at_least, 1.6},
           {"cast_vs_opencv", "OpenCV warpPolar", at_least, 10},
           {"project_640x480", "", reported, 0},

@@ -232,6 +232,22 @@ TEST_F(Cli, SaysWhatToInstallWithoutAnOpenClDriver) {
   }
 }
 
+TEST_F(Cli, SaysHowMuchTheDeviceLacks) {
+  // A file of holes: 300 MiB of voxels, of which PoCL, told to have 1 GiB in all, takes 256 at once.
+  write_bytes(folder_ / "large.nrrd",
+              "NRRD0004\ntype: short\ndimension: 3\nsizes: 512 512 600\nencoding: "
+              "raw\nendian: little\nspace: left-posterior-superior\nspace directions: "
+              "(1,0,0) (0,1,0) (0,0,1)\nspace origin: (0,0,0)\n\n");
+  fs::resize_file(folder_ / "large.nrrd", fs::file_size(folder_ / "large.nrrd") + 512 * 512 * 600 * 2);
+  Command cast = command("cast @/large.nrrd -o @/map.exr --radius 100 --memory-limit 16G");
+  cast.environment["POCL_MEMORY_LIMIT"] = "1";
+  const Snapshot before = snapshot(folder_ / "");
+  const Finished done = run_process(cast);
+  EXPECT_EQ(done.status, 4);
+  expect_one_line(done.err, "allows buffers of up to 256 MiB, but 305 MiB are needed");
+  EXPECT_EQ(snapshot(folder_ / ""), before);
+}
+
 TEST_F(Cli, TakesTheDeviceFromTheEnvironmentUnlessToldOtherwise) {
   Command box = command("phantom box -o @/box.nrrd --size 8x8x8");
   box.environment["XRAYCAST_DEVICE"] = "abacus";

@@ -219,6 +219,13 @@ void Device::write_slices(const cl::Memory& image, std::int64_t width, std::int6
     throw DeviceError("{} failed while uploading slices: {}", info_.name, status_name(status));
 }
 
+void Device::bring_to_host(const cl::Buffer& buffer) {
+  guarded("downloading", [&] {
+    void* memory = queue_.enqueueMapBuffer(buffer, CL_TRUE, CL_MAP_READ, 0, buffer.getInfo<CL_MEM_SIZE>());
+    queue_.enqueueUnmapMemObject(buffer, memory);
+  });
+}
+
 void Device::write(const cl::Buffer& target, const void* values, std::size_t bytes) {
   guarded("uploading", [&] { queue_.enqueueWriteBuffer(target, CL_TRUE, 0, bytes, values); });
 }

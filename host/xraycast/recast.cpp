@@ -53,7 +53,8 @@ RecastSession::RecastSession(Device& device, const Basis& basis)
       weights_(device.upload(std::span<const std::uint16_t>(basis.weights))),
       unit_mm_(device.upload(std::span<const float>(units_mm(basis)))) {
   map_.tau.assign(static_cast<std::size_t>(basis.geometry.layers()) * map_.layer_size(), 0.0f);
-  tau_ = device.buffer(CL_MEM_READ_WRITE, static_cast<std::int64_t>(map_.tau.size() * sizeof(float)));
+  tau_ = device.buffer(CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR,
+                       static_cast<std::int64_t>(map_.tau.size() * sizeof(float)), map_.tau.data());
 }
 
 void RecastSession::run(cl::Kernel& kernel) {
@@ -73,7 +74,7 @@ void RecastSession::run(cl::Kernel& kernel) {
   kernel.setArg(9, tau_);
   const cl::Event done = device_->run(kernel, {(tiles + tiles_per_item - 1) / tiles_per_item, 1, 1},
                                       {device_->info().is_gpu ? 64 : 1, 1, 1});
-  device_->download(tau_, std::span(map_.tau));
+  device_->bring_to_host(tau_);
   kernel_ms_ = duration_ms(done);
 }
 

@@ -39,7 +39,8 @@ class RecastSession {
   std::vector<double> knots_hu_;
   std::vector<float> mu_per_mm_;  ///< at the knots
   BodyMap map_;
-  cl::Buffer touched_, first_row_, weights_, unit_mm_, tau_;
+  cl::Buffer touched_, first_row_, weights_, unit_mm_;
+  cl::Buffer tau_;  ///< the memory of map_.tau
   int moves_left_ = 0;  ///< of single knots, before tau is summed up anew
   double kernel_ms_ = 0;
 };
