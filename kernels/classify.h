@@ -11,7 +11,7 @@ static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opaci
                               global const float2* table) {
   (void)table;
   float16 mu = opacity->mu0;
-  for (int i = 0; i < RAMPS; ++i) mu = fma((float16)opacity->slope[i], fmax(hu - opacity->from[i], 0.0f), mu);
+  for (int i = 0; i < RAMPS; ++i) mu = fma((float16)opacity->slope[i], max(hu - opacity->from[i], 0.0f), mu);
   return mu;
 }
 
@@ -33,10 +33,16 @@ static inline float mu_of(const float hu, constant const XrcOpacity* opacity, gl
 
 static inline float16 mu_of16(const float16 hu, constant const XrcOpacity* opacity,
                               global const float2* table) {
-  float in[16], out[16];
-  vstore16(hu, 0, in);
-  for (int i = 0; i < 16; ++i) out[i] = mu_of(in[i], opacity, table);
-  return vload16(0, out);
+  const float16 at = clamp(hu - opacity->first_hu, 0.0f, (float)(opacity->entries - 1));
+  const int16 i = convert_int16(at);
+  /* Entries as whole words: compilers make vector gathers of this loop where there are any. */
+  global const long* entries = (global const long*)table;
+  int index[16];
+  long entry[16];
+  vstore16(i, 0, index);
+  for (int n = 0; n < 16; ++n) entry[n] = entries[index[n]];
+  const float16 lower = as_float16(vload8(0, entry)), upper = as_float16(vload8(1, entry));
+  return fma(at - convert_float16(i), (float16)(lower.odd, upper.odd), (float16)(lower.even, upper.even));
 }
 
 #endif

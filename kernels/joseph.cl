@@ -1,77 +1,7 @@
 #include "classify.h"
+#include "joseph_ray.h"
 #include "params.h"
 #include "scan_access.h"
-
-static float component(const float3 v, const int axis) { return axis == 0 ? v.x : axis == 1 ? v.y : v.z; }
-
-/* Bilinear within plane k across `axis`; u and v are the other two coordinates, in ascending order of axis,
- * held within the voxels' centres. */
-static float sample_plane(SCAN voxels, const XrcScan* scan, const int axis, const int k, const float u,
-                          const float v) {
-  const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
-  const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
-  const float cu = clamp(u, 0.0f, (float)last_u), cv = clamp(v, 0.0f, (float)last_v);
-  const int u0 = (int)cu, v0 = (int)cv, u1 = min(u0 + 1, last_u), v1 = min(v0 + 1, last_v);
-  float corner[4];
-  for (int c = 0; c < 4; ++c) {
-    const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
-    corner[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
-                : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
-                            : voxel_hu(voxels, scan, iu, iv, k);
-  }
-  return mix(mix(corner[0], corner[1], cu - (float)u0), mix(corner[2], corner[3], cu - (float)u0),
-             cv - (float)v0);
-}
-
-/* Narrows [*low, *high], both in planes, to where start + slope * plane lies within [from, to]. Written so
- * that a NaN leaves an empty range or the one there was. */
-static void clip(float* low, float* high, const float start, const float slope, const float from,
-                 const float to) {
-  if (fabs(slope) < 1e-7f) {
-    if (!(start >= from && start <= to)) *high = *low - 1.0f;
-    return;
-  }
-  const float a = (from - start) / slope, b = (to - start) / slope;
-  *low = fmax(*low, fmin(a, b));
-  *high = fmin(*high, fmax(a, b));
-}
-
-/* Optical depth from `start` to `end`, both in voxels. The ray is clipped to the scan, and every plane counts
- * as far as the half-spacings around it lie on what is left. Loop bounds are integers within the scan,
- * whatever the floats are, so that no ray can hang a device. */
-static float joseph(SCAN voxels, const XrcScan* scan, const float3 spacing_mm, const float3 start,
-                    const float3 end, constant const XrcOpacity* opacity, global const float2* table) {
-  const float3 along = end - start, steep = fabs(along);
-  const int axis = steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
-  const float planes = component(along, axis), origin = component(start, axis);
-  if (!(fabs(planes) > 0.0f)) return 0.0f;
-
-  const float3 per_plane = along / planes, at_0 = start - origin * per_plane;
-  const float du = axis == 0 ? per_plane.y : per_plane.x, dv = axis == 2 ? per_plane.y : per_plane.z;
-  const float u0 = axis == 0 ? at_0.y : at_0.x, v0 = axis == 2 ? at_0.y : at_0.z;
-
-  /* Along the dominant axis the ray is its own parameter. */
-  float low = fmin(origin, origin + planes), high = fmax(origin, origin + planes);
-  const float last_x = (float)(scan->size_x - 1), last_y = (float)(scan->size_y - 1);
-  clip(&low, &high, axis == 0 ? 0.0f : at_0.x, axis == 0 ? 1.0f : per_plane.x, 0.0f, last_x);
-  clip(&low, &high, axis == 1 ? 0.0f : at_0.y, axis == 1 ? 1.0f : per_plane.y, 0.0f, last_y);
-  clip(&low, &high, axis == 2 ? 0.0f : at_0.z, axis == 2 ? 1.0f : per_plane.z, -0.5f,
-       (float)scan->size_z - 0.5f);
-  if (!(low < high)) return 0.0f;
-
-  const int size = axis == 0 ? scan->size_x : axis == 1 ? scan->size_y : scan->size_z;
-  const int first = clamp((int)floor(low + 0.5f), 0, size - 1),
-            last = clamp((int)floor(high + 0.5f), 0, size - 1);
-  float sum = 0.0f;
-  for (int k = first; k <= last; ++k) {
-    const float share = fmin((float)k + 0.5f, high) - fmax((float)k - 0.5f, low);
-    const float hu = sample_plane(voxels, scan, axis, k, fma((float)k, du, u0), fma((float)k, dv, v0));
-    sum = fma(fmax(share, 0.0f), mu_of(hu, opacity, table), sum);
-  }
-  return sum * length(per_plane * spacing_mm);
-}
-
-static float3 float3_of(const XRC_FLOAT* v) { return (float3)(v[0], v[1], v[2]); }
 
 /* The picture of a flat detector: one work-item a pixel. */
 kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector detector,
@@ -79,12 +9,7 @@ kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector 
                              global float* tau) {
   const int i = (int)get_global_id(0), j = (int)get_global_id(1);
   if (i >= detector.width || j >= detector.height) return;
-  const float3 hit =
-      float3_of(detector.corner) + (float)i * float3_of(detector.right) + (float)j * float3_of(detector.down);
-  const float3 start = detector.is_cone ? float3_of(detector.source) : hit - float3_of(detector.beam);
-  const float3 end = detector.is_cone ? hit : hit + float3_of(detector.beam);
-  tau[(long)j * detector.width + i] =
-      joseph(voxels, &scan, float3_of(detector.spacing_mm), start, end, opacity, table);
+  tau[(long)j * detector.width + i] = joseph_pixel(voxels, &scan, &detector, i, j, opacity, table);
 }
 
 /* Any rays: start and end of each, in voxels. */

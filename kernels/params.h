@@ -80,6 +80,11 @@ typedef struct {
   XRC_FLOAT spacing_mm[3];
 } XrcDetector;
 
+/* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several
+ * when the detector is upright. */
+#define XRC_DETECTOR_ROWS 16
+#define XRC_LEVEL_ROWS 128
+
 /* Phantoms: shapes, painted in order. What the members mean for each kind:
  *   solid    a = centre, b and c = two unit axes (the third is b x c), size = half axes, exponents = in the
  *            plane of b and c, and along b x c; 2 and 2 make an ellipsoid

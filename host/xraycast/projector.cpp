@@ -7,6 +7,7 @@
 
 #include <array>
 #include <cmath>
+#include <string>
 
 namespace xraycast {
 namespace {
@@ -39,6 +40,25 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume) {
   return detector;
 }
 
+/// A kernel that draws pictures, and the work-items that it takes for one.
+struct Projector {
+  std::string file, entry;
+  std::array<std::int64_t, 3> items, group;
+};
+
+/// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several when
+/// there is no tilt, since the rays of a column then meet the same voxels.
+Projector projector_for(const ResidentScan& scan, const View& view) {
+  if (scan.storage() == ScanStorage::image || scan.device().info().is_gpu)
+    return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
+  constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
+  const auto items = [&](int rows) -> std::array<std::int64_t, 3> {
+    return {kTile, (view.height + rows - 1) / rows, (view.width + kTile - 1) / kTile};
+  };
+  if (view.tilt_rad == 0) return {"joseph_level", "project_level", items(XRC_LEVEL_ROWS), {1, 1, 1}};
+  return {"joseph_rows", "project_rows", items(XRC_DETECTOR_ROWS), {1, 1, 1}};
+}
+
 }  // namespace
 
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
@@ -49,8 +69,9 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
   const cl::Buffer tau =
       device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
 
+  const Projector projector = projector_for(scan, view);
   cl::Kernel kernel =
-      device.kernel("joseph", "project_detector", device_opacity.build_options() + scan.build_options());
+      device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
   kernel.setArg(2, detector_of(view, scan.geometry()));
@@ -58,7 +79,7 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
   kernel.setArg(4, device_opacity.table());
   kernel.setArg(5, tau);
   progress.begin("projecting", view.height, "rows");
-  const cl::Event done = device.run(kernel, {view.width, view.height, 1}, {8, 8, 1});
+  const cl::Event done = device.run(kernel, projector.items, projector.group);
   device.download(tau, std::span(image.tau));
   image.kernel_ms = duration_ms(done);
   progress.advance(view.height);

@@ -43,6 +43,7 @@ class ResidentScan {
   Device& device() const { return *device_; }
   const VolumeGeometry& geometry() const { return geometry_; }
   const XrcScan& layout() const { return layout_; }
+  ScanStorage storage() const { return storage_; }
 
   /// The memory object that goes with a kernel built with build_options().
   const cl::Memory& voxels() const { return voxels_; }
