@@ -6,6 +6,10 @@
 #include "xraycast/image.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projection_file.hpp"
+#include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/renderer.hpp"
 
 #include <fmt/format.h>
 
@@ -57,8 +61,8 @@ class Report {
   std::vector<std::pair<std::string, std::string>> facts_;
 };
 
-void make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
-              Progress& progress) {
+std::shared_ptr<const BodyMap> make_map(const ResidentScan& scan, const BodyOutline& body, int layers,
+                                        Report& report, Progress& progress) {
   const MapGeometry geometry = cylinder_map(
       scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm), body.centre_mm);
   CastResult result =
@@ -68,15 +72,20 @@ void make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Rep
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
   write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
-  if (layers == 1) return report.picture(name + ".png", "Body map, one layer");
+  const auto map = std::make_shared<const BodyMap>(std::move(result.map));
+  if (layers == 1) {
+    report.picture(name + ".png", "Body map, one layer");
+    return map;
+  }
   for (const int k : {0, 1, 2}) {
     const std::string layer_name = fmt::format("map-{}-layer-{}.png", layers, k);
-    write_png(windowed_transmission(result.map.layer(k)), geometry.width, geometry.height, 1,
+    write_png(windowed_transmission(map->layer(k)), geometry.width, geometry.height, 1,
               report.file(layer_name));
     report.picture(layer_name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1, layers,
                                            geometry.radii_mm[static_cast<std::size_t>(k)],
                                            geometry.radii_mm[static_cast<std::size_t>(k) + 1]));
   }
+  return map;
 }
 
 void make_projection(const ResidentScan& scan, const BodyOutline& body, double angle_deg, Report& report,
@@ -98,6 +107,35 @@ void make_projection(const ResidentScan& scan, const BodyOutline& body, double a
   report.picture(name, "True projection, " + label(view));
 }
 
+/// Frames of a body map around the body, with the phantom's vessels in both looks.
+void make_frames(const Phantom& phantom, std::shared_ptr<const BodyMap> map, Report& report) {
+  const HeadlessContext context;
+  report.note("OpenGL device", gl_device_name());
+  Renderer renderer;
+  renderer.set_map(map);
+  Surface vessels{tube_mesh(VesselTree(phantom.vessel_branches(), "thorax phantom"))};
+  vessels.mu_per_mm = 0.01;
+  renderer.set_surfaces(std::span(&vessels, 1));
+  Camera camera{.table_mm = 70, .zoom = 1.3};
+  for (const Look look : {Look::fluoro, Look::surface})
+    for (const double angle_deg : {0.0, 45.0, 90.0, -30.0}) {
+      camera.angle_rad = angle_deg * std::numbers::pi / 180;
+      Style style;
+      style.look = look;
+      style.window.inverted = look == Look::surface;
+      const View view = view_of(camera, bounds_of(map->geometry), 480, 600);
+      const bool inverted = style.window.inverted;
+      style.window = automatic_window(renderer.tau(view, style));
+      style.window.inverted = inverted;
+      const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(look), angle_deg);
+      const std::vector<std::uint8_t> rgb =
+          report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
+                       [&] { return renderer.picture(view, style); });
+      write_png(rgb, view.width, view.height, 3, report.file(name));
+      report.picture(name, fmt::format("Frame of 8 layers, {}, {}", to_string(look), label(view)));
+    }
+}
+
 void run_demo(const std::string& folder, Session& session) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -117,9 +155,10 @@ void run_demo(const std::string& folder, Session& session) {
   const BodyOutline body = find_outline(volume);
   const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
-  make_map(scan, body, 8, report, progress);
+  const auto layered = make_map(scan, body, 8, report, progress);
   for (const double angle_deg : {0.0, -45.0, 45.0, 90.0})
     make_projection(scan, body, angle_deg, report, progress);
+  make_frames(phantom, layered, report);
   report.finish();
   session.print({{"folder", folder}},
                 fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));

@@ -43,8 +43,8 @@ static Strip strip_from(const int first, const Ray* ray, const XrcScan* scan) {
 }
 
 static void fetch_pixels(SCAN row) { /* two neighbours, which may lie in two cache lines */
-  fetch_line(row);
-  fetch_line(row + 2 * XRC_BRICK_SLICES - 1);
+  prefetch_line(row);
+  prefetch_line(row + 2 * XRC_BRICK_SLICES - 1);
 }
 
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,

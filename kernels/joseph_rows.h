@@ -15,12 +15,6 @@
 #if __has_builtin(__builtin_shufflevector) && __has_builtin(__builtin_astype)
 #define HAS_PERMUTE
 #endif
-#if __has_builtin(__builtin_prefetch)
-#define prefetch_line(address) __builtin_prefetch(address)
-#endif
-#endif
-#ifndef prefetch_line
-#define prefetch_line(address) (void)(address)
 #endif
 
 /* From where a ray is to what is fetched for it: a miss takes as long as about four planes. */

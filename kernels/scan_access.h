@@ -9,11 +9,11 @@
 /* Asks for the cache line of an address that will be read soon, where the compiler knows how. */
 #ifdef __has_builtin
 #if __has_builtin(__builtin_prefetch)
-#define fetch_line(address) __builtin_prefetch(address)
+#define prefetch_line(address) __builtin_prefetch(address)
 #endif
 #endif
-#ifndef fetch_line
-#define fetch_line(address) (void)(address)
+#ifndef prefetch_line
+#define prefetch_line(address) (void)(address)
 #endif
 
 #ifdef SCAN_IMAGE

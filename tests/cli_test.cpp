@@ -186,6 +186,18 @@ const BadCall kBadCalls[] = {
 
     // The picture and the phantom.
     {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
+    {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
+    {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "cannot be opened as an image"},
+    {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
+    {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
+    {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
+    {"SessionThatNamesMissingFiles", "render --session @/s.json -o @/out.png", 3, "map",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "s.json", R"({"xraycast_session": 1, "files": {"map": "gone.exr"}})");
+     }},
+    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3, "session of version 9",
+     [](const TemporaryFolder& f) { write_bytes(f / "s.json", R"({"xraycast_session": 9})"); }},
+    {"CompareWithoutViews", "compare @/ct.nii @/map.exr --views 0", 3, "--views 0"},
     {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},
     {"AngleNotFinite", "project @/ct.nii -o @/out.exr --angle inf", 3, "finite"},
     {"PhantomLargerThanMemory", "phantom box -o @/box.nrrd --size 65536x65536x65536", 3,
@@ -440,6 +452,53 @@ TEST_F(Cli, ProjectsToEveryFormat) {
   }
 }
 
+TEST_F(Cli, RenderSaysWhatItMade) {
+  output_of("-q phantom cylinder --size 48x48x20 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
+  const Json json = json_of("render @/map.exr -o @/f.exr --angle 30 --size 40x30");
+  EXPECT_THAT(keys_of(json), ElementsAre("map", "image", "device", "texture_B", "frames"));
+  EXPECT_THAT(keys_of(json["image"]),
+              ElementsAre("width", "height", "pixel_mm", "centre_mm", "angle_deg", "tilt_deg"));
+  EXPECT_EQ(json["image"]["angle_deg"], 30);
+  // The middle of a cylinder of 160 mm of water (0.02/mm), within a voxel's rounding of its edge.
+  const auto in = OIIO::ImageInput::open((folder_ / "f.exr").string());
+  std::vector<float> tau(40 * 30);
+  ASSERT_TRUE(in->read_image(0, 0, 0, 1, OIIO::TypeDesc::FLOAT, tau.data()));
+  EXPECT_NEAR(tau[15 * 40 + 20], 3.2, 0.15);
+}
+
+TEST_F(Cli, RendersTheSameFrameTwice) {
+  output_of("-q phantom head --size 48x48x40 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
+  for (const char* file : {"a", "b"})
+    output_of("-q render @/map.exr -o @/" + std::string(file) + ".png --angle 12 --cone 900,1200");
+  EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.png"));
+}
+
+TEST_F(Cli, RendersACineIntoAFolderOrAnAnimation) {
+  output_of("-q phantom sphere --size 32x32x32 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --angles 60");
+  output_of("-q render @/map.exr -o @/frames --cine 0:360:90 --size 64x48");
+  EXPECT_TRUE(fs::exists(folder_ / "frames/frame-003.png"));
+  EXPECT_FALSE(fs::exists(folder_ / "frames/frame-004.png"));
+  output_of("-q render @/map.exr -o @/turn.gif --cine 0:360:90 --size 64x48");
+  EXPECT_GT(fs::file_size(folder_ / "turn.gif"), 500u);
+}
+
+TEST_F(Cli, CompareFindsMoreLayersCloser) {
+  output_of("-q phantom head --size 64x64x48 -o @/ct.nrrd");
+  double before = 0;
+  for (const char* layers : {"2", "8", "24"}) {
+    output_of("-q cast @/ct.nrrd -o @/map.exr --layers " + std::string(layers));
+    const Json json = json_of("compare @/ct.nrrd @/map.exr --views 3 --plot @/plot.png");
+    EXPECT_THAT(keys_of(json["mean"]), ElementsAre("psnr_db", "ssim", "rmse"));
+    ASSERT_EQ(json["views"].size(), 3u);
+    EXPECT_EQ(json["views"][1]["angle_deg"], 120);
+    EXPECT_GT(json["mean"]["psnr_db"], before + 3);
+    before = json["mean"]["psnr_db"];
+  }
+}
+
 TEST_F(Cli, DevicesPassTheirSelfTest) {
   const Json devices = json_of("devices");
   ASSERT_FALSE(devices.empty());
@@ -449,7 +508,7 @@ TEST_F(Cli, DevicesPassTheirSelfTest) {
 
 TEST_F(Cli, HelpOfEverySubcommandEndsInExamples) {
   const std::string help = output_of("--help");
-  for (const std::string subcommand : {"info", "phantom", "cast", "project", "devices", "demo"}) {
+  for (const std::string subcommand : {"info", "phantom", "cast", "project", "render", "compare", "devices", "demo"}) {
     EXPECT_THAT(help, HasSubstr("\n  " + subcommand + " "));
     EXPECT_THAT(output_of(subcommand + " --help"), HasSubstr("\nExamples:\n  xraycast " + subcommand));
   }

@@ -29,15 +29,24 @@ double typical_depth(std::span<const float> tau) {
   return matter.empty() ? double{kMatter} : quantile(std::move(matter), 0.9);
 }
 
-std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
+double GreyWindow::grey(double tau) const {
+  const double linear = std::clamp((std::exp(-tau / scale) - dark) / (light - dark), 0.0, 1.0);
+  const double bent = std::pow(linear, 1 / gamma);
+  return inverted ? 1 - bent : bent;
+}
+
+GreyWindow automatic_window(std::span<const float> tau, double least_depth) {
   const double scale = 2 * std::max(typical_depth(tau), least_depth);
   const std::vector<float> all(tau.begin(), tau.end());
   constexpr double kHeadroom = 1.15;  // keeps the darkest parts off black, where nothing can be told apart
   const double light = std::exp(-quantile(all, 0.001) / scale);
-  const double dark = std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light);
+  return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light};
+}
+
+std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
+  const GreyWindow window = automatic_window(tau, least_depth);
   std::vector<std::uint8_t> greys(tau.size());
-  std::ranges::transform(tau, greys.begin(),
-                         [&](float t) { return grey((std::exp(-t / scale) - dark) / (light - dark)); });
+  std::ranges::transform(tau, greys.begin(), [&](float t) { return grey(window.grey(t)); });
   return greys;
 }
 

@@ -10,6 +10,20 @@ namespace xraycast {
 /// The optical depth of an image's denser parts: the 90th percentile of all that is not air.
 double typical_depth(std::span<const float> tau);
 
+/// Which optical depths are told apart: grey is 0 at `dark` and 1 at `light` of exp(-tau / scale), then
+/// raised to 1 / gamma, and turned round when `inverted`, so that bones are light.
+struct GreyWindow {
+  double scale = 1, dark = 0, light = 1;
+  double gamma = 1;
+  bool inverted = false;
+
+  double grey(double tau) const;
+  bool operator==(const GreyWindow&) const = default;
+};
+
+/// The window of windowed_transmission.
+GreyWindow automatic_window(std::span<const float> tau, double least_depth = 0);
+
 /// Grey 0 to 255 of exp(-tau), so that a person sees something: a chest's plain exp(-tau) is nearly black.
 /// Shows exp(-tau / s) from somewhat below the image's darkest to its lightest, with s twice the depth of its
 /// denser parts, which is close to what a radiograph's logarithm shows. An image whose denser parts are below

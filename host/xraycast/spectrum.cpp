@@ -204,4 +204,14 @@ std::vector<float> SpectrumModel::tau(const MaterialDepths& depths) const {
   return tau;
 }
 
+std::vector<std::array<float, 4>> SpectrumModel::table() const {
+  std::vector<std::array<float, 4>> rows(weights_.size());
+  for (std::size_t bin = 0; bin < rows.size(); ++bin) {
+    rows[bin][0] = static_cast<float>(weights_[bin]);
+    for (std::size_t m = 0; m < std::min<std::size_t>(3, cm2_g_.size()); ++m)
+      rows[bin][m + 1] = static_cast<float>(cm2_g_[m][bin]);
+  }
+  return rows;
+}
+
 }  // namespace xraycast

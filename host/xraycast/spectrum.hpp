@@ -2,6 +2,7 @@
 
 #include "xraycast/materials.hpp"
 
+#include <array>
 #include <span>
 #include <string>
 #include <vector>
@@ -67,6 +68,10 @@ class SpectrumModel {
 
   /// -ln(transmission) of many rays through kMaterials, on all cores.
   std::vector<float> tau(const MaterialDepths& depths) const;
+
+  /// For those who compute it elsewhere: of every bin its share in the energy and, for models of up to three
+  /// materials, mu/rho of each in cm2/g.
+  std::vector<std::array<float, 4>> table() const;
 
  private:
   std::vector<double> weights_;             ///< share of every bin in the energy

@@ -1,0 +1,252 @@
+#include "command.hpp"
+#include "view_options.hpp"
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/basis_file.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/image.hpp"
+#include "xraycast/image_output.hpp"
+#include "xraycast/projection_file.hpp"
+#include "xraycast/recast.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/session_file.hpp"
+#include "xraycast/viewer/vessels.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cmath>
+#include <memory>
+#include <numbers>
+#include <optional>
+
+namespace xraycast::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+constexpr double kRadians = std::numbers::pi / 180;
+
+struct Options {
+  std::string map, output, session, vessels, catheter, cine, strengths;
+  std::optional<std::string> look, compositing, reconstruction;
+  std::optional<double> wall_radius_mm, gamma;
+  bool inverted = false;
+  ViewOptions view;
+};
+
+/// The session, where there is one, with what the other options say.
+ViewSession resolve(const Options& options) {
+  ViewSession scene;
+  if (!options.session.empty()) scene = read_session(options.session);
+  if (!options.map.empty()) scene.map = options.map;
+  if (!options.vessels.empty()) scene.vessels = options.vessels;
+  if (!options.catheter.empty()) scene.catheter = options.catheter;
+  if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
+  Style& style = scene.style;
+  if (options.look) style.look = look_named(*options.look);
+  if (options.compositing) style.sampling.compositing = compositing_named(*options.compositing);
+  if (options.reconstruction)
+    style.sampling.reconstruction =
+        *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
+  if (options.wall_radius_mm) style.sampling.wall_radius_mm = options.wall_radius_mm;
+  if (!options.strengths.empty()) {
+    style.strengths.clear();
+    for (const double strength : parse_numbers(options.strengths, "--strengths"))
+      style.strengths.push_back(static_cast<float>(strength));
+  }
+  return scene;
+}
+
+/// The body map, recast when the session says so.
+std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session& session) {
+  auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
+  const auto& strengths = scene.style.strengths;
+  if (!strengths.empty() && strengths.size() != static_cast<std::size_t>(map->geometry.layers()))
+    throw InputError("{} strengths for the {} layers of {}", strengths.size(), map->geometry.layers(),
+                     scene.map.string());
+  if (!scene.opacity || scene.basis.empty()) return map;
+  Device device(session.device);
+  RecastSession recast(device, read_basis(scene.basis));
+  return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
+}
+
+/// `0:360:5`: from the first to before the last, in steps. Throws InputError.
+std::vector<double> parse_cine(const std::string& text) {
+  std::string numbers = text;
+  std::ranges::replace(numbers, ':', ',');
+  const std::vector<double> range = parse_numbers(numbers, "--cine");
+  if (range.size() != 3 || range[2] == 0 || (range[1] - range[0]) / range[2] <= 0)
+    throw InputError("--cine {}: has to be FROM:TO:STEP in degrees", text);
+  const double count = std::ceil((range[1] - range[0]) / range[2] - 1e-9);
+  constexpr double kMost = 3600;
+  if (count > kMost) throw InputError("--cine {}: more than {} frames", text, kMost);
+  std::vector<double> angles;
+  for (int i = 0; i < static_cast<int>(count); ++i) angles.push_back(range[0] + i * range[2]);
+  return angles;
+}
+
+bool is_animation(const fs::path& path) { return path.extension() == ".gif"; }
+
+void check_output(const Options& options) {
+  if (options.cine.empty()) {
+    check_projection_format(options.output);
+    check_writable(options.output);
+  } else if (is_animation(options.output)) {
+    check_writable(options.output);
+  } else {
+    std::error_code error;
+    fs::create_directories(options.output, error);
+    if (error) throw InputError("{}: the folder cannot be made: {}", options.output, error.message());
+    check_writable(fs::path(options.output) / "frame-000.png");
+  }
+}
+
+/// Writes the frames of a cine as they come: PNGs in a folder, or one animation at the end.
+class CineWriter {
+ public:
+  CineWriter(fs::path output, int width, int height)
+      : output_(std::move(output)), width_(width), height_(height) {}
+
+  void add(std::vector<std::uint8_t> rgb) {
+    if (is_animation(output_))
+      frames_.push_back(std::move(rgb));
+    else
+      write_png(rgb, width_, height_, 3, output_ / fmt::format("frame-{:03}.png", count_));
+    ++count_;
+  }
+
+  void finish() const {
+    if (!is_animation(output_)) return;
+    std::vector<ImagePart> parts;
+    for (const auto& frame : frames_) {
+      parts.push_back({OIIO::ImageSpec(width_, height_, 3, OIIO::TypeDesc::UINT8), frame.data()});
+      parts.back().spec.attribute("oiio:Movie", 1);
+      parts.back().spec.attribute("FramesPerSecond", 20.0f);
+    }
+    write_image_file(parts, "gif", output_);
+  }
+
+ private:
+  fs::path output_;
+  int width_, height_, count_ = 0;
+  std::vector<std::vector<std::uint8_t>> frames_;
+};
+
+/// The session's window, or one for what is seen.
+void choose_window(ViewSession& scene, const Options& options, std::span<const float> tau) {
+  if (!scene.has_window) scene.style.window = automatic_window(tau);
+  if (options.gamma) scene.style.window.gamma = *options.gamma;
+  if (options.inverted) scene.style.window.inverted = true;
+}
+
+void render(const Options& options, Session& session) {
+  check_output(options);
+  const std::vector<double> cine_deg =
+      options.cine.empty() ? std::vector<double>{} : parse_cine(options.cine);
+  ViewSession scene = resolve(options);
+  const auto map = load_map(scene, session);
+  std::vector<Surface> surfaces;
+  if (!scene.vessels.empty()) surfaces.push_back(read_vessels(scene.vessels));
+  if (!scene.catheter.empty()) surfaces.push_back(read_catheter(scene.catheter));
+
+  const BodyBounds bounds = bounds_of(map->geometry);
+  View view = parse_view(options.view);
+  if (!options.session.empty() && options.view.pixel_mm == 0) {
+    if (view.width == 0) view.width = 640, view.height = 480;
+    view = view_of(scene.camera, bounds, view.width, view.height);
+  } else {
+    view.centre_mm = bounds.centre_mm;
+    view = fitted(view, bounds);
+  }
+
+  const HeadlessContext context;
+  Renderer renderer;
+  renderer.set_map(map);
+  renderer.set_surfaces(surfaces);
+  const std::vector<float> tau = renderer.tau(view, scene.style);
+  choose_window(scene, options, tau);
+  const auto start = Clock::now();
+  if (!cine_deg.empty()) {
+    CineWriter writer(options.output, view.width, view.height);
+    session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
+    for (const double angle_deg : cine_deg) {
+      view.angle_rad = angle_deg * kRadians;
+      writer.add(renderer.picture(view, scene.style));
+      session.progress.advance();
+    }
+    writer.finish();
+  } else if (fs::path(options.output).extension() == ".png") {
+    write_png(renderer.picture(view, scene.style), view.width, view.height, 3, options.output);
+  } else {
+    write_projection({view, tau, 0}, options.output);
+  }
+  const double draw_ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  session.print({{"map", scene.map.string()},
+                 {"image", to_json(view)},
+                 {"device", gl_device_name()},
+                 {"texture_B", renderer.texture_B()},
+                 {"frames", std::max<std::size_t>(1, cine_deg.size())}},
+                fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
+                            options.output, label(view), view.width, view.height, view.pixel_mm,
+                            static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
+}
+
+}  // namespace
+
+void add_render(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command = add_command(
+      app, session, "render", "A frame of a body map, without a display",
+      "  xraycast render map.exr -o lao30.png --angle 30\n"
+      "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
+      "  xraycast render map.exr -o frames --cine 0:360:5\n"
+      "  xraycast render --session operation.json -o frame.png",
+      [options, &session] { render(*options, session); });
+  command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
+  command
+      ->add_option("-o,--output", options->output,
+                   ".exr, .tif, .nrrd hold float tau; .png what is shown; --cine: a folder of PNGs, or .gif")
+      ->required()
+      ->type_name("IMAGE");
+  add_view_options(*command, options->view);
+  command
+      ->add_option("--vessels", options->vessels,
+                   "Vessels within the body: a surface (.vtp, .stl), or a folder that holds one")
+      ->type_name("DIR|FILE");
+  command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
+      ->type_name("CSV");
+  command
+      ->add_option("--look", options->look,
+                   "fluoro (default): vessels absorb too; surface: shaded and opaque")
+      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->type_name("NAME");
+  command
+      ->add_option("--compositing", options->compositing,
+                   "path (default): by the length of the way through each shell; wall: the paper's")
+      ->check(CLI::IsMember({"path", "wall"}))
+      ->type_name("NAME");
+  command
+      ->add_option("--reconstruction", options->reconstruction,
+                   "path: mu between the shells, linear (default) or constant")
+      ->check(CLI::IsMember({"linear", "constant"}))
+      ->type_name("NAME");
+  command->add_option("--wall-radius", options->wall_radius_mm, "wall: where the outermost wall stands")
+      ->check(CLI::PositiveNumber)
+      ->type_name("MM");
+  command->add_option("--strengths", options->strengths, "One factor a layer, innermost first; 0 hides it")
+      ->type_name("S,S,...");
+  command->add_option("--gamma", options->gamma, "Of the grey that is shown")
+      ->check(CLI::Range(0.1, 10.0))
+      ->type_name("GAMMA");
+  command->add_flag("--inverted", options->inverted, "Bones light instead of dark");
+  command->add_option("--cine", options->cine, "A turn around the body instead of one frame")
+      ->type_name("FROM:TO:STEP");
+  command
+      ->add_option("--session", options->session,
+                   "What a session of the viewer shows; other options go first")
+      ->type_name("FILE");
+}
+
+}  // namespace xraycast::cli

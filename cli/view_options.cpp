@@ -1,0 +1,72 @@
+#include "view_options.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <cmath>
+#include <numbers>
+
+namespace xraycast::cli {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+/// Degrees of an angle that was given in degrees: without the rounding of the way to radians and back.
+double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1e9; }
+
+}  // namespace
+
+void add_view_options(CLI::App& command, ViewOptions& options) {
+  command
+      .add_option("--angle", options.angle_deg, "Where the detector stands: LAO is positive, 0 is frontal")
+      ->capture_default_str()
+      ->type_name("DEG");
+  command.add_option("--tilt", options.tilt_deg, "Cranial is positive")
+      ->capture_default_str()
+      ->type_name("DEG");
+  add_cone_option(command, options.cone);
+  command.add_option("--size", options.size, "Pixels; default: everything fits")->type_name("WxH");
+  command
+      .add_option("--pixel", options.pixel_mm,
+                  "Pixel size on the detector; default: as fine as the scan, or so that everything fits")
+      ->check(CLI::PositiveNumber)
+      ->type_name("MM");
+}
+
+void add_cone_option(CLI::App& command, std::string& cone) {
+  command
+      .add_option("--cone", cone,
+                  "Distances from the source to axis and detector; without it the beam is parallel")
+      ->type_name("MM,MM");
+}
+
+std::optional<Cone> parse_cone(const std::string& cone) {
+  if (cone.empty()) return std::nullopt;
+  const std::vector<double> distances = parse_numbers(cone, "--cone");
+  if (distances.size() != 2) throw InputError("--cone {}: has to be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", cone);
+  return Cone{distances[0], distances[1]};
+}
+
+View parse_view(const ViewOptions& options) {
+  View view;
+  view.angle_rad = options.angle_deg * kRadians;
+  view.tilt_rad = options.tilt_deg * kRadians;
+  view.pixel_mm = options.pixel_mm;
+  view.cone = parse_cone(options.cone);
+  if (!options.size.empty()) {
+    const auto size = parse_sizes(options.size, 2, "--size");
+    view.width = static_cast<int>(size[0]);
+    view.height = static_cast<int>(size[1]);
+  }
+  return view;
+}
+
+Json to_json(const View& view) {
+  return {{"width", view.width},
+          {"height", view.height},
+          {"pixel_mm", view.pixel_mm},
+          {"centre_mm", {view.centre_mm.x, view.centre_mm.y, view.centre_mm.z}},
+          {"angle_deg", degrees(view.angle_rad)},
+          {"tilt_deg", degrees(view.tilt_rad)}};
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "command.hpp"
+#include "xraycast/view.hpp"
+
+#include <string>
+
+namespace xraycast::cli {
+
+/// --angle, --tilt, --cone, --size and --pixel, as given.
+struct ViewOptions {
+  std::string cone, size;
+  double angle_deg = 0, tilt_deg = 0, pixel_mm = 0;
+};
+
+void add_view_options(CLI::App& command, ViewOptions& options);
+
+/// --cone alone, for commands that choose their own angles.
+void add_cone_option(CLI::App& command, std::string& cone);
+
+/// `1000,1500`, or none for an empty text. Throws InputError.
+std::optional<Cone> parse_cone(const std::string& cone);
+
+/// The view, without its centre; sizes that were not given are 0, for `fitted`. Throws InputError.
+View parse_view(const ViewOptions& options);
+
+/// {"width", "height", "pixel_mm", "centre_mm", "angle_deg", "tilt_deg"}.
+Json to_json(const View& view);
+
+}  // namespace xraycast::cli

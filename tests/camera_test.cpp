@@ -1,0 +1,105 @@
+#include "xraycast/viewer/camera.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+// A few products of doubles of up to 1000.
+constexpr double kRounding = 1e-10;
+
+const BodyBounds kBody{{10, 20, 300}, 150, 200, 1};
+
+TEST(Camera, ShowsTheWholeBodyAtFirst) {
+  const View view = view_of(Camera{}, kBody, 640, 480);
+  EXPECT_EQ(view.centre_mm, kBody.centre_mm);
+  // 400 mm of height in 480 pixels; its 300 mm of width need fewer.
+  EXPECT_NEAR(view.pixel_mm, 400.0 / 480, kRounding);
+}
+
+TEST(Camera, RotatesBothWaysAndStaysWithinAHalfTurn) {
+  Camera camera;
+  camera.rotate(30);
+  EXPECT_NEAR(camera.angle_rad, 30 * kRadians, kRounding);
+  camera.rotate(170);
+  EXPECT_NEAR(camera.angle_rad, -160 * kRadians, kRounding);
+}
+
+TEST(Camera, TableTravelMovesThePictureAlongTheAxisAndStopsAtTheEnds) {
+  Camera camera;
+  camera.travel(50, kBody);
+  EXPECT_NEAR(view_of(camera, kBody, 640, 480).centre_mm.z, 350, kRounding);
+  camera.travel(1000, kBody);
+  EXPECT_EQ(camera.table_mm, 200);
+}
+
+TEST(Camera, ZoomMagnifiesAboutTheCentre) {
+  Camera camera;
+  const double before = view_of(camera, kBody, 640, 480).pixel_mm;
+  camera.magnify(4);
+  EXPECT_NEAR(view_of(camera, kBody, 640, 480).pixel_mm, before / 4, kRounding);
+  camera.magnify(1e9);
+  EXPECT_EQ(camera.zoom, Camera::kMaxZoom);
+}
+
+TEST(Camera, TiltKeepsTheMagnificationAndHasAnEnd) {
+  Camera camera;
+  const double before = view_of(camera, kBody, 640, 480).pixel_mm;
+  camera.tilt(25);
+  EXPECT_NEAR(view_of(camera, kBody, 640, 480).pixel_mm, before, kRounding);
+  camera.tilt(1000);
+  EXPECT_EQ(camera.tilt_rad, Camera::kMaxTilt_rad);
+}
+
+TEST(Camera, ConeEnlargesWithItsDistances) {
+  Camera camera;
+  camera.cone = Cone{1000, 1500};
+  const View view = view_of(camera, kBody, 640, 480);
+  ASSERT_TRUE(view.cone.has_value());
+  // The rim nearest to the source is 850 mm from it, and enlarged 1500/850 times.
+  EXPECT_NEAR(view.pixel_mm, 400.0 * 1500 / 850 / 480, kRounding);
+}
+
+TEST(Camera, StatusSpeaksAsTheRoomDoes) {
+  Camera camera;
+  EXPECT_EQ(status_of(camera), "AP   table +0 mm   x1");
+  camera = {.angle_rad = 30 * kRadians, .tilt_rad = -10 * kRadians, .table_mm = -12, .zoom = 1.5};
+  EXPECT_EQ(status_of(camera), "LAO 30 / CAU 10   table -12 mm   x1.5");
+}
+
+TEST(BodyBounds, EncloseTheMap) {
+  MapGeometry cylinder;
+  cylinder.height = 100;
+  cylinder.radii_mm = {0, 90};
+  cylinder.centre_mm = {{3, 4}};
+  cylinder.top_mm = 50;
+  cylinder.row_spacing_mm = 2;
+  cylinder.step_mm = 0.7;
+  const BodyBounds bounds = bounds_of(cylinder);
+  EXPECT_EQ(bounds.centre_mm, glm::dvec3(3, 4, 50 - 99));
+  EXPECT_EQ(bounds.half_height_mm, 100);
+  EXPECT_EQ(bounds.radius_mm, 90);
+  EXPECT_EQ(bounds.finest_mm, 0.7);
+
+  MapGeometry bent = cylinder;
+  bent.centre_mm.assign(100, {3, 4});
+  bent.centre_mm.back() = {3, 24};
+  EXPECT_EQ(bounds_of(bent).radius_mm, 100);
+  EXPECT_EQ(bounds_of(bent).centre_mm.y, 14);
+
+  MapGeometry sphere = cylinder;
+  sphere.projection = Projection::sphere;
+  sphere.centre_z_mm = 7;
+  EXPECT_EQ(bounds_of(sphere).centre_mm, glm::dvec3(3, 4, 7));
+  EXPECT_EQ(bounds_of(sphere).half_height_mm, 90);
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,166 @@
+#include "xraycast/viewer/column_samples.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <glm/geometric.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+#include <span>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+MapGeometry map(std::vector<double> radii_mm, glm::dvec2 centre_mm = {12, -7}) {
+  MapGeometry geometry;
+  geometry.height = 8;
+  geometry.radii_mm = std::move(radii_mm);
+  geometry.centre_mm = {centre_mm};
+  geometry.top_mm = 10;
+  return geometry;
+}
+
+UprightView view_of_map(const MapGeometry& geometry, std::optional<Cone> cone = {}, double angle_deg = 35) {
+  View view{.angle_rad = angle_deg * kRadians, .cone = cone, .centre_mm = {10, -5, 6}};
+  return upright_view(fitted(view, bounds_of(geometry)), geometry);
+}
+
+std::span<const ColumnSample> samples_of(const ColumnSamples& all, int column) {
+  const auto& c = all.columns[static_cast<std::size_t>(column)];
+  return std::span(all.samples).subspan(static_cast<std::size_t>(c.first), static_cast<std::size_t>(c.count));
+}
+
+/// How far a column's rays pass from the map's axis.
+double offset_mm(const UprightView& upright, const MapGeometry& geometry, int column) {
+  const glm::dvec2 direction = upright.direction(column),
+                   from_axis = upright.origin_mm(column) - geometry.centre_mm[0];
+  return std::abs(from_axis.x * direction.y - from_axis.y * direction.x);
+}
+
+TEST(ColumnSamples, WeightsAddUpToTheChord) {
+  const MapGeometry geometry = map({0, 30, 50, 100});
+  for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{600, 900})}) {
+    const UprightView upright = view_of_map(geometry, cone);
+    const ColumnSamples samples = column_samples(upright, geometry, {});
+    ASSERT_EQ(samples.columns.size(), static_cast<std::size_t>(upright.columns));
+    for (int column = 0; column < upright.columns; ++column) {
+      const double offset = offset_mm(upright, geometry, column);
+      double sum = 0;
+      for (const ColumnSample& sample : samples_of(samples, column)) sum += sample.weight;
+      // A hundred weights rounded to 32-bit floats.
+      EXPECT_NEAR(sum, offset < 100 ? 2 * std::sqrt((100 - offset) * (100 + offset)) : 0, 1e-4) << column;
+    }
+  }
+}
+
+/// A map that is the same in all rows, drawn: one optical depth a column.
+std::vector<double> drawn(const ColumnSamples& samples, const MapGeometry& geometry,
+                          const std::vector<double>& texels) {
+  std::vector<double> tau;
+  for (std::size_t column = 0; column < samples.columns.size(); ++column) {
+    double sum = 0;
+    for (const ColumnSample& s : samples_of(samples, static_cast<int>(column))) {
+      const auto at = static_cast<int>(s.texel), width = geometry.width + 1;
+      const auto between = [&](int layer) {
+        const int texel = at % width;
+        return texels[layer * geometry.width + texel % geometry.width] * (1 - s.column_share) +
+               texels[layer * geometry.width + (texel + 1) % geometry.width] * s.column_share;
+      };
+      const int layer = at / width;
+      sum += s.weight * (between(layer) * (1 - s.layer_share) +
+                         (s.layer_share > 0 ? between(layer + 1) * s.layer_share : 0));
+    }
+    tau.push_back(sum);
+  }
+  return tau;
+}
+
+TEST(ColumnSamples, IntegrateAMapThatVariesWithRadiusAndAngle) {
+  const MapGeometry geometry = map({0, 30, 50, 70, 100});
+  const RadialProfile profile(geometry.radii_mm, Reconstruction::linear);
+  std::vector<double> texels;
+  for (int k = 0; k < geometry.layers(); ++k)
+    for (int i = 0; i < geometry.width; ++i)
+      texels.push_back(0.01 * (k + 1) + 0.01 * std::sin(3 * geometry.phi_rad(i) + k));
+  const UprightView upright = view_of_map(geometry, Cone{600, 900});
+  const std::vector<double> tau = drawn(column_samples(upright, geometry, {}), geometry, texels);
+  for (int column = 0; column < upright.columns; column += 7) {
+    // The definition: mu at evenly spaced points of the ray, with the angle's sine instead of texels.
+    double expected = 0;
+    constexpr double kStep_mm = 0.01;
+    const glm::dvec2 origin = upright.origin_mm(column) - geometry.centre_mm[0];
+    for (double s = -150; s < 150; s += kStep_mm) {
+      const glm::dvec2 p = origin + s * upright.direction(column);
+      const double radius = glm::length(p);
+      if (radius > 100) continue;
+      const auto place = profile.at(radius);
+      const double phi = std::atan2(p.x, -p.y);
+      const auto mu = [&](int k) { return 0.01 * (k + 1) + 0.01 * std::sin(3 * phi + k); };
+      expected += kStep_mm * (mu(place.layer) * (1 - place.share) + mu(place.layer + 1) * place.share);
+    }
+    // Texels of a degree show a sine of three periods to (3 deg)^2 / 8 = 3e-4 of its amplitude, which adds
+    // up to 6e-4 over 200 mm; steps of four texels add less than that again.
+    EXPECT_NEAR(tau[column], expected, 1.5e-3) << column;
+  }
+}
+
+TEST(ColumnSamples, GoFromFarToNear) {
+  const MapGeometry geometry = map({0, 30, 50, 100});
+  for (const Compositing compositing : {Compositing::wall, Compositing::path}) {
+    const UprightView upright = view_of_map(geometry);
+    SampleOptions options;
+    options.compositing = compositing;
+    const ColumnSamples all = column_samples(upright, geometry, options);
+    for (int column = 0; column < upright.columns; ++column)
+      EXPECT_TRUE(std::ranges::is_sorted(samples_of(all, column), {}, &ColumnSample::s_mm)) << column;
+  }
+}
+
+TEST(ColumnSamples, WallsStandWhereTheyAreCrossed) {
+  const MapGeometry geometry = map({0, 40, 80}, {10, -5});
+  const UprightView upright = view_of_map(geometry, {}, 0);
+  SampleOptions options{.compositing = Compositing::wall};
+  options.wall_radius_mm = 100;  // moves both out
+  const ColumnSamples all = column_samples(upright, geometry, options);
+  for (int column = 0; column < upright.columns; ++column) {
+    const double offset = offset_mm(upright, geometry, column);
+    const auto samples = samples_of(all, column);
+    ASSERT_EQ(samples.size(), offset < 50 ? 4u : offset < 100 ? 2u : 0u);
+    if (samples.empty()) continue;
+    // Positions in millimetres as 32-bit floats.
+    EXPECT_NEAR(samples.front().s_mm, -std::sqrt(100 * 100 - offset * offset), 1e-4);
+    EXPECT_EQ(samples.front().weight, 1);
+    EXPECT_EQ(static_cast<int>(samples.front().texel) / 361, 1);
+    EXPECT_EQ(samples.front().from_mm, samples.front().to_mm);
+  }
+  EXPECT_FALSE(options.blends_layers(geometry));
+}
+
+TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
+  MapGeometry geometry = map({0, 50}, {10, -5});
+  geometry.projection = Projection::rectangle;
+  geometry.views = 4;  // 0, 45, 90, 135 deg
+  geometry.width = 100;
+  const UprightView between = view_of_map(geometry, {}, 30);
+  const ColumnSamples samples = column_samples(between, geometry, {});
+  const auto middle = samples_of(samples, between.columns / 2);
+  ASSERT_EQ(middle.size(), 2u);
+  EXPECT_NEAR(middle[0].weight, 1 / 3.0, 1e-6);
+  EXPECT_EQ(static_cast<int>(middle[0].texel) / 101, 0);
+  EXPECT_EQ(static_cast<int>(middle[1].texel) / 101, 1);
+
+  // From the other side it is the mirror image.
+  const UprightView front = view_of_map(geometry, {}, 0), back = view_of_map(geometry, {}, 180);
+  const ColumnSamples seen = column_samples(front, geometry, {}),
+                      mirrored = column_samples(back, geometry, {});
+  const auto place = [](const ColumnSample& s) { return s.texel + s.column_share; };
+  EXPECT_NEAR(place(samples_of(seen, 20)[0]) + place(samples_of(mirrored, 20)[0]), 99, 1e-3);
+  EXPECT_THROW(column_samples(view_of_map(geometry, Cone{600, 900}), geometry, {}), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

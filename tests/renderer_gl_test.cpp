@@ -1,0 +1,369 @@
+// Frames under whatever OpenGL there is without a display, which on most machines is software.
+#include "xraycast/caster.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/projector.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/renderer.hpp"
+
+#include <glm/geometric.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+class RendererTest : public testing::Test {
+ protected:
+  HeadlessContext context_;
+};
+
+/// Two layers of mu 0.01/mm, 50 mm each, about an axis away from the origin.
+std::shared_ptr<BodyMap> homogeneous(int layers = 2) {
+  auto map = std::make_shared<BodyMap>();
+  map->geometry.height = 101;
+  map->geometry.centre_mm = {{20, -30}};
+  map->geometry.top_mm = 50;
+  map->geometry.radii_mm = shell_radii_mm(RadiiRule::equal_thickness, layers, 100);
+  for (int k = 0; k < layers; ++k)
+    map->tau.insert(map->tau.end(), map->layer_size(), static_cast<float>(0.01 * 100 / layers));
+  return map;
+}
+
+View view_of_map(const BodyMap& map, double angle_deg, double tilt_deg = 0, std::optional<Cone> cone = {}) {
+  View view{.angle_rad = angle_deg * kRadians, .tilt_rad = tilt_deg * kRadians, .cone = cone};
+  view.centre_mm = bounds_of(map.geometry).centre_mm;
+  view.width = 161;
+  view.height = 120;
+  return fitted(view, bounds_of(map.geometry));
+}
+
+/// Length in mm of a pixel's ray within the map's cylinder.
+double chord_mm(const View& view, const MapGeometry& geometry, int i, int j) {
+  const glm::dvec3 pixel = view.pixel_on_detector_mm(i, j);
+  const glm::dvec3 along = view.cone ? glm::normalize(pixel - view.source_mm()) : view.towards_detector();
+  const glm::dvec2 from = glm::dvec2(pixel) - geometry.centre_mm[0], xy(along);
+  const double a = glm::dot(xy, xy), b = glm::dot(from, xy),
+               c = glm::dot(from, from) - geometry.radius_mm() * geometry.radius_mm();
+  if (b * b < a * c) return 0;
+  double low = (-b - std::sqrt(b * b - a * c)) / a, high = (-b + std::sqrt(b * b - a * c)) / a;
+  const double top = geometry.z_mm(-0.5) - pixel.z, bottom = geometry.z_mm(geometry.height - 0.5) - pixel.z;
+  if (along.z != 0) {
+    low = std::max(low, std::min(top / along.z, bottom / along.z));
+    high = std::min(high, std::max(top / along.z, bottom / along.z));
+  } else if (top < 0 || bottom > 0) {
+    return 0;
+  }
+  return std::max(0.0, high - low);
+}
+
+class HomogeneousViews : public RendererTest,
+                         public testing::WithParamInterface<std::pair<double, std::optional<Cone>>> {};
+
+TEST_P(HomogeneousViews, AreTheLengthsOfRays) {
+  const auto map = homogeneous(3);
+  Renderer renderer;
+  renderer.set_map(map);
+  const auto [tilt_deg, cone] = GetParam();
+  for (const double angle_deg : {0.0, 77.0}) {
+    const View view = view_of_map(*map, angle_deg, tilt_deg, cone);
+    const std::vector<float> tau = renderer.tau(view, {});
+    double error = 0;
+    for (int j = 0; j < view.height; ++j)
+      for (int i = 0; i < view.width; ++i)
+        error += std::abs(tau[j * view.width + i] - 0.01 * chord_mm(view, map->geometry, i, j));
+    // Within the body 32-bit sums are good to 1e-6. At its ends a ray's last sample counts whole or not at
+    // all, which is up to 4 mm in some rows, and at its sides columns are blended.
+    const bool is_level = tilt_deg == 0 && !cone;
+    EXPECT_LT(error / static_cast<double>(tau.size()), is_level ? 1e-6 : 8e-3) << angle_deg;
+    const int middle = (view.height / 2) * view.width + view.width / 2;
+    // The middle ray meets neither end. Between columns half a pixel off the axis the chord is shorter by
+    // (1 mm)^2 / 2 / 100 mm.
+    EXPECT_NEAR(tau[middle], 0.01 * chord_mm(view, map->geometry, view.width / 2, view.height / 2), 2e-4);
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(Views, HomogeneousViews,
+                         testing::Values(std::pair(0.0, std::optional<Cone>()),
+                                         std::pair(20.0, std::optional<Cone>()),
+                                         std::pair(0.0, std::optional<Cone>(Cone{1000, 1500})),
+                                         std::pair(-15.0, std::optional<Cone>(Cone{700, 1100}))));
+
+TEST_F(RendererTest, WallsCountTwiceWithTheirTexel) {
+  const auto map = homogeneous(2);
+  Renderer renderer;
+  renderer.set_map(map);
+  Style style;
+  style.sampling.compositing = Compositing::wall;
+  const View view = view_of_map(*map, 10);
+  const std::vector<float> tau = renderer.tau(view, style);
+  const float* row = &tau[60 * view.width];
+  // Each wall holds 0.5; the axis is in the middle of pixel 80, the inner wall 50 mm beside it. Sums of
+  // floats.
+  EXPECT_NEAR(row[80], 2.0, 1e-6);
+  EXPECT_NEAR(row[80 + static_cast<int>(60 / view.pixel_mm)], 1.0, 1e-6);
+}
+
+TEST_F(RendererTest, StrengthsHideAndWeakenLayers) {
+  const auto map = homogeneous(2);
+  Renderer renderer;
+  renderer.set_map(map);
+  Style style;
+  style.sampling.reconstruction = Reconstruction::constant;
+  style.strengths = {0, 0.5f};
+  const View view = view_of_map(*map, 0);
+  // 50 mm of the outer shell on each side at half of 0.01/mm.
+  EXPECT_NEAR(renderer.tau(view, style)[60 * view.width + 80], 0.5, 1e-5);
+}
+
+/// A ball, closed and with normals outwards.
+Mesh ball(const glm::dvec3& centre_mm, double radius_mm) {
+  Mesh mesh;
+  constexpr int kRings = 24, kSides = 48;
+  for (int j = 0; j <= kRings; ++j)
+    for (int i = 0; i < kSides; ++i) {
+      const double theta = std::numbers::pi * j / kRings, phi = 2 * std::numbers::pi * i / kSides;
+      mesh.points_mm.emplace_back(centre_mm + radius_mm * glm::dvec3(std::sin(theta) * std::cos(phi),
+                                                                     std::sin(theta) * std::sin(phi),
+                                                                     std::cos(theta)));
+    }
+  for (std::uint32_t j = 0; j < kRings; ++j)
+    for (std::uint32_t i = 0; i < kSides; ++i) {
+      const std::uint32_t a = j * kSides + i, b = j * kSides + (i + 1) % kSides, c = a + kSides,
+                          d = b + kSides;
+      mesh.triangles.push_back({a, c, b});
+      mesh.triangles.push_back({b, c, d});
+    }
+  return mesh;
+}
+
+TEST_F(RendererTest, BallAbsorbsByItsThickness) {
+  Renderer renderer;
+  const auto map = homogeneous(1);
+  const glm::dvec3 centre = bounds_of(map->geometry).centre_mm;
+  renderer.set_surfaces(std::vector<Surface>{{ball(centre, 20), 0.05, {}}});
+  for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})}) {
+    const View view = view_of_map(*map, 25, 10, cone);
+    const std::vector<float> tau = renderer.tau(view, {});
+    // Facets of 7.5 deg lie up to 20 mm * (1 - cos 3.75 deg) = 0.04 mm inside the sphere, on both sides.
+    EXPECT_NEAR(tau[60 * view.width + 80], 0.05 * 40, 0.05 * 0.2);
+    EXPECT_EQ(tau[0], 0);
+  }
+}
+
+/// How much of the body lies in front of a surface whose middle is `ahead_mm` towards the detector.
+float in_front(Renderer& renderer, const BodyMap& map, const View& view, double ahead_mm,
+               const Style& style) {
+  const glm::dvec3 centre = bounds_of(map.geometry).centre_mm + ahead_mm * view.towards_detector();
+  renderer.set_surfaces(std::vector<Surface>{{ball(centre, 10), 0, {}}});
+  return renderer.tau(view, style)[60 * view.width + 80];
+}
+
+TEST_F(RendererTest, OpaqueSurfacesHideWhatLiesBehindThem) {
+  const auto map = homogeneous(2);
+  Renderer renderer;
+  renderer.set_map(map);
+  Style style;
+  style.look = Look::surface;
+  for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})})
+    for (const double angle_deg : {0.0, 140.0}) {
+      const View view = view_of_map(*map, angle_deg, 0, cone);
+      // In front of everything, just within the near wall, inside a shell, at the axis, inside a far shell,
+      // behind everything. A ball's front is 10 mm nearer than its middle.
+      for (const double ahead : {120.0, 60.0, 25.0, 0.0, -45.0, -130.0}) {
+        const double expected = 0.01 * std::clamp(100 - (ahead + 10), 0.0, 200.0);
+        // The facets of the ball, as above, and a chord that is nearly the diameter.
+        EXPECT_NEAR(in_front(renderer, *map, view, ahead, style), expected, 2e-3) << ahead;
+      }
+    }
+}
+
+TEST_F(RendererTest, DetectorIsTheNearSide) {
+  // Only what lies anterior absorbs. Seen from the front it hides a vessel, seen from behind it does not;
+  // under a cone too, whose rays come from the other side.
+  auto map = homogeneous(1);
+  for (std::size_t i = 0; i < map->tau.size(); ++i)
+    map->tau[i] = std::cos(map->geometry.phi_rad(static_cast<double>(i % 360))) > 0 ? 3.0f : 0.0f;
+  Renderer renderer;
+  renderer.set_map(map);
+  renderer.set_surfaces(std::vector<Surface>{{ball(bounds_of(map->geometry).centre_mm, 15), 0, {1, 0, 0}}});
+  Style style;
+  style.look = Look::surface;
+  for (const Compositing compositing : {Compositing::wall, Compositing::path})
+    for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})}) {
+      style.sampling.compositing = compositing;
+      const View front = view_of_map(*map, 0, 0, cone), back = view_of_map(*map, 180, 0, cone);
+      const std::size_t middle = 60 * 161 + 80;
+      const auto from_front = renderer.picture(front, style), from_behind = renderer.picture(back, style);
+      // exp(-3) of 8-bit red at most, against all of it but what the light leaves.
+      EXPECT_LT(from_front[3 * middle], 25);
+      EXPECT_GT(from_behind[3 * middle], 240);
+    }
+}
+
+TEST_F(RendererTest, SpheresAndBentCylindersAreTheLengthsOfRaysToo) {
+  auto sphere = homogeneous(2);
+  sphere->geometry.projection = Projection::sphere;
+  sphere->geometry.centre_z_mm = 5;
+  auto bent = homogeneous(2);
+  bent->geometry.centre_mm.assign(101, {20, -30});
+  for (const auto& map : {sphere, bent}) {
+    Renderer renderer;
+    renderer.set_map(map);
+    for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})}) {
+      const View view = view_of_map(*map, 40, 0, cone);
+      const std::vector<float> tau = renderer.tau(view, {});
+      // Two hundred steps of 32-bit positions; the middle ray runs through the centre.
+      EXPECT_NEAR(tau[60 * view.width + 80], 2.0, 2e-3);
+    }
+  }
+}
+
+TEST_F(RendererTest, MarchingABentAxisAgreesWithColumnsAboutAStraightOne) {
+  Device device;
+  Progress progress;
+  const Phantom phantom = make_phantom("shepp-logan", {.size = Index3{96, 96, 40}});
+  const ResidentScan scan = upload(device, generate(phantom, device, progress));
+  const MapGeometry geometry =
+      cylinder_map(scan.geometry(), 180, shell_radii_mm(RadiiRule::equal_area, 6, 110), glm::dvec2(2, 1));
+  auto straight = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+  auto bent = std::make_shared<BodyMap>(*straight);
+  bent->geometry.centre_mm.assign(static_cast<std::size_t>(geometry.height), geometry.centre_mm[0]);
+  Renderer columns, march;
+  columns.set_map(straight);
+  march.set_map(bent);
+  for (const auto& [tilt_deg, cone] :
+       {std::pair(0.0, std::optional<Cone>()), std::pair(12.0, std::optional<Cone>(Cone{800, 1200}))}) {
+    const View view = view_of_map(*straight, 55, tilt_deg, cone);
+    const auto a = columns.tau(view, {}), b = march.tau(view, {});
+    double squares = 0;
+    for (std::size_t i = 0; i < a.size(); ++i) squares += (a[i] - b[i]) * (a[i] - b[i]);
+    // Two quadratures of the same function: a tenth of what the map itself is off from the truth.
+    EXPECT_LT(std::sqrt(squares / static_cast<double>(a.size())) / *std::ranges::max_element(a), 0.01)
+        << tilt_deg;
+  }
+}
+
+TEST_F(RendererTest, ManyLayersApproachTheTrueProjection) {
+  Device device;
+  Progress progress;
+  const Phantom phantom = make_phantom("shepp-logan", {.size = Index3{128, 128, 64}});
+  const ResidentScan scan = upload(device, generate(phantom, device, progress));
+  double rms_before = 1;
+  for (const int layers : {4, 16}) {
+    const MapGeometry geometry =
+        cylinder_map(scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, layers, 125), glm::dvec2(0));
+    auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+    Renderer renderer;
+    renderer.set_map(map);
+    const View view = view_of_map(*map, 20);
+    const auto drawn = renderer.tau(view, {});
+    const auto truth = project(scan, view, Opacity::paper(), progress).tau;
+    double squares = 0;
+    for (std::size_t i = 0; i < drawn.size(); ++i) squares += (drawn[i] - truth[i]) * (drawn[i] - truth[i]);
+    const double rms =
+        std::sqrt(squares / static_cast<double>(drawn.size())) / *std::ranges::max_element(truth);
+    // Real heads have 2 % with 16 layers.
+    EXPECT_LT(rms, layers == 16 ? 0.02 : 1.0);
+    EXPECT_LT(rms, 0.6 * rms_before);
+    rms_before = rms;
+  }
+}
+
+TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
+  Device device;
+  Progress progress;
+  const Phantom phantom = make_phantom("head", {.size = Index3{192, 192, 160}});
+  const ResidentScan scan = upload(device, generate(phantom, device, progress));
+  const MapGeometry geometry =
+      cylinder_map(scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, 8, 110), glm::dvec2(0));
+  auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+  Renderer renderer;
+  renderer.set_map(map);
+  const BodyBounds bounds = bounds_of(geometry);
+  renderer.set_surfaces(std::vector<Surface>{{ball(bounds.centre_mm, 25), 0.02, {1, 0, 0}}});
+  for (const Look look : {Look::fluoro, Look::surface})
+    for (const double zoom : {1.0, 3.0}) {
+      Style full, half;
+      full.look = look;
+      Camera camera;
+      camera.zoom = zoom;
+      const View view = view_of(camera, bounds, 640, 480);
+      full.window = automatic_window(renderer.tau(view, full));
+      half = full;
+      half.pixels_per_column = 2;
+      const auto a = renderer.picture(view, full), b = renderer.picture(view, half);
+      double sum = 0;
+      int largest = 0;
+      for (std::size_t i = 0; i < a.size(); ++i) {
+        sum += std::abs(a[i] - b[i]);
+        largest = std::max(largest, std::abs(a[i] - b[i]));
+      }
+      // What nobody sees: 2 of 255 in the mean and 10 at most.
+      EXPECT_LE(sum / static_cast<double>(a.size()), 2);
+      EXPECT_LE(largest, 10);
+    }
+}
+
+TEST_F(RendererTest, SpectrumMapsAreSummedBeforeTheSpectrum) {
+  auto map = homogeneous(2);
+  map->tau.clear();
+  map->spectrum = Spectrum::named("80");
+  for (std::size_t m = 0; m < kMaterials.size(); ++m)
+    map->depths[m].assign(2 * map->layer_size(), m == 0 ? 5.0f : m == 1 ? 1.0f : 0.002f);
+  Renderer renderer;
+  renderer.set_map(map);
+  const View view = view_of_map(*map, 0);
+  // The middle ray meets both layers twice.
+  const MaterialDepths whole{{{20.0f}, {4.0f}, {0.008f}}};
+  // 32-bit sums and exponentials of some eighty bins.
+  EXPECT_NEAR(renderer.tau(view, {})[60 * view.width + 80], SpectrumModel(*map->spectrum).tau(whole)[0],
+              1e-3);
+}
+
+TEST_F(RendererTest, GreyIsWhatTheWindowSays) {
+  const auto map = homogeneous(1);
+  Renderer renderer;
+  renderer.set_map(map);
+  const View view = view_of_map(*map, 0);
+  const auto tau = renderer.tau(view, {});
+  for (const GreyWindow& window :
+       {GreyWindow{}, GreyWindow{4, 0.2, 0.9, 1, false}, GreyWindow{4, 0.2, 0.9, 2.2, true}}) {
+    Style style;
+    style.window = window;
+    const auto picture = renderer.picture(view, style);
+    for (std::size_t i = 0; i < tau.size(); i += 37)
+      // Rounding to 8 bits, either way.
+      EXPECT_NEAR(picture[3 * i], 255 * window.grey(tau[i]), 1.01) << i;
+  }
+}
+
+TEST_F(RendererTest, LeavesNothingBehind) {
+  const int before = gl::objects_alive();
+  for (int round = 0; round < 20; ++round) {
+    const auto map = homogeneous(2);
+    Renderer renderer;
+    renderer.set_map(map);
+    renderer.set_surfaces(std::vector<Surface>{{ball({}, 5), 0.1, {}}});
+    renderer.tau(view_of_map(*map, 0), {});
+  }
+  EXPECT_EQ(gl::objects_alive(), before);
+}
+
+TEST_F(RendererTest, RefusesSurfacesThatAreNotFinite) {
+  Renderer renderer;
+  Mesh mesh = ball({}, 5);
+  mesh.points_mm[7].y = std::numeric_limits<float>::quiet_NaN();
+  EXPECT_THROW(renderer.set_surfaces(std::vector<Surface>{{mesh, 0.1, {}}}), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,144 @@
+#pragma once
+
+#include <glm/fwd.hpp>
+
+#include <atomic>
+#include <epoxy/gl.h>
+#include <span>
+#include <string>
+#include <utility>
+
+/// The few OpenGL objects that the viewer needs, as move-only handles. A context has to be current wherever
+/// they are made, used and destroyed.
+namespace xraycast::gl {
+
+/// How many objects exist now, of all kinds; for those who look for leaks.
+int objects_alive();
+
+namespace detail {
+
+extern std::atomic<int> alive;
+
+struct TextureKind {
+  static void make(GLuint* id) { glGenTextures(1, id); }
+  static void destroy(const GLuint* id) { glDeleteTextures(1, id); }
+};
+struct BufferKind {
+  static void make(GLuint* id) { glGenBuffers(1, id); }
+  static void destroy(const GLuint* id) { glDeleteBuffers(1, id); }
+};
+struct VertexArrayKind {
+  static void make(GLuint* id) { glGenVertexArrays(1, id); }
+  static void destroy(const GLuint* id) { glDeleteVertexArrays(1, id); }
+};
+struct FramebufferKind {
+  static void make(GLuint* id) { glGenFramebuffers(1, id); }
+  static void destroy(const GLuint* id) { glDeleteFramebuffers(1, id); }
+};
+
+template <typename Kind>
+class Object {
+ public:
+  Object() {
+    Kind::make(&id_);
+    ++alive;
+  }
+  ~Object() {
+    if (id_ == 0) return;
+    Kind::destroy(&id_);
+    --alive;
+  }
+  Object(Object&& other) noexcept : id_(std::exchange(other.id_, 0)) {}
+  Object& operator=(Object&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+
+  GLuint id() const { return id_; }
+
+ private:
+  GLuint id_ = 0;
+};
+
+}  // namespace detail
+
+using Texture = detail::Object<detail::TextureKind>;
+using Buffer = detail::Object<detail::BufferKind>;
+using VertexArray = detail::Object<detail::VertexArrayKind>;
+using Framebuffer = detail::Object<detail::FramebufferKind>;
+
+/// A linked pair of embedded shaders.
+class Program {
+ public:
+  /// Files of viewer/shaders, compiled with `defines` (names apart by spaces): variants and not branches,
+  /// since software drivers take both sides of a branch. Throws Error with the driver's log, which is a
+  /// mistake of ours or the driver's.
+  Program(const std::string& vertex, const std::string& fragment, const std::string& defines = "");
+  ~Program();
+  Program(Program&& other) noexcept : id_(std::exchange(other.id_, 0)) {}
+  Program& operator=(Program&& other) noexcept {
+    std::swap(id_, other.id_);
+    return *this;
+  }
+
+  /// Makes it the current one, to which the following values go.
+  void use() const { glUseProgram(id_); }
+  void set(const char* name, int value) const { glUniform1i(at(name), value); }
+  void set(const char* name, bool value) const { glUniform1i(at(name), value ? 1 : 0); }
+  void set(const char* name, double value) const { glUniform1f(at(name), static_cast<float>(value)); }
+  void set(const char* name, const glm::dvec2& value) const;
+  void set(const char* name, const glm::dvec3& value) const;
+  void set(const char* name, const glm::dmat3& value) const;
+  void set(const char* name, const glm::dmat4& value) const;
+
+ private:
+  GLint at(const char* name) const { return glGetUniformLocation(id_, name); }
+
+  GLuint id_ = 0;
+};
+
+/// A table that shaders read by texelFetch from a samplerBuffer.
+class Table {
+ public:
+  /// GL_R32F, GL_RG32F or GL_RGBA32F.
+  explicit Table(GLenum format) : format_(format) {}
+
+  /// Throws InputError, naming `what`, when it has more texels than the driver takes.
+  void fill(std::span<const float> values, const std::string& what);
+
+  /// Makes it what sampler `name` of the current program reads, through texture unit `unit`.
+  void bind(const Program& program, const char* name, int unit) const;
+
+  std::size_t size_B() const { return size_B_; }
+
+ private:
+  GLenum format_;
+  std::size_t size_B_ = 0;
+  Buffer buffer_;
+  Texture texture_;
+};
+
+/// A picture to draw into and read from by texelFetch.
+class Target {
+ public:
+  explicit Target(GLenum format) : format_(format) {}
+
+  /// Makes it `width` x `height`, at least 1 x 1; its contents are lost when that changes something.
+  void resize(int width, int height);
+
+  /// All pixels, the bottom row first.
+  void fill(std::span<const float> values);
+
+  void bind(const Program& program, const char* name, int unit) const;
+  GLuint texture() const { return texture_.id(); }
+  int width() const { return width_; }
+  int height() const { return height_; }
+  std::size_t size_B() const;
+
+ private:
+  GLenum format_;
+  int width_ = 0, height_ = 0;
+  Texture texture_;
+};
+
+}  // namespace xraycast::gl

@@ -1,0 +1,25 @@
+#pragma once
+
+#include <string>
+
+namespace xraycast {
+
+/// An OpenGL 3.3 core context without a display or window, through EGL's surfaceless platform; current on the
+/// thread that made it for as long as it lives. There is one at a time.
+class HeadlessContext {
+ public:
+  /// Throws Error, saying what to install, when there is no such OpenGL.
+  HeadlessContext();
+  ~HeadlessContext();
+  HeadlessContext(const HeadlessContext&) = delete;
+  HeadlessContext& operator=(const HeadlessContext&) = delete;
+
+ private:
+  void* display_;
+  void* context_ = nullptr;
+};
+
+/// The name of what draws for the current context, such as `llvmpipe (LLVM 15.0.6, 256 bits)`.
+std::string gl_device_name();
+
+}  // namespace xraycast

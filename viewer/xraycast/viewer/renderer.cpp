@@ -1,0 +1,429 @@
+#include "xraycast/viewer/renderer.hpp"
+
+#include "xraycast/error.hpp"
+#include "xraycast/spectrum.hpp"
+#include "xraycast/viewer/camera.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+constexpr int kLayerPlaces = 4096;
+
+std::span<const float> floats(const auto& values) {
+  return {reinterpret_cast<const float*>(values.data()), values.size() * sizeof(values[0]) / sizeof(float)};
+}
+
+/// Whether map_texels made for one style serve the other.
+bool same_texels(const Style& a, const Style& b) {
+  return a.sampling.compositing == b.sampling.compositing &&
+         a.sampling.reconstruction == b.sampling.reconstruction && a.strengths == b.strengths;
+}
+
+/// Walls have hard edges, which would show.
+int pixels_per_column(const Style& style) {
+  return style.sampling.compositing == Compositing::wall ? kFullResolution : style.pixels_per_column;
+}
+
+int quads_of(int rows) { return (rows + 3) / 4; }
+
+GLuint bound_framebuffer() {
+  GLint id = 0;
+  glGetIntegerv(GL_DRAW_FRAMEBUFFER_BINDING, &id);
+  return static_cast<GLuint>(id);
+}
+
+/// The bound framebuffer's pixels, turned from OpenGL's bottom row first to ours.
+template <typename Value>
+void read_rows(int width, int height, GLenum format, GLenum type, std::vector<Value>& values) {
+  glPixelStorei(GL_PACK_ALIGNMENT, 1);
+  glReadPixels(0, 0, width, height, format, type, values.data());
+  const std::size_t row = values.size() / static_cast<std::size_t>(height);
+  for (int j = 0; j < height / 2; ++j)
+    std::swap_ranges(&values[j * row], &values[j * row] + row, &values[(height - 1 - j) * row]);
+}
+
+/// Pixels to columns and rows of a picture that is drawn pixel by pixel, at every `pixels_per_column`.
+glm::dmat3 scaled_down(int pixels_per_column) {
+  return {1.0 / pixels_per_column, 0, 0, 0, 1, 0, -0.5 / pixels_per_column, -0.5, 1};
+}
+
+}  // namespace
+
+Renderer::Renderer()
+    : column_table_(GL_RGBA32F),
+      sample_table_(GL_RGBA32F),
+      axis_table_(GL_RG32F),
+      layer_table_(GL_RG32F),
+      spectrum_table_(GL_RGBA32F),
+      body_(GL_RGBA32F),
+      near_(GL_RGBA32F),
+      shade_(GL_RGBA8),
+      surface_depth_(GL_R32F),
+      depth_(GL_DEPTH_COMPONENT32F),
+      absorbed_(GL_R32F),
+      frame_tau_(GL_R32F),
+      frame_grey_(GL_RGBA8) {}
+
+// ---- what is drawn --------------------------------------------------------------------------------
+
+void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
+  map_ = std::move(map);
+  prepared_.reset();
+  if (!map_ || !map_->spectrum) return;
+  const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
+  spectrum_bins_ = static_cast<int>(bins.size());
+  spectrum_table_.fill(floats(bins), "spectrum");
+}
+
+void Renderer::set_surfaces(std::span<const Surface> surfaces) { surfaces_.set(surfaces); }
+
+std::size_t Renderer::texture_B() const {
+  std::size_t size = 0;
+  for (const gl::Table& texels : map_texels_) size += texels.size_B();
+  return size;
+}
+
+bool Renderer::has_columns() const {
+  return map_->geometry.projection != Projection::sphere && map_->geometry.centre_mm.size() == 1;
+}
+
+void Renderer::prepare_map(const Style& style) {
+  if (prepared_ && same_texels(*prepared_, style)) return;
+  const MapGeometry& geometry = map_->geometry;
+  map_texels_.clear();
+  for (int channel = 0; channel < channels(); ++channel) {
+    const MapTexels texels = map_texels(geometry, map_->spectrum ? map_->depths[channel] : map_->tau,
+                                        style.sampling, style.strengths);
+    map_quads_ = texels.quads;
+    layer_stride_ = texels.layer_stride();
+    map_texels_.emplace_back(GL_RGBA32F).fill(texels.values, "the body map");
+  }
+  prepared_ = style;
+  if (has_columns()) return;
+  std::vector<glm::vec2> axis, places;
+  for (const glm::dvec2& centre : geometry.centre_mm) axis.emplace_back(centre);
+  axis_table_.fill(floats(axis), "the map's axis");
+  const bool is_wall = style.sampling.compositing == Compositing::wall;
+  const RadialProfile profile(geometry.radii_mm,
+                              is_wall ? Reconstruction::constant : style.sampling.reconstruction);
+  for (int i = 0; i < kLayerPlaces; ++i) {
+    const auto place = profile.at((i + 0.5) / kLayerPlaces * geometry.radius_mm());
+    places.emplace_back(place.layer, place.share);
+  }
+  layer_table_.fill(floats(places), "the map's radii");
+}
+
+// ---- passes ---------------------------------------------------------------------------------------
+
+const gl::Program& Renderer::program(const std::string& fragment, const std::string& defines) {
+  const auto [entry, is_new] =
+      programs_.try_emplace(fragment + ' ' + defines, "screen.vert", fragment, defines);
+  entry->second.use();
+  return entry->second;
+}
+
+void Renderer::draw_into(const gl::Target& target) {
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer_.id());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, target.texture(), 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, 0, 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, 0, 0);
+  constexpr GLenum kFirst = GL_COLOR_ATTACHMENT0;
+  glDrawBuffers(1, &kFirst);
+  glViewport(0, 0, target.width(), target.height());
+}
+
+void Renderer::cover() const {
+  glBindVertexArray(no_vertices_.id());
+  glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+std::string Renderer::column_defines(const SampleOptions& options) const {
+  std::string defines;
+  if (options.blends_layers(map_->geometry)) defines += "BLENDS_LAYERS ";
+  if (options.compositing == Compositing::path && map_->geometry.projection == Projection::cylinder)
+    defines += "PATH ";
+  return defines;
+}
+
+std::string Renderer::march_defines(const SampleOptions& options) const {
+  std::string defines;
+  if (map_->geometry.projection == Projection::sphere) defines += "SPHERE ";
+  if (options.compositing == Compositing::wall) defines += "WALL ";
+  return defines;
+}
+
+void Renderer::prepare_columns(const UprightView& upright, const SampleOptions& options) {
+  const ColumnSamples samples = column_samples(upright, map_->geometry, options);
+  column_table_.fill(floats(samples.columns), "the view's columns");
+  sample_table_.fill(floats(samples.samples), "the view's samples");
+}
+
+void Renderer::set_columns(const gl::Program& program, const UprightView& upright) const {
+  const MapGeometry& geometry = map_->geometry;
+  column_table_.bind(program, "column_table", 1);
+  sample_table_.bind(program, "sample_table", 2);
+  program.set("quads", map_quads_);
+  program.set("layer_stride", layer_stride_);
+  program.set("map_rows", double(geometry.height));
+  program.set("first_row", (geometry.top_mm - upright.top_mm) / geometry.row_spacing_mm);
+  program.set("row_step", upright.row_mm / geometry.row_spacing_mm);
+  program.set("fall", -upright.slope / geometry.row_spacing_mm);
+  program.set("source_row", (geometry.top_mm - upright.source_z_mm) / geometry.row_spacing_mm);
+  program.set("row_mm", geometry.row_spacing_mm);
+}
+
+void Renderer::set_march(const gl::Program& program, const View& view) const {
+  const MapGeometry& geometry = map_->geometry;
+  const BodyBounds bounds = bounds_of(geometry);
+  axis_table_.bind(program, "axis_table", 1);
+  layer_table_.bind(program, "layer_table", 2);
+  program.set("quads", map_quads_);
+  program.set("layer_stride", layer_stride_);
+  program.set("layer_places", kLayerPlaces);
+  program.set("layers", geometry.layers());
+  program.set("map_rows", double(geometry.height));
+  program.set("map_columns", double(geometry.width));
+  program.set("body_centre_mm", bounds.centre_mm);
+  program.set("body_radius_mm", bounds.radius_mm);
+  program.set("body_half_height_mm", bounds.half_height_mm);
+  program.set("radius_mm", geometry.radius_mm());
+  program.set("top_mm", geometry.top_mm);
+  program.set("row_mm", geometry.row_spacing_mm);
+  program.set("step_mm", geometry.step_mm);
+  program.set("corner_mm", view.pixel_on_detector_mm(-0.5, -0.5));
+  program.set("right_mm", view.pixel_mm * view.right());
+  program.set("down_mm", -view.pixel_mm * view.up());
+  program.set("is_cone", view.cone.has_value());
+  program.set("source_mm", view.cone ? view.source_mm() : glm::dvec3(0));
+  program.set("beam", view.towards_detector());
+}
+
+Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
+  const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+  const bool is_level = !upright.is_cone() && upright.slope == 0;
+  const bool is_aligned = is_level && pixels_per_column(style) == 1;
+  const double first_row =
+      std::round((map_->geometry.top_mm - upright.top_mm) / map_->geometry.row_spacing_mm);
+  prepare_columns(upright, style.sampling);
+  const int quads = quads_of(upright.rows);
+  for (int channel = 0; channel < channels(); ++channel) {
+    gl::Target& target = channels() > 1 ? masses_[channel] : body_;
+    target.resize(upright.columns, quads);
+    draw_into(target);
+    const gl::Program& columns =
+        program("columns.frag", column_defines(style.sampling) + (is_level ? "LEVEL" : ""));
+    set_columns(columns, upright);
+    map_texels_[channel].bind(columns, "map_texels", 0);
+    columns.set("first_quad", static_cast<int>(first_row) / 4);
+    if (upright.columns > 0 && quads > 0) cover();
+  }
+  if (channels() > 1) apply_spectrum(upright.columns, quads);
+  Body body{upright.from_pixel, upright.columns, upright.rows};
+  body.between_columns = !is_aligned;
+  if (is_level) {
+    body.first_row = -0.5 - first_row;
+    body.last_row = map_->geometry.height - 0.5 - first_row;
+  }
+  return body;
+}
+
+Renderer::Body Renderer::draw_march(const View& view, const Style& style) {
+  const int columns = (view.width - 1) / pixels_per_column(style) + 2;
+  const int quads = quads_of(view.height);
+  for (int channel = 0; channel < channels(); ++channel) {
+    gl::Target& target = channels() > 1 ? masses_[channel] : body_;
+    target.resize(columns, quads);
+    draw_into(target);
+    const gl::Program& march = program("march.frag", march_defines(style.sampling));
+    set_march(march, view);
+    map_texels_[channel].bind(march, "map_texels", 0);
+    march.set("pixels_per_column", double(pixels_per_column(style)));
+    cover();
+  }
+  if (channels() > 1) apply_spectrum(columns, quads);
+  Body body{scaled_down(pixels_per_column(style)), columns, view.height};
+  body.between_columns = pixels_per_column(style) > 1;
+  return body;
+}
+
+void Renderer::apply_spectrum(int columns, int quads) {
+  body_.resize(columns, quads);
+  draw_into(body_);
+  const gl::Program& spectrum = program("spectrum.frag", "");
+  masses_[0].bind(spectrum, "water", 0);
+  masses_[1].bind(spectrum, "bone", 1);
+  masses_[2].bind(spectrum, "iodine", 2);
+  spectrum_table_.bind(spectrum, "spectrum_table", 3);
+  spectrum.set("spectrum_bins", spectrum_bins_);
+  cover();
+}
+
+Renderer::Body Renderer::draw_body(const View& view, const Style& style) {
+  if (!map_) {
+    body_.resize(1, 1);
+    Body nothing{glm::dmat3(1), 1, 1};
+    nothing.first_row = 1e9;
+    return nothing;
+  }
+  prepare_map(style);
+  while (masses_.size() < 3) masses_.emplace_back(GL_RGBA32F);
+  return has_columns() ? draw_columns(view, style) : draw_march(view, style);
+}
+
+void Renderer::draw_surfaces(const View& view, Look look) {
+  if (look == Look::fluoro) {
+    absorbed_.resize(view.width, view.height);
+    draw_into(absorbed_);
+    surfaces_.draw_absorption(view);
+    return;
+  }
+  shade_.resize(view.width, view.height);
+  surface_depth_.resize(view.width, view.height);
+  depth_.resize(view.width, view.height);
+  draw_into(shade_);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, surface_depth_.texture(), 0);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.texture(), 0);
+  constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
+  glDrawBuffers(2, kBoth);
+  surfaces_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
+}
+
+/// Only where the depth buffer holds a surface, in front of which the covering triangle is not.
+void Renderer::draw_in_front(const View& view, const Style& style) {
+  near_.resize(view.width, view.height);
+  draw_into(near_);
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.texture(), 0);
+  constexpr float kNothing[4] = {};
+  if (!map_) return glClearBufferfv(GL_COLOR, 0, kNothing);
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(GL_GREATER);
+  for (int channel = 0; channel < channels(); ++channel) {
+    if (channels() > 1) glColorMask(channel == 0, channel == 1, channel == 2, GL_FALSE);
+    const bool by_columns = has_columns();
+    const gl::Program& in_front = by_columns ? program("near_columns.frag", column_defines(style.sampling))
+                                             : program("near_march.frag", march_defines(style.sampling));
+    if (by_columns) {
+      const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+      set_columns(in_front, upright);
+      in_front.set("from_pixel", upright.from_pixel);
+      in_front.set("last_column", upright.columns - 1.0);
+    } else {
+      set_march(in_front, view);
+    }
+    map_texels_[channel].bind(in_front, "map_texels", 0);
+    surface_depth_.bind(in_front, "surface_depth", 3);
+    in_front.set("view_height", double(view.height));
+    cover();
+  }
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+  glDepthMask(GL_TRUE);
+  glDisable(GL_DEPTH_TEST);
+}
+
+void Renderer::display(const View& view, const Style& style, const Body& body, Output output,
+                       GLuint framebuffer, int x, int y) {
+  std::string defines;
+  const bool is_opaque = style.look == Look::surface && !surfaces_.empty();
+  const bool is_absorbing = style.look == Look::fluoro && !surfaces_.empty();
+  if (output == Output::tau) defines += "TAU ";
+  if (is_opaque) defines += "SURFACE ";
+  if (is_absorbing) defines += "ABSORBING ";
+  if (is_opaque && channels() > 1) defines += "SPECTRUM ";
+  if (body.between_columns) defines += "BETWEEN_COLUMNS ";
+  if (output == Output::grey && style.window.gamma != 1) defines += "GAMMA ";
+  const gl::Program& show = program("display.frag", defines);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  glViewport(x, y, view.width, view.height);
+  body_.bind(show, "body", 0);
+  show.set("from_pixel", body.from_pixel);
+  show.set("view_height", double(view.height));
+  show.set("body_size", glm::dvec2(std::max(1, body.columns), std::max(1, body.rows)));
+  show.set("last_quad", quads_of(body.rows) - 1.0);
+  show.set("row_limits", glm::dvec2(body.columns > 0 && body.rows > 0 ? body.first_row : 1e9, body.last_row));
+  if (is_opaque) {
+    shade_.bind(show, "shade", 1);
+    near_.bind(show, "near_tau", 2);
+    spectrum_table_.bind(show, "spectrum_table", 3);
+    show.set("spectrum_bins", spectrum_bins_);
+  }
+  if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
+  show.set("scale", style.window.scale);
+  const double contrast = 1 / (style.window.light - style.window.dark);
+  show.set("contrast", contrast);
+  show.set("black", style.window.dark * contrast);
+  show.set("gamma", style.window.gamma);
+  show.set("inverted", style.window.inverted);
+  show.set("origin", glm::dvec2(x, y));
+  cover();
+}
+
+// ---- frames ---------------------------------------------------------------------------------------
+
+Renderer::Body Renderer::draw_passes(const View& view, const Style& style) {
+  const Body body = draw_body(view, style);
+  if (!surfaces_.empty()) draw_surfaces(view, style.look);
+  if (!surfaces_.empty() && style.look == Look::surface) draw_in_front(view, style);
+  return body;
+}
+
+Renderer::Body Renderer::draw_passes(const ProjectionImage& truth) {
+  const View& view = truth.view;
+  body_.resize(view.width, quads_of(view.height));
+  std::vector<float> quads(static_cast<std::size_t>(4) * body_.width() * body_.height());
+  for (int j = 0; j < view.height; ++j)
+    for (int i = 0; i < view.width; ++i)
+      quads[4 * (static_cast<std::size_t>(j / 4) * body_.width() + i) + j % 4] =
+          truth.tau[static_cast<std::size_t>(j) * view.width + i];
+  body_.fill(quads);
+  if (!surfaces_.empty()) draw_surfaces(view, Look::fluoro);
+  return {scaled_down(1), view.width, view.height};
+}
+
+void Renderer::draw(const View& view, const Style& style, int x, int y) {
+  const GLuint framebuffer = bound_framebuffer();
+  const Body body = draw_passes(view, style);
+  display(view, style, body, Output::grey, framebuffer, x, y);
+}
+
+void Renderer::draw(const ProjectionImage& truth, Style style, int x, int y) {
+  const GLuint framebuffer = bound_framebuffer();
+  style.look = Look::fluoro;
+  const Body body = draw_passes(truth);
+  display(truth.view, style, body, Output::grey, framebuffer, x, y);
+}
+
+std::vector<float> Renderer::tau(const View& view, const Style& style) {
+  const Body body = draw_passes(view, style);
+  frame_tau_.resize(view.width, view.height);
+  draw_into(frame_tau_);
+  display(view, style, body, Output::tau, framebuffer_.id(), 0, 0);
+  std::vector<float> values(static_cast<std::size_t>(view.width) * view.height);
+  read_rows(view.width, view.height, GL_RED, GL_FLOAT, values);
+  return values;
+}
+
+std::vector<std::uint8_t> Renderer::picture(const View& view, const Style& style) {
+  const Body body = draw_passes(view, style);
+  return read_picture(view, style, body);
+}
+
+std::vector<std::uint8_t> Renderer::picture(const ProjectionImage& truth, Style style) {
+  style.look = Look::fluoro;
+  const Body body = draw_passes(truth);
+  return read_picture(truth.view, style, body);
+}
+
+std::vector<std::uint8_t> Renderer::read_picture(const View& view, const Style& style, const Body& body) {
+  frame_grey_.resize(view.width, view.height);
+  draw_into(frame_grey_);
+  display(view, style, body, Output::grey, framebuffer_.id(), 0, 0);
+  std::vector<std::uint8_t> values(static_cast<std::size_t>(3) * view.width * view.height);
+  read_rows(view.width, view.height, GL_RGB, GL_UNSIGNED_BYTE, values);
+  return values;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,102 @@
+#pragma once
+
+#include "xraycast/body_map.hpp"
+#include "xraycast/projector.hpp"
+#include "xraycast/viewer/gl.hpp"
+#include "xraycast/viewer/map_texels.hpp"
+#include "xraycast/viewer/scene.hpp"
+#include "xraycast/viewer/surface_layer.hpp"
+#include "xraycast/viewer/upright_view.hpp"
+
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// Draws a body map, or a true projection in its place, with surfaces within it. Needs an OpenGL 3.3 context
+/// (HeadlessContext or a window's), the same for all calls.
+///
+/// A frame is made in passes: the body's optical depth, for maps about a straight axis on the columns of an
+/// UprightView, otherwise pixel by pixel; the surfaces; what lies in front of opaque ones; and the display,
+/// which looks all of these up and turns them into grey. Optical depths are 32-bit floats throughout.
+class Renderer {
+ public:
+  Renderer();
+
+  /// What the body is drawn from; none: nothing but surfaces.
+  void set_map(std::shared_ptr<const BodyMap> map);
+  void set_surfaces(std::span<const Surface> surfaces);
+
+  /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
+  /// has to be complete. Throws InputError when the map cannot be drawn so.
+  void draw(const View& view, const Style& style, int x = 0, int y = 0);
+
+  /// The same with the true projection for the body, in the fluoro look.
+  void draw(const ProjectionImage& truth, Style style, int x = 0, int y = 0);
+
+  /// Optical depth of the picture: height x width, row 0 on top. In the surface look it ends at opaque
+  /// surfaces.
+  std::vector<float> tau(const View& view, const Style& style);
+
+  /// The picture as 8-bit RGB, row 0 on top.
+  std::vector<std::uint8_t> picture(const View& view, const Style& style);
+  std::vector<std::uint8_t> picture(const ProjectionImage& truth, Style style);
+
+  /// Of the map, as it lies in the GPU's memory.
+  std::size_t texture_B() const;
+
+ private:
+  enum class Output { grey, tau };
+
+  /// Where the display finds the body.
+  struct Body {
+    glm::dmat3 from_pixel;  ///< to column and row of `target`
+    int columns = 0, rows = 0;
+    double first_row = -1e9, last_row = 1e9;  ///< between which there is a body
+    bool between_columns = false;             ///< pixels lie between columns
+  };
+
+  bool has_columns() const;
+  int channels() const { return map_ && map_->spectrum ? 3 : 1; }
+  void prepare_map(const Style& style);
+  void prepare_columns(const UprightView& upright, const SampleOptions& options);
+  Body draw_passes(const View& view, const Style& style);
+  Body draw_passes(const ProjectionImage& truth);
+  Body draw_body(const View& view, const Style& style);
+  Body draw_columns(const View& view, const Style& style);
+  Body draw_march(const View& view, const Style& style);
+  void draw_surfaces(const View& view, Look look);
+  void draw_in_front(const View& view, const Style& style);
+  void apply_spectrum(int columns, int quads);
+  void display(const View& view, const Style& style, const Body& body, Output output, GLuint framebuffer,
+               int x, int y);
+  std::vector<std::uint8_t> read_picture(const View& view, const Style& style, const Body& body);
+  void set_columns(const gl::Program& program, const UprightView& upright) const;
+  void set_march(const gl::Program& program, const View& view) const;
+  void draw_into(const gl::Target& target);
+  void cover() const;
+  const gl::Program& program(const std::string& fragment, const std::string& defines);
+  std::string column_defines(const SampleOptions& options) const;
+  std::string march_defines(const SampleOptions& options) const;
+
+  std::shared_ptr<const BodyMap> map_;
+  std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
+  std::vector<gl::Table> map_texels_;
+  int map_quads_ = 0, layer_stride_ = 0;
+
+  std::map<std::string, gl::Program> programs_;
+  gl::VertexArray no_vertices_;
+  gl::Framebuffer framebuffer_;
+  gl::Table column_table_, sample_table_, axis_table_, layer_table_, spectrum_table_;
+  gl::Target body_, near_, shade_, surface_depth_, depth_, absorbed_, frame_tau_, frame_grey_;
+  std::vector<gl::Target> masses_;
+  int spectrum_bins_ = 0;
+  SurfaceLayer surfaces_;
+};
+
+}  // namespace xraycast

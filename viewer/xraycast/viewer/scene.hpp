@@ -1,0 +1,40 @@
+#pragma once
+
+#include "xraycast/image.hpp"
+#include "xraycast/mesh.hpp"
+#include "xraycast/viewer/column_samples.hpp"
+
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// How surfaces appear inside the body.
+enum class Look {
+  surface,  ///< shaded and opaque; they hide what lies behind them
+  fluoro,   ///< they absorb too, and everything multiplies
+};
+
+/// `surface` and `fluoro`; `wall` and `path`. Throw InputError, naming the known ones, for other names.
+Look look_named(const std::string& name);
+Compositing compositing_named(const std::string& name);
+std::string to_string(Look look);
+std::string to_string(Compositing compositing);
+
+/// A closed surface within the body: vessels or a catheter.
+struct Surface {
+  Mesh mesh;
+  double mu_per_mm = 0.03;            ///< what it absorbs in the fluoro look, on top of the body
+  glm::dvec3 colour{0.8, 0.2, 0.15};  ///< in the surface look, 0 to 1
+};
+
+/// How a scene is drawn.
+struct Style {
+  Look look = Look::fluoro;
+  SampleOptions sampling{};
+  std::vector<float> strengths{};  ///< of the layers, 0 hides one; empty: 1 everywhere
+  GreyWindow window{};
+  int pixels_per_column = kFullResolution;  ///< 2: the body is drawn at every other column and scaled up
+};
+
+}  // namespace xraycast

@@ -1,0 +1,29 @@
+#pragma once
+
+#include "xraycast/opacity.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/scene.hpp"
+
+#include <filesystem>
+#include <optional>
+
+namespace xraycast {
+
+/// What the viewer shows and how: saved, and opened again. Files that are not there are empty.
+struct ViewSession {
+  std::filesystem::path map, basis, scan, vessels, catheter;
+  Camera camera{};
+  Style style{};
+  bool has_window = false;           ///< style.window was chosen; otherwise it follows the picture
+  std::optional<Opacity> opacity{};  ///< recast from the basis; none: the map's own
+};
+
+/// Writes JSON. Files are named relative to the session's folder, so that both can move together. Throws
+/// InputError when `path` cannot be written.
+void write_session(const ViewSession& session, const std::filesystem::path& path);
+
+/// Reads what write_session wrote. Throws InputError, naming file and field, also when a file that it names
+/// does not exist.
+ViewSession read_session(const std::filesystem::path& path);
+
+}  // namespace xraycast

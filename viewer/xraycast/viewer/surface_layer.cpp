@@ -1,0 +1,163 @@
+#include "xraycast/viewer/surface_layer.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+struct Vertex {
+  glm::vec3 point_mm, normal;
+};
+
+/// Points with the mean normal of their triangles, by area.
+std::vector<Vertex> vertices_of(const Mesh& mesh) {
+  std::vector<Vertex> vertices;
+  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0)});
+  for (const auto& [a, b, c] : mesh.triangles) {
+    const glm::vec3 normal =
+        glm::cross(mesh.points_mm[b] - mesh.points_mm[a], mesh.points_mm[c] - mesh.points_mm[a]);
+    for (const std::uint32_t corner : {a, b, c}) vertices[corner].normal += normal;
+  }
+  return vertices;
+}
+
+void check(const Mesh& mesh) {
+  for (std::size_t i = 0; i < mesh.points_mm.size(); ++i)
+    if (const glm::vec3& p = mesh.points_mm[i]; !std::isfinite(p.x + p.y + p.z))
+      throw InputError("a surface's point {} is not finite", i);
+  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
+    for (const std::uint32_t corner : mesh.triangles[i])
+      if (corner >= mesh.points_mm.size()) throw InputError("a surface's triangle {} names no point", i);
+}
+
+glm::dvec3 ray_origin_mm(const View& view) { return view.cone ? view.source_mm() : view.centre_mm; }
+
+}  // namespace
+
+glm::dmat4 to_clip(const View& view) {
+  const glm::dvec3 right = view.right() * (2 / (view.width * view.pixel_mm)),
+                   up = view.up() * (2 / (view.height * view.pixel_mm)), n = view.towards_detector();
+  const glm::dvec3 origin = ray_origin_mm(view);
+  // Row by row: clip = (row . p) + constant.
+  struct Row {
+    glm::dvec3 along;
+    double constant;
+  } x{}, y{}, z{}, w{};
+  if (view.cone) {
+    // Farther from the source is in front: z/w = a + b / distance, -1 at the farthest and 1 at the nearest.
+    const double nearest = 0.05 * view.cone->source_axis_mm, farthest = view.cone->source_axis_mm + 3000;
+    const double b = 2 / (1 / nearest - 1 / farthest), a = -1 - b / farthest;
+    const double enlarged = view.cone->source_detector_mm;
+    x = {enlarged * right, -enlarged * glm::dot(right, origin)};
+    y = {enlarged * up, -enlarged * glm::dot(up, origin)};
+    w = {n, -glm::dot(n, origin)};
+    z = {a * n, a * w.constant + b};
+  } else {
+    constexpr double kReach_mm = 3000;
+    x = {right, -glm::dot(right, origin)};
+    y = {up, -glm::dot(up, origin)};
+    z = {-n / kReach_mm, glm::dot(n, origin) / kReach_mm};
+    w = {{}, 1};
+  }
+  glm::dmat4 matrix;
+  const Row rows[] = {x, y, z, w};
+  for (int i = 0; i < 4; ++i) {
+    for (int axis = 0; axis < 3; ++axis) matrix[axis][i] = rows[i].along[axis];
+    matrix[3][i] = rows[i].constant;
+  }
+  return matrix;
+}
+
+SurfaceLayer::SurfaceLayer()
+    : shaded_("surface.vert", "surface.frag"), absorption_("surface.vert", "thickness.frag") {}
+
+void SurfaceLayer::set(std::span<const Surface> surfaces) {
+  for (const Surface& surface : surfaces) check(surface.mesh);
+  parts_.clear();
+  for (const Surface& surface : surfaces) {
+    const std::vector<Vertex> vertices = vertices_of(surface.mesh);
+    Part& part = parts_.emplace_back();
+    part.mu_per_mm = surface.mu_per_mm;
+    part.colour = surface.colour;
+    part.indices = static_cast<GLsizei>(3 * surface.mesh.triangles.size());
+    part.size_B = vertices.size() * sizeof(Vertex) + part.indices * sizeof(std::uint32_t);
+    glBindVertexArray(part.vertices.id());
+    glBindBuffer(GL_ARRAY_BUFFER, part.points.id());
+    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
+                 GL_STATIC_DRAW);
+    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
+    glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
+                 surface.mesh.triangles.data(), GL_STATIC_DRAW);
+    for (const GLuint attribute : {0u, 1u}) {
+      glEnableVertexAttribArray(attribute);
+      glVertexAttribPointer(attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                            reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
+    }
+    glBindVertexArray(0);
+  }
+}
+
+std::size_t SurfaceLayer::triangles() const {
+  std::size_t count = 0;
+  for (const Part& part : parts_) count += static_cast<std::size_t>(part.indices) / 3;
+  return count;
+}
+
+std::size_t SurfaceLayer::size_B() const {
+  std::size_t size = 0;
+  for (const Part& part : parts_) size += part.size_B;
+  return size;
+}
+
+void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
+  constexpr float kNothing[4] = {};
+  glClearBufferfv(GL_COLOR, 0, kNothing);
+  constexpr float kFar = 1;
+  glClearBufferfv(GL_DEPTH, 0, &kFar);
+  glEnable(GL_DEPTH_TEST);
+  glEnable(GL_DEPTH_CLAMP);
+  glDepthFunc(GL_LESS);
+  shaded_.use();
+  const bool horizontal = measure == DepthMeasure::horizontal;
+  shaded_.set("to_clip", to_clip(view));
+  shaded_.set("towards_detector", view.towards_detector());
+  shaded_.set("is_cone", view.cone.has_value());
+  shaded_.set("origin_mm", ray_origin_mm(view));
+  shaded_.set("along", horizontal ? glm::dvec3(std::sin(view.angle_rad), -std::cos(view.angle_rad), 0)
+                                  : view.towards_detector());
+  shaded_.set("counted_axes", horizontal ? glm::dvec3(1, 1, 0) : glm::dvec3(1));
+  for (const Part& part : parts_) {
+    shaded_.set("colour", part.colour);
+    glBindVertexArray(part.vertices.id());
+    glDrawElements(GL_TRIANGLES, part.indices, GL_UNSIGNED_INT, nullptr);
+  }
+  glDisable(GL_DEPTH_CLAMP);
+  glDisable(GL_DEPTH_TEST);
+}
+
+void SurfaceLayer::draw_absorption(const View& view) const {
+  constexpr float kNothing[4] = {};
+  glClearBufferfv(GL_COLOR, 0, kNothing);
+  glEnable(GL_BLEND);
+  glEnable(GL_DEPTH_CLAMP);
+  glBlendFunc(GL_ONE, GL_ONE);
+  absorption_.use();
+  absorption_.set("to_clip", to_clip(view));
+  absorption_.set("is_cone", view.cone.has_value());
+  absorption_.set("origin_mm", ray_origin_mm(view));
+  absorption_.set("along", view.towards_detector());
+  absorption_.set("distance_mm", view.cone ? view.cone->source_axis_mm : 0.0);
+  for (const Part& part : parts_) {
+    absorption_.set("mu_per_mm", part.mu_per_mm);
+    glBindVertexArray(part.vertices.id());
+    glDrawElements(GL_TRIANGLES, part.indices, GL_UNSIGNED_INT, nullptr);
+  }
+  glDisable(GL_DEPTH_CLAMP);
+  glDisable(GL_BLEND);
+}
+
+}  // namespace xraycast

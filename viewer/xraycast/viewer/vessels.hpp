@@ -1,0 +1,21 @@
+#pragma once
+
+#include "xraycast/nurbs_curve.hpp"
+#include "xraycast/viewer/scene.hpp"
+
+#include <filesystem>
+
+namespace xraycast {
+
+/// Vessels as a surface to draw: a mesh (.stl or .vtp), or a folder that `segment` or `phantom --truth`
+/// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. Throws InputError.
+Surface read_vessels(const std::filesystem::path& path);
+
+/// A catheter as a surface to draw, 2 mm thick: a CSV of control points x, y, z (LPS, mm) of a NURBS curve.
+/// Throws InputError, naming file and line.
+Surface read_catheter(const std::filesystem::path& path);
+
+/// A tube around a curve.
+Mesh tube_mesh(const NurbsCurve& curve, double radius_mm);
+
+}  // namespace xraycast
