@@ -32,11 +32,12 @@ ViewSession resolve(const Options& options) {
 
 void add_view(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command = add_command(app, session, "view", "The interactive viewer",
-                                  "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
-                                  "  xraycast view --scan scans/chest/\n"
-                                  "  xraycast view --session operation.json",
-                                  [options, &session] { run_viewer(resolve(*options), session.device); });
+  CLI::App* command =
+      add_command(app, session, "view", "The interactive viewer",
+                  "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
+                  "  xraycast view --scan scans/chest/\n"
+                  "  xraycast view --session operation.json",
+                  [options, &session] { run_viewer(resolve(*options), session.device, session.progress); });
   command->add_option("MAP", options->map, "The body map; without it, the scan is cast")
       ->type_name("MAP.exr");
   command->add_option("--scan", options->scan, "The scan, for true projections beside the map")

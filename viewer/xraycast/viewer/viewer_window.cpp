@@ -609,7 +609,7 @@ Viewer& viewer_of(GLFWwindow* window) { return *static_cast<Viewer*>(glfwGetWind
 
 }  // namespace
 
-void run_viewer(const ViewSession& session, const std::string& device) {
+void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress) {
   Window window;
   GLFWwindow* handle = window.handle();
   Viewer viewer(handle, session, device);
@@ -621,7 +621,7 @@ void run_viewer(const ViewSession& session, const std::string& device) {
     if (action == GLFW_PRESS && !ImGui::GetIO().WantTextInput) viewer_of(w).key(key, mods);
   });
   window.attach_gui();
-  while (!glfwWindowShouldClose(handle)) {
+  while (!glfwWindowShouldClose(handle) && !progress.cancelled()) {
     // Frames are drawn when something happens, and a few more for what ImGui settles late.
     constexpr double kSlow_s = 0.1;
     viewer.is_idle() ? glfwWaitEventsTimeout(kSlow_s) : glfwPollEvents();
