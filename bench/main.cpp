@@ -1,6 +1,7 @@
 // Every benchmark with its yardstick in the same run, repeated and interleaved at random, so that their ratio
 // survives a machine whose speed drifts. What is held constant: the thorax phantom of 512 x 512 x 720 voxels,
 // 360 angles, a radius of 255 pixels about the middle, all cores.
+#include "frames.hpp"
 #include "table.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/phantom.hpp"
@@ -8,6 +9,7 @@
 #include "xraycast/recast.hpp"
 #include "xraycast/scan.hpp"
 #include "xraycast/slab_caster.hpp"
+#include "xraycast/viewer/headless_context.hpp"
 #include "yardsticks.hpp"
 
 #include <benchmark/benchmark.h>
@@ -19,6 +21,7 @@
 #include <filesystem>
 #include <memory>
 #include <numbers>
+#include <tuple>
 
 namespace xraycast::bench {
 namespace {
@@ -39,6 +42,7 @@ class Collector final : public benchmark::ConsoleReporter {
 
 /// What all benchmarks share, made once.
 struct Bench {
+  HeadlessContext context;
   Device device;
   Progress progress;
   Volume volume;
@@ -155,6 +159,19 @@ void register_all(Bench& bench) {
   add("project_640x480_tilt", [&bench] { return project_ms(bench, 20, Opacity::paper()); });
   add("project_640x480_64knots", [&bench] { return project_ms(bench, 0, many_knots(64)); });
   add("phantom_720", [&bench] { generate(make_phantom("thorax"), bench.device, bench.progress); });
+  add("paper's 16 frames/s", [] { return 1000.0 / 16; });
+  for (const auto& [layers, width, height, with_vessels] :
+       {std::tuple{1, 1280, 720, true}, std::tuple{8, 1280, 720, false}, std::tuple{8, 640, 480, false}}) {
+    auto frames = std::make_shared<Frames>(bench.scan, bench.map(layers), width, height, with_vessels);
+    add(fmt::format("frame_{}_{}", layers, width), [frames] { return frames->next_ms(); });
+  }
+  auto recast = std::make_shared<OpacityFrames>(bench.scan, bench.map(8), 640, 480);
+  add("opacity_to_frame_8_640", [recast] { return recast->next_ms(); });
+  add("frame_true_640", [&bench] { return project_ms(bench, 0, Opacity::paper()); });
+  if (auto vtk = std::make_shared<VtkRayCaster>(bench.file, 640, 480); vtk->is_there()) {
+    add("VTK frame", [vtk] { return vtk->frame_ms(); });
+    add("VTK opacity to frame", [vtk] { return vtk->opacity_ms(); });
+  }
   const fs::path chest = fs::path(XRAYCAST_TEST_DATA) / "chest-dicom";
   if (!fs::exists(chest)) return;
   add("ITK series reader", [chest] { read_series_by_itk(chest); });
@@ -179,6 +196,11 @@ std::vector<Row> rows() {
           {"project_640x480", "", reported, 0},
           {"project_640x480_tilt", "", reported, 0},
           {"project_640x480_64knots", "", reported, 0},
+          {"frame_1_1280", "paper's 16 frames/s", at_least, 3},
+          {"frame_8_1280", "paper's 16 frames/s", at_least, 1.5},
+          {"frame_8_640", "VTK frame", at_least, 25},
+          {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
+          {"frame_true_640", "VTK frame", at_least, 12},
           {"phantom_720", "all-core read", reported, 0}};
 }
 
@@ -193,6 +215,7 @@ int main(int argc, char** argv) {
   register_all(bench);
   Collector collector;
   benchmark::RunSpecifiedBenchmarks(&collector);
+  benchmark::ClearRegisteredBenchmarks();  // with the OpenGL objects they hold, while there is a context
   Times& times = collector.times;
   // The floor of a cast is the slower of reading the bytes and taking the samples.
   if (times.contains("all-core read") && times.contains("samples from cache"))

@@ -508,7 +508,8 @@ TEST_F(Cli, DevicesPassTheirSelfTest) {
 
 TEST_F(Cli, HelpOfEverySubcommandEndsInExamples) {
   const std::string help = output_of("--help");
-  for (const std::string subcommand : {"info", "phantom", "cast", "project", "render", "compare", "devices", "demo"}) {
+  for (const std::string subcommand :
+       {"info", "phantom", "cast", "project", "render", "compare", "devices", "demo"}) {
     EXPECT_THAT(help, HasSubstr("\n  " + subcommand + " "));
     EXPECT_THAT(output_of(subcommand + " --help"), HasSubstr("\nExamples:\n  xraycast " + subcommand));
   }

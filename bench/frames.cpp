@@ -1,0 +1,113 @@
+#include "frames.hpp"
+
+#include "xraycast/caster.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/vessel_tree.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <string>
+#include <sys/wait.h>
+#include <unistd.h>
+
+namespace xraycast::bench {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+double ms_since(Clock::time_point start) {
+  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+}
+
+}  // namespace
+
+struct Frames::Gl {
+  Renderer renderer;
+  gl::Target target{GL_RGBA8};
+  gl::Framebuffer framebuffer;
+};
+
+Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
+               bool with_vessels)
+    : bounds_(bounds_of(geometry)), width_(width), height_(height) {
+  gl_ = std::make_unique<Gl>();
+  Progress progress;
+  gl_->renderer.set_map(std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map));
+  if (with_vessels) {
+    Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"))};
+    gl_->renderer.set_surfaces(std::span(&vessels, 1));
+    style_.look = Look::surface;
+  }
+  style_.pixels_per_column = 2;
+  gl_->target.resize(width, height);
+  next_ms();  // compiles the shaders
+}
+
+Frames::~Frames() = default;
+
+Renderer& Frames::renderer() { return gl_->renderer; }
+
+double Frames::next_ms() {
+  const auto start = Clock::now();
+  camera_.rotate(7);
+  glBindFramebuffer(GL_FRAMEBUFFER, gl_->framebuffer.id());
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, gl_->target.texture(), 0);
+  gl_->renderer.draw(view_of(camera_, bounds_, width_, height_), style_);
+  glFinish();
+  return ms_since(start);
+}
+
+OpacityFrames::OpacityFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height)
+    : Frames(scan, geometry, width, height, false),
+      basis_([&] {
+        Progress progress;
+        return make_basis(scan, geometry, useful_knots_hu(Opacity::paper()), progress);
+      }()),
+      session_(scan.device(), basis_) {
+  session_.set_knot(basis_.knots_hu.size() / 2, 0.02);
+}
+
+double OpacityFrames::next_ms() {
+  const auto start = Clock::now();
+  const double mu = 0.02 + 0.001 * (++moves_ % 10);
+  renderer().set_map(std::make_shared<BodyMap>(session_.set_knot(basis_.knots_hu.size() / 2, mu)));
+  Frames::next_ms();
+  return ms_since(start);
+}
+
+VtkRayCaster::VtkRayCaster(const std::filesystem::path& scan, int width, int height) {
+  int to[2], from[2];
+  if (pipe(to) != 0 || pipe(from) != 0) return;
+  process_ = fork();
+  if (process_ == 0) {
+    dup2(to[0], STDIN_FILENO);
+    dup2(from[1], STDOUT_FILENO);
+    for (const int end : {to[0], to[1], from[0], from[1]}) close(end);
+    const std::string w = std::to_string(width), h = std::to_string(height);
+    execl("/usr/bin/python3", "python3", VTK_FRAMES_SCRIPT, scan.c_str(), w.c_str(), h.c_str(), nullptr);
+    _exit(127);
+  }
+  close(to[0]);
+  close(from[1]);
+  questions_ = fdopen(to[1], "w");
+  answers_ = fdopen(from[0], "r");
+  if (ask("frame") > 0) return;
+  std::fclose(answers_);
+  answers_ = nullptr;
+}
+
+VtkRayCaster::~VtkRayCaster() {
+  if (questions_) std::fclose(questions_);  // ends the process
+  if (answers_) std::fclose(answers_);
+  if (process_ > 0) waitpid(process_, nullptr, 0);
+}
+
+double VtkRayCaster::ask(const char* what) {
+  fmt::print(questions_, "{}\n", what);
+  std::fflush(questions_);
+  double ms = 0;
+  return std::fscanf(answers_, "%lf", &ms) == 1 ? ms : 0;
+}
+
+}  // namespace xraycast::bench

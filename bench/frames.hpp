@@ -1,0 +1,66 @@
+#pragma once
+
+#include "xraycast/recast.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/renderer.hpp"
+
+#include <cstdio>
+#include <filesystem>
+#include <memory>
+
+namespace xraycast::bench {
+
+/// Frames as the window draws them while the C-arm turns: every next one 7 deg further, finished when its
+/// last pixel is in the framebuffer. The body's height fits. Needs a current OpenGL context.
+class Frames {
+ public:
+  /// `with_vessels`: the thorax phantom's vessels too, of at least 12,264 triangles, in the surface look.
+  Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height, bool with_vessels);
+  ~Frames();
+  double next_ms();
+
+ protected:
+  Renderer& renderer();
+  Camera camera_{};
+  BodyBounds bounds_;
+  Style style_{};
+
+ private:
+  int width_, height_;
+  struct Gl;
+  std::unique_ptr<Gl> gl_;
+};
+
+/// From a knot of the opacity moved to the frame with the new map.
+class OpacityFrames : public Frames {
+ public:
+  OpacityFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height);
+  double next_ms();
+
+ private:
+  Basis basis_;
+  RecastSession session_;
+  int moves_ = 0;
+};
+
+/// VTK's vtkFixedPointVolumeRayCastMapper on the same scan and window, in a process of its own
+/// (bench/vtk_frames.py): its times in milliseconds.
+class VtkRayCaster {
+ public:
+  VtkRayCaster(const std::filesystem::path& scan, int width, int height);
+  ~VtkRayCaster();
+  VtkRayCaster(const VtkRayCaster&) = delete;
+  VtkRayCaster& operator=(const VtkRayCaster&) = delete;
+
+  bool is_there() const { return answers_ != nullptr; }  ///< whether python3-vtk9 is installed
+  double frame_ms() { return ask("frame"); }
+  double opacity_ms() { return ask("opacity"); }
+
+ private:
+  double ask(const char* what);
+
+  std::FILE *questions_ = nullptr, *answers_ = nullptr;
+  int process_ = -1;
+};
+
+}  // namespace xraycast::bench

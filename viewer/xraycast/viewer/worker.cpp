@@ -1,0 +1,67 @@
+#include "xraycast/viewer/worker.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <utility>
+
+namespace xraycast {
+
+Worker::~Worker() {
+  cancel();
+  if (thread_.joinable()) thread_.join();
+}
+
+void Worker::start(std::string name, Job job) {
+  cancel();
+  if (thread_.joinable()) thread_.join();
+  name_ = std::move(name);
+  progress_ = std::make_unique<Progress>([this](const Progress::State& state) {
+    const std::lock_guard lock(mutex_);
+    state_ = state;
+  });
+  state_ = {};
+  delivery_ = {};
+  error_.reset();
+  running_ = true;
+  finished_ = false;
+  thread_ = std::thread([this, job = std::move(job)] {
+    Delivery delivery;
+    std::optional<std::string> error;
+    try {
+      delivery = job(*progress_);
+    } catch (const Cancelled&) {
+    } catch (const std::bad_alloc&) {
+      error = "not enough memory";
+    } catch (const std::exception& caught) {
+      error = caught.what();
+    }
+    const std::lock_guard lock(mutex_);
+    delivery_ = std::move(delivery);
+    error_ = std::move(error);
+    finished_ = true;
+  });
+}
+
+void Worker::cancel() {
+  if (progress_) progress_->cancel();
+}
+
+std::optional<std::string> Worker::poll() {
+  {
+    const std::lock_guard lock(mutex_);
+    if (!running_ || !finished_) return std::nullopt;
+    running_ = false;
+  }
+  thread_.join();
+  const Delivery delivery = std::exchange(delivery_, {});
+  if (delivery) delivery();
+  return std::exchange(error_, std::nullopt);
+}
+
+std::optional<Worker::Status> Worker::status() const {
+  const std::lock_guard lock(mutex_);
+  if (!running_) return std::nullopt;
+  return Status{name_, state_.stage, state_.fraction()};
+}
+
+}  // namespace xraycast
