@@ -14,7 +14,7 @@ std::optional<double> ratio(const Row& row, const Times& times) {
 }
 
 void print_table(const std::vector<Row>& rows, const Times& times) {
-  fmt::print("\n{:<22} {:>11}  {:<20} {:>11} {:>8}  {}\n", "name", "value", "yardstick", "", "ratio", "bar");
+  fmt::print("\n{:<24} {:>11}  {:<28} {:>11} {:>8}  {}\n", "name", "value", "yardstick", "", "ratio", "bar");
   for (const Row& row : rows) {
     if (!times.contains(row.name)) continue;
     const std::optional<double> r = ratio(row, times);
@@ -24,7 +24,7 @@ void print_table(const std::vector<Row>& rows, const Times& times) {
       verdict = fmt::format("{} {:g}: {}", row.bar == Row::Bar::at_most ? "<=" : ">=", row.limit,
                             met ? "met" : "missed");
     }
-    fmt::print("{:<22} {:>8.2f} ms  {:<20} {:>8} {:>11}  {}\n", row.name, times.at(row.name), row.yardstick,
+    fmt::print("{:<24} {:>8.2f} ms  {:<28} {:>8} {:>11}  {}\n", row.name, times.at(row.name), row.yardstick,
                r ? fmt::format("{:.2f} ms", times.at(row.yardstick)) : "", r ? fmt::format("{:.3f}", *r) : "",
                verdict);
   }

@@ -3,6 +3,7 @@
 #include "xraycast/phantom.hpp"
 #include "xraycast/projector.hpp"
 
+#include <fmt/format.h>
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
 
@@ -13,6 +14,7 @@
 #include <iterator>
 #include <limits>
 #include <numbers>
+#include <ostream>
 #include <random>
 #include <unistd.h>
 
@@ -131,6 +133,12 @@ struct SeenScan {
   View view;
 };
 
+void PrintTo(const SeenScan& seen, std::ostream* out) {
+  *out << fmt::format("{} x {} x {} voxels, {} x {} pixels of {} mm, {}{}", seen.size.x, seen.size.y,
+                      seen.size.z, seen.view.width, seen.view.height, seen.view.pixel_mm, label(seen.view),
+                      seen.view.cone ? ", cone" : "");
+}
+
 /// Pictures take many rays of a column at once, by ways that depend on tilt, pixels and slices; lists of rays
 /// take each alone.
 class ProjectedPicture : public testing::TestWithParam<SeenScan> {};
@@ -150,18 +158,12 @@ TEST_P(ProjectedPicture, EqualsItsRaysOneByOne) {
     const auto alone = project(scan, rays, opacity, progress);
     const auto image = project(scan, view, opacity, progress);
     ASSERT_EQ(image.tau.size(), alone.size());
-    double squared = 0;
-    for (std::size_t i = 0; i < alone.size(); ++i) {
-      const double error = image.tau[i] - alone[i];
-      squared += error * error;
-      // Both are good to 1e-4 voxels, in which neighbours differ by up to 0.05 per mm here; a ray that just
-      // touches the scan may do so in one and not in the other, for less than that.
-      ASSERT_NEAR(image.tau[i], alone[i], 2e-3)
+    for (std::size_t i = 0; i < alone.size(); ++i)
+      // Coordinates are good to 1e-5 voxels, of which a ray crosses up to a hundred, and neighbours differ by
+      // up to 0.05 per mm in this noise; a wrong voxel among them shows as 1e-2.
+      ASSERT_NEAR(image.tau[i], alone[i], 5e-4)
           << opacity.name() << ", column " << i % static_cast<std::size_t>(view.width) << ", row "
           << i / static_cast<std::size_t>(view.width);
-    }
-    // Such rays are few.
-    EXPECT_LT(std::sqrt(squared / static_cast<double>(alone.size())), 2e-4) << opacity.name();
   }
 }
 
