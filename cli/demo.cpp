@@ -72,7 +72,7 @@ std::shared_ptr<const BodyMap> make_map(const ResidentScan& scan, const BodyOutl
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
   write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
-  const auto map = std::make_shared<const BodyMap>(std::move(result.map));
+  auto map = std::make_shared<const BodyMap>(std::move(result.map));
   if (layers == 1) {
     report.picture(name + ".png", "Body map, one layer");
     return map;
@@ -108,7 +108,7 @@ void make_projection(const ResidentScan& scan, const BodyOutline& body, double a
 }
 
 /// Frames of a body map around the body, with the phantom's vessels in both looks.
-void make_frames(const Phantom& phantom, std::shared_ptr<const BodyMap> map, Report& report) {
+void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& map, Report& report) {
   const HeadlessContext context;
   report.note("OpenGL device", gl_device_name());
   Renderer renderer;

@@ -20,8 +20,9 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
 
 #else
 
-/* The same in 16 slices. Where samples lie is found for a strip of 16 of them at once, one strip ahead, so that
- * what is left for each is the arithmetic on its slices, and what it reads was fetched a strip earlier. */
+/* The same in 16 slices. Where samples lie is found for a strip of 16 of them at once, one strip ahead, so
+ * that what is left for each is the arithmetic on its slices, and what it reads was fetched a strip earlier.
+ */
 #define STRIP 16
 
 typedef struct {
@@ -30,8 +31,7 @@ typedef struct {
 } Strip;
 
 static Strip strip_from(const int first, const Ray* ray, const XrcScan* scan) {
-  const float16 at =
-      (float)first + 0.5f + (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
+  const float16 at = (float)first + 0.5f + (float16)(0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12, 13, 14, 15);
   const float16 x = clamp(fma(at, (float16)ray->dx, (float16)ray->centre.x), 0.0f, (float)(scan->size_x - 1));
   const float16 y = clamp(fma(at, (float16)ray->dy, (float16)ray->centre.y), 0.0f, (float)(scan->size_y - 1));
   const int16 ix = convert_int16(x), iy = convert_int16(y);

@@ -78,8 +78,8 @@ class Device {
     read(source, values.data(), values.size_bytes());
   }
 
-  /// Waits until what kernels wrote to a buffer of CL_MEM_USE_HOST_PTR is in that memory; a processor's driver
-  /// writes there in the first place. Throws DeviceError.
+  /// Waits until what kernels wrote to a buffer of CL_MEM_USE_HOST_PTR is in that memory; a processor's
+  /// driver writes there in the first place. Throws DeviceError.
   void bring_to_host(const cl::Buffer& buffer);
 
   /// Waits for all that was enqueued. Throws DeviceError.

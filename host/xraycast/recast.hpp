@@ -40,7 +40,7 @@ class RecastSession {
   std::vector<float> mu_per_mm_;  ///< at the knots
   BodyMap map_;
   cl::Buffer touched_, first_row_, weights_, unit_mm_;
-  cl::Buffer tau_;  ///< the memory of map_.tau
+  cl::Buffer tau_;      ///< the memory of map_.tau
   int moves_left_ = 0;  ///< of single knots, before tau is summed up anew
   double kernel_ms_ = 0;
 };

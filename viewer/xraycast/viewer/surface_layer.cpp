@@ -94,8 +94,10 @@ void SurfaceLayer::set(std::span<const Surface> surfaces) {
                  surface.mesh.triangles.data(), GL_STATIC_DRAW);
     for (const GLuint attribute : {0u, 1u}) {
       glEnableVertexAttribArray(attribute);
-      glVertexAttribPointer(attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-                            reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
+      glVertexAttribPointer(
+          attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+          // NOLINTNEXTLINE(performance-no-int-to-ptr): OpenGL takes offsets into a buffer as pointers.
+          reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
     }
     glBindVertexArray(0);
   }
