@@ -46,6 +46,7 @@ void add_phantom(CLI::App& app, Session& session);
 void add_cast(CLI::App& app, Session& session);
 void add_recast(CLI::App& app, Session& session);
 void add_project(CLI::App& app, Session& session);
+void add_segment(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);
 void add_demo(CLI::App& app, Session& session);
 

@@ -319,7 +319,7 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 6;
   const std::size_t inner = line.size() - 1 - std::min(line.size() - 1, 2 * kTangentReach);
   const double radius_mm = lumen.wall_mm(line[inner]),
-               least_mm = radius_mm - 0.5 * lumen.voxel_mm();  // what voxels can tell
+               least_mm = radius_mm - 0.2 * lumen.voxel_mm();  // what voxels can tell
   const auto fits = [&](const glm::dvec3& p) { return lumen.contains(p) && lumen.wall_mm(p) >= least_mm; };
   const auto most = static_cast<std::size_t>(std::ceil(radius_mm / step_mm));
   std::size_t taken = 0;
