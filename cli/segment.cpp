@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 using Clock = std::chrono::steady_clock;
 
 struct Options {
-  std::string input, folder, from_mask, window, surface = "level-set";
+  std::string input, folder, from_mask, window = "auto", surface = "level-set";
   std::vector<std::string> seeds, not_vessels;
   ScanOptions scan;
   SegmentOptions segment;

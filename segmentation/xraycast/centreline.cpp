@@ -129,6 +129,7 @@ class Pruner {
     cut_loops_open();
     join_all();
     prune_spurs();
+    merge_forks();
   }
 
   /// What is left.
@@ -232,6 +233,25 @@ class Pruner {
       const auto nodes = edge(worst).nodes;
       remove(worst);
       for (const int n : nodes) join(n);
+    }
+  }
+
+  /// Two forks that lie within half a radius of each other are one, where more than two branches leave.
+  void merge_forks() {
+    for (int e = 0; e < static_cast<int>(graph_.edges.size()); ++e) {
+      if (gone_[static_cast<std::size_t>(e)]) continue;
+      const auto [a, b] = edge(e).nodes;
+      if (a == b || node(a).edges.size() < 3 || node(b).edges.size() < 3) continue;
+      if (length_mm(edge(e).points_mm) > 0.5 * std::min(reach_mm(a), reach_mm(b))) continue;
+      remove(e);
+      for (const int moved : node(b).edges) {
+        SkeletonGraph::Edge& other = edge(moved);
+        const bool starts_here = other.nodes[0] == b;
+        other.nodes[starts_here ? 0 : 1] = a;
+        (starts_here ? other.points_mm.front() : other.points_mm.back()) = node(a).position_mm;
+        node(a).edges.push_back(moved);
+      }
+      node(b).edges.clear();
     }
   }
 

@@ -77,6 +77,38 @@ Mask dense_bone(const Volume& volume, const HuWindow& window) {
   return parts.select(keep);
 }
 
+/// Takes off what within a slice is a band between two layers of bone: mostly bordered by bone and more than
+/// four times as long as wide. A vessel on its way through bone is round.
+void drop_bands(Mask& mask, const Mask& bone) {
+  constexpr double kBordered = 0.5, kBand = 4;
+  const cv::Mat neighbours = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
+  parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
+    cv::Mat slice = slice_of(mask, z);
+    if (cv::countNonZero(slice) == 0) return;
+    const cv::Mat bones(slice.rows, slice.cols, CV_8UC1,
+                        const_cast<std::uint8_t*>(&bone.voxels[bone.offset({0, 0, z})]));
+    cv::Mat labels, stats, centroids, distance;
+    const int count = cv::connectedComponentsWithStats(slice, labels, stats, centroids, 8, CV_32S);
+    cv::distanceTransform(slice, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
+    for (int label = 1; label < count; ++label) {
+      const int* s = stats.ptr<int>(label);
+      const cv::Rect tight(s[cv::CC_STAT_LEFT], s[cv::CC_STAT_TOP], s[cv::CC_STAT_WIDTH],
+                           s[cv::CC_STAT_HEIGHT]);
+      const cv::Rect box = cv::Rect(tight.x - 1, tight.y - 1, tight.width + 2, tight.height + 2) &
+                           cv::Rect(0, 0, slice.cols, slice.rows);
+      const cv::Mat blob = labels(box) == label;
+      double radius = 0;
+      cv::minMaxLoc(distance(box), nullptr, &radius, nullptr, nullptr, blob);
+      if (s[cv::CC_STAT_AREA] < kBand * 4 * radius * radius) continue;
+      cv::Mat ring;
+      cv::dilate(blob, ring, neighbours);
+      ring &= ~blob;
+      if (cv::countNonZero(ring & (bones(box) != 0)) > kBordered * cv::countNonZero(ring))
+        slice(box).setTo(0, blob);
+    }
+  });
+}
+
 }  // namespace
 
 Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels) {
@@ -100,6 +132,47 @@ Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels
     cv::dilate(slice, slice, rim);
   });
   return bone;
+}
+
+void drop_marrow(Mask& mask, const Mask& bone) {
+  drop_bands(mask, bone);
+  const Components parts(mask);
+  const Index3 size = mask.geometry.size;
+  std::vector<std::int64_t> faces(static_cast<std::size_t>(parts.count())), on_bone(faces.size());
+  for (const Components::Run& run : parts.runs()) {
+    const Index3 first(run.first % size.x, run.first / size.x % size.y, run.first / (size.x * size.y));
+    for (std::int64_t i = 0; i < run.length; ++i)
+      for (std::size_t n = 0; n < 6; ++n) {
+        const Index3 near = first + Index3(i, 0, 0) + kNeighbours[n];
+        if (mask.at(near)) continue;
+        ++faces[static_cast<std::size_t>(run.component)];
+        if (bone.at(near)) ++on_bone[static_cast<std::size_t>(run.component)];
+      }
+  }
+  std::vector<bool> keep(faces.size());
+  for (std::size_t c = 0; c < keep.size(); ++c) keep[c] = 2 * on_bone[c] <= faces[c];
+  mask = parts.select(keep);
+}
+
+void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bone, Mask& vessels) {
+  constexpr double kWall_mm = 1.5;
+  const VolumeGeometry& g = volume.geometry();
+  const auto steps =
+      std::max(1L, std::lround(kWall_mm / std::max({g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z})));
+  const Box box = grown(bounding_box(vessels), steps, g.size);
+  for (long step = 0; step < steps; ++step) {
+    const Mask before = vessels;
+    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
+      const std::int64_t z = box.lower.z + i;
+      for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
+          const Index3 here(x, y, z);
+          if (before[here] != 0 || volume.at(x, y, z) < window.high_hu || bone[here] != 0) continue;
+          vessels[here] =
+              std::ranges::any_of(kNeighbours, [&](const Index3& d) { return before.at(here + d); });
+        }
+    });
+  }
 }
 
 void fill_holes(Mask& mask, double area_mm2) {

@@ -14,6 +14,14 @@ namespace xraycast {
 /// vertebral and carotid arteries, are left alone. Morphology is OpenCV's, slice by slice.
 Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels);
 
+/// Takes parts off a mask that bone encloses: marrow has the CT numbers of contrast medium, but more than
+/// half of its surface lies on bone, of which a vessel only passes through canals.
+void drop_marrow(Mask& mask, const Mask& bone);
+
+/// Adds what is denser than a vessel and lies within 1.5 mm of one, but is no bone: plaques in its wall, and
+/// a stent's struts and their blooming.
+void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bone, Mask& vessels);
+
 /// Fills what a vessel's mask encloses within a slice up to `area_mm2`: struts of stents, plaques, streaks.
 void fill_holes(Mask& mask, double area_mm2);
 

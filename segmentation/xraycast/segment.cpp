@@ -6,7 +6,6 @@
 #include "xraycast/exclusion.hpp"
 #include "xraycast/line_filter.hpp"
 #include "xraycast/parallel.hpp"
-#include "xraycast/vesselness.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -20,8 +19,6 @@ namespace xraycast {
 namespace {
 
 constexpr std::int64_t kLeastSlices = 10;
-
-double voxel_mm3(const VolumeGeometry& g) { return g.spacing_mm.x * g.spacing_mm.y * g.spacing_mm.z; }
 
 void subtract(Mask& mask, const Mask& other) {
   parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
@@ -56,6 +53,11 @@ HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, con
   return {low, low, high};
 }
 
+/// Whether there is what a body lies in; without, bright neighbours have been subtracted and nothing touches.
+bool has_air(const Volume& volume) {
+  return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
+}
+
 }  // namespace
 
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
@@ -66,22 +68,32 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       keep[static_cast<std::size_t>(parts.at(nearest_voxel(mask, seed, name)))] = true;
     return parts.select(keep);
   }
-  // Longer than wide: more than three spheres of its largest radius fit in. The largest parts are tried
-  // first.
+  // What is much longer than wide, and no plate or shell, and has its volume in thick places.
+  constexpr std::size_t kTried = 16;
+  constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.05;
   std::vector<int> order(static_cast<std::size_t>(parts.count()));
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(order, [&](int a, int b) { return parts.voxels(a) > parts.voxels(b); });
-  constexpr std::size_t kTried = 5;
-  for (std::size_t i = 0; i < std::min(kTried, order.size()); ++i) {
+  order.resize(std::min(order.size(), kTried));
+  const glm::dvec3 s = mask.geometry.spacing_mm;
+  std::vector<double> weights(static_cast<std::size_t>(parts.count()));
+  for (const int part : order) {
     keep.assign(keep.size(), false);
-    keep[static_cast<std::size_t>(order[i])] = true;
-    const Mask part = parts.select(keep);
-    const Mask cropped = crop(part, grown(bounding_box(part), 1, mask.geometry.size));
-    const auto distance_mm = distance_to_outside_mm(cropped);
+    keep[static_cast<std::size_t>(part)] = true;
+    const Mask alone = parts.select(keep);
+    const Box box = bounding_box(alone);
+    const auto distance_mm = distance_to_outside_mm(crop(alone, grown(box, 1, mask.geometry.size)));
     const double radius_mm = *std::ranges::max_element(distance_mm),
-                 sphere_mm3 = 4 / 3.0 * std::numbers::pi * std::pow(radius_mm, 3);
-    if (static_cast<double>(parts.voxels(order[i])) * voxel_mm3(mask.geometry) > 3 * sphere_mm3) return part;
+                 length_mm = glm::length(s * glm::dvec3(box.upper - box.lower)),
+                 volume = static_cast<double>(parts.voxels(part)) * s.x * s.y * s.z,
+                 tube = std::numbers::pi * radius_mm * radius_mm * length_mm;
+    if (length_mm >= 2 * kLeastSlenderness * radius_mm && volume <= kMostOfATube * tube)
+      weights[static_cast<std::size_t>(part)] = std::reduce(distance_mm.begin(), distance_mm.end(), 0.0);
   }
+  const double best = parts.count() > 0 ? *std::ranges::max_element(weights) : 0;
+  for (std::size_t part = 0; part < keep.size(); ++part)
+    keep[part] = weights[part] > 0 && weights[part] >= kLeastShare * best;
+  if (best > 0) return parts.select(keep);
   throw InputError("{}: no vessel: nothing bright is longer than it is wide", name);
 }
 
@@ -95,21 +107,21 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   progress.advance();
 
   progress.begin("thresholding", 1, "scans");
-  Mask mask = threshold(scan, window);
+  Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
   progress.advance();
   progress.begin("taking off bone", 1, "scans");
-  subtract(mask, find_bone(scan, window, mask));
+  const Mask bone = find_bone(scan, window, mask);
+  subtract(mask, bone);
+  drop_marrow(mask, bone);
   progress.advance();
-  progress.begin("vesselness", 1, "scans");
-  add_thin_vessels(scan, window, mask, device, progress);
-  progress.advance();
-  constexpr double kStrut_mm2 = 30;
-  fill_holes(mask, kStrut_mm2);
   progress.begin("parting chambers", 1, "scans");
   part_from_chambers(mask, options.markers, name);
   progress.advance();
   progress.begin("connecting", 1, "scans");
   Mask vessels = select_vessels(mask, options.markers, name);
+  add_dense_wall(scan, window, bone, vessels);
+  constexpr double kStrut_mm2 = 30;
+  fill_holes(vessels, kStrut_mm2);
   progress.advance();
   return vessels;
 }

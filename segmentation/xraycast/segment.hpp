@@ -22,14 +22,15 @@ struct SegmentOptions {
 
 /// The vessels' mask on the scan's own grid, by the steps in this folder: noise is smoothed, thresholds, bone
 /// taken off, thin vessels added by vesselness, chambers parted, and the parts that hold a seed kept, or else
-/// the largest one that is longer than wide. A stage of `progress` for each step.
+/// all large ones that are much longer than wide. A stage of `progress` for each step.
 ///
 /// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
 /// fewer than 10 slices.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   Device& device, Progress& progress);
 
-/// Keeps the parts of a mask in which seeds lie; without seeds the largest one that is longer than wide.
+/// Keeps the parts of a mask in which seeds lie; without seeds all large ones that are much
+/// longer than wide.
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name);
 
 }  // namespace xraycast

@@ -13,8 +13,8 @@ struct HuWindow {
 };
 
 /// The edge lies halfway from tissue to vessel; the core begins at 70 % of the way, which leaves out a second
-/// filling such as a false lumen's, and ends as far above as the edge is below or three standard deviations
-/// of the noise, whichever is more.
+/// filling such as a false lumen's, and ends a quarter of the way or three standard deviations of the noise
+/// above the vessels' CT number, whichever is more.
 HuWindow window_of(const Contrast& contrast);
 
 /// Voxels of the core, and those down to the edge's CT number that touch one: the rim in which lumen and

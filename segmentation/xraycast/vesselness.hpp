@@ -1,9 +1,7 @@
 #pragma once
 
 #include "xraycast/device.hpp"
-#include "xraycast/mask.hpp"
-#include "xraycast/progress.hpp"
-#include "xraycast/threshold.hpp"
+#include "xraycast/volume.hpp"
 
 #include <span>
 #include <vector>
@@ -16,7 +14,7 @@ enum class VesselnessMeasure { frangi, jerman };
 struct VesselnessOptions {
   VesselnessMeasure measure = VesselnessMeasure::jerman;
   std::vector<double> scales_mm = {0.8, 1.2, 1.8};  ///< standard deviations; about a vessel's radius
-  double contrast_hu = 300;                         ///< of a vessel; structures of a fifth of it are noise
+  double contrast_hu = 300;                         ///< of a vessel; structures much weaker are noise
 };
 
 /// For each voxel 0 to 1, the largest over all scales: Frangi et al., Multiscale vessel enhancement
@@ -26,10 +24,5 @@ struct VesselnessOptions {
 /// the device by separable Gaussians. `hu` is x fastest on the grid.
 std::vector<float> vesselness(std::span<const float> hu, const VolumeGeometry& grid,
                               const VesselnessOptions& options, Device& device);
-
-/// Adds to a mask what a threshold loses: voxels above the window's edge, and those down to a quarter of the
-/// way below it, that are tubular and connected to it. Looks only at blocks that hold such voxels.
-void add_thin_vessels(const Volume& volume, const HuWindow& window, Mask& mask, Device& device,
-                      Progress& progress);
 
 }  // namespace xraycast

@@ -20,12 +20,13 @@ struct Markers {
 /// front.
 Index3 nearest_voxel(const Mask& mask, const glm::dvec3& point_mm, const std::string& name);
 
-/// Takes from a mask what belongs to the markers of no vessels: a watershed on the distance transform,
-/// flooded from the markers on (Beucher and Meyer; ITK's morphological watershed). Necks between neighbours
-/// become the borders. Without a point in a vessel every other thick place is taken for one. Works on a grid
-/// of 1.5 mm or the mask's own, whichever is coarser.
+/// Parts structures that touch, by a marker-controlled watershed on the distance transform (Beucher and
+/// Meyer, The morphological approach to segmentation: the watershed transformation, 1993). Basins that meet
+/// stay one when the neck between them is at least half as wide as the narrower of them, as along a vessel;
+/// else the mask is opened there. Basins that hold a sphere larger than max_radius_mm, or a point that is no
+/// vessel, are taken off. Works on a grid of 1.5 mm or the mask's own, whichever is coarser.
 ///
-/// Throws InputError when a point lies farther than 5 mm from the mask.
+/// Throws InputError, with `name` in front, when a point lies farther than 5 mm from the mask.
 void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name);
 
 }  // namespace xraycast
