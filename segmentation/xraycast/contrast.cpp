@@ -105,6 +105,17 @@ std::optional<std::pair<double, double>> two_classes_hu(const Histogram& histogr
   return means;
 }
 
+/// The median, and the standard deviation that the median absolute deviation stands for.
+std::pair<double, double> median_and_spread_hu(const Histogram& histogram, int low_hu, int high_hu) {
+  const double half = 0.5 * histogram.between(low_hu, high_hu);
+  int median = low_hu;
+  for (double sum = histogram.count(median); sum < half; sum += histogram.count(++median)) {
+  }
+  int reach = 0;
+  while (histogram.between(median - reach, median + reach) < half) ++reach;
+  return {median, 1.4826 * reach};
+}
+
 }  // namespace
 
 double measure_noise_hu(const Volume& volume) {
@@ -143,7 +154,12 @@ Contrast measure_contrast(const Volume& volume, const std::string& name) {
   if (air < 0.02 * total) {
     const auto classes = two_classes_hu(all, lowest, highest);
     if (!classes) throw InputError("{}: no vessel: all voxels have about {} HU", name, lowest);
-    return {classes->first, classes->second, noise_hu};
+    // In noise the halves of its histogram are no classes: what counts rises four standard deviations above
+    // it.
+    constexpr double kRise = 4;
+    const auto [median_hu, spread_hu] = median_and_spread_hu(all, lowest, highest);
+    const double least_hu = std::max(0.5 * (classes->first + classes->second), median_hu + kRise * spread_hu);
+    return {classes->first, classes->first + 2 * (least_hu - classes->first), noise_hu, false};
   }
   const Histogram insides(volume, static_cast<int>(std::max(60.0, 4 * noise_hu)));
   const double tissue_hu = insides.mode_hu(kTissueLow_hu, kTissueHigh_hu, 10);

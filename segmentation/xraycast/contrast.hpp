@@ -8,9 +8,10 @@ namespace xraycast {
 
 /// What the histogram of a scan says about its vessels.
 struct Contrast {
-  double tissue_hu;  ///< what most of the body around vessels has
-  double vessel_hu;  ///< what the contrast-filled lumen has
-  double noise_hu;   ///< standard deviation
+  double tissue_hu;      ///< what most of the body around vessels has
+  double vessel_hu;      ///< what the contrast-filled lumen has
+  double noise_hu;       ///< standard deviation
+  bool has_bone = true;  ///< false where there is no air either: a subtracted scan, of vessels alone
   double step_hu() const { return vessel_hu - tissue_hu; }
 };
 

@@ -58,6 +58,16 @@ bool has_air(const Volume& volume) {
   return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
 }
 
+/// The parts of a mask but for those of less than a hundredth of the largest one.
+Mask without_specks(const Mask& mask) {
+  const Components parts(mask);
+  if (parts.count() == 0) return mask;
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (int c = 0; c < parts.count(); ++c)
+    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
+  return parts.select(keep);
+}
+
 }  // namespace
 
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
@@ -114,6 +124,8 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   subtract(mask, bone);
   drop_marrow(mask, bone);
   progress.advance();
+  if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
+    return without_specks(mask);  // nothing but vessels is left in a subtracted scan
   progress.begin("parting chambers", 1, "scans");
   part_from_chambers(mask, options.markers, name);
   progress.advance();

@@ -15,8 +15,7 @@
 namespace xraycast {
 namespace {
 
-/// Vertices at index positions become LPS millimetres; quads become two triangles. OpenVDB's faces look
-/// inwards.
+/// Vertices at index positions become LPS millimetres; quads become two triangles.
 Mesh mesh_at(const openvdb::FloatGrid& grid, double level, const VolumeGeometry& g) {
   std::vector<openvdb::Vec3s> points;
   std::vector<openvdb::Vec3I> triangles;
@@ -24,10 +23,10 @@ Mesh mesh_at(const openvdb::FloatGrid& grid, double level, const VolumeGeometry&
   openvdb::tools::volumeToMesh(grid, points, triangles, quads, level, 0.0);
   Mesh mesh;
   for (const openvdb::Vec3s& p : points) mesh.points_mm.emplace_back(g.to_world_mm({p.x(), p.y(), p.z()}));
-  for (const openvdb::Vec3I& t : triangles) mesh.triangles.push_back({t[0], t[2], t[1]});
+  for (const openvdb::Vec3I& t : triangles) mesh.triangles.push_back({t[0], t[1], t[2]});
   for (const openvdb::Vec4I& q : quads) {
-    mesh.triangles.push_back({q[0], q[2], q[1]});
-    mesh.triangles.push_back({q[0], q[3], q[2]});
+    mesh.triangles.push_back({q[0], q[1], q[2]});
+    mesh.triangles.push_back({q[0], q[2], q[3]});
   }
   return mesh;
 }

@@ -9,8 +9,10 @@
 namespace xraycast {
 
 HuWindow window_of(const Contrast& contrast) {
-  return {contrast.tissue_hu + 0.5 * contrast.step_hu(), contrast.tissue_hu + 0.7 * contrast.step_hu(),
-          contrast.vessel_hu + std::max(0.25 * contrast.step_hu(), 3 * contrast.noise_hu)};
+  const double low_hu = contrast.tissue_hu + 0.5 * contrast.step_hu(),
+               core_hu = contrast.tissue_hu + 0.7 * contrast.step_hu();
+  if (!contrast.has_bone) return {low_hu, core_hu, 32767};
+  return {low_hu, core_hu, contrast.vessel_hu + std::max(0.25 * contrast.step_hu(), 3 * contrast.noise_hu)};
 }
 
 Mask between(const Volume& volume, double low_hu, double high_hu) {
