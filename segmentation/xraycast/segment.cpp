@@ -118,6 +118,10 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
 
   progress.begin("thresholding", 1, "scans");
   Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
+  if (2 * mask.count() > volume.geometry().voxel_count())
+    throw InputError(
+        "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
+        name, window.low_hu);
   progress.advance();
   progress.begin("taking off bone", 1, "scans");
   const Mask bone = find_bone(scan, window, mask);
