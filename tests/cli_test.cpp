@@ -53,6 +53,14 @@ NiftiFile little_scan() {
   return file;
 }
 
+/// The same of more slices.
+NiftiFile water(std::int16_t slices) {
+  NiftiFile file = little_scan();
+  file.dim[3] = slices;
+  file.voxels = std::string(static_cast<std::size_t>(8 * 8 * slices * 2), '\0');
+  return file;
+}
+
 class Cli : public testing::Test {
  protected:
   /// `line` is what follows the program's name, its words apart by spaces; @ stands for the test's folder.
@@ -104,6 +112,23 @@ std::string nrrd_of(const std::string& sizes, const std::string& dimension = "3"
 }
 
 const BadCall kBadCalls[] = {
+    // Vessels. The little scan is 4 slices of water.
+    {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices are too few"},
+    {"SegmentNothingBright", "segment @/a.nii -o @/v", 3, "no vessel: all voxels have about 0 HU",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
+    {"SegmentSeedOutside", "segment @/a.nii -o @/v --seed 0,0,900", 3, "lies outside the scan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
+    {"SegmentSeedInTheDark", "segment @/a.nii -o @/v --window 100,900 --seed 3,3,3", 3,
+     "is not in anything bright",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
+    {"SegmentAllBright", "segment @/a.nii -o @/v --window -10,900", 3, "no vessel",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
+    {"SegmentMaskOnAnotherGrid", "segment @/a.nii -o @/v --from-mask @/ct.nii", 3, "--from-mask",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
+    {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: has to be X,Y,Z"},
+    {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
+    {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
+
     // The scan.
     {"MissingScan", "cast @/nothing -o @/out.exr", 3, "nothing: no such file or folder"},
     {"EmptyFolder", "cast @/empty -o @/out.exr", 3, "the folder is empty",
@@ -563,6 +588,28 @@ TEST_F(Cli, TakesPathsWithSpacesAndLettersBeyondAscii) {
   for (const char* picture : {"ä b.exr", "ä b.tif", "ä b.nrrd", "ä b.png"})
     made({"project", (place / "Größe 1.nrrd").string()}, picture);
   EXPECT_EQ(read_body_map(place / "schön 1.exr").source, "MetaImage " + (place / "Größe 1.mhd").string());
+}
+
+// ---- segmenting -----------------------------------------------------------------------------------
+
+TEST_F(Cli, SegmentsAPhantomsVessels) {
+  output_of("phantom thorax -o @/thorax.nrrd --spacing 2 --truth @/truth -q");
+  const Json json = json_of("segment @/thorax.nrrd -o @/vessels -q");
+  EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "voxels", "branches", "loops", "gaps_mm",
+                                         "triangles", "timings_ms"));
+  for (const char* name : {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl"})
+    EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
+  // A voxel of 2 mm is about as wide as the thinnest of the 24 branches; most are found.
+  EXPECT_GE(json["branches"], 15);
+  // The results serve a cast.
+  output_of("cast @/thorax.nrrd -o @/map.exr -q --opacity spectrum:80 --iodine @/vessels/mask.nrrd");
+}
+
+TEST_F(Cli, SegmentsFromAMask) {
+  output_of("phantom thorax -o @/thorax.nrrd --spacing 3 --truth @/truth -q");
+  const Json json =
+      json_of("segment @/thorax.nrrd -o @/vessels --from-mask @/truth/mask.nrrd --surface tubes -q");
+  EXPECT_GE(json["branches"], 3);
 }
 
 }  // namespace

@@ -1,0 +1,158 @@
+#include "xraycast/segment.hpp"
+
+#include "command.hpp"
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/centreline.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/materials.hpp"
+#include "xraycast/surface.hpp"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <filesystem>
+#include <memory>
+
+namespace xraycast::cli {
+namespace {
+
+namespace fs = std::filesystem;
+using Clock = std::chrono::steady_clock;
+
+struct Options {
+  std::string input, folder, from_mask, window = "auto", surface = "level-set";
+  std::vector<std::string> seeds, not_vessels;
+  ScanOptions scan;
+  SegmentOptions segment;
+  std::size_t triangles = 50'000;
+};
+
+std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, const std::string& option) {
+  std::vector<glm::dvec3> points_mm;
+  for (const std::string& text : texts) {
+    const std::vector<double> numbers = parse_numbers(text, option);
+    if (numbers.size() != 3) throw InputError("{} {}: has to be X,Y,Z in mm (LPS)", option, text);
+    points_mm.emplace_back(numbers[0], numbers[1], numbers[2]);
+  }
+  return points_mm;
+}
+
+SegmentOptions parsed(const Options& options) {
+  SegmentOptions segment = options.segment;
+  segment.markers.vessels_mm = parse_points(options.seeds, "--seed");
+  segment.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
+  if (!(segment.markers.max_radius_mm > 0))
+    throw InputError("--max-radius {}: has to be above zero", segment.markers.max_radius_mm);
+  if (options.triangles < 100) throw InputError("--triangles {}: has to be 100 or more", options.triangles);
+  if (options.window != "auto") {
+    const std::vector<double> limits = parse_numbers(options.window, "--window");
+    if (limits.size() != 2 || limits[0] >= limits[1])
+      throw InputError("--window {}: has to be auto or LO,HI in HU, the lower one first", options.window);
+    segment.window_hu = {limits[0], limits[1]};
+  }
+  return segment;
+}
+
+/// Somebody else's mask on the scan's grid.
+Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& progress) {
+  const Scan scan = open_scan(file, {}, progress);
+  check_mask_grid(scan.source->geometry(), grid, "--from-mask " + file);
+  const Volume values = collect(*scan.source, progress);
+  return between(values, 1, 32767);
+}
+
+fs::path made_folder(const std::string& folder) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw InputError("-o {}: the folder cannot be made: {}", folder, error.message());
+  check_writable(fs::path(folder) / "tree.vtp");
+  return folder;
+}
+
+void segment(const Options& options, Session& session) {
+  const auto start = Clock::now();
+  const SegmentOptions segmenting = parsed(options);
+  Progress& progress = session.progress;
+  const Scan scan = open_scan(options.input, options.scan, progress);
+  session.say(scan.info.warnings);
+  session.say(scan.info.notes);
+  const Volume volume = collect(*scan.source, progress);
+  Device device(session.device);
+
+  const Mask mask = options.from_mask.empty()
+                        ? segment_mask(volume, segmenting, options.input, device, progress)
+                        : select_vessels(read_mask(options.from_mask, volume.geometry(), progress),
+                                         segmenting.markers, options.from_mask);
+  progress.begin("centrelines", 1, "trees");
+  const Centrelines centrelines = find_centrelines(mask, options.input);
+  progress.advance();
+  progress.begin("surface", 1, "surfaces");
+  const Mesh surface =
+      options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);
+  progress.advance();
+
+  const fs::path folder = made_folder(options.folder);
+  write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_tree(centrelines.tree, folder / "tree.vtp");
+  write_tree(centrelines.tree, folder / "tree.json");
+  write_mesh(surface, folder / "surface.vtp");
+  write_mesh(surface, folder / "surface.stl");
+  const double total_ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  session.print({{"input", options.input},
+                 {"folder", options.folder},
+                 {"voxels", mask.count()},
+                 {"branches", centrelines.tree.branches().size()},
+                 {"loops", centrelines.loops},
+                 {"gaps_mm", centrelines.gaps_mm},
+                 {"triangles", surface.triangles.size()},
+                 {"timings_ms", {{"total", total_ms}}}},
+                fmt::format("{}: {} branches, {} loops, {} triangles, {:.0f} ms\n", options.folder,
+                            centrelines.tree.branches().size(), centrelines.loops.size(),
+                            surface.triangles.size(), total_ms));
+}
+
+}  // namespace
+
+void add_segment(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<Options>();
+  CLI::App* command =
+      add_command(app, session, "segment", "Find the vessels of a CT angiography: mask, tree and surface",
+                  "  xraycast segment cta.nii.gz -o vessels\n"
+                  "  xraycast segment cta.nii.gz -o aorta --seed 12.5,-170,690 --not 30,-200,640\n"
+                  "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
+                  "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
+                  [options, &session] { segment(*options, session); });
+  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
+      ->required();
+  command->add_option("-o,--output", options->folder, "Where mask, tree, surface and report go")
+      ->required()
+      ->type_name("DIR");
+  command
+      ->add_option("--seed", options->seeds,
+                   "A point in a vessel, LPS mm; repeatable. Without: the largest vessels")
+      ->type_name("X,Y,Z");
+  command
+      ->add_option("--not", options->not_vessels,
+                   "A point in something that touches a vessel and is none; repeatable")
+      ->type_name("X,Y,Z");
+  command
+      ->add_option("--max-radius", options->segment.markers.max_radius_mm,
+                   "Whatever holds a larger sphere is a heart chamber")
+      ->capture_default_str()
+      ->type_name("MM");
+  command->add_option("--window", options->window, "HU of vessels; auto: from the histogram")
+      ->capture_default_str()
+      ->type_name("auto|LO,HI");
+  command->add_option("--from-mask", options->from_mask, "Start from this mask of vessels on the scan's grid")
+      ->type_name("MASK");
+  command->add_option("--surface", options->surface, "level-set: of the mask; tubes: swept along the tree")
+      ->check(CLI::IsMember({"level-set", "tubes"}))
+      ->capture_default_str()
+      ->type_name("KIND");
+  command->add_option("--triangles", options->triangles, "About how many of them the surface has")
+      ->capture_default_str()
+      ->type_name("N");
+  add_scan_options(*command, options->scan);
+}
+
+}  // namespace xraycast::cli

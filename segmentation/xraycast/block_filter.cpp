@@ -1,0 +1,118 @@
+#include "xraycast/block_filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+cl_int4 int4_of(const Index3& i) {
+  return {{static_cast<cl_int>(i.x), static_cast<cl_int>(i.y), static_cast<cl_int>(i.z), 0}};
+}
+
+/// Weights of a Gaussian at 0, 1, 2 … voxels, to three standard deviations; both sides add up to 1.
+std::vector<float> gaussian_weights(double sigma_vox) {
+  const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox)));
+  std::vector<double> weights;
+  double sum = 0;
+  for (int k = 0; k <= reach; ++k) {
+    weights.push_back(std::exp(-0.5 * k * k / (sigma_vox * sigma_vox)));
+    sum += (k == 0 ? 1 : 2) * weights.back();
+  }
+  std::vector<float> result;
+  for (const double weight : weights) result.push_back(static_cast<float>(weight / sum));
+  return result;
+}
+
+/// Directions spread evenly over a half sphere, by the golden angle.
+std::vector<cl_float4> spread_directions(int count) {
+  std::vector<cl_float4> directions;
+  for (int i = 0; i < count; ++i) {
+    const double z = (i + 0.5) / count, r = std::sqrt(1 - z * z),
+                 phi = i * std::numbers::pi * (1 + std::sqrt(5.0));
+    directions.push_back({{static_cast<float>(r * std::cos(phi)), static_cast<float>(r * std::sin(phi)),
+                           static_cast<float>(z), 0}});
+  }
+  return directions;
+}
+
+}  // namespace
+
+BlockFilter::BlockFilter(Device& device, const Index3& size) : device_(device), size_(size) {}
+
+cl::Buffer BlockFilter::block() {
+  return device_.buffer(CL_MEM_READ_WRITE,
+                        size_.x * size_.y * size_.z * static_cast<std::int64_t>(sizeof(float)));
+}
+
+cl::Buffer BlockFilter::upload(std::span<const float> values) {
+  return device_.upload(values, CL_MEM_READ_WRITE);
+}
+
+std::vector<float> BlockFilter::download(const cl::Buffer& values) {
+  std::vector<float> result(static_cast<std::size_t>(size_.x * size_.y * size_.z));
+  device_.download(values, std::span(result));
+  return result;
+}
+
+cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox) {
+  cl::Kernel kernel = device_.kernel("vesselness", "gaussian");
+  cl::Buffer source = values;
+  for (int axis = 0; axis < 3; ++axis) {
+    const std::vector<float> weights = gaussian_weights(sigma_vox[axis]);
+    const cl::Buffer device_weights = device_.upload(std::span(weights));
+    const cl::Buffer target = block();
+    kernel.setArg(0, source);
+    kernel.setArg(1, target);
+    kernel.setArg(2, int4_of(size_));
+    kernel.setArg(3, axis);
+    kernel.setArg(4, device_weights);
+    kernel.setArg(5, static_cast<cl_int>(weights.size() - 1));
+    device_.run(kernel, {size_.x, size_.y, size_.z});
+    device_.finish();
+    source = target;
+  }
+  return source;
+}
+
+void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
+                                 double strength, bool is_frangi, const cl::Buffer& best) {
+  const glm::dvec3 s = spacing_mm;
+  const double scale2 = scale_mm * scale_mm;
+  const std::vector<float> per_mm2 = {
+      static_cast<float>(scale2 / (s.x * s.x)), static_cast<float>(scale2 / (s.y * s.y)),
+      static_cast<float>(scale2 / (s.z * s.z)), static_cast<float>(scale2 / (s.x * s.y)),
+      static_cast<float>(scale2 / (s.x * s.z)), static_cast<float>(scale2 / (s.y * s.z))};
+  const cl::Buffer device_per_mm2 = device_.upload(std::span(per_mm2));
+  cl::Kernel kernel = device_.kernel("vesselness", "tubularity");
+  kernel.setArg(0, smoothed);
+  kernel.setArg(1, best);
+  kernel.setArg(2, int4_of(size_));
+  kernel.setArg(3, device_per_mm2);
+  kernel.setArg(4, static_cast<float>(strength));
+  kernel.setArg(5, static_cast<cl_int>(is_frangi));
+  device_.run(kernel, {size_.x, size_.y, size_.z});
+  device_.finish();
+}
+
+cl::Buffer BlockFilter::line_mean(const cl::Buffer& values, double sigma_vox, int directions) {
+  const std::vector<float> weights = gaussian_weights(sigma_vox);
+  const std::vector<cl_float4> spread = spread_directions(directions);
+  const cl::Buffer device_weights = device_.upload(std::span(weights)),
+                   device_spread = device_.upload(std::span(spread));
+  const cl::Buffer target = block();
+  cl::Kernel kernel = device_.kernel("vesselness", "line_mean");
+  kernel.setArg(0, values);
+  kernel.setArg(1, target);
+  kernel.setArg(2, int4_of(size_));
+  kernel.setArg(3, device_spread);
+  kernel.setArg(4, static_cast<cl_int>(directions));
+  kernel.setArg(5, device_weights);
+  kernel.setArg(6, static_cast<cl_int>(weights.size() - 1));
+  device_.run(kernel, {size_.x, size_.y, size_.z});
+  device_.finish();
+  return target;
+}
+
+}  // namespace xraycast

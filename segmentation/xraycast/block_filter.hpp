@@ -1,0 +1,38 @@
+#pragma once
+
+#include "xraycast/device.hpp"
+#include "xraycast/volume.hpp"
+
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// A block of a scan on the device and the filters of kernels/vesselness.cl. Values are float, x fastest;
+/// beyond the block its border goes on.
+class BlockFilter {
+ public:
+  /// Throws DeviceError.
+  BlockFilter(Device& device, const Index3& size);
+
+  cl::Buffer upload(std::span<const float> values);
+  std::vector<float> download(const cl::Buffer& values);
+
+  /// Smooths by a Gaussian of these standard deviations along x, y and z, in voxels.
+  cl::Buffer smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox);
+
+  /// Raises `best` to the tubularity of values that were smoothed to `scale_mm`, where that is larger.
+  void add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
+                      double strength, bool is_frangi, const cl::Buffer& best);
+
+  /// The largest mean along a line through each voxel, weighted by a Gaussian of `sigma_vox`.
+  cl::Buffer line_mean(const cl::Buffer& values, double sigma_vox, int directions);
+
+ private:
+  cl::Buffer block();
+
+  Device& device_;
+  Index3 size_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,26 @@
+#pragma once
+
+#include "xraycast/mask.hpp"
+#include "xraycast/vessel_tree.hpp"
+
+#include <vector>
+
+namespace xraycast {
+
+/// A vessel tree and where the vessels were no tree.
+struct Centrelines {
+  VesselTree tree;
+  std::vector<int> loops;       ///< branches that led back to another one, and were cut open there
+  std::vector<double> gaps_mm;  ///< lengths of the straight lines that join parts of the mask
+};
+
+/// The tree of centrelines of a mask of vessels: thinned, read as a graph, spurs that do not reach out of
+/// their parent's lumen pruned, loops cut open at their thinnest edge, lines moved to the middle of their
+/// cross-sections and smoothed. The radius is the one of the cross-section, bounded by the distance
+/// transform; within its parent's lumen a branch keeps the radius that it has outside. The root is the
+/// thickest end. Points are at most one voxel apart.
+///
+/// Throws InputError, with `name` in front, when nothing in the mask is longer than it is wide.
+Centrelines find_centrelines(const Mask& mask, const std::string& name);
+
+}  // namespace xraycast

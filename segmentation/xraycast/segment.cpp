@@ -1,0 +1,145 @@
+#include "xraycast/segment.hpp"
+
+#include "xraycast/components.hpp"
+#include "xraycast/distance_transform.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/exclusion.hpp"
+#include "xraycast/line_filter.hpp"
+#include "xraycast/parallel.hpp"
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+
+namespace xraycast {
+namespace {
+
+constexpr std::int64_t kLeastSlices = 10;
+
+void subtract(Mask& mask, const Mask& other) {
+  parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
+    const auto slice = static_cast<std::size_t>(mask.geometry.slice_voxels()),
+               first = static_cast<std::size_t>(z) * slice;
+    for (std::size_t i = first; i < first + slice; ++i)
+      mask.voxels[i] &= static_cast<std::uint8_t>(other.voxels[i] ^ 1);
+  });
+}
+
+void check(const Volume& volume, const SegmentOptions& options, const std::string& name) {
+  const VolumeGeometry& g = volume.geometry();
+  if (g.size.z < kLeastSlices)
+    throw InputError("{}: {} slices are too few to follow vessels; {} are needed", name, g.size.z,
+                     kLeastSlices);
+  for (const auto* points : {&options.markers.vessels_mm, &options.markers.not_vessels_mm})
+    for (const glm::dvec3& p : *points) {
+      const glm::dvec3 lower = g.lower_mm(), upper = g.upper_mm();
+      for (int axis = 0; axis < 3; ++axis)
+        if (p[axis] < lower[axis] || p[axis] > upper[axis])
+          throw InputError(
+              "{}: the point ({:.1f}, {:.1f}, {:.1f}) mm lies outside the scan, which reaches from ({:.1f}, "
+              "{:.1f}, {:.1f}) to ({:.1f}, {:.1f}, {:.1f}) mm",
+              name, p.x, p.y, p.z, lower.x, lower.y, lower.z, upper.x, upper.y, upper.z);
+    }
+}
+
+HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, const std::string& name) {
+  if (!options.window_hu) return window_of(measure_contrast(volume, name));
+  const auto [low, high] = *options.window_hu;
+  if (low >= high) throw InputError("--window: {} is not below {}", low, high);
+  return {low, low, high};
+}
+
+/// Whether there is what a body lies in; without, bright neighbours have been subtracted and nothing touches.
+bool has_air(const Volume& volume) {
+  return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
+}
+
+/// The parts of a mask but for those of less than a hundredth of the largest one.
+Mask without_specks(const Mask& mask) {
+  const Components parts(mask);
+  if (parts.count() == 0) return mask;
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (int c = 0; c < parts.count(); ++c)
+    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
+  return parts.select(keep);
+}
+
+}  // namespace
+
+Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
+  const Components parts(mask);
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  if (!markers.vessels_mm.empty()) {
+    for (const glm::dvec3& seed : markers.vessels_mm)
+      keep[static_cast<std::size_t>(parts.at(nearest_voxel(mask, seed, name)))] = true;
+    return parts.select(keep);
+  }
+  // What is much longer than wide, and no plate or shell, and has its volume in thick places.
+  constexpr std::size_t kTried = 16;
+  constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.05;
+  std::vector<int> order(static_cast<std::size_t>(parts.count()));
+  std::iota(order.begin(), order.end(), 0);
+  std::ranges::sort(order, [&](int a, int b) { return parts.voxels(a) > parts.voxels(b); });
+  order.resize(std::min(order.size(), kTried));
+  const glm::dvec3 s = mask.geometry.spacing_mm;
+  std::vector<double> weights(static_cast<std::size_t>(parts.count()));
+  for (const int part : order) {
+    keep.assign(keep.size(), false);
+    keep[static_cast<std::size_t>(part)] = true;
+    const Mask alone = parts.select(keep);
+    const Box box = bounding_box(alone);
+    const auto distance_mm = distance_to_outside_mm(crop(alone, grown(box, 1, mask.geometry.size)));
+    const double radius_mm = *std::ranges::max_element(distance_mm),
+                 length_mm = glm::length(s * glm::dvec3(box.upper - box.lower)),
+                 volume = static_cast<double>(parts.voxels(part)) * s.x * s.y * s.z,
+                 tube = std::numbers::pi * radius_mm * radius_mm * length_mm;
+    if (length_mm >= 2 * kLeastSlenderness * radius_mm && volume <= kMostOfATube * tube)
+      weights[static_cast<std::size_t>(part)] = std::reduce(distance_mm.begin(), distance_mm.end(), 0.0);
+  }
+  const double best = parts.count() > 0 ? *std::ranges::max_element(weights) : 0;
+  for (std::size_t part = 0; part < keep.size(); ++part)
+    keep[part] = weights[part] > 0 && weights[part] >= kLeastShare * best;
+  if (best > 0) return parts.select(keep);
+  throw InputError("{}: no vessel: nothing bright is longer than it is wide", name);
+}
+
+Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                  Device& device, Progress& progress) {
+  check(volume, options, name);
+  progress.begin("contrast", 1, "scans");
+  std::optional<Volume> quiet = denoised(volume, device);
+  const Volume& scan = quiet ? *quiet : volume;
+  const HuWindow window = resolve_window(scan, options, name);
+  progress.advance();
+
+  progress.begin("thresholding", 1, "scans");
+  Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
+  if (2 * mask.count() > volume.geometry().voxel_count())
+    throw InputError(
+        "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
+        name, window.low_hu);
+  progress.advance();
+  progress.begin("taking off bone", 1, "scans");
+  const Mask bone = find_bone(scan, window, mask);
+  subtract(mask, bone);
+  drop_marrow(mask, bone);
+  progress.advance();
+  if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
+    return without_specks(mask);  // nothing but vessels is left in a subtracted scan
+  progress.begin("parting chambers", 1, "scans");
+  part_from_chambers(mask, options.markers, name);
+  progress.advance();
+  progress.begin("connecting", 1, "scans");
+  Mask vessels = select_vessels(mask, options.markers, name);
+  add_dense_wall(scan, window, bone, vessels);
+  constexpr double kStrut_mm2 = 30;
+  fill_holes(vessels, kStrut_mm2);
+  progress.advance();
+  return vessels;
+}
+
+}  // namespace xraycast

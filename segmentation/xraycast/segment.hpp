@@ -1,0 +1,36 @@
+#pragma once
+
+#include "xraycast/device.hpp"
+#include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
+#include "xraycast/threshold.hpp"
+#include "xraycast/watershed.hpp"
+
+#include <optional>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace xraycast {
+
+/// What to change about a segmentation.
+struct SegmentOptions {
+  std::optional<std::pair<double, double>>
+      window_hu;    ///< lowest and highest HU; otherwise from the histogram
+  Markers markers;  ///< seeds, what is no vessel, and the largest radius
+};
+
+/// The vessels' mask on the scan's own grid, by the steps in this folder: noise is smoothed, thresholds, bone
+/// taken off, thin vessels added by vesselness, chambers parted, and the parts that hold a seed kept, or else
+/// all large ones that are much longer than wide. A stage of `progress` for each step.
+///
+/// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
+/// fewer than 10 slices.
+Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                  Device& device, Progress& progress);
+
+/// Keeps the parts of a mask in which seeds lie; without seeds all large ones that are much
+/// longer than wide.
+Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name);
+
+}  // namespace xraycast

@@ -1,0 +1,144 @@
+// Tubes whose centreline and radius are known in closed form.
+#include "xraycast/centreline.hpp"
+
+#include "support/tubes.hpp"
+#include "xraycast/error.hpp"
+
+#include <glm/trigonometric.hpp>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+struct Deviation {
+  double off_vox = 0;       ///< largest distance of a point from the true centreline
+  double radius_share = 0;  ///< of the mean radius from the true one
+};
+
+/// Of all points for which `counts`, against the distance from the true line.
+template <typename Counts, typename Distance>
+Deviation deviation(const VesselTree& tree, double radius_mm, const Counts& counts,
+                    const Distance& distance) {
+  Deviation worst;
+  double sum = 0;
+  int points = 0;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) {
+      if (!counts(point.position_mm)) continue;
+      worst.off_vox = std::max(worst.off_vox, distance(point.position_mm));
+      worst.radius_share = std::max(worst.radius_share, std::abs(point.radius_mm / radius_mm - 1));
+      sum += point.radius_mm;
+      ++points;
+    }
+  EXPECT_GT(points, 20);
+  EXPECT_NEAR(sum / points, radius_mm, 0.03 * radius_mm);
+  return worst;
+}
+
+class Straight : public testing::TestWithParam<double> {};
+
+TEST_P(Straight, TubeIsFoundBetweenVoxels) {
+  const double radius = GetParam();
+  const glm::dvec3 a(14.3, 15.6, 12.2), b(50.1, 38.4, 70.7);
+  const Mask tube = mask_where({.size = {66, 56, 84}},
+                               [&](const glm::dvec3& p) { return distance_to_segment(p, a, b) < radius; });
+  const Centrelines found = find_centrelines(tube, "tube");
+  ASSERT_EQ(found.tree.branches().size(), 1U);
+  const Deviation worst = deviation(
+      found.tree, radius, [](const auto&) { return true; },
+      [&](const glm::dvec3& p) { return distance_to_segment(p, a - (b - a), b + (b - a)); });
+  EXPECT_LT(worst.off_vox, 0.3) << "radius " << radius;
+  // The ends are known to about a voxel each: that is where the last sphere touches the round cap.
+  EXPECT_NEAR(found.tree.branches()[0].arc_length_mm.back(), glm::distance(a, b), 2);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfRadius, Straight, testing::Values(2.0, 3.3, 5.0, 7.5));
+
+TEST(Centrelines, FollowABentTube) {
+  const glm::dvec3 centre(10, 10, 20);
+  constexpr double kBend = 40, kRadius = 4.5;
+  const auto distance = [&](const glm::dvec3& p) {
+    const glm::dvec3 d = p - centre;
+    return std::hypot(std::hypot(d.x, d.y) - kBend, d.z);
+  };
+  const Mask tube = mask_where({.size = {62, 62, 40}}, [&](const glm::dvec3& p) {
+    return distance(p) < kRadius && p.x > 12 && p.y > 12;
+  });
+  const Centrelines found = find_centrelines(tube, "tube");
+  ASSERT_EQ(found.tree.branches().size(), 1U);
+  // Within a radius of the cut faces the cross-section is no longer the tube's.
+  const auto counts = [&](const glm::dvec3& p) { return p.x > 12 + kRadius && p.y > 12 + kRadius; };
+  const Deviation worst = deviation(found.tree, kRadius, counts, distance);
+  EXPECT_LT(worst.off_vox, 0.3);
+}
+
+TEST(Centrelines, PartWhereATubeBranches) {
+  const glm::dvec3 root(40, 20, 8), fork(40, 20, 40), left(14, 20, 78), right(66, 26, 78);
+  constexpr double kRadius = 4;
+  const auto distance = [&](const glm::dvec3& p) {
+    return std::min({distance_to_segment(p, root, fork), distance_to_segment(p, fork, left),
+                     distance_to_segment(p, fork, right)});
+  };
+  const Mask tube =
+      mask_where({.size = {80, 44, 90}}, [&](const glm::dvec3& p) { return distance(p) < kRadius; });
+  const Centrelines found = find_centrelines(tube, "tube");
+  ASSERT_EQ(found.tree.branches().size(), 3U);
+  EXPECT_EQ(found.tree.branches()[static_cast<std::size_t>(found.tree.root())].children.size(), 2U);
+  EXPECT_THAT(found.loops, testing::IsEmpty());
+  // Around the fork the cross-section is that of two tubes together, up to where they have parted: twice the
+  // radius over the angle between them.
+  const auto counts = [&](const glm::dvec3& p) { return glm::distance(p, fork) > 3 * kRadius; };
+  const Deviation worst = deviation(found.tree, kRadius, counts, distance);
+  EXPECT_LT(worst.off_vox, 0.3);
+}
+
+TEST(Centrelines, OfAnisotropicVoxelsAreInMillimetres) {
+  const glm::dvec3 a(-20, 5, -30), b(12, 8, 31);
+  constexpr double kRadius = 4;
+  const VolumeGeometry grid{.size = {80, 40, 40}, .spacing_mm = {0.7, 0.7, 2}, .origin_mm = {-30, -8, -39}};
+  const Mask tube =
+      mask_where(grid, [&](const glm::dvec3& p) { return distance_to_segment(p, a, b) < kRadius; });
+  const Centrelines found = find_centrelines(tube, "tube");
+  ASSERT_EQ(found.tree.branches().size(), 1U);
+  const Deviation worst = deviation(
+      found.tree, kRadius, [](const auto&) { return true; },
+      [&](const glm::dvec3& p) { return distance_to_segment(p, a, b); });
+  EXPECT_LT(worst.off_vox, 0.3 * 2);
+}
+
+TEST(Centrelines, CutARingOpenAndSaySo) {
+  const Mask ring = mask_where({.size = {60, 60, 16}}, [&](const glm::dvec3& p) {
+    const double r = glm::length(glm::dvec2(p) - 30.0);
+    return std::hypot(r - 20, p.z - 8) < 3 || distance_to_segment(p, {2, 30, 8}, {12, 30, 8}) < 3 ||
+           distance_to_segment(p, {48, 30, 8}, {58, 30, 8}) < 3;
+  });
+  const Centrelines found = find_centrelines(ring, "ring");
+  // The way in, half of the ring with the way out, and the other half.
+  EXPECT_EQ(found.tree.branches().size(), 3U);
+  EXPECT_EQ(found.loops.size(), 1U);
+}
+
+TEST(Centrelines, JoinPartsAndSayHow) {
+  const Mask parts = mask_where({.size = {20, 20, 70}}, [](const glm::dvec3& p) {
+    return glm::length(glm::dvec2(p) - 10.0) < 3 && (p.z < 30 || p.z > 36);
+  });
+  const Centrelines found = find_centrelines(parts, "parts");
+  ASSERT_EQ(found.gaps_mm.size(), 1U);
+  // Six empty slices, and what thinning takes off an end: up to its radius on each side.
+  EXPECT_GE(found.gaps_mm[0], 7);
+  EXPECT_LE(found.gaps_mm[0], 7 + 2 * 3);
+  EXPECT_EQ(found.tree.branches().size(), 1U);
+}
+
+TEST(Centrelines, RefuseWhatHasNoLength) {
+  EXPECT_THROW(find_centrelines(Mask({.size = {9, 9, 9}}), "nothing"), InputError);
+  Mask point({.size = {9, 9, 9}});
+  point[{4, 4, 4}] = 1;
+  EXPECT_THROW(find_centrelines(point, "point"), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

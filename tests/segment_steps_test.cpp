@@ -1,0 +1,130 @@
+// Every step of a segmentation on a scene whose answer is known.
+#include "support/tubes.hpp"
+#include "xraycast/components.hpp"
+#include "xraycast/contrast.hpp"
+#include "xraycast/distance_transform.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/surface.hpp"
+#include "xraycast/threshold.hpp"
+#include "xraycast/watershed.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace xraycast {
+namespace {
+
+TEST(DistanceTransform, EqualsTheBruteForceOneOnAnisotropicVoxels) {
+  std::mt19937 random(1);
+  const VolumeGeometry grid{.size = {9, 11, 7}, .spacing_mm = {0.7, 1.1, 2}};
+  Mask mask(grid);
+  for (std::uint8_t& voxel : mask.voxels) voxel = random() % 8 != 0;
+  const std::vector<float> distance_mm = distance_to_outside_mm(mask);
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i) {
+    const auto at = [&](std::size_t k) {
+      const auto o = static_cast<std::int64_t>(k);
+      return grid.to_world_mm({o % 9, o / 9 % 11, o / 99});
+    };
+    double nearest_mm = 1e9;
+    for (std::size_t k = 0; k < mask.voxels.size(); ++k)
+      if (mask.voxels[k] == 0) nearest_mm = std::min(nearest_mm, glm::distance(at(i), at(k)));
+    // Distances are computed in double precision and stored as float.
+    ASSERT_NEAR(distance_mm[i], nearest_mm, 1e-5);
+  }
+}
+
+TEST(Components, TouchByCorners) {
+  Mask mask({.size = {4, 4, 4}});
+  mask[{0, 0, 0}] = mask[{1, 1, 1}] = mask[{3, 3, 3}] = 1;
+  const Components parts(mask);
+  EXPECT_EQ(parts.count(), 2);
+  EXPECT_EQ(parts.at({0, 0, 0}), parts.at({1, 1, 1}));
+  EXPECT_EQ(parts.at({2, 2, 2}), -1);
+  EXPECT_EQ(parts.voxels(parts.largest()), 2);
+}
+
+/// Air around a body of soft tissue with a vessel of 400 HU, and noise of 10 HU.
+Volume angiography() {
+  Volume volume({.size = {60, 60, 40}});
+  std::mt19937 random(2);
+  std::normal_distribution<double> noise(0, 10);
+  for (std::int64_t z = 0; z < 40; ++z)
+    for (std::int64_t y = 0; y < 60; ++y)
+      for (std::int64_t x = 0; x < 60; ++x) {
+        const double from_axis = std::hypot(static_cast<double>(x) - 30, static_cast<double>(y) - 30);
+        const double hu = from_axis < 7 ? 400 : from_axis < 27 ? 50 : -1000;
+        volume.at(x, y, z) = static_cast<std::int16_t>(std::lround(hu + noise(random)));
+      }
+  return volume;
+}
+
+TEST(Contrast, IsReadFromTheHistogram) {
+  const Contrast contrast = measure_contrast(angiography(), "scan");
+  // A peak of 10 HU width, looked for with windows of 10 and 15 HU.
+  EXPECT_NEAR(contrast.tissue_hu, 50, 10);
+  EXPECT_NEAR(contrast.vessel_hu, 400, 10);
+  // The median of whole numbers.
+  EXPECT_NEAR(contrast.noise_hu, 10, 1);
+}
+
+TEST(Contrast, IsMissingInANativeScan) {
+  Volume volume = angiography();
+  for (std::int16_t& hu : volume.hu()) hu = std::min<std::int16_t>(hu, 90);
+  EXPECT_THROW(measure_contrast(volume, "scan"), InputError);
+}
+
+TEST(Threshold, FindsTheVesselAndItsRim) {
+  const Volume volume = angiography();
+  const Mask mask = threshold(volume, window_of(measure_contrast(volume, "scan")));
+  const Mask truth =
+      mask_where(volume.geometry(), [](const glm::dvec3& p) { return std::hypot(p.x - 30, p.y - 30) < 7; });
+  EXPECT_EQ(mask.voxels, truth.voxels);
+}
+
+TEST(Watershed, PartsAVesselFromTheChamberThatItLeaves) {
+  const VolumeGeometry grid{.size = {60, 60, 100}};
+  const auto chamber = [](const glm::dvec3& p) { return glm::distance(p, glm::dvec3(30, 30, 30)) < 22; };
+  const auto vessel = [](const glm::dvec3& p) {
+    return std::hypot(p.x - 30, p.y - 30) < (std::abs(p.z - 54) < 3 ? 6 : 9) && p.z > 50;
+  };
+  Mask mask = mask_where(grid, [&](const glm::dvec3& p) { return chamber(p) || vessel(p); });
+  part_from_chambers(mask, {}, "mask");
+  EXPECT_FALSE(mask.at({30, 30, 30}));
+  EXPECT_TRUE(mask.at({30, 30, 80}));
+  EXPECT_EQ(Components(mask).largest(), Components(mask).at({30, 30, 80}));
+}
+
+TEST(Watershed, LeavesAStenosisTogether) {
+  const VolumeGeometry grid{.size = {30, 30, 80}};
+  Mask mask = mask_where(grid, [](const glm::dvec3& p) {
+    return std::hypot(p.x - 15, p.y - 15) < (std::abs(p.z - 40) < 4 ? 5 : 8);
+  });
+  const Mask before = mask;
+  part_from_chambers(mask, {}, "mask");
+  EXPECT_EQ(mask.voxels, before.voxels);
+}
+
+TEST(Watershed, RefusesAPointInTheDark) {
+  Mask mask = mask_where({.size = {30, 30, 30}}, [](const glm::dvec3& p) { return p.x < 5; });
+  EXPECT_THROW(part_from_chambers(mask, {.vessels_mm = {{25, 15, 15}}, .not_vessels_mm = {}}, "mask"),
+               InputError);
+}
+
+TEST(Surface, IsWatertightAndKeepsTheVolume) {
+  const VolumeGeometry grid{.size = {50, 40, 60}, .spacing_mm = {0.8, 0.8, 1}, .origin_mm = {-5, 7, 100}};
+  const Mask mask = mask_where(grid, [](const glm::dvec3& p) {
+    return distance_to_segment(p, {10, 20, 100}, {25, 25, 150}) < 3 ||
+           distance_to_segment(p, {14, 22, 115}, {5, 30, 150}) < 1.5;
+  });
+  for (const std::size_t triangles : {std::size_t{100'000}, std::size_t{2'000}}) {
+    const Mesh mesh = surface_of(mask, triangles);
+    EXPECT_TRUE(is_watertight(mesh));
+    // What the README promises.
+    EXPECT_NEAR(volume_mm3(mesh) / (static_cast<double>(mask.count()) * 0.8 * 0.8), 1, 0.03);
+  }
+}
+
+}  // namespace
+}  // namespace xraycast
