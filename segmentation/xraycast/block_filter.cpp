@@ -101,7 +101,7 @@ cl::Buffer BlockFilter::line_mean(const cl::Buffer& values, double sigma_vox, in
   const std::vector<cl_float4> spread = spread_directions(directions);
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
-  const cl::Buffer target = block();
+  cl::Buffer target = block();
   cl::Kernel kernel = device_.kernel("vesselness", "line_mean");
   kernel.setArg(0, values);
   kernel.setArg(1, target);

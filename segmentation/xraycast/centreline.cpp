@@ -318,7 +318,8 @@ std::vector<T> smoothed(const std::vector<T>& values, double sigma) {
     double weights = 0;
     for (int k = -reach; k <= reach; ++k) {
       const double weight = std::exp(-0.5 * k * k / (sigma * sigma));
-      sum += weight * values[static_cast<std::size_t>(i + k)];
+      const int at = i + k;
+      sum += weight * values[static_cast<std::size_t>(at)];
       weights += weight;
     }
     result[static_cast<std::size_t>(i)] = sum / weights;

@@ -36,16 +36,19 @@ class Histogram {
                std::abs(volume.at(x, y + 1, z) - volume.at(x, y - 1, z)) > edge_hu ||
                std::abs(volume.at(x, y, above) - volume.at(x, y, below)) > edge_hu))
             continue;
-          ++counts[static_cast<std::size_t>(hu + 32768)];
+          ++counts[bin_of(hu)];
         }
       const std::lock_guard lock(mutex);
       for (std::size_t i = 0; i < counts.size(); ++i) counts_[i] += counts[i];
     });
   }
 
-  double count(int hu) const {
-    return counts_[static_cast<std::size_t>(std::clamp(hu, -32768, 32767) + 32768)];
+  static std::size_t bin_of(int hu) {
+    const int bin = hu + 32768;
+    return static_cast<std::size_t>(bin);
   }
+
+  double count(int hu) const { return counts_[bin_of(std::clamp(hu, -32768, 32767))]; }
 
   double between(int first_hu, int last_hu) const {
     double sum = 0;
@@ -120,7 +123,7 @@ std::pair<double, double> median_and_spread_hu(const Histogram& histogram, int l
 
 double measure_noise_hu(const Volume& volume) {
   const Index3 size = volume.geometry().size;
-  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  const auto range = std::ranges::minmax(volume.hu());
   std::vector<std::uint64_t> counts(4096);
   std::mutex mutex;
   const std::int64_t step = std::max<std::int64_t>(1, size.z / 50);
@@ -130,9 +133,7 @@ double measure_noise_hu(const Volume& volume) {
       for (std::int64_t x = 1; x + 1 < size.x; ++x) {
         const int a = volume.at(x - 1, y, i * step), b = volume.at(x, y, i * step),
                   c = volume.at(x + 1, y, i * step);
-        const auto usable = [&, low = lowest, high = highest](int hu) {
-          return hu > kAir_hu && hu > low && hu < high;
-        };
+        const auto usable = [&](int hu) { return hu > kAir_hu && hu > range.min && hu < range.max; };
         if (usable(a) && usable(b) && usable(c))
           ++here[static_cast<std::size_t>(std::min(std::abs(a - 2 * b + c), 4095))];
       }

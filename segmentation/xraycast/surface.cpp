@@ -92,7 +92,7 @@ Mesh surface_of(const Mask& mask, std::size_t triangles) {
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  const Mesh whole = volume_keeping_mesh(*smoothed_share(part), part);
+  Mesh whole = volume_keeping_mesh(*smoothed_share(part), part);
   if (whole.triangles.size() <= triangles) return whole;
   const double volume = volume_mm3(whole);
   for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {
