@@ -9,12 +9,14 @@
 
 #define GROUPS (XRC_LEVEL_ROWS / ROWS) /* to a work-item */
 
-/* Rays of a group that are in the core of a plane are at most a slice apart. */
-#define COLUMN_BRICKS (GROUPS * ROWS / XRC_BRICK_SLICES + 2)
+#ifdef HAS_PERMUTE
 
-/* Interpolated slices, with room for reading 16 from any of them on. */
+/* Rays of neighbouring rows are at most two slices apart in the core of a plane. */
+#define COLUMN_BRICKS (2 * GROUPS * ROWS / XRC_BRICK_SLICES + 2)
+
+/* Interpolated slices, with room for reading 32 from any of them on. */
 typedef struct {
-  float hu[(COLUMN_BRICKS + 1) * XRC_BRICK_SLICES];
+  float hu[(COLUMN_BRICKS + 2) * XRC_BRICK_SLICES];
   int first_slice;
 } Column;
 
@@ -39,17 +41,21 @@ static inline void interpolate_column(SCAN voxels, const Rays* rays, const int g
   column->first_slice = first * XRC_BRICK_SLICES;
 }
 
-#ifdef HAS_PERMUTE
-
 /* HU of 16 rays in a core plane k. */
 static inline float16 sample_column(const Column* column, const Rays* rays, const int k) {
   const float16 v = fma((float16)(float)k, rays->dv, rays->v0);
   const int16 slice = convert_int16(v);
   const int lowest = index_at(fma((float)k, rays->low_dv, rays->low_v0), rays->last_z);
-  const int at = clamp(lowest - column->first_slice, 0, (COLUMN_BRICKS - 1) * XRC_BRICK_SLICES + ROWS - 1);
+  const float* from =
+      column->hu + clamp(lowest - column->first_slice, 0, COLUMN_BRICKS * XRC_BRICK_SLICES - 1);
   const int16 picks = slice - lowest;
-  const float16 here = __builtin_shufflevector(vload16(0, column->hu + at), picks),
-                above = __builtin_shufflevector(vload16(0, column->hu + at + 1), picks);
+  float16 here = __builtin_shufflevector(vload16(0, from), picks),
+          above = __builtin_shufflevector(vload16(0, from + 1), picks);
+  if (rays->is_wide) {
+    const int16 is_beyond = picks > ROWS - 1, shifted = picks - (ROWS - 1);
+    here = select(here, __builtin_shufflevector(vload16(0, from + ROWS - 1), shifted), is_beyond);
+    above = select(above, __builtin_shufflevector(vload16(0, from + ROWS), shifted), is_beyond);
+  }
   return fma(v - convert_float16(slice), above - here, here);
 }
 
@@ -81,7 +87,7 @@ kernel void project_level(SCAN voxels, const XrcScan scan, const XrcDetector det
     /* A plane is sampled once the next one's column is under way, so that no load waits for a store. Slices
      * that no column reached count with weight 0, and so have to be numbers. */
     Column columns[2];
-    for (int b = 0; b <= COLUMN_BRICKS; ++b) {
+    for (int b = 0; b < COLUMN_BRICKS + 2; ++b) {
       vstore16((float16)0.0f, b, columns[0].hu);
       vstore16((float16)0.0f, b, columns[1].hu);
     }

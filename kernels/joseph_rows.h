@@ -41,6 +41,7 @@ typedef struct {
   int last_u, last_z, last_k, last_brick;
   int first, last;                      /* planes that any of them crosses */
   int first_core, last_core;            /* planes in which sample_core may take them all */
+  int is_wide;                          /* in some of these, more than 15 slices apart */
   float low_u0, low_du, low_v0, low_dv; /* the lowest u and v of all in these */
   long ahead; /* from what they meet in a plane to what is to be fetched for them and the next column */
   long plane_step, column_step, brick_step;
@@ -73,7 +74,7 @@ static inline void clip_rows(float16* low, float16* high, const float16 start, c
 }
 
 /* The planes that count as a whole for all rays, between the scan's first and last voxels' centres, where
- * the rays are in two neighbouring cells across at most, and within 15 slices. The rays lie in order, so that
+ * the rays are in two neighbouring cells across at most, and within 30 slices. The rays lie in order, so that
  * the first and the last enclose the others. */
 static inline void prepare_core(Rays* rays, float16 low, float16 high) {
   clip_rows(&low, &high, rays->v0, rays->dv, 0.0f, (float)rays->last_z);
@@ -81,9 +82,10 @@ static inline void prepare_core(Rays* rays, float16 low, float16 high) {
   const float u_0 = rays->u0.sf - rays->u0.s0, du = rays->du.sf - rays->du.s0;
   const float v_0 = rays->v0.sf - rays->v0.s0, dv = rays->dv.sf - rays->dv.s0;
   clip(&first, &last, u_0, du, -1.0f, 1.0f);
-  clip(&first, &last, v_0, dv, 1.0f - ROWS, ROWS - 1.0f);
+  clip(&first, &last, v_0, dv, 2.0f - 2 * ROWS, 2.0f * ROWS - 2);
   rays->first_core = (int)ceil(first);
   rays->last_core = (int)floor(last);
+  rays->is_wide = max(fabs(fma(first, dv, v_0)), fabs(fma(last, dv, v_0))) > ROWS - 1.0f;
   const float middle = 0.5f * (first + last);
   const int u_falls = fma(middle, du, u_0) < 0.0f, v_falls = fma(middle, dv, v_0) < 0.0f;
   rays->low_u0 = u_falls ? rays->u0.sf : rays->u0.s0;
@@ -141,6 +143,14 @@ static inline float16 share_of(const Rays* rays, const int k) {
   return fmax(fmin(rays->high, (float)k + 0.5f) - fmax(rays->low, (float)k - 0.5f), 0.0f);
 }
 
+static inline float16 pick_voxels(SCAN voxels, const long16 offsets) {
+  long offset[ROWS];
+  short hu[ROWS];
+  vstore16(offsets, 0, offset);
+  for (int r = 0; r < ROWS; ++r) hu[r] = voxels[offset[r]];
+  return convert_float16(vload16(0, hu));
+}
+
 /* HU of 16 rays in plane k, wherever they are: voxel by voxel. */
 static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
   const float16 u = clamp(fma((float16)(float)k, rays->du, rays->u0), 0.0f, (float)rays->last_u);
@@ -149,19 +159,16 @@ static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
               at_v = clamp(convert_int16(v), 0, rays->last_z);
   const float16 along_u = u - convert_float16(at_u), along_v = v - convert_float16(at_v);
   SCAN plane = voxels + k * rays->plane_step;
-  int us[ROWS], vs[ROWS];
-  float corners[4][ROWS];
-  vstore16(at_u, 0, us);
-  vstore16(at_v, 0, vs);
-  for (int r = 0; r < ROWS; ++r) {
-    for (int c = 0; c < 4; ++c) {
-      const int z = min(vs[r] + (c >> 1), rays->last_z);
-      corners[c][r] = (float)plane[z / XRC_BRICK_SLICES * rays->brick_step +
-                                   (us[r] + (c & 1)) * rays->column_step + z % XRC_BRICK_SLICES];
-    }
-  }
-  const float16 below = mix(vload16(0, corners[0]), vload16(0, corners[1]), along_u),
-                above = mix(vload16(0, corners[2]), vload16(0, corners[3]), along_u);
+  const int16 next_v = min(at_v + 1, rays->last_z);
+  const long16 cell = convert_long16(at_u) * rays->column_step;
+  const long16 lower = cell + convert_long16(at_v / XRC_BRICK_SLICES) * rays->brick_step +
+                       convert_long16(at_v % XRC_BRICK_SLICES),
+               upper = cell + convert_long16(next_v / XRC_BRICK_SLICES) * rays->brick_step +
+                       convert_long16(next_v % XRC_BRICK_SLICES);
+  const float16 below =
+                    mix(pick_voxels(plane, lower), pick_voxels(plane + rays->column_step, lower), along_u),
+                above =
+                    mix(pick_voxels(plane, upper), pick_voxels(plane + rays->column_step, upper), along_u);
   return mix(below, above, along_v);
 }
 
@@ -197,9 +204,17 @@ static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, co
   SCAN even = brick & 1 ? upper : lower;
   SCAN odd = brick & 1 ? lower : upper;
   const long second = rays->column_step, third = cell < rays->last_u ? 2 * second : second;
-  const int16 pairs = pick_slices(even, odd, picks),
-              pairs_2 = pick_slices(even + second, odd + second, picks),
-              pairs_3 = pick_slices(even + third, odd + third, picks);
+  int16 pairs = pick_slices(even, odd, picks), pairs_2 = pick_slices(even + second, odd + second, picks),
+        pairs_3 = pick_slices(even + third, odd + third, picks);
+  if (rays->is_wide) { /* from the second brick and a third */
+    const int16 is_beyond = slice > brick * XRC_BRICK_SLICES + 30, shifted = picks + 0x100010;
+    SCAN top = upper + (brick + 1 < rays->last_brick ? rays->brick_step : 0);
+    even = brick & 1 ? top : upper;
+    odd = brick & 1 ? upper : top;
+    pairs = select(pairs, pick_slices(even, odd, shifted), is_beyond);
+    pairs_2 = select(pairs_2, pick_slices(even + second, odd + second, shifted), is_beyond);
+    pairs_3 = select(pairs_3, pick_slices(even + third, odd + third, shifted), is_beyond);
+  }
   const int16 here = select(pairs, pairs_2, is_next), beside = select(pairs_2, pairs_3, is_next);
   /* The halves as they stand, 65536 times too large. */
   const float16 weight_beside = along_u * (1.0f / 65536), weight_here = 1.0f / 65536 - weight_beside;

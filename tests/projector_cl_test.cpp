@@ -188,6 +188,11 @@ std::vector<SeenScan> seen_scans() {
       for (const double source_axis_mm : {0.0, 400.0})
         seen.push_back({chest, spacing_mm, picture(angle_deg, tilt_deg, source_axis_mm, 45, 150, 1.8)});
   for (const double tilt_deg : {0.0, 25.0}) {
+    // Rows from one to two slices apart.
+    for (const double angle_deg : {10.0, 100.0})
+      for (const double source_axis_mm : {0.0, 400.0})
+        seen.push_back(
+            {{40, 45, 90}, {1, 1, 0.8}, picture(angle_deg, tilt_deg, source_axis_mm, 31, 80, 1.5)});
     // The source inside the scan, and pixels much coarser and finer than slices.
     seen.push_back({chest, spacing_mm, picture(33, tilt_deg, 30, 41, 100, 1)});
     seen.push_back({chest, spacing_mm, picture(15, tilt_deg, 500, 20, 37, 9)});
