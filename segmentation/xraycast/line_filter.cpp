@@ -40,7 +40,7 @@ std::optional<Volume> denoised(const Volume& volume, Device& device) {
   const double noise_hu = measure_noise_hu(volume);
   const auto [lowest, highest] = std::ranges::minmax(volume.hu());
   // Where noise reaches a tenth of the whole range of values nothing but averaging along vessels helps; up to
-  // 20 HU thresholds in angiographies, whose contrast is 250 HU and more, need no help.
+  // 35 HU thresholds in angiographies, whose contrast is 250 HU and more, need no help.
   if (noise_hu > 0.1 * (highest - lowest))
     return filtered(volume, device, [](BlockFilter& block, const cl::Buffer& values) {
       // Across the line a narrow Gaussian less a wide one, so that what is bright all around does not count.
@@ -51,7 +51,7 @@ std::optional<Volume> denoised(const Volume& volume, Device& device) {
       for (std::size_t i = 0; i < narrow.size(); ++i) narrow[i] -= wide[i];
       return block.line_mean(block.upload(narrow), kAlong_vox, kDirections);
     });
-  constexpr double kGood_hu = 25;
+  constexpr double kGood_hu = 35;
   if (noise_hu > kGood_hu)
     return filtered(volume, device, [](BlockFilter& block, const cl::Buffer& values) {
       return block.smooth(values, glm::dvec3(0.7));
