@@ -129,8 +129,9 @@ static inline int prepare_rows(Rays* rays, const XrcScan* scan, const XrcDetecto
   rays->low = low;
   rays->high = high;
   prepare_core(rays, low, high);
+  /* They are in up to three columns, and the next detector column is on one side of these. */
   const int leads_up = detector->right[by_x ? 1 : 0] > rays->du.s0 * detector->right[by_x ? 0 : 1];
-  const int cells = (int)floor(PLANES_AHEAD * rays->du.s0) + (leads_up ? 2 : 0);
+  const int cells = (int)floor(PLANES_AHEAD * rays->du.s0) + (leads_up ? 3 : 0);
   rays->ahead = PLANES_AHEAD * rays->plane_step + cells * rays->column_step;
   const float16 x_mm = x.along * detector->spacing_mm[0], y_mm = y.along * detector->spacing_mm[1],
                 z_mm = z.along * detector->spacing_mm[2];
