@@ -129,9 +129,10 @@ static inline int prepare_rows(Rays* rays, const XrcScan* scan, const XrcDetecto
   rays->low = low;
   rays->high = high;
   prepare_core(rays, low, high);
-  /* They are in up to three columns, and the next detector column is on one side of these. */
+  /* The next detector column is on one side of the columns of voxels that these rays are between. */
   const int leads_up = detector->right[by_x ? 1 : 0] > rays->du.s0 * detector->right[by_x ? 0 : 1];
-  const int cells = (int)floor(PLANES_AHEAD * rays->du.s0) + (leads_up ? 3 : 0);
+  const int columns = rays->du.s0 == rays->du.sf && rays->u0.s0 == rays->u0.sf ? 2 : 3;
+  const int cells = (int)floor(PLANES_AHEAD * rays->du.s0) + (leads_up ? columns : 0);
   rays->ahead = PLANES_AHEAD * rays->plane_step + cells * rays->column_step;
   const float16 x_mm = x.along * detector->spacing_mm[0], y_mm = y.along * detector->spacing_mm[1],
                 z_mm = z.along * detector->spacing_mm[2];
