@@ -233,9 +233,10 @@ void cast_map(const Options& options, Session& session) {
 
   Device device(session.device);
   const std::int64_t limit_B = memory_limit_B(options, device);
-  const bool fits = resident_bytes(scan.source->geometry()) <= limit_B;
+  const VolumeGeometry& volume = scan.source->geometry();
+  const bool fits = resident_bytes(volume) <= limit_B;
   auto [result, load_timings, basis, basis_ms] =
-      fits && !is_best_by_slabs(options, attenuation)
+      fits && (volume.size.z <= 64 || !is_best_by_slabs(options, attenuation))
           ? cast_resident(options, attenuation, knots_hu, scan, device, session.progress)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
   result.map.source = source;

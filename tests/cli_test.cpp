@@ -212,7 +212,7 @@ const BadCall kBadCalls[] = {
     // The picture and the phantom.
     {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
-    {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "cannot be opened as an image"},
+    {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map, or damaged"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},

@@ -129,7 +129,11 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
 BodyMap read_body_map(const std::filesystem::path& path) {
   const std::string name = path.string();
   const auto in = OIIO::ImageInput::open(name);
-  if (!in) throw InputError("{}: cannot be opened as an image: {}", name, OIIO::geterror());
+  if (!in) {
+    OIIO::geterror();  // speaks of formats, and would be kept for the next call
+    if (!std::filesystem::exists(path)) throw InputError("{}: no such file", name);
+    throw InputError("{}: not a body map, or damaged; make one with `xraycast cast`", name);
+  }
   const OIIO::ImageSpec& first = in->spec();
   const int version = first.get_int_attribute("xraycast:version", 0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);

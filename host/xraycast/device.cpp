@@ -223,6 +223,7 @@ void Device::bring_to_host(const cl::Buffer& buffer) {
   guarded("downloading", [&] {
     void* memory = queue_.enqueueMapBuffer(buffer, CL_TRUE, CL_MAP_READ, 0, buffer.getInfo<CL_MEM_SIZE>());
     queue_.enqueueUnmapMemObject(buffer, memory);
+    queue_.finish();
   });
 }
 

@@ -48,7 +48,8 @@ class QuietCerr {
 struct StoredVoxels {
   fs::path file;
   std::int64_t offset_B = 0;
-  bool is_big_endian = false;
+  /// Not set where the header spells it in a way that only ITK knows, which then reads them.
+  std::optional<bool> is_big_endian{};
 };
 
 /// A file of at least so many bytes behind an offset, or an InputError.
@@ -180,8 +181,10 @@ class ImageFileStack final : public SliceStack {
 
   /// Reads the voxels from here rather than through ITK, which takes one core, and for NRRD the whole volume.
   void read_from(const StoredVoxels& voxels) {
+    require_size(voxels, slice_B() * slices_);
+    if (!voxels.is_big_endian) return;
     raw_.emplace(voxels.file, voxels.offset_B, slice_B() * slices_);
-    swapped_ = voxels.is_big_endian == (std::endian::native == std::endian::little);
+    swapped_ = *voxels.is_big_endian == (std::endian::native == std::endian::little);
   }
 
   SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> destinations) override {
@@ -418,7 +421,9 @@ std::optional<StoredVoxels> nrrd_voxels(const fs::path& path, const TextHeader& 
   const bool skips = !header.get("line skip").empty() || !header.get("lineskip").empty() ||
                      !header.get("byte skip").empty() || !header.get("byteskip").empty();
   if (header.get("encoding") != "raw" || several_files || skips) return std::nullopt;
-  const bool is_big_endian = header.get("endian") == "big";
+  const std::string endian = header.get("endian");
+  std::optional<bool> is_big_endian;
+  if (endian == "little" || endian == "big") is_big_endian = endian == "big";
   if (data_file.empty()) return StoredVoxels{path, header.end_B, is_big_endian};
   return StoredVoxels{beside(path, data_file), 0, is_big_endian};
 }
@@ -431,8 +436,10 @@ std::optional<StoredVoxels> meta_image_voxels(const fs::path& path, const TextHe
   const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
   const bool simple = header.get("BinaryData") != "False" && (header_size.empty() || header_size == "0");
   if (!simple || several_files || data_file.empty()) return std::nullopt;
-  const bool is_big_endian =
-      header.get("BinaryDataByteOrderMSB") == "True" || header.get("ElementByteOrderMSB") == "True";
+  std::optional<bool> is_big_endian;
+  const std::string order = header.get("BinaryDataByteOrderMSB") + header.get("ElementByteOrderMSB");
+  if (header.get("BinaryData") == "True" && (order == "True" || order == "False"))
+    is_big_endian = order == "True";
   if (data_file == "LOCAL" || data_file == "Local" || data_file == "local")
     return StoredVoxels{path, header.end_B, is_big_endian};
   return StoredVoxels{beside(path, data_file), 0, is_big_endian};
@@ -482,7 +489,8 @@ Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress&
   require_spacing(path, "ElementSpacing", numbers(header.get("ElementSpacing")));
 
   auto stack = std::make_unique<ImageFileStack>(itk::MetaImageIO::New().GetPointer(), path);
-  const bool compressed = header.get("CompressedData") == "True";
+  const std::string packed = header.get("CompressedData");
+  const bool compressed = !packed.empty() && packed != "False";
   const std::vector<double> compressed_B = numbers(header.get("CompressedDataSize"));
   const std::optional<StoredVoxels> voxels = meta_image_voxels(path, header);
   if (voxels && !compressed)

@@ -14,6 +14,8 @@ class RecastSession {
   /// Copies the weights to the device, which has to outlive the session. The opacity is 0 everywhere. Throws
   /// DeviceError when the device has not enough memory.
   RecastSession(Device& device, const Basis& basis);
+  RecastSession(RecastSession&&) = default;  // tau_ is the memory of map_.tau, which moves with it
+  RecastSession& operator=(RecastSession&&) = default;
 
   /// The map under `opacity`, whose knots have to be among those of the basis: any function that is linear
   /// between them and constant beyond its own ends. Throws InputError that names a knot which is not.
