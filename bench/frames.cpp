@@ -2,26 +2,16 @@
 
 #include "xraycast/caster.hpp"
 #include "xraycast/phantom.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/vessel_tree.hpp"
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
 
 namespace xraycast::bench {
-namespace {
-
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
-}  // namespace
-
 struct Frames::Gl {
   Renderer renderer;
   gl::Target target{GL_RGBA8};
@@ -49,13 +39,13 @@ Frames::~Frames() = default;
 Renderer& Frames::renderer() { return gl_->renderer; }
 
 double Frames::next_ms() {
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   camera_.rotate(7);
   glBindFramebuffer(GL_FRAMEBUFFER, gl_->framebuffer.id());
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, gl_->target.texture(), 0);
   gl_->renderer.draw(view_of(camera_, bounds_, width_, height_), style_);
   glFinish();
-  return ms_since(start);
+  return stopwatch.ms();
 }
 
 OpacityFrames::OpacityFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height)
@@ -69,11 +59,11 @@ OpacityFrames::OpacityFrames(const ResidentScan& scan, const MapGeometry& geomet
 }
 
 double OpacityFrames::next_ms() {
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   const double mu = 0.02 + 0.001 * (++moves_ % 10);
   renderer().set_map(std::make_shared<BodyMap>(session_.set_knot(basis_.knots_hu.size() / 2, mu)));
   Frames::next_ms();
-  return ms_since(start);
+  return stopwatch.ms();
 }
 
 VtkRayCaster::VtkRayCaster(const std::filesystem::path& scan, int width, int height) {

@@ -10,6 +10,7 @@
 #include "xraycast/recast.hpp"
 #include "xraycast/scan.hpp"
 #include "xraycast/slab_caster.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "yardsticks.hpp"
 
@@ -18,7 +19,6 @@
 
 #include <algorithm>
 #include <array>
-#include <chrono>
 #include <filesystem>
 #include <memory>
 #include <numbers>
@@ -93,10 +93,9 @@ void add(const std::string& name, Work work) {
   auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) mutable {
     for (auto _ : state) {
       if constexpr (std::is_void_v<decltype(work())>) {
-        const auto start = std::chrono::steady_clock::now();
+        const Stopwatch stopwatch;
         work();
-        state.SetIterationTime(
-            std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count());
+        state.SetIterationTime(stopwatch.ms() / 1000);
       } else {
         state.SetIterationTime(work() / 1000);
       }
@@ -150,9 +149,9 @@ double median(std::vector<double> values) {
 /// Wall time of `work` in milliseconds.
 template <typename Work>
 double wall_ms(const Work& work) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
   work();
-  return std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  return stopwatch.ms();
 }
 
 /// A C-arm's picture of 640 x 480 pixels.

@@ -1,16 +1,17 @@
 #include "attenuation.hpp"
 #include "command.hpp"
+#include "map_output.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/slab_caster.hpp"
+#include "xraycast/stopwatch.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 
-#include <chrono>
 #include <cmath>
 #include <memory>
 #include <optional>
@@ -18,17 +19,12 @@
 namespace xraycast::cli {
 namespace {
 
-using Clock = std::chrono::steady_clock;
-
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
-
 struct Options {
-  std::string input, output, preview, basis, knots;
+  std::string input, basis, knots;
+  MapOutput output;
   ScanOptions scan;
-  std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto",
-              window = "auto", centre_line, memory_limit;
+  std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto", centre_line,
+              memory_limit;
   AttenuationOptions attenuation;
   std::optional<int> layers;
   int angles = 360, views = 36;
@@ -99,8 +95,8 @@ std::vector<double> resolve_knots(const Options& options,
 
 /// Rejects what can be known to be wrong before the scan is read.
 void check(const Options& options) {
-  check_name(options.output, ".exr");
-  if (!options.preview.empty()) check_name(options.preview, ".png");
+  check_name(options.output.map, ".exr");
+  if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
   MapGeometry of_one_row;
   of_one_row.projection = projection_named(options.projection);
   of_one_row.width = options.angles;
@@ -184,9 +180,9 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
                            : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
                   timings};
   if (!knots_hu.empty()) {
-    const auto basis_start = Clock::now();
+    const Stopwatch making;
     casting.basis = make_basis(resident.native, geometry, knots_hu, progress);
-    casting.basis_ms = ms_since(basis_start);
+    casting.basis_ms = making.ms();
   }
   return casting;
 }
@@ -202,27 +198,28 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
   OutlineFinder finder(volume);
   LoadTimings timings;
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   if (options.centre == "auto" || options.radius == "auto") {
     look_through(*scan.source, finder, progress);
     scan = open_scan(options.input, options.scan, progress);
   }
   const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder));
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, progress);
-  timings.read_ms = ms_since(start) - result.kernel_ms;
+  timings.read_ms = stopwatch.ms() - result.kernel_ms;
   return {std::move(result), timings};
 }
 
 /// Whether all is known before the first slice is read, and nothing needs the scan afterwards: then slabs
 /// take less memory, and with it less time.
-bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation) {
-  return options.centre != "auto" && options.radius != "auto" && options.centre_line.empty() &&
-         options.basis.empty() && options.projection == "cylinder" &&
+bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
+                      const VolumeGeometry& volume) {
+  return volume.size.z > kMostSlabSlices && options.centre != "auto" && options.radius != "auto" &&
+         options.centre_line.empty() && options.basis.empty() && options.projection == "cylinder" &&
          std::holds_alternative<Opacity>(attenuation);
 }
 
 void cast_map(const Options& options, Session& session) {
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
@@ -236,22 +233,19 @@ void cast_map(const Options& options, Session& session) {
   const VolumeGeometry& volume = scan.source->geometry();
   const bool fits = resident_bytes(volume) <= limit_B;
   auto [result, load_timings, basis, basis_ms] =
-      fits && (volume.size.z <= 64 || !is_best_by_slabs(options, attenuation))
+      fits && !is_best_by_slabs(options, attenuation, volume)
           ? cast_resident(options, attenuation, knots_hu, scan, device, session.progress)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
   result.map.source = source;
   const MapGeometry& geometry = result.map.geometry;
 
-  const auto write_start = Clock::now();
-  write_body_map(result.map, options.output);
-  if (!options.preview.empty())
-    write_preview(result.map, options.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
-                  options.preview);
+  const Stopwatch writing;
+  write_map(result.map, options.output);
   if (basis) {
     basis->source = source;
     write_basis(*basis, options.basis);
   }
-  const double write_ms = ms_since(write_start), total_ms = ms_since(start);
+  const double write_ms = writing.ms(), total_ms = stopwatch.ms();
 
   Json json{{"input", options.input},
             {"map", to_json(geometry)},
@@ -264,7 +258,7 @@ void cast_map(const Options& options, Session& session) {
   std::string text = fmt::format(
       "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-      options.output, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
+      options.output.map, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
       geometry.centre_mm[0].x, geometry.centre_mm[0].y,
       std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
       load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
@@ -290,9 +284,7 @@ void add_cast(CLI::App& app, Session& session) {
                   [options, &session] { cast_map(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
-  command->add_option("-o,--output", options->output, "The body map, OpenEXR")
-      ->required()
-      ->type_name("MAP.exr");
+  add_map_output_options(*command, options->output);
   command->add_option("--projection", options->projection, "Along which rays: cylinder, sphere or rectangle")
       ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()
@@ -326,14 +318,6 @@ void add_cast(CLI::App& app, Session& session) {
       ->add_option("--memory-limit", options->memory_limit,
                    "Cast scans that take more than this in slabs; default: the device's largest buffer")
       ->type_name("SIZE");
-  command->add_option("--preview", options->preview, "Also a picture of the layers, innermost on top")
-      ->type_name("PNG");
-  command
-      ->add_option("--preview-window", options->window,
-                   "auto: so that a person sees something; paper: exp(-tau), unscaled")
-      ->check(CLI::IsMember({"auto", "paper"}))
-      ->capture_default_str()
-      ->type_name("auto|paper");
   CLI::Option* keep_basis =
       command
           ->add_option("--keep-basis", options->basis,

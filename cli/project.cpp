@@ -4,10 +4,10 @@
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/projection_file.hpp"
+#include "xraycast/stopwatch.hpp"
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <memory>
 
 namespace xraycast::cli {
@@ -21,7 +21,7 @@ struct Options {
 };
 
 void project_scan(const Options& options, Session& session) {
-  const auto start = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
   check_writable(options.output);
@@ -45,8 +45,7 @@ void project_scan(const Options& options, Session& session) {
                : project(resident.native, view, std::get<Opacity>(attenuation), session.progress);
   write_projection(image, options.output);
 
-  const double total_ms =
-      std::chrono::duration<double, std::milli>(std::chrono::steady_clock::now() - start).count();
+  const double total_ms = stopwatch.ms();
   const View& drawn = image.view;
   session.print({{"input", options.input},
                  {"image", to_json(image.view)},

@@ -7,6 +7,7 @@
 #include "xraycast/image_output.hpp"
 #include "xraycast/projection_file.hpp"
 #include "xraycast/recast.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
@@ -15,7 +16,6 @@
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -25,7 +25,6 @@ namespace xraycast::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 constexpr double kRadians = std::numbers::pi / 180;
 
 struct Options {
@@ -167,7 +166,7 @@ void render(const Options& options, Session& session) {
   renderer.set_surfaces(surfaces);
   const std::vector<float> tau = renderer.tau(view, scene.style);
   choose_window(scene, options, tau);
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   if (!cine_deg.empty()) {
     CineWriter writer(options.output, view.width, view.height);
     session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
@@ -182,7 +181,7 @@ void render(const Options& options, Session& session) {
   } else {
     write_projection({view, tau, 0}, options.output);
   }
-  const double draw_ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  const double draw_ms = stopwatch.ms();
   session.print({{"map", scene.map.string()},
                  {"image", to_json(view)},
                  {"device", gl_device_name()},

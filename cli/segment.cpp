@@ -5,11 +5,11 @@
 #include "xraycast/centreline.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/materials.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/surface.hpp"
 
 #include <fmt/format.h>
 
-#include <chrono>
 #include <filesystem>
 #include <memory>
 
@@ -17,7 +17,6 @@ namespace xraycast::cli {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 struct Options {
   std::string input, folder, from_mask, window = "auto", surface = "level-set";
@@ -70,7 +69,7 @@ fs::path made_folder(const std::string& folder) {
 }
 
 void segment(const Options& options, Session& session) {
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
@@ -97,7 +96,7 @@ void segment(const Options& options, Session& session) {
   write_tree(centrelines.tree, folder / "tree.json");
   write_mesh(surface, folder / "surface.vtp");
   write_mesh(surface, folder / "surface.stl");
-  const double total_ms = std::chrono::duration<double, std::milli>(Clock::now() - start).count();
+  const double total_ms = stopwatch.ms();
   session.print({{"input", options.input},
                  {"folder", options.folder},
                  {"voxels", mask.count()},

@@ -181,9 +181,9 @@ class ImageFileStack final : public SliceStack {
 
   /// Reads the voxels from here rather than through ITK, which takes one core, and for NRRD the whole volume.
   void read_from(const StoredVoxels& voxels) {
-    require_size(voxels, slice_B() * slices_);
+    RawVoxels raw(voxels.file, voxels.offset_B, slice_B() * slices_);
     if (!voxels.is_big_endian) return;
-    raw_.emplace(voxels.file, voxels.offset_B, slice_B() * slices_);
+    raw_.emplace(std::move(raw));
     swapped_ = *voxels.is_big_endian == (std::endian::native == std::endian::little);
   }
 

@@ -1,9 +1,9 @@
 #include "xraycast/resident_scan.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/stopwatch.hpp"
 
 #include <algorithm>
-#include <chrono>
 #include <memory>
 
 namespace xraycast {
@@ -80,10 +80,6 @@ void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
 
 ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,
                   Progress& progress) {
-  using Clock = std::chrono::steady_clock;
-  const auto ms_since = [](Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  };
   const VolumeGeometry& geometry = source.geometry();
   ResidentScan scan(device, geometry);
   constexpr std::int64_t kSlab =
@@ -93,7 +89,7 @@ ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, Lo
 
   progress.begin("reading", geometry.size.z, "slices");
   for (std::int64_t done = 0; done < geometry.size.z;) {
-    const auto read_start = Clock::now();
+    const Stopwatch reading;
     const std::int64_t wanted = std::min(kSlab, geometry.size.z - done);
     std::int64_t got = 0;
     while (got < wanted) {
@@ -106,10 +102,10 @@ ResidentScan load(Device& device, SliceSource& source, OutlineFinder& finder, Lo
     const std::span<const std::int16_t> slices(slab.get(),
                                                static_cast<std::size_t>(got * geometry.slice_voxels()));
     finder.add(slices);
-    timings.read_ms += ms_since(read_start);
-    const auto upload_start = Clock::now();
+    timings.read_ms += reading.ms();
+    const Stopwatch uploading;
     scan.append(slices);
-    timings.upload_ms += ms_since(upload_start);
+    timings.upload_ms += uploading.ms();
     done += got;
   }
   return scan;

@@ -61,7 +61,7 @@ std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit
     throw InputError("a memory limit of {} MiB is below the {} MiB that {} slices of {} x {} take; raise it",
                      limit_B >> 20, (slab_B >> 20) + 1, ResidentScan::kBrickSlices, volume.size.x,
                      volume.size.y);
-  return std::min<std::int64_t>(slabs * ResidentScan::kBrickSlices, 64);
+  return std::min(slabs * ResidentScan::kBrickSlices, kMostSlabSlices);
 }
 
 void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress) {

@@ -7,10 +7,13 @@
 
 namespace xraycast {
 
+/// Of a slab: enough slices for every core to have some to read, and few enough to stay in a processor's
+/// cache.
+inline constexpr std::int64_t kMostSlabSlices = 64;
+
 /// How many slices at once a cast by slabs takes, a multiple of ResidentScan::kBrickSlices, so that it stays
 /// within `limit_B` bytes: two slabs in the host's memory, of which one is read while the other is cast, and
-/// one on the device. The map comes on top. At most 64, enough for every core to have some to read and few
-/// enough to stay in a processor's cache. Throws InputError when not even the smallest slab is within the
+/// one on the device. The map comes on top. Throws InputError when not even the smallest slab is within the
 /// limit.
 std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit_B);
 

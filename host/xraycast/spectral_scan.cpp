@@ -1,7 +1,8 @@
 #include "xraycast/spectral_scan.hpp"
 
+#include "xraycast/stopwatch.hpp"
+
 #include <algorithm>
-#include <chrono>
 
 namespace xraycast {
 namespace {
@@ -25,19 +26,15 @@ MaterialDepths depths_of(const SpectralScan& scan, std::size_t rays, const Colle
 
 SpectralScan load(Device& device, SliceSource& scan, SliceSource& vessels, OutlineFinder& finder,
                   LoadTimings& timings, Progress& progress) {
-  using Clock = std::chrono::steady_clock;
-  const auto ms_since = [](Clock::time_point start) {
-    return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-  };
   check_mask_grid(vessels.geometry(), scan.geometry(), "vessel mask");
-  const auto read_start = Clock::now();
+  const Stopwatch reading;
   Volume native = collect(scan, progress);
   finder.add(native.hu());
   const Volume enhancement = take_contrast(native, collect(vessels, progress));
-  timings.read_ms = ms_since(read_start);
-  const auto upload_start = Clock::now();
+  timings.read_ms = reading.ms();
+  const Stopwatch uploading;
   SpectralScan resident{upload(device, native), upload(device, enhancement)};
-  timings.upload_ms = ms_since(upload_start);
+  timings.upload_ms = uploading.ms();
   return resident;
 }
 

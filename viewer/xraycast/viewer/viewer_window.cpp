@@ -7,6 +7,7 @@
 #include "xraycast/projector.hpp"
 #include "xraycast/recast.hpp"
 #include "xraycast/scan.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/opacity_panel.hpp"
 #include "xraycast/viewer/renderer.hpp"
@@ -19,7 +20,6 @@
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
 #include <backends/imgui_impl_opengl3.h>
-#include <chrono>
 #include <cmath>
 #include <imgui.h>
 #include <imgui_stdlib.h>
@@ -29,13 +29,8 @@ namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
-using Clock = std::chrono::steady_clock;
 
 constexpr int kCineSteps = 72;
-
-double ms_since(Clock::time_point start) {
-  return std::chrono::duration<double, std::milli>(Clock::now() - start).count();
-}
 
 std::string glfw_error() {
   const char* text = nullptr;
@@ -326,7 +321,7 @@ void Viewer::draw_truth(int x, int y, int width, int height) {
 
 void Viewer::frame() {
   if (const auto error = worker_.poll()) message_ = *error;
-  const auto start = Clock::now();
+  const Stopwatch stopwatch;
   int width = 0, height = 0;
   glfwGetFramebufferSize(window_, &width, &height);
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
@@ -349,7 +344,7 @@ void Viewer::frame() {
     });
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glFinish();
-  frame_ms_ = ms_since(start);
+  frame_ms_ = stopwatch.ms();
 
   ImGui_ImplOpenGL3_NewFrame();
   ImGui_ImplGlfw_NewFrame();

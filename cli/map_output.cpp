@@ -1,0 +1,24 @@
+#include "map_output.hpp"
+
+namespace xraycast::cli {
+
+void add_map_output_options(CLI::App& command, MapOutput& output) {
+  command.add_option("-o,--output", output.map, "The body map, OpenEXR")->required()->type_name("MAP.exr");
+  command.add_option("--preview", output.preview, "Also a picture of the layers, innermost on top")
+      ->type_name("PNG");
+  command
+      .add_option("--preview-window", output.window,
+                  "auto: so that a person sees something; paper: exp(-tau), unscaled")
+      ->check(CLI::IsMember({"auto", "paper"}))
+      ->capture_default_str()
+      ->type_name("auto|paper");
+}
+
+void write_map(const BodyMap& map, const MapOutput& output) {
+  write_body_map(map, output.map);
+  if (!output.preview.empty())
+    write_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
+                  output.preview);
+}
+
+}  // namespace xraycast::cli

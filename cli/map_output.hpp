@@ -1,0 +1,22 @@
+#pragma once
+
+#include "xraycast/body_map.hpp"
+
+#include <CLI/CLI.hpp>
+
+#include <string>
+
+namespace xraycast::cli {
+
+/// Where `cast` and `recast` put a body map and its picture.
+struct MapOutput {
+  std::string map, preview, window = "auto";
+};
+
+/// --output, --preview and --preview-window.
+void add_map_output_options(CLI::App& command, MapOutput& output);
+
+/// Writes the map, and the preview where there is to be one.
+void write_map(const BodyMap& map, const MapOutput& output);
+
+}  // namespace xraycast::cli
