@@ -1,0 +1,17 @@
+#pragma once
+
+namespace xraycast {
+
+/// Where the hand holds the hub, the catheter's outer end.
+struct HubPose {
+  double insertion_mm = 0;  ///< length fed through the introducer; grows into the body
+  double rotation_rad = 0;  ///< about the direction of insertion, right-handed; turns add up
+};
+
+/// What the hand feels at the hub, in SI units.
+struct HubLoad {
+  double force_N = 0;    ///< along the hub's axis; positive pushes the hand back, out of the body
+  double torque_Nm = 0;  ///< about the direction of insertion; positive resists a positive rotation
+};
+
+}  // namespace xraycast
