@@ -111,8 +111,9 @@ double kernel_ms(Bench& bench, int layers, const Opacity& opacity) {
 void cast_from_file(Bench& bench) {
   const Scan scan = open_scan(bench.file, {}, bench.progress);
   const std::int64_t slab = slab_slices_within(scan.source->geometry(), bench.device.info().max_allocation_B);
-  const CastResult result =
-      cast_by_slabs(bench.device, *scan.source, bench.map(1), Opacity::paper(), slab, bench.progress);
+  LoadTimings timings;
+  const CastResult result = cast_by_slabs(bench.device, *scan.source, bench.map(1), Opacity::paper(), slab,
+                                          timings, bench.progress);
   write_body_map(result.map, fs::path(bench.file).replace_extension(".exr"));
 }
 
