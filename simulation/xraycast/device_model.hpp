@@ -13,10 +13,10 @@ struct DeviceSection {
     double at_tip = 0, at_hub = 0;
   };
   double length_mm = 0;
-  Range bending_stiffness_Nmm2;    ///< EI
-  Range torsional_stiffness_Nmm2;  ///< GJ
-  Range curvature_per_mm;          ///< of the shape it takes without load
-  double plane_rad = 0;            ///< of that curvature, about the device's axis
+  Range bending_stiffness_Nmm2 = {};    ///< EI
+  Range torsional_stiffness_Nmm2 = {};  ///< GJ
+  Range curvature_per_mm = {};          ///< of the shape it takes without load
+  double plane_rad = 0;                 ///< of that curvature, about the device's axis
 };
 
 /// A catheter or guide wire, as a thin elastic rod. Lengths along it are measured from its tip. Immutable.

@@ -119,7 +119,7 @@ Rod::Rod(DeviceModel device, std::vector<double> stations_mm, const Clamp& clamp
   const auto stands =
       static_cast<std::size_t>(std::ranges::lower_bound(stations_mm_, fed_mm - 1e-9) - stations_mm_.begin());
 
-  const std::size_t most = stations_mm_.size() + 2;
+  const std::size_t most = most_nodes();
   nodes_.reserve(most);
   edges_.reserve(most);
   for (RodState* state : {&state_, &trial_}) {
@@ -401,7 +401,7 @@ Rod::StepReport Rod::step(double dt_s, RodSurroundings* surroundings) {
   const std::size_t rows = kHeld + 4 * edges_.size();
   for (std::size_t i = 1; i < nodes_.size(); ++i) nodes_[i].start_mm = state_.nodes_mm[i];
   std::ranges::fill(state_.edge_spins_rad, 0.0);
-  if (surroundings) surroundings->begin_step(state_);
+  if (surroundings) surroundings->begin_step(*this);
   double potential = potential_uJ(state_, dt_s, surroundings);
 
   StepReport report;

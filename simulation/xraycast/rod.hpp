@@ -46,6 +46,8 @@ class RodSystem {
   std::vector<double> gradient_;
 };
 
+class Rod;
+
 /// What acts on a rod from outside, as potentials in microjoule (mN mm). Calls come in the order begin_step,
 /// energy_uJ, then by turns assemble (at the state energy_uJ was asked for last) and energy_uJ, end_step.
 class RodSurroundings {
@@ -56,7 +58,7 @@ class RodSurroundings {
   virtual void node_added() = 0;
   virtual void node_removed() = 0;
 
-  virtual void begin_step(const RodState& state) = 0;
+  virtual void begin_step(const Rod& rod) = 0;
   virtual double energy_uJ(const RodState& state) = 0;
   virtual void assemble(const RodState& state, RodSystem& system) = 0;
   virtual void end_step(const RodState& state) = 0;
@@ -122,7 +124,9 @@ class Rod {
 
   const RodState& state() const { return state_; }
   const DeviceModel& device() const { return device_; }
+  const Clamp& clamp() const { return clamp_; }
   std::size_t node_count() const { return state_.nodes_mm.size(); }
+  std::size_t most_nodes() const { return stations_mm_.size() + 2; }  ///< that feeding can lead to
   double fed_mm() const { return nodes_[0].from_tip_mm; }
   double from_tip_mm(std::size_t node) const { return nodes_[node].from_tip_mm; }
 
