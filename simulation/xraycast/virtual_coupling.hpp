@@ -45,7 +45,7 @@ class VirtualCoupling {
   struct Step {
     HubPose hub;         ///< where the hub is at the end of the step
     HubLoad felt;        ///< what the hand shall feel
-    bool frozen = true;  ///< no pose came for `patience_s`, or none yet
+    bool frozen = true;  ///< no pose came for `patience_s`, or none yet, or not a number
   };
 
   /// A step of `step_s` under the hand's newest pose and the load that the rod puts on the hub.
@@ -57,7 +57,7 @@ class VirtualCoupling {
     double position = 0;  ///< of the hub
     double velocity = 0;
   };
-  bool hand_is_there(std::uint64_t count, double step_s);
+  bool poses_come(std::uint64_t count, double step_s);
   static double move(AxisState& state, const CouplingAxis& axis, double hand, double load, double step_s);
 
   CouplingSettings settings_;
