@@ -1,6 +1,6 @@
 #include "xraycast/viewer/simulated_run.hpp"
 
-#include "xraycast/viewer/vessels.hpp"
+#include "xraycast/viewer/catheter_surface.hpp"
 
 #include <fmt/format.h>
 
@@ -8,20 +8,6 @@
 #include <numbers>
 
 namespace xraycast {
-namespace {
-
-// What a catheter's wall with barium or tungsten adds, and one mg/ml of iodine in blood.
-constexpr double kCatheter_per_mm = 0.3, kIodine_per_mm = 0.0005;
-
-VesselTree::Location place_of(const CatheterTip& tip) {
-  VesselTree::Location place;
-  place.branch = tip.branch;
-  place.arc_length_mm = tip.arc_length_mm;
-  return place;
-}
-
-}  // namespace
-
 SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const DeviceModel& model,
                            const VesselEnd& entry, std::unique_ptr<HapticDevice> device)
     : tree_(std::move(tree)),
@@ -50,11 +36,7 @@ void SimulatedRun::update() {
   if (is_recording_) recorded_.push_back({now_->time_s, now_->pose});
 }
 
-Surface SimulatedRun::catheter() const {
-  constexpr std::size_t kFewest = 4;  // of a cubic
-  if (now_->nodes_mm.size() < kFewest) return {};
-  return {tube_mesh(curve_through(now_->nodes_mm), model_.radius_mm()), kCatheter_per_mm, {0.25, 0.55, 0.95}};
-}
+Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm, model_.radius_mm()); }
 
 Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml(), kIodine_per_mm); }
 
