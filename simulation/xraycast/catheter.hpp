@@ -52,7 +52,7 @@ class Catheter {
     double spacing_mm = 5;  ///< of the nodes, where the device is straight
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    int iterations = 3;                 ///< of Newton's method in a step, at most
+    int iterations = 2;                 ///< of Newton's method in a step, at most
   };
 
   // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.

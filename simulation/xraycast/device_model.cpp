@@ -164,6 +164,7 @@ DeviceModel DeviceModel::from_json(const std::string& text, const std::string& o
   Properties p;
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   p.radius_mm = number(json, origin, "radius_mm");
+  check_above_zero(p.radius_mm, origin, "radius_mm");
   const double inner_mm = number(json, origin, "inner_radius_mm", 0);
   check(inner_mm, inner_mm >= 0 && inner_mm < p.radius_mm, origin, "inner_radius_mm",
         "it has to lie between zero and \"radius_mm\"");

@@ -397,16 +397,16 @@ void Rod::assemble_motion(const RodState& state, double dt_s) {
   system_.gradient_[spin_row(edges_.size() - 1)] -= tip_torque_Nm_ / kMicro;
 }
 
-Rod::StepReport Rod::step(double dt_s, RodSurroundings* surroundings) {
+void Rod::step(double dt_s, RodSurroundings* surroundings) {
   const std::size_t rows = kHeld + 4 * edges_.size();
   for (std::size_t i = 1; i < nodes_.size(); ++i) nodes_[i].start_mm = state_.nodes_mm[i];
   std::ranges::fill(state_.edge_spins_rad, 0.0);
   if (surroundings) surroundings->begin_step(*this);
   double potential = potential_uJ(state_, dt_s, surroundings);
 
-  StepReport report;
-  while (report.iterations < options_.iterations) {
-    ++report.iterations;
+  report_ = {};
+  while (report_.iterations < options_.iterations) {
+    ++report_.iterations;
     system_.matrix_.reset(rows);
     system_.gradient_.assign(rows + BandMatrix::kBand, 0.0);
     assemble_elastic(state_);
@@ -432,10 +432,13 @@ Rod::StepReport Rod::step(double dt_s, RodSurroundings* surroundings) {
       move(state_, solution_.data(), scale, trial_);
       const double reached = potential_uJ(trial_, dt_s, surroundings);
       falls = reached <= potential + 1e-12 * std::abs(potential);
-      if (!falls) continue;
+      if (!falls) {
+        ++report_.halvings;
+        continue;
+      }
       std::swap(state_, trial_);
       potential = reached;
-      report.last_move_mm = scale * move_mm;
+      report_.last_move_mm = scale * move_mm;
     }
     if (!falls) {
       if (surroundings) surroundings->energy_uJ(state_);
@@ -449,7 +452,6 @@ Rod::StepReport Rod::step(double dt_s, RodSurroundings* surroundings) {
   for (std::size_t j = 0; j < edges_.size(); ++j) edges_[j].spin_rad_s = state_.edge_spins_rad[j] / dt_s;
   if (surroundings) surroundings->end_step(state_);
   note_forces();
-  return report;
 }
 
 // ---- what is felt ---------------------------------------------------------------------------------------

@@ -116,11 +116,12 @@ class Rod {
   void set_tip_torque_Nm(double torque_Nm) { tip_torque_Nm_ = torque_Nm; }
 
   struct StepReport {
-    int iterations = 0;
+    int iterations = 0, halvings = 0;
     double last_move_mm = 0;  ///< the largest move of a node in the last iteration
   };
   /// One step in time.
-  StepReport step(double dt_s, RodSurroundings* surroundings = nullptr);
+  void step(double dt_s, RodSurroundings* surroundings = nullptr);
+  const StepReport& last_step() const { return report_; }
 
   const RodState& state() const { return state_; }
   const DeviceModel& device() const { return device_; }
@@ -180,6 +181,7 @@ class Rod {
   RodSystem system_;
   std::vector<double> solution_, elastic_gradient_;
   double tip_torque_Nm_ = 0;
+  StepReport report_;
   Eigen::Vector3d clamp_force_N_{0, 0, 0};
   double clamp_torque_Nm_ = 0;
 };

@@ -101,6 +101,12 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
       branch.stations.push_back(
           {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm});
     }
+    branch.lower_mm = branch.upper_mm = branch.stations.front().centre_mm;
+    for (const Station& station : branch.stations) {
+      branch.lower_mm = branch.lower_mm.cwiseMin(station.centre_mm);
+      branch.upper_mm = branch.upper_mm.cwiseMax(station.centre_mm);
+      branch.widest_mm = std::max(branch.widest_mm, station.radius_mm);
+    }
   }
 
   for (std::size_t i = 0; i < vessels.size(); ++i) {
@@ -176,6 +182,11 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
           {index, i}};
 }
 
+double TubeField::highest_value_mm(const Branch& branch, const Vector3d& point_mm) const {
+  const Vector3d nearest = point_mm.cwiseMax(branch.lower_mm).cwiseMin(branch.upper_mm);
+  return branch.widest_mm - (point_mm - nearest).norm();
+}
+
 int TubeField::guess(int index, int joint, const Vector3d& point_mm) const {
   const Branch& branch = branches_[static_cast<std::size_t>(index)];
   const double away_mm = (point_mm - joints_[static_cast<std::size_t>(joint)].position_mm).norm();
@@ -206,6 +217,8 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
           std::min(hits[h].blend_mm, joint.blend_mm * fade(std::sqrt(distance2), joint.reach_mm));
       for (const int other : joint.branches) {
         if (count == kMostHits || other == hits[h].place.branch) continue;
+        const Branch& vessel = branches_[static_cast<std::size_t>(other)];
+        if (highest_value_mm(vessel, point_mm) < hits[0].value_mm - blend_mm) continue;
         hits[count] = hit(other, guess(other, joint_index, point_mm), point_mm);
         hits[count++].blend_mm = blend_mm;
       }

@@ -59,6 +59,8 @@ class TubeField {
     double step_mm = 0;
     double arc_offset_mm = 0, arc_length_mm = 0;  ///< where the tree's own part begins, and its length
     int start_joint = -1, end_joint = -1;
+    Eigen::Vector3d lower_mm, upper_mm;  ///< of its stations
+    double widest_mm = 0;
   };
   /// Where branches meet.
   struct Joint {
@@ -73,6 +75,7 @@ class TubeField {
     Place place;
   };
   Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;
+  double highest_value_mm(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   int guess(int branch, int joint, const Eigen::Vector3d& point_mm) const;
 
   std::vector<Branch> branches_;

@@ -30,8 +30,27 @@ WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod,
   contacts_.resize(rod.node_count());
   grips_.resize(rod.node_count());
   slips_mm_.assign(rod.node_count(), Vector3d::Zero());
-  for (std::size_t i = 0; i < contacts_.size(); ++i)
+  for (std::size_t i = 0; i < contacts_.size(); ++i) {
     contacts_[i].sample.place = field_->locate(rod.state().nodes_mm[i]);
+    look(i, rod.state().nodes_mm[i]);
+  }
+}
+
+void WallContact::look(std::size_t node, const Vector3d& point_mm) {
+  Contact& contact = contacts_[node];
+  contact.sample = field_->at(point_mm, contact.sample.place);
+  contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+  grips_[node].looked_at_mm = point_mm;
+}
+
+void WallContact::touch(std::size_t node, const Vector3d& point_mm) {
+  // The clearance changes by little more than the way, so that a node well within the lumen need not look.
+  constexpr double kSteepest = 1.5;
+  const double way_mm = (point_mm - grips_[node].looked_at_mm).norm();
+  if (contacts_[node].sample.clearance_mm - kSteepest * way_mm > radius_mm_)
+    contacts_[node].depth_mm = 0;
+  else if (way_mm > 0)
+    look(node, point_mm);
 }
 
 void WallContact::node_added() {
@@ -71,8 +90,7 @@ void WallContact::begin_step(const Rod& rod) {
     Grip& grip = grips_[i];
     grip.share_mm = rod.share_mm(i);
     grip.start_mm = state.nodes_mm[i];
-    contact.sample = field_->at(grip.start_mm, contact.sample.place);
-    contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+    touch(i, grip.start_mm);
     if (contact.depth_mm == 0) {
       contact.sliding = false;
       slips_mm_[i].setZero();
@@ -103,11 +121,10 @@ Vector2d WallContact::slip_mm(const RodState& state, std::size_t node) const {
 double WallContact::energy_uJ(const RodState& state) {
   double energy = 0;
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    Contact& contact = contacts_[i];
     Grip& grip = grips_[i];
-    contact.sample = field_->at(state.nodes_mm[i], contact.sample.place);
-    contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
-    energy += 0.5 * options_.stiffness_N_mm2 / kMilli * grip.share_mm * contact.depth_mm * contact.depth_mm;
+    touch(i, state.nodes_mm[i]);
+    const double depth_mm = contacts_[i].depth_mm;
+    energy += 0.5 * options_.stiffness_N_mm2 / kMilli * grip.share_mm * depth_mm * depth_mm;
     grip.guide_uJ = guide(state.nodes_mm[i], grip.share_mm).energy_uJ;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
@@ -168,6 +185,7 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
 }
 
 void WallContact::end_step(const RodState& state) {
+  look(contacts_.size() - 1, state.nodes_mm.back());  // where the tip is, is asked for
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Contact& contact = contacts_[i];
     const Grip& grip = grips_[i];

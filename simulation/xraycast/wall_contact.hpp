@@ -41,7 +41,7 @@ class WallContact final : public RodSurroundings {
 
   /// What the wall does to a node, as of the end of the last step.
   struct Contact {
-    TubeField::Sample sample;  ///< of the node's centre
+    TubeField::Sample sample;  ///< of the node's centre, or of near it while the wall is out of reach
     double depth_mm = 0;       ///< of the rod's surface in the wall; 0 without contact
     Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0}, guide_N{0, 0, 0};
     bool sliding = false;
@@ -65,7 +65,10 @@ class WallContact final : public RodSurroundings {
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
     Eigen::Vector2d slip_mm{0, 0};                                       ///< of the spring
     double guide_uJ = 0;
+    Eigen::Vector3d looked_at_mm{0, 0, 0};  ///< where the contact's sample was taken
   };
+  void look(std::size_t node, const Eigen::Vector3d& point_mm);
+  void touch(std::size_t node, const Eigen::Vector3d& point_mm);
   Eigen::Vector2d slip_mm(const RodState& state, std::size_t node) const;
   struct Guide {
     double energy_uJ = 0, weight = 0;
