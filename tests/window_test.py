@@ -18,7 +18,7 @@ import unittest
 import zlib
 
 PROGRAM, FILES = sys.argv[1], pathlib.Path(sys.argv[2])
-PATIENCE_S = 10
+PATIENCE_S = 30
 
 
 def run(*words, **options):
@@ -43,16 +43,17 @@ class Screen:
 
     def __init__(self, dump):
         header = struct.unpack(">25I", dump[:100])
-        self.width, self.height, little, row_B = header[4], header[5], header[7] == 0, header[12]
-        assert row_B == 4 * self.width and little, header
-        self.row_B, self.bytes = row_B, dump[header[0] + 12 * header[19]:]
+        self.width, self.height, little, bits, self.row_B = header[4], header[5], header[7] == 0, header[11], header[12]
+        assert bits in (24, 32) and little, header
+        self.pixel_B, self.bytes = bits // 8, dump[header[0] + 12 * header[19]:]
 
     def at(self, x, y):
-        b, g, r = self.bytes[y * self.row_B + 4 * x:][:3]
+        b, g, r = self.region(x, y, 1, 1)[:3]
         return r, g, b
 
     def region(self, x, y, width, height):
-        return b"".join(self.bytes[j * self.row_B + 4 * x:j * self.row_B + 4 * (x + width)] for j in range(y, y + height))
+        starts = (j * self.row_B + self.pixel_B * x for j in range(y, y + height))
+        return b"".join(self.bytes[start:start + self.pixel_B * width] for start in starts)
 
     def find(self, colour, x, y, width, height):
         """Where a region has a colour."""
@@ -60,7 +61,8 @@ class Screen:
         wanted, places = bytes((b, g, r)), []
         for j in range(y, y + height):
             row = self.region(x, j, width, 1)
-            places += [(x + i, j) for i in range(width) if row[4 * i:4 * i + 3] == wanted] if wanted in row else []
+            at = lambda i: row[self.pixel_B * i:self.pixel_B * i + 3]
+            places += [(x + i, j) for i in range(width) if at(i) == wanted] if wanted in row else []
         return places
 
     def write(self, path):
@@ -68,7 +70,7 @@ class Screen:
         for y in range(self.height):
             row, rgb = self.region(0, y, self.width, 1), bytearray(3 * self.width)
             for channel in range(3):
-                rgb[channel::3] = row[2 - channel::4]
+                rgb[channel::3] = row[2 - channel::self.pixel_B]
             rows += b"\0" + rgb
         chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
         header = struct.pack(">IIBBBBB", self.width, self.height, 8, 2, 0, 0, 0)
@@ -320,9 +322,8 @@ class Window(unittest.TestCase):
     def test_projects_a_scan_beside_the_map(self):
         self.view(FILES / "map.exr", "--scan", FILES / "scan.nrrd")
         right = lambda: self.screen().region(900, 250, 100, 100)
-        background = self.screen().region(1279, 790, 1, 1)
         self.do("key", "s")
-        first = self.wait_until(lambda: (r := right()) != background * 10000 and len(set(r)) > 20 and r, "the true projection")
+        first = self.wait_until(lambda: len(set(r := right())) > 20 and r, "the true projection")
         self.drag(1, 700, 400, 150, 0)
         self.wait_until(lambda: right() != first, "the true projection of another angle")
 

@@ -80,8 +80,8 @@ void draw_furniture(std::span<std::uint8_t> rgb, const View& view, const Furnitu
   const double w = view.width, h = view.height;
   text(margin, 0.5 * h, furniture.left, Left);
   text(w - margin, 0.5 * h, furniture.right, Right);
-  text(0.5 * w, margin + font, furniture.top, Center);
-  text(0.5 * w, h - margin, furniture.bottom, Center);
+  text(0.5 * w + margin, margin + font, furniture.top, Left);
+  text(0.5 * w + margin, h - margin, furniture.bottom, Left);
   text(margin, h - margin, caption, Left);
   const double bar_y = h - 2 * font - margin, bar_x = w - margin;
   for (int thick = 0; thick < std::max(1, font / 10); ++thick)

@@ -299,8 +299,10 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
   const Opacity& opacity = edit.opacity ? *edit.opacity : opened_.map->opacity;
   std::vector<double> mu;
   for (const double hu : knots_hu()) mu.push_back(opacity.mu_per_mm(hu));
-  attempt([&] { set_opacity(mu); });
-  session_.opacity = std::move(edit.opacity);
+  if (edit.opacity) return attempt([&] { set_opacity(mu); });
+  mu_per_mm_ = std::move(mu);
+  session_.opacity.reset();
+  use_map(opened_.map);
 }
 
 // ---- the picture ----------------------------------------------------------------------------------

@@ -6,6 +6,9 @@
 
 #include <fmt/format.h>
 
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <cfloat>
 #include <cmath>
 #include <imgui.h>
 #include <imgui_stdlib.h>
@@ -36,8 +39,8 @@ void furnish(const Viewer& viewer, float left, float width, float height) {
   const float line = ImGui::GetFontSize(), right = left + width - line, y = height - 3 * line;
   write(left + line, height / 2, furniture.left);
   write(right - width_of(furniture.right), height / 2, furniture.right);
-  write(left + width / 2, line / 2, furniture.top);
-  write(left + width / 2, height - 2.6f * line, furniture.bottom);
+  write(left + width / 2 + line / 2, line / 2, furniture.top);
+  write(left + width / 2 + line / 2, height - 2.6f * line, furniture.bottom);
   ImDrawList& draw = *ImGui::GetBackgroundDrawList();
   const auto bar = static_cast<float>(furniture.bar_px);
   draw.AddLine({right - bar, y}, {right, y}, kInk, 2);
@@ -87,7 +90,8 @@ void overlays(Viewer& viewer) {
 void ViewerPanel::draw(Viewer& viewer) {
   overlays(viewer);
   ImGui::SetNextWindowPos({8, 8}, ImGuiCond_FirstUseEver);
-  ImGui::SetNextWindowSizeConstraints({23 * ImGui::GetFontSize(), 0}, {23 * ImGui::GetFontSize(), FLT_MAX});
+  const float panel_width = 27 * ImGui::GetFontSize();
+  ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, FLT_MAX});
   ImGui::Begin("xraycast", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   look_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader("Layers")) layer_controls(viewer);
@@ -179,22 +183,31 @@ void ViewerPanel::file_controls(Viewer& viewer) {
   if (!viewer.message().empty()) ImGui::TextWrapped("%s", viewer.message().c_str());
 }
 
+bool ViewerPanel::takes_key(int key) {
+  if (!is_asking_) return false;
+  accepts_ = accepts_ || key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
+  declines_ = declines_ || key == GLFW_KEY_ESCAPE;
+  return accepts_ || declines_;
+}
+
 void ViewerPanel::open_dialogue(Viewer& viewer) {
   if (std::exchange(asks_, false)) {
     file_ = fs::current_path().string() + "/";
+    accepts_ = declines_ = false;
     ImGui::OpenPopup("Open a file");
   }
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Appearing, {0.5f, 0.5f});
-  if (!ImGui::BeginPopupModal("Open a file", nullptr, ImGuiWindowFlags_AlwaysAutoResize)) return;
+  is_asking_ = ImGui::BeginPopupModal("Open a file", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
+  if (!is_asking_) return;
   if (ImGui::IsWindowAppearing()) ImGui::SetKeyboardFocusHere();
   ImGui::SetNextItemWidth(40 * ImGui::GetFontSize());
-  const bool entered = ImGui::InputText("##path", &file_, ImGuiInputTextFlags_EnterReturnsTrue);
+  ImGui::InputText("##path", &file_);
   ImGui::TextUnformatted(
       "A body map, a basis, a scan, vessels, a catheter or a session; a DICOM scan is a folder.");
-  const bool opens = ImGui::Button("Open") || entered;
+  const bool opens = ImGui::Button("Open") || accepts_;
   ImGui::SameLine();
-  const bool closes = ImGui::Button("Cancel") || ImGui::IsKeyPressed(ImGui::GetKeyIndex(ImGuiKey_Escape));
+  const bool closes = ImGui::Button("Cancel") || declines_;
   if (opens) viewer.open(file_);
   if (opens || closes) ImGui::CloseCurrentPopup();
   ImGui::EndPopup();

@@ -16,6 +16,10 @@ class ViewerPanel {
   /// Asks for a file to open, in the next frame.
   void ask_for_file() { asks_ = true; }
 
+  /// Whether a key of GLFW that was pressed was meant for the question: Enter or Escape. Dear ImGui itself
+  /// misses keys that are pressed and let go within a frame.
+  bool takes_key(int key);
+
  private:
   void look_controls(Viewer& viewer);
   void layer_controls(Viewer& viewer);
@@ -25,7 +29,7 @@ class ViewerPanel {
 
   OpacityPanel curve_;
   std::string file_;
-  bool asks_ = false;
+  bool asks_ = false, is_asking_ = false, accepts_ = false, declines_ = false;
 };
 
 }  // namespace xraycast
