@@ -27,6 +27,10 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 /// The end nearest to a point.
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
+/// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
+/// taken; the most inferior one for an empty text. Throws InputError.
+VesselEnd entry_named(const VesselTree& tree, const std::string& text);
+
 /// Where a catheter's tip is.
 struct CatheterTip {
   glm::dvec3 position_mm{0, 0, 0};
