@@ -66,7 +66,7 @@ void strip(const char* name, const SimulatedRun& run, double HubLoad::*load, dou
   for (const float value : values) largest = std::max(largest, std::abs(value));
   const std::string now = fmt::format("{} {:+.2f} {}", name, values.empty() ? 0.0f : values.back(), unit);
   ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
-                   now.c_str(), -largest, largest, {-1, 4 * ImGui::GetFontSize()});
+                   now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
 }
 
 }  // namespace
@@ -96,7 +96,7 @@ void draw_intervention_panel(Viewer& viewer) {
   if (!intervention) return;
   const SimulatedRun& run = intervention->run();
   const CatheterSnapshot& now = run.now();
-  const float width = 20 * ImGui::GetFontSize();
+  const float width = 27 * ImGui::GetFontSize();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   ImGui::SetNextWindowPos({size.x - width - 8, 3 * ImGui::GetFontSize()}, ImGuiCond_FirstUseEver);
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
