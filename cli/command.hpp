@@ -48,6 +48,7 @@ void add_recast(CLI::App& app, Session& session);
 void add_project(CLI::App& app, Session& session);
 void add_segment(CLI::App& app, Session& session);
 void add_render(CLI::App& app, Session& session);
+void add_simulate(CLI::App& app, Session& session);
 void add_compare(CLI::App& app, Session& session);
 void add_view(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);
