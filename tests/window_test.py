@@ -137,7 +137,8 @@ class Dragged:
 class Window(unittest.TestCase):
     def setUp(self):
         told, tells = os.pipe()
-        self.xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-screen", "0", "1280x800x24", "-nolisten", "tcp"],
+        self.xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-noreset", "-screen", "0", "1280x800x24",
+                                      "-nolisten", "tcp"],
                                      pass_fds=[tells], stderr=subprocess.DEVNULL)
         os.close(tells)
         with os.fdopen(told) as number:
@@ -177,7 +178,8 @@ class Window(unittest.TestCase):
         end = time.monotonic() + PATIENCE_S
         while not (found := condition()):
             self.assertLess(time.monotonic(), end, f"never: {what}")
-            self.assertIsNone(self.viewer.poll(), "the viewer has ended")
+            if self.viewer.poll() is not None:
+                self.fail("the viewer has ended: " + self.viewer.stderr.read())
             time.sleep(0.03)
         return found
 
