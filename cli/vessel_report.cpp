@@ -41,6 +41,7 @@ Projection project(const Volume& volume, const Mask& mask, int axis) {
                      static_cast<double>(g.size.z) * g.spacing_mm.z,
                      {}};
   std::vector<float> mean(static_cast<std::size_t>(width * g.size.z)), vessel(mean.size());
+  const double darkest_hu = std::max<double>(-1000, *std::ranges::min_element(volume.hu()));
   parallel_for(g.size.z, [&](std::int64_t z) {
     for (std::int64_t u = 0; u < width; ++u) {
       double sum = 0;
@@ -48,7 +49,7 @@ Projection project(const Volume& volume, const Mask& mask, int axis) {
       for (std::int64_t v = 0; v < depth; ++v) {
         const Index3 voxel = axis == 0 ? Index3(v, u, z) : Index3(u, v, z);
         // What is denser than bone does not count for more, lest metal darken all else.
-        sum += std::clamp<double>(volume.at(voxel.x, voxel.y, voxel.z), -1000, 1500) + 1000;
+        sum += std::clamp<double>(volume.at(voxel.x, voxel.y, voxel.z) - darkest_hu, 0, 2500);
         inside += mask[voxel];
       }
       const auto at = static_cast<std::size_t>((g.size.z - 1 - z) * width + u);
