@@ -19,16 +19,18 @@ struct Frames::Gl {
 };
 
 Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
-               bool with_vessels)
+               bool with_vessels, Compositing compositing)
     : bounds_(bounds_of(geometry)), width_(width), height_(height) {
   gl_ = std::make_unique<Gl>();
   Progress progress;
   gl_->renderer.set_map(std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map));
   if (with_vessels) {
-    Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"))};
+    constexpr int kSides = 6;  // 31,248 triangles
+    Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), kSides)};
     gl_->renderer.set_surfaces(std::span(&vessels, 1));
     style_.look = Look::surface;
   }
+  style_.sampling.compositing = compositing;
   style_.pixels_per_column = 2;
   gl_->target.resize(width, height);
   next_ms();  // compiles the shaders

@@ -12,7 +12,9 @@
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <memory>
 #include <optional>
 
@@ -23,12 +25,13 @@ struct Options {
   std::string input, basis, knots;
   MapOutput output;
   ScanOptions scan;
-  std::string projection = "cylinder", radii = "equal-area", centre = "auto", radius = "auto", centre_line,
-              memory_limit;
+  std::string projection = "cylinder", centre = "auto", radius = "auto", centre_line, memory_limit;
   AttenuationOptions attenuation;
-  std::optional<int> layers;
-  int angles = 360, views = 36;
+  std::optional<int> layers, angles, views;
+  std::optional<std::string> radii;
 };
+
+constexpr int kAngles = 360, kViews = 36;
 
 /// --centre X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
 glm::dvec3 parse_centre(const Options& options, double z_mm) {
@@ -57,18 +60,18 @@ BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder)
 
 std::vector<double> resolve_radii(const Options& options, double radius_mm) {
   const int layers = options.layers.value_or(1);
-  if (options.radii == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
-  if (options.radii == "equal-thickness")
-    return shell_radii_mm(RadiiRule::equal_thickness, layers, radius_mm);
-  std::vector<double> edges_mm = parse_numbers(options.radii, "--radii");
+  const std::string rule = options.radii.value_or("equal-area");
+  if (rule == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
+  if (rule == "equal-thickness") return shell_radii_mm(RadiiRule::equal_thickness, layers, radius_mm);
+  std::vector<double> edges_mm = parse_numbers(rule, "--radii");
   if (edges_mm.size() < 2)
     throw InputError("--radii {}: has to be equal-area, equal-thickness or all edges in mm, innermost first",
-                     options.radii);
+                     rule);
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
-    throw InputError("--radii {} makes {} layers, but --layers asks for {}", options.radii,
-                     edges_mm.size() - 1, layers);
+    throw InputError("--radii {} makes {} layers, but --layers asks for {}", rule, edges_mm.size() - 1,
+                     layers);
   if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges_mm.back())
-    throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", options.radii,
+    throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", rule,
                      options.radius);
   return edges_mm;
 }
@@ -93,15 +96,32 @@ std::vector<double> resolve_knots(const Options& options,
   return knots_hu;
 }
 
+/// Rejects what the projection would drop without a word.
+void check_applies(const Options& options) {
+  const auto check = [&](bool is_given, const char* option, std::initializer_list<const char*> projections) {
+    if (is_given && std::ranges::find(projections, options.projection) == projections.end())
+      throw InputError("{} does not apply to --projection {}; leave it out", option, options.projection);
+  };
+  check(options.layers.has_value(), "--layers", {"cylinder", "sphere"});
+  check(options.radii.has_value(), "--radii", {"cylinder", "sphere"});
+  check(options.angles.has_value(), "--angles", {"cylinder", "sphere"});
+  check(options.views.has_value(), "--views", {"rectangle"});
+  check(!options.centre_line.empty(), "--centre-line", {"cylinder"});
+  if (!options.centre_line.empty() && options.centre != "auto")
+    throw InputError("--centre {} and --centre-line {}: give one of the two", options.centre,
+                     options.centre_line);
+}
+
 /// Rejects what can be known to be wrong before the scan is read.
 void check(const Options& options) {
+  check_applies(options);
   check_name(options.output.map, ".exr");
   if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
   MapGeometry of_one_row;
   of_one_row.projection = projection_named(options.projection);
-  of_one_row.width = options.angles;
+  of_one_row.width = options.angles.value_or(kAngles);
   of_one_row.height = 1;
-  of_one_row.views = options.views;
+  of_one_row.views = options.views.value_or(kViews);
   of_one_row.radii_mm = resolve_radii(options, given_radius_mm(options).value_or(1));
   of_one_row.centre_mm = {options.centre == "auto" ? glm::dvec2(0) : glm::dvec2(parse_centre(options, 0))};
   validate(of_one_row, "map");
@@ -115,13 +135,14 @@ MapGeometry resolve_sphere(const Options& options, const VolumeGeometry& volume,
   if (options.radius == "auto")  // has to enclose the body at both ends of the scan too
     radius_mm =
         std::hypot(radius_mm, std::max(volume.upper_mm().z - centre_mm.z, centre_mm.z - volume.lower_mm().z));
-  return sphere_map(volume, options.angles, resolve_radii(options, radius_mm), centre_mm);
+  return sphere_map(volume, options.angles.value_or(kAngles), resolve_radii(options, radius_mm), centre_mm);
 }
 
 MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
+  const int angles = options.angles.value_or(kAngles);
   if (options.centre_line.empty())
-    return cylinder_map(volume, options.angles, resolve_radii(options, outline.radius_mm), outline.centre_mm);
+    return cylinder_map(volume, angles, resolve_radii(options, outline.radius_mm), outline.centre_mm);
   const std::vector<glm::dvec2> centre_mm =
       CentreLine::from_file(options.centre_line).centre_of_rows_mm(volume);
   double radius_mm = outline.radius_mm;
@@ -131,13 +152,13 @@ MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volum
       farthest_mm = std::max(farthest_mm, glm::distance(centre, outline.centre_mm));
     radius_mm += farthest_mm;
   }
-  return cylinder_map(volume, options.angles, resolve_radii(options, radius_mm), centre_mm);
+  return cylinder_map(volume, angles, resolve_radii(options, radius_mm), centre_mm);
 }
 
 MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
   if (options.projection == "rectangle")
-    return rectangle_map(volume, options.views, outline.radius_mm, outline.centre_mm);
+    return rectangle_map(volume, options.views.value_or(kViews), outline.radius_mm, outline.centre_mm);
   return options.projection == "sphere" ? resolve_sphere(options, volume, outline)
                                         : resolve_cylinder(options, volume, outline);
 }
@@ -198,14 +219,14 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
   OutlineFinder finder(volume);
   LoadTimings timings;
-  const Stopwatch stopwatch;
   if (options.centre == "auto" || options.radius == "auto") {
+    const Stopwatch looking;
     look_through(*scan.source, finder, progress);
     scan = open_scan(options.input, options.scan, progress);
+    timings.read_ms = looking.ms();
   }
   const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder));
-  CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, progress);
-  timings.read_ms = stopwatch.ms() - result.kernel_ms;
+  CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
   return {std::move(result), timings};
 }
 
@@ -256,10 +277,10 @@ void cast_map(const Options& options, Session& session) {
               {"write", write_ms},
               {"total", total_ms}}}};
   std::string text = fmt::format(
-      "{}: {} layers of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "{}: {} of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-      options.output.map, geometry.layers(), geometry.width, geometry.height, geometry.radius_mm(),
-      geometry.centre_mm[0].x, geometry.centre_mm[0].y,
+      options.output.map, counted(geometry.layers(), "layer"), geometry.width, geometry.height,
+      geometry.radius_mm(), geometry.centre_mm[0].x, geometry.centre_mm[0].y,
       std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
       load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
   if (basis) {
@@ -292,14 +313,11 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--layers", options->layers, "Number of concentric shells (default 1)")->type_name("K");
   command
       ->add_option("--radii", options->radii,
-                   "equal-area, equal-thickness, or all edges in mm, innermost first")
-      ->capture_default_str()
+                   "equal-area (default), equal-thickness, or all edges in mm, innermost first")
       ->type_name("RULE|MM,MM,...");
-  command->add_option("--angles", options->angles, "Rays around the axis; the map's width")
-      ->capture_default_str()
+  command->add_option("--angles", options->angles, "Rays around the axis; the map's width (default 360)")
       ->type_name("N");
-  command->add_option("--views", options->views, "rectangle: pictures over 180 deg")
-      ->capture_default_str()
+  command->add_option("--views", options->views, "rectangle: pictures over 180 deg (default 36)")
       ->type_name("N");
   command
       ->add_option("--centre", options->centre,

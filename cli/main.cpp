@@ -1,5 +1,6 @@
 #include "command.hpp"
 #include "progress_bar.hpp"
+#include "usage_hint.hpp"
 #include "xraycast/device.hpp"
 #include "xraycast/error.hpp"
 
@@ -77,6 +78,7 @@ int main(int argc, char** argv) {
   cli::add_segment(app, session);
   cli::add_render(app, session);
   cli::add_compare(app, session);
+  cli::add_simulate(app, session);
   cli::add_view(app, session);
   cli::add_devices(app, session);
   cli::add_demo(app, session);
@@ -86,7 +88,7 @@ int main(int argc, char** argv) {
   } catch (const CLI::Success& help) {
     return app.exit(help);
   } catch (const CLI::ParseError& error) {
-    return report(std::string(error.what()) + " (see `xraycast --help`)", kWrongUsage);
+    return report(std::string(error.what()) + " (" + cli::usage_hint(app) + ")", kWrongUsage);
   }
   if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   interruptible = &session.progress;

@@ -4,6 +4,7 @@
 #include "map_output.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
+#include "xraycast/error.hpp"
 #include "xraycast/stopwatch.hpp"
 
 #include <fmt/format.h>
@@ -20,6 +21,9 @@ struct Options {
 
 void recast_map(const Options& options, Session& session) {
   const Stopwatch stopwatch;
+  if (options.opacity.starts_with("spectrum"))
+    throw InputError("--opacity {}: a beam that hardens cannot be recast; use `xraycast cast`",
+                     options.opacity);
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
   if (!options.output.preview.empty()) check_writable(options.output.preview);
@@ -36,20 +40,20 @@ void recast_map(const Options& options, Session& session) {
   const Stopwatch writing;
   write_map(map, options.output);
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
-  session.print(
-      {{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
-       {"map", to_json(map.geometry)},
-       {"timings_ms",
-        {{"read", read_ms},
-         {"upload", upload_ms},
-         {"kernel", recasting.kernel_ms()},
-         {"write", write_ms},
-         {"total", total_ms}}}},
-      fmt::format("{}: {} layers of {} angles x {} slices, opacity {}\n"
-                  "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
-                  "total {:.0f} ms\n",
-                  options.output.map, map.geometry.layers(), map.geometry.width, map.geometry.height,
-                  opacity.name(), read_ms, upload_ms, recasting.kernel_ms(), write_ms, total_ms));
+  session.print({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
+                 {"map", to_json(map.geometry)},
+                 {"timings_ms",
+                  {{"read", read_ms},
+                   {"upload", upload_ms},
+                   {"kernel", recasting.kernel_ms()},
+                   {"write", write_ms},
+                   {"total", total_ms}}}},
+                fmt::format("{}: {} of {} angles x {} slices, opacity {}\n"
+                            "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
+                            "total {:.0f} ms\n",
+                            options.output.map, counted(map.geometry.layers(), "layer"), map.geometry.width,
+                            map.geometry.height, opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
+                            write_ms, total_ms));
 }
 
 }  // namespace

@@ -50,7 +50,7 @@ static void fetch_pixels(SCAN row) { /* two neighbours, which may lie in two cac
 static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,
                         const int last, constant const XrcOpacity* opacity, global const float2* table) {
   const long row_step = (long)scan->pitch_x * XRC_BRICK_SLICES;
-  SCAN brick = voxels + run * scan->pitch_y * row_step;
+  SCAN brick = voxels + brick_pixel(scan, run, 0, 0) * XRC_BRICK_SLICES;
   Slices sum = 0.0f;
   Strip strip = strip_from(first, ray, scan);
   for (int from = first; from < last; from += STRIP) {

@@ -40,7 +40,7 @@ static Slices bilinear16(SCAN upper, SCAN lower, const float fx, const float fy)
 /* Position (x, y) in the 16 slices of a brick, which lies within them, interpolated bilinearly. */
 static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
   const int ix = (int)x, iy = (int)y;
-  SCAN upper = voxels + (((long)brick * scan->pitch_y + iy) * scan->pitch_x + ix) * XRC_BRICK_SLICES;
+  SCAN upper = voxels + brick_pixel(scan, brick, ix, iy) * XRC_BRICK_SLICES;
   return bilinear16(upper, upper + (long)scan->pitch_x * XRC_BRICK_SLICES, x - (float)ix, y - (float)iy);
 }
 

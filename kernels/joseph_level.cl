@@ -5,7 +5,8 @@
 #ifndef SCAN_IMAGE
 
 /* Joseph's method for views without tilt, in bricks. The rays of a detector column share their way through x
- * and y, so that in every plane one column of voxels, interpolated across, serves all of them. */
+ * and y, so that in every plane one column of voxels, interpolated across, serves all of them. Along z they
+ * lie in the order of their rows, so that the first and the last of a column enclose the others. */
 
 #define GROUPS (XRC_LEVEL_ROWS / ROWS) /* to a work-item */
 

@@ -30,8 +30,10 @@ static inline float least(const float16 v) {
 
 static inline float greatest(const float16 v) { return -least(-v); }
 
-/* The plane or voxel at a coordinate, whatever the float is. */
-static inline int index_at(const float coordinate, const int last) { return clamp((int)coordinate, 0, last); }
+/* The plane or voxel at a coordinate, whatever the float is, not-a-number too. */
+static inline int index_at(const float coordinate, const int last) {
+  return (int)fmin(fmax(coordinate, 0.0f), (float)last);
+}
 
 /* 16 rays that are dominated by the same axis, x or y, and cross its planes in the same order. As in `joseph`
  * they are lines over the number of the plane: u across and v along z. */
@@ -83,8 +85,8 @@ static inline void prepare_core(Rays* rays, float16 low, float16 high) {
   const float v_0 = rays->v0.sf - rays->v0.s0, dv = rays->dv.sf - rays->dv.s0;
   clip(&first, &last, u_0, du, -1.0f, 1.0f);
   clip(&first, &last, v_0, dv, 2.0f - 2 * ROWS, 2.0f * ROWS - 2);
-  rays->first_core = (int)ceil(first);
-  rays->last_core = (int)floor(last);
+  rays->first_core = convert_int_sat(ceil(first));
+  rays->last_core = convert_int_sat(floor(last));
   rays->is_wide = max(fabs(fma(first, dv, v_0)), fabs(fma(last, dv, v_0))) > ROWS - 1.0f;
   const float middle = 0.5f * (first + last);
   const int u_falls = fma(middle, du, u_0) < 0.0f, v_falls = fma(middle, dv, v_0) < 0.0f;

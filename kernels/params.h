@@ -5,10 +5,12 @@
 
 #ifdef __OPENCL_C_VERSION__
 #define XRC_INT int
+#define XRC_LONG long
 #define XRC_FLOAT float
 #else
 #include <stdint.h>
 #define XRC_INT int32_t
+#define XRC_LONG int64_t
 #define XRC_FLOAT float
 #endif
 

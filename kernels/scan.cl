@@ -1,4 +1,4 @@
-#include "params.h"
+#include "scan_layout.h"
 
 /* Slices as they are in a file (x fastest) into bricks; see XrcScan. One work-item makes one pixel of one
  * brick. `first_brick` is where the slices go; slices beyond `count` become air. */
@@ -14,6 +14,5 @@ kernel void pack_bricks(global const short* slices, global short* bricks, const 
     const int z = b * XRC_BRICK_SLICES + s;
     hu[s] = in_slice && z < count ? slices[z * slice + pixel] : (short)XRC_AIR_HU;
   }
-  const long at = ((long)(first_brick + b) * scan.pitch_y + y) * scan.pitch_x + x;
-  vstore16(vload16(0, hu), at, bricks);
+  vstore16(vload16(0, hu), brick_pixel(&scan, first_brick + b, x, y), bricks);
 }

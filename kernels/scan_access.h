@@ -4,7 +4,7 @@
 #ifndef XRAYCAST_SCAN_ACCESS_H
 #define XRAYCAST_SCAN_ACCESS_H
 
-#include "params.h"
+#include "scan_layout.h"
 
 /* Asks for the cache line of an address that will be read soon, where the compiler knows how. */
 #ifdef __has_builtin
@@ -31,8 +31,7 @@ static inline float voxel_hu(SCAN voxels, const XrcScan* scan, const int x, cons
 #define SCAN global const short*
 
 static inline float voxel_hu(SCAN voxels, const XrcScan* scan, const int x, const int y, const int z) {
-  const long pixel = ((long)(z / XRC_BRICK_SLICES) * scan->pitch_y + y) * scan->pitch_x + x;
-  return (float)voxels[pixel * XRC_BRICK_SLICES + z % XRC_BRICK_SLICES];
+  return (float)voxels[voxel_at(scan, x, y, z)];
 }
 
 #endif

@@ -194,6 +194,13 @@ const BadCall kBadCalls[] = {
     {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
      "makes 2 layers, but --layers asks for 3"},
     {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
+    {"LayersOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --layers 8", 3,
+     "--layers does not apply to --projection rectangle"},
+    {"ViewsOfACylinder", "cast @/ct.nii -o @/out.exr --views 8", 3, "--views does not apply"},
+    {"CentreLineOfASphere", "cast @/ct.nii -o @/out.exr --projection sphere --centre-line @/l.csv", 3,
+     "--centre-line does not apply"},
+    {"CentreAndCentreLine", "cast @/ct.nii -o @/out.exr --centre 1,1 --centre-line @/l.csv", 3,
+     "give one of the two"},
     {"MapRefusedBeforeTheScanIsRead", "cast @/nothing -o @/out.exr --centre here", 3, "--centre"},
 
     // The basis.
@@ -207,6 +214,8 @@ const BadCall kBadCalls[] = {
     {"KnotsWithoutABasis", "cast @/ct.nii -o @/out.exr --knots 0,5", 2, "--keep-basis"},
     {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: there is no such file"},
     {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3, "not a basis; make one with"},
+    {"RecastUnderASpectrum", "recast @/nothing -o @/out.exr --opacity spectrum:80", 3,
+     "a beam that hardens cannot be recast"},
     {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
 
     // The picture and the phantom.
@@ -230,8 +239,11 @@ const BadCall kBadCalls[] = {
 
     // The words themselves.
     {"NoSubcommand", "--json", 2, "a subcommand is required"},
-    {"UnknownSubcommand", "cats", 2, "not expected: cats"},
-    {"UnknownOption", "cast @/ct.nii -o @/out.exr --frames", 2, "not expected: --frames"},
+    {"UnknownSubcommand", "fluoro", 2, "not expected: fluoro (see `xraycast --help`)"},
+    {"MisspeltSubcommand", "projct", 2, "did you mean project? See `xraycast --help`"},
+    {"UnknownOption", "cast @/ct.nii -o @/out.exr --frames", 2, "--frames (see `xraycast cast --help`)"},
+    {"MisspeltOption", "cast @/ct.nii -o @/out.exr --anlges=90", 2, "did you mean --angles?"},
+    {"MisspeltGlobalOption", "project @/ct.nii -o @/out.exr --devise 0", 2, "did you mean --device?"},
     {"OptionNotANumber", "cast @/ct.nii -o @/out.exr --layers many", 2, "--layers"},
     {"OutputNotGiven", "cast @/ct.nii", 2, "--output is required"},
     {"PhantomUnknown", "phantom torso -o @/out.nrrd", 2, "torso not in"},

@@ -128,13 +128,25 @@ std::string swapped(std::string shorts) {
   return shorts;
 }
 
-TEST(NrrdScan, ReadsBigEndianVoxels) {
-  const TemporaryFolder folder;
-  std::string bytes =
-      nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", swapped(kLps.voxels()));
-  bytes.replace(bytes.find("little"), 6, "big");
-  write_bytes(folder / "scan.nrrd", bytes);
-  expect_markers(read_scan(folder / "scan.nrrd").volume);
+/// How a header spells the order of a voxel's bytes, which we or else ITK understand.
+struct ByteOrder {
+  const char* words;
+  bool is_big;
+};
+
+TEST(NrrdScan, ReadsEveryByteOrder) {
+  for (const ByteOrder order : {ByteOrder{"endian: little", false},
+                                {"endian: big", true},
+                                {"Endian: Big", true},
+                                {"endian: BIG", true}}) {
+    SCOPED_TRACE(order.words);
+    const TemporaryFolder folder;
+    std::string bytes = nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)",
+                             order.is_big ? swapped(kLps.voxels()) : kLps.voxels());
+    bytes.replace(bytes.find("endian: little"), 14, order.words);
+    write_bytes(folder / "scan.nrrd", bytes);
+    expect_markers(read_scan(folder / "scan.nrrd").volume);
+  }
 }
 
 TEST(NrrdScan, RoundsFloats) {
@@ -174,12 +186,22 @@ TEST(MetaImageScan, KnowsLeftAnteriorAndSuperior) {
   }
 }
 
-TEST(MetaImageScan, ReadsBigEndianVoxels) {
-  const TemporaryFolder folder;
-  std::string header = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL");
-  header.replace(header.find("MSB = False"), 11, "MSB = True");
-  write_bytes(folder / "scan.mha", header + swapped(kLps.voxels()));
-  expect_markers(read_scan(folder / "scan.mha").volume);
+TEST(MetaImageScan, ReadsEveryByteOrder) {
+  for (const ByteOrder order : {ByteOrder{"BinaryDataByteOrderMSB = True", true},
+                                {"BinaryDataByteOrderMSB = False", false},
+                                {"ElementByteOrderMSB = True", true},
+                                {"ElementByteOrderMSB = False", false},
+                                {"BinaryDataByteOrderMSB = true", true},
+                                {"BinaryDataByteOrderMSB = 1", true},
+                                {"BinaryDataByteOrderMSB = 0", false},
+                                {"Comment = native", false}}) {
+    SCOPED_TRACE(order.words);
+    const TemporaryFolder folder;
+    std::string header = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL");
+    header.replace(header.find("BinaryDataByteOrderMSB = False"), 30, order.words);
+    write_bytes(folder / "scan.mha", header + (order.is_big ? swapped(kLps.voxels()) : kLps.voxels()));
+    expect_markers(read_scan(folder / "scan.mha").volume);
+  }
 }
 
 TEST(MetaImageScan, StreamsRuns) {

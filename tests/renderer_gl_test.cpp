@@ -186,6 +186,44 @@ TEST_F(RendererTest, OpaqueSurfacesHideWhatLiesBehindThem) {
     }
 }
 
+TEST_F(RendererTest, SurfacesBesideTheBodyAreSeenWhole) {
+  // A ball half within the body's outline and half beside it, its triangles also turned inside out.
+  const auto map = homogeneous(1);
+  Mesh mesh = ball(bounds_of(map->geometry).centre_mm + glm::dvec3(105, 0, 0), 20);
+  View view = view_of_map(*map, 0);
+  view.pixel_mm = 2;
+  for (int turned = 0; turned < 2; ++turned) {
+    Renderer renderer;
+    renderer.set_map(map);
+    renderer.set_surfaces(std::vector<Surface>{{mesh, 0.05, {1, 1, 1}}});
+    Style style;
+    style.look = Look::surface;
+    const std::vector<std::uint8_t> picture = renderer.picture(view, style);
+    // 94 and 114 mm from the axis: 11 mm left and 9 mm right of the ball's middle.
+    const int row = 60 * view.width, within = row + 80 + 47, beside = row + 80 + 57;
+    // Beside the body nothing darkens its light side; within, 34 mm of 0.01/mm before the ball do.
+    EXPECT_GT(picture[3 * beside], 210) << turned;
+    EXPECT_LT(picture[3 * within], 200) << turned;
+    // 2 sqrt(20^2 - 9^2) mm, less what facets take away, as above.
+    EXPECT_NEAR(renderer.tau(view, {})[beside], 0.05 * 35.7, 0.05 * 0.3) << turned;
+    EXPECT_EQ(picture[3 * (row + view.width - 1)], 255) << turned;
+    for (auto& triangle : mesh.triangles) std::swap(triangle[0], triangle[1]);
+  }
+}
+
+TEST_F(RendererTest, SurfacesAreReplacedOneByOne) {
+  const auto map = homogeneous(1);
+  const glm::dvec3 centre = bounds_of(map->geometry).centre_mm;
+  const View view = view_of_map(*map, 0);
+  Renderer renderer;
+  renderer.set_surfaces(std::vector<Surface>{{ball(centre, 20), 0.05, {}}, {ball(centre, 10), 0.01, {}}});
+  renderer.replace_surface(1, {ball(centre + glm::dvec3(60, 0, 0), 10), 0.01, {}});
+  const std::vector<float> tau = renderer.tau(view, {});
+  // Facets, as above.
+  EXPECT_NEAR(tau[60 * view.width + 80], 0.05 * 40, 0.01);
+  EXPECT_NEAR(tau[60 * view.width + 80 + static_cast<int>(60 / view.pixel_mm)], 0.01 * 20, 0.002);
+}
+
 TEST_F(RendererTest, DetectorIsTheNearSide) {
   // Only what lies anterior absorbs. Seen from the front it hides a vessel, seen from behind it does not;
   // under a cone too, whose rays come from the other side.

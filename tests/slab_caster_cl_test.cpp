@@ -21,6 +21,7 @@ TEST_P(SlabCast, IsTheMapCastWholeBitForBit) {
   const Volume volume = textured_volume(GetParam());
   Device device;
   Progress progress;
+  LoadTimings timings;
   std::vector<glm::dvec2> line_mm;
   for (std::int64_t z = 0; z < GetParam(); ++z) line_mm.emplace_back(0.02 * static_cast<double>(z), -1);
   const auto radii_mm = shell_radii_mm(RadiiRule::equal_area, 3, 17);
@@ -29,7 +30,7 @@ TEST_P(SlabCast, IsTheMapCastWholeBitForBit) {
     const auto whole = cast(upload(device, volume), map, Opacity::bilinear(), progress);
     for (const std::int64_t slab : {16, 48, 160}) {
       VolumeSource source(volume);
-      const auto part = cast_by_slabs(device, source, map, Opacity::bilinear(), slab, progress);
+      const auto part = cast_by_slabs(device, source, map, Opacity::bilinear(), slab, timings, progress);
       EXPECT_EQ(part.map.tau, whole.map.tau) << "slabs of " << slab;
     }
   }
@@ -41,9 +42,10 @@ TEST(SlabCast, OfProjectionsThatCrossSlicesIsRefused) {
   const Volume volume = textured_volume(16);
   Device device;
   Progress progress;
+  LoadTimings timings;
   VolumeSource source(volume);
   EXPECT_THROW(cast_by_slabs(device, source, sphere_map(volume.geometry(), 30, {0, 10}, {0, 0, 0}),
-                             Opacity::paper(), 16, progress),
+                             Opacity::paper(), 16, timings, progress),
                InputError);
 }
 
@@ -56,8 +58,9 @@ TEST(SlabCast, CanBeCancelled) {
     if (state.done >= 32) heard->cancel();
   });
   heard = &progress;
+  LoadTimings timings;
   const MapGeometry map = cylinder_map(volume.geometry(), 30, {0, 10}, glm::dvec2(0, 0));
-  EXPECT_THROW(cast_by_slabs(device, source, map, Opacity::paper(), 16, progress), Cancelled);
+  EXPECT_THROW(cast_by_slabs(device, source, map, Opacity::paper(), 16, timings, progress), Cancelled);
 }
 
 TEST(SlabSize, KeepsWithinTheLimit) {

@@ -4,6 +4,7 @@
 #include "xraycast/stopwatch.hpp"
 
 #include <algorithm>
+#include <limits>
 #include <memory>
 
 namespace xraycast {
@@ -12,6 +13,10 @@ namespace {
 static_assert(sizeof(XrcScan) == 24);
 
 XrcScan layout_of(const VolumeGeometry& geometry) {
+  constexpr std::int64_t kMost = std::numeric_limits<int>::max() - XRC_BRICK_SLICES;
+  if ((geometry.size.x + 1) * (geometry.size.y + 1) > kMost || geometry.size.z > kMost)
+    throw InputError("slices of {} x {} pixels are larger than the kernels can number; crop the scan",
+                     geometry.size.x, geometry.size.y);
   XrcScan layout{};
   layout.size_x = static_cast<int>(geometry.size.x);
   layout.size_y = static_cast<int>(geometry.size.y);

@@ -1,6 +1,7 @@
 #include "xraycast/slab_caster.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/stopwatch.hpp"
 
 #include <algorithm>
 #include <future>
@@ -78,7 +79,8 @@ void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress
 }
 
 CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry,
-                         const Opacity& opacity, std::int64_t slab_slices, Progress& progress) {
+                         const Opacity& opacity, std::int64_t slab_slices, LoadTimings& timings,
+                         Progress& progress) {
   const VolumeGeometry& volume = source.geometry();
   if (geometry.projection != Projection::cylinder)
     throw InputError(
@@ -87,7 +89,8 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
   CastResult result{{geometry, opacity, {}, {}}};
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
 
-  const auto slab_voxels = static_cast<std::size_t>(slab_slices * volume.slice_voxels());
+  const auto slab_voxels =
+      static_cast<std::size_t>(std::min(slab_slices, volume.size.z) * volume.slice_voxels());
   Slab now{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels), 0};
   Slab next{std::make_unique_for_overwrite<std::int16_t[]>(slab_voxels), 0};
   const auto size_at = [&](std::int64_t first) { return std::min(slab_slices, volume.size.z - first); };
@@ -98,7 +101,9 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
   ResidentScan scan(device, part);
 
   progress.begin("casting", volume.size.z, "slices");
+  const Stopwatch reading_first;
   fill(now, source, size_at(0), progress);
+  timings.read_ms += reading_first.ms();
   std::int64_t first = 0;
   while (first < volume.size.z) {
     const std::int64_t behind = first + now.slices;
@@ -108,14 +113,18 @@ CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry&
 
     part.size.z = now.slices;
     part.origin_mm.z = volume.origin_mm.z + static_cast<double>(first) * volume.spacing_mm.z;
+    const Stopwatch uploading;
     scan.restart(part);
     scan.append({now.hu.get(), static_cast<std::size_t>(now.slices * volume.slice_voxels())});
+    timings.upload_ms += uploading.ms();
     Progress part_progress;  // the slices are counted as they are read
     const CastResult rows = cast(scan, rows_of(geometry, first, now.slices), opacity, part_progress);
     insert_rows(rows.map, geometry.height - behind, result.map);
     result.kernel_ms += rows.kernel_ms;
 
+    const Stopwatch waiting;
     if (reading.valid()) reading.get();
+    timings.read_ms += waiting.ms();
     std::swap(now, next);
     first = behind;
   }

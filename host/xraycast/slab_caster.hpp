@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/caster.hpp"
+#include "xraycast/resident_scan.hpp"
 #include "xraycast/slice_source.hpp"
 
 #include <cstdint>
@@ -25,11 +26,13 @@ void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress
 
 /// Casts a cylinder map of a scan that need not fit in memory, slab by slab; reading the next slab overlaps
 /// uploading and casting this one. Rays stay within their slices, so the map is the one cast whole, bit for
-/// bit. Stage "casting" of `progress`.
+/// bit. Stage "casting" of `progress`. `timings` gets the time that was waited for slices, and that of
+/// uploading them.
 ///
 /// `source` has not been read from yet. Throws InputError for other projections, whose rays cross slices, and
 /// when the source ends early.
 CastResult cast_by_slabs(Device& device, SliceSource& source, const MapGeometry& geometry,
-                         const Opacity& opacity, std::int64_t slab_slices, Progress& progress);
+                         const Opacity& opacity, std::int64_t slab_slices, LoadTimings& timings,
+                         Progress& progress);
 
 }  // namespace xraycast

@@ -1,6 +1,5 @@
-// The frame: the body's picture looked up, surfaces in front of or within it, and grey. Variants: TAU (optical
-// depth instead of grey), SURFACE or ABSORBING (opaque or absorbing surfaces), SPECTRUM, BETWEEN_COLUMNS,
-// GAMMA.
+// The body's picture looked up, surfaces that absorb, and grey. Variants: TAU (optical depth instead of grey),
+// ABSORBING, BETWEEN_COLUMNS, GAMMA.
 uniform sampler2D body;  // four rows a texel
 uniform mat3 from_pixel;
 uniform float view_height;
@@ -8,21 +7,16 @@ uniform vec2 origin;  // of the view within the framebuffer
 uniform vec2 body_size;    // columns and rows
 uniform float last_quad;
 uniform vec2 row_limits;   // between which there is a body
-#ifdef SURFACE
-uniform sampler2D shade, near_tau;
-#endif
 #ifdef ABSORBING
 uniform sampler2D absorbed;
 #endif
 #ifdef TAU
 out float result;
 #else
-uniform float scale, contrast, black, gamma;  // of GreyWindow: contrast = 1 / (light - dark), black = dark * contrast
+// GreyWindow: contrast = 1 / (light - dark), black = dark * contrast.
+uniform float scale, contrast, black, gamma;
 uniform bool inverted;
 out vec4 result;
-#endif
-#if defined(SPECTRUM) && defined(SURFACE)
-#include "spectrum.glsl"
 #endif
 
 // Between two of a column's rows.
@@ -51,18 +45,8 @@ void main() {
   vec2 here = gl_FragCoord.xy - origin;
   vec3 place = from_pixel * vec3(here.x, view_height - here.y, 1.0);
   float tau = body_tau(place.xy / place.z);
-  ivec2 at = ivec2(here);
 #ifdef ABSORBING
-  tau += max(texelFetch(absorbed, at, 0).x, 0.0);
-#endif
-#ifdef SURFACE
-  vec4 surface = texelFetch(shade, at, 0);
-#ifdef SPECTRUM
-  float in_front = spectral_tau(max(texelFetch(near_tau, at, 0).xyz, 0.0));
-#else
-  float in_front = max(texelFetch(near_tau, at, 0).x, 0.0);
-#endif
-  if (surface.a > 0.0) tau = in_front;
+  tau += max(texelFetch(absorbed, ivec2(here), 0).x, 0.0);
 #endif
 #ifdef TAU
   result = tau;
@@ -71,11 +55,6 @@ void main() {
 #ifdef GAMMA
   grey = pow(grey, 1.0 / gamma);
 #endif
-  float matter = inverted ? 1.0 : 0.0;
-  vec3 shown = vec3(abs(matter - grey));
-#ifdef SURFACE
-  if (surface.a > 0.0) shown = mix(vec3(matter), surface.rgb, exp(-tau / scale));
-#endif
-  result = vec4(shown, 1.0);
+  result = vec4(vec3(inverted ? 1.0 - grey : grey), 1.0);
 #endif
 }

@@ -146,4 +146,20 @@ std::size_t Target::size_B() const {
   return pixel_B * static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
 }
 
+Scissor::Scissor(int x, int y, int width, int height) {
+  glEnable(GL_SCISSOR_TEST);
+  glScissor(x, y, width, height);
+}
+
+DepthTest::DepthTest(GLenum comparison) {
+  glEnable(GL_DEPTH_TEST);
+  glDepthMask(GL_FALSE);
+  glDepthFunc(comparison);
+}
+
+DepthTest::~DepthTest() {
+  glDepthMask(GL_TRUE);
+  glDisable(GL_DEPTH_TEST);
+}
+
 }  // namespace xraycast::gl

@@ -141,4 +141,23 @@ class Target {
   Texture texture_;
 };
 
+/// Nothing is drawn or cleared outside of a rectangle of the framebuffer, for as long as this lives.
+class Scissor {
+ public:
+  Scissor(int x, int y, int width, int height);
+  ~Scissor() { glDisable(GL_SCISSOR_TEST); }
+  Scissor(const Scissor&) = delete;
+  Scissor& operator=(const Scissor&) = delete;
+};
+
+/// Only pixels are drawn that compare so to the depth buffer, which stays as it is, for as long as this
+/// lives.
+class DepthTest {
+ public:
+  explicit DepthTest(GLenum comparison);
+  ~DepthTest();
+  DepthTest(const DepthTest&) = delete;
+  DepthTest& operator=(const DepthTest&) = delete;
+};
+
 }  // namespace xraycast::gl

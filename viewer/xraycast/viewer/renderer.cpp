@@ -27,6 +27,9 @@ int pixels_per_column(const Style& style) {
   return style.sampling.compositing == Compositing::wall ? kFullResolution : style.pixels_per_column;
 }
 
+// The triangle that covers a target lies behind all surfaces, at the depth to which the buffer is cleared.
+constexpr GLenum kOnSurfaces = GL_GREATER, kBesideSurfaces = GL_EQUAL;
+
 int quads_of(int rows) { return (rows + 3) / 4; }
 
 GLuint bound_framebuffer() {
@@ -45,6 +48,22 @@ void read_rows(int width, int height, GLenum format, GLenum type, std::vector<Va
     std::swap_ranges(&values[j * row], &values[j * row] + row, &values[(height - 1 - j) * row]);
 }
 
+/// A picture's pixels that are bound to be read, as 8-bit RGB.
+std::vector<std::uint8_t> read_picture(const View& view) {
+  std::vector<std::uint8_t> values(static_cast<std::size_t>(3) * view.width * view.height);
+  read_rows(view.width, view.height, GL_RGB, GL_UNSIGNED_BYTE, values);
+  return values;
+}
+
+void set_window(const gl::Program& program, const GreyWindow& window) {
+  program.set("scale", window.scale);
+  const double contrast = 1 / (window.light - window.dark);
+  program.set("contrast", contrast);
+  program.set("black", window.dark * contrast);
+  program.set("gamma", window.gamma);
+  program.set("inverted", window.inverted);
+}
+
 /// Pixels to columns and rows of a picture that is drawn pixel by pixel, at every `pixels_per_column`.
 glm::dmat3 scaled_down(int pixels_per_column) {
   return {1.0 / pixels_per_column, 0, 0, 0, 1, 0, -0.5 / pixels_per_column, -0.5, 1};
@@ -59,7 +78,8 @@ Renderer::Renderer()
       layer_table_(GL_RG32F),
       spectrum_table_(GL_RGBA32F),
       body_(GL_RGBA32F),
-      near_(GL_RGBA32F),
+      near_(GL_R32F),
+      near_masses_(GL_RGBA32F),
       shade_(GL_RGBA8),
       surface_depth_(GL_R32F),
       depth_(GL_DEPTH_COMPONENT32F),
@@ -79,6 +99,10 @@ void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
 }
 
 void Renderer::set_surfaces(std::span<const Surface> surfaces) { surfaces_.set(surfaces); }
+
+void Renderer::replace_surface(std::size_t index, const Surface& surface) {
+  surfaces_.replace(index, surface);
+}
 
 std::size_t Renderer::texture_B() const {
   std::size_t size = 0;
@@ -135,9 +159,18 @@ void Renderer::draw_into(const gl::Target& target) {
   glViewport(0, 0, target.width(), target.height());
 }
 
+void Renderer::attach_depth() {
+  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.texture(), 0);
+}
+
 void Renderer::cover() const {
   glBindVertexArray(no_vertices_.id());
   glDrawArrays(GL_TRIANGLES, 0, 3);
+}
+
+void Renderer::cover(const ScreenBox& box, glm::ivec2 corner) const {
+  const gl::Scissor scissor(corner.x + box.x, corner.y + box.y, box.width, box.height);
+  cover();
 }
 
 std::string Renderer::column_defines(const SampleOptions& options) const {
@@ -153,6 +186,10 @@ std::string Renderer::march_defines(const SampleOptions& options) const {
   if (map_->geometry.projection == Projection::sphere) defines += "SPHERE ";
   if (options.compositing == Compositing::wall) defines += "WALL ";
   return defines;
+}
+
+ScreenBox Renderer::body_box(const View& view) const {
+  return screen_box(view, corners_mm(bounds_of(map_->geometry), view));
 }
 
 void Renderer::prepare_columns(const UprightView& upright, const SampleOptions& options) {
@@ -221,7 +258,7 @@ Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
     if (upright.columns > 0 && quads > 0) cover();
   }
   if (channels() > 1) apply_spectrum(upright.columns, quads);
-  Body body{upright.from_pixel, upright.columns, upright.rows};
+  Body body{upright.from_pixel, body_box(view), upright.columns, upright.rows};
   body.between_columns = !is_aligned;
   if (is_level) {
     body.first_row = -0.5 - first_row;
@@ -244,7 +281,7 @@ Renderer::Body Renderer::draw_march(const View& view, const Style& style) {
     cover();
   }
   if (channels() > 1) apply_spectrum(columns, quads);
-  Body body{scaled_down(pixels_per_column(style)), columns, view.height};
+  Body body{scaled_down(pixels_per_column(style)), body_box(view), columns, view.height};
   body.between_columns = pixels_per_column(style) > 1;
   return body;
 }
@@ -264,9 +301,7 @@ void Renderer::apply_spectrum(int columns, int quads) {
 Renderer::Body Renderer::draw_body(const View& view, const Style& style) {
   if (!map_) {
     body_.resize(1, 1);
-    Body nothing{glm::dmat3(1), 1, 1};
-    nothing.first_row = 1e9;
-    return nothing;
+    return {};
   }
   prepare_map(style);
   while (masses_.size() < 3) masses_.emplace_back(GL_RGBA32F);
@@ -285,22 +320,20 @@ void Renderer::draw_surfaces(const View& view, Look look) {
   depth_.resize(view.width, view.height);
   draw_into(shade_);
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT1, GL_TEXTURE_2D, surface_depth_.texture(), 0);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.texture(), 0);
+  attach_depth();
   constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, kBoth);
   surfaces_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
 }
 
-/// Only where the depth buffer holds a surface, in front of which the covering triangle is not.
 void Renderer::draw_in_front(const View& view, const Style& style) {
-  near_.resize(view.width, view.height);
-  draw_into(near_);
-  glFramebufferTexture2D(GL_FRAMEBUFFER, GL_DEPTH_ATTACHMENT, GL_TEXTURE_2D, depth_.texture(), 0);
+  gl::Target& near = channels() > 1 ? near_masses_ : near_;
+  near.resize(view.width, view.height);
+  draw_into(near);
+  attach_depth();
   constexpr float kNothing[4] = {};
   if (!map_) return glClearBufferfv(GL_COLOR, 0, kNothing);
-  glEnable(GL_DEPTH_TEST);
-  glDepthMask(GL_FALSE);
-  glDepthFunc(GL_GREATER);
+  const gl::DepthTest test(kOnSurfaces);
   for (int channel = 0; channel < channels(); ++channel) {
     if (channels() > 1) glColorMask(channel == 0, channel == 1, channel == 2, GL_FALSE);
     const bool by_columns = has_columns();
@@ -317,60 +350,80 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     map_texels_[channel].bind(in_front, "map_texels", 0);
     surface_depth_.bind(in_front, "surface_depth", 3);
     in_front.set("view_height", double(view.height));
-    cover();
+    cover(surfaces_.box(view), {0, 0});
   }
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
-  glDepthMask(GL_TRUE);
-  glDisable(GL_DEPTH_TEST);
 }
 
-void Renderer::display(const View& view, const Style& style, const Body& body, Output output,
-                       GLuint framebuffer, int x, int y) {
-  std::string defines;
-  const bool is_opaque = style.look == Look::surface && !surfaces_.empty();
-  const bool is_absorbing = style.look == Look::fluoro && !surfaces_.empty();
-  if (output == Output::tau) defines += "TAU ";
-  if (is_opaque) defines += "SURFACE ";
+// ---- the display ----------------------------------------------------------------------------------
+
+std::string Renderer::display_defines(const Style& style, Output output) {
+  return output == Output::tau ? "TAU " : style.window.gamma != 1 ? "GAMMA " : "";
+}
+
+void Renderer::display_body(const Passes& passes, const Style& style, Output output, glm::ivec2 corner) {
+  const auto& [view, body, surfaces] = passes;
+  const bool is_absorbing = surfaces == Surfaces::absorbing;
+  std::string defines = display_defines(style, output);
   if (is_absorbing) defines += "ABSORBING ";
-  if (is_opaque && channels() > 1) defines += "SPECTRUM ";
   if (body.between_columns) defines += "BETWEEN_COLUMNS ";
-  if (output == Output::grey && style.window.gamma != 1) defines += "GAMMA ";
   const gl::Program& show = program("display.frag", defines);
-  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
-  glViewport(x, y, view.width, view.height);
   body_.bind(show, "body", 0);
   show.set("from_pixel", body.from_pixel);
   show.set("view_height", double(view.height));
   show.set("body_size", glm::dvec2(std::max(1, body.columns), std::max(1, body.rows)));
   show.set("last_quad", quads_of(body.rows) - 1.0);
   show.set("row_limits", glm::dvec2(body.columns > 0 && body.rows > 0 ? body.first_row : 1e9, body.last_row));
-  if (is_opaque) {
-    shade_.bind(show, "shade", 1);
-    near_.bind(show, "near_tau", 2);
-    spectrum_table_.bind(show, "spectrum_table", 3);
+  if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
+  set_window(show, style.window);
+  show.set("origin", glm::dvec2(corner));
+  cover(is_absorbing ? united(body.box, surfaces_.box(view)) : body.box, corner);
+}
+
+void Renderer::display_surfaces(const View& view, const Style& style, Output output) {
+  std::string defines = display_defines(style, output);
+  if (channels() > 1) defines += "SPECTRUM ";
+  const gl::Program& show = program("display_surfaces.frag", defines);
+  shade_.bind(show, "shade", 0);
+  (channels() > 1 ? near_masses_ : near_).bind(show, "near_tau", 1);
+  if (channels() > 1) {
+    spectrum_table_.bind(show, "spectrum_table", 2);
     show.set("spectrum_bins", spectrum_bins_);
   }
-  if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
-  show.set("scale", style.window.scale);
-  const double contrast = 1 / (style.window.light - style.window.dark);
-  show.set("contrast", contrast);
-  show.set("black", style.window.dark * contrast);
-  show.set("gamma", style.window.gamma);
-  show.set("inverted", style.window.inverted);
-  show.set("origin", glm::dvec2(x, y));
-  cover();
+  set_window(show, style.window);
+  cover(surfaces_.box(view), {0, 0});
+}
+
+void Renderer::display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner) {
+  const View& view = passes.view;
+  glViewport(corner.x, corner.y, view.width, view.height);
+  {
+    const gl::Scissor scissor(corner.x, corner.y, view.width, view.height);
+    const auto nothing = output == Output::grey ? static_cast<float>(style.window.grey(0)) : 0.0f;
+    const float colour[4] = {nothing, nothing, nothing, 1};
+    glClearBufferfv(GL_COLOR, 0, colour);
+  }
+  if (passes.surfaces != Surfaces::opaque) return display_body(passes, style, output, corner);
+  {
+    const gl::DepthTest test(kBesideSurfaces);
+    display_body(passes, style, output, corner);
+  }
+  const gl::DepthTest test(kOnSurfaces);
+  display_surfaces(view, style, output);
 }
 
 // ---- frames ---------------------------------------------------------------------------------------
 
-Renderer::Body Renderer::draw_passes(const View& view, const Style& style) {
-  const Body body = draw_body(view, style);
-  if (!surfaces_.empty()) draw_surfaces(view, style.look);
-  if (!surfaces_.empty() && style.look == Look::surface) draw_in_front(view, style);
-  return body;
+Renderer::Passes Renderer::draw_passes(const View& view, const Style& style) {
+  Passes passes{view, draw_body(view, style), Surfaces::none};
+  if (surfaces_.empty()) return passes;
+  passes.surfaces = style.look == Look::surface ? Surfaces::opaque : Surfaces::absorbing;
+  draw_surfaces(view, style.look);
+  if (passes.surfaces == Surfaces::opaque) draw_in_front(view, style);
+  return passes;
 }
 
-Renderer::Body Renderer::draw_passes(const ProjectionImage& truth) {
+Renderer::Passes Renderer::draw_passes(const ProjectionImage& truth) {
   const View& view = truth.view;
   body_.resize(view.width, quads_of(view.height));
   std::vector<float> quads(static_cast<std::size_t>(4) * body_.width() * body_.height());
@@ -380,50 +433,55 @@ Renderer::Body Renderer::draw_passes(const ProjectionImage& truth) {
           truth.tau[static_cast<std::size_t>(j) * view.width + i];
   body_.fill(quads);
   if (!surfaces_.empty()) draw_surfaces(view, Look::fluoro);
-  return {scaled_down(1), view.width, view.height};
+  const Body body{scaled_down(1), {0, 0, view.width, view.height}, view.width, view.height};
+  return {view, body, surfaces_.empty() ? Surfaces::none : Surfaces::absorbing};
+}
+
+void Renderer::draw_own(const Passes& passes, const Style& style, Output output) {
+  gl::Target& frame = output == Output::tau ? frame_tau_ : frame_grey_;
+  frame.resize(passes.view.width, passes.view.height);
+  draw_into(frame);
+  if (passes.surfaces == Surfaces::opaque) attach_depth();
+  display(passes, style, output, {0, 0});
 }
 
 void Renderer::draw(const View& view, const Style& style, int x, int y) {
   const GLuint framebuffer = bound_framebuffer();
-  const Body body = draw_passes(view, style);
-  display(view, style, body, Output::grey, framebuffer, x, y);
+  const Passes passes = draw_passes(view, style);
+  if (passes.surfaces != Surfaces::opaque) {
+    glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+    return display(passes, style, Output::grey, {x, y});
+  }
+  // Whose depth buffer says where surfaces are.
+  draw_own(passes, style, Output::grey);
+  glBindFramebuffer(GL_DRAW_FRAMEBUFFER, framebuffer);
+  const int right = x + view.width, top = y + view.height;
+  glBlitFramebuffer(0, 0, view.width, view.height, x, y, right, top, GL_COLOR_BUFFER_BIT, GL_NEAREST);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
 }
 
-void Renderer::draw(const ProjectionImage& truth, Style style, int x, int y) {
+void Renderer::draw(const ProjectionImage& truth, const Style& style, int x, int y) {
   const GLuint framebuffer = bound_framebuffer();
-  style.look = Look::fluoro;
-  const Body body = draw_passes(truth);
-  display(truth.view, style, body, Output::grey, framebuffer, x, y);
+  const Passes passes = draw_passes(truth);
+  glBindFramebuffer(GL_FRAMEBUFFER, framebuffer);
+  display(passes, style, Output::grey, {x, y});
 }
 
 std::vector<float> Renderer::tau(const View& view, const Style& style) {
-  const Body body = draw_passes(view, style);
-  frame_tau_.resize(view.width, view.height);
-  draw_into(frame_tau_);
-  display(view, style, body, Output::tau, framebuffer_.id(), 0, 0);
+  draw_own(draw_passes(view, style), style, Output::tau);
   std::vector<float> values(static_cast<std::size_t>(view.width) * view.height);
   read_rows(view.width, view.height, GL_RED, GL_FLOAT, values);
   return values;
 }
 
 std::vector<std::uint8_t> Renderer::picture(const View& view, const Style& style) {
-  const Body body = draw_passes(view, style);
-  return read_picture(view, style, body);
+  draw_own(draw_passes(view, style), style, Output::grey);
+  return read_picture(view);
 }
 
-std::vector<std::uint8_t> Renderer::picture(const ProjectionImage& truth, Style style) {
-  style.look = Look::fluoro;
-  const Body body = draw_passes(truth);
-  return read_picture(truth.view, style, body);
-}
-
-std::vector<std::uint8_t> Renderer::read_picture(const View& view, const Style& style, const Body& body) {
-  frame_grey_.resize(view.width, view.height);
-  draw_into(frame_grey_);
-  display(view, style, body, Output::grey, framebuffer_.id(), 0, 0);
-  std::vector<std::uint8_t> values(static_cast<std::size_t>(3) * view.width * view.height);
-  read_rows(view.width, view.height, GL_RGB, GL_UNSIGNED_BYTE, values);
-  return values;
+std::vector<std::uint8_t> Renderer::picture(const ProjectionImage& truth, const Style& style) {
+  draw_own(draw_passes(truth), style, Output::grey);
+  return read_picture(truth.view);
 }
 
 }  // namespace xraycast

@@ -32,12 +32,15 @@ class Renderer {
   void set_map(std::shared_ptr<const BodyMap> map);
   void set_surfaces(std::span<const Surface> surfaces);
 
+  /// Another surface in the place of one of them, or after the last; what moves is replaced at every frame.
+  void replace_surface(std::size_t index, const Surface& surface);
+
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
   /// has to be complete. Throws InputError when the map cannot be drawn so.
   void draw(const View& view, const Style& style, int x = 0, int y = 0);
 
   /// The same with the true projection for the body, in the fluoro look.
-  void draw(const ProjectionImage& truth, Style style, int x = 0, int y = 0);
+  void draw(const ProjectionImage& truth, const Style& style, int x = 0, int y = 0);
 
   /// Optical depth of the picture: height x width, row 0 on top. In the surface look it ends at opaque
   /// surfaces.
@@ -45,42 +48,56 @@ class Renderer {
 
   /// The picture as 8-bit RGB, row 0 on top.
   std::vector<std::uint8_t> picture(const View& view, const Style& style);
-  std::vector<std::uint8_t> picture(const ProjectionImage& truth, Style style);
+  std::vector<std::uint8_t> picture(const ProjectionImage& truth, const Style& style);
 
   /// Of the map, as it lies in the GPU's memory.
   std::size_t texture_B() const;
 
  private:
   enum class Output { grey, tau };
+  enum class Surfaces { none, opaque, absorbing };
 
   /// Where the display finds the body.
   struct Body {
-    glm::dmat3 from_pixel;  ///< to column and row of `target`
+    glm::dmat3 from_pixel{1};  ///< to column and row of `body_`
+    ScreenBox box{};           ///< outside of it there is no body
     int columns = 0, rows = 0;
     double first_row = -1e9, last_row = 1e9;  ///< between which there is a body
     bool between_columns = false;             ///< pixels lie between columns
+  };
+
+  /// What was drawn and has to be displayed.
+  struct Passes {
+    View view;
+    Body body;
+    Surfaces surfaces;
   };
 
   bool has_columns() const;
   int channels() const { return map_ && map_->spectrum ? 3 : 1; }
   void prepare_map(const Style& style);
   void prepare_columns(const UprightView& upright, const SampleOptions& options);
-  Body draw_passes(const View& view, const Style& style);
-  Body draw_passes(const ProjectionImage& truth);
+  ScreenBox body_box(const View& view) const;
+  Passes draw_passes(const View& view, const Style& style);
+  Passes draw_passes(const ProjectionImage& truth);
   Body draw_body(const View& view, const Style& style);
   Body draw_columns(const View& view, const Style& style);
   Body draw_march(const View& view, const Style& style);
   void draw_surfaces(const View& view, Look look);
   void draw_in_front(const View& view, const Style& style);
   void apply_spectrum(int columns, int quads);
-  void display(const View& view, const Style& style, const Body& body, Output output, GLuint framebuffer,
-               int x, int y);
-  std::vector<std::uint8_t> read_picture(const View& view, const Style& style, const Body& body);
+  void display_body(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
+  void display_surfaces(const View& view, const Style& style, Output output);
+  void display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
+  void draw_own(const Passes& passes, const Style& style, Output output);
   void set_columns(const gl::Program& program, const UprightView& upright) const;
   void set_march(const gl::Program& program, const View& view) const;
   void draw_into(const gl::Target& target);
+  void attach_depth();
   void cover() const;
+  void cover(const ScreenBox& box, glm::ivec2 corner) const;
   const gl::Program& program(const std::string& fragment, const std::string& defines);
+  static std::string display_defines(const Style& style, Output output);
   std::string column_defines(const SampleOptions& options) const;
   std::string march_defines(const SampleOptions& options) const;
 
@@ -93,7 +110,7 @@ class Renderer {
   gl::VertexArray no_vertices_;
   gl::Framebuffer framebuffer_;
   gl::Table column_table_, sample_table_, axis_table_, layer_table_, spectrum_table_;
-  gl::Target body_, near_, shade_, surface_depth_, depth_, absorbed_, frame_tau_, frame_grey_;
+  gl::Target body_, near_, near_masses_, shade_, surface_depth_, depth_, absorbed_, frame_tau_, frame_grey_;
   std::vector<gl::Target> masses_;
   int spectrum_bins_ = 0;
   SurfaceLayer surfaces_;

@@ -5,18 +5,23 @@
 #include <glm/geometric.hpp>
 
 #include <cmath>
+#include <cstddef>
 
 namespace xraycast {
 namespace {
 
 struct Vertex {
   glm::vec3 point_mm, normal;
+  float mu_per_mm;
 };
 
 /// Points with the mean normal of their triangles, by area.
-std::vector<Vertex> vertices_of(const Mesh& mesh) {
+std::vector<Vertex> vertices_of(const Surface& surface) {
+  const Mesh& mesh = surface.mesh;
+  const auto mu_per_mm = static_cast<float>(surface.mu_per_mm);
   std::vector<Vertex> vertices;
-  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0)});
+  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0), mu_per_mm});
+  for (std::size_t i = 0; i < surface.shares.size(); ++i) vertices[i].mu_per_mm *= surface.shares[i];
   for (const auto& [a, b, c] : mesh.triangles) {
     const glm::vec3 normal =
         glm::cross(mesh.points_mm[b] - mesh.points_mm[a], mesh.points_mm[c] - mesh.points_mm[a]);
@@ -25,7 +30,10 @@ std::vector<Vertex> vertices_of(const Mesh& mesh) {
   return vertices;
 }
 
-void check(const Mesh& mesh) {
+void check(const Surface& surface) {
+  const Mesh& mesh = surface.mesh;
+  if (!surface.shares.empty() && surface.shares.size() != mesh.points_mm.size())
+    throw InputError("a surface of {} points has {} shares", mesh.points_mm.size(), surface.shares.size());
   for (std::size_t i = 0; i < mesh.points_mm.size(); ++i)
     if (const glm::vec3& p = mesh.points_mm[i]; !std::isfinite(p.x + p.y + p.z))
       throw InputError("a surface's point {} is not finite", i);
@@ -38,69 +46,62 @@ glm::dvec3 ray_origin_mm(const View& view) { return view.cone ? view.source_mm()
 
 }  // namespace
 
-glm::dmat4 to_clip(const View& view) {
-  const glm::dvec3 right = view.right() * (2 / (view.width * view.pixel_mm)),
-                   up = view.up() * (2 / (view.height * view.pixel_mm)), n = view.towards_detector();
-  const glm::dvec3 origin = ray_origin_mm(view);
-  // Row by row: clip = (row . p) + constant.
-  struct Row {
-    glm::dvec3 along;
-    double constant;
-  } x{}, y{}, z{}, w{};
-  if (view.cone) {
-    // Farther from the source is in front: z/w = a + b / distance, -1 at the farthest and 1 at the nearest.
-    const double nearest = 0.05 * view.cone->source_axis_mm, farthest = view.cone->source_axis_mm + 3000;
-    const double b = 2 / (1 / nearest - 1 / farthest), a = -1 - b / farthest;
-    const double enlarged = view.cone->source_detector_mm;
-    x = {enlarged * right, -enlarged * glm::dot(right, origin)};
-    y = {enlarged * up, -enlarged * glm::dot(up, origin)};
-    w = {n, -glm::dot(n, origin)};
-    z = {a * n, a * w.constant + b};
-  } else {
-    constexpr double kReach_mm = 3000;
-    x = {right, -glm::dot(right, origin)};
-    y = {up, -glm::dot(up, origin)};
-    z = {-n / kReach_mm, glm::dot(n, origin) / kReach_mm};
-    w = {{}, 1};
-  }
-  glm::dmat4 matrix;
-  const Row rows[] = {x, y, z, w};
-  for (int i = 0; i < 4; ++i) {
-    for (int axis = 0; axis < 3; ++axis) matrix[axis][i] = rows[i].along[axis];
-    matrix[3][i] = rows[i].constant;
-  }
-  return matrix;
-}
-
 SurfaceLayer::SurfaceLayer()
     : shaded_("surface.vert", "surface.frag"), absorption_("surface.vert", "thickness.frag") {}
 
 void SurfaceLayer::set(std::span<const Surface> surfaces) {
-  for (const Surface& surface : surfaces) check(surface.mesh);
+  for (const Surface& surface : surfaces) check(surface);
   parts_.clear();
-  for (const Surface& surface : surfaces) {
-    const std::vector<Vertex> vertices = vertices_of(surface.mesh);
-    Part& part = parts_.emplace_back();
-    part.mu_per_mm = surface.mu_per_mm;
-    part.colour = surface.colour;
-    part.indices = static_cast<GLsizei>(3 * surface.mesh.triangles.size());
-    part.size_B = vertices.size() * sizeof(Vertex) + part.indices * sizeof(std::uint32_t);
-    glBindVertexArray(part.vertices.id());
-    glBindBuffer(GL_ARRAY_BUFFER, part.points.id());
-    glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
-                 GL_STATIC_DRAW);
-    glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
-    glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
-                 surface.mesh.triangles.data(), GL_STATIC_DRAW);
-    for (const GLuint attribute : {0u, 1u}) {
-      glEnableVertexAttribArray(attribute);
-      glVertexAttribPointer(
-          attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-          // NOLINTNEXTLINE(performance-no-int-to-ptr): OpenGL takes offsets into a buffer as pointers.
-          reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
-    }
-    glBindVertexArray(0);
+  for (const Surface& surface : surfaces) replace(parts_.size(), surface);
+}
+
+void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
+  check(surface);
+  const Mesh& mesh = surface.mesh;
+  const std::vector<Vertex> vertices = vertices_of(surface);
+  if (index == parts_.size()) parts_.emplace_back();
+  Part& part = parts_.at(index);
+  part.colour = surface.colour;
+  part.is_closed = is_watertight(mesh);
+  part.front_faces = surface.shares.empty() && volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
+  part.indices = static_cast<GLsizei>(3 * mesh.triangles.size());
+  part.size_B = vertices.size() * sizeof(Vertex) + mesh.triangles.size() * sizeof(mesh.triangles[0]);
+  glm::vec3 lower(0), upper(0);
+  if (!vertices.empty()) lower = upper = vertices[0].point_mm;
+  for (const Vertex& vertex : vertices) {
+    lower = glm::min(lower, vertex.point_mm);
+    upper = glm::max(upper, vertex.point_mm);
   }
+  part.lower_mm = lower;
+  part.upper_mm = upper;
+  glBindVertexArray(part.vertices.id());
+  glBindBuffer(GL_ARRAY_BUFFER, part.points.id());
+  glBufferData(GL_ARRAY_BUFFER, static_cast<GLsizeiptr>(vertices.size() * sizeof(Vertex)), vertices.data(),
+               GL_DYNAMIC_DRAW);
+  glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
+  glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
+               mesh.triangles.data(), GL_DYNAMIC_DRAW);
+  for (const GLuint attribute : {0u, 1u}) {
+    glEnableVertexAttribArray(attribute);
+    glVertexAttribPointer(
+        attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+        // NOLINTNEXTLINE(performance-no-int-to-ptr): OpenGL takes offsets into a buffer as pointers.
+        reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
+  }
+  glEnableVertexAttribArray(2);
+  glVertexAttribPointer(2, 1, GL_FLOAT, GL_FALSE, sizeof(Vertex),
+                        // NOLINTNEXTLINE(performance-no-int-to-ptr): as above.
+                        reinterpret_cast<const void*>(offsetof(Vertex, mu_per_mm)));
+  glBindVertexArray(0);
+}
+
+bool SurfaceLayer::empty() const { return triangles() == 0; }
+
+ScreenBox SurfaceLayer::box(const View& view) const {
+  ScreenBox box;
+  for (const Part& part : parts_)
+    if (part.indices > 0) box = united(box, screen_box(view, corners_mm(part.lower_mm, part.upper_mm)));
+  return box;
 }
 
 std::size_t SurfaceLayer::triangles() const {
@@ -115,9 +116,14 @@ std::size_t SurfaceLayer::size_B() const {
   return size;
 }
 
+void SurfaceLayer::draw(const Part& part) const {
+  glFrontFace(part.front_faces);
+  glBindVertexArray(part.vertices.id());
+  glDrawElements(GL_TRIANGLES, part.indices, GL_UNSIGNED_INT, nullptr);
+  glFrontFace(GL_CCW);
+}
+
 void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
-  constexpr float kNothing[4] = {};
-  glClearBufferfv(GL_COLOR, 0, kNothing);
   constexpr float kFar = 1;
   glClearBufferfv(GL_DEPTH, 0, &kFar);
   glEnable(GL_DEPTH_TEST);
@@ -134,8 +140,9 @@ void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
   shaded_.set("counted_axes", horizontal ? glm::dvec3(1, 1, 0) : glm::dvec3(1));
   for (const Part& part : parts_) {
     shaded_.set("colour", part.colour);
-    glBindVertexArray(part.vertices.id());
-    glDrawElements(GL_TRIANGLES, part.indices, GL_UNSIGNED_INT, nullptr);
+    if (part.is_closed) glEnable(GL_CULL_FACE);
+    draw(part);
+    glDisable(GL_CULL_FACE);
   }
   glDisable(GL_DEPTH_CLAMP);
   glDisable(GL_DEPTH_TEST);
@@ -153,11 +160,7 @@ void SurfaceLayer::draw_absorption(const View& view) const {
   absorption_.set("origin_mm", ray_origin_mm(view));
   absorption_.set("along", view.towards_detector());
   absorption_.set("distance_mm", view.cone ? view.cone->source_axis_mm : 0.0);
-  for (const Part& part : parts_) {
-    absorption_.set("mu_per_mm", part.mu_per_mm);
-    glBindVertexArray(part.vertices.id());
-    glDrawElements(GL_TRIANGLES, part.indices, GL_UNSIGNED_INT, nullptr);
-  }
+  for (const Part& part : parts_) draw(part);
   glDisable(GL_DEPTH_CLAMP);
   glDisable(GL_BLEND);
 }

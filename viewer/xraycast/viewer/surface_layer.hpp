@@ -1,19 +1,14 @@
 #pragma once
 
 #include "xraycast/view.hpp"
+#include "xraycast/viewer/clip_space.hpp"
 #include "xraycast/viewer/gl.hpp"
 #include "xraycast/viewer/scene.hpp"
-
-#include <glm/mat4x4.hpp>
 
 #include <span>
 #include <vector>
 
 namespace xraycast {
-
-/// A view's projection for OpenGL: LPS millimetres to clip space. What is nearer to the detector is in front,
-/// also under a cone, whose rays come from the other side.
-glm::dmat4 to_clip(const View& view);
 
 /// In which way the shaders measure how far along its ray a surface lies.
 enum class DepthMeasure {
@@ -29,15 +24,22 @@ class SurfaceLayer {
   /// Throws InputError when a surface has points that are not finite.
   void set(std::span<const Surface> surfaces);
 
-  bool empty() const { return parts_.empty(); }
+  /// Another surface in the place of number `index`, which is at most as large as their count; what moves can
+  /// be replaced at every frame. Errors as for `set`.
+  void replace(std::size_t index, const Surface& surface);
+
+  bool empty() const;
   std::size_t triangles() const;
   std::size_t size_B() const;
 
-  /// Draws what is seen into `shade` (RGBA8; alpha 1 where there is a surface) and `depth` (R32F) of the
-  /// bound framebuffer, whose depth buffer decides.
+  /// Where a view may show any of them.
+  ScreenBox box(const View& view) const;
+
+  /// Draws what is seen into `shade` (RGBA8) and `depth` (R32F) of the bound framebuffer, whose depth buffer
+  /// decides, and is all that is cleared: elsewhere both keep what they held.
   void draw_shaded(const View& view, DepthMeasure measure) const;
 
-  /// Adds up what is absorbed in the bound framebuffer's one R32F target.
+  /// Adds up what is absorbed in the bound framebuffer's one R32F target, of which the box is cleared.
   void draw_absorption(const View& view) const;
 
  private:
@@ -46,9 +48,13 @@ class SurfaceLayer {
     gl::Buffer points, triangles;
     GLsizei indices = 0;
     std::size_t size_B = 0;
-    double mu_per_mm = 0;
+    bool is_closed = false;       ///< its back faces are never seen
+    GLenum front_faces = GL_CCW;  ///< seen from outside
+    glm::dvec3 lower_mm{}, upper_mm{};
     glm::dvec3 colour{};
   };
+
+  void draw(const Part& part) const;
 
   std::vector<Part> parts_;
   gl::Program shaded_, absorption_;

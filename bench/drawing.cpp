@@ -1,0 +1,45 @@
+// Frames of the viewer.
+#include "frames.hpp"
+#include "suite.hpp"
+#include "xraycast/projector.hpp"
+
+#include <memory>
+#include <tuple>
+
+namespace xraycast::bench {
+
+std::vector<Row> add_drawing(Bench& bench) {
+  add("paper's 16 frames/s", [] { return 1000.0 / 16; });
+  // The paper's own scene, one layer drawn as a wall around vessels, and what has become of it since.
+  using enum Compositing;
+  for (const auto& [name, layers, width, height, with_vessels, compositing] :
+       {std::tuple{"frame_1_1280", 1, 1280, 720, true, wall},
+        std::tuple{"frame_1_path_1280", 1, 1280, 720, true, path},
+        std::tuple{"frame_8_1280", 8, 1280, 720, false, path},
+        std::tuple{"frame_8_vessels_1280", 8, 1280, 720, true, path},
+        std::tuple{"frame_8_640", 8, 640, 480, false, path}}) {
+    auto frames =
+        std::make_shared<Frames>(bench.scan, bench.map(layers), width, height, with_vessels, compositing);
+    add(name, [frames] { return frames->next_ms(); });
+  }
+  auto recast = std::make_shared<OpacityFrames>(bench.scan, bench.map(8), 640, 480);
+  add("opacity_to_frame_8_640", [recast] { return recast->next_ms(); });
+  add("frame_true_640", [&bench, angle_deg = 0.0]() mutable {
+    const View view = c_arm(angle_deg += 5, 0);
+    return wall_ms([&] { project(bench.scan, view, Opacity::paper(), bench.progress); });
+  });
+  if (auto vtk = std::make_shared<VtkRayCaster>(bench.file, 640, 480); vtk->is_there()) {
+    add("VTK frame", [vtk] { return vtk->frame_ms(); });
+    add("VTK opacity to frame", [vtk] { return vtk->opacity_ms(); });
+  }
+  using enum Row::Bar;
+  return {{"frame_1_1280", "paper's 16 frames/s", at_least, 3},
+          {"frame_1_path_1280", "paper's 16 frames/s", reported, 0},
+          {"frame_8_vessels_1280", "paper's 16 frames/s", reported, 0},
+          {"frame_8_1280", "paper's 16 frames/s", at_least, 1.5},
+          {"frame_8_640", "VTK frame", at_least, 25},
+          {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
+          {"frame_true_640", "VTK frame", at_least, 12}};
+}
+
+}  // namespace xraycast::bench

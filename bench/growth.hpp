@@ -1,0 +1,12 @@
+#pragma once
+
+#include "suite.hpp"
+
+#include <filesystem>
+
+namespace xraycast::bench {
+
+/// How the time of a cast grows with slices, angles, layers and knots: numbers on stdout, and a plot.
+void measure_growth(Bench& bench, const std::filesystem::path& plot);
+
+}  // namespace xraycast::bench

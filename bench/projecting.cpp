@@ -1,0 +1,68 @@
+// True projections.
+#include "rtk.hpp"
+#include "suite.hpp"
+#include "xraycast/projector.hpp"
+
+#include <fmt/format.h>
+
+#include <memory>
+#include <stdexcept>
+
+namespace xraycast::bench {
+namespace {
+
+/// None when it cannot be had.
+std::shared_ptr<RtkProjector> make_rtk(const Bench& bench) {
+  try {
+    return std::make_shared<RtkProjector>(bench.python, bench.file);
+  } catch (const std::runtime_error& error) {
+    fmt::print(stderr, "No yardstick for the projections, since RTK cannot be had: {}\n", error.what());
+    return nullptr;
+  }
+}
+
+/// Registers a picture under a cone, from the opacity in the host's memory to the picture there: median over
+/// five angles, ours and RTK's by turns.
+void add_projection(Bench& bench, const std::shared_ptr<RtkProjector>& rtk, const std::string& name,
+                    double tilt_deg, const Opacity& opacity) {
+  const auto run = [&bench, rtk, tilt_deg, opacity](benchmark::State& state) {
+    const bool is_rtk_opacity = opacity.name() == Opacity::paper().name();
+    for (auto _ : state) {
+      std::vector<double> ours_ms, rtk_ms;
+      for (const double angle_deg : {0.0, 30.0, 45.0, 90.0, 200.0}) {
+        const View view = c_arm(angle_deg, tilt_deg);
+        ProjectionImage image;
+        // At first use a driver compiles.
+        if (ours_ms.empty()) image = project(bench.scan, view, opacity, bench.progress);
+        ours_ms.push_back(wall_ms([&] { image = project(bench.scan, view, opacity, bench.progress); }));
+        if (!rtk) continue;
+        const auto [ms, tau] = rtk->project(view);
+        rtk_ms.push_back(ms);
+        // Both are Joseph's method in single precision; more than 100 dB are seen.
+        if (is_rtk_opacity && !(psnr_db(image.tau, tau) > 80))
+          state.SkipWithError("RTK's picture is another one, and no yardstick");
+      }
+      state.SetIterationTime(median(ours_ms) / 1000);
+      if (rtk) state.counters["rtk_ms"] = median(rtk_ms);
+    }
+  };
+  benchmark::RegisterBenchmark(name.c_str(), run)
+      ->UseManualTime()
+      ->Unit(benchmark::kMillisecond)
+      ->Iterations(1);
+}
+
+}  // namespace
+
+std::vector<Row> add_projecting(Bench& bench) {
+  const auto rtk = make_rtk(bench);
+  add_projection(bench, rtk, "project_640x480", 0, Opacity::paper());
+  add_projection(bench, rtk, "project_640x480_tilt", 20, Opacity::paper());
+  add_projection(bench, rtk, "project_640x480_64knots", 0, many_knots(64));
+  using enum Row::Bar;
+  return {{"project_640x480", "RTK, project_640x480", at_least, 10},
+          {"project_640x480_tilt", "RTK, project_640x480_tilt", at_least, 6},
+          {"project_640x480_64knots", "RTK, project_640x480_64knots", at_least, 3}};
+}
+
+}  // namespace xraycast::bench

@@ -1,0 +1,53 @@
+#include "suite.hpp"
+
+#include "xraycast/phantom.hpp"
+#include "xraycast/scan.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <numbers>
+
+namespace xraycast::bench {
+
+namespace fs = std::filesystem;
+
+Bench::Bench(fs::path folder, fs::path interpreter)
+    : volume(generate(make_phantom("thorax"), device, progress)),
+      scan(upload(device, volume)),
+      file(std::move(folder) / "bench-thorax.nrrd"),
+      python(std::move(interpreter)) {
+  write_volume(volume, file, progress);
+}
+
+MapGeometry Bench::map(int layers, int angles) const {
+  const VolumeGeometry& g = volume.geometry();
+  const glm::dvec3 middle = g.to_world_mm(0.5 * glm::dvec3(g.size - Index3(1)));
+  return cylinder_map(g, angles, shell_radii_mm(RadiiRule::equal_area, layers, 255 * g.spacing_mm.x),
+                      glm::dvec2(middle));
+}
+
+Opacity many_knots(int count) {
+  std::vector<Opacity::Knot> knots;
+  for (int i = 0; i < count; ++i)
+    knots.push_back({-1000.0 + 2500.0 / count * i, 0.0005 * i * (1 + 0.2 * (i % 3))});
+  return {fmt::format("{} knots", count), knots};
+}
+
+View c_arm(double angle_deg, double tilt_deg) {
+  constexpr double kRadians = std::numbers::pi / 180;
+  return {.angle_rad = angle_deg * kRadians,
+          .tilt_rad = tilt_deg * kRadians,
+          .cone = Cone{1000, 1500},
+          .width = 640,
+          .height = 480,
+          .pixel_mm = 0.9};
+}
+
+double median(std::vector<double> values) {
+  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
+  std::ranges::nth_element(values, middle);
+  return *middle;
+}
+
+}  // namespace xraycast::bench

@@ -1,0 +1,72 @@
+#pragma once
+
+#include "table.hpp"
+#include "xraycast/map_geometry.hpp"
+#include "xraycast/opacity.hpp"
+#include "xraycast/resident_scan.hpp"
+#include "xraycast/stopwatch.hpp"
+#include "xraycast/view.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+
+#include <benchmark/benchmark.h>
+
+#include <filesystem>
+#include <string>
+#include <type_traits>
+#include <vector>
+
+namespace xraycast::bench {
+
+/// What benchmarks share, made once: the thorax phantom of 512 x 512 x 720 voxels, and an OpenGL context.
+struct Bench {
+  HeadlessContext context;
+  Device device;
+  Progress progress;
+  Volume volume;
+  ResidentScan scan;
+  std::filesystem::path file;    ///< the scan as an uncompressed NRRD
+  std::filesystem::path python;  ///< an interpreter that may find RTK
+
+  /// Writes the scan's file into `folder`.
+  Bench(std::filesystem::path folder, std::filesystem::path python);
+
+  /// A map about the middle, of a radius of 255 pixels.
+  MapGeometry map(int layers, int angles = 360) const;
+};
+
+/// An opacity that bends at `count` knots.
+Opacity many_knots(int count);
+
+/// A C-arm's picture of 640 x 480 pixels under a cone.
+View c_arm(double angle_deg, double tilt_deg);
+
+double median(std::vector<double> values);
+
+/// Wall time of `work` in milliseconds.
+template <typename Work>
+double wall_ms(Work&& work) {
+  const Stopwatch stopwatch;
+  work();
+  return stopwatch.ms();
+}
+
+/// Registers `work`, timed by the wall, or by what it returns in milliseconds.
+template <typename Work>
+void add(const std::string& name, Work work) {
+  auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) mutable {
+    for (auto _ : state) {
+      if constexpr (std::is_void_v<decltype(work())>)
+        state.SetIterationTime(wall_ms(work) / 1000);
+      else
+        state.SetIterationTime(work() / 1000);
+    }
+  });
+  registered->UseManualTime()->Unit(benchmark::kMillisecond);
+}
+
+// A topic a file: each registers its benchmarks and yardsticks and returns its lines of the table.
+std::vector<Row> add_casting(Bench& bench);
+std::vector<Row> add_projecting(Bench& bench);
+std::vector<Row> add_drawing(Bench& bench);
+
+}  // namespace xraycast::bench

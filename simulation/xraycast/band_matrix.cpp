@@ -1,0 +1,44 @@
+#include "xraycast/band_matrix.hpp"
+
+namespace xraycast {
+
+void BandMatrix::reset(std::size_t size) {
+  size_ = size;
+  columns_.assign(size + kBand, Column{});
+}
+
+void BandMatrix::fix_first(std::size_t count) {
+  for (std::size_t j = 0; j < count; ++j) columns_[j] = Column{1};
+}
+
+bool BandMatrix::factorise() {
+  for (std::size_t j = 0; j < size_; ++j) {
+    Column& pivot = columns_[j];
+    if (!(pivot[0] > 0)) return false;
+    const double inverse = 1 / pivot[0];
+    Column scaled;
+    for (std::size_t k = 0; k < scaled.size(); ++k) scaled[k] = pivot[k] * inverse;
+    for (std::size_t k = 1; k <= kBand; ++k) {
+      Column& other = columns_[j + k];
+      const double factor = scaled[k];
+      for (std::size_t m = 0; m <= kBand - k; ++m) other[m] -= factor * pivot[k + m];
+    }
+    for (std::size_t k = 1; k <= kBand; ++k) pivot[k] = scaled[k];
+  }
+  return true;
+}
+
+void BandMatrix::solve(double* x) const {
+  for (std::size_t j = 0; j < size_; ++j) {
+    const std::size_t below = j + kBand < size_ ? kBand : size_ - 1 - j;
+    for (std::size_t k = 1; k <= below; ++k) x[j + k] -= columns_[j][k] * x[j];
+  }
+  for (std::size_t j = size_; j-- > 0;) {
+    const std::size_t below = j + kBand < size_ ? kBand : size_ - 1 - j;
+    double sum = x[j] / columns_[j][0];
+    for (std::size_t k = 1; k <= below; ++k) sum -= columns_[j][k] * x[j + k];
+    x[j] = sum;
+  }
+}
+
+}  // namespace xraycast

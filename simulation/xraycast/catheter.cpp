@@ -1,0 +1,145 @@
+#include "xraycast/catheter.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+using Eigen::Vector3d;
+
+constexpr double kIntroducer_mm = 20;
+
+glm::dvec3 to_glm(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+Rod::Clamp clamp_at(const VesselEnd& entry) {
+  const Vector3d axis = -entry.outward;
+  return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
+          .axis = axis,
+          .director = axis.unitOrthogonal()};
+}
+
+std::unique_ptr<WallContact> walls(const VesselTree& tree, const Rod& rod, const VesselEnd& entry,
+                                   double stiffness_N_mm2) {
+  // The vessel goes on around the introducer and a little further.
+  constexpr double kOpening_mm = kIntroducer_mm + 10;
+  const DeviceModel& device = rod.device();
+  const WallContact::Introducer introducer{entry.position_mm, -entry.outward};
+  return std::make_unique<WallContact>(std::make_shared<TubeField>(tree, &entry, kOpening_mm), rod,
+                                       WallContact::Options{.stiffness_N_mm2 = stiffness_N_mm2,
+                                                            .tangential_N_mm2 = stiffness_N_mm2,
+                                                            .static_friction = device.static_friction(),
+                                                            .kinetic_friction = device.kinetic_friction()},
+                                       &introducer);
+}
+
+const VesselEnd& checked(const VesselEnd& entry, const DeviceModel& device) {
+  if (entry.radius_mm <= device.radius_mm())
+    throw InputError(
+        "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; take "
+        "another "
+        "--entry or a thinner device",
+        device.name(), device.radius_mm(), entry.branch, entry.radius_mm);
+  return entry;
+}
+
+}  // namespace
+
+VesselEnd most_inferior_end(const VesselTree& tree) {
+  const std::vector<VesselEnd> ends = vessel_ends(tree);
+  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+}
+
+VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
+  if (branch < 0 || branch >= static_cast<int>(tree.branches().size()))
+    throw InputError("{}: there is no branch {}; the tree has 0 to {}", name, branch,
+                     tree.branches().size() - 1);
+  for (const VesselEnd& end : vessel_ends(tree))
+    if (end.branch == branch) return end;
+  throw InputError("{}: branch {} goes on into others at both ends; a device enters at a vessel's end", name,
+                   branch);
+}
+
+VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
+  const std::vector<VesselEnd> ends = vessel_ends(tree);
+  return *std::ranges::min_element(
+      ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
+}
+
+Catheter::Catheter(const VesselTree& tree, const DeviceModel& device, const VesselEnd& entry,
+                   const Options& options)
+    : options_(options),
+      rod_(device, device.stations_mm(options.spacing_mm), clamp_at(checked(entry, device)), kIntroducer_mm,
+           {.iterations = options.iterations}),
+      wall_(walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
+  // Its tip's shape comes to rest in the introducer and just before it.
+  for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
+}
+
+double Catheter::longest_insertion_mm() const { return rod_.device().length_mm() - kIntroducer_mm; }
+
+void Catheter::step(const HubPose& target) {
+  const double most_mm = kFastest_mm_s * options_.step_s, most_rad = kFastest_rad_s * options_.step_s;
+  const double wanted_mm = std::clamp(target.insertion_mm, 0.0, longest_insertion_mm());
+  const double rotated_rad =
+      pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad, -most_rad, most_rad);
+  pose_.insertion_mm += std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, most_mm);
+  if (rotated_rad != pose_.rotation_rad) rod_.rotate_to(rotated_rad);
+  pose_.rotation_rad = rotated_rad;
+  rod_.feed_to(kIntroducer_mm + pose_.insertion_mm, wall_.get());
+  rod_.step(options_.step_s, wall_.get());
+  ++steps_;
+}
+
+HubLoad Catheter::load() const {
+  return {.force_N = -rod_.clamp_force_N().dot(rod_.clamp().axis), .torque_Nm = -rod_.clamp_torque_Nm()};
+}
+
+CatheterTip Catheter::tip() const {
+  const TubeField::Sample& sample = wall_->contacts().back().sample;
+  return {.position_mm = to_glm(rod_.state().nodes_mm.back()),
+          .direction = to_glm(rod_.state().edges.back().tangent),
+          .branch = sample.place.branch,
+          .arc_length_mm = sample.arc_length_mm};
+}
+
+void Catheter::copy_nodes(std::vector<glm::dvec3>& nodes_mm) const {
+  nodes_mm.clear();
+  for (const Vector3d& node : rod_.state().nodes_mm) nodes_mm.push_back(to_glm(node));
+}
+
+void Catheter::copy_contacts(std::vector<CatheterContact>& contacts) const {
+  contacts.clear();
+  for (std::size_t i = 1; i < rod_.node_count(); ++i) {
+    const WallContact::Contact& contact = wall_->contacts()[i];
+    if (contact.depth_mm > 0)
+      contacts.push_back({to_glm(rod_.state().nodes_mm[i]), to_glm(contact.normal_N + contact.friction_N)});
+  }
+}
+
+double Catheter::energy_J() const {
+  return rod_.elastic_energy_J() + rod_.kinetic_energy_J() + wall_->energy_J();
+}
+
+NurbsCurve curve_through(const std::vector<glm::dvec3>& nodes_mm) {
+  // Where each control point counts most: its Greville abscissa, the mean of its three inner knots.
+  const NurbsCurve first = NurbsCurve::cubic(nodes_mm, "catheter");
+  std::vector<double> places;
+  for (std::size_t i = 0; i < nodes_mm.size(); ++i)
+    places.push_back((first.knots()[i + 1] + first.knots()[i + 2] + first.knots()[i + 3]) / 3);
+  std::vector<glm::dvec3> controls = nodes_mm;
+  // Each round leaves a third of the distance or less.
+  constexpr int kRounds = 8;
+  for (int round = 0; round < kRounds; ++round) {
+    const NurbsCurve curve = NurbsCurve::cubic(controls, "catheter");
+    for (std::size_t i = 0; i < controls.size(); ++i) controls[i] += nodes_mm[i] - curve.at_mm(places[i]);
+  }
+  return NurbsCurve::cubic(controls, "catheter");
+}
+
+}  // namespace xraycast

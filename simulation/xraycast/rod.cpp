@@ -1,0 +1,509 @@
+#include "xraycast/rod.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+using Eigen::Vector2d, Eigen::Vector3d;
+using Frame = RodState::Frame;
+using Turn = RodState::Turn;
+
+constexpr double kMilli = 1e-3, kMicro = 1e-6;
+
+// Rows before the first unknown: the place and the angle of what the clamp holds.
+constexpr std::size_t kHeld = 8;
+
+/// The row of an edge's angle; the place of the node behind it follows.
+constexpr std::size_t spin_row(std::size_t edge) { return kHeld + 4 * edge; }
+/// The row of a node's place. Node 0's, and the one of a node before it, are the clamp's.
+constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3; }
+
+// A Newton step that would go further is cut: beyond, the quadratic model says nothing.
+constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
+// The potential that one more iteration would take away: half a millinewton against 1 N/mm.
+constexpr double kTolerance_uJ = 1e-4;
+
+/// `v`, normal to `from`, carried along the great circle to `to` (both unit).
+Vector3d transported(const Vector3d& v, const Vector3d& from, const Vector3d& to) {
+  return v - v.dot(to) / (1 + from.dot(to)) * (from + to);
+}
+
+/// Turned about its tangent.
+Frame spun(const Frame& frame, double angle_rad) {
+  const double c = std::cos(angle_rad), s = std::sin(angle_rad);
+  return {frame.tangent, c * frame.director + s * frame.binormal, c * frame.binormal - s * frame.director,
+          frame.length_mm};
+}
+
+/// Carried to the edge between two nodes without twist.
+Frame carried(const Frame& frame, const Vector3d& start_mm, const Vector3d& end_mm) {
+  const Vector3d edge = end_mm - start_mm;
+  Frame to;
+  to.length_mm = edge.norm();
+  to.tangent = edge / to.length_mm;
+  const Vector3d director = transported(frame.director, frame.tangent, to.tangent);
+  // Rounding would add up over the steps.
+  to.director = (director - director.dot(to.tangent) * to.tangent).normalized();
+  to.binormal = to.tangent.cross(to.director);
+  return to;
+}
+
+Turn turn_between(const Frame& e, const Frame& f, double expected_twist_rad) {
+  Turn turn;
+  turn.curvature_binormal = 2 / std::max(1e-9, 1 + e.tangent.dot(f.tangent)) * e.tangent.cross(f.tangent);
+  turn.bend = {0.5 * turn.curvature_binormal.dot(e.binormal + f.binormal),
+               -0.5 * turn.curvature_binormal.dot(e.director + f.director)};
+  const Vector3d untwisted = transported(e.director, e.tangent, f.tangent);
+  const double angle = std::atan2(untwisted.cross(f.director).dot(f.tangent), untwisted.dot(f.director));
+  constexpr double kTurn = 2 * std::numbers::pi;
+  turn.twist_rad = angle + kTurn * std::round((expected_twist_rad - angle) / kTurn);
+  return turn;
+}
+
+/// How the two bends and the twist of a node change with the places and angles around it, in the rows' order:
+/// the node before, the edge before, the node, the edge behind, the node behind. After Bergou et al., 2010.
+struct TurnGradient {
+  static constexpr std::size_t kSize = 11;
+  std::array<std::array<double, kSize + 1>, 3> by;
+
+  TurnGradient(const Frame& e, const Frame& f, const Turn& turn) {
+    const double chi = 1 + e.tangent.dot(f.tangent);
+    const Vector3d tangent = (e.tangent + f.tangent) / chi;
+    const Vector3d director = (e.director + f.director) / chi, binormal = (e.binormal + f.binormal) / chi;
+    const Vector3d& kb = turn.curvature_binormal;
+    set(0, (-turn.bend[0] * tangent + f.tangent.cross(binormal)) / e.length_mm,
+        (-turn.bend[0] * tangent - e.tangent.cross(binormal)) / f.length_mm, -0.5 * kb.dot(e.director),
+        -0.5 * kb.dot(f.director));
+    set(1, (-turn.bend[1] * tangent - f.tangent.cross(director)) / e.length_mm,
+        (-turn.bend[1] * tangent + e.tangent.cross(director)) / f.length_mm, -0.5 * kb.dot(e.binormal),
+        -0.5 * kb.dot(f.binormal));
+    set(2, kb / (2 * e.length_mm), kb / (2 * f.length_mm), -1, 1);
+  }
+
+ private:
+  void set(std::size_t k, const Vector3d& by_e, const Vector3d& by_f, double by_spin_e, double by_spin_f) {
+    for (int c = 0; c < 3; ++c) {
+      by[k][static_cast<std::size_t>(c)] = -by_e[c];
+      by[k][static_cast<std::size_t>(4 + c)] = by_e[c] - by_f[c];
+      by[k][static_cast<std::size_t>(8 + c)] = by_f[c];
+    }
+    by[k][3] = by_spin_e;
+    by[k][7] = by_spin_f;
+    by[k][11] = 0;
+  }
+};
+
+}  // namespace
+
+void RodSystem::add_around_node(std::size_t node, const BlockVector& gradient, const Block& hessian) {
+  const std::size_t row = spin_row(node - 1);
+  for (std::size_t c = 0; c < 5; ++c) {
+    gradient_[row + c] += gradient[static_cast<Eigen::Index>(c)];
+    double* column = matrix_.column(row + c);
+    for (std::size_t r = c; r < 5; ++r)
+      column[r - c] += hessian(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+  }
+}
+
+Rod::Rod(DeviceModel device, std::vector<double> stations_mm, const Clamp& clamp, double fed_mm,
+         const Options& options)
+    : device_(std::move(device)), stations_mm_(std::move(stations_mm)), clamp_(clamp), options_(options) {
+  assert(stations_mm_.size() > 2 && fed_mm > stations_mm_[1]);
+  clamp_frame_ = spun({clamp.axis, clamp.director, clamp.axis.cross(clamp.director), 1}, clamp.rotation_rad);
+  const auto stands =
+      static_cast<std::size_t>(std::ranges::lower_bound(stations_mm_, fed_mm - 1e-9) - stations_mm_.begin());
+
+  const std::size_t most = most_nodes();
+  nodes_.reserve(most);
+  edges_.reserve(most);
+  for (RodState* state : {&state_, &trial_}) {
+    state->nodes_mm.reserve(most);
+    state->edges.reserve(most);
+    state->turns.reserve(most);
+    state->edge_spins_rad.reserve(most);
+  }
+  system_.matrix_.reserve(kHeld + 4 * most);
+  system_.gradient_.reserve(kHeld + 4 * most);
+  solution_.reserve(kHeld + 4 * most);
+
+  nodes_.resize(stands + 1);
+  edges_.resize(stands);
+  nodes_[0].from_tip_mm = fed_mm;
+  for (std::size_t i = 1; i <= stands; ++i) nodes_[i].from_tip_mm = stations_mm_[stands - i];
+  for (std::size_t j = 0; j < edges_.size(); ++j) measure_edge(j);
+  for (std::size_t i = 0; i < nodes_.size(); ++i) {
+    measure(i);
+    state_.nodes_mm.emplace_back(clamp.position_mm + (fed_mm - nodes_[i].from_tip_mm) * clamp.axis);
+    nodes_[i].start_mm = state_.nodes_mm[i];
+  }
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    state_.edges.push_back(clamp_frame_);
+    state_.edges.back().length_mm = edges_[j].rest_mm;
+  }
+  state_.turns.resize(nodes_.size());
+  state_.edge_spins_rad.assign(edges_.size(), 0);
+  for (std::size_t i = 0; i + 1 < nodes_.size(); ++i) update_turn(state_, i, 0);
+  trial_ = state_;
+  note_forces();
+}
+
+// ---- what depends on the material -----------------------------------------------------------------------
+
+void Rod::measure_edge(std::size_t edge) {
+  edges_[edge].rest_mm = nodes_[edge].from_tip_mm - nodes_[edge + 1].from_tip_mm;
+  // A solid cylinder's; between a thin tube's and a wire's it hardly matters at this mass.
+  edges_[edge].spin_inertia_kg_mm2 = 0.5 * kMilli * device_.mass_per_length_g_mm() * edges_[edge].rest_mm *
+                                     device_.radius_mm() * device_.radius_mm();
+}
+
+void Rod::measure(std::size_t node) {
+  Node& n = nodes_[node];
+  const double before_mm = node > 0 ? 0.5 * edges_[node - 1].rest_mm : 0;
+  const double behind_mm = node < edges_.size() ? 0.5 * edges_[node].rest_mm : 0;
+  n.share_mm = before_mm + behind_mm;
+  n.mass_kg = kMilli * device_.mass_per_length_g_mm() * n.share_mm;
+  n.bend_stiffness = device_.bending_stiffness_Nmm2(n.from_tip_mm) / kMilli / n.share_mm;
+  n.twist_stiffness = device_.torsional_stiffness_Nmm2(n.from_tip_mm) / kMilli / n.share_mm;
+  const glm::dvec2 turn = device_.rest_turn_rad(n.from_tip_mm - behind_mm, n.from_tip_mm + before_mm);
+  const double angle = std::hypot(turn.x, turn.y);
+  // The bend is 2 tan(angle / 2), which is the angle itself where there is none.
+  const double stretch = angle > 1e-9 ? 2 * std::tan(0.5 * angle) / angle : 1;
+  n.rest_bend = {stretch * turn.x, stretch * turn.y};
+}
+
+// ---- feeding --------------------------------------------------------------------------------------------
+
+void Rod::rotate_to(double rotation_rad) {
+  const double by = rotation_rad - clamp_.rotation_rad;
+  clamp_.rotation_rad = rotation_rad;
+  const Frame unturned{clamp_.axis, clamp_.director, clamp_.axis.cross(clamp_.director), 1};
+  clamp_frame_ = spun(unturned, rotation_rad);
+  update_turn(state_, 0, state_.turns[0].twist_rad - by);
+}
+
+void Rod::move_clamp(const Vector3d& position_mm) {
+  clamp_.position_mm = position_mm;
+  state_.nodes_mm[0] = trial_.nodes_mm[0] = position_mm;
+  state_.edges[0] = carried(state_.edges[0], state_.nodes_mm[0], state_.nodes_mm[1]);
+  update_turn(state_, 0, state_.turns[0].twist_rad);
+  if (nodes_.size() > 2) update_turn(state_, 1, state_.turns[1].twist_rad);
+}
+
+void Rod::feed_to(double fed_mm, RodSurroundings* surroundings) {
+  const auto gap_mm = [this](std::size_t station) {
+    return stations_mm_[station] - stations_mm_[station - 1];
+  };
+  nodes_[0].from_tip_mm = std::clamp(fed_mm, stations_mm_[1] + 0.3 * gap_mm(1), stations_mm_.back());
+  // Between the two limits lies a margin, so that a hand at rest does not put nodes in and out. Number k from
+  // the tip stands at station k; the next one to come in is as many as there are free nodes.
+  while (nodes_.size() - 1 < stations_mm_.size()) {
+    const std::size_t next = nodes_.size() - 1;
+    if (fed_mm - stations_mm_[next] < 0.5 * gap_mm(next)) break;
+    add_node();
+    if (surroundings) surroundings->node_added();
+  }
+  while (nodes_.size() > 3) {
+    const std::size_t last = nodes_.size() - 2;
+    if (fed_mm - stations_mm_[last] > 0.3 * gap_mm(last)) break;
+    remove_node();
+    if (surroundings) surroundings->node_removed();
+  }
+  measure_edge(0);
+  measure(0);
+  measure(1);
+}
+
+void Rod::add_node() {
+  const double fed = nodes_[0].from_tip_mm, station = stations_mm_[nodes_.size() - 1],
+               next = nodes_[1].from_tip_mm;
+  const double before = fed - station, whole = fed - next, behind = edges_.size() > 1 ? edges_[1].rest_mm : 0;
+  const double twist0 = state_.turns[0].twist_rad, twist1 = state_.turns[1].twist_rad;
+  // The twist is linear between the middles of the edges; the new edges take it where their middles are.
+  const double psi0 = twist0 * before / whole, psi1 = twist0 + twist1 * before / (whole + behind);
+
+  Node node = nodes_[1];
+  node.from_tip_mm = station;
+  node.load_mN.setZero();
+  nodes_.insert(nodes_.begin() + 1, node);
+  edges_.insert(edges_.begin(), edges_.front());
+  const Vector3d place = state_.nodes_mm[0] + before / whole * (state_.nodes_mm[1] - state_.nodes_mm[0]);
+  state_.nodes_mm.insert(state_.nodes_mm.begin() + 1, place);
+  nodes_[1].start_mm = place;
+  Frame first = spun(state_.edges[0], psi0 - twist0), second = spun(state_.edges[0], psi1 - twist0);
+  first.length_mm *= before / whole;
+  second.length_mm *= 1 - before / whole;
+  state_.edges[0] = second;
+  state_.edges.insert(state_.edges.begin(), first);
+  state_.turns.insert(state_.turns.begin() + 1, Turn{});
+  state_.edge_spins_rad.insert(state_.edge_spins_rad.begin(), 0.0);
+  update_turn(state_, 0, psi0);
+  update_turn(state_, 1, psi1 - psi0);
+  if (edges_.size() > 2) update_turn(state_, 2, twist0 + twist1 - psi1);
+  trial_ = state_;
+  for (std::size_t j : {0, 1}) measure_edge(j);
+  for (std::size_t i : {0, 1, 2}) measure(i);
+}
+
+void Rod::remove_node() {
+  const double before = edges_[0].rest_mm, behind = edges_[1].rest_mm;
+  const double twist0 = state_.turns[0].twist_rad, twist1 = state_.turns[1].twist_rad,
+               twist2 = state_.turns[2].twist_rad;
+  const double psi = twist0 + twist1 * behind / (before + behind);
+
+  const Frame frame = spun(state_.edges[0], psi - twist0);
+  nodes_.erase(nodes_.begin() + 1);
+  edges_.erase(edges_.begin());
+  state_.nodes_mm.erase(state_.nodes_mm.begin() + 1);
+  state_.edges.erase(state_.edges.begin());
+  state_.turns.erase(state_.turns.begin() + 1);
+  state_.edge_spins_rad.erase(state_.edge_spins_rad.begin());
+  state_.edges[0] = carried(frame, state_.nodes_mm[0], state_.nodes_mm[1]);
+  update_turn(state_, 0, psi);
+  if (edges_.size() > 1) update_turn(state_, 1, twist0 + twist1 + twist2 - psi);
+  trial_ = state_;
+  measure_edge(0);
+  for (std::size_t i : {0, 1}) measure(i);
+}
+
+void Rod::set_load_N(std::size_t from_tip, const Vector3d& force_N) {
+  nodes_[nodes_.size() - 1 - from_tip].load_mN = force_N / kMilli;
+}
+
+// ---- a state and its energy -----------------------------------------------------------------------------
+
+void Rod::update_turn(RodState& state, std::size_t node, double expected_twist_rad) const {
+  state.turns[node] =
+      turn_between(node > 0 ? state.edges[node - 1] : clamp_frame_, state.edges[node], expected_twist_rad);
+}
+
+void Rod::move(const RodState& from, const double* step, double scale, RodState& to) const {
+  for (std::size_t i = 1; i < nodes_.size(); ++i) {
+    const double* by = step + place_row(i);
+    to.nodes_mm[i] = from.nodes_mm[i] + scale * Vector3d(by[0], by[1], by[2]);
+  }
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    const double spin = scale * step[spin_row(j)];
+    to.edges[j] = spun(carried(from.edges[j], to.nodes_mm[j], to.nodes_mm[j + 1]), spin);
+    to.edge_spins_rad[j] = from.edge_spins_rad[j] + spin;
+  }
+  for (std::size_t i = 0; i < edges_.size(); ++i) update_turn(to, i, from.turns[i].twist_rad);
+}
+
+double Rod::elastic_uJ(const RodState& state) const {
+  const double axial_mN = device_.axial_stiffness_N() / kMilli;
+  double energy = 0;
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    const double strain = state.edges[j].length_mm / edges_[j].rest_mm - 1;
+    energy += 0.5 * axial_mN * edges_[j].rest_mm * strain * strain;
+  }
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    const Turn& turn = state.turns[i];
+    energy += 0.5 * nodes_[i].bend_stiffness * (turn.bend - nodes_[i].rest_bend).squaredNorm() +
+              0.5 * nodes_[i].twist_stiffness * turn.twist_rad * turn.twist_rad;
+  }
+  return energy;
+}
+
+double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* surroundings) const {
+  double energy = elastic_uJ(state);
+  for (std::size_t i = 1; i < nodes_.size(); ++i) {
+    const Node& node = nodes_[i];
+    const Vector3d moved = state.nodes_mm[i] - node.start_mm;
+    const double inertia = node.mass_kg / (dt_s * dt_s);
+    const double drag = kMicro * options_.drag_mPa_s * node.share_mm / dt_s;
+    energy += 0.5 * inertia * (moved - dt_s * node.velocity_mm_s).squaredNorm() +
+              0.5 * drag * moved.squaredNorm() -
+              (node.load_mN + node.mass_kg * options_.gravity_mm_s2).dot(moved);
+  }
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    const double lag = state.edge_spins_rad[j] - dt_s * edges_[j].spin_rad_s;
+    energy += 0.5 * edges_[j].spin_inertia_kg_mm2 / (dt_s * dt_s) * lag * lag;
+  }
+  energy -= tip_torque_Nm_ / kMicro * state.edge_spins_rad.back();
+  return surroundings ? energy + surroundings->energy_uJ(state) : energy;
+}
+
+// ---- a step ---------------------------------------------------------------------------------------------
+
+void Rod::assemble_elastic(const RodState& state) {
+  const double axial_mN = device_.axial_stiffness_N() / kMilli;
+  double* gradient = system_.gradient_.data();
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    const Frame& edge = state.edges[j];
+    const double tension = axial_mN * (edge.length_mm / edges_[j].rest_mm - 1);
+    // Compression would make the Hessian indefinite; without its part it stays an upper bound.
+    const double across = std::max(0.0, tension) / edge.length_mm;
+    const double along = axial_mN / edges_[j].rest_mm - across;
+    const std::size_t first = place_row(j), second = place_row(j + 1);
+    for (std::size_t c = 0; c < 3; ++c) {
+      const double t = edge.tangent[static_cast<Eigen::Index>(c)];
+      gradient[first + c] -= tension * t;
+      gradient[second + c] += tension * t;
+      double *from_first = system_.matrix_.column(first + c),
+             *from_second = system_.matrix_.column(second + c);
+      for (std::size_t r = 0; r < 3; ++r) {
+        const double entry = along * t * edge.tangent[static_cast<Eigen::Index>(r)] + (r == c ? across : 0.0);
+        from_first[second + r - first - c] -= entry;
+        if (r < c) continue;
+        from_first[r - c] += entry;
+        from_second[r - c] += entry;
+      }
+    }
+  }
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    const Node& node = nodes_[i];
+    const Turn& turn = state.turns[i];
+    const TurnGradient d(i > 0 ? state.edges[i - 1] : clamp_frame_, state.edges[i], turn);
+    const std::size_t row = place_row(i) - 4;
+    const double stiffness[3] = {node.bend_stiffness, node.bend_stiffness, node.twist_stiffness};
+    const double moment[3] = {stiffness[0] * (turn.bend[0] - node.rest_bend[0]),
+                              stiffness[1] * (turn.bend[1] - node.rest_bend[1]),
+                              stiffness[2] * turn.twist_rad};
+    for (std::size_t c = 0; c < TurnGradient::kSize; ++c) {
+      gradient[row + c] += moment[0] * d.by[0][c] + moment[1] * d.by[1][c] + moment[2] * d.by[2][c];
+      const double w0 = stiffness[0] * d.by[0][c], w1 = stiffness[1] * d.by[1][c],
+                   w2 = stiffness[2] * d.by[2][c];
+      double* column = system_.matrix_.column(row + c);
+      for (std::size_t r = c; r < TurnGradient::kSize; ++r)
+        column[r - c] += w0 * d.by[0][r] + w1 * d.by[1][r] + w2 * d.by[2][r];
+    }
+  }
+}
+
+void Rod::assemble_motion(const RodState& state, double dt_s) {
+  for (std::size_t i = 1; i < nodes_.size(); ++i) {
+    const Node& node = nodes_[i];
+    const double inertia = node.mass_kg / (dt_s * dt_s);
+    const double drag = kMicro * options_.drag_mPa_s * node.share_mm / dt_s;
+    const Vector3d moved = state.nodes_mm[i] - node.start_mm;
+    const Vector3d slope = inertia * (moved - dt_s * node.velocity_mm_s) + drag * moved - node.load_mN -
+                           node.mass_kg * options_.gravity_mm_s2;
+    for (std::size_t c = 0; c < 3; ++c) {
+      system_.gradient_[place_row(i) + c] += slope[static_cast<Eigen::Index>(c)];
+      system_.matrix_.at(place_row(i) + c, 0) += inertia + drag;
+    }
+  }
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    const double inertia = edges_[j].spin_inertia_kg_mm2 / (dt_s * dt_s);
+    system_.gradient_[spin_row(j)] += inertia * (state.edge_spins_rad[j] - dt_s * edges_[j].spin_rad_s);
+    system_.matrix_.at(spin_row(j), 0) += inertia;
+  }
+  system_.gradient_[spin_row(edges_.size() - 1)] -= tip_torque_Nm_ / kMicro;
+}
+
+void Rod::step(double dt_s, RodSurroundings* surroundings) {
+  const std::size_t rows = kHeld + 4 * edges_.size();
+  for (std::size_t i = 1; i < nodes_.size(); ++i) nodes_[i].start_mm = state_.nodes_mm[i];
+  std::ranges::fill(state_.edge_spins_rad, 0.0);
+  if (surroundings) surroundings->begin_step(*this);
+  double potential = potential_uJ(state_, dt_s, surroundings);
+
+  report_ = {};
+  while (report_.iterations < options_.iterations) {
+    ++report_.iterations;
+    system_.matrix_.reset(rows);
+    system_.gradient_.assign(rows + BandMatrix::kBand, 0.0);
+    assemble_elastic(state_);
+    assemble_motion(state_, dt_s);
+    if (surroundings) surroundings->assemble(state_, system_);
+    system_.matrix_.fix_first(kHeld);
+    solution_.assign(rows, 0.0);
+    for (std::size_t r = kHeld; r < rows; ++r) solution_[r] = -system_.gradient_[r];
+    [[maybe_unused]] const bool definite = system_.matrix_.factorise();
+    assert(definite);
+    system_.matrix_.solve(solution_.data());
+
+    double fall_uJ = 0, move_mm = 0, spin_rad = 0;
+    for (std::size_t r = kHeld; r < rows; ++r) {
+      fall_uJ -= 0.5 * system_.gradient_[r] * solution_[r];
+      double& largest = (r - kHeld) % 4 == 0 ? spin_rad : move_mm;
+      largest = std::max(largest, std::abs(solution_[r]));
+    }
+    double scale = std::min({1.0, kLongestMove_mm / move_mm, kLargestSpin_rad / spin_rad});
+    // Halving: 2^-12 of a Newton step is no progress any more.
+    bool falls = false;
+    for (int halvings = 0; halvings < 12 && !falls; ++halvings, scale *= 0.5) {
+      move(state_, solution_.data(), scale, trial_);
+      const double reached = potential_uJ(trial_, dt_s, surroundings);
+      falls = reached <= potential + 1e-12 * std::abs(potential);
+      if (!falls) {
+        ++report_.halvings;
+        continue;
+      }
+      std::swap(state_, trial_);
+      potential = reached;
+      report_.last_move_mm = scale * move_mm;
+    }
+    if (!falls) {
+      if (surroundings) surroundings->energy_uJ(state_);
+      break;
+    }
+    if (fall_uJ < kTolerance_uJ) break;
+  }
+
+  for (std::size_t i = 1; i < nodes_.size(); ++i)
+    nodes_[i].velocity_mm_s = (state_.nodes_mm[i] - nodes_[i].start_mm) / dt_s;
+  for (std::size_t j = 0; j < edges_.size(); ++j) edges_[j].spin_rad_s = state_.edge_spins_rad[j] / dt_s;
+  if (surroundings) surroundings->end_step(state_);
+  note_forces();
+}
+
+// ---- what is felt ---------------------------------------------------------------------------------------
+
+Vector3d Rod::elastic_force_N(std::size_t node) const {
+  const double axial_mN = device_.axial_stiffness_N() / kMilli;
+  Vector3d force = nodes_[node].load_mN;
+  const auto tension = [&](std::size_t edge) -> Vector3d {
+    const Frame& frame = state_.edges[edge];
+    return axial_mN * (frame.length_mm / edges_[edge].rest_mm - 1) * frame.tangent;
+  };
+  if (node < edges_.size()) force += tension(node);
+  if (node > 0) force -= tension(node - 1);
+  // The node is the last, the middle or the first of those that take part in a turn.
+  for (std::size_t place = 0; place < 3; ++place) {
+    if (node + place < 1 || node + place - 1 >= edges_.size()) continue;
+    const std::size_t i = node + place - 1;
+    const Turn& turn = state_.turns[i];
+    const TurnGradient d(i > 0 ? state_.edges[i - 1] : clamp_frame_, state_.edges[i], turn);
+    const Vector2d bend = turn.bend - nodes_[i].rest_bend;
+    for (std::size_t c = 0; c < 3; ++c) {
+      const std::size_t at = 4 * (2 - place) + c;
+      force[static_cast<Eigen::Index>(c)] -=
+          nodes_[i].bend_stiffness * (bend[0] * d.by[0][at] + bend[1] * d.by[1][at]) +
+          nodes_[i].twist_stiffness * turn.twist_rad * d.by[2][at];
+    }
+  }
+  return kMilli * force;
+}
+
+void Rod::note_forces() {
+  // The clamp holds node 0 and, by the direction of the first edge, a node before it.
+  clamp_force_N_ = elastic_force_N(0);
+  const Turn& turn = state_.turns[0];
+  const TurnGradient d(clamp_frame_, state_.edges[0], turn);
+  const Vector2d bend = turn.bend - nodes_[0].rest_bend;
+  const auto slope = [&](std::size_t at) {
+    return nodes_[0].bend_stiffness * (bend[0] * d.by[0][at] + bend[1] * d.by[1][at]) +
+           nodes_[0].twist_stiffness * turn.twist_rad * d.by[2][at];
+  };
+  clamp_force_N_ -= kMilli * Vector3d(slope(0), slope(1), slope(2));
+  clamp_torque_Nm_ = -kMicro * slope(3);
+}
+
+double Rod::elastic_energy_J() const { return kMicro * elastic_uJ(state_); }
+
+double Rod::kinetic_energy_J() const {
+  double energy = 0;
+  for (const Node& node : nodes_) energy += 0.5 * node.mass_kg * node.velocity_mm_s.squaredNorm();
+  for (const Edge& edge : edges_)
+    energy += 0.5 * edge.spin_inertia_kg_mm2 * edge.spin_rad_s * edge.spin_rad_s;
+  return kMicro * energy;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,85 @@
+#pragma once
+
+#include "xraycast/vessel_tree.hpp"
+
+#include <Eigen/Core>
+#include <vector>
+
+namespace xraycast {
+
+/// An end of a vessel tree through which a device can enter: the root's beginning or a leaf's end.
+struct VesselEnd {
+  int branch = 0;
+  bool at_start = false;
+  Eigen::Vector3d position_mm{0, 0, 0};
+  Eigen::Vector3d outward{0, 0, 1};  ///< unit; the vessel's direction there, out of the tree
+  double radius_mm = 0;
+};
+
+/// All ends of a tree, in the order of its branches.
+std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
+
+/// How far the wall of a branched, tapering tube is from a point within it: the union of the spheres around
+/// every place of the centrelines, smooth along a branch and blended where branches meet. Vessel ends are
+/// closed by half a sphere.
+///
+/// A point is looked for along the tree from where it was last, so that a query takes a fraction of a
+/// microsecond, and vessels that pass through each other without a fork do not know of each other.
+/// Immutable, so safe to share.
+class TubeField {
+ public:
+  /// A place on the centrelines, from which a search starts.
+  struct Place {
+    int branch = 0, segment = 0;
+  };
+
+  /// `opening`, if there is one, goes on straight as a tube of `opening_length_mm` instead of being closed.
+  explicit TubeField(const VesselTree& tree, const VesselEnd* opening = nullptr,
+                     double opening_length_mm = 0);
+
+  struct Sample {
+    double clearance_mm = 0;            ///< to the wall; below zero outside
+    Eigen::Vector3d gradient{0, 0, 0};  ///< of the clearance; of length 1 but for taper and blending
+    double from_centre_mm = 0;          ///< to the centreline
+    Place place;
+    double arc_length_mm = 0;  ///< on the place's branch, held to the tree's own
+  };
+  Sample at(const Eigen::Vector3d& point_mm, const Place& from) const;
+
+  /// The place whose wall is farthest around the point, wherever in the tree it is. Slow.
+  Place locate(const Eigen::Vector3d& point_mm) const;
+
+ private:
+  struct Station {
+    Eigen::Vector3d centre_mm, tangent;
+    double radius_mm;
+  };
+  struct Branch {
+    std::vector<Station> stations;  ///< evenly spaced
+    double step_mm = 0;
+    double arc_offset_mm = 0, arc_length_mm = 0;  ///< where the tree's own part begins, and its length
+    int start_joint = -1, end_joint = -1;
+    Eigen::Vector3d lower_mm, upper_mm;  ///< of its stations
+    double widest_mm = 0;
+  };
+  /// Where branches meet.
+  struct Joint {
+    Eigen::Vector3d position_mm;
+    double reach_mm = 0;  ///< within which its branches look at each other
+    double blend_mm = 0;
+    std::vector<int> branches;
+  };
+  struct Hit {
+    double value_mm, from_centre_mm, arc_mm, blend_mm;
+    Eigen::Vector3d gradient;
+    Place place;
+  };
+  Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;
+  double highest_value_mm(const Branch& branch, const Eigen::Vector3d& point_mm) const;
+  int guess(int branch, int joint, const Eigen::Vector3d& point_mm) const;
+
+  std::vector<Branch> branches_;
+  std::vector<Joint> joints_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,264 @@
+#include "xraycast/igtlink_receiver.hpp"
+
+#include "support/igtlink_bytes.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <rapidcheck/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <iterator>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+namespace xraycast {
+namespace {
+
+using testing::HasSubstr;
+using Event = IgtlinkReceiver::Event;
+
+constexpr double kPi = std::numbers::pi;
+// A pose travels as floats: 24 bits of values up to 400 mm.
+constexpr double kFloat = 400 * 1e-7;
+
+/// All that happens when `bytes` arrive in portions.
+std::vector<Event> receive(IgtlinkReceiver& receiver, const std::string& bytes,
+                           std::size_t portion_B = std::string::npos) {
+  std::vector<Event> events;
+  for (std::size_t at = 0; at < bytes.size(); at += std::min(portion_B, bytes.size() - at)) {
+    const std::string portion = bytes.substr(at, portion_B);
+    auto rest = std::as_bytes(std::span(portion));
+    while (const auto event = receiver.next(rest)) events.push_back(*event);
+    EXPECT_TRUE(rest.empty());
+  }
+  return events;
+}
+
+std::vector<HubPose> poses(const std::vector<Event>& events) {
+  std::vector<HubPose> poses;
+  for (const Event& event : events)
+    if (const auto* pose = std::get_if<HubPose>(&event)) poses.push_back(*pose);
+  return poses;
+}
+
+/// With the extended header and metadata of header version 2, as 3D Slicer sends it.
+std::string version_2(const std::string& content, const std::string& extended) {
+  return MessageBytes{.body = extended + content, .version = 2}.bytes();
+}
+
+std::string body_of(const std::string& message) { return message.substr(IGTL_HEADER_SIZE); }
+
+const std::string kGood = transform_message(120, 0.5);
+const std::string kExtended("\0\x0c\0\0\0\0\0\0\0\0\0\7", 12);
+
+TEST(IgtlinkReceiver, ReadsPosesInPortionsOfAnySize) {
+  std::string bytes;
+  for (int i = 0; i < 5; ++i) bytes += transform_message(10.5 * i, 0.25 * i);
+  for (const std::size_t portion_B : {1, 7, 57, 58, 59, 105, 106, 107, 1000}) {
+    IgtlinkReceiver receiver;
+    const auto read = poses(receive(receiver, bytes, portion_B));
+    ASSERT_EQ(read.size(), 5) << portion_B;
+    for (int i = 0; i < 5; ++i) {
+      EXPECT_NEAR(read[static_cast<std::size_t>(i)].insertion_mm, 10.5 * i, kFloat);
+      EXPECT_NEAR(read[static_cast<std::size_t>(i)].rotation_rad, 0.25 * i, kFloat);
+    }
+  }
+}
+
+TEST(IgtlinkReceiver, AddsUpTurnsInBothDirections) {
+  IgtlinkReceiver receiver;
+  double rotation_rad = 0;
+  for (int i = 0; i < 200; ++i) {
+    rotation_rad += i < 120 ? 0.9 : -1.3;  // more than 17 turns to the right, then nearly 17 back
+    const auto read = poses(receive(receiver, transform_message(0, rotation_rad)));
+    ASSERT_EQ(read.size(), 1);
+    ASSERT_NEAR(read[0].rotation_rad, rotation_rad, kFloat) << i;
+  }
+}
+
+TEST(IgtlinkReceiver, GoesOnFromTheTurnOfTheConnectionBefore) {
+  IgtlinkReceiver receiver(7 * 2 * kPi + 0.1);
+  const auto read = poses(receive(receiver, transform_message(0, -0.1)));
+  ASSERT_EQ(read.size(), 1);
+  EXPECT_NEAR(read[0].rotation_rad, 7 * 2 * kPi - 0.1, kFloat);
+}
+
+TEST(IgtlinkReceiver, TakesTheTwistOfATiltedHub) {
+  // A swing of 60 deg about x after a twist of 40 deg about z: columns are the axes' images.
+  const double twist = 40 * kPi / 180, c = std::cos(twist), s = std::sin(twist);
+  const auto f = [](double value) { return static_cast<float>(value); };
+  const float half = 0.5F, root = f(std::sqrt(0.75));
+  const MessageBytes message{.body = transform_body({f(c), f(s) * half, f(s) * root, f(-s), f(c) * half,
+                                                     f(c) * root, 0, -root, half, 3, 4, 25})};
+  IgtlinkReceiver receiver;
+  const auto read = poses(receive(receiver, message.bytes()));
+  ASSERT_EQ(read.size(), 1);
+  EXPECT_NEAR(read[0].rotation_rad, twist, 1e-6);  // a dozen roundings of floats
+  EXPECT_EQ(read[0].insertion_mm, 25);
+}
+
+TEST(IgtlinkReceiver, ReadsHeaderVersion2) {
+  const std::string metadata_table("\0\1\0\1\0\3\0\0\0\2", 10), metadata = "kv1";
+  const std::string extended = std::string("\0\x0c\0\x0a\0\0\0\3\0\0\0\7", 12);
+  IgtlinkReceiver receiver;
+  const auto read = poses(receive(receiver, version_2(body_of(kGood) + metadata_table + metadata, extended) +
+                                                version_2(body_of(kGood), kExtended)));
+  ASSERT_EQ(read.size(), 2);
+  EXPECT_NEAR(read[0].insertion_mm, 120, kFloat);
+  EXPECT_NEAR(read[1].rotation_rad, 0.5, kFloat);
+}
+
+TEST(IgtlinkReceiver, HearsTheQuestionForItsStatus) {
+  IgtlinkReceiver receiver;
+  const auto events = receive(receiver, MessageBytes{.type = "GET_STATUS"}.bytes());
+  ASSERT_EQ(events.size(), 1);
+  EXPECT_TRUE(std::holds_alternative<StatusRequest>(events[0]));
+}
+
+TEST(IgtlinkReceiver, SaysWhereAStreamWasCut) {
+  for (const auto& [size_B, text] : {std::pair{0, ""},
+                                     {31, "31 of the 58 bytes of a header"},
+                                     {58, "0 of the 48 bytes of TRANSFORM"},
+                                     {80, "22 of the 48 bytes of TRANSFORM"},
+                                     {106, ""}}) {
+    IgtlinkReceiver receiver;
+    receive(receiver, kGood.substr(0, static_cast<std::size_t>(size_B)));
+    const auto complaint = receiver.end();
+    EXPECT_EQ(complaint.has_value(), *text != 0) << size_B;
+    if (complaint) {
+      EXPECT_THAT(complaint->text, HasSubstr(text));
+    }
+  }
+}
+
+// ---- what is passed over
+
+constexpr float kNan = std::numeric_limits<float>::quiet_NaN(),
+                kInfinity = std::numeric_limits<float>::infinity();
+
+struct BadMessage {
+  const char* name;
+  std::string bytes;
+  const char* text;
+  bool lost = false;  ///< nothing after it can be understood
+};
+
+void PrintTo(const BadMessage& message, std::ostream* out) { *out << message.name; }
+
+std::string transform_with(std::array<float, 12> numbers) {
+  return MessageBytes{.body = transform_body(numbers)}.bytes();
+}
+
+const BadMessage kBadMessages[] = {
+    {"WrongChecksum", MessageBytes{.body = body_of(kGood), .checksum = 1}.bytes(), "wrong checksum"},
+    {"NoChecksum", MessageBytes{.body = body_of(kGood), .checksum = 0}.bytes(), "wrong checksum"},
+    {"StatusRequestWithWrongChecksum", MessageBytes{.type = "GET_STATUS", .checksum = 1}.bytes(),
+     "wrong checksum"},
+    {"ShortTransform", MessageBytes{.body = body_of(kGood).substr(4)}.bytes(),
+     "TRANSFORM of 44 bytes, not 48"},
+    {"LongTransform", MessageBytes{.body = body_of(kGood) + "more"}.bytes(), "TRANSFORM of 52 bytes, not 48"},
+    {"EmptyTransform", MessageBytes{}.bytes(), "TRANSFORM of 0 bytes, not 48"},
+    {"TransformBeyondWhatIsKept", MessageBytes{.body = std::string(5000, 'x')}.bytes(),
+     "5000 bytes, more than 4096"},
+    {"OtherType", MessageBytes{.type = "IMAGE", .body = std::string(100000, '\x80')}.bytes(),
+     "sent IMAGE, which means nothing here"},
+    {"TypeOfTwelveCharacters", MessageBytes{.type = "TRANSFORMERS"}.bytes(),
+     "sent TRANSFORMERS, which means"},
+    {"Nan", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, kNan}), "not finite"},
+    {"NanInTheRotation", transform_with({1, 0, 0, 0, kNan, 0, 0, 0, 1, 0, 0, 5}), "not finite"},
+    {"NanBesideTheHub", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, kNan, 0, 5}), "not finite"},
+    {"Infinity", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, -kInfinity}), "not finite"},
+    {"TooFar", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 10001}), "10001 mm, beyond 10000 mm"},
+    {"NoRotation", transform_with({0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 5}), "not a rotation"},
+    {"Scaled", transform_with({2, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 5}), "not a rotation"},
+    {"Mirrored", transform_with({1, 0, 0, 0, 1, 0, 0, 0, -1, 0, 0, 5}), "not a rotation"},
+    {"HugeRotation", transform_with({3e38F, 0, 0, 0, 3e38F, 0, 0, 0, 3e38F, 0, 0, 5}), "not a rotation"},
+    {"UpsideDown", transform_with({1, 0, 0, 0, -1, 0, 0, 0, -1, 0, 0, 5}),
+     "tilts the hub by more than 90 deg"},
+    {"ExtendedHeaderCut", version_2("", kExtended.substr(0, 11)), "damaged extended header"},
+    {"ExtendedHeaderShorterThanItIs", version_2(body_of(kGood), "\0\x0b" + kExtended.substr(2)),
+     "damaged extended header"},
+    {"ExtendedHeaderBeyondTheBody", version_2(body_of(kGood), "\xff\xff" + kExtended.substr(2)),
+     "damaged extended header"},
+    {"MetadataBeyondTheBody",
+     version_2(body_of(kGood), std::string("\0\x0c\xff\xff\xff\xff\xff\xff\0\0\0\7", 12)),
+     "damaged extended header"},
+    {"Oversized", MessageBytes{.body = "x", .size_B = (1 << 20) + 1}.bytes(),
+     "1048577 bytes, more than 1048576", true},
+    {"OversizedToTheLastBit", MessageBytes{.body = "x", .size_B = ~std::uint64_t{0}}.bytes(),
+     "18446744073709551615 bytes", true},
+    {"SizeNegativeAsInt", MessageBytes{.body = "x", .size_B = 0x80000000}.bytes(), "2147483648 bytes", true},
+    {"VersionZero", MessageBytes{.version = 0}.bytes(), "no OpenIGTLink header (version 0", true},
+    {"VersionOfTheFuture", MessageBytes{.version = 3}.bytes(), "no OpenIGTLink header (version 3", true},
+    {"NoType", MessageBytes{.type = ""}.bytes(), "no OpenIGTLink header (version 1, type '')", true},
+    {"UnprintableType", MessageBytes{.type = "TRANS\nFORM"}.bytes(), "type '')", true},
+    {"Text", std::string(200, 'G'), "no OpenIGTLink header (version 18247", true},
+    {"Zeros", std::string(200, '\0'), "no OpenIGTLink header (version 0", true},
+};
+
+class BadMessages : public testing::TestWithParam<BadMessage> {};
+
+TEST_P(BadMessages, AreNamedInOneLineAndPassedOver) {
+  const BadMessage& bad = GetParam();
+  for (const std::size_t portion_B : {std::size_t{1}, std::size_t{61}, std::string::npos}) {
+    IgtlinkReceiver receiver;
+    const auto events = receive(receiver, kGood + bad.bytes + kGood, portion_B);
+    ASSERT_EQ(events.size(), bad.lost ? 2 : 3);
+    EXPECT_TRUE(std::holds_alternative<HubPose>(events[0]));
+    const auto* complaint = std::get_if<Complaint>(&events[1]);
+    ASSERT_NE(complaint, nullptr);
+    EXPECT_THAT(complaint->text, HasSubstr(bad.text));
+    EXPECT_TRUE(std::ranges::all_of(complaint->text, [](char c) { return c >= ' ' && c <= '~'; }));
+    EXPECT_EQ(receiver.lost(), bad.lost);
+    if (!bad.lost) {
+      EXPECT_EQ(poses(events).size(), 2);
+    }
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(All, BadMessages, testing::ValuesIn(kBadMessages),
+                         [](const auto& param) { return param.param.name; });
+
+// ---- whatever comes
+
+/// Poses are finite and a message is never understood twice, whatever `bytes` are.
+void expect_sense(const std::string& bytes, std::size_t portion_B = std::string::npos) {
+  IgtlinkReceiver receiver;
+  const auto events = receive(receiver, bytes, portion_B);
+  EXPECT_LE(events.size(), bytes.size() / IGTL_HEADER_SIZE);
+  for (const HubPose& pose : poses(events)) {
+    EXPECT_LE(std::abs(pose.insertion_mm), IgtlinkReceiver::kLargestInsertion_mm);
+    EXPECT_TRUE(std::isfinite(pose.rotation_rad));
+  }
+}
+
+RC_GTEST_PROP(IgtlinkReceiver, SurvivesRandomBytes, (const std::string& bytes)) { expect_sense(bytes); }
+
+RC_GTEST_PROP(IgtlinkReceiver, SurvivesDamagedMessages, ()) {
+  std::string bytes =
+      kGood + MessageBytes{.type = "GET_STATUS"}.bytes() + version_2(body_of(kGood), kExtended) + kGood;
+  const int damages = *rc::gen::inRange(1, 8);
+  for (int i = 0; i < damages; ++i)
+    bytes[*rc::gen::inRange<std::size_t>(0, bytes.size())] = *rc::gen::arbitrary<char>();
+  expect_sense(bytes);
+}
+
+TEST(IgtlinkReceiver, SurvivesTheFuzzersCorpus) {
+  std::size_t files = 0;
+  for (const auto& entry : std::filesystem::directory_iterator(XRAYCAST_FUZZ_CORPUS)) {
+    SCOPED_TRACE(entry.path());
+    std::ifstream file(entry.path(), std::ios::binary);
+    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
+    ASSERT_FALSE(bytes.empty());
+    // As in the fuzzer: the first byte says in what portions the others arrive.
+    const auto portion_B = static_cast<unsigned char>(bytes.front());
+    expect_sense(bytes.substr(1), portion_B == 0 ? std::string::npos : portion_B);
+    ++files;
+  }
+  EXPECT_GT(files, 10);
+}
+
+}  // namespace
+}  // namespace xraycast

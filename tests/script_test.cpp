@@ -1,0 +1,79 @@
+#include "xraycast/script.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <numbers>
+#include <ostream>
+
+namespace xraycast {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+TEST(Script, IsLinearBetweenItsRows) {
+  const Script script =
+      Script::parse("time_s,insertion_mm,rotation_deg\n1,10,0\n2,30,180\r\n4,30,-180\n\n", "push.csv");
+  ASSERT_EQ(script.rows().size(), 3u);
+  EXPECT_EQ(script.end_s(), 4);
+  EXPECT_DOUBLE_EQ(script.pose_at(0).insertion_mm, 10);
+  EXPECT_DOUBLE_EQ(script.pose_at(1.25).insertion_mm, 15);
+  EXPECT_DOUBLE_EQ(script.pose_at(1.5).rotation_rad, 0.5 * std::numbers::pi);
+  EXPECT_DOUBLE_EQ(script.pose_at(3).rotation_rad, 0);
+  EXPECT_DOUBLE_EQ(script.pose_at(9).insertion_mm, 30);
+}
+
+TEST(Script, TakesItsColumnsInAnyOrder) {
+  const Script script = Script::parse("\xEF\xBB\xBFrotation_deg, time_s ,insertion_mm\n90,0,7\n", "push.csv");
+  EXPECT_DOUBLE_EQ(script.pose_at(0).insertion_mm, 7);
+  EXPECT_DOUBLE_EQ(script.pose_at(0).rotation_rad, 0.5 * std::numbers::pi);
+}
+
+struct BadScript {
+  const char *name, *rows, *message;
+};
+void PrintTo(const BadScript& bad, std::ostream* out) { *out << bad.name; }
+
+class RefusedScript : public testing::TestWithParam<BadScript> {};
+
+TEST_P(RefusedScript, NamesTheLine) {
+  try {
+    Script::parse(GetParam().rows, "push.csv");
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), StartsWith("push.csv: "));
+    EXPECT_THAT(error.what(), HasSubstr(GetParam().message));
+  }
+}
+
+#define HEAD "time_s,insertion_mm,rotation_deg\n"
+INSTANTIATE_TEST_SUITE_P(
+    Bad, RefusedScript,
+    testing::Values(
+        BadScript{"Empty", "", "empty"}, BadScript{"NoRows", HEAD, "no rows"},
+        BadScript{"OtherColumns", "t,x,y\n0,0,0\n", "line 1: no column time_s"},
+        BadScript{"OneMoreColumn", "time_s,insertion_mm,rotation_deg,force_N\n0,0,0,0\n",
+                  "line 1: 4 columns"},
+        BadScript{"Backwards", HEAD "0,0,0\n2,5,0\n1,9,0\n",
+                  "line 4: time_s 1 does not come after 2, that of line 3"},
+        BadScript{"Standing", HEAD "0,0,0\n0,5,0\n", "line 3: time_s 0 does not come after 0"},
+        BadScript{"MissingValue", HEAD "0,0,0\n1,,0\n", "line 3: insertion_mm is missing"},
+        BadScript{"MissingLast", HEAD "0,0,0\n1,3,\n", "line 3: rotation_deg is missing"},
+        BadScript{"TwoValues", HEAD "0,0\n", "line 2: 2 values"},
+        BadScript{"Gap", HEAD "0,0,0\n\n1,2,0\n", "line 3: a gap"},
+        BadScript{"NotANumber", HEAD "0,nan,0\n", "line 2: insertion_mm is \"nan\", not a finite number"},
+        BadScript{"Infinite", HEAD "0,0,inf\n", "line 2: rotation_deg is \"inf\""},
+        BadScript{"Words", HEAD "0,0,left\n", "line 2: rotation_deg is \"left\""},
+        BadScript{"HalfANumber", HEAD "0,0,1x\n", "line 2: rotation_deg is \"1x\""},
+        BadScript{"BeforeTheStart", HEAD "-1,0,0\n", "line 2: time_s -1 is below zero"},
+        BadScript{"DrawnOut", HEAD "0,-5,0\n", "line 2: insertion_mm -5 is below zero"},
+        BadScript{"TooFast", HEAD "0,0,0\n1,301,0\n", "line 3: the hub would move at 301 mm/s"},
+        BadScript{"TooQuickATurn", HEAD "0,0,0\n1,0,2000\n", "line 3: the hub would turn at 2000 deg/s"}),
+    [](const auto& bad) { return std::string(bad.param.name); });
+#undef HEAD
+
+}  // namespace
+}  // namespace xraycast

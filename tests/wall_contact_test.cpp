@@ -1,0 +1,207 @@
+#include "xraycast/wall_contact.hpp"
+
+#include "xraycast/catheter.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/phantom.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <Eigen/Geometry>
+#include <cmath>
+#include <numbers>
+#include <random>
+
+namespace xraycast {
+namespace {
+
+using Eigen::Vector3d;
+constexpr double kPi = std::numbers::pi;
+
+VesselTree phantom_tree(const std::string& name) { return {make_phantom(name).vessel_branches(), name}; }
+
+VesselTree straight_tube(double length_mm, double radius_mm) {
+  VesselBranch branch;
+  for (int i = 0; i <= 100; ++i) branch.points.push_back({{0, 0, length_mm * i / 100}, radius_mm});
+  return {{branch}, "tube"};
+}
+
+// ---- the capstan ----------------------------------------------------------------------------------------
+
+constexpr double kBend_mm = 50, kTube_mm = 4, kWire_mm = 0.4, kLeg_mm = 40;
+
+/// Up the z axis, half a turn towards x, and down again.
+VesselTree hairpin() {
+  VesselBranch branch;
+  for (int i = 0; i < 40; ++i) branch.points.push_back({{0, 0, -40.0 + i}, kTube_mm});
+  for (int i = 0; i <= 180; ++i) {
+    const double angle = kPi * i / 180;
+    branch.points.push_back({{kBend_mm * (1 - std::cos(angle)), 0, kBend_mm * std::sin(angle)}, kTube_mm});
+  }
+  for (int i = 1; i <= 40; ++i) branch.points.push_back({{2 * kBend_mm, 0, -1.0 * i}, kTube_mm});
+  return {{branch}, "hairpin"};
+}
+
+/// A wire so limp that its bending hardly counts, at rest along the inner wall of the hairpin.
+DeviceModel limp_wire(double friction) {
+  const double inner_mm = kBend_mm - kTube_mm + kWire_mm;
+  DeviceSection leg{.length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
+  DeviceSection arc = leg;
+  arc.length_mm = kPi * inner_mm;
+  arc.curvature_per_mm = {1 / inner_mm, 1 / inner_mm};
+  return DeviceModel({.name = "wire",
+                      .radius_mm = kWire_mm,
+                      .mass_per_length_g_mm = 2e-3,
+                      .axial_stiffness_N = 500,
+                      .static_friction = friction,
+                      .kinetic_friction = friction,
+                      .sections = {leg, arc, leg}},
+                     "wire");
+}
+
+TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
+  constexpr double kFriction = 0.2, kTail_N = 0.5;
+  const DeviceModel wire = limp_wire(kFriction);
+  Rod rod(wire, wire.stations_mm(3), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
+          {.iterations = 20});
+  for (int i = 0; i < 200; ++i) rod.step(10);  // it takes its shape
+  rod.set_load_N(0, {0, 0, -kTail_N});
+  WallContact wall(std::make_shared<TubeField>(hairpin()), rod,
+                   {.static_friction = kFriction, .kinetic_friction = kFriction});
+  for (int i = 0; i < 200; ++i) rod.step(1e-3, &wall);
+  for (int i = 0; i < 400; ++i) {  // drawn out at 20 mm/s
+    rod.feed_to(rod.fed_mm() - 0.02, &wall);
+    rod.step(1e-3, &wall);
+  }
+  const double held_N = rod.clamp_force_N().z();
+  const double expected_N = kTail_N * std::exp(kFriction * kPi);
+  // 5 %: the wire's bending stiffness carries a little itself, and where it lies down it is not quite
+  // tangent.
+  EXPECT_NEAR(held_N, expected_N, 0.05 * expected_N);
+
+  for (int i = 0; i < 800; ++i) {  // let out: friction turns round
+    rod.feed_to(rod.fed_mm() + 0.02, &wall);
+    rod.step(1e-3, &wall);
+  }
+  const double let_out_N = kTail_N * std::exp(-kFriction * kPi);
+  EXPECT_NEAR(rod.clamp_force_N().z(), let_out_N, 0.05 * let_out_N);
+}
+
+// ---- stick and slip -------------------------------------------------------------------------------------
+
+/// A straight rod that lies in a straight tube by its weight.
+struct LyingRod {
+  static constexpr double kLength_mm = 100, kWeight_N = 0.05, kStatic = 0.3, kKinetic = 0.2, kTube_mm = 3;
+  static DeviceModel device() {
+    return DeviceModel({.name = "rod",
+                        .radius_mm = 0.8,
+                        .mass_per_length_g_mm = 1e3 * kWeight_N / 9.81 / kLength_mm,
+                        .axial_stiffness_N = 300,
+                        .static_friction = kStatic,
+                        .kinetic_friction = kKinetic,
+                        .sections = {{.length_mm = kLength_mm + 50,
+                                      .bending_stiffness_Nmm2 = {100, 100},
+                                      .torsional_stiffness_Nmm2 = {100, 100}}}},
+                       "rod");
+  }
+  DeviceModel model = device();
+  Rod rod{model,
+          model.stations_mm(5),
+          // A little above the wall, into which it sinks by its weight.
+          {.position_mm = {0, -(kTube_mm - 0.8), 20}},
+          kLength_mm,
+          {.gravity_mm_s2 = {0, -9810, 0}, .iterations = 10}};
+  WallContact wall{std::make_shared<TubeField>(straight_tube(200, kTube_mm)),
+                   rod,
+                   {.static_friction = kStatic, .kinetic_friction = kKinetic}};
+
+  /// What lies on the wall: the clamp bears its own node's share.
+  double borne_N() const {
+    double sum = 0;
+    for (const auto& contact : wall.contacts()) sum += contact.normal_N.y();
+    return sum;
+  }
+  void push(double by_mm, int steps) {
+    for (int i = 0; i < steps; ++i) {
+      rod.feed_to(rod.fed_mm() + by_mm / steps, &wall);
+      rod.step(1e-3, &wall);
+    }
+  }
+  void rest(int steps) { push(0, steps); }
+};
+
+TEST(WallContact, SticksBelowTheFrictionCone) {
+  LyingRod lying;
+  lying.rest(1000);
+  const double tip_mm = lying.rod.state().nodes_mm.back().z();
+  // So little that the rod's first nodes hold it.
+  lying.push(0.5e-3, 100);
+  lying.rest(100);
+  const double held_N = -lying.rod.clamp_force_N().z();
+  EXPECT_GT(held_N, 0.1 * LyingRod::kStatic * lying.borne_N());
+  EXPECT_LT(held_N, LyingRod::kStatic * lying.borne_N());
+  const double before_mm = lying.rod.state().nodes_mm.back().z();
+  lying.rest(5000);
+  // It does not creep in five seconds: neither the force nor the tip changes by more than rounding.
+  EXPECT_NEAR(-lying.rod.clamp_force_N().z(), held_N, 1e-3 * held_N);
+  EXPECT_NEAR(lying.rod.state().nodes_mm.back().z(), before_mm, 1e-6);
+  EXPECT_LT(before_mm - tip_mm, 0.5e-3);
+  for (const auto& contact : lying.wall.contacts()) EXPECT_FALSE(contact.sliding);
+}
+
+TEST(WallContact, SlidesAboveTheFrictionCone) {
+  LyingRod lying;
+  lying.rest(1000);
+  const double tip_mm = lying.rod.state().nodes_mm.back().z();
+  lying.push(10, 500);
+  double most_N = 0;
+  for (int i = 0; i < 500; ++i) {
+    lying.push(0.02, 1);
+    most_N = std::max(most_N, -lying.rod.clamp_force_N().z());
+  }
+  EXPECT_NEAR(lying.rod.state().nodes_mm.back().z() - tip_mm, 20, 0.01);
+  // 2 %: drag of blood at 20 mm/s adds 0.03 mN to some 10 mN, shaking of nodes that come in the rest.
+  const double kinetic_N = LyingRod::kKinetic * lying.borne_N();
+  EXPECT_NEAR(-lying.rod.clamp_force_N().z(), kinetic_N, 0.02 * kinetic_N);
+  EXPECT_LT(most_N, LyingRod::kStatic * lying.borne_N());
+}
+
+TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
+  LyingRod lying;
+  lying.rest(1000);
+  for (int i = 1; i <= 2000; ++i) {
+    lying.rod.rotate_to(2e-3 * i);
+    lying.rod.step(1e-3, &lying.wall);
+  }
+  double borne_N = 0;
+  for (const auto& contact : lying.wall.contacts()) borne_N += contact.normal_N.norm();
+  const double expected_Nm = 1e-3 * LyingRod::kKinetic * borne_N * 0.8;
+  // 2 %: nodes that rest against the clamp's stiffness stick for a moment now and then.
+  EXPECT_NEAR(-lying.rod.clamp_torque_Nm(), expected_Nm, 0.02 * expected_Nm);
+  // Right-handed about z its underside moves to +x, so the floor pushes it to -x, up the wall.
+  EXPECT_LT(lying.rod.state().nodes_mm.back().x(), -0.1);
+}
+
+// ---- in a patient's vessels -----------------------------------------------------------------------------
+
+TEST(Catheter, HubBearsContactAndFriction) {
+  const VesselTree tree = phantom_tree("thorax");
+  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  for (int i = 1; i <= 4000; ++i) catheter.step({.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i});
+  for (int i = 0; i < 500; ++i) catheter.step(catheter.pose());
+  Vector3d walls_N = Vector3d::Zero();
+  double size_N = 0;
+  for (const auto& contact : catheter.wall().contacts()) {
+    walls_N += contact.normal_N + contact.friction_N + contact.guide_N;
+    size_N += contact.normal_N.norm();
+  }
+  EXPECT_GT(size_N, 0.05);
+  const Vector3d hub_N = catheter.rod().clamp_force_N();
+  // 2 % of what the walls bear in all.
+  EXPECT_LT((hub_N - walls_N).norm(), 0.02 * size_N);
+  const Vector3d axis = catheter.rod().clamp().axis;
+  EXPECT_NEAR(catheter.load().force_N, -walls_N.dot(axis), 0.02 * std::abs(catheter.load().force_N));
+}
+
+}  // namespace
+}  // namespace xraycast
