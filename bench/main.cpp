@@ -73,8 +73,8 @@ int main(int argc, char** argv) {
   const fs::path folder = words.empty() ? "." : words[0];
   Bench bench(folder, words.size() > 1 ? words[1] : "python3");
   if (wants_growth) {
-    measure_growth(bench, folder / "growth-cast.png");
     measure_segmenting_growth(bench, folder / "growth-vesselness.png");
+    measure_growth(bench, folder / "growth-cast.png");
   } else {
     measure_rows(bench, folder);
   }
