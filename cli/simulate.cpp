@@ -1,9 +1,14 @@
 #include "command.hpp"
 #include "plot.hpp"
+#include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/run_script.hpp"
 #include "xraycast/stopwatch.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/cine_writer.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/run_cine.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
@@ -11,6 +16,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 namespace xraycast::cli {
 namespace {
@@ -19,7 +25,52 @@ namespace fs = std::filesystem;
 
 struct Options {
   std::string tree, device_model, script, log, plot, entry;
+  std::string map, cine, look = "fluoro", inject;
+  ViewOptions view;
 };
+
+/// FROM,TO in seconds. Throws InputError.
+std::pair<double, double> parse_injection(const std::string& text) {
+  if (text.empty()) return {0, 0};
+  const std::vector<double> times_s = parse_numbers(text, "--inject");
+  if (times_s.size() != 2 || !(0 <= times_s[0] && times_s[0] < times_s[1]))
+    throw InputError("--inject {}: has to be FROM,TO in seconds", text);
+  return {times_s[0], times_s[1]};
+}
+
+/// What a fluoroscope sees of the run, drawn while the catheter moves, into --cine.
+class Cine {
+ public:
+  Cine(const Options& options, const VesselTree& tree) {
+    const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
+    RunCine::Options cine;
+    cine.view = parse_view(options.view);
+    cine.view.centre_mm = bounds_of(map->geometry).centre_mm;
+    cine.view = fitted(cine.view, bounds_of(map->geometry));
+    cine.style.look = look_named(options.look);
+    cine.style.window.inverted = cine.style.look == Look::surface;
+    std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
+    writer_.emplace(options.cine, cine.view.width, cine.view.height);
+    run_.emplace(map, tree, cine, [this](std::vector<std::uint8_t> rgb) { writer_->add(std::move(rgb)); });
+  }
+  void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
+  void finish() const { writer_->finish(); }
+
+ private:
+  HeadlessContext context_;
+  std::optional<CineWriter> writer_;
+  std::optional<RunCine> run_;
+};
+
+void check_cine(const Options& options) {
+  if (options.cine.empty()) return;
+  if (options.map.empty()) throw InputError("--cine {}: give a body map to draw it in, --map", options.cine);
+  parse_injection(options.inject);
+  if (is_animation(options.cine)) return check_writable(options.cine);
+  std::error_code error;
+  fs::create_directories(options.cine, error);
+  if (error) throw InputError("{}: the folder cannot be made: {}", options.cine, error.message());
+}
 
 void plot_loads(const std::vector<RunRecord>& records, const std::string& device, const fs::path& path) {
   Curve force{"force, N", {}}, torque{"torque, N mm", {}};
@@ -33,6 +84,7 @@ void plot_loads(const std::vector<RunRecord>& records, const std::string& device
 void simulate(const Options& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_writable(options.plot);
+  check_cine(options);
   const DeviceModel device = DeviceModel::named(options.device_model);
   const Script script = Script::read(options.script);
   const fs::path file =
@@ -42,10 +94,16 @@ void simulate(const Options& options, Session& session) {
 
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;
-  const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress);
+  std::optional<Cine> cine;
+  if (!options.cine.empty()) cine.emplace(options, tree);
+  const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
+                                                    [&cine](const Catheter& moved, double time_s) {
+                                                      if (cine) cine->see(moved, time_s);
+                                                    });
   const double wall_s = 1e-3 * stopwatch.ms();
   write_whole_file(options.log, to_csv(records));
   if (!options.plot.empty()) plot_loads(records, device.name(), options.plot);
+  if (cine) cine->finish();
 
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
@@ -76,6 +134,8 @@ void add_simulate(CLI::App& app, Session& session) {
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"
       "  xraycast simulate vessels/tree.vtp --device-model guidewire-035-j --script push.csv -o log.csv \\\n"
       "    --entry 19 --plot forces.png\n"
+      "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
+      "    --cine run.gif --inject 8,9 --size 480x640\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
@@ -99,6 +159,16 @@ void add_simulate(CLI::App& app, Session& session) {
           "most inferior one")
       ->type_name("BRANCH|X,Y,Z");
   command->add_option("--plot", options->plot, "The hub's force and torque over time")->type_name("PNG");
+  command->add_option("--map", options->map, "The body map that --cine is drawn in")->type_name("MAP.exr");
+  command->add_option("--cine", options->cine, "Ten frames a second of the run: a folder of PNGs, or .gif")
+      ->type_name("DIR|GIF");
+  command->add_option("--look", options->look, "--cine: the catheter absorbs, or is shaded")
+      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->capture_default_str()
+      ->type_name("NAME");
+  command->add_option("--inject", options->inject, "--cine: contrast agent enters at the tip, 5 ml/s")
+      ->type_name("FROM_S,TO_S");
+  add_view_options(*command, options->view);
 }
 
 }  // namespace xraycast::cli
