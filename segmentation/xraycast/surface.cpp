@@ -4,6 +4,8 @@
 
 #include <glm/common.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
 #include <meshoptimizer.h>
@@ -64,6 +66,28 @@ Mesh volume_keeping_mesh(const openvdb::FloatGrid& grid, const Mask& mask) {
   return mesh;
 }
 
+/// Takes off triangles that lie upon each other face to face, as is left of what was smaller than a triangle.
+void drop_folds(std::vector<unsigned>& indices) {
+  using Triangle = std::array<unsigned, 3>;
+  std::vector<std::pair<Triangle, std::size_t>> corners;  // in ascending order, and where the triangle begins
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
+    Triangle triangle{indices[i], indices[i + 1], indices[i + 2]};
+    std::ranges::sort(triangle);
+    corners.emplace_back(triangle, i);
+  }
+  std::ranges::sort(corners);
+  std::vector<unsigned> kept;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (i + 1 < corners.size() && corners[i].first == corners[i + 1].first) {
+      ++i;
+      continue;
+    }
+    const auto first = indices.begin() + static_cast<std::ptrdiff_t>(corners[i].second);
+    kept.insert(kept.end(), first, first + 3);
+  }
+  indices = std::move(kept);
+}
+
 Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> indices;
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
@@ -73,6 +97,7 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   constexpr float kMost = 0.005F;
   kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
                                mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMost));
+  drop_folds(kept);
   Mesh result;
   std::vector<unsigned> remap(mesh.points_mm.size());
   const std::size_t count =
