@@ -26,7 +26,8 @@ kernel void gaussian(global const float* source, global float* target, const int
 
 /* acos by Hastings (Approximations for Digital Computers, 1955, sheet 37), to 7e-5. */
 static float arc_cosine(const float x) {
-  const float m = fabs(x), r = sqrt(1 - m) * (1.5707288f + m * (-0.2121144f + m * (0.0742610f - 0.0187293f * m)));
+  const float m = fabs(x),
+              r = sqrt(1 - m) * (1.5707288f + m * (-0.2121144f + m * (0.0742610f - 0.0187293f * m)));
   return x < 0 ? 3.1415927f - r : r;
 }
 

@@ -4,9 +4,13 @@
 
 #include <glm/common.hpp>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstddef>
+#include <map>
 #include <meshoptimizer.h>
+#include <numeric>
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Filter.h>
 #include <openvdb/tools/Morphology.h>
@@ -64,6 +68,64 @@ Mesh volume_keeping_mesh(const openvdb::FloatGrid& grid, const Mask& mask) {
   return mesh;
 }
 
+/// Takes off triangles that lie upon each other face to face, as is left of what was smaller than a triangle.
+void drop_folds(std::vector<unsigned>& indices) {
+  using Triangle = std::array<unsigned, 3>;
+  std::vector<std::pair<Triangle, std::size_t>> corners;  // in ascending order, and where the triangle begins
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
+    Triangle triangle{indices[i], indices[i + 1], indices[i + 2]};
+    std::ranges::sort(triangle);
+    corners.emplace_back(triangle, i);
+  }
+  std::ranges::sort(corners);
+  std::vector<unsigned> kept;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (i + 1 < corners.size() && corners[i].first == corners[i + 1].first) {
+      ++i;
+      continue;
+    }
+    const auto first = indices.begin() + static_cast<std::ptrdiff_t>(corners[i].second);
+    kept.insert(kept.end(), first, first + 3);
+  }
+  indices = std::move(kept);
+}
+
+/// Gives each sheet corners of its own where two of them touch along an edge or in a point: only triangles on
+/// both sides of an edge that no others have stay joined.
+Mesh with_sheets_apart(const Mesh& mesh) {
+  std::map<std::pair<unsigned, unsigned>, std::vector<std::size_t>> sides;  // corners where an edge begins
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k)
+      sides[{mesh.triangles[t][k], mesh.triangles[t][(k + 1) % 3]}].push_back(3 * t + k);
+
+  std::vector<std::size_t> joined(3 * mesh.triangles.size());
+  std::iota(joined.begin(), joined.end(), std::size_t{0});
+  const auto find = [&](std::size_t corner) {
+    while (joined[corner] != corner) corner = joined[corner] = joined[joined[corner]];
+    return corner;
+  };
+  const auto next = [](std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; };
+  for (const auto& [edge, here] : sides) {
+    const auto there = sides.find({edge.second, edge.first});
+    if (here.size() != 1 || there == sides.end() || there->second.size() != 1) continue;
+    joined[find(here[0])] = find(next(there->second[0]));
+    joined[find(next(here[0]))] = find(there->second[0]);
+  }
+
+  Mesh result;
+  std::map<std::size_t, unsigned> vertex_of;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    result.triangles.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [vertex, is_new] =
+          vertex_of.emplace(find(3 * t + k), static_cast<unsigned>(result.points_mm.size()));
+      if (is_new) result.points_mm.push_back(mesh.points_mm[mesh.triangles[t][k]]);
+      result.triangles.back()[k] = vertex->second;
+    }
+  }
+  return result;
+}
+
 Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> indices;
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
@@ -73,6 +135,7 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   constexpr float kMost = 0.005F;
   kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
                                mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMost));
+  drop_folds(kept);
   Mesh result;
   std::vector<unsigned> remap(mesh.points_mm.size());
   const std::size_t count =
@@ -82,7 +145,7 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
     if (remap[i] != ~0U) result.points_mm[remap[i]] = mesh.points_mm[i];
   for (std::size_t i = 0; i + 2 < kept.size(); i += 3)
     result.triangles.push_back({remap[kept[i]], remap[kept[i + 1]], remap[kept[i + 2]]});
-  return result;
+  return with_sheets_apart(result);
 }
 
 }  // namespace
