@@ -1,15 +1,23 @@
 #include "command.hpp"
 #include "contact_sheet.hpp"
+#include "vessel_report.hpp"
 #include "xraycast/body_outline.hpp"
 #include "xraycast/caster.hpp"
+#include "xraycast/centreline.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projection_file.hpp"
+#include "xraycast/run_script.hpp"
+#include "xraycast/scan.hpp"
+#include "xraycast/segment.hpp"
+#include "xraycast/vessel_removal.hpp"
 #include "xraycast/vessel_tree.hpp"
 #include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/run_cine.hpp"
 
 #include <fmt/format.h>
 
@@ -136,6 +144,84 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
     }
 }
 
+/// The phantom's vessels as segmentation finds them, in `vessels`.
+VesselTree find_vessels(const Volume& volume, Device& device, Report& report, Progress& progress) {
+  const Mask mask = report.timed(
+      "vessels found", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
+  const Centrelines centrelines =
+      report.timed("centrelines", [&] { return find_centrelines(mask, "thorax phantom"); });
+  fs::create_directories(report.file("vessels"));
+  write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
+  write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
+  write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
+  write_vessel_report(fmt::format("thorax phantom: {} branches", centrelines.tree.branches().size()), volume,
+                      mask, centrelines.tree, report.file("vessels/report.png"));
+  report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
+  return centrelines.tree;
+}
+
+/// A body map without the vessels, in which a catheter's run is drawn.
+std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body, Device& device,
+                                                        Report& report, Progress& progress) {
+  return report.timed("body map without the vessels", [&] {
+    const Scan vessels = open_scan(report.file("vessels/mask.nrrd"), {}, progress);
+    WithoutVessels source(std::move(open_scan(report.file("thorax.nrrd"), {}, progress).source),
+                          collect(*vessels.source, progress));
+    OutlineFinder finder(source.geometry());
+    LoadTimings timings;
+    const ResidentScan scan = load(device, source, finder, timings, progress);
+    const MapGeometry geometry = cylinder_map(
+        scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, 8, body.radius_mm), body.centre_mm);
+    auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+    map->source = "thorax phantom without vessels";
+    write_body_map(*map, report.file("map-without-vessels.exr"));
+    return std::shared_ptr<const BodyMap>(map);
+  });
+}
+
+// From the right groin up the aorta into a renal artery; then contrast agent is injected.
+constexpr const char* kScript =
+    "time_s,insertion_mm,rotation_deg\n0,0,0\n1,0,180\n10.5,550,180\n13,550,180\n";
+constexpr double kInjectFrom_s = 11, kInjectTo_s = 12;
+
+/// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
+void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
+              Progress& progress) {
+  const HeadlessContext context;
+  RunCine::Options options;
+  options.view = fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 600},
+                        bounds_of(map->geometry));
+  options.inject_from_s = kInjectFrom_s;
+  options.inject_to_s = kInjectTo_s;
+  std::vector<std::unique_ptr<CineWriter>> writers;
+  std::vector<std::unique_ptr<RunCine>> cines;
+  for (const Look look : {Look::fluoro, Look::surface}) {
+    options.style.look = look;
+    options.style.window.inverted = look == Look::surface;
+    const fs::path name = report.file(fmt::format("run-{}", to_string(look)));
+    CineWriter& writer = *writers.emplace_back(
+        std::make_unique<CineWriter>(name.string() + ".gif", options.view.width, options.view.height));
+    cines.push_back(std::make_unique<RunCine>(
+        map, tree, options, [&writer, name, view = options.view](std::vector<std::uint8_t> rgb) {
+          write_png(rgb, view.width, view.height, 3, name.string() + ".png");  // the last one stays
+          writer.add(std::move(rgb));
+        }));
+  }
+
+  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  const std::vector<RunRecord> records = report.timed("catheter run of 13 s, with its frames", [&] {
+    return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
+                      [&](const Catheter& moved, double time_s) {
+                        for (const auto& cine : cines) cine->see(moved, time_s);
+                      });
+  });
+  for (const auto& writer : writers) writer->finish();
+  report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm deep", records.back().tip.branch,
+                                                 records.back().tip.arc_length_mm));
+  report.picture("run-fluoro.png", "Catheter and contrast agent, fluoroscopy (run-fluoro.gif)");
+  report.picture("run-surface.png", "The same run, surface look (run-surface.gif)");
+}
+
 void run_demo(const std::string& folder, Session& session) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -159,6 +245,8 @@ void run_demo(const std::string& folder, Session& session) {
   for (const double angle_deg : {0.0, -45.0, 45.0, 90.0})
     make_projection(scan, body, angle_deg, report, progress);
   make_frames(phantom, layered, report);
+  const VesselTree tree = find_vessels(volume, device, report, progress);
+  make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);
   report.finish();
   session.print({{"folder", folder}},
                 fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
