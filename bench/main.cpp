@@ -37,7 +37,7 @@ class Collector final : public benchmark::ConsoleReporter {
 /// All benchmarks, and the lines of the table that they make.
 std::vector<Row> register_all(Bench& bench) {
   std::vector<Row> rows;
-  for (const auto& topic : {add_casting, add_projecting, add_drawing})
+  for (const auto& topic : {add_casting, add_projecting, add_drawing, add_simulating})
     for (Row& row : topic(bench)) rows.push_back(std::move(row));
   return rows;
 }
@@ -71,10 +71,12 @@ int main(int argc, char** argv) {
   const bool wants_growth = std::erase(words, "--growth") > 0;
   const fs::path folder = words.empty() ? "." : words[0];
   Bench bench(folder, words.size() > 1 ? words[1] : "python3");
-  if (wants_growth)
+  if (wants_growth) {
     measure_growth(bench, folder / "growth-cast.png");
-  else
+    measure_rod_growth(folder / "growth-rod.png");
+  } else {
     measure_rows(bench, folder);
+  }
   fs::remove(bench.file);
   return 0;
 }

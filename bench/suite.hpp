@@ -68,5 +68,6 @@ void add(const std::string& name, Work work) {
 std::vector<Row> add_casting(Bench& bench);
 std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);
+std::vector<Row> add_simulating(Bench& bench);
 
 }  // namespace xraycast::bench
