@@ -150,7 +150,7 @@ class RandomRun {
     for (int i = 0; i < kPatience; ++i) {
       if (catheter_.pose().insertion_mm == 0 && catheter_.pose().rotation_rad == 0) break;
       HubPose pose = catheter_.pose();
-      pose.insertion_mm = std::max(0.0, pose.insertion_mm - 0.15);
+      pose.insertion_mm = std::max(0.0, pose.insertion_mm - 0.1);
       pose.rotation_rad -= std::clamp(pose.rotation_rad, -0.01, 0.01);
       step(pose);
     }
