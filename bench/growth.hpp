@@ -12,4 +12,7 @@ void measure_growth(Bench& bench, const std::filesystem::path& plot);
 /// How the time of a step grows with a catheter's nodes, likewise.
 void measure_rod_growth(const std::filesystem::path& plot);
 
+/// How the time of vesselness grows with the voxels: numbers on stdout, and a plot.
+void measure_segmenting_growth(Bench& bench, const std::filesystem::path& plot);
+
 }  // namespace xraycast::bench

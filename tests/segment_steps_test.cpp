@@ -1,26 +1,33 @@
 // Every step of a segmentation on a scene whose answer is known.
 #include "support/tubes.hpp"
+#include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/contrast.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/spongy_bone.hpp"
 #include "xraycast/surface.hpp"
 #include "xraycast/threshold.hpp"
 #include "xraycast/watershed.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
+#include <functional>
 #include <random>
 
 namespace xraycast {
 namespace {
 
-TEST(DistanceTransform, EqualsTheBruteForceOneOnAnisotropicVoxels) {
+class DistanceTransform : public testing::TestWithParam<double> {};
+
+TEST_P(DistanceTransform, EqualsTheBruteForceOneOnAnisotropicVoxels) {
   std::mt19937 random(1);
+  std::bernoulli_distribution is_inside(GetParam());
   const VolumeGeometry grid{.size = {9, 11, 7}, .spacing_mm = {0.7, 1.1, 2}};
   Mask mask(grid);
-  for (std::uint8_t& voxel : mask.voxels) voxel = random() % 8 != 0;
+  for (std::uint8_t& voxel : mask.voxels) voxel = is_inside(random);
   const std::vector<float> distance_mm = distance_to_outside_mm(mask);
   for (std::size_t i = 0; i < mask.voxels.size(); ++i) {
     const auto at = [&](std::size_t k) {
@@ -34,6 +41,9 @@ TEST(DistanceTransform, EqualsTheBruteForceOneOnAnisotropicVoxels) {
     ASSERT_NEAR(distance_mm[i], nearest_mm, 1e-5);
   }
 }
+
+// Mostly inside, and with whole lines of voxels outside.
+INSTANTIATE_TEST_SUITE_P(OfFilling, DistanceTransform, testing::Values(0.875, 0.05));
 
 TEST(Components, TouchByCorners) {
   Mask mask({.size = {4, 4, 4}});
@@ -110,6 +120,101 @@ TEST(Watershed, RefusesAPointInTheDark) {
   Mask mask = mask_where({.size = {30, 30, 30}}, [](const glm::dvec3& p) { return p.x < 5; });
   EXPECT_THROW(part_from_chambers(mask, {.vessels_mm = {{25, 15, 15}}, .not_vessels_mm = {}}, "mask"),
                InputError);
+}
+
+// ---- spongy bone ----------------------------------------------------------------------------------
+
+constexpr double kNone = 0;
+
+/// How much of what `shape` holds is taken for spongy bone, with bone where `bone` is.
+template <typename Shape, typename Bone>
+double spongy_share(const Shape& shape, const Bone& bone) {
+  const VolumeGeometry grid{.size = {60, 60, 60}, .spacing_mm = {0.6, 0.6, 0.6}};
+  const Mask mask = mask_where(grid, shape);
+  const Mask spongy = find_spongy_bone(mask, mask_where(grid, bone));
+  EXPECT_TRUE(std::ranges::equal(spongy.voxels, mask.voxels, std::ranges::less_equal()));
+  return static_cast<double>(spongy.count()) / static_cast<double>(mask.count());
+}
+
+const auto kNowhere = [](const glm::dvec3&) { return false; };
+
+TEST(SpongyBone, IsALayerOfAnyDirectionUpToItsThickness) {
+  const glm::dvec3 middle(17.7, 17.7, 17.7);
+  for (const glm::dvec3& along : {glm::dvec3(0, 0, 1), glm::dvec3(1, 2, 2), glm::dvec3(1, 0, 1)}) {
+    const auto layer = [&](double thickness_mm) {
+      return [=](const glm::dvec3& p) {
+        return std::abs(glm::dot(p - middle, glm::normalize(along))) < 0.5 * thickness_mm;
+      };
+    };
+    // A layer's border along the grid's, where the ball reaches out of the grid, may stay.
+    for (const double thickness_mm : {1.3, 2.0, 3.6})
+      EXPECT_GT(spongy_share(layer(thickness_mm), kNowhere), 0.8)
+          << thickness_mm << " " << along.x << along.y;
+    EXPECT_EQ(spongy_share(layer(7), kNowhere), kNone);
+  }
+}
+
+TEST(SpongyBone, IsNoVesselAndNoFork) {
+  for (const double radius_mm : {0.9, 1.5, 2.4, 6.0}) {
+    EXPECT_EQ(spongy_share(
+                  [&](const glm::dvec3& p) {
+                    return distance_to_segment(p, {18, 18, -9}, {18, 18, 18}) < radius_mm ||
+                           distance_to_segment(p, {18, 18, 18}, {2, 18, 45}) < radius_mm ||
+                           distance_to_segment(p, {18, 18, 18}, {34, 22, 45}) < radius_mm;
+                  },
+                  kNowhere),
+              kNone)
+        << "radius " << radius_mm;
+  }
+}
+
+TEST(SpongyBone, IsWhatBoneSurrounds) {
+  const auto distance = [](const glm::dvec3& p) { return distance_to_segment(p, {18, 18, 6}, {18, 18, 30}); };
+  const auto rod = [&](const glm::dvec3& p) { return distance(p) < 2; };
+  EXPECT_EQ(spongy_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && distance(p) < 5; }), 1);
+  // A vessel that lies on a bone has half of its surroundings free.
+  EXPECT_EQ(spongy_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && p.x > 18; }), kNone);
+}
+
+// ---- bridges --------------------------------------------------------------------------------------
+
+struct Bridge : testing::Test {
+  const VolumeGeometry grid{.size = {40, 40, 80}};
+  const Mask vessel =
+      mask_where(grid, [](const glm::dvec3& p) { return std::hypot(p.x - 20, p.y - 20) < 3.5; });
+  Mask without(double low_z, double high_z) const {
+    Mask result = vessel;
+    for (std::int64_t z = 0; z < grid.size.z; ++z)
+      for (std::int64_t i = 0; i < grid.slice_voxels(); ++i)
+        if (static_cast<double>(z) > low_z && static_cast<double>(z) < high_z)
+          result.voxels[static_cast<std::size_t>(z * grid.slice_voxels() + i)] = 0;
+    return result;
+  }
+};
+
+TEST_F(Bridge, LeadsThroughWhatWasTakenOff) {
+  Mask mask = without(30, 50);
+  bridge_gaps(mask, vessel);
+  EXPECT_EQ(Components(mask).count(), 1);
+  // As thick as it may be, but for the rounding of a ball of 2.5 voxels.
+  EXPECT_GE(mask.count() - without(30, 50).count(), 19 * 13);
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i) ASSERT_LE(mask.voxels[i], vessel.voxels[i]);
+}
+
+TEST_F(Bridge, IsNotLongerThanACanalNorThanWhatItJoins) {
+  for (const auto& [low_z, high_z] : {std::pair(15, 58), std::pair(56, 77)}) {
+    Mask mask = without(low_z, high_z);
+    const Mask before = mask;
+    bridge_gaps(mask, vessel);
+    EXPECT_EQ(mask.voxels, before.voxels) << low_z;
+  }
+}
+
+TEST_F(Bridge, NeedsACandidate) {
+  Mask mask = without(38, 42);
+  const Mask before = mask;
+  bridge_gaps(mask, before);
+  EXPECT_EQ(mask.voxels, before.voxels);
 }
 
 TEST(Surface, IsWatertightAndKeepsTheVolume) {

@@ -1,5 +1,8 @@
 #include "xraycast/virtual_coupling.hpp"
 
+#include "xraycast/catheter.hpp"
+#include "xraycast/phantom.hpp"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -87,8 +90,8 @@ TEST(VirtualCoupling, IsCriticallyDamped) {
     const double x_mm = held.step({.insertion_mm = 1}, kFine_s).hub.insertion_mm, t = omega * i * kFine_s;
     worst_mm = std::max(worst_mm, std::abs(x_mm - (1 - (1 + t) * std::exp(-t))));
   }
-  // Implicit Euler is off by about omega * step, 1.6e-4.
-  EXPECT_LE(worst_mm, 2e-4);
+  // Implicit Euler is off by about omega * step, 5e-4.
+  EXPECT_LE(worst_mm, 5e-4);
 }
 
 TEST(VirtualCoupling, NeverOvershoots) {
@@ -106,7 +109,7 @@ TEST(VirtualCoupling, NeverOvershoots) {
 }
 
 TEST(VirtualCoupling, LimitsWhatTheHandFeels) {
-  Held held(spring(50, 0.5));
+  Held held(spring(10, 0.1));
   double largest_N = 0, largest_Nm = 0;
   HubPose hub;
   for (int i = 0; i < 4000; ++i) {
@@ -119,8 +122,8 @@ TEST(VirtualCoupling, LimitsWhatTheHandFeels) {
   EXPECT_EQ(largest_N, kDefaults.insertion.largest_load);
   EXPECT_EQ(largest_Nm, kDefaults.rotation.largest_load);
   // And the rod is pressed with no more: at rest, to rounding.
-  EXPECT_NEAR(50 * hub.insertion_mm, -kDefaults.insertion.largest_load, 1e-6);
-  EXPECT_NEAR(0.5 * hub.rotation_rad, -kDefaults.rotation.largest_load, 1e-8);
+  EXPECT_NEAR(10 * hub.insertion_mm, -kDefaults.insertion.largest_load, 1e-6);
+  EXPECT_NEAR(0.1 * hub.rotation_rad, -kDefaults.rotation.largest_load, 1e-8);
 }
 
 TEST(VirtualCoupling, WatchdogFreezesAfterATenthOfASecond) {
@@ -166,11 +169,31 @@ TEST(VirtualCoupling, ComesBackFromSilenceAtAHandsSpeed) {
   }
   EXPECT_NEAR(before_mm, 300, 1e-9);                                         // arrived, to rounding
   EXPECT_LE(fastest_mm_s, 1000 * kDefaults.insertion.fastest * (1 + 1e-9));  // rounding
-  EXPECT_LE(largest_N, 2);  // the damper's 6.3 N s/m at 0.25 m/s, 1.6 N: no kick
+  EXPECT_LE(largest_N, 0.5 + 1e-9);  // the damper's 2 N s/m at 0.25 m/s: no kick
+}
+
+TEST(VirtualCoupling, FreezesOnWhatIsNotANumber) {
+  constexpr double kNan = std::numeric_limits<double>::quiet_NaN();
+  VirtualCoupling coupling;
+  HandPose hand{{.insertion_mm = 1, .rotation_rad = 1}, 1};
+  const HubPose hub = coupling.step(hand, {}, kStep_s).hub;
+  const auto expect_frozen = [&](const HubPose& pose, const HubLoad& load) {
+    const auto step = coupling.step({pose, ++hand.count}, load, kStep_s);
+    EXPECT_TRUE(step.frozen);
+    EXPECT_EQ(step.hub.insertion_mm, hub.insertion_mm);
+    EXPECT_EQ(step.hub.rotation_rad, hub.rotation_rad);
+    EXPECT_EQ(step.felt.force_N, 0);
+    EXPECT_EQ(step.felt.torque_Nm, 0);
+  };
+  expect_frozen({.insertion_mm = kNan}, {});
+  expect_frozen({.rotation_rad = -HUGE_VAL}, {});
+  expect_frozen({}, {.force_N = HUGE_VAL});
+  expect_frozen({}, {.torque_Nm = kNan});
+  EXPECT_FALSE(coupling.step({hand.pose, ++hand.count}, {}, kStep_s).frozen);
 }
 
 TEST(VirtualCoupling, IsStableAgainstStiffRods) {
-  Held held(spring(90, 0.5));
+  Held held(spring(12, 0.18));
   held.hold({.insertion_mm = 3, .rotation_rad = 1}, 3000);
   const auto one = held.step({.insertion_mm = 3, .rotation_rad = 1}),
              two = held.step({.insertion_mm = 3, .rotation_rad = 1});
@@ -189,11 +212,30 @@ TEST(VirtualCoupling, StaysWithinItsSpeedOnRodsThatAreTooStiff) {
   }
 }
 
+TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
+  const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
+  for (const char* name : {"guidewire-035-j", "simmons2-5f"}) {
+    Catheter catheter(tree, DeviceModel::named(name), most_inferior_end(tree));
+    Held held([&](const HubPose& hub) {
+      catheter.step(hub);
+      return catheter.load();
+    });
+    for (int i = 0; i < 2000; ++i) held.step({.insertion_mm = 0.06 * i, .rotation_rad = 0.002 * i});
+    const HubPose end{.insertion_mm = 120, .rotation_rad = 4};
+    const HubPose settled = held.hold(end, 1000).hub;
+    const auto later = held.hold(end, 100);
+    // The rod creeps as its drag lets it, by micrometres; a coupling that is not stable shakes it by more.
+    EXPECT_NEAR(later.hub.insertion_mm, settled.insertion_mm, 1e-3) << name;
+    EXPECT_NEAR(later.hub.rotation_rad, settled.rotation_rad, 1e-3) << name;
+    EXPECT_NEAR(later.felt.force_N, catheter.load().force_N, 1e-3) << name;
+  }
+}
+
 TEST(VirtualCoupling, GivesAHandNoEnergy) {
-  // A handle of 50 g on twice the least damping that the header asks for, thrown against a stiff rod and let go.
-  // Its load is held between steps, as a device holds it; its own motion is exact enough in a hundredth of a
-  // step.
-  for (const double rod_N_per_mm : {0.0, 0.05, 1.0, 20.0, 90.0}) {
+  // A handle of 50 g on twice the least damping that the header asks for, thrown against a stiff rod and let
+  // go. Its load is held between steps, as a device holds it; its own motion is exact enough in a hundredth
+  // of a step.
+  for (const double rod_N_per_mm : {0.0, 0.05, 0.5, 2.0, 12.0}) {
     Held held(spring(rod_N_per_mm));
     constexpr double kMass_kg = 0.05;
     const double damping = kDefaults.insertion.stiffness * kStep_s;

@@ -8,11 +8,9 @@
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
-#include <cassert>
 #include <cmath>
 #include <cstdint>
 #include <map>
-#include <numbers>
 #include <string_view>
 #include <tuple>
 #include <unordered_map>
@@ -268,93 +266,6 @@ VesselTree read_json(const std::filesystem::path& path) {
 
 // ---- tubes ----------------------------------------------------------------------------------------------
 
-/// A cross-section of a tube.
-struct Ring {
-  glm::dvec3 centre_mm;
-  double radius_mm;
-  glm::dvec3 normal, binormal;  ///< unit vectors in its plane
-};
-
-/// `v`, turned by the smallest rotation that takes the unit vector `from` to `to`.
-glm::dvec3 transported(const glm::dvec3& v, const glm::dvec3& from, const glm::dvec3& to) {
-  const glm::dvec3 axis = glm::cross(from, to);
-  const double cosine = glm::dot(from, to);
-  if (cosine < -1 + 1e-9) return v;  // a hairpin: v stays perpendicular to both
-  return v + glm::cross(axis, v) + glm::cross(axis, glm::cross(axis, v)) / (1 + cosine);
-}
-
-glm::dvec3 any_perpendicular(const glm::dvec3& v) {
-  const glm::dvec3 a = glm::abs(v);
-  const glm::dvec3 least = a.x <= a.y && a.x <= a.z ? glm::dvec3(1, 0, 0)
-                           : a.y <= a.z             ? glm::dvec3(0, 1, 0)
-                                                    : glm::dvec3(0, 0, 1);
-  return glm::normalize(glm::cross(v, least));
-}
-
-/// The branch's cross-sections with those of its round ends, but for the two poles.
-std::vector<Ring> rings_of(const std::vector<VesselPoint>& points, int rings_per_end) {
-  std::vector<glm::dvec3> directions;
-  for (std::size_t k = 0; k + 1 < points.size(); ++k)
-    directions.push_back(glm::normalize(points[k + 1].position_mm - points[k].position_mm));
-
-  std::vector<Ring> rings;
-  const auto add_end = [&](const Ring& ring, const glm::dvec3& outwards, bool growing) {
-    for (int i = 1; i < rings_per_end; ++i) {
-      const double latitude = 0.5 * std::numbers::pi * (growing ? rings_per_end - i : i) / rings_per_end;
-      rings.push_back({ring.centre_mm + ring.radius_mm * std::sin(latitude) * outwards,
-                       ring.radius_mm * std::cos(latitude), ring.normal, ring.binormal});
-    }
-  };
-
-  glm::dvec3 tangent = directions.front(), normal = any_perpendicular(tangent);
-  for (std::size_t k = 0; k < points.size(); ++k) {
-    const glm::dvec3 before = directions[k == 0 ? 0 : k - 1],
-                     after = directions[std::min(k, directions.size() - 1)];
-    const glm::dvec3 sum = before + after;
-    const glm::dvec3 next = glm::length(sum) > 1e-6 ? glm::normalize(sum) : after;
-    normal = transported(normal, tangent, next);
-    normal = glm::normalize(normal - glm::dot(normal, next) * next);
-    tangent = next;
-    const Ring ring{points[k].position_mm, points[k].radius_mm, normal, glm::cross(tangent, normal)};
-    if (k == 0) add_end(ring, -tangent, true);
-    rings.push_back(ring);
-    if (k + 1 == points.size()) add_end(ring, tangent, false);
-  }
-  return rings;
-}
-
-void add_tube(const std::vector<VesselPoint>& points, std::uint32_t sides, Mesh& mesh) {
-  const int rings_per_end = std::max(1, static_cast<int>(sides) / 4);  // about square faces
-  const std::vector<Ring> rings = rings_of(points, rings_per_end);
-  const auto pole = [&](const Ring& ring, const VesselPoint& end, double side) {
-    mesh.points_mm.emplace_back(end.position_mm +
-                                side * end.radius_mm * glm::cross(ring.normal, ring.binormal));
-    return static_cast<std::uint32_t>(mesh.points_mm.size() - 1);
-  };
-
-  const std::uint32_t first_pole = pole(rings.front(), points.front(), -1);
-  const std::uint32_t first_ring = first_pole + 1;
-  for (const Ring& ring : rings) {
-    for (std::uint32_t i = 0; i < sides; ++i) {
-      const double angle = 2 * std::numbers::pi * i / sides;
-      mesh.points_mm.emplace_back(ring.centre_mm + ring.radius_mm * (std::cos(angle) * ring.normal +
-                                                                     std::sin(angle) * ring.binormal));
-    }
-  }
-  const std::uint32_t last_pole = pole(rings.back(), points.back(), 1);
-
-  for (std::uint32_t i = 0; i < sides; ++i) {
-    const std::uint32_t next = (i + 1) % sides, last_ring = last_pole - sides;
-    mesh.triangles.push_back({first_pole, first_ring + next, first_ring + i});
-    for (std::uint32_t below = first_ring; below < last_ring; below += sides) {
-      const std::uint32_t above = below + sides;
-      mesh.triangles.push_back({below + i, below + next, above + next});
-      mesh.triangles.push_back({below + i, above + next, above + i});
-    }
-    mesh.triangles.push_back({last_pole, last_ring + i, last_ring + next});
-  }
-}
-
 }  // namespace
 
 VesselTree::VesselTree(std::vector<VesselBranch> branches, const std::string& name)
@@ -371,6 +282,20 @@ VesselTree::Location VesselTree::nearest(const glm::dvec3& point_mm) const {
       .distance_mm = distance_mm};
 }
 
+glm::dvec3 centroid_mm(const VesselTree& tree) {
+  glm::dvec3 sum(0);
+  double weights = 0;
+  for (const VesselBranch& branch : tree.branches())
+    for (std::size_t i = 1; i < branch.points.size(); ++i) {
+      const VesselPoint &a = branch.points[i - 1], &b = branch.points[i];
+      const double radius_mm = 0.5 * (a.radius_mm + b.radius_mm),
+                   weight = glm::distance(a.position_mm, b.position_mm) * radius_mm * radius_mm;
+      sum += weight * 0.5 * (a.position_mm + b.position_mm);
+      weights += weight;
+    }
+  return sum / weights;
+}
+
 void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
   if (path.extension() == ".vtp") return write_lines(tree, path);
   if (path.extension() == ".json") return write_json(tree, path);
@@ -383,14 +308,6 @@ VesselTree read_tree(const std::filesystem::path& path) {
   if (path.extension() == ".json") return read_json(path);
   throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"", path.string(),
                    path.extension().string());
-}
-
-Mesh tube_mesh(const VesselTree& tree, int sides) {
-  assert(sides >= 3);
-  Mesh mesh;
-  for (const VesselBranch& branch : tree.branches())
-    add_tube(branch.points, static_cast<std::uint32_t>(sides), mesh);
-  return mesh;
 }
 
 }  // namespace xraycast

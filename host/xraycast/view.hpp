@@ -38,6 +38,8 @@ struct View {
 
   /// The cone's source. Only for cones.
   glm::dvec3 source_mm() const;
+
+  bool operator==(const View&) const = default;
 };
 
 /// `LAO 30 / CRA 10`, as C-arm angles are read out; never a bare sign.

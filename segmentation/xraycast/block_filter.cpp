@@ -56,21 +56,29 @@ std::vector<float> BlockFilter::download(const cl::Buffer& values) {
   return result;
 }
 
+cl::Kernel BlockFilter::kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target) {
+  cl::Kernel kernel = device_.kernel("vesselness", name);
+  kernel.setArg(0, source);
+  kernel.setArg(1, target);
+  kernel.setArg(2, int4_of(size_));
+  return kernel;
+}
+
+void BlockFilter::run(cl::Kernel& kernel) {
+  device_.run(kernel, {size_.x, size_.y, size_.z});
+  device_.finish();
+}
+
 cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox) {
-  cl::Kernel kernel = device_.kernel("vesselness", "gaussian");
   cl::Buffer source = values;
   for (int axis = 0; axis < 3; ++axis) {
     const std::vector<float> weights = gaussian_weights(sigma_vox[axis]);
-    const cl::Buffer device_weights = device_.upload(std::span(weights));
-    const cl::Buffer target = block();
-    kernel.setArg(0, source);
-    kernel.setArg(1, target);
-    kernel.setArg(2, int4_of(size_));
-    kernel.setArg(3, axis);
-    kernel.setArg(4, device_weights);
-    kernel.setArg(5, static_cast<cl_int>(weights.size() - 1));
-    device_.run(kernel, {size_.x, size_.y, size_.z});
-    device_.finish();
+    const cl::Buffer device_weights = device_.upload(std::span(weights)), target = block();
+    cl::Kernel gaussian = kernel("gaussian", source, target);
+    gaussian.setArg(3, axis);
+    gaussian.setArg(4, device_weights);
+    gaussian.setArg(5, static_cast<cl_int>(weights.size() - 1));
+    run(gaussian);
     source = target;
   }
   return source;
@@ -85,15 +93,11 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
       static_cast<float>(scale2 / (s.z * s.z)), static_cast<float>(scale2 / (s.x * s.y)),
       static_cast<float>(scale2 / (s.x * s.z)), static_cast<float>(scale2 / (s.y * s.z))};
   const cl::Buffer device_per_mm2 = device_.upload(std::span(per_mm2));
-  cl::Kernel kernel = device_.kernel("vesselness", "tubularity");
-  kernel.setArg(0, smoothed);
-  kernel.setArg(1, best);
-  kernel.setArg(2, int4_of(size_));
-  kernel.setArg(3, device_per_mm2);
-  kernel.setArg(4, static_cast<float>(strength));
-  kernel.setArg(5, static_cast<cl_int>(is_frangi));
-  device_.run(kernel, {size_.x, size_.y, size_.z});
-  device_.finish();
+  cl::Kernel tubularity = kernel("tubularity", smoothed, best);
+  tubularity.setArg(3, device_per_mm2);
+  tubularity.setArg(4, static_cast<float>(strength));
+  tubularity.setArg(5, static_cast<cl_int>(is_frangi));
+  run(tubularity);
 }
 
 cl::Buffer BlockFilter::line_mean(const cl::Buffer& values, double sigma_vox, int directions) {
@@ -102,16 +106,12 @@ cl::Buffer BlockFilter::line_mean(const cl::Buffer& values, double sigma_vox, in
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
   cl::Buffer target = block();
-  cl::Kernel kernel = device_.kernel("vesselness", "line_mean");
-  kernel.setArg(0, values);
-  kernel.setArg(1, target);
-  kernel.setArg(2, int4_of(size_));
-  kernel.setArg(3, device_spread);
-  kernel.setArg(4, static_cast<cl_int>(directions));
-  kernel.setArg(5, device_weights);
-  kernel.setArg(6, static_cast<cl_int>(weights.size() - 1));
-  device_.run(kernel, {size_.x, size_.y, size_.z});
-  device_.finish();
+  cl::Kernel line_mean = kernel("line_mean", values, target);
+  line_mean.setArg(3, device_spread);
+  line_mean.setArg(4, static_cast<cl_int>(directions));
+  line_mean.setArg(5, device_weights);
+  line_mean.setArg(6, static_cast<cl_int>(weights.size() - 1));
+  run(line_mean);
   return target;
 }
 

@@ -31,6 +31,10 @@ class BlockFilter {
  private:
   cl::Buffer block();
 
+  /// A kernel of vesselness.cl, whose first arguments are where it reads, where it writes, and the size.
+  cl::Kernel kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target);
+  void run(cl::Kernel& kernel);
+
   Device& device_;
   Index3 size_;
 };

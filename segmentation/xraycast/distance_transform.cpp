@@ -5,6 +5,7 @@
 #include <glm/geometric.hpp>
 
 #include <cmath>
+#include <cstring>
 #include <limits>
 
 namespace xraycast {
@@ -54,6 +55,16 @@ class Envelope {
   std::vector<double> from_, heights_;
 };
 
+/// For each position of a row, whether any of `rows` rows, `stride` apart, holds something but zero there.
+std::vector<std::uint8_t> occupied(const float* first, std::int64_t length, std::int64_t rows,
+                                   std::int64_t stride) {
+  std::vector<std::uint8_t> result(static_cast<std::size_t>(length));
+  for (std::int64_t row = 0; row < rows; ++row)
+    for (std::int64_t i = 0; i < length; ++i)
+      result[static_cast<std::size_t>(i)] |= static_cast<std::uint8_t>(first[row * stride + i] != 0);
+  return result;
+}
+
 }  // namespace
 
 std::vector<float> distance_to_outside_mm(const Mask& mask) {
@@ -62,19 +73,27 @@ std::vector<float> distance_to_outside_mm(const Mask& mask) {
   const glm::dvec3 spacing_mm = mask.geometry.spacing_mm;
   std::vector<float> squared(mask.voxels.size());
   const std::int64_t slice = mask.geometry.slice_voxels();
+  // Lines that lie outside altogether, which are most, are left alone: their distances are zero.
   parallel_for(size.z, [&](std::int64_t z) {
     Envelope along_x(size.x), along_y(size.y);
     float* first = &squared[static_cast<std::size_t>(z * slice)];
     const std::uint8_t* inside = &mask.voxels[static_cast<std::size_t>(z * slice)];
     for (std::int64_t i = 0; i < slice; ++i) first[i] = inside[i] != 0 ? kNever : 0;
-    for (std::int64_t y = 0; y < size.y; ++y) along_x.apply(first + y * size.x, size.x, 1, spacing_mm.x);
-    for (std::int64_t x = 0; x < size.x; ++x) along_y.apply(first + x, size.y, size.x, spacing_mm.y);
+    for (std::int64_t y = 0; y < size.y; ++y)
+      if (std::memchr(inside + y * size.x, 1, static_cast<std::size_t>(size.x)) != nullptr)
+        along_x.apply(first + y * size.x, size.x, 1, spacing_mm.x);
+    const auto columns = occupied(first, size.x, size.y, size.x);
+    for (std::int64_t x = 0; x < size.x; ++x)
+      if (columns[static_cast<std::size_t>(x)] != 0) along_y.apply(first + x, size.y, size.x, spacing_mm.y);
   });
   const auto diagonal_mm = static_cast<float>(glm::length(spacing_mm * glm::dvec3(size)));
   parallel_for(size.y, [&](std::int64_t y) {
     Envelope along_z(size.z);
+    float* plane = &squared[static_cast<std::size_t>(y * size.x)];
+    const auto lines = occupied(plane, size.x, size.z, slice);
     for (std::int64_t x = 0; x < size.x; ++x) {
-      float* line = &squared[static_cast<std::size_t>(y * size.x + x)];
+      if (lines[static_cast<std::size_t>(x)] == 0) continue;
+      float* line = plane + x;
       along_z.apply(line, size.z, slice, spacing_mm.z);
       for (std::int64_t z = 0; z < size.z; ++z)
         line[z * slice] = line[z * slice] == kNever ? diagonal_mm : std::sqrt(line[z * slice]);

@@ -23,6 +23,8 @@ cv::Mat slice_of(Mask& mask, std::int64_t z) {
           &mask.voxels[mask.offset({0, 0, z})]};
 }
 
+const cv::Mat slice_of(const Mask& mask, std::int64_t z) { return slice_of(const_cast<Mask&>(mask), z); }
+
 /// A disc of a radius in mm; at least a voxel.
 cv::Mat disc(const VolumeGeometry& g, double radius_mm) {
   const int x = std::max(1, static_cast<int>(std::lround(radius_mm / g.spacing_mm.x))),
@@ -46,29 +48,10 @@ void for_each_hole(const cv::Mat& mask, const Visit& visit) {
 
 /// Dense voxels in parts too large for plaques, none of them metal or blooming.
 Mask dense_bone(const Volume& volume, const HuWindow& window) {
-  Mask dense = between(volume, window.high_hu, 32767), metal = between(volume, kMetal_hu, 32767);
-  const Box box = grown(
-      bounding_box(metal),
-      static_cast<std::int64_t>(
-          std::ceil(kBlooming_mm / std::min({volume.geometry().spacing_mm.x, volume.geometry().spacing_mm.y,
-                                             volume.geometry().spacing_mm.z}))),
-      volume.geometry().size);
-  if (!box.empty()) {
-    const VolumeGeometry& g = volume.geometry();
-    const cv::Mat bloom = disc(g, kBlooming_mm);
-    Mask blooming = metal;
-    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-      cv::Mat slice = slice_of(blooming, box.lower.z + i);
-      if (cv::countNonZero(slice) > 0) cv::dilate(slice, slice, bloom);
-    });
-    const auto reach = static_cast<std::int64_t>(std::lround(kBlooming_mm / g.spacing_mm.z));
-    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-      const std::int64_t z = box.lower.z + i;
-      cv::Mat slice = slice_of(dense, z);
-      for (std::int64_t k = std::max<std::int64_t>(0, z - reach); k <= std::min(g.size.z - 1, z + reach); ++k)
-        slice.setTo(0, slice_of(blooming, k));
-    });
-  }
+  Mask dense = between(volume, window.high_hu, 32767);
+  const Mask blooming = dilated(between(volume, kMetal_hu, 32767), kBlooming_mm);
+  for (std::size_t i = 0; i < dense.voxels.size(); ++i)
+    dense.voxels[i] &= static_cast<std::uint8_t>(blooming.voxels[i] ^ 1);
   const Components parts(dense);
   std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
   for (int c = 0; c < parts.count(); ++c)
@@ -77,42 +60,29 @@ Mask dense_bone(const Volume& volume, const HuWindow& window) {
   return parts.select(keep);
 }
 
-/// Takes off what within a slice is a band between two layers of bone: mostly bordered by bone and more than
-/// four times as long as wide. A vessel on its way through bone is round.
-void drop_bands(Mask& mask, const Mask& bone) {
-  constexpr double kBordered = 0.5, kBand = 4;
-  const cv::Mat neighbours = cv::getStructuringElement(cv::MORPH_RECT, {3, 3});
-  parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
-    cv::Mat slice = slice_of(mask, z);
-    if (cv::countNonZero(slice) == 0) return;
-    const cv::Mat bones(slice.rows, slice.cols, CV_8UC1,
-                        const_cast<std::uint8_t*>(&bone.voxels[bone.offset({0, 0, z})]));
-    cv::Mat labels, stats, centroids, distance;
-    const int count = cv::connectedComponentsWithStats(slice, labels, stats, centroids, 8, CV_32S);
-    cv::distanceTransform(slice, distance, cv::DIST_L2, cv::DIST_MASK_PRECISE);
-    for (int label = 1; label < count; ++label) {
-      const int* s = stats.ptr<int>(label);
-      const cv::Rect tight(s[cv::CC_STAT_LEFT], s[cv::CC_STAT_TOP], s[cv::CC_STAT_WIDTH],
-                           s[cv::CC_STAT_HEIGHT]);
-      const cv::Rect box = cv::Rect(tight.x - 1, tight.y - 1, tight.width + 2, tight.height + 2) &
-                           cv::Rect(0, 0, slice.cols, slice.rows);
-      const cv::Mat blob = labels(box) == label;
-      double radius = 0;
-      cv::minMaxLoc(distance(box), nullptr, &radius, nullptr, nullptr, blob);
-      if (s[cv::CC_STAT_AREA] < kBand * 4 * radius * radius) continue;
-      cv::Mat ring;
-      cv::dilate(blob, ring, neighbours);
-      ring &= ~blob;
-      if (cv::countNonZero(ring & (bones(box) != 0)) > kBordered * cv::countNonZero(ring))
-        slice(box).setTo(0, blob);
-    }
-  });
-}
-
 }  // namespace
 
-Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels) {
+Mask dilated(const Mask& mask, double radius_mm) {
   cv::setNumThreads(1);  // slices run in parallel already
+  const VolumeGeometry& g = mask.geometry;
+  Mask wide(g), result(g);
+  const auto reach = static_cast<std::int64_t>(std::lround(radius_mm / g.spacing_mm.z));
+  const Box box = bounding_box(mask);
+  const cv::Mat around = disc(g, radius_mm);
+  parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
+    const std::int64_t z = box.lower.z + i;
+    cv::dilate(slice_of(mask, z), slice_of(wide, z), around);
+  });
+  parallel_for(g.size.z, [&](std::int64_t z) {
+    cv::Mat slice = slice_of(result, z);
+    for (std::int64_t k = std::max(box.lower.z, z - reach); k <= std::min(box.upper.z - 1, z + reach); ++k)
+      slice |= slice_of(wide, k);
+  });
+  return result;
+}
+
+Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels) {
+  cv::setNumThreads(1);
   Mask bone = dense_bone(volume, window);
   const VolumeGeometry& g = volume.geometry();
   const cv::Mat closing = disc(g, kClosing_mm), rim = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
@@ -122,8 +92,7 @@ Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels
     if (cv::countNonZero(slice) == 0) return;
     cv::Mat closed;
     cv::morphologyEx(slice, closed, cv::MORPH_CLOSE, closing);
-    const cv::Mat vessel(slice.rows, slice.cols, CV_8UC1,
-                         const_cast<std::uint8_t*>(&vessels.voxels[vessels.offset({0, 0, z})]));
+    const cv::Mat vessel = slice_of(vessels, z);
     for_each_hole(closed, [&](const cv::Mat& hole, const cv::Rect& box, int area) {
       if (area * pixel_mm2 > kMarrow_mm2) return;
       const int bright = cv::countNonZero(vessel(box) & hole);
@@ -135,7 +104,6 @@ Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels
 }
 
 void drop_marrow(Mask& mask, const Mask& bone) {
-  drop_bands(mask, bone);
   const Components parts(mask);
   const Index3 size = mask.geometry.size;
   std::vector<std::int64_t> faces(static_cast<std::size_t>(parts.count())), on_bone(faces.size());
@@ -173,6 +141,20 @@ void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bo
         }
     });
   }
+}
+
+void add_rim(const Mask& bright, Mask& vessels) {
+  const Mask before = vessels;
+  const Index3 size = vessels.geometry.size;
+  parallel_for(size.z, [&](std::int64_t z) {
+    for (std::int64_t y = 0; y < size.y; ++y)
+      for (std::int64_t x = 0; x < size.x; ++x) {
+        const Index3 here(x, y, z);
+        if (bright[here] == 0 || before[here] != 0) continue;
+        vessels[here] = std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6,
+                                    [&](const Index3& step) { return before.at(here + step); });
+      }
+  });
 }
 
 void fill_holes(Mask& mask, double area_mm2) {

@@ -14,9 +14,16 @@ namespace xraycast {
 /// vertebral and carotid arteries, are left alone. Morphology is OpenCV's, slice by slice.
 Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels);
 
+/// What lies within a disc of that radius around a mask's voxels in a slice, or as far above or below.
+Mask dilated(const Mask& mask, double radius_mm);
+
 /// Takes parts off a mask that bone encloses: marrow has the CT numbers of contrast medium, but more than
 /// half of its surface lies on bone, of which a vessel only passes through canals.
 void drop_marrow(Mask& mask, const Mask& bone);
+
+/// Gives a vessel back the outermost voxels of its lumen that went with bone beside it: what is `bright` and
+/// shares a face with it.
+void add_rim(const Mask& bright, Mask& vessels);
 
 /// Adds what is denser than a vessel and lies within 1.5 mm of one, but is no bone: plaques in its wall, and
 /// a stent's struts and their blooming.

@@ -1,11 +1,13 @@
 #include "xraycast/segment.hpp"
 
+#include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/exclusion.hpp"
 #include "xraycast/line_filter.hpp"
 #include "xraycast/parallel.hpp"
+#include "xraycast/spongy_bone.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -27,6 +29,32 @@ void subtract(Mask& mask, const Mask& other) {
     for (std::size_t i = first; i < first + slice; ++i)
       mask.voxels[i] &= static_cast<std::uint8_t>(other.voxels[i] ^ 1);
   });
+}
+
+Mask united(Mask a, const Mask& b) {
+  for (std::size_t i = 0; i < a.voxels.size(); ++i) a.voxels[i] |= b.voxels[i];
+  return a;
+}
+
+void intersect(Mask& mask, const Mask& other) {
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i) mask.voxels[i] &= other.voxels[i];
+}
+
+/// Takes parts off that are nowhere thicker than two voxels: bone that fills its voxels only partly, and
+/// noise.
+void drop_shells(Mask& mask) {
+  const Components parts(mask);
+  const Index3 size = mask.geometry.size;
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (const Components::Run& run : parts.runs())
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
+      if (keep[static_cast<std::size_t>(run.component)]) break;
+      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      if (std::all_of(kNeighbours.begin(), kNeighbours.begin() + 18,
+                      [&](const Index3& step) { return mask.at(voxel + step); }))
+        keep[static_cast<std::size_t>(run.component)] = true;
+    }
+  mask = parts.select(keep);
 }
 
 void check(const Volume& volume, const SegmentOptions& options, const std::string& name) {
@@ -78,9 +106,9 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       keep[static_cast<std::size_t>(parts.at(nearest_voxel(mask, seed, name)))] = true;
     return parts.select(keep);
   }
-  // What is much longer than wide, and no plate or shell, and has its volume in thick places.
+  // Weighed by how much lies in thick places.
   constexpr std::size_t kTried = 16;
-  constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.05;
+  constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(parts.count()));
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(order, [&](int a, int b) { return parts.voxels(a) > parts.voxels(b); });
@@ -123,18 +151,34 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
         name, window.low_hu);
   progress.advance();
-  progress.begin("taking off bone", 1, "scans");
-  const Mask bone = find_bone(scan, window, mask);
-  subtract(mask, bone);
-  drop_marrow(mask, bone);
-  progress.advance();
   if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
     return without_specks(mask);  // nothing but vessels is left in a subtracted scan
+
+  const Mask bright = mask;
+  progress.begin("taking off bone", 1, "scans");
+  const Mask bone = has_air(scan) ? find_bone(scan, window, bright) : Mask(mask.geometry);
+  subtract(mask, bone);
+  progress.advance();
   progress.begin("parting chambers", 1, "scans");
   part_from_chambers(mask, options.markers, name);
   progress.advance();
-  progress.begin("connecting", 1, "scans");
+  progress.begin("taking off marrow", 1, "scans");
+  Mask candidates = mask;
+  if (has_air(scan)) {
+    constexpr double kBeside_mm = 3;
+    intersect(candidates, dilated(bone, kBeside_mm));
+    const Mask spongy = find_spongy_bone(mask, bone);
+    subtract(mask, spongy);
+    drop_marrow(mask, united(bone, spongy));
+    drop_shells(mask);
+  }
+  progress.advance();
+  progress.begin("bridging gaps", 1, "scans");
+  bridge_gaps(mask, candidates);
+  progress.advance();
+  progress.begin("selecting", 1, "scans");
   Mask vessels = select_vessels(mask, options.markers, name);
+  add_rim(bright, vessels);
   add_dense_wall(scan, window, bone, vessels);
   constexpr double kStrut_mm2 = 30;
   fill_holes(vessels, kStrut_mm2);

@@ -20,17 +20,19 @@ struct SegmentOptions {
   Markers markers;  ///< seeds, what is no vessel, and the largest radius
 };
 
-/// The vessels' mask on the scan's own grid, by the steps in this folder: noise is smoothed, thresholds, bone
-/// taken off, thin vessels added by vesselness, chambers parted, and the parts that hold a seed kept, or else
-/// all large ones that are much longer than wide. A stage of `progress` for each step.
+/// The vessels' mask on the scan's own grid, by the steps in this folder: noise is smoothed where it is
+/// heavy, thresholds, bone taken off, chambers parted, marrow taken off, gaps bridged that both have left,
+/// and the parts kept that select_vessels chooses. A stage of `progress` for each step.
 ///
 /// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
 /// fewer than 10 slices.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   Device& device, Progress& progress);
 
-/// Keeps the parts of a mask in which seeds lie; without seeds all large ones that are much
-/// longer than wide.
+/// Keeps the parts of a mask in which seeds lie. Without seeds all parts that are much longer than wide, no
+/// plate or shell, and in which the distances to the wall add up to a hundredth of the largest part's or
+/// more: both sides of a neck whose arteries join below the scan, and not every speck. Throws InputError,
+/// with `name` in front, where there is none.
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name);
 
 }  // namespace xraycast

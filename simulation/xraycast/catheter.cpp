@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 namespace xraycast {
@@ -69,6 +70,27 @@ VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
   const std::vector<VesselEnd> ends = vessel_ends(tree);
   return *std::ranges::min_element(
       ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
+}
+
+VesselEnd entry_named(const VesselTree& tree, const std::string& text) {
+  if (text.empty()) return most_inferior_end(tree);
+  const std::string name = fmt::format("--entry {}", text);
+  std::vector<double> numbers(1);
+  const char *at = text.data(), *end = at + text.size();
+  while (true) {
+    const auto [behind, error] = std::from_chars(at, end, numbers.back());
+    const bool goes_on = behind != end && *behind == ',';
+    if (error != std::errc() || (behind != end && !goes_on) || !std::isfinite(numbers.back()))
+      throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+    if (!goes_on) break;
+    at = behind + 1;
+    numbers.push_back(0);
+  }
+  if (numbers.size() == 3) return nearest_end(tree, {numbers[0], numbers[1], numbers[2]});
+  const auto branch = static_cast<int>(std::clamp(numbers[0], -1.0, 1e9));
+  if (numbers.size() != 1 || branch != numbers[0])
+    throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+  return end_of_branch(tree, branch, name);
 }
 
 double node_spacing_mm(const VesselTree& tree, const DeviceModel& device) {

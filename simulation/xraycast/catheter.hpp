@@ -27,6 +27,10 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 /// The end nearest to a point.
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
+/// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
+/// taken; the most inferior one for an empty text. Throws InputError.
+VesselEnd entry_named(const VesselTree& tree, const std::string& text);
+
 /// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
 /// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.
 double node_spacing_mm(const VesselTree& tree, const DeviceModel& device);

@@ -24,7 +24,8 @@ RunRecord record_of(const Catheter& catheter, double time_s) {
 }
 
 std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, const std::string& name,
-                                  Progress& progress) {
+                                  Progress& progress,
+                                  const std::function<void(const Catheter&, double)>& after_step) {
   for (const Script::Row& row : script.rows())
     if (row.pose.insertion_mm > catheter.longest_insertion_mm())
       throw InputError("{}: line {}: insertion_mm {}; {} can be pushed in by {:.0f} mm", name, row.line,
@@ -46,7 +47,9 @@ std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, cons
   for (const Script::Row& row : script.rows()) {
     while (static_cast<double>(steps) * catheter.step_s() < row.time_s - kRounding_s) {
       ++steps;
-      catheter.step(script.pose_at(static_cast<double>(steps) * catheter.step_s()));
+      const double time_s = static_cast<double>(steps) * catheter.step_s();
+      catheter.step(script.pose_at(time_s));
+      if (after_step) after_step(catheter, time_s);
     }
     records.push_back(record_of(catheter, row.time_s));
     progress.advance();

@@ -4,6 +4,7 @@
 #include "xraycast/progress.hpp"
 #include "xraycast/script.hpp"
 
+#include <functional>
 #include <string>
 #include <vector>
 
@@ -25,9 +26,11 @@ RunRecord record_of(const Catheter& catheter, double time_s);
 
 /// Moves a catheter as a script says, as fast as the machine can, and records it at each row. Beforehand the
 /// hub is brought to the first row's pose, unrecorded. The same records, bit for bit, on one machine. Throws
-/// InputError, with `name` in front, for an insertion beyond the device's length, Cancelled.
-std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, const std::string& name,
-                                  Progress& progress);
+/// InputError, with `name` in front, for an insertion beyond the device's length, Cancelled. `after_step`
+/// sees the catheter after each step, and the script's time.
+std::vector<RunRecord> run_script(
+    Catheter& catheter, const Script& script, const std::string& name, Progress& progress,
+    const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
 
 /// CSV: the names of the columns, with their units, then a line a record.
 std::string to_csv(const std::vector<RunRecord>& records);

@@ -13,7 +13,9 @@ VirtualCoupling::VirtualCoupling(const HubPose& start, const CouplingSettings& s
 
 VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad& load, double step_s) {
   Step result;
-  if (hand_is_there(hand.count, step_s)) {
+  const bool finite = std::isfinite(hand.pose.insertion_mm) && std::isfinite(hand.pose.rotation_rad) &&
+                      std::isfinite(load.force_N) && std::isfinite(load.torque_Nm);
+  if (poses_come(hand.count, step_s) && finite) {
     result.frozen = false;
     result.felt.force_N =
         move(insertion_m_, settings_.insertion, hand.pose.insertion_mm / 1000, load.force_N, step_s);
@@ -26,7 +28,7 @@ VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad&
   return result;
 }
 
-bool VirtualCoupling::hand_is_there(std::uint64_t count, double step_s) {
+bool VirtualCoupling::poses_come(std::uint64_t count, double step_s) {
   silence_s_ = count != count_ ? 0 : silence_s_ + step_s;
   count_ = count;
   return silence_s_ < settings_.patience_s - step_s / 2;  // half a step, for the sum's rounding

@@ -17,16 +17,18 @@ struct CouplingAxis {
 
 /// What holds the hub to the hand.
 ///
-/// The defaults: a hand is told its load every T = 1 ms, and that is passive while the device's own damping
+/// The defaults. A hand is told its load every T = 1 ms, and that is passive while the device's own damping
 /// exceeds stiffness * T / 2 (Colgate and Schenkel, Passivity of a class of sampled-data systems, 1994): 0.25
 /// N s/m and 1e-5 N m s/rad, about what gears and bearings have. A delay of the network counts in full on top
-/// of T / 2. The hub weighs what one with a Y connector does, some 20 g; the rod's load reaches it a step
-/// late, which is stable up to a rod of 90 N/mm. 5 N and 50 mN m are beyond what a catheter in a vessel
-/// bears, and within what a hand holds with two fingers. No hand feeds a catheter faster than 250 mm/s or
-/// turns it faster than 4 turns/s.
+/// of T / 2. The inertia is small, since the damping that goes with it drags at the hand, by 2 N s/m and 4e-5
+/// N m s/rad; and not smaller, since the rod's load reaches the hub a step late, which is stable while the
+/// rod answers a step with less than 13 N/mm and 0.2 N m/rad. The presets in the thorax phantom answer with
+/// at most 2 N/mm and 0.0024 N m/rad. 5 N and 0.05 N m are beyond what a catheter in a vessel bears, and
+/// within what two fingers hold. No hand feeds a catheter faster than 250 mm/s or turns it faster than 4
+/// turns/s.
 struct CouplingSettings {
-  CouplingAxis insertion{.stiffness = 500, .inertia = 0.02, .largest_load = 5, .fastest = 0.25};
-  CouplingAxis rotation{.stiffness = 0.02, .inertia = 1e-6, .largest_load = 0.05, .fastest = 25};
+  CouplingAxis insertion{.stiffness = 500, .inertia = 0.002, .largest_load = 5, .fastest = 0.25};
+  CouplingAxis rotation{.stiffness = 0.02, .inertia = 2e-8, .largest_load = 0.05, .fastest = 25};
   double patience_s = 0.1;  ///< without a pose, until the hub freezes
 };
 
@@ -45,7 +47,7 @@ class VirtualCoupling {
   struct Step {
     HubPose hub;         ///< where the hub is at the end of the step
     HubLoad felt;        ///< what the hand shall feel
-    bool frozen = true;  ///< no pose came for `patience_s`, or none yet
+    bool frozen = true;  ///< no pose came for `patience_s`, or none yet, or not a number
   };
 
   /// A step of `step_s` under the hand's newest pose and the load that the rod puts on the hub.
@@ -57,7 +59,7 @@ class VirtualCoupling {
     double position = 0;  ///< of the hub
     double velocity = 0;
   };
-  bool hand_is_there(std::uint64_t count, double step_s);
+  bool poses_come(std::uint64_t count, double step_s);
   static double move(AxisState& state, const CouplingAxis& axis, double hand, double load, double step_s);
 
   CouplingSettings settings_;

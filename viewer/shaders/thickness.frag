@@ -1,7 +1,7 @@
 // Optical depth of closed surfaces, by adding up: where a ray leaves minus where it enters.
 in vec3 position_mm;
 in vec3 normal;
-uniform float mu_per_mm;
+flat in float mu_per_mm;
 uniform bool is_cone;
 uniform vec3 origin_mm;  // a cone's source, or the view's centre
 uniform vec3 along;

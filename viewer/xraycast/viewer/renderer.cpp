@@ -468,7 +468,16 @@ void Renderer::draw(const ProjectionImage& truth, const Style& style, int x, int
 }
 
 std::vector<float> Renderer::tau(const View& view, const Style& style) {
-  draw_own(draw_passes(view, style), style, Output::tau);
+  return read_tau(draw_passes(view, style), style);
+}
+
+std::vector<float> Renderer::body_tau(const View& view, const Style& style) {
+  return read_tau({view, draw_body(view, style), Surfaces::none}, style);
+}
+
+std::vector<float> Renderer::read_tau(const Passes& passes, const Style& style) {
+  const View& view = passes.view;
+  draw_own(passes, style, Output::tau);
   std::vector<float> values(static_cast<std::size_t>(view.width) * view.height);
   read_rows(view.width, view.height, GL_RED, GL_FLOAT, values);
   return values;

@@ -46,6 +46,9 @@ class Renderer {
   /// surfaces.
   std::vector<float> tau(const View& view, const Style& style);
 
+  /// The same of the body alone.
+  std::vector<float> body_tau(const View& view, const Style& style);
+
   /// The picture as 8-bit RGB, row 0 on top.
   std::vector<std::uint8_t> picture(const View& view, const Style& style);
   std::vector<std::uint8_t> picture(const ProjectionImage& truth, const Style& style);
@@ -89,6 +92,7 @@ class Renderer {
   void display_body(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
   void display_surfaces(const View& view, const Style& style, Output output);
   void display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
+  std::vector<float> read_tau(const Passes& passes, const Style& style);
   void draw_own(const Passes& passes, const Style& style, Output output);
   void set_columns(const gl::Program& program, const UprightView& upright) const;
   void set_march(const gl::Program& program, const View& view) const;

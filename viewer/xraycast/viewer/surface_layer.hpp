@@ -51,7 +51,6 @@ class SurfaceLayer {
     bool is_closed = false;       ///< its back faces are never seen
     GLenum front_faces = GL_CCW;  ///< seen from outside
     glm::dvec3 lower_mm{}, upper_mm{};
-    double mu_per_mm = 0;
     glm::dvec3 colour{};
   };
 

@@ -1,0 +1,75 @@
+#include "xraycast/viewer/contrast_surface.hpp"
+#include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/renderer.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadius_mm = 5, kMu_per_mm = 0.001;
+
+/// 100 mm along x, a stretch a millimetre.
+VesselTree straight() {
+  VesselBranch branch;
+  for (int i = 0; i <= 100; ++i) branch.points.push_back({{i - 50, 0, 0}, kRadius_mm});
+  return VesselTree({branch}, "test");
+}
+
+View view_at(double angle_deg) {
+  return {.angle_rad = angle_deg * std::numbers::pi / 180, .width = 121, .height = 31, .pixel_mm = 1};
+}
+
+class ContrastPicture : public testing::Test {
+ protected:
+  /// Optical depths of the picture's middle row.
+  std::vector<float> middle_row(const View& view, const std::vector<double>& iodine_mg_ml) {
+    renderer_.replace_surface(0, ContrastSurface(tree_).filled({iodine_mg_ml}, kMu_per_mm));
+    const std::vector<float> tau = renderer_.tau(view, {});
+    const auto row = tau.begin() + static_cast<std::ptrdiff_t>(view.height / 2) * view.width;
+    return {row, row + view.width};
+  }
+
+  HeadlessContext context_;
+  const VesselTree tree_ = straight();
+  Renderer renderer_;
+};
+
+// Twelve sides across a circle are at most 1 - cos(pi/12) = 3.4 % narrower than it.
+constexpr double kFlatness = 0.035;
+
+TEST_F(ContrastPicture, IsThicknessTimesConcentration) {
+  std::vector<double> iodine_mg_ml;
+  for (int i = 0; i < 100; ++i) iodine_mg_ml.push_back(i);
+  const auto tau = middle_row(view_at(0), iodine_mg_ml);
+  for (int x = -40; x <= 40; ++x) {
+    const double expected = kMu_per_mm * 2 * kRadius_mm * (50 + x);
+    // A drum of two stretches has their mean.
+    EXPECT_NEAR(tau[static_cast<std::size_t>(60 + x)], expected, kFlatness * expected + 0.011) << x;
+  }
+}
+
+TEST_F(ContrastPicture, IsNowhereWhereThereIsNoIodine) {
+  std::vector<double> iodine_mg_ml(100, 0.0);
+  std::fill(iodine_mg_ml.begin() + 40, iodine_mg_ml.begin() + 60, 100.0);
+  const auto tau = middle_row(view_at(0), iodine_mg_ml);
+  EXPECT_EQ(tau[40], 0);
+  EXPECT_EQ(tau[80], 0);
+  EXPECT_NEAR(tau[60], kMu_per_mm * 100 * 2 * kRadius_mm, kFlatness);
+}
+
+TEST_F(ContrastPicture, AddsUpAlongItsLength) {
+  // Seen along the vessel: 20 mm of 100 and 30 mm of 50 mg/ml.
+  std::vector<double> iodine_mg_ml(100, 0.0);
+  std::fill(iodine_mg_ml.begin() + 10, iodine_mg_ml.begin() + 30, 100.0);
+  std::fill(iodine_mg_ml.begin() + 30, iodine_mg_ml.begin() + 60, 50.0);
+  const auto tau = middle_row(view_at(90), iodine_mg_ml);
+  // Sums of 32-bit floats, of some 50 faces.
+  EXPECT_NEAR(tau[60], kMu_per_mm * (20 * 100 + 30 * 50), 1e-4);
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,83 @@
+#include "xraycast/viewer/simulated_run.hpp"
+
+#include "xraycast/manual_device.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/script.hpp"
+#include "xraycast/script_device.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <numbers>
+#include <thread>
+
+namespace xraycast {
+namespace {
+
+std::shared_ptr<const VesselTree> thorax() {
+  return std::make_shared<const VesselTree>(make_phantom("thorax").vessel_branches(), "thorax");
+}
+
+SimulatedRun run_with(std::unique_ptr<HapticDevice> device) {
+  auto tree = thorax();
+  const VesselEnd entry = most_inferior_end(*tree);
+  return {std::move(tree), DeviceModel::named("cobra-5f"), entry, std::move(device)};
+}
+
+/// Updates as a window does, until the simulation's clock has gone on by `time_s`.
+void watch(SimulatedRun& run, double time_s) {
+  const double end_s = run.now().time_s + time_s;
+  while (run.now().time_s < end_s) {
+    run.update();
+    std::this_thread::sleep_for(std::chrono::milliseconds(15));
+  }
+}
+
+TEST(ManualDevice, IntegratesRatesAndDoesNotLeaveTheIntroducer) {
+  ManualDevice device("keyboard");
+  device.set_rates(20, 1);
+  for (int i = 0; i < 999; ++i) device.pose();
+  EXPECT_NEAR(device.pose().pose.insertion_mm, 20, 1e-9);
+  EXPECT_NEAR(device.pose().pose.rotation_rad, 1.001, 1e-9);
+  device.set_rates(0, 0);
+  device.move_by(-100, 0);
+  EXPECT_EQ(device.pose().pose.insertion_mm, 0);
+  device.move_by(3, 0);
+  EXPECT_NEAR(device.pose().pose.insertion_mm, 3, 1e-9) << "what was pulled in vain does not count";
+}
+
+TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
+  auto device = std::make_unique<ManualDevice>("keyboard");
+  ManualDevice& hand = *device;
+  SimulatedRun run = run_with(std::move(device));
+  hand.set_rates(100, 0);
+  watch(run, 0.5);
+  hand.set_rates(0, 0);
+  run.inject(5);
+  watch(run, 0.3);
+  EXPECT_GT(run.now().pose.insertion_mm, 30);
+  EXPECT_NEAR(run.injected_ml(), 1.5, 0.3) << "0.3 s, to a frame or two of a busy machine";
+  const Surface catheter = run.catheter(), contrast = run.contrast();
+  EXPECT_GT(volume_mm3(catheter.mesh), 0);
+  ASSERT_FALSE(contrast.shares.empty());
+  // 350 mg/ml, diluted by blood.
+  EXPECT_GT(std::ranges::max(contrast.shares), 10);
+  EXPECT_LT(std::ranges::max(contrast.shares), 350);
+  EXPECT_GT(run.loads().size(), 10u);
+}
+
+TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
+  const Script script = Script::parse("time_s,insertion_mm,rotation_deg\n0,0,0\n0.5,40,90\n", "test");
+  SimulatedRun run = run_with(std::make_unique<ScriptDevice>(script, "script"));
+  run.start_recording();
+  watch(run, 0.8);
+  const Script recorded = Script::parse(run.stop_recording(), "recording");
+  EXPECT_EQ(recorded.rows().front().time_s, 0);
+  // The hub comes to where the script ends within the spring's 10 ms.
+  EXPECT_NEAR(recorded.rows().back().pose.insertion_mm, 40, 0.1);
+  EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, std::numbers::pi / 2, 0.01);
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,364 @@
+"""PROGRAM FOLDER TEST...: the viewer's window on a virtual display, driven by xdotool as a hand would, and by a
+small source of dragged files. Without TEST, all of them; `prepare` makes the files that they open.
+
+What happened is read from the session that Ctrl+S saves, from pictures that the viewer saves, and from the
+screen. Everything is waited for by what can be seen of it, since a loaded machine takes its time. With
+XRAYCAST_SCREENSHOTS set to a folder, what was on the screen is kept there."""
+import ctypes
+import json
+import os
+import pathlib
+import shutil
+import struct
+import subprocess
+import sys
+import tempfile
+import time
+import unittest
+import zlib
+
+PROGRAM, FILES = sys.argv[1], pathlib.Path(sys.argv[2])
+PATIENCE_S = 30
+
+
+def run(*words, **options):
+    return subprocess.run(words, check=True, capture_output=True, text=True, timeout=PATIENCE_S, **options).stdout
+
+
+def prepare():
+    FILES.mkdir(parents=True, exist_ok=True)
+    scan = FILES / "scan.nrrd"
+    run(PROGRAM, "phantom", "thorax", "-o", scan, "--size", "96x96x80", "--truth", FILES / "truth")
+    run(PROGRAM, "cast", scan, "-o", FILES / "map.exr", "--layers", "4", "--angles", "90", "--keep-basis", FILES / "map.basis")
+    (FILES / "damaged.exr").write_bytes((FILES / "map.exr").read_bytes()[:3000])
+    # A long scan that takes no room on the disk.
+    with open(FILES / "long.raw", "wb") as raw:
+        raw.truncate(512 * 512 * 3000 * 2)
+    (FILES / "long.mhd").write_text("ObjectType = Image\nNDims = 3\nBinaryData = True\nElementSpacing = 1 1 1\n"
+                                    "DimSize = 512 512 3000\nElementType = MET_SHORT\nElementDataFile = long.raw\n")
+
+
+class Screen:
+    """What a display shows: width, height, and rows of (r, g, b)."""
+
+    def __init__(self, dump):
+        header = struct.unpack(">25I", dump[:100])
+        self.width, self.height, little, bits, self.row_B = header[4], header[5], header[7] == 0, header[11], header[12]
+        assert bits in (24, 32) and little, header
+        self.pixel_B, self.bytes = bits // 8, dump[header[0] + 12 * header[19]:]
+
+    def at(self, x, y):
+        b, g, r = self.region(x, y, 1, 1)[:3]
+        return r, g, b
+
+    def region(self, x, y, width, height):
+        starts = (j * self.row_B + self.pixel_B * x for j in range(y, y + height))
+        return b"".join(self.bytes[start:start + self.pixel_B * width] for start in starts)
+
+    def find(self, colour, x, y, width, height):
+        """Where a region has a colour."""
+        r, g, b = colour
+        wanted, places = bytes((b, g, r)), []
+        for j in range(y, y + height):
+            row = self.region(x, j, width, 1)
+            at = lambda i: row[self.pixel_B * i:self.pixel_B * i + 3]
+            places += [(x + i, j) for i in range(width) if at(i) == wanted] if wanted in row else []
+        return places
+
+    def write(self, path):
+        rows = bytearray()
+        for y in range(self.height):
+            row, rgb = self.region(0, y, self.width, 1), bytearray(3 * self.width)
+            for channel in range(3):
+                rgb[channel::3] = row[2 - channel::self.pixel_B]
+            rows += b"\0" + rgb
+        chunk = lambda kind, data: struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+        header = struct.pack(">IIBBBBB", self.width, self.height, 8, 2, 0, 0, 0)
+        path.write_bytes(b"\x89PNG\r\n\x1a\n" + chunk(b"IHDR", header) + chunk(b"IDAT", zlib.compress(bytes(rows))) +
+                         chunk(b"IEND", b""))
+
+
+class Dragged:
+    """A source of dragged files, by version 5 of the XDND protocol."""
+
+    def __init__(self, display):
+        self.x = ctypes.CDLL("libX11.so.6")
+        for name in ("XOpenDisplay", "XCreateSimpleWindow", "XInternAtom", "XDefaultRootWindow"):
+            getattr(self.x, name).restype = ctypes.c_ulong
+        self.display = ctypes.c_void_p(self.x.XOpenDisplay(display.encode()))
+        root = ctypes.c_ulong(self.x.XDefaultRootWindow(self.display))
+        self.window = self.x.XCreateSimpleWindow(self.display, root, 0, 0, 1, 1, 0, ctypes.c_ulong(0), ctypes.c_ulong(0))
+
+    def atom(self, name):
+        return self.x.XInternAtom(self.display, name.encode(), 0)
+
+    def tell(self, target, kind, *values):
+        """A ClientMessage: type, serial, send_event, display, window, message type, format, five longs."""
+        event = struct.pack("@i4xLi4xPLLi4x5l", 33, 0, 1, self.display.value, target, self.atom(kind), 32,
+                            *(list(values) + [0] * (5 - len(values))))
+        self.x.XSendEvent(self.display, ctypes.c_ulong(target), 0, ctypes.c_long(0), event.ljust(192, b"\0"))
+        self.x.XFlush(self.display)
+
+    def next_event(self):
+        end = time.monotonic() + PATIENCE_S
+        while not self.x.XPending(self.display):
+            assert time.monotonic() < end, "the window does not answer"
+            time.sleep(0.01)
+        event = ctypes.create_string_buffer(192)
+        self.x.XNextEvent(self.display, event)
+        return struct.unpack("@i", event.raw[:4])[0], event.raw
+
+    def answer(self, request, text):
+        """Gives the window what it asks for: a SelectionRequest's requestor, selection, target, property, time."""
+        requestor, selection, target, place, when = struct.unpack("@5L", request[40:80])
+        self.x.XChangeProperty(self.display, ctypes.c_ulong(requestor), ctypes.c_ulong(place), ctypes.c_ulong(target), 8, 0, text, len(text))
+        event = struct.pack("@i4xLi4xPLLLLL", 31, 0, 1, self.display.value, requestor, selection, target, place, when)
+        self.x.XSendEvent(self.display, ctypes.c_ulong(requestor), 0, ctypes.c_long(0), event.ljust(192, b"\0"))
+        self.x.XFlush(self.display)
+
+    def drop(self, target, path):
+        text, selection = (path.resolve().as_uri() + "\r\n").encode(), self.atom("XdndSelection")
+        self.x.XSetSelectionOwner(self.display, ctypes.c_ulong(selection), ctypes.c_ulong(self.window), ctypes.c_ulong(0))
+        self.tell(target, "XdndEnter", self.window, 5 << 24, self.atom("text/uri-list"))
+        self.tell(target, "XdndPosition", self.window, 0, 600 << 16 | 400, 0, self.atom("XdndActionCopy"))
+        dropped = False
+        while True:
+            kind, event = self.next_event()
+            message = struct.unpack("@L", event[40:48])[0]
+            if kind == 33 and message == self.atom("XdndStatus") and not dropped:
+                self.tell(target, "XdndDrop", self.window)
+                dropped = True
+            elif kind == 30:
+                self.answer(event, text)
+            elif kind == 33 and message == self.atom("XdndFinished"):
+                return
+
+
+class Window(unittest.TestCase):
+    def setUp(self):
+        told, tells = os.pipe()
+        self.xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-noreset", "-screen", "0", "1280x800x24",
+                                      "-nolisten", "tcp"],
+                                     pass_fds=[tells], stderr=subprocess.DEVNULL)
+        os.close(tells)
+        with os.fdopen(told) as number:
+            self.display = ":" + number.readline().strip()
+        self.environment = dict(os.environ, DISPLAY=self.display)
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-window-"))
+        self.viewer = None
+
+    def tearDown(self):
+        try:
+            if (kept := os.environ.get("XRAYCAST_SCREENSHOTS")) and self.viewer and self.viewer.poll() is None:
+                self.screen().write(pathlib.Path(kept) / f"{self._testMethodName}.png")
+        finally:
+            for process in (self.viewer, self.xvfb):
+                if process:
+                    process.kill()
+                    process.communicate()
+            shutil.rmtree(self.folder)
+
+    def view(self, *words):
+        self.viewer = subprocess.Popen([PROGRAM, "view", *map(str, words)], env=self.environment, cwd=self.folder,
+                                       stderr=subprocess.PIPE, text=True)
+        self.window = int(self.wait_until(self.found, "a window").split()[0])
+        self.do("windowfocus", self.window)
+        if words:
+            self.wait_until(lambda: self.session()["style"]["strengths"], "the map is shown")
+
+    def found(self):
+        """The windows' numbers."""
+        return subprocess.run(["xdotool", "search", "--onlyvisible", "--name", "^xraycast$"], env=self.environment,
+                              capture_output=True, text=True, timeout=PATIENCE_S).stdout
+
+    def do(self, *words):
+        return run("xdotool", *map(str, words), env=self.environment)
+
+    def wait_until(self, condition, what):
+        end = time.monotonic() + PATIENCE_S
+        while not (found := condition()):
+            self.assertLess(time.monotonic(), end, f"never: {what}")
+            if self.viewer.poll() is not None:
+                self.fail("the viewer has ended: " + self.viewer.stderr.read())
+            time.sleep(0.03)
+        return found
+
+    def session(self):
+        """What Ctrl+S saves: it comes after all keys and drags before it."""
+        path = self.folder / "xraycast-session.json"
+        path.unlink(missing_ok=True)
+        self.do("key", "ctrl+s")
+        self.wait_until(path.exists, "the session is saved")
+        return json.loads(path.read_text())
+
+    def screen(self):
+        return Screen(subprocess.run(["xwd", "-root", "-silent"], check=True, capture_output=True, env=self.environment).stdout)
+
+    def body(self):
+        """The picture, without the panel on its left and what is written around it."""
+        return self.screen().region(500, 100, 500, 500)
+
+    def frame(self):
+        """Between two sessions the window has taken in what was before, and drawn it."""
+        self.session()
+        self.session()
+
+    def drag(self, button, x, y, dx, dy):
+        for step in (("mousemove", x, y), ("mousedown", button), ("mousemove", x + dx // 2, y + dy // 2),
+                     ("mousemove", x + dx, y + dy), ("mouseup", button)):
+            self.do(*step)
+            self.frame()
+
+    def pictures(self):
+        return sorted(self.folder.glob("xraycast-*.png"))
+
+    # ---- the hand
+
+    def test_rotates_travels_and_zooms(self):
+        self.view(FILES / "map.exr")
+        before = self.body()
+        self.drag(1, 700, 400, 100, 0)
+        # 0.4 deg a pixel.
+        self.assertAlmostEqual(self.session()["camera"]["angle_deg"], -40, delta=1)
+        self.wait_until(lambda: self.body() != before, "another picture")
+        for _ in range(3):
+            self.do("click", 4)
+        # 1.1 times a notch.
+        self.assertAlmostEqual(self.session()["camera"]["zoom"], 1.331, delta=1e-3)
+        self.drag(2, 700, 400, 0, 60)
+        self.assertGreater(self.session()["camera"]["table_mm"], 5)
+        self.do("key", "r")
+        camera = self.session()["camera"]
+        self.assertEqual([camera["angle_deg"], camera["zoom"], camera["table_mm"]], [0, 1, 0])
+
+    def test_changes_window_look_layers_and_compositing(self):
+        self.view(FILES / "map.exr", "--vessels", FILES / "truth")
+        self.assertNotIn("window", self.session())
+        before = self.body()
+        self.drag(3, 700, 400, -80, 60)
+        window = self.session()["window"]
+        self.assertTrue(0 <= window["dark"] < window["light"] <= 1, window)
+        self.wait_until(lambda: self.body() != before, "another window")
+        for key, name, value in (("f", "look", "surface"), ("c", "compositing", "wall"), ("2", "strengths", [1, 0, 1, 1])):
+            before = self.body()
+            self.do("key", key)
+            self.assertEqual(self.session()["style"][name], value)
+            self.wait_until(lambda: self.body() != before, f"another picture after {key}")
+        self.do("key", "ctrl+z")
+        self.assertEqual(self.session()["style"]["strengths"], [1, 1, 1, 1])
+        self.do("key", "ctrl+y")
+        self.assertEqual(self.session()["style"]["strengths"], [1, 0, 1, 1])
+
+    def knot(self):
+        """The middle of an opacity's knot in the panel, by its colour."""
+        found = self.screen().find((255, 220, 150), 100, 100, 180, 500)
+        return found[len(found) // 2] if found else None
+
+    def test_recasts_while_a_knot_is_dragged(self):
+        self.view(FILES / "map.exr", "--basis", FILES / "map.basis")
+        self.assertNotIn("opacity", self.session())
+        x, y = self.wait_until(self.knot, "a knot")
+        before = self.body()
+        for step in (("mousemove", x, y), ("mousedown", 1), ("mousemove", x, y - 40)):
+            self.do(*step)
+            self.frame()
+        self.wait_until(lambda: self.body() != before, "another picture while the knot is held")
+        self.do("mouseup", 1)
+        self.assertIn("opacity", self.session())
+        self.do("key", "ctrl+z")
+        self.assertNotIn("opacity", self.session())
+        self.wait_until(lambda: self.body() == before, "the picture as it was")
+
+    def test_turns_until_it_is_told_to_stop(self):
+        self.view(FILES / "map.exr")
+        angle = lambda: self.session()["camera"]["angle_deg"]
+        self.do("key", "space")
+        first = angle()
+        self.wait_until(lambda: angle() != first, "another angle")
+        self.do("key", "space")
+        last = angle()
+        self.assertEqual(angle(), last)
+
+    # ---- files
+
+    def test_opens_what_is_dropped_and_survives_what_is_damaged(self):
+        self.view()
+        self.assertNotIn("files", self.session())
+        Dragged(self.display).drop(self.window, FILES / "map.exr")
+        self.wait_until(lambda: self.session()["style"]["strengths"] == [1, 1, 1, 1], "the map")
+        before = self.body()
+        Dragged(self.display).drop(self.window, FILES / "damaged.exr")
+        Dragged(self.display).drop(self.window, FILES / "truth")
+        self.wait_until(lambda: "vessels" in self.session()["files"], "vessels")
+        self.assertTrue(self.session()["files"]["map"].endswith("map.exr"))
+        self.wait_until(lambda: self.body() != before, "vessels in the picture")
+
+    def type_path(self, path):
+        self.do("key", "ctrl+o")
+        self.wait_until(lambda: self.screen().at(640, 400) != self.dark, "the dialogue")
+        self.do("key", "ctrl+a")
+        self.do("type", "--delay", 1, str(path.resolve()))
+        self.do("key", "Return")
+
+    def test_opens_by_name_and_cancels_what_takes_long(self):
+        self.view(FILES / "map.exr")
+        self.dark = self.screen().at(640, 400)
+        status = pathlib.Path(f"/proc/{self.viewer.pid}/io")
+        read_B = lambda: int(status.read_text().split()[1])
+        start_B = read_B()
+        self.type_path(FILES / "long.mhd")
+        self.wait_until(lambda: read_B() > start_B + 20_000_000, "the scan is being read")
+        self.do("key", "Escape")
+        settled = [0, 1]
+
+        def has_settled():
+            settled.append(read_B())
+            time.sleep(0.2)
+            return settled[-1] == settled[-2] == settled[-3]
+
+        self.wait_until(has_settled, "the end of reading")
+        self.assertLess(settled[-1] - start_B, 512 * 512 * 3000 * 2)
+        self.assertNotIn("scan", self.session()["files"])
+        self.assertTrue(self.session()["style"]["strengths"])
+
+    def test_projects_a_scan_beside_the_map(self):
+        self.view(FILES / "map.exr", "--scan", FILES / "scan.nrrd")
+        right = lambda: self.screen().region(900, 250, 100, 100)
+        self.do("key", "s")
+        first = self.wait_until(lambda: len(set(r := right())) > 20 and r, "the true projection")
+        self.drag(1, 700, 400, 150, 0)
+        self.wait_until(lambda: right() != first, "the true projection of another angle")
+
+    # ---- the window
+
+    def test_saves_pictures_of_any_size(self):
+        self.view(FILES / "map.exr")
+        self.do("key", "p")
+        self.wait_until(self.pictures, "a picture")
+        self.do("windowsize", "--sync", self.window, 700, 500)
+        self.wait_until(lambda: self.screen().at(900, 600) == (0, 0, 0), "a smaller window")
+        self.session()  # by then it has drawn a frame
+        self.do("key", "p")
+        self.wait_until(lambda: len(self.pictures()) == 2, "another picture")
+        sizes = [struct.unpack(">II", path.read_bytes()[16:24]) for path in self.pictures()]
+        self.assertEqual(sizes, [(1280, 720), (700, 500)])
+
+    def test_ends_when_it_is_closed(self):
+        self.view(FILES / "map.exr")
+        desk = Dragged(self.display)
+        desk.tell(self.window, "WM_PROTOCOLS", desk.atom("WM_DELETE_WINDOW"))
+        self.assertEqual(self.viewer.wait(PATIENCE_S), 0)
+        self.assertEqual(self.viewer.stderr.read(), "")
+
+    def test_says_that_there_is_no_display(self):
+        environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
+        ended = subprocess.run([PROGRAM, "view", str(FILES / "map.exr")], env=environment, capture_output=True, text=True)
+        self.assertEqual(ended.returncode, 1)
+        self.assertRegex(ended.stderr, "^xraycast: there is no display .*\n$")
+
+
+if __name__ == "__main__":
+    if sys.argv[3:] == ["prepare"]:
+        prepare()
+    else:
+        unittest.main(argv=["window_test.py", *(f"Window.{name}" for name in sys.argv[3:])])

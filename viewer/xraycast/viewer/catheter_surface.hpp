@@ -1,0 +1,22 @@
+#pragma once
+
+#include "xraycast/catheter.hpp"
+#include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/scene.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <vector>
+
+namespace xraycast {
+
+/// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
+Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
+
+/// Where contrast agent leaves a catheter.
+VesselTree::Location place_of(const CatheterTip& tip);
+
+/// What one mg/ml of iodine in blood absorbs.
+inline constexpr double kIodine_per_mm = 0.0005;
+
+}  // namespace xraycast

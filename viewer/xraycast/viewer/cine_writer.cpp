@@ -1,0 +1,36 @@
+#include "xraycast/viewer/cine_writer.hpp"
+
+#include "xraycast/image.hpp"
+#include "xraycast/image_output.hpp"
+
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace xraycast {
+
+bool is_animation(const std::filesystem::path& path) { return path.extension() == ".gif"; }
+
+CineWriter::CineWriter(std::filesystem::path output, int width, int height)
+    : output_(std::move(output)), width_(width), height_(height) {}
+
+void CineWriter::add(std::vector<std::uint8_t> rgb) {
+  if (is_animation(output_))
+    frames_.push_back(std::move(rgb));
+  else
+    write_png(rgb, width_, height_, 3, output_ / fmt::format("frame-{:03}.png", count_));
+  ++count_;
+}
+
+void CineWriter::finish() const {
+  if (!is_animation(output_)) return;
+  std::vector<ImagePart> parts;
+  for (const auto& frame : frames_) {
+    parts.push_back({OIIO::ImageSpec(width_, height_, 3, OIIO::TypeDesc::UINT8), frame.data()});
+    parts.back().spec.attribute("oiio:Movie", 1);
+    parts.back().spec.attribute("FramesPerSecond", 20.0f);
+  }
+  write_image_file(parts, "gif", output_);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,66 @@
+#include "xraycast/viewer/opened_files.hpp"
+
+#include "xraycast/basis_file.hpp"
+#include "xraycast/caster.hpp"
+#include "xraycast/scan.hpp"
+#include "xraycast/viewer/vessels.hpp"
+
+namespace xraycast {
+namespace {
+
+/// The scan on a device, and where its body lies.
+BodyOutline load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
+  const Scan scan = open_scan(opened.session.scan, {}, progress);
+  OutlineFinder finder(scan.source->geometry());
+  LoadTimings timings;
+  opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
+  opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
+  return finder.finish();
+}
+
+void cast_scan(OpenedFiles& opened, const BodyOutline& body, const std::string& device, Progress& progress) {
+  constexpr int kLayers = 8, kAngles = 360;
+  const ResidentScan& scan = *opened.scan->scan;
+  const MapGeometry geometry =
+      cylinder_map(scan.geometry(), kAngles, shell_radii_mm(RadiiRule::equal_area, kLayers, body.radius_mm),
+                   body.centre_mm);
+  opened.map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+  opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(
+      device, make_basis(scan, geometry, useful_knots_hu(Opacity::paper()), progress));
+}
+
+}  // namespace
+
+OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
+                       Progress& progress) {
+  OpenedFiles opened;
+  opened.session = session;
+  const ViewSession& last = before.session;
+  const bool is_same_scan = session.scan == last.scan && before.scan;
+  const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
+  if (!session.vessels.empty())
+    opened.vessels = session.vessels == last.vessels && before.vessels
+                         ? before.vessels
+                         : std::make_shared<Surface>(read_vessels(session.vessels));
+  if (!session.catheter.empty())
+    opened.catheter = session.catheter == last.catheter && before.catheter
+                          ? before.catheter
+                          : std::make_shared<Surface>(read_catheter(session.catheter));
+  if (is_same_map)
+    opened.map = before.map;
+  else if (!session.map.empty())
+    opened.map = std::make_shared<BodyMap>(read_body_map(session.map));
+  if (is_same_map && session.basis == last.basis)
+    opened.recast = before.recast;
+  else if (!session.basis.empty())
+    opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(device, read_basis(session.basis));
+  if (is_same_scan && opened.map) {
+    opened.scan = before.scan;
+  } else if (!session.scan.empty()) {
+    const BodyOutline body = load_scan(opened, device, progress);
+    if (!opened.map) cast_scan(opened, body, device, progress);
+  }
+  return opened;
+}
+
+}  // namespace xraycast

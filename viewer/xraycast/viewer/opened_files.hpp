@@ -1,0 +1,46 @@
+#pragma once
+
+#include "xraycast/basis.hpp"
+#include "xraycast/body_map.hpp"
+#include "xraycast/progress.hpp"
+#include "xraycast/recast.hpp"
+#include "xraycast/resident_scan.hpp"
+#include "xraycast/viewer/scene.hpp"
+#include "xraycast/viewer/session_file.hpp"
+
+#include <memory>
+#include <string>
+
+namespace xraycast {
+
+/// What the files of a session hold. Immutable but for the recast session, which is the window thread's own.
+struct OpenedFiles {
+  /// A scan on the device that projects it.
+  struct ScanOnDevice {
+    Device device;
+    std::optional<ResidentScan> scan;
+    explicit ScanOnDevice(const std::string& choice) : device(choice) {}
+  };
+  /// What the map is recast from, on a queue of its own, so that neither waits for a projection.
+  struct RecastOnDevice {
+    Device device;
+    Basis basis;
+    RecastSession session;
+    RecastOnDevice(const std::string& choice, Basis of)
+        : device(choice), basis(std::move(of)), session(device, basis) {}
+  };
+
+  ViewSession session;  ///< names the files
+  std::shared_ptr<const BodyMap> map;
+  std::shared_ptr<ScanOnDevice> scan;
+  std::shared_ptr<RecastOnDevice> recast;
+  std::shared_ptr<const Surface> vessels, catheter;
+};
+
+/// Opens what a session names, for a worker's thread; what `before` has from the same files is taken over. A
+/// scan without a map is cast with eight layers, and can be recast. `device` as for Device. Throws as the
+/// readers do.
+OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
+                       Progress& progress);
+
+}  // namespace xraycast

@@ -1,0 +1,52 @@
+#include "xraycast/viewer/run_cine.hpp"
+
+#include "xraycast/image.hpp"
+#include "xraycast/viewer/catheter_surface.hpp"
+#include "xraycast/viewer/road_map.hpp"
+
+namespace xraycast {
+namespace {
+
+enum : std::size_t { kCatheter, kContrast };
+
+std::vector<glm::ivec2> vessels_outline(const VesselTree& tree, const View& view) {
+  Renderer renderer;
+  const Surface vessels{tube_mesh(tree)};
+  renderer.set_surfaces(std::span(&vessels, 1));
+  return outline_of(renderer.tau(view, {}), view.width, view.height);
+}
+
+}  // namespace
+
+RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
+                 Screen screen)
+    : options_(options),
+      screen_(std::move(screen)),
+      bolus_(tree),
+      contrast_(tree),
+      outline_(vessels_outline(tree, options.view)) {
+  renderer_.set_map(std::move(map));
+  const bool is_inverted = options_.style.window.inverted;
+  options_.style.window = automatic_window(renderer_.tau(options_.view, options_.style));
+  options_.style.window.inverted = is_inverted;
+}
+
+void RunCine::see(const Catheter& catheter, double time_s) {
+  if (time_s < next_s_) return;
+  const CatheterTip tip = catheter.tip();
+  const bool injects = last_s_ >= options_.inject_from_s && last_s_ < options_.inject_to_s;
+  bolus_.step(time_s - last_s_, place_of(tip), injects ? options_.injection_ml_s : 0);
+  last_s_ = time_s;
+  next_s_ += options_.step_s;
+
+  std::vector<glm::dvec3> nodes_mm;
+  catheter.copy_nodes(nodes_mm);
+  renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().device().radius_mm()));
+  if (options_.style.look == Look::fluoro)
+    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), kIodine_per_mm));
+  std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
+  draw_outline(outline_, kRoadMapColour, options_.view.width, rgb);
+  screen_(std::move(rgb));
+}
+
+}  // namespace xraycast
