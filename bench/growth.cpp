@@ -1,6 +1,7 @@
 #include "growth.hpp"
 
 #include "../cli/plot.hpp"
+#include "simulating.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/vesselness.hpp"
 
@@ -67,6 +68,21 @@ double median_ms(const Growth& growth, int value) {
 }
 
 }  // namespace
+
+void measure_rod_growth(const std::filesystem::path& plot) {
+  // One spacing for all, so that only the number of nodes changes.
+  constexpr double kSpacing_mm = 1.2;
+  cli::Curve curve{"50 to 800 nodes", {}};
+  for (const std::size_t nodes : {50, 100, 200, 400, 800}) {
+    CatheterSteps steps(nodes, kSpacing_mm);
+    std::vector<double> times_ms;
+    for (int i = 0; i < 1000; ++i) times_ms.push_back(steps.next_ms());
+    const double ms = median(times_ms);
+    fmt::print("{:>5} {:<7} {:>8.3f} ms\n", nodes, "nodes", ms);
+    curve.points.emplace_back(static_cast<double>(nodes), ms);
+  }
+  cli::write_plot("Time of a step of the catheter", "nodes", "ms", {curve}, plot);
+}
 
 void measure_growth(Bench& bench, const std::filesystem::path& plot) {
   std::vector<cli::Curve> curves;

@@ -37,7 +37,7 @@ class Collector final : public benchmark::ConsoleReporter {
 /// All benchmarks, and the lines of the table that they make.
 std::vector<Row> register_all(Bench& bench) {
   std::vector<Row> rows;
-  for (const auto& topic : {add_casting, add_projecting, add_drawing, add_segmenting})
+  for (const auto& topic : {add_casting, add_projecting, add_drawing, add_segmenting, add_simulating})
     for (Row& row : topic(bench)) rows.push_back(std::move(row));
   return rows;
 }
@@ -73,6 +73,7 @@ int main(int argc, char** argv) {
   const fs::path folder = words.empty() ? "." : words[0];
   Bench bench(folder, words.size() > 1 ? words[1] : "python3");
   if (wants_growth) {
+    measure_rod_growth(folder / "growth-rod.png");
     measure_segmenting_growth(bench, folder / "growth-vesselness.png");
     measure_growth(bench, folder / "growth-cast.png");
   } else {

@@ -72,6 +72,7 @@ Cube cube_of(const Bench& bench, std::int64_t size);
 std::vector<Row> add_casting(Bench& bench);
 std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);
+std::vector<Row> add_simulating(Bench& bench);
 std::vector<Row> add_segmenting(Bench& bench);
 
 }  // namespace xraycast::bench

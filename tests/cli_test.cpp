@@ -111,6 +111,16 @@ std::string nrrd_of(const std::string& sizes, const std::string& dimension = "3"
          "\nencoding: raw\nendian: little\n\nvoxels";
 }
 
+void make_push(const TemporaryFolder& f) {
+  write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n0.5,20,90\n1,20,90\n");
+}
+
+void make_push_and_tree(const TemporaryFolder& f) {
+  make_push(f);
+  write_bytes(f / "tree.json",
+              R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 0.5], [0, 0, 100, 0.5]]}]})");
+}
+
 const BadCall kBadCalls[] = {
     // Vessels. The little scan is 4 slices of water.
     {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices are too few"},
@@ -128,6 +138,34 @@ const BadCall kBadCalls[] = {
     {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: has to be X,Y,Z"},
     {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
     {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
+
+    // The catheter. A tube of one branch, 1 mm wide.
+    {"SimulateNoTree", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "tree.json: there is no such file", make_push},
+    {"SimulateNoEntry",
+     "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7", 3,
+     "--entry 7: there is no branch 7", make_push_and_tree},
+    {"SimulateEntryOfTwo",
+     "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7,8", 3,
+     "--entry 7,8: has to be", make_push_and_tree},
+    {"SimulateTooThick", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "cobra-5f: its radius of 0.833 mm does not fit into branch 0", make_push_and_tree},
+    {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
+     "asp: no such device; there are guidewire-035-j", make_push_and_tree},
+    {"SimulateBackInTime",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
+     "push.csv: line 4: time_s 1 does not come after 2",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n2,5,0\n1,6,0\n");
+     }},
+    {"SimulateTooFar",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
+     "push.csv: line 3: insertion_mm 1500; microcatheter-27f can be pushed in by 1280 mm",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n20,1500,0\n");
+     }},
 
     // The scan.
     {"MissingScan", "cast @/nothing -o @/out.exr", 3, "nothing: no such file or folder"},
@@ -600,6 +638,27 @@ TEST_F(Cli, TakesPathsWithSpacesAndLettersBeyondAscii) {
   for (const char* picture : {"ä b.exr", "ä b.tif", "ä b.nrrd", "ä b.png"})
     made({"project", (place / "Größe 1.nrrd").string()}, picture);
   EXPECT_EQ(read_body_map(place / "schön 1.exr").source, "MetaImage " + (place / "Größe 1.mhd").string());
+}
+
+// ---- the catheter ---------------------------------------------------------------------------------
+
+TEST_F(Cli, SimulatesTheSameRunTwice) {
+  make_push_and_tree(folder_);
+  const std::string line =
+      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv --plot @/forces.png -q -o ";
+  const Json json = json_of(line + "@/first.csv");
+  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "log", "rows", "simulated_s",
+                                         "wall_s", "tip"));
+  EXPECT_EQ(json["rows"], 3);
+  EXPECT_LT(json["wall_s"], json["simulated_s"]);
+  // The wire went in from below by 20 mm.
+  EXPECT_NEAR(json["tip"]["position_mm"][2], 20, 1);
+  EXPECT_GT(fs::file_size(folder_ / "forces.png"), 0);
+  output_of(line + "@/second.csv");
+  const std::string log = read_bytes(folder_ / "first.csv");
+  EXPECT_EQ(log, read_bytes(folder_ / "second.csv"));
+  EXPECT_THAT(log, StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
+  EXPECT_EQ(std::ranges::count(log, '\n'), 4);
 }
 
 // ---- segmenting -----------------------------------------------------------------------------------

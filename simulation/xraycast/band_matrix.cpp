@@ -1,5 +1,7 @@
 #include "xraycast/band_matrix.hpp"
 
+#include "xraycast/wide_vectors.hpp"
+
 namespace xraycast {
 
 void BandMatrix::reset(std::size_t size) {
@@ -11,6 +13,7 @@ void BandMatrix::fix_first(std::size_t count) {
   for (std::size_t j = 0; j < count; ++j) columns_[j] = Column{1};
 }
 
+XRAYCAST_WIDE_VECTORS
 bool BandMatrix::factorise() {
   for (std::size_t j = 0; j < size_; ++j) {
     Column& pivot = columns_[j];
@@ -18,6 +21,7 @@ bool BandMatrix::factorise() {
     const double inverse = 1 / pivot[0];
     Column scaled;
     for (std::size_t k = 0; k < scaled.size(); ++k) scaled[k] = pivot[k] * inverse;
+#pragma GCC unroll 10
     for (std::size_t k = 1; k <= kBand; ++k) {
       Column& other = columns_[j + k];
       const double factor = scaled[k];
@@ -28,16 +32,19 @@ bool BandMatrix::factorise() {
   return true;
 }
 
+XRAYCAST_WIDE_VECTORS
 void BandMatrix::solve(double* x) const {
-  for (std::size_t j = 0; j < size_; ++j) {
-    const std::size_t below = j + kBand < size_ ? kBand : size_ - 1 - j;
-    for (std::size_t k = 1; k <= below; ++k) x[j + k] -= columns_[j][k] * x[j];
-  }
+  for (std::size_t j = 0; j < size_; ++j)
+    for (std::size_t k = 1; k <= kBand; ++k) x[j + k] -= columns_[j][k] * x[j];
+  for (std::size_t k = 0; k < kBand; ++k) x[size_ + k] = 0;
   for (std::size_t j = size_; j-- > 0;) {
-    const std::size_t below = j + kBand < size_ ? kBand : size_ - 1 - j;
-    double sum = x[j] / columns_[j][0];
-    for (std::size_t k = 1; k <= below; ++k) sum -= columns_[j][k] * x[j + k];
-    x[j] = sum;
+    // Two sums, so that one addition need not wait for the other.
+    double even = x[j] / columns_[j][0], odd = 0;
+    for (std::size_t k = 1; k <= kBand; k += 2) {
+      even -= columns_[j][k] * x[j + k];
+      odd -= columns_[j][k + 1] * x[j + k + 1];
+    }
+    x[j] = even + odd;
   }
 }
 

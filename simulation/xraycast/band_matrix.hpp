@@ -35,7 +35,8 @@ class BandMatrix {
   /// definite.
   bool factorise();
 
-  /// Replaces a right-hand side of size() numbers by the solution; after factorise().
+  /// Replaces a right-hand side of size() numbers, and kBand zeros behind them, by the solution; after
+  /// factorise().
   void solve(double* x) const;
 
  private:

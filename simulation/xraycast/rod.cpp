@@ -1,5 +1,7 @@
 #include "xraycast/rod.hpp"
 
+#include "xraycast/wide_vectors.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
@@ -129,8 +131,8 @@ Rod::Rod(DeviceModel device, std::vector<double> stations_mm, const Clamp& clamp
     state->edge_spins_rad.reserve(most);
   }
   system_.matrix_.reserve(kHeld + 4 * most);
-  system_.gradient_.reserve(kHeld + 4 * most);
-  solution_.reserve(kHeld + 4 * most);
+  system_.gradient_.reserve(kHeld + 4 * most + BandMatrix::kBand);
+  solution_.reserve(kHeld + 4 * most + BandMatrix::kBand);
 
   nodes_.resize(stands + 1);
   edges_.resize(stands);
@@ -331,6 +333,7 @@ double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* su
 
 // ---- a step ---------------------------------------------------------------------------------------------
 
+XRAYCAST_WIDE_VECTORS
 void Rod::assemble_elastic(const RodState& state) {
   const double axial_mN = device_.axial_stiffness_N() / kMilli;
   double* gradient = system_.gradient_.data();
@@ -405,6 +408,20 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
   double potential = potential_uJ(state_, dt_s, surroundings);
   const double start_uJ = potential;
 
+  // Where the rod would go by itself is a better start than where it is, if it lies lower.
+  solution_.assign(rows + BandMatrix::kBand, 0.0);
+  for (std::size_t i = 1; i < nodes_.size(); ++i)
+    for (std::size_t c = 0; c < 3; ++c)
+      solution_[place_row(i) + c] = dt_s * nodes_[i].velocity_mm_s[static_cast<Eigen::Index>(c)];
+  for (std::size_t j = 0; j < edges_.size(); ++j) solution_[spin_row(j)] = dt_s * edges_[j].spin_rad_s;
+  move(state_, solution_.data(), 1, trial_);
+  if (const double reached = potential_uJ(trial_, dt_s, surroundings); reached < potential) {
+    std::swap(state_, trial_);
+    potential = reached;
+  } else if (surroundings) {
+    surroundings->energy_uJ(state_);
+  }
+
   report_ = {};
   while (report_.iterations < options_.iterations) {
     ++report_.iterations;
@@ -414,7 +431,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     assemble_motion(state_, dt_s);
     if (surroundings) surroundings->assemble(state_, system_);
     system_.matrix_.fix_first(kHeld);
-    solution_.assign(rows, 0.0);
+    solution_.assign(rows + BandMatrix::kBand, 0.0);
     for (std::size_t r = kHeld; r < rows; ++r) solution_[r] = -system_.gradient_[r];
     [[maybe_unused]] const bool definite = system_.matrix_.factorise();
     assert(definite);

@@ -15,7 +15,7 @@ constexpr double kMilli = 1e-3, kMicro = 1e-6;
 constexpr double kGuide_N_mm2 = 20, kGuideRamp_mm = 5;
 
 // Where the wall is twice as stiff as at first.
-constexpr double kStiffening_mm = 0.3;
+constexpr double kStiffening_mm = 1.0;
 double squared(double x) { return x * x; }
 
 }  // namespace

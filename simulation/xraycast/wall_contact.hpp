@@ -14,7 +14,7 @@ namespace xraycast {
 /// The wall gives way like an elastic half-space under a cylinder (Johnson, Contact Mechanics, 1985, section
 /// 4.2(c)): pi/4 E / (1 - nu^2) of force per length and depth, 0.5 N/mm^2 with an artery's E of 0.5 MPa and
 /// nu 0.5, rounded down; and it stiffens as it is stretched, as its collagen takes up the load (Fung,
-/// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / 0.3 mm)^2). A
+/// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / 1 mm)^2). A
 /// node bears it for the length it stands for.
 ///
 /// Friction is a spring along the wall that is anchored where the surface stuck, and slips when its force

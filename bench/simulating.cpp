@@ -1,0 +1,61 @@
+// Steps of the catheter's simulation.
+#include "simulating.hpp"
+
+#include "suite.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <memory>
+#include <numbers>
+
+namespace xraycast::bench {
+namespace {
+
+/// A vessel that winds from side to side and hardly leaves the device room, so that most nodes touch it.
+VesselTree winding_vessel(double length_mm) {
+  constexpr double kSwing_mm = 8, kPeriod_mm = 80, kRadius_mm = 1;
+  VesselBranch branch;
+  for (int i = 0; i <= static_cast<int>(length_mm); ++i)
+    branch.points.push_back(
+        {{kSwing_mm * std::sin(2 * std::numbers::pi * i / kPeriod_mm), 0, 1.0 * i}, kRadius_mm});
+  return {{branch}, "winding vessel"};
+}
+
+}  // namespace
+
+CatheterSteps::CatheterSteps(std::size_t nodes, double spacing_mm) {
+  const VesselTree vessel = winding_vessel(1100);
+  catheter_ = std::make_unique<Catheter>(vessel, DeviceModel::named("cobra-5f"), most_inferior_end(vessel),
+                                         Catheter::Options{.spacing_mm = spacing_mm});
+  while (catheter_->rod().node_count() < nodes) {
+    pose_.insertion_mm += 0.05;
+    catheter_->step(pose_);
+  }
+  pose_ = catheter_->pose();
+}
+
+double CatheterSteps::next_ms() {
+  // To and fro at 20 mm/s, so that friction turns round and nodes come and go, and a turn in ten seconds.
+  constexpr long kStroke_steps = 250;
+  pose_.insertion_mm += (++steps_ / kStroke_steps) % 2 == 0 ? -0.02 : 0.02;
+  pose_.rotation_rad += 2 * std::numbers::pi / 10'000;
+  return wall_ms([&] { catheter_->step(pose_); });
+}
+
+std::vector<Row> add_simulating(Bench&) {
+  add("quarter of a deadline", [] { return 0.25; });
+  add("deadline", [] { return 1.0; });
+  const auto steps = std::make_shared<CatheterSteps>(200, 2.5);
+  add("rod_step_200", [steps] { return steps->next_ms(); });
+  add("rod_step_200_p999", [steps] {
+    std::vector<double> times_ms;
+    for (int i = 0; i < 2000; ++i) times_ms.push_back(steps->next_ms());
+    std::ranges::sort(times_ms);
+    return times_ms[1997];
+  });
+  using enum Row::Bar;
+  return {{"rod_step_200", "quarter of a deadline", at_most, 1},
+          {"rod_step_200_p999", "deadline", at_most, 1}};
+}
+
+}  // namespace xraycast::bench

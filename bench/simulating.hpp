@@ -1,0 +1,24 @@
+#pragma once
+
+#include "xraycast/catheter.hpp"
+
+#include <cstddef>
+#include <memory>
+
+namespace xraycast::bench {
+
+/// A catheter of so many nodes, most of them in contact, that is kept moving.
+class CatheterSteps {
+ public:
+  CatheterSteps(std::size_t nodes, double spacing_mm);
+
+  /// The time of the next step.
+  double next_ms();
+
+ private:
+  std::unique_ptr<Catheter> catheter_;
+  HubPose pose_;
+  long steps_ = 0;
+};
+
+}  // namespace xraycast::bench
