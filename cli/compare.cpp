@@ -10,7 +10,9 @@
 #include "xraycast/viewer/renderer.hpp"
 
 #include <fmt/format.h>
+#include <glm/vector_relational.hpp>
 
+#include <cmath>
 #include <memory>
 #include <numbers>
 
@@ -49,10 +51,25 @@ Json to_json(const Likeness& likeness) {
   return {{"psnr_db", likeness.psnr_db}, {"ssim", likeness.ssim}, {"rmse", likeness.rmse}};
 }
 
-void check_same_body(const MapGeometry& map, const VolumeGeometry& volume, const Options& options) {
-  const double top = volume.upper_mm().z, bottom = volume.lower_mm().z, middle = bounds_of(map).centre_mm.z;
-  if (middle > top || middle < bottom)
-    throw InputError("{} was not cast from {}: it lies elsewhere", options.map, options.input);
+/// A map's rows are its scan's slices; a sphere has a centre alone.
+void check_same_scan(const MapGeometry& map, const VolumeGeometry& volume, const Options& options) {
+  const auto fail = [&](const std::string& why) {
+    throw InputError("{} was not cast from {}: {}", options.map, options.input, why);
+  };
+  const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
+  if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
+    fail("it lies elsewhere");
+  if (map.projection == Projection::sphere) return;
+  if (map.height != volume.size.z)
+    fail(fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z));
+  const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
+  constexpr double kSame = 0.01;  // of a slice
+  if (std::abs(map.row_spacing_mm - slice_mm) * map.height > kSame * slice_mm ||
+      std::abs(map.top_mm - top_mm) > kSame * slice_mm)
+    fail(
+        fmt::format("its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from "
+                    "{:.4g} mm",
+                    map.row_spacing_mm, map.top_mm, slice_mm, top_mm));
 }
 
 void compare_map(const Options& options, Session& session) {
@@ -68,7 +85,7 @@ void compare_map(const Options& options, Session& session) {
     throw InputError("{}: a spectrum map; those that hold optical depths can be compared", options.map);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
-  check_same_body(map->geometry, scan.source->geometry(), options);
+  check_same_scan(map->geometry, scan.source->geometry(), options);
   Device device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;

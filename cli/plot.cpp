@@ -44,6 +44,9 @@ struct Axis {
     const double rough = (high - low) / 6, decade = std::pow(10, std::floor(std::log10(rough)));
     for (const double nice : {10.0, 5.0, 2.0, 1.0})
       if (nice * decade >= rough) step = nice * decade;
+    // Angles are read in sixths of a right angle.
+    for (const double angle : {60.0, 30.0, 15.0})
+      if (low == 0 && std::abs(high - 360) < angle && angle >= rough) step = angle;
     low = std::floor(low / step + 1e-9) * step;
     high = std::ceil(high / step - 1e-9) * step;
   }

@@ -3,12 +3,14 @@
 #include "xraycast/viewer/viewer_window.hpp"
 
 #include <memory>
+#include <optional>
 
 namespace xraycast::cli {
 namespace {
 
 struct Options {
   std::string map, scan, basis, vessels, catheter, session;
+  std::optional<double> contrast_mg_ml;
 };
 
 ViewSession resolve(const Options& options) {
@@ -25,6 +27,7 @@ ViewSession resolve(const Options& options) {
     if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder", given);
     file = given;
   }
+  if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
   return session;
 }
 
@@ -46,6 +49,11 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("FILE");
   command->add_option("--vessels", options->vessels, "A surface (.vtp, .stl), or a folder that holds one")
       ->type_name("DIR|FILE");
+  command
+      ->add_option("--contrast", options->contrast_mg_ml,
+                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
+      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
+      ->type_name("MG/ML");
   command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
       ->type_name("CSV");
   command->add_option("--session", options->session, "What was saved with Ctrl+S; other options go first")
