@@ -165,8 +165,9 @@ void compare_maps(const Options& options, Session& session) {
     curves.push_back(std::move(one.curve));
   }
   if (!options.plot.empty())
-    write_plot(fmt::format("{}, {}", options.input, options.compositing), "C-arm angle (deg)", "PSNR (dB)",
-               curves, options.plot);
+    write_plot(
+        fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
+        "C-arm angle (deg)", "PSNR (dB)", curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
     result.update(all[0]);

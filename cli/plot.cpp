@@ -110,9 +110,14 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
       line(image, x0, y0, x, y, colour);
       line(image, x0, y0 + 1, x, y + 1, colour);
     }
-    if (curves.size() > 1)
-      text(image, kWidth - kRight - 8, kTop + 20 + 20 * static_cast<int>(c), curves[c].name, colour,
-           Algo::TextAlignX::Right);
+  }
+  for (std::size_t c = 0; curves.size() > 1 && c < curves.size(); ++c) {
+    const int y = kTop + 20 + 20 * static_cast<int>(c);
+    const OIIO::ROI words = Algo::text_size(curves[c].name, kFont, "DejaVuSans");
+    const OIIO::ROI behind(kWidth - kRight - 12 - words.width(), kWidth - kRight - 4, y - kFont, y + 5);
+    Algo::fill(image, {1.0f, 1.0f, 1.0f}, behind);
+    text(image, kWidth - kRight - 8, y, curves[c].name, kColours[c % kColours.size()],
+         Algo::TextAlignX::Right);
   }
   std::vector<std::uint8_t> pixels(static_cast<std::size_t>(3) * kWidth * kHeight);
   image.get_pixels(image.roi(), OIIO::TypeDesc::UINT8, pixels.data());
