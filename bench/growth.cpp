@@ -2,6 +2,7 @@
 
 #include "../cli/plot.hpp"
 #include "xraycast/caster.hpp"
+#include "xraycast/vesselness.hpp"
 
 #include <fmt/format.h>
 
@@ -80,6 +81,22 @@ void measure_growth(Bench& bench, const std::filesystem::path& plot) {
     curves.push_back(std::move(curve));
   }
   cli::write_plot("Time of a cast", "share of the largest", "ms", curves, plot);
+}
+
+void measure_segmenting_growth(Bench& bench, const std::filesystem::path& plot) {
+  cli::Curve curve{"vesselness at three scales", {{0, 0}}};
+  for (const int size : {128, 256, 384}) {
+    const Cube cube = cube_of(bench, size);
+    const auto run = [&] {
+      return wall_ms([&] { vesselness(cube.hu, cube.grid, VesselnessOptions{}, bench.device); });
+    };
+    const double megavoxels = static_cast<double>(cube.hu.size()) / 1e6;
+    run();  // fills caches and pages
+    const double ms = median({run(), run(), run()});
+    fmt::print("{:>5}^3 voxels {:>8.0f} ms, {:.1f} ns a voxel\n", size, ms, ms / megavoxels);
+    curve.points.emplace_back(megavoxels, ms / 1000);
+  }
+  cli::write_plot("Time of vesselness: 128, 256 and 384 voxels cubed", "million voxels", "s", {curve}, plot);
 }
 
 }  // namespace xraycast::bench

@@ -9,4 +9,7 @@ namespace xraycast::bench {
 /// How the time of a cast grows with slices, angles, layers and knots: numbers on stdout, and a plot.
 void measure_growth(Bench& bench, const std::filesystem::path& plot);
 
+/// How the time of vesselness grows with the voxels: numbers on stdout, and a plot.
+void measure_segmenting_growth(Bench& bench, const std::filesystem::path& plot);
+
 }  // namespace xraycast::bench

@@ -7,6 +7,7 @@
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/view.hpp"
 #include "xraycast/viewer/headless_context.hpp"
+#include "yardsticks.hpp"
 
 #include <benchmark/benchmark.h>
 
@@ -64,9 +65,13 @@ void add(const std::string& name, Work work) {
   registered->UseManualTime()->Unit(benchmark::kMillisecond);
 }
 
+/// A cube from the middle of the scan.
+Cube cube_of(const Bench& bench, std::int64_t size);
+
 // A topic a file: each registers its benchmarks and yardsticks and returns its lines of the table.
 std::vector<Row> add_casting(Bench& bench);
 std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);
+std::vector<Row> add_segmenting(Bench& bench);
 
 }  // namespace xraycast::bench

@@ -6,8 +6,11 @@
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/materials.hpp"
 #include "xraycast/slab_caster.hpp"
 #include "xraycast/stopwatch.hpp"
+#include "xraycast/vessel_removal.hpp"
+#include "xraycast/vessel_tree.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -25,7 +28,8 @@ struct Options {
   std::string input, basis, knots;
   MapOutput output;
   ScanOptions scan;
-  std::string projection = "cylinder", centre = "auto", radius = "auto", centre_line, memory_limit;
+  std::string projection = "cylinder", centre = "auto", radius = "auto", centre_line, memory_limit,
+              without_vessels;
   AttenuationOptions attenuation;
   std::optional<int> layers, angles, views;
   std::optional<std::string> radii;
@@ -33,12 +37,16 @@ struct Options {
 
 constexpr int kAngles = 360, kViews = 36;
 
-/// --centre X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
+/// --centre vessels:DIR, X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
 glm::dvec3 parse_centre(const Options& options, double z_mm) {
+  const std::string vessels = "vessels:";
+  if (options.centre.starts_with(vessels))
+    return centroid_mm(read_tree(std::filesystem::path(options.centre.substr(vessels.size())) / "tree.vtp"));
   const std::vector<double> centre = parse_numbers(options.centre, "--centre");
   const bool has_z = centre.size() == 3 && options.projection == "sphere";
   if (centre.size() != 2 && !has_z)
-    throw InputError("--centre {}: has to be auto or X,Y in mm, and for a sphere also X,Y,Z", options.centre);
+    throw InputError("--centre {}: has to be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",
+                     options.centre);
   return {centre[0], centre[1], has_z ? centre[2] : z_mm};
 }
 
@@ -208,6 +216,17 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
   return casting;
 }
 
+/// The scan, without the vessels that --without-vessels names.
+Scan open(const Options& options, Progress& progress) {
+  Scan scan = open_scan(options.input, options.scan, progress);
+  if (options.without_vessels.empty()) return scan;
+  const std::filesystem::path file = std::filesystem::path(options.without_vessels) / "mask.nrrd";
+  const Scan vessels = open_scan(file.string(), {}, progress);
+  check_mask_grid(vessels.source->geometry(), scan.source->geometry(), "--without-vessels " + file.string());
+  scan.source = std::make_unique<WithoutVessels>(std::move(scan.source), collect(*vessels.source, progress));
+  return scan;
+}
+
 /// Casts without holding the scan; it is read twice where the body has to be found first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
                    std::int64_t limit_B, Device& device, Progress& progress) {
@@ -244,7 +263,7 @@ void cast_map(const Options& options, Session& session) {
   const auto attenuation = resolve(options.attenuation);
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
-  Scan scan = open_scan(options.input, options.scan, session.progress);
+  Scan scan = open(options, session.progress);
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
@@ -321,9 +340,10 @@ void add_cast(CLI::App& app, Session& session) {
       ->type_name("N");
   command
       ->add_option("--centre", options->centre,
-                   "The axis in mm, for a sphere the point; auto: the body's centroid")
+                   "The axis in mm, for a sphere the point; auto: the body's centroid; vessels: that of the "
+                   "vessels that `xraycast segment` left in a folder")
       ->capture_default_str()
-      ->type_name("auto|X,Y[,Z]");
+      ->type_name("auto|vessels:DIR|X,Y[,Z]");
   command
       ->add_option("--centre-line", options->centre_line,
                    "cylinder: a centre that follows a line, monotone in z; a CSV of x,y,z or a vessel tree")
@@ -331,6 +351,12 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--radius", options->radius, "The outermost radius in mm; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
+  command
+      ->add_option(
+          "--without-vessels", options->without_vessels,
+          "Take the contrast agent out of the vessels that `xraycast segment` left in a folder: they "
+          "are drawn as a surface then, and not also in the map")
+      ->type_name("DIR");
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,

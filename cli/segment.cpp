@@ -1,6 +1,7 @@
 #include "xraycast/segment.hpp"
 
 #include "command.hpp"
+#include "vessel_report.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/centreline.hpp"
 #include "xraycast/error.hpp"
@@ -96,6 +97,9 @@ void segment(const Options& options, Session& session) {
   write_tree(centrelines.tree, folder / "tree.json");
   write_mesh(surface, folder / "surface.vtp");
   write_mesh(surface, folder / "surface.stl");
+  write_vessel_report(fmt::format("{}: {} branches, {} loops", options.input,
+                                  centrelines.tree.branches().size(), centrelines.loops.size()),
+                      volume, mask, centrelines.tree, folder / "report.png");
   const double total_ms = stopwatch.ms();
   session.print({{"input", options.input},
                  {"folder", options.folder},

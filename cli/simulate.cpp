@@ -9,7 +9,6 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
-#include <charconv>
 #include <filesystem>
 #include <memory>
 
@@ -21,20 +20,6 @@ namespace fs = std::filesystem;
 struct Options {
   std::string tree, device_model, script, log, plot, entry;
 };
-
-/// A branch's number, or a point in mm.
-VesselEnd resolve_entry(const Options& options, const VesselTree& tree) {
-  if (options.entry.empty()) return most_inferior_end(tree);
-  const std::string name = fmt::format("--entry {}", options.entry);
-  int branch = 0;
-  const char* last = options.entry.data() + options.entry.size();
-  if (const auto [end, error] = std::from_chars(options.entry.data(), last, branch);
-      error == std::errc() && end == last)
-    return end_of_branch(tree, branch, name);
-  const std::vector<double> point_mm = parse_numbers(options.entry, "--entry");
-  if (point_mm.size() != 3) throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
-  return nearest_end(tree, {point_mm[0], point_mm[1], point_mm[2]});
-}
 
 void plot_loads(const std::vector<RunRecord>& records, const std::string& device, const fs::path& path) {
   Curve force{"force, N", {}}, torque{"torque, N mm", {}};
@@ -53,7 +38,7 @@ void simulate(const Options& options, Session& session) {
   const fs::path file =
       fs::is_directory(options.tree) ? fs::path(options.tree) / "tree.vtp" : fs::path(options.tree);
   const VesselTree tree = read_tree(file);
-  const VesselEnd entry = resolve_entry(options, tree);
+  const VesselEnd entry = entry_named(tree, options.entry);
 
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;

@@ -625,12 +625,38 @@ TEST_F(Cli, SegmentsAPhantomsVessels) {
   const Json json = json_of("segment @/thorax.nrrd -o @/vessels -q");
   EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "voxels", "branches", "loops", "gaps_mm",
                                          "triangles", "timings_ms"));
-  for (const char* name : {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl"})
+  for (const char* name : {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
   // A voxel of 2 mm is about as wide as the thinnest of the 24 branches; most are found.
   EXPECT_GE(json["branches"], 15);
   // The results serve a cast.
   output_of("cast @/thorax.nrrd -o @/map.exr -q --opacity spectrum:80 --iodine @/vessels/mask.nrrd");
+}
+
+TEST_F(Cli, SegmentedVesselsServeTheRest) {
+  output_of("phantom thorax -o @/thorax.nrrd --spacing 3 --truth @/truth -q");
+  output_of("segment @/thorax.nrrd -o @/vessels --from-mask @/truth/mask.nrrd -q");
+  const auto cast = [&](const std::string& more) {
+    return json_of("cast @/thorax.nrrd -o @/map.exr --angles 90 -q " + more)["map"];
+  };
+  // The aorta's arch and its branches lie left of the body's middle, some way in front of the spine.
+  const Json middle = cast("")["centre_mm"], vessels = cast("--centre vessels:@/vessels")["centre_mm"];
+  EXPECT_NE(middle, vessels);
+  const Json tree = Json::parse(read_bytes(folder_ / "vessels" / "tree.json"));
+  double weights = 0, x = 0;
+  for (const Json& branch : tree["branches"])
+    for (std::size_t i = 1; i < branch["points"].size(); ++i) {
+      const Json &a = branch["points"][i - 1], &b = branch["points"][i];
+      const auto of = [&](const Json& p, std::size_t k) { return p[k].get<double>(); };
+      const double length = std::hypot(of(b, 0) - of(a, 0), of(b, 1) - of(a, 1), of(b, 2) - of(a, 2)),
+                   radius = 0.5 * (of(a, 3) + of(b, 3)), weight = length * radius * radius;
+      weights += weight;
+      x += weight * 0.5 * (of(a, 0) + of(b, 0));
+    }
+  // The tree's JSON has three digits after the point.
+  EXPECT_NEAR(vessels[0].get<double>(), x / weights, 0.01);
+  cast("--without-vessels @/vessels");
+  output_of("render @/map.exr -o @/frame.png --vessels @/vessels --look surface --size 64x64 -q");
 }
 
 TEST_F(Cli, SegmentsFromAMask) {

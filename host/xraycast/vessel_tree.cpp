@@ -282,6 +282,20 @@ VesselTree::Location VesselTree::nearest(const glm::dvec3& point_mm) const {
       .distance_mm = distance_mm};
 }
 
+glm::dvec3 centroid_mm(const VesselTree& tree) {
+  glm::dvec3 sum(0);
+  double weights = 0;
+  for (const VesselBranch& branch : tree.branches())
+    for (std::size_t i = 1; i < branch.points.size(); ++i) {
+      const VesselPoint &a = branch.points[i - 1], &b = branch.points[i];
+      const double radius_mm = 0.5 * (a.radius_mm + b.radius_mm),
+                   weight = glm::distance(a.position_mm, b.position_mm) * radius_mm * radius_mm;
+      sum += weight * 0.5 * (a.position_mm + b.position_mm);
+      weights += weight;
+    }
+  return sum / weights;
+}
+
 void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
   if (path.extension() == ".vtp") return write_lines(tree, path);
   if (path.extension() == ".json") return write_json(tree, path);

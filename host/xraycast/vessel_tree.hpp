@@ -61,6 +61,9 @@ class VesselTree {
   SegmentIndex segments_;
 };
 
+/// The middle of a tree's lumen: the mean of its centrelines, weighed by their cross-sections.
+glm::dvec3 centroid_mm(const VesselTree& tree);
+
 /// `.vtp` by VMTK's conventions, or `.json`, by the extension. Throws InputError for another one, Error when
 /// the disk is full.
 ///

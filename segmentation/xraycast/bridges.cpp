@@ -16,7 +16,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kLongest_mm = 40, kThickest_mm = 2.5;
+constexpr double kLongest_mm = 40, kOfShorter = 2, kThickest_mm = 2.5;
 
 /// The diagonal of each part's box.
 std::vector<double> lengths_mm(const Components& parts, const VolumeGeometry& g) {
@@ -166,8 +166,9 @@ void bridge_gaps(Mask& whole, const Mask& whole_candidates) {
   const Index3 size = mask.geometry.size;
   for (const auto& [pair, way] : order) {
     const int from = find(pair.first), to = find(pair.second);
-    const double most_mm = std::min({kLongest_mm, length_mm[static_cast<std::size_t>(pair.first)],
-                                     length_mm[static_cast<std::size_t>(pair.second)]});
+    const double shorter_mm = std::min(length_mm[static_cast<std::size_t>(pair.first)],
+                                       length_mm[static_cast<std::size_t>(pair.second)]),
+                 most_mm = std::min(kLongest_mm, kOfShorter * shorter_mm);
     if (from == to || way.length_mm > most_mm) continue;
     joined[static_cast<std::size_t>(from)] = to;
     for (const std::int64_t at : fronts.voxels(way)) {

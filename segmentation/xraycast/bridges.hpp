@@ -7,8 +7,8 @@ namespace xraycast {
 /// Joins parts of a vessel where something that touches it was taken off together with it, as bone is where a
 /// vessel passes through: along the shortest way within `candidates` (all that could be vessel), which keeps
 /// to the middle where it can. A way is at most 40 mm long, which an artery's bony canal does not exceed (the
-/// carotid's has 25 to 35 mm), and no longer than the parts that it joins. No two parts are joined twice, so
-/// that no loops arise. The bridge is as thick as the candidates there, but no thicker than 5 mm.
+/// carotid's has 25 to 35 mm), and at most twice as long as the parts that it joins. No two parts are joined
+/// twice, so that no loops arise. The bridge is as thick as the candidates there, but no thicker than 5 mm.
 void bridge_gaps(Mask& mask, const Mask& candidates);
 
 }  // namespace xraycast

@@ -157,8 +157,6 @@ Contrast measure_contrast(const Volume& volume, const std::string& name) {
     if (!classes) throw InputError("{}: no vessel: all voxels have about {} HU", name, lowest);
     // In noise the halves of its histogram are no classes. What counts rises four standard deviations above
     // it, which in Gaussian noise one voxel in thirty thousand does by chance: too few to touch each other.
-    // The figure was fixed when VascuSynth's trees were at hand; three let noise join up to false vessels in
-    // them.
     constexpr double kRise = 4;
     const auto [median_hu, spread_hu] = median_and_spread_hu(all, lowest, highest);
     const double least_hu = std::max(0.5 * (classes->first + classes->second), median_hu + kRise * spread_hu);

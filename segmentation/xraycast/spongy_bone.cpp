@@ -11,8 +11,8 @@ namespace xraycast {
 namespace {
 
 constexpr double kThickest_mm = 5;
-constexpr double kReach = 4, kFork = 1.75;               ///< see the header
-constexpr double kAround_vox = 2.5, kSurrounded = 0.65;  ///< see the header
+constexpr double kReach = 4, kLeastReach_vox = 8, kFork = 1.75;  ///< see the header
+constexpr double kAround_vox = 2.5, kSurrounded = 0.65;          ///< see the header
 
 double voxel_mm3(const VolumeGeometry& g) { return g.spacing_mm.x * g.spacing_mm.y * g.spacing_mm.z; }
 
@@ -94,7 +94,8 @@ std::vector<Medial> medial_voxels(const Mask& mask) {
 }
 
 bool is_layer(const Medial& m, const Mask& mask, const std::vector<std::uint16_t>& counts, double voxel_mm) {
-  const double reach_mm = kReach * m.depth_mm + voxel_mm, radius_mm = m.depth_mm + 0.5 * voxel_mm,
+  const double reach_mm = std::max(kReach * m.depth_mm + voxel_mm, kLeastReach_vox * voxel_mm),
+               radius_mm = m.depth_mm + (m.depth_mm > voxel_mm ? 0.5 : 0.25) * voxel_mm,
                tube_mm3 = std::numbers::pi * radius_mm * radius_mm * 2 * reach_mm;
   std::int64_t inside = 0;
   Ball(mask.geometry, reach_mm).for_each_row(mask, m.voxel, [&](std::size_t first, std::int64_t length) {

@@ -6,6 +6,7 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 
 namespace xraycast {
@@ -71,11 +72,42 @@ VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
       ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
 }
 
+VesselEnd entry_named(const VesselTree& tree, const std::string& text) {
+  if (text.empty()) return most_inferior_end(tree);
+  const std::string name = fmt::format("--entry {}", text);
+  std::vector<double> numbers(1);
+  const char *at = text.data(), *end = at + text.size();
+  while (true) {
+    const auto [behind, error] = std::from_chars(at, end, numbers.back());
+    const bool goes_on = behind != end && *behind == ',';
+    if (error != std::errc() || (behind != end && !goes_on) || !std::isfinite(numbers.back()))
+      throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+    if (!goes_on) break;
+    at = behind + 1;
+    numbers.push_back(0);
+  }
+  if (numbers.size() == 3) return nearest_end(tree, {numbers[0], numbers[1], numbers[2]});
+  const auto branch = static_cast<int>(std::clamp(numbers[0], -1.0, 1e9));
+  if (numbers.size() != 1 || branch != numbers[0])
+    throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+  return end_of_branch(tree, branch, name);
+}
+
+double node_spacing_mm(const VesselTree& tree, const DeviceModel& device) {
+  constexpr double kFinest_mm = 1.5, kCoarsest_mm = 5;
+  double narrowest_mm = kCoarsest_mm;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points)
+      if (point.radius_mm > device.radius_mm()) narrowest_mm = std::min(narrowest_mm, point.radius_mm);
+  return std::clamp(1.5 * narrowest_mm, kFinest_mm, kCoarsest_mm);
+}
+
 Catheter::Catheter(const VesselTree& tree, const DeviceModel& device, const VesselEnd& entry,
                    const Options& options)
     : options_(options),
-      rod_(device, device.stations_mm(options.spacing_mm), clamp_at(checked(entry, device)), kIntroducer_mm,
-           {.iterations = options.iterations}),
+      rod_(device,
+           device.stations_mm(options.spacing_mm > 0 ? options.spacing_mm : node_spacing_mm(tree, device)),
+           clamp_at(checked(entry, device)), kIntroducer_mm, {.iterations = options.iterations}),
       wall_(walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
   // Its tip's shape comes to rest in the introducer and just before it.
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
@@ -88,7 +120,8 @@ void Catheter::step(const HubPose& target) {
   const double wanted_mm = std::clamp(target.insertion_mm, 0.0, longest_insertion_mm());
   const double rotated_rad =
       pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad, -most_rad, most_rad);
-  pose_.insertion_mm += std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, most_mm);
+  pose_.insertion_mm +=
+      std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, load().force_N > kStrongestPush_N ? 0 : most_mm);
   if (rotated_rad != pose_.rotation_rad) rod_.rotate_to(rotated_rad);
   pose_.rotation_rad = rotated_rad;
   rod_.feed_to(kIntroducer_mm + pose_.insertion_mm, wall_.get());

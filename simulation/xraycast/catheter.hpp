@@ -27,6 +27,14 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 /// The end nearest to a point.
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
+/// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
+/// taken; the most inferior one for an empty text. Throws InputError.
+VesselEnd entry_named(const VesselTree& tree, const std::string& text);
+
+/// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
+/// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.
+double node_spacing_mm(const VesselTree& tree, const DeviceModel& device);
+
 /// Where a catheter's tip is.
 struct CatheterTip {
   glm::dvec3 position_mm{0, 0, 0};
@@ -49,14 +57,18 @@ struct CatheterContact {
 class Catheter {
  public:
   struct Options {
-    double spacing_mm = 5;  ///< of the nodes, where the device is straight
+    double spacing_mm = 0;  ///< of the nodes, where the device is straight; 0: see node_spacing_mm
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    int iterations = 2;                 ///< of Newton's method in a step, at most
+    int iterations = 4;                 ///< of Newton's method in a step, at most
   };
 
   // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.
   static constexpr double kFastest_mm_s = 300, kFastest_rad_s = 30;
+
+  /// Against more than this a device buckles before the introducer or slips through the fingers: the hub
+  /// stays where it is.
+  static constexpr double kStrongestPush_N = 3;
 
   /// Throws InputError when the device is thicker than the vessel at the entry.
   Catheter(const VesselTree& tree, const DeviceModel& device, const VesselEnd& entry, const Options& options);

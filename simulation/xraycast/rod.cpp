@@ -26,8 +26,8 @@ constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3;
 
 // A Newton step that would go further is cut: beyond, the quadratic model says nothing.
 constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
-// The potential that one more iteration would take away: half a millinewton against 1 N/mm.
-constexpr double kTolerance_uJ = 1e-4;
+// The potential that the next iteration may leave: five millinewton against 1 N/mm.
+constexpr double kTolerance_uJ = 1e-2;
 
 /// `v`, normal to `from`, carried along the great circle to `to` (both unit).
 Vector3d transported(const Vector3d& v, const Vector3d& from, const Vector3d& to) {
@@ -403,6 +403,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
   std::ranges::fill(state_.edge_spins_rad, 0.0);
   if (surroundings) surroundings->begin_step(*this);
   double potential = potential_uJ(state_, dt_s, surroundings);
+  const double start_uJ = potential;
 
   report_ = {};
   while (report_.iterations < options_.iterations) {
@@ -447,11 +448,33 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     if (fall_uJ < kTolerance_uJ) break;
   }
 
-  for (std::size_t i = 1; i < nodes_.size(); ++i)
-    nodes_[i].velocity_mm_s = (state_.nodes_mm[i] - nodes_[i].start_mm) / dt_s;
-  for (std::size_t j = 0; j < edges_.size(); ++j) edges_[j].spin_rad_s = state_.edge_spins_rad[j] / dt_s;
+  settle_motion(dt_s, start_uJ - potential);
   if (surroundings) surroundings->end_step(state_);
   note_forces();
+}
+
+void Rod::settle_motion(double dt_s, double fall_uJ) {
+  // The potential counts the change of velocity and not the velocity itself; what fell and what changed is
+  // all that the new velocities may have. A step that ends at the minimum always keeps to that.
+  double allowed_uJ = fall_uJ, motion_uJ = 0;
+  for (std::size_t i = 1; i < nodes_.size(); ++i) {
+    Node& node = nodes_[i];
+    const Vector3d velocity = (state_.nodes_mm[i] - node.start_mm) / dt_s;
+    allowed_uJ += 0.5 * node.mass_kg * (velocity - node.velocity_mm_s).squaredNorm();
+    motion_uJ += 0.5 * node.mass_kg * velocity.squaredNorm();
+    node.velocity_mm_s = velocity;
+  }
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    Edge& edge = edges_[j];
+    const double spin = state_.edge_spins_rad[j] / dt_s, change = spin - edge.spin_rad_s;
+    allowed_uJ += 0.5 * edge.spin_inertia_kg_mm2 * change * change;
+    motion_uJ += 0.5 * edge.spin_inertia_kg_mm2 * spin * spin;
+    edge.spin_rad_s = spin;
+  }
+  if (motion_uJ <= allowed_uJ) return;
+  const double scale = std::sqrt(std::max(0.0, allowed_uJ) / motion_uJ);
+  for (Node& node : nodes_) node.velocity_mm_s *= scale;
+  for (Edge& edge : edges_) edge.spin_rad_s *= scale;
 }
 
 // ---- what is felt ---------------------------------------------------------------------------------------

@@ -168,6 +168,7 @@ class Rod {
   double potential_uJ(const RodState& state, double dt_s, RodSurroundings* surroundings) const;
   void assemble_elastic(const RodState& state);
   void assemble_motion(const RodState& state, double dt_s);
+  void settle_motion(double dt_s, double fall_uJ);
   void note_forces();
 
   DeviceModel device_;

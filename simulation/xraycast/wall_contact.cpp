@@ -14,6 +14,10 @@ constexpr double kMilli = 1e-3, kMicro = 1e-6;
 // An introducer is a tube of hard plastic; its hold comes in over its last millimetres.
 constexpr double kGuide_N_mm2 = 20, kGuideRamp_mm = 5;
 
+// Where the wall is twice as stiff as at first.
+constexpr double kStiffening_mm = 0.3;
+double squared(double x) { return x * x; }
+
 }  // namespace
 
 WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod, const Options& options,
@@ -34,6 +38,15 @@ WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod,
     contacts_[i].sample.place = field_->locate(rod.state().nodes_mm[i]);
     look(i, rod.state().nodes_mm[i]);
   }
+}
+
+double WallContact::wall_force_N(double depth_mm, double share_mm) const {
+  return options_.stiffness_N_mm2 * share_mm * depth_mm * (1 + squared(depth_mm / kStiffening_mm));
+}
+
+double WallContact::wall_energy_uJ(double depth_mm, double share_mm) const {
+  return options_.stiffness_N_mm2 / kMilli * share_mm * squared(depth_mm) *
+         (0.5 + 0.25 * squared(depth_mm / kStiffening_mm));
 }
 
 void WallContact::look(std::size_t node, const Vector3d& point_mm) {
@@ -98,7 +111,7 @@ void WallContact::begin_step(const Rod& rod) {
       continue;
     }
     const double friction = contact.sliding ? options_.kinetic_friction : options_.static_friction;
-    grip.limit_mN = friction * options_.stiffness_N_mm2 / kMilli * grip.share_mm * contact.depth_mm;
+    grip.limit_mN = friction / kMilli * wall_force_N(contact.depth_mm, grip.share_mm);
     const Vector3d normal = contact.sample.gradient.normalized();
     const Vector3d tangent = state.edges[i - 1].tangent;
     grip.across = normal.cross(tangent);
@@ -123,8 +136,7 @@ double WallContact::energy_uJ(const RodState& state) {
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Grip& grip = grips_[i];
     touch(i, state.nodes_mm[i]);
-    const double depth_mm = contacts_[i].depth_mm;
-    energy += 0.5 * options_.stiffness_N_mm2 / kMilli * grip.share_mm * depth_mm * depth_mm;
+    energy += wall_energy_uJ(contacts_[i].depth_mm, grip.share_mm);
     grip.guide_uJ = guide(state.nodes_mm[i], grip.share_mm).energy_uJ;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
@@ -152,13 +164,14 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
           hold.weight * (Eigen::Matrix3d::Identity() - introducer_.axis * introducer_.axis.transpose());
     }
     if (contact.depth_mm > 0) {
-      const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm;
+      const double force_mN = wall_force_N(contact.depth_mm, grip.share_mm) / kMilli;
+      const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm *
+                               (1 + 3 * squared(contact.depth_mm / kStiffening_mm));
       const Vector3d& inward = contact.sample.gradient;
-      slope.segment<3>(1) -= stiffness * contact.depth_mm * inward;
+      slope.segment<3>(1) -= force_mN * inward;
       hessian.block<3, 3>(1, 1) += stiffness * inward * inward.transpose();
       // A wall that goes round turns the force of a node that goes round with it.
-      const double around =
-          stiffness * contact.depth_mm / std::max(contact.sample.from_centre_mm, 0.1 * radius_mm_);
+      const double around = force_mN / std::max(contact.sample.from_centre_mm, 0.1 * radius_mm_);
       const Vector3d across = inward.cross(state.edges[i - 1].tangent);
       hessian.block<3, 3>(1, 1) += around * across * across.transpose();
     }
@@ -189,8 +202,7 @@ void WallContact::end_step(const RodState& state) {
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Contact& contact = contacts_[i];
     const Grip& grip = grips_[i];
-    const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm;
-    contact.normal_N = kMilli * stiffness * contact.depth_mm * contact.sample.gradient;
+    contact.normal_N = wall_force_N(contact.depth_mm, grip.share_mm) * contact.sample.gradient;
     contact.guide_N = -kMilli * guide(state.nodes_mm[i], grip.share_mm).slope_mN;
     contact.friction_N.setZero();
     slips_mm_[i].setZero();
@@ -219,9 +231,8 @@ double WallContact::energy_J() const {
   double energy = 0;
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     const double share_mm = grips_[i].share_mm;
-    energy += 0.5 * share_mm / kMilli *
-              (options_.stiffness_N_mm2 * contacts_[i].depth_mm * contacts_[i].depth_mm +
-               options_.tangential_N_mm2 * slips_mm_[i].squaredNorm());
+    energy += wall_energy_uJ(contacts_[i].depth_mm, share_mm) +
+              0.5 * options_.tangential_N_mm2 / kMilli * share_mm * slips_mm_[i].squaredNorm();
     energy += grips_[i].guide_uJ;
   }
   return kMicro * energy;

@@ -45,8 +45,7 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   if (options_.style.look == Look::fluoro)
     renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), kIodine_per_mm));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
-  constexpr glm::u8vec3 kAmber{190, 150, 60};
-  draw_outline(outline_, kAmber, options_.view.width, rgb);
+  draw_outline(outline_, kRoadMapColour, options_.view.width, rgb);
   screen_(std::move(rgb));
 }
 

@@ -4,6 +4,7 @@
 #include "xraycast/error.hpp"
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/furniture.hpp"
+#include "xraycast/viewer/road_map.hpp"
 
 #include <fmt/format.h>
 
@@ -117,8 +118,9 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   asked_view_.reset();
   std::vector<Surface> surfaces;
   for (const auto& surface : {opened_.vessels, opened_.catheter})
-    if (surface) surfaces.push_back(*surface);
+    if (surface && !intervention_) surfaces.push_back(*surface);
   renderer_.set_surfaces(surfaces);
+  shown_exposures_ = -1;
   if (!opened_.map) return;
   if (is_other_map) {
     undo_.clear();
@@ -160,6 +162,7 @@ void Viewer::save_picture() {
                                                 : renderer_.picture(view, session_.style);
       const View& drawn = is_truth ? latest_truth_->view : view;
       furnish(part, drawn, bounds_, status_of(session_.camera));
+      draw_outline(road_map(drawn), kRoadMapColour, drawn.width, part);
       const std::size_t row = std::size_t{3} * drawn.width;
       for (int j = 0; j < std::min(height, drawn.height); ++j)
         std::copy_n(&part[j * row], std::min(row, std::size_t{3} * pane.width),
@@ -212,6 +215,39 @@ bool Viewer::is_busy() const { return turns || cine_; }
 std::optional<Worker::Status> Viewer::status() const {
   if (cine_) return Worker::Status{"Cine", "drawing", static_cast<double>(cine_->frame) / kCineFrames};
   return opening_.status();
+}
+
+// ---- the catheter ---------------------------------------------------------------------------------
+
+/// What the last exposure saw of it.
+void Viewer::show_catheter() {
+  intervention_->update(session_.camera, since_frame_.ms() / 1000);
+  if (intervention_->exposures() == shown_exposures_) return;
+  shown_exposures_ = intervention_->exposures();
+  for (std::size_t i = 0; i < intervention_->surfaces().size(); ++i)
+    renderer_.replace_surface(i, intervention_->surfaces()[i]);
+}
+
+void Viewer::toggle_recording() {
+  attempt([&] {
+    const fs::path path = intervention_->toggle_recording();
+    if (path.empty()) return;
+    recording_ = path;
+    message_ = "saved " + fs::absolute(path).string();
+  });
+}
+
+void Viewer::replay() {
+  attempt([&] {
+    if (recording_.empty())
+      throw InputError("there is no recording yet; press Record, and once more to end it");
+    intervention_->replay(recording_);
+  });
+}
+
+std::span<const glm::ivec2> Viewer::road_map(const View& view) {
+  if (!intervention_) return {};
+  return intervention_->road_map(view);
 }
 
 // ---- how it is shown ------------------------------------------------------------------------------
@@ -308,7 +344,8 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
 // ---- the picture ----------------------------------------------------------------------------------
 
 View Viewer::view_in(int width, int height) const {
-  return view_of(session_.camera, bounds_, std::max(1, width), std::max(1, height));
+  const Camera& camera = intervention_ ? intervention_->camera() : session_.camera;
+  return view_of(camera, bounds_, std::max(1, width), std::max(1, height));
 }
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
@@ -360,6 +397,8 @@ void Viewer::draw(int width, int height) {
   glClear(GL_COLOR_BUFFER_BIT);
   if (!shown_ || width <= 0 || height <= 0) return;
   if (turns) session_.camera.rotate(360.0 / kCineFrames / 2);
+  if (intervention_) attempt([&] { show_catheter(); });
+  since_frame_ = {};
   if (cine_) attempt([&] { next_cine_frame(); });
   attempt([&] {
     for (const Pane& pane : panes(width, height)) {

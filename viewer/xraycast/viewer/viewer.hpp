@@ -1,8 +1,10 @@
 #pragma once
 
 #include "xraycast/projector.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/cine_writer.hpp"
+#include "xraycast/viewer/intervention.hpp"
 #include "xraycast/viewer/latest_worker.hpp"
 #include "xraycast/viewer/opacity_panel.hpp"
 #include "xraycast/viewer/opened_files.hpp"
@@ -36,6 +38,16 @@ class Viewer {
   void save_session();
   void save_picture();
   void save_cine();
+
+  // ---- the catheter
+  /// Steers a catheter from here on, in the place of the session's vessels and catheter. Throws as
+  /// Intervention does.
+  void simulate(const Intervention::Options& options) { intervention_.emplace(options); }
+  Intervention* intervention() { return intervention_ ? &*intervention_ : nullptr; }
+  const Intervention* intervention() const { return intervention_ ? &*intervention_ : nullptr; }
+  void toggle_recording();
+  void replay();  ///< the last recording
+  std::span<const glm::ivec2> road_map(const View& view);
 
   // ---- how it is shown
   ViewSession& session() { return session_; }
@@ -116,6 +128,7 @@ class Viewer {
   void draw_truth(const Pane& pane);
   void take_results();
   void next_cine_frame();
+  void show_catheter();
 
   ViewSession session_;
   std::string device_;
@@ -133,6 +146,10 @@ class Viewer {
   std::optional<Opacity> asked_opacity_;
   std::optional<double> psnr_db_;
   std::optional<Cine> cine_;
+  std::optional<Intervention> intervention_;
+  Stopwatch since_frame_;
+  long shown_exposures_ = -1;
+  std::filesystem::path recording_;
   int width_ = 0, height_ = 0;  ///< of the last frame
   double frame_ms_ = 0;
 

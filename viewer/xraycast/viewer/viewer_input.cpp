@@ -44,6 +44,8 @@ void handle_mouse(Viewer& viewer) {
   const ImGuiIO& io = ImGui::GetIO();
   if (io.WantCaptureMouse || !viewer.map()) return;
   Camera& camera = viewer.camera();
+  const bool holds_hub = viewer.intervention() && viewer.intervention()->haptic() == "mouse" && io.KeyCtrl;
+  if (holds_hub) return;
   if (ImGui::IsMouseDragging(ImGuiMouseButton_Left, 0)) {
     camera.rotate(-kDegreesPerPixel * io.MouseDelta.x);
     if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
@@ -82,8 +84,11 @@ bool handle_key(Viewer& viewer, int key, int mods) {
     case GLFW_KEY_C:
       viewer.next_drawing();
       break;
-    case GLFW_KEY_I:
-      style.window.inverted = !style.window.inverted;
+    case GLFW_KEY_I:  // at the table it injects
+      if (!viewer.intervention()) style.window.inverted = !style.window.inverted;
+      break;
+    case GLFW_KEY_M:
+      if (Intervention* at_table = viewer.intervention()) at_table->has_road_map = !at_table->has_road_map;
       break;
     case GLFW_KEY_S:
       viewer.splits = !viewer.splits;

@@ -2,6 +2,8 @@
 
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/headless_context.hpp"
+#include "xraycast/viewer/intervention_panel.hpp"
+#include "xraycast/viewer/road_map.hpp"
 #include "xraycast/viewer/viewer_input.hpp"
 
 #include <fmt/format.h>
@@ -52,6 +54,24 @@ void furnish(const Viewer& viewer, float left, float width, float height) {
   draw.AddLine({left + bottom.x, bottom.y}, {left + bottom.x, bottom.y - line}, kInk);
 }
 
+/// The vessels' outline over the picture, a line a run of pixels.
+void draw_road_map(Viewer& viewer, const ImVec2& size) {
+  if (!viewer.map() || !viewer.intervention()) return;
+  ImDrawList& draw = *ImGui::GetBackgroundDrawList();
+  for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
+    const auto outline = viewer.road_map(viewer.view_in(pane.width, pane.height));
+    for (std::size_t i = 0; i < outline.size();) {
+      std::size_t last = i + 1;
+      while (last < outline.size() && outline[last] == outline[i] + glm::ivec2(static_cast<int>(last - i), 0))
+        ++last;
+      const auto x = static_cast<float>(pane.x + outline[i].x), y = static_cast<float>(outline[i].y);
+      draw.AddRectFilled({x, y}, {x + static_cast<float>(last - i), y + 1},
+                         IM_COL32(kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z, 200));
+      i = last;
+    }
+  }
+}
+
 std::string status_line(const Viewer& viewer, const ImVec2& size) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
   return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", status_of(viewer.camera()),
@@ -78,10 +98,12 @@ void overlays(Viewer& viewer) {
     write((size.x - width_of(invitation)) / 2, size.y / 2, invitation);
   }
   write(line, size.y - 1.4f * line, status_line(viewer, size));
+  draw_road_map(viewer, size);
   if (!viewer.help) return;
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("Help", &viewer.help, ImGuiWindowFlags_AlwaysAutoResize);
   ImGui::TextUnformatted(kHelp);
+  if (viewer.intervention()) ImGui::TextUnformatted(kInterventionHelp);
   ImGui::End();
 }
 

@@ -1,5 +1,6 @@
 #include "xraycast/viewer/viewer_window.hpp"
 
+#include "xraycast/viewer/intervention_panel.hpp"
 #include "xraycast/viewer/viewer.hpp"
 #include "xraycast/viewer/viewer_input.hpp"
 #include "xraycast/viewer/viewer_panel.hpp"
@@ -31,20 +32,25 @@ void set_callbacks(GLFWwindow* window, Desk& desk) {
   });
 }
 
-/// Until something happens; what Dear ImGui settles late, and progress, are drawn a few times a second.
+/// Until something happens; what Dear ImGui settles late, and progress, are drawn a few times a second, a
+/// catheter as often as a fluoroscope would.
 void wait_for_events(const Viewer& viewer) {
-  constexpr double kProgress_s = 0.05, kIdle_s = 0.25;
+  constexpr double kProgress_s = 0.05, kIdle_s = 0.25, kFluoroscope_s = 1.0 / 30, kHeld_s = 0.1;
   if (viewer.is_busy())
     glfwPollEvents();
+  else if (viewer.intervention())
+    glfwWaitEventsTimeout(viewer.intervention()->is_live() ? kFluoroscope_s : kHeld_s);
   else
     glfwWaitEventsTimeout(viewer.status() ? kProgress_s : kIdle_s);
 }
 
 }  // namespace
 
-void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress) {
+void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
+                const std::optional<Intervention::Options>& simulation) {
   Window window;
   Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
+  if (simulation) desk.viewer.simulate(*simulation);
   set_callbacks(window.handle(), desk);
   window.attach_gui();
   while (!glfwWindowShouldClose(window.handle()) && !progress.cancelled()) {
@@ -53,7 +59,9 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     desk.viewer.draw(width, height);
     window.begin_gui();
     handle_mouse(desk.viewer);
+    handle_intervention(desk.viewer, window.handle());
     desk.panel.draw(desk.viewer);
+    draw_intervention_panel(desk.viewer);
     window.end_gui();
   }
 }

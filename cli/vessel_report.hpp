@@ -1,0 +1,27 @@
+#pragma once
+
+#include "xraycast/mask.hpp"
+#include "xraycast/vessel_tree.hpp"
+#include "xraycast/volume.hpp"
+
+#include <filesystem>
+#include <string>
+
+namespace xraycast::cli {
+
+/// A branch in numbers.
+struct BranchFacts {
+  double length_mm, mean_radius_mm;
+  double mean_hu;  ///< of the scan along the centreline
+};
+
+/// One for each branch of a tree.
+std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume);
+
+/// One picture of what was found: the scan from the front and from the left (the mean of its CT numbers along
+/// each ray) with the mask over it in red and the centrelines in yellow, and a table of the longest branches.
+/// Throws Error when the disk is full.
+void write_vessel_report(const std::string& title, const Volume& volume, const Mask& mask,
+                         const VesselTree& tree, const std::filesystem::path& path);
+
+}  // namespace xraycast::cli

@@ -1,0 +1,208 @@
+// Random scripts in five trees: nothing that a hand can do may break the simulation. XRAYCAST_RUNS sets how
+// many there are (100); XRAYCAST_RUNS_TABLE names a file for a table of all of them.
+#include "xraycast/catheter.hpp"
+#include "xraycast/centreline.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/scan.hpp"
+#include "xraycast/segment.hpp"
+#include "xraycast/threshold.hpp"
+
+#include <fmt/format.h>
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+#include <ctime>
+#include <filesystem>
+#include <fstream>
+#include <numbers>
+#include <random>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+using Eigen::Vector3d;
+
+VesselTree phantom_tree(const std::string& name) { return {make_phantom(name).vessel_branches(), name}; }
+
+/// A tree from a scan in which vessels are what is brighter than `lowest`.
+VesselTree scanned_tree(const fs::path& file, double lowest) {
+  Progress progress;
+  const Scan scan = open_scan(file, {}, progress);
+  const Volume volume = collect(*scan.source, progress);
+  Mask mask = between(volume, lowest, 32767);
+  return find_centrelines(select_vessels(mask, {}, file.string()), file.string()).tree;
+}
+
+VesselEnd widest_end(const VesselTree& tree) {
+  const std::vector<VesselEnd> ends = vessel_ends(tree);
+  return *std::ranges::max_element(ends, {}, &VesselEnd::radius_mm);
+}
+
+/// One of the presets that leave a third of the vessel free.
+DeviceModel fitting_device(const VesselEnd& entry, std::mt19937& random) {
+  std::vector<DeviceModel> fit;
+  for (const std::string& name : DeviceModel::preset_names())
+    if (DeviceModel device = DeviceModel::named(name); 1.5 * device.radius_mm() < entry.radius_mm)
+      fit.push_back(std::move(device));
+  return fit.at(random() % fit.size());
+}
+
+struct Outcome {
+  std::string tree, device;
+  unsigned seed = 0;
+  bool is_finite = true;
+  double beyond_static_mm = 0;  ///< the deepest node's depth over what its load accounts for
+  double deepest_mm = 0;
+  double energy_growth = 0;  ///< with the hub at rest, relative to the energy then
+  double return_mm = 0;      ///< of the tip, after pushing and pulling
+  double real_time = 0;      ///< processor time over simulated time
+};
+
+class RandomRun {
+ public:
+  RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
+      : random_(seed), entry_(widest_end(tree)), catheter_(tree, fitting_device(entry_, random_), entry_) {
+    run_.tree = name;
+    run_.seed = seed;
+    run_.device = catheter_.rod().device().name();
+  }
+
+  Outcome go() {
+    const std::clock_t start = std::clock();
+    const glm::dvec3 tip_mm = catheter_.tip().position_mm;
+    move_at_random(2);
+    rest(0.2);
+    draw_out();
+    run_.return_mm = glm::distance(catheter_.tip().position_mm, tip_mm);
+    run_.real_time = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / catheter_.time_s();
+    return run_;
+  }
+
+ private:
+  double uniform(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
+
+  /// How deep the strongest force that the hub has seen (a hand's strongest push at least), all of it on one
+  /// node, would press that into the wall at rest; where the vessel is narrower than the device, beyond what
+  /// it has to be widened by.
+  double static_depth_mm(std::size_t node) const {
+    const double share_mm = catheter_.rod().share_mm(node);
+    const TubeField::Sample& sample = catheter_.wall().contacts()[node].sample;
+    const double narrower_mm =
+        catheter_.rod().device().radius_mm() - (sample.clearance_mm + sample.from_centre_mm);
+    double low = 0, high = 10;
+    for (int i = 0; i < 40; ++i) {
+      const double middle = 0.5 * (low + high);
+      (catheter_.wall().wall_force_N(middle, share_mm) < strongest_N_ ? low : high) = middle;
+    }
+    return high + std::max(0.0, narrower_mm);
+  }
+
+  void step(const HubPose& pose) {
+    catheter_.step(pose);
+    strongest_N_ = std::max(strongest_N_, std::abs(catheter_.load().force_N));
+    const auto& contacts = catheter_.wall().contacts();
+    for (std::size_t i = 1; i < contacts.size(); ++i) {
+      const Vector3d& node = catheter_.rod().state().nodes_mm[i];
+      run_.is_finite = run_.is_finite && node.allFinite();
+      if (contacts[i].depth_mm <= 0) continue;
+      run_.deepest_mm = std::max(run_.deepest_mm, contacts[i].depth_mm);
+      run_.beyond_static_mm = std::max(run_.beyond_static_mm, contacts[i].depth_mm - static_depth_mm(i));
+    }
+    run_.is_finite = run_.is_finite && std::isfinite(catheter_.load().force_N + catheter_.load().torque_Nm);
+  }
+
+  /// Pushes, pulls and turns for as long as a script of two seconds, each for a while.
+  void move_at_random(double time_s) {
+    HubPose pose;
+    const double longest_mm = catheter_.longest_insertion_mm();
+    while (time_s > 0) {
+      const double while_s = std::min(time_s, uniform(0.05, 0.5));
+      const double speed_mm_s = uniform(-80, 200), turning_rad_s = uniform(-15, 15);
+      for (double t = 0; t < while_s; t += catheter_.step_s()) {
+        pose.insertion_mm = std::clamp(pose.insertion_mm + speed_mm_s * catheter_.step_s(), 0.0, longest_mm);
+        pose.rotation_rad += turning_rad_s * catheter_.step_s();
+        step(pose);
+      }
+      time_s -= while_s;
+    }
+  }
+
+  void rest(double time_s) {
+    const HubPose pose = catheter_.pose();
+    step(pose);
+    const double start_J = catheter_.energy_J();
+    double before_J = start_J;
+    for (double t = 0; t < time_s; t += catheter_.step_s()) {
+      step(pose);
+      const double now_J = catheter_.energy_J();
+      run_.energy_growth = std::max(run_.energy_growth, (now_J - before_J) / start_J);
+      before_J = now_J;
+    }
+  }
+
+  void draw_out() {
+    constexpr int kPatience = 20'000;  // steps: what is caught behind a fork gives way in the end
+    for (int i = 0; i < kPatience; ++i) {
+      if (catheter_.pose().insertion_mm == 0 && catheter_.pose().rotation_rad == 0) break;
+      HubPose pose = catheter_.pose();
+      pose.insertion_mm = std::max(0.0, pose.insertion_mm - 0.15);
+      pose.rotation_rad -= std::clamp(pose.rotation_rad, -0.01, 0.01);
+      step(pose);
+    }
+    for (int i = 0; i < 300; ++i) step({});
+  }
+
+  std::mt19937 random_;
+  VesselEnd entry_;
+  Catheter catheter_;
+  Outcome run_;
+  double strongest_N_ = Catheter::kStrongestPush_N;
+};
+
+int runs_wanted() {
+  const char* wanted = std::getenv("XRAYCAST_RUNS");
+  return wanted ? std::max(1, std::atoi(wanted)) : 100;
+}
+
+void write_table(const std::vector<Outcome>& runs) {
+  const char* file = std::getenv("XRAYCAST_RUNS_TABLE");
+  if (!file) return;
+  std::ofstream table(file);
+  table << "seed,tree,device,finite,deepest_mm,beyond_static_mm,energy_growth,return_mm,real_time\n";
+  for (const Outcome& run : runs)
+    table << fmt::format("{},{},{},{},{:.4f},{:.5f},{:.2e},{:.4f},{:.3f}\n", run.seed, run.tree, run.device,
+                         run.is_finite, run.deepest_mm, run.beyond_static_mm, run.energy_growth,
+                         run.return_mm, run.real_time);
+}
+
+TEST(CatheterRuns, NothingAHandDoesBreaksThem) {
+  std::vector<std::pair<std::string, VesselTree>> trees;
+  for (const char* name : {"thorax", "head"}) trees.emplace_back(name, phantom_tree(name));
+  const fs::path data = XRAYCAST_TEST_DATA;
+  if (fs::exists(data / "vascusynth")) {
+    for (const char* name : {"tree_2", "tree_3"})
+      trees.emplace_back(name, scanned_tree(data / "vascusynth" / name / "original.mhd", 1));
+    trees.emplace_back("avm", scanned_tree(data / "head-vessels" / "avm.nii.gz", 150));
+  }
+  std::vector<Outcome> runs;
+  for (int i = 0; i < runs_wanted(); ++i) {
+    const auto& [name, tree] = trees[static_cast<std::size_t>(i) % trees.size()];
+    runs.push_back(RandomRun(tree, name, static_cast<unsigned>(i)).go());
+    write_table(runs);
+    const Outcome& run = runs.back();
+    const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.device, run.tree);
+    EXPECT_TRUE(run.is_finite) << where;
+    EXPECT_LT(run.beyond_static_mm, 0.1) << where;
+    // Of rounding, which the line search admits.
+    EXPECT_LT(run.energy_growth, 1e-9) << where;
+    EXPECT_LT(run.return_mm, 1) << where;
+    EXPECT_LT(run.real_time, 1) << where;
+  }
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,101 @@
+#include "xraycast/viewer/intervention.hpp"
+
+#include "xraycast/error.hpp"
+#include "xraycast/igtlink_device.hpp"
+#include "xraycast/script_device.hpp"
+#include "xraycast/viewer/road_map.hpp"
+#include "xraycast/whole_file.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iostream>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
+  if (vessels.empty()) throw InputError("--simulate: give --vessels, a folder that `segment` wrote");
+  return std::make_shared<const VesselTree>(
+      read_tree(fs::is_directory(vessels) ? vessels / "tree.vtp" : vessels));
+}
+
+std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
+  if (!options.script.empty())
+    return std::make_unique<ScriptDevice>(Script::read(options.script), options.script.filename().string());
+  if (options.haptic == "openigtlink") {
+    const ListenAddress address =
+        options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
+    return std::make_unique<IgtlinkDevice>(
+        address, [](const std::string& line) { std::cerr << "xraycast: " << line << '\n'; });
+  }
+  const std::vector<std::string> names = Intervention::haptic_names();
+  if (std::ranges::find(names, options.haptic) == names.end())
+    throw InputError("--haptic {}: has to be one of {}", options.haptic, fmt::join(names, ", "));
+  return std::make_unique<ManualDevice>(options.haptic);
+}
+
+}  // namespace
+
+std::vector<std::string> Intervention::haptic_names() {
+  return {"keyboard", "mouse", "gamepad", "openigtlink"};
+}
+
+Intervention::Intervention(const Options& options)
+    : options_(options), tree_(read_vessel_tree(options.vessels)) {
+  restart();
+  const Surface lumen{tube_mesh(*tree_)};
+  vessels_.set_surfaces(std::span(&lumen, 1));
+}
+
+void Intervention::restart() {
+  const bool was_recording = run_ && run_->is_recording();
+  run_.reset();  // a port is free again
+  std::unique_ptr<HapticDevice> device = make_device(options_);
+  manual_ = dynamic_cast<ManualDevice*>(device.get());
+  run_ = std::make_unique<SimulatedRun>(tree_, DeviceModel::named(options_.device_model),
+                                        entry_named(*tree_, options_.entry), std::move(device));
+  if (was_recording) run_->start_recording();
+  exposures_ = 0;
+}
+
+void Intervention::replay(const fs::path& script) {
+  options_.script = script;
+  restart();
+}
+
+void Intervention::update(const Camera& camera, double passed_s) {
+  run_->update();
+  if (pedal_) fluoroscopy_s_ += passed_s;
+  // The first picture is for free, so that there is one.
+  if (!pedal_ && exposures_ > 0) return;
+  camera_ = camera;
+  surfaces_ = {run_->catheter(), run_->contrast()};
+  ++exposures_;
+}
+
+std::span<const glm::ivec2> Intervention::road_map(const View& view) {
+  if (!has_road_map) return {};
+  if (outlined_view_ != view) {
+    outline_ = outline_of(vessels_.tau(view, {}), view.width, view.height);
+    outlined_view_ = view;
+  }
+  return outline_;
+}
+
+fs::path Intervention::toggle_recording() {
+  if (!run_->is_recording()) {
+    run_->start_recording();
+    return {};
+  }
+  fs::path path;
+  for (int number = 1; path.empty() || fs::exists(path); ++number)
+    path = fmt::format("xraycast-run-{:03}.csv", number);
+  write_whole_file(path, run_->stop_recording());
+  return path;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,86 @@
+#pragma once
+
+#include "xraycast/manual_device.hpp"
+#include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/simulated_run.hpp"
+
+#include <glm/vec2.hpp>
+
+#include <filesystem>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What is done at the table under the C-arm: a catheter is steered, seen while the pedal is down, and
+/// contrast agent is injected. Needs a current OpenGL context; all calls on its thread.
+class Intervention {
+ public:
+  struct Options {
+    std::filesystem::path vessels;  ///< a vessel tree, or a folder with a tree.vtp
+    std::string device_model = "cobra-5f";
+    std::string entry;                ///< see entry_named
+    std::string haptic = "keyboard";  ///< one of haptic_names()
+    std::string listen;               ///< openigtlink: where; empty: its default
+    std::filesystem::path script;     ///< of the hub; steers in the place of a device
+  };
+
+  static std::vector<std::string> haptic_names();
+
+  /// Throws InputError for what is no tree, an unknown device, a device that does not fit, a port in use.
+  explicit Intervention(const Options& options);
+
+  /// Takes the newest state, and the C-arm's, into the picture while the pedal is down. Once a frame.
+  void update(const Camera& camera, double passed_s);
+
+  SimulatedRun& run() { return *run_; }
+  const SimulatedRun& run() const { return *run_; }
+
+  /// None where a script or a network steers.
+  ManualDevice* manual() { return manual_; }
+  const std::string& haptic() const { return options_.haptic; }
+
+  void press_pedal(bool is_down) { pedal_ = is_down; }
+  bool is_live() const { return pedal_; }
+  double fluoroscopy_s() const { return fluoroscopy_s_; }
+
+  /// Where the C-arm was when the picture was taken that is held now.
+  const Camera& camera() const { return camera_; }
+
+  /// What absorbs in that picture. Changes with `exposures`.
+  std::span<const Surface> surfaces() const { return surfaces_; }
+  long exposures() const { return exposures_; }
+
+  bool has_road_map = true;
+  /// The vessels' outline in a view, in its pixels; computed anew where the view is another one.
+  std::span<const glm::ivec2> road_map(const View& view);
+
+  /// Back to the entrance. The recording goes on from there.
+  void restart();
+
+  /// Steers by a script, from the entrance on.
+  void replay(const std::filesystem::path& script);
+
+  /// Begins a recording, or ends it and writes it; the file's name, empty at the beginning.
+  std::filesystem::path toggle_recording();
+
+ private:
+  Options options_;
+  std::shared_ptr<const VesselTree> tree_;
+  ManualDevice* manual_ = nullptr;
+  std::unique_ptr<SimulatedRun> run_;
+  bool pedal_ = false;
+  double fluoroscopy_s_ = 0;
+  Camera camera_;
+  std::vector<Surface> surfaces_;
+  long exposures_ = 0;
+  Renderer vessels_;
+  std::optional<View> outlined_view_;
+  std::vector<glm::ivec2> outline_;
+};
+
+}  // namespace xraycast
