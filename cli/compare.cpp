@@ -10,15 +10,21 @@
 #include "xraycast/viewer/renderer.hpp"
 
 #include <fmt/format.h>
+#include <glm/vector_relational.hpp>
 
+#include <cmath>
+#include <filesystem>
 #include <memory>
 #include <numbers>
+#include <string>
+#include <vector>
 
 namespace xraycast::cli {
 namespace {
 
 struct Options {
-  std::string input, map, plot, cone, compositing = "path", reconstruction = "linear";
+  std::string input, plot, cone, compositing = "path", reconstruction = "linear";
+  std::vector<std::string> maps;
   ScanOptions scan;
   int views = 12;
 };
@@ -49,45 +55,62 @@ Json to_json(const Likeness& likeness) {
   return {{"psnr_db", likeness.psnr_db}, {"ssim", likeness.ssim}, {"rmse", likeness.rmse}};
 }
 
-void check_same_body(const MapGeometry& map, const VolumeGeometry& volume, const Options& options) {
-  const double top = volume.upper_mm().z, bottom = volume.lower_mm().z, middle = bounds_of(map).centre_mm.z;
-  if (middle > top || middle < bottom)
-    throw InputError("{} was not cast from {}: it lies elsewhere", options.map, options.input);
+/// A map's rows are its scan's slices; a sphere has a centre alone.
+void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
+                     const std::string& scan) {
+  const auto fail = [&](const std::string& why) {
+    throw InputError("{} was not cast from {}: {}", name, scan, why);
+  };
+  const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
+  if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
+    fail("it lies elsewhere");
+  if (map.projection == Projection::sphere) return;
+  if (map.projection == Projection::rectangle) {  // of rows of its own, over the scan's whole height
+    if (std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm)
+      fail("it is of another height");
+    return;
+  }
+  if (map.height != volume.size.z)
+    fail(fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z));
+  const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
+  constexpr double kSame = 0.01;  // of a slice
+  if (std::abs(map.row_spacing_mm - slice_mm) * map.height > kSame * slice_mm ||
+      std::abs(map.top_mm - top_mm) > kSame * slice_mm)
+    fail(
+        fmt::format("its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from "
+                    "{:.4g} mm",
+                    map.row_spacing_mm, map.top_mm, slice_mm, top_mm));
 }
 
-void compare_map(const Options& options, Session& session) {
-  if (options.views < 1 || options.views > 3600)
-    throw InputError("--views {}: has to be 1 to 3600", options.views);
-  const std::optional<Cone> cone = parse_cone(options.cone);
-  Style style;
-  style.sampling.compositing = compositing_named(options.compositing);
-  if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
-  if (!options.plot.empty()) check_writable(options.plot);
-  const auto map = std::make_shared<BodyMap>(read_body_map(options.map));
+std::shared_ptr<const BodyMap> read_map(const std::string& path) {
+  auto map = std::make_shared<const BodyMap>(read_body_map(path));
   if (map->spectrum)
-    throw InputError("{}: a spectrum map; those that hold optical depths can be compared", options.map);
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  check_same_body(map->geometry, scan.source->geometry(), options);
-  Device device(session.device);
-  OutlineFinder finder(scan.source->geometry());
-  LoadTimings timings;
-  const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
+    throw InputError("{}: a spectrum map; those that hold optical depths can be compared", path);
+  return map;
+}
 
-  const HeadlessContext context;
-  Renderer renderer;
-  renderer.set_map(map);
+/// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and PSNR over the angle.
+struct Comparison {
+  Json json;
+  std::string text;
+  Curve curve;
+};
+
+Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
+                       const ResidentScan& scan, const Options& options, Progress& progress) {
+  const std::optional<Cone> cone = parse_cone(options.cone);
   Json views = Json::array();
   Likeness sum{0, 0, 0};
   double lowest_db = 1e9;
-  Curve curve{"PSNR", {}};
+  Curve curve{
+      fmt::format("{}, {} layers", std::filesystem::path(name).stem().string(), map.geometry.layers()), {}};
   for (int i = 0; i < options.views; ++i) {
     const double angle_deg = 360.0 * i / options.views;
-    const BodyBounds bounds = bounds_of(map->geometry);
+    const BodyBounds bounds = bounds_of(map.geometry);
     const View view = fitted(
         View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
         bounds);
-    const Truth truth = truth_of(resident, view, *map, session.progress);
+    const Truth truth = truth_of(scan, view, map, progress);
     const Likeness likeness =
         compare(renderer.tau(view, style), truth.tau, truth.counts, view.width, view.height);
     Json row{{"angle_deg", angle_deg}};
@@ -101,15 +124,56 @@ void compare_map(const Options& options, Session& session) {
   }
   const double count = options.views;
   const Likeness mean{sum.psnr_db / count, sum.ssim / count, sum.rmse / count};
+  return {{{"map", name}, {"mean", to_json(mean)}, {"views", views}},
+          fmt::format("{}: {} views of {} layers against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
+                      "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum\n",
+                      name, options.views, map.geometry.layers(), mean.psnr_db, lowest_db, mean.ssim,
+                      100 * mean.rmse),
+          curve};
+}
+
+void compare_maps(const Options& options, Session& session) {
+  if (options.views < 1 || options.views > 3600)
+    throw InputError("--views {}: has to be 1 to 3600", options.views);
+  parse_cone(options.cone);
+  Style style;
+  style.sampling.compositing = compositing_named(options.compositing);
+  if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
+  if (!options.plot.empty()) check_writable(options.plot);
+  std::vector<std::shared_ptr<const BodyMap>> maps;
+  for (const std::string& path : options.maps) maps.push_back(read_map(path));
+  const Scan scan = open_scan(options.input, options.scan, session.progress);
+  session.say(scan.info.warnings);
+  for (std::size_t i = 0; i < maps.size(); ++i)
+    check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
+  Device device(session.device);
+  OutlineFinder finder(scan.source->geometry());
+  LoadTimings timings;
+  const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
+
+  const HeadlessContext context;
+  Renderer renderer;
+  Json all = Json::array();
+  std::string text;
+  std::vector<Curve> curves;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    renderer.set_map(maps[i]);
+    Comparison one =
+        compare_map(*maps[i], options.maps[i], renderer, style, resident, options, session.progress);
+    all.push_back(std::move(one.json));
+    text += one.text;
+    curves.push_back(std::move(one.curve));
+  }
   if (!options.plot.empty())
-    write_plot(fmt::format("{}: {} layers, {}", options.map, map->geometry.layers(), options.compositing),
-               "C-arm angle (deg)", "PSNR (dB)", {curve}, options.plot);
-  std::string text = fmt::format(
-      "{} views of {} layers against true projections: PSNR {:.1f} dB (lowest {:.1f}), SSIM {:.3f}, "
-      "RMSE of tau {:.2f} % of its maximum\n",
-      options.views, map->geometry.layers(), mean.psnr_db, lowest_db, mean.ssim, 100 * mean.rmse);
-  session.print({{"input", options.input}, {"map", options.map}, {"mean", to_json(mean)}, {"views", views}},
-                text);
+    write_plot(
+        fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
+        "C-arm angle (deg)", "PSNR (dB)", curves, options.plot);
+  Json result{{"input", options.input}};
+  if (all.size() == 1)
+    result.update(all[0]);
+  else
+    result["maps"] = all;
+  session.print(result, text);
 }
 
 }  // namespace
@@ -119,10 +183,11 @@ void add_compare(CLI::App& app, Session& session) {
   CLI::App* command =
       add_command(app, session, "compare", "How close frames of a map are to true projections of its scan",
                   "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
+                  "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
                   "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
-                  [options, &session] { compare_map(*options, session); });
+                  [options, &session] { compare_maps(*options, session); });
   command->add_option("INPUT", options->input, "The scan that the map was cast from")->required();
-  command->add_option("MAP", options->map, "The body map")->required()->type_name("MAP.exr");
+  command->add_option("MAP", options->maps, "Body maps of it")->required()->type_name("MAP.exr...");
   command->add_option("--views", options->views, "How many angles, evenly around the body")
       ->capture_default_str()
       ->type_name("N");

@@ -44,6 +44,9 @@ struct Axis {
     const double rough = (high - low) / 6, decade = std::pow(10, std::floor(std::log10(rough)));
     for (const double nice : {10.0, 5.0, 2.0, 1.0})
       if (nice * decade >= rough) step = nice * decade;
+    // Angles are read in sixths of a right angle.
+    for (const double angle : {60.0, 30.0, 15.0})
+      if (low == 0 && std::abs(high - 360) < angle && angle >= rough) step = angle;
     low = std::floor(low / step + 1e-9) * step;
     high = std::ceil(high / step - 1e-9) * step;
   }
@@ -107,9 +110,14 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
       line(image, x0, y0, x, y, colour);
       line(image, x0, y0 + 1, x, y + 1, colour);
     }
-    if (curves.size() > 1)
-      text(image, kWidth - kRight - 8, kTop + 20 + 20 * static_cast<int>(c), curves[c].name, colour,
-           Algo::TextAlignX::Right);
+  }
+  for (std::size_t c = 0; curves.size() > 1 && c < curves.size(); ++c) {
+    const int y = kTop + 20 + 20 * static_cast<int>(c);
+    const OIIO::ROI words = Algo::text_size(curves[c].name, kFont, "DejaVuSans");
+    const OIIO::ROI behind(kWidth - kRight - 12 - words.width(), kWidth - kRight - 4, y - kFont, y + 5);
+    Algo::fill(image, {1.0f, 1.0f, 1.0f}, behind);
+    text(image, kWidth - kRight - 8, y, curves[c].name, kColours[c % kColours.size()],
+         Algo::TextAlignX::Right);
   }
   std::vector<std::uint8_t> pixels(static_cast<std::size_t>(3) * kWidth * kHeight);
   image.get_pixels(image.roi(), OIIO::TypeDesc::UINT8, pixels.data());

@@ -9,6 +9,8 @@
 #include "xraycast/recast.hpp"
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/cine_writer.hpp"
+#include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
 #include "xraycast/viewer/session_file.hpp"
@@ -30,8 +32,8 @@ constexpr double kRadians = std::numbers::pi / 180;
 struct Options {
   std::string map, output, session, vessels, catheter, cine, strengths;
   std::optional<std::string> look, compositing, reconstruction;
-  std::optional<double> wall_radius_mm, gamma;
-  bool inverted = false;
+  std::optional<double> wall_radius_mm, gamma, contrast_mg_ml;
+  bool inverted = false, furniture = false;
   ViewOptions view;
 };
 
@@ -42,6 +44,7 @@ ViewSession resolve(const Options& options) {
   if (!options.map.empty()) scene.map = options.map;
   if (!options.vessels.empty()) scene.vessels = options.vessels;
   if (!options.catheter.empty()) scene.catheter = options.catheter;
+  if (options.contrast_mg_ml) scene.contrast_mg_ml = *options.contrast_mg_ml;
   if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
   Style& style = scene.style;
   if (options.look) style.look = look_named(*options.look);
@@ -86,8 +89,6 @@ std::vector<double> parse_cine(const std::string& text) {
   return angles;
 }
 
-bool is_animation(const fs::path& path) { return path.extension() == ".gif"; }
-
 void check_output(const Options& options) {
   if (options.cine.empty()) {
     check_projection_format(options.output);
@@ -95,6 +96,8 @@ void check_output(const Options& options) {
   } else if (is_animation(options.output)) {
     check_writable(options.output);
   } else {
+    if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))
+      throw InputError("--cine with -o {}: has to be a folder for PNGs, or end in .gif", options.output);
     std::error_code error;
     fs::create_directories(options.output, error);
     if (error) throw InputError("{}: the folder cannot be made: {}", options.output, error.message());
@@ -102,42 +105,21 @@ void check_output(const Options& options) {
   }
 }
 
-/// Writes the frames of a cine as they come: PNGs in a folder, or one animation at the end.
-class CineWriter {
- public:
-  CineWriter(fs::path output, int width, int height)
-      : output_(std::move(output)), width_(width), height_(height) {}
-
-  void add(std::vector<std::uint8_t> rgb) {
-    if (is_animation(output_))
-      frames_.push_back(std::move(rgb));
-    else
-      write_png(rgb, width_, height_, 3, output_ / fmt::format("frame-{:03}.png", count_));
-    ++count_;
-  }
-
-  void finish() const {
-    if (!is_animation(output_)) return;
-    std::vector<ImagePart> parts;
-    for (const auto& frame : frames_) {
-      parts.push_back({OIIO::ImageSpec(width_, height_, 3, OIIO::TypeDesc::UINT8), frame.data()});
-      parts.back().spec.attribute("oiio:Movie", 1);
-      parts.back().spec.attribute("FramesPerSecond", 20.0f);
-    }
-    write_image_file(parts, "gif", output_);
-  }
-
- private:
-  fs::path output_;
-  int width_, height_, count_ = 0;
-  std::vector<std::vector<std::uint8_t>> frames_;
-};
-
 /// The session's window, or one for what is seen.
 void choose_window(ViewSession& scene, const Options& options, std::span<const float> tau) {
   if (!scene.has_window) scene.style.window = automatic_window(tau);
   if (options.gamma) scene.style.window.gamma = *options.gamma;
   if (options.inverted) scene.style.window.inverted = true;
+}
+
+std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const Style& style,
+                               const BodyBounds& bounds, bool with_furniture) {
+  std::vector<std::uint8_t> rgb = renderer.picture(view, style);
+  const glm::dvec3 half(0, 0, bounds.half_height_mm);
+  if (with_furniture)
+    draw_furniture(rgb, view, furniture_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
+                   label(view));
+  return rgb;
 }
 
 void render(const Options& options, Session& session) {
@@ -147,7 +129,7 @@ void render(const Options& options, Session& session) {
   ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
   std::vector<Surface> surfaces;
-  if (!scene.vessels.empty()) surfaces.push_back(read_vessels(scene.vessels));
+  if (!scene.vessels.empty()) surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
   if (!scene.catheter.empty()) surfaces.push_back(read_catheter(scene.catheter));
 
   const BodyBounds bounds = bounds_of(map->geometry);
@@ -172,24 +154,32 @@ void render(const Options& options, Session& session) {
     session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
     for (const double angle_deg : cine_deg) {
       view.angle_rad = angle_deg * kRadians;
-      writer.add(renderer.picture(view, scene.style));
+      writer.add(draw(renderer, view, scene.style, bounds, options.furniture));
       session.progress.advance();
     }
     writer.finish();
   } else if (fs::path(options.output).extension() == ".png") {
-    write_png(renderer.picture(view, scene.style), view.width, view.height, 3, options.output);
+    write_png(draw(renderer, view, scene.style, bounds, options.furniture), view.width, view.height, 3,
+              options.output);
   } else {
     write_projection({view, tau, 0}, options.output);
   }
   const double draw_ms = stopwatch.ms();
-  session.print({{"map", scene.map.string()},
-                 {"image", to_json(view)},
-                 {"device", gl_device_name()},
-                 {"texture_B", renderer.texture_B()},
-                 {"frames", std::max<std::size_t>(1, cine_deg.size())}},
-                fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
-                            options.output, label(view), view.width, view.height, view.pixel_mm,
-                            static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
+  Json result{{"map", scene.map.string()},
+              {"image", to_json(view)},
+              {"device", gl_device_name()},
+              {"texture_B", renderer.texture_B()},
+              {"frames", std::max<std::size_t>(1, cine_deg.size())}};
+  std::string angles = label(view);
+  if (!cine_deg.empty()) {
+    result["image"].erase("angle_deg");
+    result["angles_deg"] = cine_deg;
+    angles =
+        fmt::format("{} frames from {:g} to {:g} deg", cine_deg.size(), cine_deg.front(), cine_deg.back());
+  }
+  session.print(result, fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
+                                    options.output, angles, view.width, view.height, view.pixel_mm,
+                                    static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
 }
 
 }  // namespace
@@ -214,6 +204,11 @@ void add_render(CLI::App& app, Session& session) {
       ->add_option("--vessels", options->vessels,
                    "Vessels within the body: a surface (.vtp, .stl), or a folder that holds one")
       ->type_name("DIR|FILE");
+  command
+      ->add_option("--contrast", options->contrast_mg_ml,
+                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
+      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
+      ->type_name("MG/ML");
   command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
       ->type_name("CSV");
   command
@@ -240,6 +235,8 @@ void add_render(CLI::App& app, Session& session) {
       ->check(CLI::Range(0.1, 10.0))
       ->type_name("GAMMA");
   command->add_flag("--inverted", options->inverted, "Bones light instead of dark");
+  command->add_flag("--furniture", options->furniture,
+                    "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
   command->add_option("--cine", options->cine, "A turn around the body instead of one frame")
       ->type_name("FROM:TO:STEP");
   command

@@ -13,6 +13,7 @@ namespace {
 
 struct Options {
   std::string map, scan, basis, vessels, catheter, session;
+  std::optional<double> contrast_mg_ml;
   bool simulate = false;
   Intervention::Options simulation;
 };
@@ -31,6 +32,7 @@ ViewSession resolve(const Options& options) {
     if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder", given);
     file = given;
   }
+  if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
   return session;
 }
 
@@ -63,6 +65,11 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("FILE");
   command->add_option("--vessels", options->vessels, "A surface (.vtp, .stl), or a folder that holds one")
       ->type_name("DIR|FILE");
+  command
+      ->add_option("--contrast", options->contrast_mg_ml,
+                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
+      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
+      ->type_name("MG/ML");
   command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
       ->type_name("CSV");
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");

@@ -121,6 +121,17 @@ void make_push_and_tree(const TemporaryFolder& f) {
               R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 0.5], [0, 0, 100, 0.5]]}]})");
 }
 
+/// A map of one layer and five rows.
+void write_small_map(const TemporaryFolder& folder) {
+  BodyMap map;
+  map.geometry.width = 8;
+  map.geometry.height = 5;
+  map.geometry.radii_mm = {0, 10};
+  map.geometry.centre_mm = {{0, 0}};
+  map.tau.assign(map.layer_size(), 0.5f);
+  write_body_map(map, folder / "map.exr");
+}
+
 const BadCall kBadCalls[] = {
     // Vessels. The little scan is 4 slices of water.
     {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices are too few"},
@@ -263,6 +274,11 @@ const BadCall kBadCalls[] = {
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
+    {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
+    {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
+     "gone: no such file or folder", write_small_map},
+    {"CompareWithAnotherScan", "compare @/ct.nii @/map.exr --views 1", 3, "was not cast from",
+     write_small_map},
     {"SessionThatNamesMissingFiles", "render --session @/s.json -o @/out.png", 3, "map",
      [](const TemporaryFolder& f) {
        write_bytes(f / "s.json", R"({"xraycast_session": 1, "files": {"map": "gone.exr"}})");

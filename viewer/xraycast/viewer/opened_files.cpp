@@ -39,9 +39,10 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
   const bool is_same_scan = session.scan == last.scan && before.scan;
   const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
   if (!session.vessels.empty())
-    opened.vessels = session.vessels == last.vessels && before.vessels
-                         ? before.vessels
-                         : std::make_shared<Surface>(read_vessels(session.vessels));
+    opened.vessels =
+        session.vessels == last.vessels && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
+            ? before.vessels
+            : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
   if (!session.catheter.empty())
     opened.catheter = session.catheter == last.catheter && before.catheter
                           ? before.catheter

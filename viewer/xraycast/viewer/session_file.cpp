@@ -114,6 +114,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
   const fs::path folder = fs::absolute(path).parent_path();
   for (const auto& [name, file] : files_of(session))
     if (!file->empty()) json["files"][name] = fs::absolute(*file).lexically_relative(folder).string();
+  json["contrast_mg_ml"] = session.contrast_mg_ml;
   json["camera"] = camera_to_json(session.camera);
   const Style& style = session.style;
   json["style"] = {{"look", to_string(style.look)},
@@ -148,6 +149,8 @@ ViewSession read_session(const fs::path& path) {
       if (!fs::exists(*file)) throw InputError("{}: its {} {} does not exist", name, field, file->string());
     }
   }
+  if (fields.has("contrast_mg_ml"))
+    session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMostContrast_mg_ml);
   session.camera = camera_of(fields.at("camera"));
   session.style = style_of(fields.at("style"));
   session.has_window = fields.has("window");

@@ -2,6 +2,7 @@
 
 #include "xraycast/opacity.hpp"
 #include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/scene.hpp"
 
 #include <filesystem>
@@ -12,6 +13,7 @@ namespace xraycast {
 /// What the viewer shows and how: saved, and opened again. Files that are not there are empty.
 struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
+  double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
   Camera camera{};
   Style style{};
   bool has_window = false;           ///< style.window was chosen; otherwise it follows the picture

@@ -2,6 +2,7 @@
 
 #include "xraycast/error.hpp"
 #include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <glm/geometric.hpp>
@@ -12,9 +13,15 @@
 namespace xraycast {
 namespace {
 
-// What iodine at 10 mg/ml adds to blood, and what a catheter's braid adds, at 70 keV.
-constexpr double kContrast_per_mm = 0.005, kCatheter_per_mm = 0.3;
-constexpr double kCatheterRadius_mm = 1;
+constexpr double kCatheterRadius_mm = 1, kLumenRadius_mm = 0.6;
+
+/// Radiopaque tubing is filled with some 40 % of barium sulphate by weight, which makes its density about 1.6
+/// g/ml; the mean over wall and lumen.
+double catheter_per_mm() {
+  constexpr double kTubing_mg_ml = 1600, kFiller = 0.4, kBariumOfSulphate = 137.33 / 233.39;
+  constexpr double kLumen = kLumenRadius_mm / kCatheterRadius_mm;
+  return fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
+}
 
 Mesh mesh_of_folder(const std::filesystem::path& folder) {
   for (const char* name : {"surface.vtp", "surface.stl"})
@@ -25,9 +32,10 @@ Mesh mesh_of_folder(const std::filesystem::path& folder) {
 
 }  // namespace
 
-Surface read_vessels(const std::filesystem::path& path) {
+Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
+  if (!std::filesystem::exists(path)) throw InputError("{}: no such file or folder", path.string());
   Surface vessels{std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path),
-                  kContrast_per_mm,
+                  fluoroscopy_per_mm("I", contrast_mg_ml),
                   {0.80, 0.16, 0.14}};
   if (vessels.mesh.triangles.empty()) throw InputError("{}: the surface has no triangles", path.string());
   return vessels;
@@ -48,7 +56,7 @@ Surface read_catheter(const std::filesystem::path& path) {
       throw InputError("{}: line {} is not x, y, z", path.string(), number);
   }
   return {tube_mesh(NurbsCurve::cubic(points, path.string()), kCatheterRadius_mm),
-          kCatheter_per_mm,
+          catheter_per_mm(),
           {0.25, 0.55, 0.95}};
 }
 

@@ -8,8 +8,9 @@
 namespace xraycast {
 
 /// Vessels as a surface to draw: a mesh (.stl or .vtp), or a folder that `segment` or `phantom --truth`
-/// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. Throws InputError.
-Surface read_vessels(const std::filesystem::path& path);
+/// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. In the fluoro look
+/// they hold blood with that much iodine. Throws InputError.
+Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
 /// A catheter as a surface to draw, 2 mm thick: a CSV of control points x, y, z (LPS, mm) of a NURBS curve.
 /// Throws InputError, naming file and line.
