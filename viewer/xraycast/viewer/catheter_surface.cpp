@@ -1,5 +1,7 @@
 #include "xraycast/viewer/catheter_surface.hpp"
 
+#include "xraycast/viewer/vessels.hpp"
+
 #include <glm/geometric.hpp>
 
 #include <utility>
@@ -7,7 +9,6 @@
 namespace xraycast {
 
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm) {
-  constexpr double kCatheter_per_mm = 0.3;
   constexpr std::size_t kFewest = 4;  // of a cubic
   if (nodes_mm.size() < kFewest) return {};
   // As smooth as is seen at the thickness of a catheter, and no more: it is made anew for every frame.
@@ -20,7 +21,8 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
     if (line.points.empty() || glm::distance(p, line.points.back().position_mm) > 1e-6)
       line.points.push_back({p, radius_mm});
   }
-  return {tube_mesh(VesselTree({std::move(line)}, "catheter"), kSides), kCatheter_per_mm, {0.25, 0.55, 0.95}};
+  return {
+      tube_mesh(VesselTree({std::move(line)}, "catheter"), kSides), catheter_per_mm(), {0.25, 0.55, 0.95}};
 }
 
 VesselTree::Location place_of(const CatheterTip& tip) {

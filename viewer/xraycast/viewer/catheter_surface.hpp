@@ -16,7 +16,4 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
 /// Where contrast agent leaves a catheter.
 VesselTree::Location place_of(const CatheterTip& tip);
 
-/// What one mg/ml of iodine in blood absorbs.
-inline constexpr double kIodine_per_mm = 0.0005;
-
 }  // namespace xraycast

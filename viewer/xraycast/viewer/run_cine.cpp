@@ -2,6 +2,7 @@
 
 #include "xraycast/image.hpp"
 #include "xraycast/viewer/catheter_surface.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/road_map.hpp"
 
 namespace xraycast {
@@ -43,7 +44,7 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   catheter.copy_nodes(nodes_mm);
   renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().device().radius_mm()));
   if (options_.style.look == Look::fluoro)
-    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), kIodine_per_mm));
+    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), fluoroscopy_per_mm("I", 1)));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
   draw_outline(outline_, kRoadMapColour, options_.view.width, rgb);
   screen_(std::move(rgb));

@@ -1,6 +1,7 @@
 #include "xraycast/viewer/simulated_run.hpp"
 
 #include "xraycast/viewer/catheter_surface.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 
 #include <fmt/format.h>
 
@@ -38,7 +39,9 @@ void SimulatedRun::update() {
 
 Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm, model_.radius_mm()); }
 
-Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml(), kIodine_per_mm); }
+Surface SimulatedRun::contrast() const {
+  return contrast_.filled(bolus_.iodine_mg_ml(), fluoroscopy_per_mm("I", 1));
+}
 
 void SimulatedRun::start_recording() {
   recorded_.clear();

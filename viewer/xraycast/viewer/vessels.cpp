@@ -15,14 +15,6 @@ namespace {
 
 constexpr double kCatheterRadius_mm = 1, kLumenRadius_mm = 0.6;
 
-/// Radiopaque tubing is filled with some 40 % of barium sulphate by weight, which makes its density about 1.6
-/// g/ml; the mean over wall and lumen.
-double catheter_per_mm() {
-  constexpr double kTubing_mg_ml = 1600, kFiller = 0.4, kBariumOfSulphate = 137.33 / 233.39;
-  constexpr double kLumen = kLumenRadius_mm / kCatheterRadius_mm;
-  return fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
-}
-
 Mesh mesh_of_folder(const std::filesystem::path& folder) {
   for (const char* name : {"surface.vtp", "surface.stl"})
     if (std::filesystem::exists(folder / name)) return read_mesh(folder / name);
@@ -31,6 +23,12 @@ Mesh mesh_of_folder(const std::filesystem::path& folder) {
 }
 
 }  // namespace
+
+double catheter_per_mm() {
+  constexpr double kTubing_mg_ml = 1600, kFiller = 0.4, kBariumOfSulphate = 137.33 / 233.39;
+  constexpr double kLumen = kLumenRadius_mm / kCatheterRadius_mm;
+  return fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
+}
 
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
   if (!std::filesystem::exists(path)) throw InputError("{}: no such file or folder", path.string());

@@ -16,6 +16,10 @@ Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 /// Throws InputError, naming file and line.
 Surface read_catheter(const std::filesystem::path& path);
 
+/// Radiopaque tubing is filled with some 40 % of barium sulphate by weight, which makes its density about 1.6
+/// g/ml; the mean over wall and lumen.
+double catheter_per_mm();
+
 /// A tube around a curve.
 Mesh tube_mesh(const NurbsCurve& curve, double radius_mm);
 
