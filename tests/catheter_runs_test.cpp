@@ -53,6 +53,7 @@ DeviceModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::
   for (const std::string& name : DeviceModel::preset_names())
     if (DeviceModel device = DeviceModel::named(name); device.radius_mm() < widest_mm)
       fit.push_back(std::move(device));
+  if (fit.empty()) return DeviceModel::named("microcatheter-27f");  // the thinnest one
   return fit.at(random() % fit.size());
 }
 
