@@ -43,12 +43,17 @@ VesselEnd widest_end(const VesselTree& tree) {
   return *std::ranges::max_element(ends, {}, &VesselEnd::radius_mm);
 }
 
-/// One of the presets that leave a third of the vessel free.
-DeviceModel fitting_device(const VesselEnd& entry, std::mt19937& random) {
+/// One of the presets that leave a third of the entry free and are thinner than most of the tree's vessels.
+DeviceModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
+  std::vector<double> radii_mm;
+  for (const VesselBranch& branch : tree.branches()) radii_mm.push_back(branch.points.back().radius_mm);
+  std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
+  const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
   std::vector<DeviceModel> fit;
   for (const std::string& name : DeviceModel::preset_names())
-    if (DeviceModel device = DeviceModel::named(name); 1.5 * device.radius_mm() < entry.radius_mm)
+    if (DeviceModel device = DeviceModel::named(name); device.radius_mm() < widest_mm)
       fit.push_back(std::move(device));
+  if (fit.empty()) return DeviceModel::named("microcatheter-27f");  // the thinnest one
   return fit.at(random() % fit.size());
 }
 
@@ -66,7 +71,9 @@ struct Outcome {
 class RandomRun {
  public:
   RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
-      : random_(seed), entry_(widest_end(tree)), catheter_(tree, fitting_device(entry_, random_), entry_) {
+      : random_(seed),
+        entry_(widest_end(tree)),
+        catheter_(tree, fitting_device(tree, entry_, random_), entry_) {
     run_.tree = name;
     run_.seed = seed;
     run_.device = catheter_.rod().device().name();
@@ -90,14 +97,13 @@ class RandomRun {
   /// into the wall at rest, where the rod turns right round on it and both its sides pull; where the vessel
   /// is narrower than the device, beyond what it has to be widened by.
   double static_depth_mm(std::size_t node) const {
-    const double share_mm = catheter_.rod().share_mm(node);
     const TubeField::Sample& sample = catheter_.wall().contacts()[node].sample;
     const double narrower_mm =
         catheter_.rod().device().radius_mm() - (sample.clearance_mm + sample.from_centre_mm);
     double low = 0, high = 10;
     for (int i = 0; i < 40; ++i) {
       const double middle = 0.5 * (low + high);
-      (catheter_.wall().wall_force_N(middle, share_mm) < 2 * strongest_N_ ? low : high) = middle;
+      (catheter_.wall().wall_force_N(middle, node) < 2 * strongest_N_ ? low : high) = middle;
     }
     return high + std::max(0.0, narrower_mm);
   }

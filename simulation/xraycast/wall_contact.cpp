@@ -14,8 +14,9 @@ constexpr double kMilli = 1e-3, kMicro = 1e-6;
 // An introducer is a tube of hard plastic; its hold comes in over its last millimetres.
 constexpr double kGuide_N_mm2 = 20, kGuideRamp_mm = 5;
 
-// Where the wall is twice as stiff as at first.
-constexpr double kStiffening_mm = 1.0;
+// Where a wall bears twice what it would as at first: a fifth of its radius, as far as that is a wall's
+// strain.
+constexpr double kStiffeningStrain = 0.2, kLeastStiffening_mm = 0.3, kMostStiffening_mm = 1;
 double squared(double x) { return x * x; }
 
 }  // namespace
@@ -40,13 +41,15 @@ WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod,
   }
 }
 
-double WallContact::wall_force_N(double depth_mm, double share_mm) const {
-  return options_.stiffness_N_mm2 * share_mm * depth_mm * (1 + squared(depth_mm / kStiffening_mm));
+double WallContact::wall_force_N(double depth_mm, std::size_t node) const {
+  const Grip& grip = grips_[node];
+  return options_.stiffness_N_mm2 * grip.share_mm * depth_mm * (1 + squared(depth_mm / grip.stiffening_mm));
 }
 
-double WallContact::wall_energy_uJ(double depth_mm, double share_mm) const {
-  return options_.stiffness_N_mm2 / kMilli * share_mm * squared(depth_mm) *
-         (0.5 + 0.25 * squared(depth_mm / kStiffening_mm));
+double WallContact::wall_energy_uJ(double depth_mm, std::size_t node) const {
+  const Grip& grip = grips_[node];
+  return options_.stiffness_N_mm2 / kMilli * grip.share_mm * squared(depth_mm) *
+         (0.5 + 0.25 * squared(depth_mm / grip.stiffening_mm));
 }
 
 void WallContact::look(std::size_t node, const Vector3d& point_mm) {
@@ -104,6 +107,11 @@ void WallContact::begin_step(const Rod& rod) {
     grip.share_mm = rod.share_mm(i);
     grip.start_mm = state.nodes_mm[i];
     touch(i, grip.start_mm);
+    const double radius_mm = contact.sample.clearance_mm + contact.sample.from_centre_mm;
+    if (contact.depth_mm == 0 || radius_mm < grip.vessel_radius_mm - 0.1 || grip.vessel_radius_mm == 0) {
+      grip.vessel_radius_mm = radius_mm;
+      grip.stiffening_mm = std::clamp(kStiffeningStrain * radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
+    }
     if (contact.depth_mm == 0) {
       contact.sliding = false;
       slips_mm_[i].setZero();
@@ -111,7 +119,7 @@ void WallContact::begin_step(const Rod& rod) {
       continue;
     }
     const double friction = contact.sliding ? options_.kinetic_friction : options_.static_friction;
-    grip.limit_mN = friction / kMilli * wall_force_N(contact.depth_mm, grip.share_mm);
+    grip.limit_mN = friction / kMilli * wall_force_N(contact.depth_mm, i);
     const Vector3d normal = contact.sample.gradient.normalized();
     const Vector3d tangent = state.edges[i - 1].tangent;
     grip.across = normal.cross(tangent);
@@ -136,7 +144,7 @@ double WallContact::energy_uJ(const RodState& state) {
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Grip& grip = grips_[i];
     touch(i, state.nodes_mm[i]);
-    energy += wall_energy_uJ(contacts_[i].depth_mm, grip.share_mm);
+    energy += wall_energy_uJ(contacts_[i].depth_mm, i);
     grip.guide_uJ = guide(state.nodes_mm[i], grip.share_mm).energy_uJ;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
@@ -164,9 +172,9 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
           hold.weight * (Eigen::Matrix3d::Identity() - introducer_.axis * introducer_.axis.transpose());
     }
     if (contact.depth_mm > 0) {
-      const double force_mN = wall_force_N(contact.depth_mm, grip.share_mm) / kMilli;
+      const double force_mN = wall_force_N(contact.depth_mm, i) / kMilli;
       const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm *
-                               (1 + 3 * squared(contact.depth_mm / kStiffening_mm));
+                               (1 + 3 * squared(contact.depth_mm / grip.stiffening_mm));
       const Vector3d& inward = contact.sample.gradient;
       slope.segment<3>(1) -= force_mN * inward;
       hessian.block<3, 3>(1, 1) += stiffness * inward * inward.transpose();
@@ -202,7 +210,7 @@ void WallContact::end_step(const RodState& state) {
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Contact& contact = contacts_[i];
     const Grip& grip = grips_[i];
-    contact.normal_N = wall_force_N(contact.depth_mm, grip.share_mm) * contact.sample.gradient;
+    contact.normal_N = wall_force_N(contact.depth_mm, i) * contact.sample.gradient;
     contact.guide_N = -kMilli * guide(state.nodes_mm[i], grip.share_mm).slope_mN;
     contact.friction_N.setZero();
     slips_mm_[i].setZero();
@@ -231,7 +239,7 @@ double WallContact::energy_J() const {
   double energy = 0;
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     const double share_mm = grips_[i].share_mm;
-    energy += wall_energy_uJ(contacts_[i].depth_mm, share_mm) +
+    energy += wall_energy_uJ(contacts_[i].depth_mm, i) +
               0.5 * options_.tangential_N_mm2 / kMilli * share_mm * slips_mm_[i].squaredNorm();
     energy += grips_[i].guide_uJ;
   }

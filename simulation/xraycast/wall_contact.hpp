@@ -14,8 +14,8 @@ namespace xraycast {
 /// The wall gives way like an elastic half-space under a cylinder (Johnson, Contact Mechanics, 1985, section
 /// 4.2(c)): pi/4 E / (1 - nu^2) of force per length and depth, 0.5 N/mm^2 with an artery's E of 0.5 MPa and
 /// nu 0.5, rounded down; and it stiffens as it is stretched, as its collagen takes up the load (Fung,
-/// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / 1 mm)^2). A
-/// node bears it for the length it stands for.
+/// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / d)^2), d a fifth
+/// of the vessel's radius, 0.3 to 1 mm. A node bears it for the length it stands for.
 ///
 /// Friction is a spring along the wall that is anchored where the surface stuck, and slips when its force
 /// reaches the coefficient times the normal force (return mapping: Simo and Hughes, Computational
@@ -50,8 +50,8 @@ class WallContact final : public RodSurroundings {
   };
   const std::vector<Contact>& contacts() const { return contacts_; }
 
-  /// The wall's force on a node that stands for `share_mm` of rod, at a depth.
-  double wall_force_N(double depth_mm, double share_mm) const;
+  /// The wall's force on a node if it were at this depth.
+  double wall_force_N(double depth_mm, std::size_t node) const;
 
   /// In the wall, in the springs that stick, and in the introducer.
   double energy_J() const;
@@ -70,9 +70,10 @@ class WallContact final : public RodSurroundings {
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
     Eigen::Vector2d slip_mm{0, 0};                                       ///< of the spring
     double guide_uJ = 0;
-    Eigen::Vector3d looked_at_mm{0, 0, 0};  ///< where the contact's sample was taken
+    double vessel_radius_mm = 0, stiffening_mm = 1;  ///< of the wall since the contact began
+    Eigen::Vector3d looked_at_mm{0, 0, 0};           ///< where the contact's sample was taken
   };
-  double wall_energy_uJ(double depth_mm, double share_mm) const;
+  double wall_energy_uJ(double depth_mm, std::size_t node) const;
   void look(std::size_t node, const Eigen::Vector3d& point_mm);
   void touch(std::size_t node, const Eigen::Vector3d& point_mm);
   Eigen::Vector2d slip_mm(const RodState& state, std::size_t node) const;
