@@ -181,7 +181,7 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
 
 // From the right groin up the aorta into a renal artery; then contrast agent is injected.
 constexpr const char* kScript =
-    "time_s,insertion_mm,rotation_deg\n0,0,0\n1,0,180\n10.5,550,180\n13,550,180\n";
+    "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n10.5,550,210\n13,550,210\n";
 constexpr double kInjectFrom_s = 11, kInjectTo_s = 12;
 
 /// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
@@ -189,8 +189,10 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
               Progress& progress) {
   const HeadlessContext context;
   RunCine::Options options;
-  options.view = fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 600},
-                        bounds_of(map->geometry));
+  options.view =
+      fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.9},
+             bounds_of(map->geometry));
+  options.view.centre_mm.z -= 130;  // the abdomen
   options.inject_from_s = kInjectFrom_s;
   options.inject_to_s = kInjectTo_s;
   std::vector<std::unique_ptr<CineWriter>> writers;
@@ -218,8 +220,8 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   for (const auto& writer : writers) writer->finish();
   report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm deep", records.back().tip.branch,
                                                  records.back().tip.arc_length_mm));
-  report.picture("run-fluoro.png", "Catheter and contrast agent, fluoroscopy (run-fluoro.gif)");
-  report.picture("run-surface.png", "The same run, surface look (run-surface.gif)");
+  report.picture("run-fluoro.png", "run-fluoro.gif: up into a renal artery");
+  report.picture("run-surface.png", "run-surface.gif: the same run");
 }
 
 void run_demo(const std::string& folder, Session& session) {
