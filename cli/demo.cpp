@@ -179,10 +179,10 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
   });
 }
 
-// From the right groin up the aorta into a renal artery; then contrast agent is injected.
+// From the left groin up the aorta into a renal artery; then contrast agent is injected.
 constexpr const char* kScript =
     "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n10.5,550,210\n13,550,210\n";
-constexpr double kInjectFrom_s = 11, kInjectTo_s = 12;
+constexpr double kInjectFrom_s = 11, kInjectTo_s = 13;
 
 /// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
 void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
