@@ -90,10 +90,11 @@ struct TurnGradient {
 
  private:
   void set(std::size_t k, const Vector3d& by_e, const Vector3d& by_f, double by_spin_e, double by_spin_f) {
-    for (int c = 0; c < 3; ++c) {
-      by[k][static_cast<std::size_t>(c)] = -by_e[c];
-      by[k][static_cast<std::size_t>(4 + c)] = by_e[c] - by_f[c];
-      by[k][static_cast<std::size_t>(8 + c)] = by_f[c];
+    for (std::size_t c = 0; c < 3; ++c) {
+      const auto axis = static_cast<Eigen::Index>(c);
+      by[k][c] = -by_e[axis];
+      by[k][4 + c] = by_e[axis] - by_f[axis];
+      by[k][8 + c] = by_f[axis];
     }
     by[k][3] = by_spin_e;
     by[k][7] = by_spin_f;

@@ -63,7 +63,7 @@ ViewSession with_file(ViewSession session, const fs::path& path) {
 
 }  // namespace
 
-Viewer::Viewer(ViewSession session, std::string device, std::function<void()> wake)
+Viewer::Viewer(ViewSession session, std::string device, const std::function<void()>& wake)
     : device_(std::move(device)),
       projecting_(
           [](const TruthRequest& request) {

@@ -30,7 +30,7 @@ enum class Drawing { path, wall, truth };
 class Viewer {
  public:
   /// `device` as for Device; `wake` is called on other threads when there is something new to draw.
-  Viewer(ViewSession session, std::string device, std::function<void()> wake);
+  Viewer(ViewSession session, std::string device, const std::function<void()>& wake);
 
   // ---- files
   void open(const std::filesystem::path& path);
