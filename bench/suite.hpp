@@ -53,7 +53,7 @@ double wall_ms(Work&& work) {
 
 /// Registers `work`, timed by the wall, or by what it returns in milliseconds.
 template <typename Work>
-void add(const std::string& name, Work work) {
+benchmark::internal::Benchmark* add(const std::string& name, Work work) {
   auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) mutable {
     for (auto _ : state) {
       if constexpr (std::is_void_v<decltype(work())>)
@@ -62,7 +62,7 @@ void add(const std::string& name, Work work) {
         state.SetIterationTime(work() / 1000);
     }
   });
-  registered->UseManualTime()->Unit(benchmark::kMillisecond);
+  return registered->UseManualTime()->Unit(benchmark::kMillisecond);
 }
 
 /// A cube from the middle of the scan.
