@@ -1,5 +1,6 @@
 #include "command.hpp"
 #include "contact_sheet.hpp"
+#include "hub_plot.hpp"
 #include "vessel_report.hpp"
 #include "xraycast/body_outline.hpp"
 #include "xraycast/caster.hpp"
@@ -22,6 +23,7 @@
 #include <fmt/format.h>
 
 #include <chrono>
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <numbers>
@@ -211,10 +213,12 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   }
 
   Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  std::vector<RunRecord> course;  // every 20 ms
   const std::vector<RunRecord> records = report.timed("catheter run of 13 s, with its frames", [&] {
     return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
                       [&](const Catheter& moved, double time_s) {
                         for (const auto& cine : cines) cine->see(moved, time_s);
+                        if (std::lround(1000 * time_s) % 20 == 0) course.push_back(record_of(moved, time_s));
                       });
   });
   for (const auto& writer : writers) writer->finish();
@@ -222,6 +226,8 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
                                                  records.back().tip.arc_length_mm));
   report.picture("run-fluoro.png", "run-fluoro.gif: up into a renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
+  write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
+  report.picture("run-forces.png", "What the hand feels at the hub");
 }
 
 void run_demo(const std::string& folder, Session& session) {

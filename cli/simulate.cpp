@@ -1,5 +1,5 @@
 #include "command.hpp"
-#include "plot.hpp"
+#include "hub_plot.hpp"
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
@@ -72,15 +72,6 @@ void check_cine(const Options& options) {
   if (error) throw InputError("{}: the folder cannot be made: {}", options.cine, error.message());
 }
 
-void plot_loads(const std::vector<RunRecord>& records, const std::string& device, const fs::path& path) {
-  Curve force{"force, N", {}}, torque{"torque, N mm", {}};
-  for (const RunRecord& record : records) {
-    force.points.emplace_back(record.time_s, record.load.force_N);
-    torque.points.emplace_back(record.time_s, 1e3 * record.load.torque_Nm);
-  }
-  write_plot(fmt::format("{}: at the hub", device), "time (s)", "load", {force, torque}, path);
-}
-
 void simulate(const Options& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_writable(options.plot);
@@ -102,7 +93,8 @@ void simulate(const Options& options, Session& session) {
                                                     });
   const double wall_s = 1e-3 * stopwatch.ms();
   write_whole_file(options.log, to_csv(records));
-  if (!options.plot.empty()) plot_loads(records, device.name(), options.plot);
+  if (!options.plot.empty())
+    write_hub_plot(fmt::format("{}: at the hub", device.name()), records, options.plot);
   if (cine) cine->finish();
 
   const CatheterTip tip = catheter.tip();
