@@ -231,7 +231,10 @@ void ViewerPanel::open_dialogue(Viewer& viewer) {
   ImGui::SameLine();
   const bool closes = ImGui::Button("Cancel") || declines_;
   if (opens) viewer.open(file_);
-  if (opens || closes) ImGui::CloseCurrentPopup();
+  if (opens || closes) {
+    ImGui::CloseCurrentPopup();
+    is_asking_ = false;  // the next key is not the dialogue's any more
+  }
   ImGui::EndPopup();
 }
 

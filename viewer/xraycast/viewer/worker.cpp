@@ -29,6 +29,7 @@ void Worker::start(std::string name, Job job) {
     std::optional<std::string> error;
     try {
       delivery = job(*progress_);
+      progress_->check();  // a job that was cancelled in its last step is not wanted either
     } catch (const Cancelled&) {
     } catch (const std::bad_alloc&) {
       error = "not enough memory";
