@@ -25,6 +25,7 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
+#include <map>
 #include <memory>
 #include <numbers>
 
@@ -199,17 +200,18 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   options.inject_to_s = kInjectTo_s;
   std::vector<std::unique_ptr<CineWriter>> writers;
   std::vector<std::unique_ptr<RunCine>> cines;
+  std::map<fs::path, std::vector<std::uint8_t>> last_frames;
   for (const Look look : {Look::fluoro, Look::surface}) {
     options.style.look = look;
     options.style.window.inverted = look == Look::surface;
     const fs::path name = report.file(fmt::format("run-{}", to_string(look)));
     CineWriter& writer = *writers.emplace_back(
         std::make_unique<CineWriter>(name.string() + ".gif", options.view.width, options.view.height));
-    cines.push_back(std::make_unique<RunCine>(
-        map, tree, options, [&writer, name, view = options.view](std::vector<std::uint8_t> rgb) {
-          write_png(rgb, view.width, view.height, 3, name.string() + ".png");  // the last one stays
-          writer.add(std::move(rgb));
-        }));
+    cines.push_back(std::make_unique<RunCine>(map, tree, options,
+                                              [&writer, &last_frames, name](std::vector<std::uint8_t> rgb) {
+                                                last_frames[name.string() + ".png"] = rgb;
+                                                writer.add(std::move(rgb));
+                                              }));
   }
 
   Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
@@ -222,6 +224,8 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
                       });
   });
   for (const auto& writer : writers) writer->finish();
+  for (const auto& [file, rgb] : last_frames)
+    write_png(rgb, options.view.width, options.view.height, 3, file);
   report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm deep", records.back().tip.branch,
                                                  records.back().tip.arc_length_mm));
   report.picture("run-fluoro.png", "run-fluoro.gif: up into a renal artery");

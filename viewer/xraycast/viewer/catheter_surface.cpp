@@ -2,10 +2,6 @@
 
 #include "xraycast/viewer/vessels.hpp"
 
-#include <glm/geometric.hpp>
-
-#include <utility>
-
 namespace xraycast {
 
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm) {
@@ -13,16 +9,9 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
   if (nodes_mm.size() < kFewest) return {};
   // As smooth as is seen at the thickness of a catheter, and no more: it is made anew for every frame.
   constexpr int kRingsPerNode = 3, kSides = 8;
-  const NurbsCurve curve = curve_through(nodes_mm);
-  const auto rings = kRingsPerNode * static_cast<int>(nodes_mm.size());
-  VesselBranch line;
-  for (int i = 0; i <= rings; ++i) {
-    const glm::dvec3 p = curve.at_mm(static_cast<double>(i) / rings);
-    if (line.points.empty() || glm::distance(p, line.points.back().position_mm) > 1e-6)
-      line.points.push_back({p, radius_mm});
-  }
-  return {
-      tube_mesh(VesselTree({std::move(line)}, "catheter"), kSides), catheter_per_mm(), {0.25, 0.55, 0.95}};
+  return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides),
+          catheter_per_mm(),
+          {0.25, 0.55, 0.95}};
 }
 
 VesselTree::Location place_of(const CatheterTip& tip) {

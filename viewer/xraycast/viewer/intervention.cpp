@@ -4,7 +4,6 @@
 #include "xraycast/igtlink_device.hpp"
 #include "xraycast/script_device.hpp"
 #include "xraycast/viewer/road_map.hpp"
-#include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -84,18 +83,6 @@ std::span<const glm::ivec2> Intervention::road_map(const View& view) {
     outlined_view_ = view;
   }
   return outline_;
-}
-
-fs::path Intervention::toggle_recording() {
-  if (!run_->is_recording()) {
-    run_->start_recording();
-    return {};
-  }
-  fs::path path;
-  for (int number = 1; path.empty() || fs::exists(path); ++number)
-    path = fmt::format("xraycast-run-{:03}.csv", number);
-  write_whole_file(path, run_->stop_recording());
-  return path;
 }
 
 }  // namespace xraycast

@@ -65,9 +65,6 @@ class Intervention {
   /// Steers by a script, from the entrance on.
   void replay(const std::filesystem::path& script);
 
-  /// Begins a recording, or ends it and writes it; the file's name, empty at the beginning.
-  std::filesystem::path toggle_recording();
-
  private:
   Options options_;
   std::shared_ptr<const VesselTree> tree_;

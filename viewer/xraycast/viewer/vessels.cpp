@@ -58,15 +58,15 @@ Surface read_catheter(const std::filesystem::path& path) {
           {0.25, 0.55, 0.95}};
 }
 
-Mesh tube_mesh(const NurbsCurve& curve, double radius_mm) {
-  const auto count = static_cast<int>(16 * curve.points().size());
+Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point, int sides) {
+  const auto count = rings_per_point * static_cast<int>(curve.points().size());
   VesselBranch branch;
   for (int i = 0; i <= count; ++i) {
     const glm::dvec3 p = curve.at_mm(static_cast<double>(i) / count);
     if (branch.points.empty() || glm::distance(p, branch.points.back().position_mm) > 1e-6)
       branch.points.push_back({p, radius_mm});
   }
-  return tube_mesh(VesselTree({std::move(branch)}, "catheter"), 12);
+  return tube_mesh(VesselTree({std::move(branch)}, "catheter"), sides);
 }
 
 }  // namespace xraycast

@@ -20,7 +20,7 @@ Surface read_catheter(const std::filesystem::path& path);
 /// g/ml; the mean over wall and lumen.
 double catheter_per_mm();
 
-/// A tube around a curve.
-Mesh tube_mesh(const NurbsCurve& curve, double radius_mm);
+/// A tube around a curve, of so many rings for each control point and so many sides.
+Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point = 16, int sides = 12);
 
 }  // namespace xraycast

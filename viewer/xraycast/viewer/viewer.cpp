@@ -5,6 +5,7 @@
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/road_map.hpp"
+#include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
 
@@ -230,10 +231,11 @@ void Viewer::show_catheter() {
 
 void Viewer::toggle_recording() {
   attempt([&] {
-    const fs::path path = intervention_->toggle_recording();
-    if (path.empty()) return;
-    recording_ = path;
-    message_ = "saved " + fs::absolute(path).string();
+    SimulatedRun& run = intervention_->run();
+    if (!run.is_recording()) return run.start_recording();
+    recording_ = unused("xraycast-run", ".csv");
+    write_whole_file(recording_, run.stop_recording());
+    message_ = "saved " + fs::absolute(recording_).string();
   });
 }
 
