@@ -3,7 +3,6 @@
 #include "xraycast/error.hpp"
 #include "xraycast/igtlink_device.hpp"
 #include "xraycast/script_device.hpp"
-#include "xraycast/viewer/road_map.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -44,10 +43,8 @@ std::vector<std::string> Intervention::haptic_names() {
 }
 
 Intervention::Intervention(const Options& options)
-    : options_(options), tree_(read_vessel_tree(options.vessels)) {
+    : options_(options), tree_(read_vessel_tree(options.vessels)), road_map_(*tree_) {
   restart();
-  const Surface lumen{tube_mesh(*tree_)};
-  vessels_.set_surfaces(std::span(&lumen, 1));
 }
 
 void Intervention::restart() {
@@ -78,11 +75,7 @@ void Intervention::update(const Camera& camera, double passed_s) {
 
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {
   if (!has_road_map) return {};
-  if (outlined_view_ != view) {
-    outline_ = outline_of(vessels_.tau(view, {}), view.width, view.height);
-    outlined_view_ = view;
-  }
-  return outline_;
+  return road_map_.outline(view);
 }
 
 }  // namespace xraycast

@@ -2,14 +2,11 @@
 
 #include "xraycast/manual_device.hpp"
 #include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/road_map.hpp"
 #include "xraycast/viewer/simulated_run.hpp"
-
-#include <glm/vec2.hpp>
 
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,7 +14,7 @@
 namespace xraycast {
 
 /// What is done at the table under the C-arm: a catheter is steered, seen while the pedal is down, and
-/// contrast agent is injected. Needs a current OpenGL context; all calls on its thread.
+/// contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
@@ -56,7 +53,7 @@ class Intervention {
   long exposures() const { return exposures_; }
 
   bool has_road_map = true;
-  /// The vessels' outline in a view, in its pixels; computed anew where the view is another one.
+  /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
   /// Back to the entrance. The recording goes on from there.
@@ -75,9 +72,7 @@ class Intervention {
   Camera camera_;
   std::vector<Surface> surfaces_;
   long exposures_ = 0;
-  Renderer vessels_;
-  std::optional<View> outlined_view_;
-  std::vector<glm::ivec2> outline_;
+  RoadMap road_map_;
 };
 
 }  // namespace xraycast
