@@ -18,12 +18,12 @@ namespace xraycast {
 class Intervention {
  public:
   struct Options {
-    std::filesystem::path vessels;  ///< a vessel tree, or a folder with a tree.vtp
+    std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
     std::string device_model = "cobra-5f";
-    std::string entry;                ///< see entry_named
+    std::string entry{};              ///< see entry_named
     std::string haptic = "keyboard";  ///< one of haptic_names()
-    std::string listen;               ///< openigtlink: where; empty: its default
-    std::filesystem::path script;     ///< of the hub; steers in the place of a device
+    std::string listen{};             ///< openigtlink: where; empty: its default
+    std::filesystem::path script{};   ///< of the hub; steers in the place of a device
   };
 
   static std::vector<std::string> haptic_names();
@@ -56,18 +56,21 @@ class Intervention {
   /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
-  /// Back to the entrance. The recording goes on from there.
-  void restart();
+  /// Back to the entrance, with the device of the options. The recording begins anew. Throws as the
+  /// constructor; then the run goes on, or, if only the port is lost, keys hold a new one.
+  void restart() { start(options_.script); }
 
-  /// Steers by a script, from the entrance on.
-  void replay(const std::filesystem::path& script);
+  /// Steers by a script, once, from the entrance on. Throws InputError as `restart`.
+  void replay(const std::filesystem::path& script) { start(script); }
 
  private:
+  void start(const std::filesystem::path& script);
+
   Options options_;
   std::shared_ptr<const VesselTree> tree_;
   ManualDevice* manual_ = nullptr;
   std::unique_ptr<SimulatedRun> run_;
-  bool pedal_ = false;
+  bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
   Camera camera_;
   std::vector<Surface> surfaces_;

@@ -1,6 +1,6 @@
 #include "xraycast/viewer/run_cine.hpp"
 
-#include "xraycast/image.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/catheter_surface.hpp"
 #include "xraycast/viewer/fluoroscopy_beam.hpp"
 
@@ -15,9 +15,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
                  Screen screen)
     : options_(options), screen_(std::move(screen)), bolus_(tree), contrast_(tree), road_map_(tree) {
   renderer_.set_map(std::move(map));
-  const bool is_inverted = options_.style.window.inverted;
-  options_.style.window = automatic_window(renderer_.tau(options_.view, options_.style));
-  options_.style.window.inverted = is_inverted;
+  options_.style.window = automatic_window(renderer_, options_.view, options_.style);
 }
 
 void RunCine::see(const Catheter& catheter, double time_s) {
