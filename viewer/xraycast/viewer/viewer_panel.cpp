@@ -68,7 +68,7 @@ void draw_road_map(Viewer& viewer, const ImVec2& size) {
         ++last;
       const auto x = static_cast<float>(pane.x + outline[i].x), y = static_cast<float>(outline[i].y);
       draw.AddRectFilled({x, y}, {x + static_cast<float>(last - i), y + 1},
-                         IM_COL32(kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z, 200));
+                         IM_COL32(kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z, 255));
       i = last;
     }
   }
@@ -224,8 +224,10 @@ void ViewerPanel::file_controls(Viewer& viewer) {
 
 bool ViewerPanel::takes_key(int key) {
   if (!is_asking_) return ImGui::GetIO().WantTextInput && !has_asked_;
-  accepts_ = accepts_ || key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
-  declines_ = declines_ || key == GLFW_KEY_ESCAPE;
+  accepts_ = key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
+  declines_ = key == GLFW_KEY_ESCAPE;
+  has_asked_ = accepts_ || declines_;  // the next key is not the question's any more
+  is_asking_ = !has_asked_;
   return true;
 }
 
@@ -251,7 +253,7 @@ void ViewerPanel::open_dialogue(Viewer& viewer) {
   if (opens) viewer.open(file_);
   if (opens || closes) {
     ImGui::CloseCurrentPopup();
-    is_asking_ = false;  // the next key is not the dialogue's any more
+    is_asking_ = false;
     has_asked_ = true;
   }
   ImGui::EndPopup();
