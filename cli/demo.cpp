@@ -14,6 +14,7 @@
 #include "xraycast/segment.hpp"
 #include "xraycast/vessel_removal.hpp"
 #include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/headless_context.hpp"
@@ -138,9 +139,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
       style.look = look;
       style.window.inverted = look == Look::surface;
       const View view = view_of(camera, bounds_of(map->geometry), 480, 600);
-      const bool inverted = style.window.inverted;
-      style.window = automatic_window(renderer.tau(view, style));
-      style.window.inverted = inverted;
+      style.window = automatic_window(renderer, view, style);
       const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(look), angle_deg);
       const std::vector<std::uint8_t> rgb =
           report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),

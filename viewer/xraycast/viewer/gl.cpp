@@ -129,9 +129,9 @@ void Target::resize(int width, int height) {
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
 }
 
-void Target::fill(std::span<const float> values) {
+void Target::fill(std::span<const float> values, int x, int y, int width, int height) {
   glBindTexture(GL_TEXTURE_2D, texture_.id());
-  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height_, format_ == GL_R32F ? GL_RED : GL_RGBA, GL_FLOAT,
+  glTexSubImage2D(GL_TEXTURE_2D, 0, x, y, width, height, format_ == GL_R32F ? GL_RED : GL_RGBA, GL_FLOAT,
                   values.data());
 }
 

@@ -126,8 +126,8 @@ class Target {
   /// Makes it `width` x `height`, at least 1 x 1; its contents are lost when that changes something.
   void resize(int width, int height);
 
-  /// All pixels, the bottom row first.
-  void fill(std::span<const float> values);
+  /// The pixels of a rectangle from (x, y) on, the bottom row first.
+  void fill(std::span<const float> values, int x, int y, int width, int height);
 
   void bind(const Program& program, const char* name, int unit) const;
   GLuint texture() const { return texture_.id(); }

@@ -104,10 +104,16 @@ void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
   spectrum_table_.fill(floats(bins), "spectrum");
 }
 
-void Renderer::set_surfaces(std::span<const Surface> surfaces) { surfaces_.set(surfaces); }
+void Renderer::set_surfaces(std::span<const Surface> surfaces) {
+  std::ranges::for_each(surfaces, check);
+  opaque_.set(surfaces);
+  absorbing_.set(surfaces);
+}
 
 void Renderer::replace_surface(std::size_t index, const Surface& surface) {
-  surfaces_.replace(index, surface);
+  check(surface);
+  opaque_.replace(index, surface);
+  absorbing_.replace(index, surface);
 }
 
 std::size_t Renderer::texture_B() const {
@@ -317,13 +323,16 @@ Renderer::Body Renderer::draw_body(const View& view, const Style& style) {
   return drawn_->body;
 }
 
-void Renderer::draw_surfaces(const View& view, Look look) {
-  if (look == Look::fluoro) {
-    absorbed_.resize(view.width, view.height);
-    draw_into(absorbed_);
-    surfaces_.draw_absorption(view);
-    return;
-  }
+void Renderer::draw_absorption(const View& view) {
+  absorbed_.resize(view.width, view.height);
+  draw_into(absorbed_);
+  constexpr float kNothing[4] = {};
+  glClearBufferfv(GL_COLOR, 0, kNothing);
+  const ScreenBox box = absorbing_.box(view);
+  absorbed_.fill(absorbing_.tau(view, box), box.x, box.y, box.width, box.height);
+}
+
+void Renderer::draw_opaque(const View& view) {
   shade_.resize(view.width, view.height);
   surface_depth_.resize(view.width, view.height);
   depth_.resize(view.width, view.height);
@@ -332,7 +341,7 @@ void Renderer::draw_surfaces(const View& view, Look look) {
   attach_depth();
   constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, kBoth);
-  surfaces_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
+  opaque_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
 }
 
 void Renderer::draw_in_front(const View& view, const Style& style) {
@@ -359,7 +368,7 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     map_texels_[channel].bind(in_front, "map_texels", 0);
     surface_depth_.bind(in_front, "surface_depth", 3);
     in_front.set("view_height", double(view.height));
-    cover(surfaces_.box(view), {0, 0});
+    cover(opaque_.box(view), {0, 0});
   }
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
@@ -386,7 +395,7 @@ void Renderer::display_body(const Passes& passes, const Style& style, Output out
   if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
   set_window(show, style.window);
   show.set("origin", glm::dvec2(corner));
-  cover(is_absorbing ? united(body.box, surfaces_.box(view)) : body.box, corner);
+  cover(is_absorbing ? united(body.box, absorbing_.box(view)) : body.box, corner);
 }
 
 void Renderer::display_surfaces(const View& view, const Style& style, Output output) {
@@ -400,7 +409,7 @@ void Renderer::display_surfaces(const View& view, const Style& style, Output out
     show.set("spectrum_bins", spectrum_bins_);
   }
   set_window(show, style.window);
-  cover(surfaces_.box(view), {0, 0});
+  cover(opaque_.box(view), {0, 0});
 }
 
 void Renderer::display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner) {
@@ -425,10 +434,14 @@ void Renderer::display(const Passes& passes, const Style& style, Output output, 
 
 Renderer::Passes Renderer::draw_passes(const View& view, const Style& style) {
   Passes passes{view, draw_body(view, style), Surfaces::none};
-  if (surfaces_.empty()) return passes;
-  passes.surfaces = style.look == Look::surface ? Surfaces::opaque : Surfaces::absorbing;
-  draw_surfaces(view, style.look);
-  if (passes.surfaces == Surfaces::opaque) draw_in_front(view, style);
+  if (style.look == Look::surface && !opaque_.empty()) {
+    passes.surfaces = Surfaces::opaque;
+    draw_opaque(view);
+    draw_in_front(view, style);
+  } else if (style.look == Look::fluoro && !absorbing_.empty()) {
+    passes.surfaces = Surfaces::absorbing;
+    draw_absorption(view);
+  }
   return passes;
 }
 
@@ -441,10 +454,10 @@ Renderer::Passes Renderer::draw_passes(const ProjectionImage& truth) {
     for (int i = 0; i < view.width; ++i)
       quads[4 * (static_cast<std::size_t>(j / 4) * body_.width() + i) + j % 4] =
           truth.tau[static_cast<std::size_t>(j) * view.width + i];
-  body_.fill(quads);
-  if (!surfaces_.empty()) draw_surfaces(view, Look::fluoro);
+  body_.fill(quads, 0, 0, body_.width(), body_.height());
+  if (!absorbing_.empty()) draw_absorption(view);
   const Body body{scaled_down(1), {0, 0, view.width, view.height}, view.width, view.height};
-  return {view, body, surfaces_.empty() ? Surfaces::none : Surfaces::absorbing};
+  return {view, body, absorbing_.empty() ? Surfaces::none : Surfaces::absorbing};
 }
 
 void Renderer::draw_own(const Passes& passes, const Style& style, Output output) {

@@ -2,6 +2,7 @@
 
 #include "xraycast/body_map.hpp"
 #include "xraycast/projector.hpp"
+#include "xraycast/viewer/absorbing_surfaces.hpp"
 #include "xraycast/viewer/gl.hpp"
 #include "xraycast/viewer/map_texels.hpp"
 #include "xraycast/viewer/scene.hpp"
@@ -32,9 +33,12 @@ class Renderer {
 
   /// What the body is drawn from; none: nothing but surfaces.
   void set_map(std::shared_ptr<const BodyMap> map);
+
+  /// Throws InputError as `check` does.
   void set_surfaces(std::span<const Surface> surfaces);
 
   /// Another surface in the place of one of them, or after the last; what moves is replaced at every frame.
+  /// Throws as set_surfaces.
   void replace_surface(std::size_t index, const Surface& surface);
 
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
@@ -95,7 +99,8 @@ class Renderer {
   Body draw_body(const View& view, const Style& style);
   Body draw_columns(const View& view, const Style& style);
   Body draw_march(const View& view, const Style& style);
-  void draw_surfaces(const View& view, Look look);
+  void draw_opaque(const View& view);
+  void draw_absorption(const View& view);
   void draw_in_front(const View& view, const Style& style);
   void apply_spectrum(int columns, int quads);
   void display_body(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
@@ -127,7 +132,8 @@ class Renderer {
   gl::Target body_, near_, near_masses_, shade_, surface_depth_, depth_, absorbed_, frame_tau_, frame_grey_;
   std::vector<gl::Target> masses_;
   int spectrum_bins_ = 0;
-  SurfaceLayer surfaces_;
+  SurfaceLayer opaque_;
+  AbsorbingSurfaces absorbing_;
 };
 
 }  // namespace xraycast
