@@ -5,9 +5,6 @@
 #include "xraycast/contrast.hpp"
 #include "xraycast/exclusion.hpp"
 
-#include <glm/common.hpp>
-#include <glm/geometric.hpp>
-
 #include <algorithm>
 #include <cmath>
 #include <cstdlib>
@@ -45,15 +42,6 @@ Mask large_parts(const Mask& mask, std::int64_t least_voxels) {
   return parts.select(keep);
 }
 
-/// Calls `visit(component, index)` for each voxel.
-template <typename Visit>
-void for_each_voxel(const Components& parts, const Index3& size, const Visit& visit) {
-  for (const Components::Run& run : parts.runs())
-    for (std::int64_t i = run.first; i < run.first + run.length; ++i)
-      visit(static_cast<std::size_t>(run.component),
-            Index3(i % size.x, i / size.x % size.y, i / (size.x * size.y)));
-}
-
 /// With the parts of `weak` that touch two parts of a mask or more.
 Mask with_bridges(const Mask& strong, const Mask& weak) {
   const Components parts(strong), stretches(weak);
@@ -62,30 +50,32 @@ Mask with_bridges(const Mask& strong, const Mask& weak) {
     std::fill_n(part_of.begin() + run.first, run.length, run.component);
   std::vector<std::int32_t> touched(static_cast<std::size_t>(stretches.count()), -1);
   std::vector<bool> is_bridge(touched.size());
-  for_each_voxel(stretches, strong.geometry.size, [&](std::size_t stretch, const Index3& voxel) {
-    for (const Index3& step : kNeighbours) {
-      if (!strong.at(voxel + step)) continue;
-      const std::int32_t part = part_of[strong.offset(voxel + step)];
-      if (touched[stretch] >= 0 && touched[stretch] != part) is_bridge[stretch] = true;
-      touched[stretch] = part;
+  const Index3 size = strong.geometry.size;
+  for (const Components::Run& run : stretches.runs()) {
+    const auto stretch = static_cast<std::size_t>(run.component);
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
+      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      for (const Index3& step : kNeighbours) {
+        if (!strong.at(voxel + step)) continue;
+        const std::int32_t part = part_of[strong.offset(voxel + step)];
+        if (touched[stretch] >= 0 && touched[stretch] != part) is_bridge[stretch] = true;
+        touched[stretch] = part;
+      }
     }
-  });
+  }
   Mask result = stretches.select(is_bridge);
   for (std::size_t i = 0; i < result.voxels.size(); ++i)
     if (strong.voxels[i] != 0) result.voxels[i] = 1;
   return result;
 }
 
-/// The parts whose box has at least this diagonal.
-Mask long_parts(const Mask& mask, double least_vox) {
+/// The parts of a mask in which there is something of another one.
+Mask parts_with(const Mask& mask, const Mask& core) {
   const Components parts(mask);
-  std::vector<Box> boxes(static_cast<std::size_t>(parts.count()), {mask.geometry.size, {0, 0, 0}});
-  for_each_voxel(parts, mask.geometry.size, [&](std::size_t part, const Index3& voxel) {
-    boxes[part].lower = glm::min(boxes[part].lower, voxel);
-    boxes[part].upper = glm::max(boxes[part].upper, voxel + Index3(1));
-  });
-  std::vector<bool> keep;
-  for (const Box& box : boxes) keep.push_back(glm::length(glm::dvec3(box.upper - box.lower)) >= least_vox);
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (const Components::Run& run : parts.runs())
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i)
+      if (core.voxels[static_cast<std::size_t>(i)] != 0) keep[static_cast<std::size_t>(run.component)] = true;
   return parts.select(keep);
 }
 
@@ -110,7 +100,7 @@ std::vector<float> line_strength(const Volume& volume, Device& device) {
 
 Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid) {
   constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
-  constexpr std::int64_t kLeastVoxels = 5;
+  constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
   const auto [median, spread] = background(strength);
   const Mask strong = large_parts(above(strength, grid, median + kStrong * spread), kLeastVoxels);
   Mask weak = above(strength, grid, median + kWeak * spread);
@@ -118,7 +108,7 @@ Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry&
     if (strong.voxels[i] != 0) weak.voxels[i] = 0;
   Mask vessels = with_bridges(strong, weak);
   add_rim(above(strength, grid, median + kRim * spread), vessels);
-  return long_parts(vessels, 2 * kReach_vox);
+  return parts_with(vessels, large_parts(strong, kSureVoxels));
 }
 
 }  // namespace xraycast
