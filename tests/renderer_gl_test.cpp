@@ -3,6 +3,7 @@
 #include "xraycast/error.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projector.hpp"
+#include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/headless_context.hpp"
@@ -18,6 +19,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 namespace xraycast {
 namespace {
@@ -501,6 +503,55 @@ TEST_F(RendererTest, BrightnessFollowsWhatIsSeen) {
   }
   // Its scale is that of the half that is seen.
   EXPECT_NEAR(windows[1].scale / windows[0].scale, 10, 0.5);
+}
+
+TEST_F(RendererTest, WhatWasDrawnBeforeLeavesNoTrace) {
+  // A body that is kept between frames must not outlive its map, view or style.
+  const auto map = homogeneous(2), other = homogeneous(3);
+  const Surface near{ball(bounds_of(map->geometry).centre_mm + glm::dvec3(0, -40, 0), 20), 0.05, {}};
+  const View view = view_of_map(*map, 0), turned = view_of_map(*map, 50);
+  ProjectionImage truth{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height, 0.5f)};
+  Style surface{.look = Look::surface}, weak, wall, coarse;
+  weak.strengths = {0.5f, 1};
+  wall.sampling.compositing = Compositing::wall;
+  coarse.pixels_per_column = 2;
+  const std::tuple<std::shared_ptr<BodyMap>, View, Style> frames[] = {
+      {map, view, {}},   {map, view, surface}, {map, turned, {}}, {other, turned, {}}, {map, view, weak},
+      {map, view, wall}, {map, view, coarse},  {map, view, {}},   {map, view, {}}};
+  Renderer kept;
+  for (const auto& [its_map, its_view, style] : frames) {
+    Renderer fresh;
+    fresh.set_map(its_map);
+    kept.set_map(its_map);
+    for (const bool has_surface : {false, true}) {
+      for (Renderer* renderer : {&fresh, &kept})
+        renderer->set_surfaces(std::span(&near, has_surface ? 1 : 0));
+      EXPECT_EQ(kept.picture(its_view, style), fresh.picture(its_view, style));
+    }
+    kept.picture(truth, {});
+    EXPECT_EQ(kept.tau(its_view, style), fresh.tau(its_view, style));
+  }
+}
+
+TEST_F(RendererTest, AStillViewDrawsTheBodyOnce) {
+  const auto map = homogeneous(64);
+  const View view = view_of_map(*map, 0, 0, Cone{1000, 1500});
+  Renderer renderer;
+  renderer.set_map(map);
+  const auto fastest_ms = [&](auto&& make_view) {
+    double fastest = 1e9;
+    for (int i = 0; i < 5; ++i) {
+      const Stopwatch stopwatch;
+      renderer.picture(make_view(i), {});
+      fastest = std::min(fastest, stopwatch.ms());
+    }
+    return fastest;
+  };
+  const double moving = fastest_ms([&](int i) { return view_of_map(*map, i, 0, Cone{1000, 1500}); });
+  renderer.picture(view, {});
+  const double still = fastest_ms([&](int) { return view; });
+  // 64 layers take most of a frame; a third leaves room for a machine under load.
+  EXPECT_LT(still, moving / 3);
 }
 
 TEST_F(RendererTest, LeavesNothingBehind) {

@@ -53,6 +53,7 @@ struct SampleOptions {
     return compositing == Compositing::path && reconstruction == Reconstruction::linear &&
            geometry.projection != Projection::rectangle && geometry.layers() > 1;
   }
+  bool operator==(const SampleOptions&) const = default;
 };
 
 /// Follows every column's rays through a map: a picture is the sum over a column's samples of weight times

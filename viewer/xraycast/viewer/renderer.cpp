@@ -22,6 +22,11 @@ bool same_texels(const Style& a, const Style& b) {
          a.sampling.reconstruction == b.sampling.reconstruction && a.strengths == b.strengths;
 }
 
+/// Whether a body that was drawn in one style looks the same in the other.
+bool same_body(const Style& a, const Style& b) {
+  return a.sampling == b.sampling && a.strengths == b.strengths && a.pixels_per_column == b.pixels_per_column;
+}
+
 /// Walls have hard edges, which would show.
 int pixels_per_column(const Style& style) {
   return style.sampling.compositing == Compositing::wall ? kFullResolution : style.pixels_per_column;
@@ -92,6 +97,7 @@ Renderer::Renderer()
 void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
   map_ = std::move(map);
   prepared_.reset();
+  drawn_.reset();
   if (!map_ || !map_->spectrum) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
   spectrum_bins_ = static_cast<int>(bins.size());
@@ -309,9 +315,12 @@ Renderer::Body Renderer::draw_body(const View& view, const Style& style) {
     body_.resize(1, 1);
     return {};
   }
+  if (drawn_ && drawn_->view == view && same_body(drawn_->style, style)) return drawn_->body;
+  drawn_.reset();  // should drawing fail
   prepare_map(style);
   while (masses_.size() < 3) masses_.emplace_back(GL_RGBA32F);
-  return has_columns() ? draw_columns(view, style) : draw_march(view, style);
+  drawn_ = {view, style, has_columns() ? draw_columns(view, style) : draw_march(view, style)};
+  return drawn_->body;
 }
 
 void Renderer::draw_absorption(const View& view) {
@@ -438,6 +447,7 @@ Renderer::Passes Renderer::draw_passes(const View& view, const Style& style) {
 
 Renderer::Passes Renderer::draw_passes(const ProjectionImage& truth) {
   const View& view = truth.view;
+  drawn_.reset();
   body_.resize(view.width, quads_of(view.height));
   std::vector<float> quads(static_cast<std::size_t>(4) * body_.width() * body_.height());
   for (int j = 0; j < view.height; ++j)

@@ -24,7 +24,9 @@ namespace xraycast {
 ///
 /// A frame is made in passes: the body's optical depth, for maps about a straight axis on the columns of an
 /// UprightView, otherwise pixel by pixel; the surfaces; what lies in front of opaque ones; and the display,
-/// which looks all of these up and turns them into grey. Optical depths are 32-bit floats throughout.
+/// which looks all of these up and turns them into grey. The body is drawn anew only for another map, view or
+/// style: under a C-arm that stands still a catheter's frames cost no more than the catheter. Optical depths
+/// are 32-bit floats throughout.
 class Renderer {
  public:
   Renderer();
@@ -73,6 +75,13 @@ class Renderer {
     bool between_columns = false;             ///< pixels lie between columns
   };
 
+  /// What lies in `body_`, and what it was drawn for.
+  struct DrawnBody {
+    View view;
+    Style style;
+    Body body;
+  };
+
   /// What was drawn and has to be displayed.
   struct Passes {
     View view;
@@ -114,6 +123,7 @@ class Renderer {
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
   std::vector<gl::Table> map_texels_;
   int map_quads_ = 0, layer_stride_ = 0;
+  std::optional<DrawnBody> drawn_;
 
   std::map<std::string, gl::Program> programs_;
   gl::VertexArray no_vertices_;
