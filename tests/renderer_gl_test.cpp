@@ -5,6 +5,7 @@
 #include "xraycast/projector.hpp"
 #include "xraycast/rays_within.hpp"
 #include "xraycast/stopwatch.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
@@ -546,6 +547,35 @@ TEST_F(RendererTest, GreyIsWhatTheWindowSays) {
       // Rounding to 8 bits, either way.
       EXPECT_NEAR(picture[3 * i], 255 * window.grey(tau[i]), 1.01) << i;
   }
+}
+
+TEST_F(RendererTest, BrightnessFollowsWhatIsSeen) {
+  // A body whose lower half is ten times as dense as its upper one. Zoomed in on either half, the frame spans
+  // the greys, whatever the other half is like; gamma and inversion stay.
+  auto map = homogeneous(1);
+  for (std::size_t i = 0; i < map->tau.size(); ++i)
+    map->tau[i] = (i / 360 < 50 ? 0.3f : 3.0f) * (i % 360 < 180 ? 0.5f : 1.0f);
+  Renderer renderer;
+  renderer.set_map(map);
+  Camera camera{.zoom = 4};
+  Style style;
+  style.window.gamma = 1.5;
+  style.window.inverted = true;
+  std::vector<GreyWindow> windows;
+  for (const double table_mm : {30.0, -30.0}) {
+    camera.table_mm = table_mm;
+    const View view = view_of(camera, bounds_of(map->geometry), 320, 240);
+    style.window = automatic_window(renderer, view, style);
+    windows.push_back(style.window);
+    EXPECT_EQ(style.window.gamma, 1.5);
+    EXPECT_TRUE(style.window.inverted);
+    const auto picture = renderer.picture(view, style);
+    const auto [least, most] = std::ranges::minmax(picture);
+    EXPECT_LT(least, 20) << table_mm;
+    EXPECT_GT(most, 150) << table_mm;
+  }
+  // Its scale is that of the half that is seen.
+  EXPECT_NEAR(windows[1].scale / windows[0].scale, 10, 0.5);
 }
 
 TEST_F(RendererTest, WhatWasDrawnBeforeLeavesNoTrace) {

@@ -250,6 +250,24 @@ class Window(unittest.TestCase):
         self.do("key", "ctrl+y")
         self.assertEqual(self.session()["style"]["strengths"], [1, 0, 1, 1])
 
+    def test_adapts_the_brightness_to_what_is_seen(self):
+        self.view(FILES / "map.exr")
+        lightest = lambda: max(self.screen().region(400, 30, 850, 600)[::4])
+        self.assertEqual(lightest(), 255, "the air beside the body")
+        self.drag(3, 700, 400, 1, 0)  # a window chosen by hand, though nearly the same
+        self.do("mousemove", 640, 360)
+        for _ in range(18):
+            self.do("click", 4)
+        chosen = self.session()["window"]
+        self.frame()
+        dim = lightest()
+        self.assertLess(dim, 200, "nothing but the abdomen")
+        self.do("mousemove", 113, 137, "click", 1)  # automatic brightness
+        self.wait_until(lambda: lightest() > dim + 20, "a brighter picture")
+        self.assertNotIn("window", self.session())
+        self.do("click", 1)
+        self.assertLess(self.session()["window"]["light"], chosen["light"])
+
     def knot(self):
         """The middle of an opacity's knot in the panel, by its colour."""
         found = self.screen().find((255, 220, 150), 100, 100, 180, 500)

@@ -120,12 +120,16 @@ class Rows {
     const Edge edges[] = {{a, b}, {b, c}, {c, a}};
     const int bottom = std::max(facet.box.y, part_.y),
               top = std::min(facet.box.y + facet.box.height, part_.y + part_.height);
-    for (int row = bottom; row < top; ++row)
+    for (int row = bottom; row < top; ++row) {
+      bool was_within = false;
       for (int column = facet.box.x; column < facet.box.x + facet.box.width; ++column) {
         const double x = column + 0.5, y = row + 0.5;
         if (!edges[0].has_on_its_left(x, y) || !edges[1].has_on_its_left(x, y) ||
-            !edges[2].has_on_its_left(x, y))
+            !edges[2].has_on_its_left(x, y)) {
+          if (was_within) break;
           continue;
+        }
+        was_within = true;
         const double linear =
             std::clamp(facet.at_corner + facet.per_column * (x - a.x) + facet.per_row * (y - a.y),
                        facet.least, facet.most);
@@ -134,6 +138,7 @@ class Rows {
             {static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm, facet.turns, first});
         first = static_cast<int>(crossings_.size()) - 1;
       }
+    }
   }
 
   /// What is absorbed, for a beam along the depth.
@@ -163,6 +168,7 @@ class Rows {
     auto matter = std::ranges::find(within_, crossing.mu_per_mm, &Matter::mu_per_mm);
     if (matter == within_.end()) matter = within_.insert(matter, {crossing.mu_per_mm, 0});
     matter->turns += crossing.turns;
+    if (matter->turns == 0) within_.erase(matter);
     float strongest = 0;
     for (const auto& [mu_per_mm, turns] : within_)
       if (turns > 0) strongest = std::max(strongest, mu_per_mm);
