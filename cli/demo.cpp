@@ -185,9 +185,8 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
 }
 
 // From the left groin up the aorta into a renal artery; then contrast agent is injected.
-constexpr const char* kScript =
-    "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n10.5,550,210\n13,550,210\n";
-constexpr double kInjectFrom_s = 11, kInjectTo_s = 13;
+constexpr const char* kScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n8,375,210\n10.5,375,210\n";
+constexpr double kInjectFrom_s = 8.5, kInjectTo_s = 11;
 
 /// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
 void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
@@ -195,9 +194,9 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   const HeadlessContext context;
   RunCine::Options options;
   options.view =
-      fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.9},
+      fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.7},
              bounds_of(map->geometry));
-  options.view.centre_mm.z -= 130;  // the abdomen
+  options.view.centre_mm.z -= 100;  // the abdomen, as narrow as a fluoroscope's field
   options.inject_from_s = kInjectFrom_s;
   options.inject_to_s = kInjectTo_s;
   std::vector<std::unique_ptr<CineWriter>> writers;
@@ -218,7 +217,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 
   Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
-  const std::vector<RunRecord> records = report.timed("catheter run of 13 s, with its frames", [&] {
+  const std::vector<RunRecord> records = report.timed("catheter run of 10.5 s, with its frames", [&] {
     return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
                       [&](const Catheter& moved, double time_s) {
                         for (const auto& cine : cines) cine->see(moved, time_s);
