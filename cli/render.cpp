@@ -77,21 +77,6 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
 }
 
-/// `0:360:5`: from the first to before the last, in steps. Throws InputError.
-std::vector<double> parse_cine(const std::string& text) {
-  std::string numbers = text;
-  std::ranges::replace(numbers, ':', ',');
-  const std::vector<double> range = parse_numbers(numbers, "--cine");
-  if (range.size() != 3 || range[2] == 0 || (range[1] - range[0]) / range[2] <= 0)
-    throw InputError("--cine {}: has to be FROM:TO:STEP in degrees", text);
-  const double count = std::ceil((range[1] - range[0]) / range[2] - 1e-9);
-  constexpr double kMost = 3600;
-  if (count > kMost) throw InputError("--cine {}: more than {} frames", text, kMost);
-  std::vector<double> angles;
-  for (int i = 0; i < static_cast<int>(count); ++i) angles.push_back(range[0] + i * range[2]);
-  return angles;
-}
-
 void check_output(const Options& options) {
   if (options.cine.empty()) {
     check_projection_format(options.output);
@@ -124,7 +109,7 @@ std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const ViewS
 void render(const Options& options, Session& session) {
   check_output(options);
   const std::vector<double> cine_deg =
-      options.cine.empty() ? std::vector<double>{} : parse_cine(options.cine);
+      options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
   std::vector<Surface> surfaces;

@@ -1,5 +1,5 @@
-/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and means along
- * lines. Beyond the block its border goes on. */
+/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and lines. Beyond
+ * the block its border goes on. */
 
 static int clamped(const int i, const int size) { return clamp(i, 0, size - 1); }
 
@@ -107,11 +107,12 @@ static float sample(global const float* v, const int4 size, const float3 p) {
   return mix(low, high, fz);
 }
 
-/* The largest of the weighted means along straight lines through a voxel, one for each direction; a step is
- * one voxel. */
-kernel void line_mean(global const float* source, global float* target, const int4 size,
-                      constant float4* directions, const int count, constant float* weights,
-                      const int reach) {
+/* For each voxel the strongest straight line through it: of each direction the weaker of its two arms'
+ * weighted means, so that a line that only crosses something bright on one side does not count; a step is one
+ * voxel. Weights are of distances 0 to reach; both arms together add up to 1. */
+kernel void line_strength(global const float* source, global float* target, const int4 size,
+                          constant float4* directions, const int count, constant float* weights,
+                          const int reach) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (x >= size.x || y >= size.y || z >= size.z) return;
   const float3 here = (float3)(x, y, z);
@@ -119,10 +120,12 @@ kernel void line_mean(global const float* source, global float* target, const in
   float best = -FLT_MAX;
   for (int d = 0; d < count; ++d) {
     const float3 step = directions[d].xyz;
-    float sum = centre;
-    for (int k = 1; k <= reach; ++k)
-      sum += weights[k] * (sample(source, size, here - k * step) + sample(source, size, here + k * step));
-    best = max(best, sum);
+    float forwards = 0, backwards = 0;
+    for (int k = 1; k <= reach; ++k) {
+      forwards += weights[k] * sample(source, size, here + k * step);
+      backwards += weights[k] * sample(source, size, here - k * step);
+    }
+    best = max(best, centre + 2 * min(forwards, backwards));
   }
   target[(z * size.y + y) * size.x + x] = best;
 }

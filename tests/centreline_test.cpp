@@ -133,6 +133,50 @@ TEST(Centrelines, JoinPartsAndSayHow) {
   EXPECT_EQ(found.tree.branches().size(), 1U);
 }
 
+TEST(Centrelines, JoinVesselsBeyondTheScanThatLeaveItSideBySide) {
+  // Two arteries of a neck: nearest to each other at the top, but both go on below.
+  const Mask parts = mask_where({.size = {60, 20, 70}}, [](const glm::dvec3& p) {
+    return p.z < 60 && (distance_to_segment(p, {12, 10, -9}, {26, 10, 60}) < 3 ||
+                        distance_to_segment(p, {48, 10, -9}, {34, 10, 60}) < 3);
+  });
+  const Centrelines found = find_centrelines(parts, "parts");
+  ASSERT_EQ(found.gaps_mm.size(), 1U);
+  // At z = 0 they are 32 apart, and less by up to two where thinning leaves their ends; at the top only 8.
+  EXPECT_NEAR(found.gaps_mm[0], 32, 2);
+  // Two arteries and what joins them.
+  EXPECT_EQ(found.tree.branches().size(), 3U);
+}
+
+TEST(Centrelines, JoinEndsRatherThanSides) {
+  // An artery that was interrupted passes by another one, to which it is nearer than to its own other half.
+  const Mask parts = mask_where({.size = {60, 60, 30}}, [](const glm::dvec3& p) {
+    const auto tube = [&](const glm::dvec3& a, const glm::dvec3& b) {
+      return distance_to_segment(p, a, b) < 2.5;
+    };
+    return tube({30, 8, 6}, {30, 52, 6}) || tube({4, 30, 24}, {24, 30, 17}) ||
+           tube({42, 30, 17}, {56, 30, 24});
+  });
+  const Centrelines found = find_centrelines(parts, "parts");
+  ASSERT_EQ(found.gaps_mm.size(), 2U);
+  // The two halves are one branch, whose ends lie far apart.
+  const auto spans = [](const VesselBranch& branch) {
+    return std::abs(branch.points.back().position_mm.x - branch.points.front().position_mm.x);
+  };
+  EXPECT_GT(std::ranges::max(found.gaps_mm), 18);
+  EXPECT_EQ(std::ranges::count_if(found.tree.branches(), [&](const auto& b) { return spans(b) < 4; }), 2);
+}
+
+TEST(Centrelines, PassOverAHoleInTheLumen) {
+  Mask tube = mask_where({.size = {30, 30, 60}}, [](const glm::dvec3& p) {
+    return distance_to_segment(p, {15, 15, 8}, {15, 15, 52}) < 4.5;
+  });
+  for (std::int64_t x = 0; x < 30; ++x)  // noise made a tunnel across it
+    for (std::int64_t z = 28; z < 31; ++z) tube[{x, 15, z}] = 0;
+  const Centrelines found = find_centrelines(tube, "tube");
+  EXPECT_EQ(found.tree.branches().size(), 1U);
+  EXPECT_THAT(found.loops, testing::IsEmpty());
+}
+
 TEST(Centrelines, RefuseWhatHasNoLength) {
   EXPECT_THROW(find_centrelines(Mask({.size = {9, 9, 9}}), "nothing"), InputError);
   Mask point({.size = {9, 9, 9}});

@@ -168,6 +168,16 @@ TEST(SpongyBone, IsNoVesselAndNoFork) {
   }
 }
 
+TEST(SpongyBone, IsNoVesselThatLeavesAThickOne) {
+  EXPECT_EQ(spongy_share(
+                [](const glm::dvec3& p) {
+                  return distance_to_segment(p, {18, 18, -9}, {18, 18, 45}) < 8 ||
+                         distance_to_segment(p, {18, 18, 18}, {45, 18, 24}) < 1.5;
+                },
+                kNowhere),
+            kNone);
+}
+
 TEST(SpongyBone, IsWhatBoneSurrounds) {
   const auto distance = [](const glm::dvec3& p) { return distance_to_segment(p, {18, 18, 6}, {18, 18, 30}); };
   const auto rod = [&](const glm::dvec3& p) { return distance(p) < 2; };

@@ -70,6 +70,37 @@ TEST_F(VtkFiles, VtkReadsOurTree) {
   EXPECT_EQ(seen["int_arrays"], true);
 }
 
+TEST_F(VtkFiles, VtkReadsWhatSegmentWrites) {
+  const auto xraycast = [&](const std::string& arguments) {
+    ASSERT_EQ(std::system((XRAYCAST_PROGRAM " " + arguments + " -q > /dev/null").c_str()), 0) << arguments;
+  };
+  const std::string scan = (folder_ / "thorax.nrrd").string(), vessels = (folder_ / "vessels").string();
+  xraycast("phantom thorax --spacing 2 -o " + scan);
+  xraycast("segment " + scan + " -o " + vessels + " --triangles 5000");
+
+  const VesselTree tree = read_tree(folder_ / "vessels" / "tree.vtp");
+  std::size_t points = 0;
+  for (const VesselBranch& branch : tree.branches()) points += branch.points.size();
+  const nlohmann::json lines = describe("vessels/tree.vtp");
+  EXPECT_EQ(lines["lines"], tree.branches().size());
+  EXPECT_EQ(lines["points"].size(), points);
+  EXPECT_EQ(lines["space"], "LPS");
+  EXPECT_EQ(lines["int_arrays"], true);
+  EXPECT_EQ(lines["point_arrays"]["MaximumInscribedSphereRadius"].size(), points);
+  for (const char* array : {"GroupIds", "CenterlineIds", "TractIds", "Blanking", "ParentIds"})
+    EXPECT_EQ(lines["cell_arrays"][array].size(), tree.branches().size()) << array;
+
+  const Mesh mesh = read_mesh(folder_ / "vessels" / "surface.vtp");
+  for (const char* file : {"vessels/surface.vtp", "vessels/surface.stl"}) {
+    const nlohmann::json surface = describe(file);
+    EXPECT_EQ(surface["polys"], mesh.triangles.size()) << file;
+    EXPECT_EQ(surface["open_edges"], 0) << file;
+    EXPECT_THAT(surface["space"].get<std::string>(), testing::HasSubstr("LPS")) << file;
+    // vtkMassProperties sums in another way, in double; STL and VTP both keep the floats.
+    EXPECT_NEAR(surface["volume"].get<double>(), volume_mm3(mesh), 1e-4 * volume_mm3(mesh)) << file;
+  }
+}
+
 TEST_F(VtkFiles, WeReadAllOfVtksEncodings) {
   for (const char* encoding :
        {"ascii none 32", "binary none 32", "binary none 64", "binary zlib 32", "binary zlib 64",

@@ -11,9 +11,8 @@ cl_int4 int4_of(const Index3& i) {
   return {{static_cast<cl_int>(i.x), static_cast<cl_int>(i.y), static_cast<cl_int>(i.z), 0}};
 }
 
-/// Weights of a Gaussian at 0, 1, 2 … voxels, to three standard deviations; both sides add up to 1.
-std::vector<float> gaussian_weights(double sigma_vox) {
-  const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox)));
+/// Weights of a Gaussian at 0, 1, 2 … `reach` voxels; both sides add up to 1.
+std::vector<float> gaussian_weights(double sigma_vox, int reach) {
   std::vector<double> weights;
   double sum = 0;
   for (int k = 0; k <= reach; ++k) {
@@ -72,12 +71,13 @@ void BlockFilter::run(cl::Kernel& kernel) {
 cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox) {
   cl::Buffer source = values;
   for (int axis = 0; axis < 3; ++axis) {
-    const std::vector<float> weights = gaussian_weights(sigma_vox[axis]);
+    const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox[axis])));
+    const std::vector<float> weights = gaussian_weights(sigma_vox[axis], reach);
     const cl::Buffer device_weights = device_.upload(std::span(weights)), target = block();
     cl::Kernel gaussian = kernel("gaussian", source, target);
     gaussian.setArg(3, axis);
     gaussian.setArg(4, device_weights);
-    gaussian.setArg(5, static_cast<cl_int>(weights.size() - 1));
+    gaussian.setArg(5, static_cast<cl_int>(reach));
     run(gaussian);
     source = target;
   }
@@ -100,19 +100,39 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
   run(tubularity);
 }
 
-cl::Buffer BlockFilter::line_mean(const cl::Buffer& values, double sigma_vox, int directions) {
-  const std::vector<float> weights = gaussian_weights(sigma_vox);
+cl::Buffer BlockFilter::line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
+                                      int directions) {
+  const std::vector<float> weights = gaussian_weights(sigma_vox, reach_vox);
   const std::vector<cl_float4> spread = spread_directions(directions);
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
   cl::Buffer target = block();
-  cl::Kernel line_mean = kernel("line_mean", values, target);
-  line_mean.setArg(3, device_spread);
-  line_mean.setArg(4, static_cast<cl_int>(directions));
-  line_mean.setArg(5, device_weights);
-  line_mean.setArg(6, static_cast<cl_int>(weights.size() - 1));
-  run(line_mean);
+  cl::Kernel line_strength = kernel("line_strength", values, target);
+  line_strength.setArg(3, device_spread);
+  line_strength.setArg(4, static_cast<cl_int>(directions));
+  line_strength.setArg(5, device_weights);
+  line_strength.setArg(6, static_cast<cl_int>(reach_vox));
+  run(line_strength);
   return target;
+}
+
+std::vector<float> filtered(const Volume& volume, Device& device, std::int64_t halo,
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter) {
+  constexpr std::int64_t kSlabSlices = 64;  // 512 x 512 of them take 80 MB a buffer
+  const VolumeGeometry& g = volume.geometry();
+  std::vector<float> result;
+  result.reserve(static_cast<std::size_t>(g.voxel_count()));
+  for (std::int64_t first = 0; first < g.size.z; first += kSlabSlices) {
+    const std::int64_t begin = std::max<std::int64_t>(0, first - halo),
+                       last = std::min(g.size.z, first + kSlabSlices), end = std::min(g.size.z, last + halo);
+    const auto hu = volume.slices(begin, end - begin);
+    std::vector<float> values(hu.begin(), hu.end());
+    BlockFilter block(device, {g.size.x, g.size.y, end - begin});
+    values = block.download(filter(block, block.upload(values)));
+    const auto from = values.begin() + (first - begin) * g.slice_voxels();
+    result.insert(result.end(), from, from + (last - first) * g.slice_voxels());
+  }
+  return result;
 }
 
 }  // namespace xraycast

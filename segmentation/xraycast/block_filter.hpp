@@ -3,6 +3,7 @@
 #include "xraycast/device.hpp"
 #include "xraycast/volume.hpp"
 
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -25,8 +26,9 @@ class BlockFilter {
   void add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
                       double strength, bool is_frangi, const cl::Buffer& best);
 
-  /// The largest mean along a line through each voxel, weighted by a Gaussian of `sigma_vox`.
-  cl::Buffer line_mean(const cl::Buffer& values, double sigma_vox, int directions);
+  /// How strong the strongest line through each voxel is: the largest over `directions` of the weaker of its
+  /// two arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
+  cl::Buffer line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
 
  private:
   cl::Buffer block();
@@ -38,5 +40,9 @@ class BlockFilter {
   Device& device_;
   Index3 size_;
 };
+
+/// Filters a whole scan slab by slab, each with `halo` slices more on either side.
+std::vector<float> filtered(const Volume& volume, Device& device, std::int64_t halo,
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter);
 
 }  // namespace xraycast

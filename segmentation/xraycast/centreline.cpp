@@ -125,7 +125,6 @@ class Pruner {
   }
 
   void run() {
-    drop_false_loops();
     cut_loops_open();
     join_all();
     prune_spurs();
@@ -163,15 +162,8 @@ class Pruner {
     for (const int n : edge(e).nodes) std::erase(node(n).edges, e);
   }
 
-  /// Edges around a hole in the mask that is smaller than the vessel: both of its sides lie in one sphere.
-  void drop_false_loops() {
-    for (int e = 0; e < static_cast<int>(graph_.edges.size()); ++e) {
-      const auto [a, b] = edge(e).nodes;
-      if (a == b && length_mm(edge(e).points_mm) < 2 * std::numbers::pi * reach_mm(a)) remove(e);
-    }
-  }
-
-  /// The thickest edges span the forest (Kruskal); each other one ends a voxel before its second node.
+  /// The thickest edges span the forest (Kruskal); each other one ends a voxel before its second node. Those
+  /// that are shorter than the lumen's circumference only run around a hole in the mask, and go.
   void cut_loops_open() {
     std::vector<int> order;
     for (int e = 0; e < static_cast<int>(graph_.edges.size()); ++e)
@@ -195,8 +187,13 @@ class Pruner {
         parent[static_cast<std::size_t>(a)] = b;
         continue;
       }
-      Line& points_mm = edge(e).points_mm;
       const int end = edge(e).nodes[1];
+      if (length_mm(edge(e).points_mm) <
+          2 * std::numbers::pi * std::max(reach_mm(edge(e).nodes[0]), reach_mm(end))) {
+        remove(e);
+        continue;
+      }
+      Line& points_mm = edge(e).points_mm;
       if (edge(e).nodes[0] == end)
         std::erase(node(end).edges, e), node(end).edges.push_back(e);
       else
@@ -263,6 +260,7 @@ class Pruner {
   void join(int n) {
     if (node(n).edges.size() != 2 || node(n).edges[0] == node(n).edges[1]) return;
     const int a = node(n).edges[0], b = node(n).edges[1];
+    if (edge(a).is_outside || edge(b).is_outside) return;
     if (edge(a).nodes[1] != n) {
       std::ranges::reverse(edge(a).points_mm);
       std::swap(edge(a).nodes[0], edge(a).nodes[1]);
@@ -476,6 +474,17 @@ class TreeBuilder {
   std::vector<int> loops_;
 };
 
+/// The face of a grid that lies within a distance of a voxel: 0 to 5, or -1.
+int face_within(const VolumeGeometry& grid, const Index3& voxel, double reach_mm) {
+  for (int axis = 0; axis < 3; ++axis) {
+    const double to_first = static_cast<double>(voxel[axis]),
+                 to_last = static_cast<double>(grid.size[axis] - 1 - voxel[axis]);
+    if (to_first * grid.spacing_mm[axis] <= reach_mm) return 2 * axis;
+    if (to_last * grid.spacing_mm[axis] <= reach_mm) return 2 * axis + 1;
+  }
+  return -1;
+}
+
 }  // namespace
 
 Centrelines find_centrelines(const Mask& mask, const std::string& name) {
@@ -483,9 +492,19 @@ Centrelines find_centrelines(const Mask& mask, const std::string& name) {
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
   Mask skeleton = thin(part);
-  std::vector<double> gaps_mm = join_parts(skeleton);
   const Lumen lumen(part);
-  Pruner pruner(trace(skeleton), lumen);
+  const std::vector<PartJoin> joins = find_joins(skeleton, [&](const Index3& end) {
+    const double reach_mm = lumen.wall_mm(part.geometry.to_world_mm(glm::dvec3(end))) + lumen.coarsest_mm();
+    return face_within(mask.geometry, end + box.lower, reach_mm);
+  });
+  for (const PartJoin& join : joins)
+    if (!join.is_outside) draw(join, skeleton);
+  SkeletonGraph traced = trace(skeleton);
+  for (const PartJoin& join : joins)
+    if (join.is_outside) add_edge(join, part.geometry, traced);
+  std::vector<double> gaps_mm;
+  for (const PartJoin& join : joins) gaps_mm.push_back(join.length_mm);
+  Pruner pruner(std::move(traced), lumen);
   pruner.run();
   const SkeletonGraph graph = pruner.result();
   if (graph.edges.empty())

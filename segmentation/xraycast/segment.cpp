@@ -2,10 +2,11 @@
 
 #include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
+#include "xraycast/denoise.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/exclusion.hpp"
-#include "xraycast/line_filter.hpp"
+#include "xraycast/line_vessels.hpp"
 #include "xraycast/parallel.hpp"
 #include "xraycast/spongy_bone.hpp"
 
@@ -96,6 +97,18 @@ Mask without_specks(const Mask& mask) {
   return parts.select(keep);
 }
 
+/// Where noise is so heavy that neither bone nor chambers can be told, lines are what is found.
+Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::string& name, Device& device,
+                      Progress& progress) {
+  progress.begin("looking for lines", 1, "scans");
+  Mask lines = find_line_vessels(line_strength(volume, device), volume.geometry());
+  progress.advance();
+  if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
+  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(lines);
+  part_from_chambers(lines, markers, name);
+  return select_vessels(lines, markers, name);
+}
+
 }  // namespace
 
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
@@ -138,6 +151,8 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   Device& device, Progress& progress) {
   check(volume, options, name);
+  if (!options.window_hu && is_buried_in_noise(volume))
+    return vessels_in_noise(volume, options.markers, name, device, progress);
   progress.begin("contrast", 1, "scans");
   std::optional<Volume> quiet = denoised(volume, device);
   const Volume& scan = quiet ? *quiet : volume;

@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <tuple>
 #include <unordered_map>
 
 namespace xraycast {
@@ -117,40 +118,101 @@ class Tracer {
   SkeletonGraph graph_;
 };
 
+/// A skeleton's voxel, as far as it matters to joining parts.
+struct JoinPoint {
+  Index3 voxel;
+  bool is_end;
+  int face;  ///< of the scan, through which a vessel leaves here, or -1
+};
+
+/// A join and what it costs: first by rank, then by cost.
+struct PricedJoin {
+  int rank = std::numeric_limits<int>::max();
+  double cost_mm = 0;
+  PartJoin join{};
+  bool operator<(const PricedJoin& other) const {
+    return std::tie(rank, cost_mm) < std::tie(other.rank, other.cost_mm);
+  }
+};
+
+PricedJoin cheapest_join(const std::vector<JoinPoint>& from, const std::vector<JoinPoint>& to,
+                         const glm::dvec3& spacing_mm) {
+  PricedJoin best;
+  for (const JoinPoint& a : from)
+    for (const JoinPoint& b : to) {
+      const double mm = glm::length(spacing_mm * glm::dvec3(b.voxel - a.voxel));
+      const bool is_outside = a.face >= 0 && a.face == b.face;
+      const int sides = 1 + static_cast<int>(!a.is_end) + static_cast<int>(!b.is_end);
+      const PricedJoin priced{
+          is_outside ? 0 : 1, is_outside ? mm : mm * sides, {a.voxel, b.voxel, mm, is_outside}};
+      if (priced < best) best = priced;
+    }
+  return best;
+}
+
+int nearest_node(const SkeletonGraph& graph, const glm::dvec3& point_mm) {
+  const auto away = [&](const SkeletonGraph::Node& node) {
+    return glm::distance(node.position_mm, point_mm);
+  };
+  return static_cast<int>(std::ranges::min_element(graph.nodes, {}, away) - graph.nodes.begin());
+}
+
 }  // namespace
 
 SkeletonGraph trace(const Mask& skeleton) { return Tracer(skeleton).run(); }
 
-std::vector<double> join_parts(Mask& skeleton) {
+std::vector<PartJoin> find_joins(const Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
   const Components parts(skeleton);
-  std::vector<std::vector<Index3>> voxels(static_cast<std::size_t>(parts.count()));
+  std::vector<std::vector<JoinPoint>> points(static_cast<std::size_t>(parts.count()));
   const Index3 size = skeleton.geometry.size;
   for (const Components::Run& run : parts.runs())
-    for (std::int64_t i = run.first; i < run.first + run.length; ++i)
-      voxels[static_cast<std::size_t>(run.component)].push_back(
-          {i % size.x, i / size.x % size.y, i / (size.x * size.y)});
-  std::ranges::sort(voxels, [](const auto& a, const auto& b) { return a.size() > b.size(); });
-
-  std::vector<double> lengths_mm;
-  for (std::size_t part = 1; part < voxels.size(); ++part) {
-    double nearest_mm = std::numeric_limits<double>::infinity();
-    Index3 from{}, to{};
-    for (const Index3& a : voxels[part])
-      for (const Index3& b : voxels[0]) {
-        const double mm = glm::length(skeleton.geometry.spacing_mm * glm::dvec3(b - a));
-        if (mm < nearest_mm) nearest_mm = mm, from = a, to = b;
-      }
-    const glm::dvec3 step(to - from);
-    const int steps = static_cast<int>(std::max({std::abs(step.x), std::abs(step.y), std::abs(step.z)}));
-    for (int k = 0; k < steps; ++k) {
-      const Index3 voxel(glm::round(glm::dvec3(from) + step * (static_cast<double>(k) / steps)));
-      skeleton[voxel] = 1;
-      voxels[0].push_back(voxel);
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
+      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      const auto neighbours =
+          std::ranges::count_if(kNeighbours, [&](const Index3& step) { return skeleton.at(voxel + step); });
+      const bool is_end = neighbours <= 1;
+      points[static_cast<std::size_t>(run.component)].push_back(
+          {voxel, is_end, is_end ? face_of(voxel) : -1});
     }
-    voxels[0].insert(voxels[0].end(), voxels[part].begin(), voxels[part].end());
-    lengths_mm.push_back(nearest_mm);
+  std::ranges::sort(points, [](const auto& a, const auto& b) { return a.size() > b.size(); });
+
+  // From the largest part on, always the part that is cheapest to join (Prim).
+  std::vector<PricedJoin> best(points.size());
+  std::vector<bool> is_joined(points.size());
+  std::vector<PartJoin> joins;
+  for (std::size_t newest = 0, left = points.size(); left > 1; --left) {
+    is_joined[newest] = true;
+    std::size_t next = 0;
+    for (std::size_t part = 1; part < points.size(); ++part) {
+      if (is_joined[part]) continue;
+      best[part] =
+          std::min(best[part], cheapest_join(points[newest], points[part], skeleton.geometry.spacing_mm));
+      if (next == 0 || best[part] < best[next]) next = part;
+    }
+    joins.push_back(best[next].join);
+    newest = next;
   }
-  return lengths_mm;
+  return joins;
+}
+
+void draw(const PartJoin& join, Mask& skeleton) {
+  const glm::dvec3 step(join.to - join.from);
+  const int steps = static_cast<int>(std::max({std::abs(step.x), std::abs(step.y), std::abs(step.z)}));
+  for (int k = 0; k < steps; ++k)
+    skeleton[Index3(glm::round(glm::dvec3(join.from) + step * (static_cast<double>(k) / steps)))] = 1;
+}
+
+void add_edge(const PartJoin& join, const VolumeGeometry& grid, SkeletonGraph& graph) {
+  const int from = nearest_node(graph, grid.to_world_mm(glm::dvec3(join.from))),
+            to = nearest_node(graph, grid.to_world_mm(glm::dvec3(join.to))),
+            self = static_cast<int>(graph.edges.size());
+  SkeletonGraph::Node &a = graph.nodes[static_cast<std::size_t>(from)],
+                      &b = graph.nodes[static_cast<std::size_t>(to)];
+  a.edges.push_back(self);
+  b.edges.push_back(self);
+  SkeletonGraph::Edge edge{{from, to}, {a.position_mm, b.position_mm}};
+  edge.is_outside = true;
+  graph.edges.push_back(std::move(edge));
 }
 
 }  // namespace xraycast

@@ -5,6 +5,7 @@
 #include <glm/vec3.hpp>
 
 #include <array>
+#include <functional>
 #include <vector>
 
 namespace xraycast {
@@ -19,6 +20,7 @@ struct SkeletonGraph {
     std::array<int, 2> nodes;
     std::vector<glm::dvec3> points_mm;  ///< from the first node to the second, both included
     bool closes_loop = false;           ///< it ran back to where other edges lead too, and was cut open there
+    bool is_outside = false;            ///< it stands for what joins two vessels beyond the scan
   };
   std::vector<Node> nodes;
   std::vector<Edge> edges;
@@ -28,8 +30,23 @@ struct SkeletonGraph {
 /// Closed rings without a node are passed over.
 SkeletonGraph trace(const Mask& skeleton);
 
-/// Joins the parts of a skeleton by straight lines of voxels between those that are nearest to each other.
-/// Returns the lines' lengths in mm.
-std::vector<double> join_parts(Mask& skeleton);
+/// A straight line between two parts of a skeleton.
+struct PartJoin {
+  Index3 from, to;
+  double length_mm;
+  bool is_outside;  ///< both ends leave the scan through one face, so that the vessels join beyond it
+};
+
+/// The lines that join all parts of a skeleton to one, the cheapest first. Ends that leave the scan through
+/// the same face come first, then others by their length; it counts twice where one side is no end, and three
+/// times where both are none, because a vessel that was interrupted has two ends. `face_of` names the face of
+/// the scan through which a vessel leaves that ends in a voxel, or gives -1.
+std::vector<PartJoin> find_joins(const Mask& skeleton, const std::function<int(const Index3&)>& face_of);
+
+/// Draws a join as a line of voxels.
+void draw(const PartJoin& join, Mask& skeleton);
+
+/// Adds a join to a graph, as an edge between the two nodes that lie there.
+void add_edge(const PartJoin& join, const VolumeGeometry& grid, SkeletonGraph& graph);
 
 }  // namespace xraycast

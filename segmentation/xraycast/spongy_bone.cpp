@@ -126,28 +126,32 @@ Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
   const Mask part = crop(mask, box), bone_part = crop(bone, box);
   const VolumeGeometry& g = part.geometry;
   const double voxel_mm = std::cbrt(voxel_mm3(g));
-  const std::vector<std::uint16_t> counts = running_counts(part);
   const std::vector<Medial> medial = medial_voxels(part);
-
   const auto is_thin = [](const Medial& m) { return m.depth_mm <= 0.5 * kThickest_mm; };
+  const auto paint = [&](Mask& mask_of_balls, const Medial& m, double radius_mm, std::uint8_t value) {
+    Ball(g, radius_mm).for_each_row(part, m.voxel, [&](std::size_t first, std::int64_t length) {
+      std::fill_n(mask_of_balls.voxels.begin() + static_cast<std::ptrdiff_t>(first), length, value);
+    });
+  };
+  // A vessel that leaves a thick one is no layer with it.
+  Mask thin = part;
+  for (const Medial& m : medial)
+    if (!is_thin(m)) paint(thin, m, m.depth_mm + voxel_mm, 0);
+  const std::vector<std::uint16_t> counts = running_counts(thin);
+
   std::vector<std::uint8_t> is_spongy(medial.size());
   parallel_for(static_cast<std::int64_t>(medial.size()), [&](std::int64_t i) {
     const Medial& m = medial[static_cast<std::size_t>(i)];
     if (is_thin(m))
       is_spongy[static_cast<std::size_t>(i)] =
-          is_layer(m, part, counts, voxel_mm) || is_enclosed(m, part, bone_part, voxel_mm);
+          is_layer(m, thin, counts, voxel_mm) || is_enclosed(m, part, bone_part, voxel_mm);
   });
 
   Mask found(g);
-  const auto paint = [&](const Medial& m, double radius_mm, std::uint8_t value) {
-    Ball(g, radius_mm).for_each_row(found, m.voxel, [&](std::size_t first, std::int64_t length) {
-      std::fill_n(found.voxels.begin() + static_cast<std::ptrdiff_t>(first), length, value);
-    });
-  };
   for (std::size_t i = 0; i < medial.size(); ++i)
-    if (is_spongy[i] != 0) paint(medial[i], medial[i].depth_mm + voxel_mm, 1);
+    if (is_spongy[i] != 0) paint(found, medial[i], medial[i].depth_mm + voxel_mm, 1);
   for (const Medial& m : medial)
-    if (!is_thin(m)) paint(m, m.depth_mm, 0);
+    if (!is_thin(m)) paint(found, m, m.depth_mm, 0);
   for (std::size_t i = 0; i < found.voxels.size(); ++i) found.voxels[i] &= part.voxels[i];
   paste(found, box, result);
   return result;

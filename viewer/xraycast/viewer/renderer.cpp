@@ -1,5 +1,6 @@
 #include "xraycast/viewer/renderer.hpp"
 
+#include "params.h"
 #include "xraycast/error.hpp"
 #include "xraycast/spectrum.hpp"
 #include "xraycast/viewer/camera.hpp"
@@ -98,7 +99,11 @@ void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
   map_ = std::move(map);
   prepared_.reset();
   drawn_.reset();
-  if (!map_ || !map_->spectrum) return;
+  if (!map_) return;
+  geometry_ = map_->geometry;
+  // Where air absorbs, rays met more of it beyond the scan.
+  if (!map_->spectrum && map_->opacity.mu_per_mm(XRC_AIR_HU) > 0) geometry_.field.reset();
+  if (!map_->spectrum) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
   spectrum_bins_ = static_cast<int>(bins.size());
   spectrum_table_.fill(floats(bins), "spectrum");
@@ -123,13 +128,19 @@ std::size_t Renderer::texture_B() const {
 }
 
 bool Renderer::has_columns() const {
-  return map_->geometry.projection != Projection::sphere && map_->geometry.centre_mm.size() == 1;
+  return geometry_.projection != Projection::sphere && geometry_.centre_mm.size() == 1;
 }
 
 void Renderer::prepare_map(const Style& style) {
   if (prepared_ && same_texels(*prepared_, style)) return;
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   map_texels_.clear();
+  constexpr std::int64_t kMostColumns = 1 << 24;  // whose numbers 32-bit floats hold (ColumnSample)
+  if (const std::int64_t columns = std::int64_t{geometry.layers()} * (geometry.width + 1);
+      columns > kMostColumns)
+    throw InputError(
+        "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
+        geometry.layers(), kMostColumns);
   for (int channel = 0; channel < channels(); ++channel) {
     const MapTexels texels = map_texels(geometry, map_->spectrum ? map_->depths[channel] : map_->tau,
                                         style.sampling, style.strengths);
@@ -187,31 +198,31 @@ void Renderer::cover(const ScreenBox& box, glm::ivec2 corner) const {
 
 std::string Renderer::column_defines(const SampleOptions& options) const {
   std::string defines;
-  if (options.blends_layers(map_->geometry)) defines += "BLENDS_LAYERS ";
-  if (options.compositing == Compositing::path && map_->geometry.projection == Projection::cylinder)
+  if (options.blends_layers(geometry_)) defines += "BLENDS_LAYERS ";
+  if (options.compositing == Compositing::path && geometry_.projection == Projection::cylinder)
     defines += "PATH ";
   return defines;
 }
 
 std::string Renderer::march_defines(const SampleOptions& options) const {
   std::string defines;
-  if (map_->geometry.projection == Projection::sphere) defines += "SPHERE ";
+  if (geometry_.projection == Projection::sphere) defines += "SPHERE ";
   if (options.compositing == Compositing::wall) defines += "WALL ";
   return defines;
 }
 
 ScreenBox Renderer::body_box(const View& view) const {
-  return screen_box(view, corners_mm(bounds_of(map_->geometry), view));
+  return screen_box(view, corners_mm(bounds_of(geometry_), view));
 }
 
 void Renderer::prepare_columns(const UprightView& upright, const SampleOptions& options) {
-  const ColumnSamples samples = column_samples(upright, map_->geometry, options);
+  const ColumnSamples samples = column_samples(upright, geometry_, options);
   column_table_.fill(floats(samples.columns), "the view's columns");
   sample_table_.fill(floats(samples.samples), "the view's samples");
 }
 
 void Renderer::set_columns(const gl::Program& program, const UprightView& upright) const {
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
   program.set("quads", map_quads_);
@@ -225,7 +236,7 @@ void Renderer::set_columns(const gl::Program& program, const UprightView& uprigh
 }
 
 void Renderer::set_march(const gl::Program& program, const View& view) const {
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   const BodyBounds bounds = bounds_of(geometry);
   axis_table_.bind(program, "axis_table", 1);
   layer_table_.bind(program, "layer_table", 2);
@@ -242,6 +253,11 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
   program.set("top_mm", geometry.top_mm);
   program.set("row_mm", geometry.row_spacing_mm);
   program.set("step_mm", geometry.step_mm);
+  constexpr double kEverywhere_mm = 1e6;
+  const FieldOfView field =
+      geometry.field.value_or(FieldOfView{glm::dvec3(-kEverywhere_mm), glm::dvec3(kEverywhere_mm)});
+  program.set("field_lower_mm", field.lower_mm);
+  program.set("field_upper_mm", field.upper_mm);
   program.set("corner_mm", view.pixel_on_detector_mm(-0.5, -0.5));
   program.set("right_mm", view.pixel_mm * view.right());
   program.set("down_mm", -view.pixel_mm * view.up());
@@ -251,11 +267,10 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
 }
 
 Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
-  const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+  const UprightView upright = upright_view(view, geometry_, pixels_per_column(style));
   const bool is_level = !upright.is_cone() && upright.slope == 0;
   const bool is_aligned = is_level && pixels_per_column(style) == 1;
-  const double first_row =
-      std::round((map_->geometry.top_mm - upright.top_mm) / map_->geometry.row_spacing_mm);
+  const double first_row = std::round((geometry_.top_mm - upright.top_mm) / geometry_.row_spacing_mm);
   prepare_columns(upright, style.sampling);
   const int quads = quads_of(upright.rows);
   for (int channel = 0; channel < channels(); ++channel) {
@@ -274,7 +289,7 @@ Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
   body.between_columns = !is_aligned;
   if (is_level) {
     body.first_row = -0.5 - first_row;
-    body.last_row = map_->geometry.height - 0.5 - first_row;
+    body.last_row = geometry_.height - 0.5 - first_row;
   }
   return body;
 }
@@ -358,7 +373,7 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     const gl::Program& in_front = by_columns ? program("near_columns.frag", column_defines(style.sampling))
                                              : program("near_march.frag", march_defines(style.sampling));
     if (by_columns) {
-      const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+      const UprightView upright = upright_view(view, geometry_, pixels_per_column(style));
       set_columns(in_front, upright);
       in_front.set("from_pixel", upright.from_pixel);
       in_front.set("last_column", upright.columns - 1.0);

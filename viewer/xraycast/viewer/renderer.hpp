@@ -120,6 +120,7 @@ class Renderer {
   std::string march_defines(const SampleOptions& options) const;
 
   std::shared_ptr<const BodyMap> map_;
+  MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
   std::vector<gl::Table> map_texels_;
   int map_quads_ = 0, layer_stride_ = 0;

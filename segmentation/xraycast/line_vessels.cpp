@@ -1,0 +1,114 @@
+#include "xraycast/line_vessels.hpp"
+
+#include "xraycast/block_filter.hpp"
+#include "xraycast/components.hpp"
+#include "xraycast/contrast.hpp"
+#include "xraycast/exclusion.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstdlib>
+
+namespace xraycast {
+namespace {
+
+constexpr int kReach_vox = 7;  ///< of a line to either side
+
+/// Median and standard deviation, the latter from the median absolute deviation.
+std::pair<double, double> background(const std::vector<float>& values) {
+  const auto median = [](std::vector<float> v) {
+    const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
+    std::ranges::nth_element(v, middle);
+    return static_cast<double>(*middle);
+  };
+  const double centre = median(values);
+  std::vector<float> deviations = values;
+  for (float& v : deviations) v = std::abs(v - static_cast<float>(centre));
+  return {centre, 1.4826 * median(std::move(deviations))};
+}
+
+Mask above(const std::vector<float>& values, const VolumeGeometry& grid, double least) {
+  Mask mask(grid);
+  std::ranges::transform(values, mask.voxels.begin(),
+                         [&](float v) { return static_cast<std::uint8_t>(v > least); });
+  return mask;
+}
+
+/// The parts of at least so many voxels.
+Mask large_parts(const Mask& mask, std::int64_t least_voxels) {
+  const Components parts(mask);
+  std::vector<bool> keep;
+  for (int c = 0; c < parts.count(); ++c) keep.push_back(parts.voxels(c) >= least_voxels);
+  return parts.select(keep);
+}
+
+/// With the parts of `weak` that touch two parts of a mask or more.
+Mask with_bridges(const Mask& strong, const Mask& weak) {
+  const Components parts(strong), stretches(weak);
+  std::vector<std::int32_t> part_of(strong.voxels.size(), -1);
+  for (const Components::Run& run : parts.runs())
+    std::fill_n(part_of.begin() + run.first, run.length, run.component);
+  std::vector<std::int32_t> touched(static_cast<std::size_t>(stretches.count()), -1);
+  std::vector<bool> is_bridge(touched.size());
+  const Index3 size = strong.geometry.size;
+  for (const Components::Run& run : stretches.runs()) {
+    const auto stretch = static_cast<std::size_t>(run.component);
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
+      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      for (const Index3& step : kNeighbours) {
+        if (!strong.at(voxel + step)) continue;
+        const std::int32_t part = part_of[strong.offset(voxel + step)];
+        if (touched[stretch] >= 0 && touched[stretch] != part) is_bridge[stretch] = true;
+        touched[stretch] = part;
+      }
+    }
+  }
+  Mask result = stretches.select(is_bridge);
+  for (std::size_t i = 0; i < result.voxels.size(); ++i)
+    if (strong.voxels[i] != 0) result.voxels[i] = 1;
+  return result;
+}
+
+/// The parts of a mask in which there is something of another one.
+Mask parts_with(const Mask& mask, const Mask& core) {
+  const Components parts(mask);
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (const Components::Run& run : parts.runs())
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i)
+      if (core.voxels[static_cast<std::size_t>(i)] != 0) keep[static_cast<std::size_t>(run.component)] = true;
+  return parts.select(keep);
+}
+
+}  // namespace
+
+bool is_buried_in_noise(const Volume& volume) {
+  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
+}
+
+std::vector<float> line_strength(const Volume& volume, Device& device) {
+  constexpr double kAcross_vox = 0.5, kAround_vox = 3, kAlong_vox = 3.5;
+  constexpr int kDirections = 64;
+  constexpr auto kHalo = static_cast<std::int64_t>(3 * kAround_vox) + kReach_vox;
+  return filtered(volume, device, kHalo, [](BlockFilter& block, const cl::Buffer& values) {
+    std::vector<float> narrow = block.download(block.smooth(values, glm::dvec3(kAcross_vox)));
+    const std::vector<float> wide = block.download(block.smooth(values, glm::dvec3(kAround_vox)));
+    for (std::size_t i = 0; i < narrow.size(); ++i) narrow[i] -= wide[i];
+    return block.line_strength(block.upload(narrow), kAlong_vox, kReach_vox, kDirections);
+  });
+}
+
+Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid) {
+  constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
+  constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
+  const auto [median, spread] = background(strength);
+  const Mask strong = large_parts(above(strength, grid, median + kStrong * spread), kLeastVoxels);
+  Mask weak = above(strength, grid, median + kWeak * spread);
+  for (std::size_t i = 0; i < weak.voxels.size(); ++i)
+    if (strong.voxels[i] != 0) weak.voxels[i] = 0;
+  Mask vessels = with_bridges(strong, weak);
+  add_rim(above(strength, grid, median + kRim * spread), vessels);
+  return parts_with(vessels, large_parts(strong, kSureVoxels));
+}
+
+}  // namespace xraycast
