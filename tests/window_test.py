@@ -252,6 +252,7 @@ class Window(unittest.TestCase):
 
     def test_adapts_the_brightness_to_what_is_seen(self):
         self.view(FILES / "map.exr")
+        self.frame()
         lightest = lambda: max(self.screen().region(400, 30, 850, 600)[::4])
         self.assertEqual(lightest(), 255, "the air beside the body")
         self.drag(3, 700, 400, 1, 0)  # a window chosen by hand, though nearly the same
@@ -302,6 +303,7 @@ class Window(unittest.TestCase):
 
     def test_names_the_branch_that_is_clicked_at(self):
         self.view(FILES / "map.exr", "--vessels", FILES / "truth")
+        self.frame()
         before = self.body()
         self.do("mousemove", 650, 80, "click", 1)  # beside all vessels
         self.frame()
@@ -310,6 +312,7 @@ class Window(unittest.TestCase):
         self.do("mousemove", x, y, "click", 1)
         words = lambda: self.screen().find(INK, x, y - 20, 350, 90)
         self.wait_until(lambda: len(words()) > 200, "the branch's name beside where it was clicked")
+        self.frame()
         named = words()
         # Another place of it, and another one's name.
         self.do("mousemove", x, y + 50, "click", 1)

@@ -1,6 +1,7 @@
 #include "xraycast/viewer/intervention_panel.hpp"
 
 #include "xraycast/viewer/hub_input.hpp"
+#include "xraycast/viewer/viewer_input.hpp"
 
 #include <fmt/format.h>
 
@@ -35,7 +36,7 @@ void drag_hub(ManualDevice& hand) {
   if (io.WantCaptureMouse || !io.KeyCtrl) return;
   constexpr double kPush_mm_per_pixel = 0.5, kRotate_deg_per_pixel = 1, kPush_mm_per_notch = 3;
   double push_mm = kPush_mm_per_notch * io.MouseWheel, rotate_deg = 0;
-  if (ImGui::IsMouseDragging(ImGuiMouseButton_Left, 0)) {
+  if (is_dragged(ImGuiMouseButton_Left)) {
     push_mm -= kPush_mm_per_pixel * io.MouseDelta.y;
     rotate_deg += kRotate_deg_per_pixel * io.MouseDelta.x;
   }

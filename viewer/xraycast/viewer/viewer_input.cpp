@@ -48,23 +48,25 @@ const char* const kHelp =
     "Ctrl+Z, Ctrl+Y undo, redo\n"
     "H or ?         this help";
 
+bool is_dragged(int button) { return ImGui::IsMouseDragging(button, 0) && !ImGui::IsMouseClicked(button); }
+
 void handle_mouse(Viewer& viewer) {
   const ImGuiIO& io = ImGui::GetIO();
   if (io.WantCaptureMouse || !viewer.map()) return;
   Camera& camera = viewer.camera();
   const bool holds_hub = viewer.intervention() && viewer.intervention()->haptic() == "mouse" && io.KeyCtrl;
   if (holds_hub) return;
-  if (ImGui::IsMouseDragging(ImGuiMouseButton_Left, 0)) {
+  if (is_dragged(ImGuiMouseButton_Left)) {
     camera.rotate(-kDegreesPerPixel * io.MouseDelta.x);
     if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
       camera.tilt(kDegreesPerPixel * io.MouseDelta.y);
   }
   if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);
-  if (ImGui::IsMouseDragging(ImGuiMouseButton_Middle, 0)) {
+  if (is_dragged(ImGuiMouseButton_Middle)) {
     const View view = viewer.view_in(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y));
     camera.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
   }
-  if (ImGui::IsMouseDragging(ImGuiMouseButton_Right, 0)) {
+  if (is_dragged(ImGuiMouseButton_Right)) {
     drag_window(viewer.style().window, io.MouseDelta.x, io.MouseDelta.y);
     viewer.session().has_window = true;
   }

@@ -4,6 +4,10 @@
 
 namespace xraycast {
 
+/// Whether the mouse moves while a button is held. A frame in which the button went down does not count: in a
+/// slow one the mouse may have come from far away before.
+bool is_dragged(int button);
+
 /// What the mouse has done since the last frame, where no panel takes it: left drag rotates (with Shift, and
 /// for spheres, it also tilts), left click names a vessel's branch, middle drag moves the table, right drag
 /// changes window and level, the wheel magnifies. Within a frame of Dear ImGui.
