@@ -134,10 +134,10 @@ Mask find_spongy_bone(const Mask& mask, const Mask& bone, Progress& progress) {
       std::fill_n(mask_of_balls.voxels.begin() + static_cast<std::ptrdiff_t>(first), length, value);
     });
   };
-  // A vessel that leaves a thick one is no layer with it.
+  // A vessel that leaves one twice as thick is no layer with it.
   Mask thin = part;
   for (const Medial& m : medial)
-    if (!is_thin(m)) paint(thin, m, m.depth_mm + voxel_mm, 0);
+    if (m.depth_mm > kThickest_mm) paint(thin, m, m.depth_mm + voxel_mm, 0);
   const std::vector<std::uint16_t> counts = running_counts(thin);
   progress.advance();
 
