@@ -22,6 +22,12 @@ std::vector<Row> add_drawing(Bench& bench) {
         std::make_shared<Frames>(bench.scan, bench.map(layers), width, height, with_vessels, compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
+  constexpr double kTilt_rad = 0.35;
+  auto tilted = std::make_shared<Frames>(bench.scan, bench.map(8), 640, 480, false, path,
+                                         Camera{.tilt_rad = kTilt_rad, .cone = Cone{1000, 1500}});
+  add("frame_8_cone_tilt_640", [tilted] { return tilted->next_ms(); });
+  auto pictures = std::make_shared<Frames>(bench.scan, bench.pictures(36), 640, 480, false);
+  add("frame_rectangle_640", [pictures] { return pictures->next_ms(); });
   auto recast = std::make_shared<OpacityFrames>(bench.scan, bench.map(8), 640, 480);
   add("opacity_to_frame_8_640", [recast] { return recast->next_ms(); });
   add("frame_true_640", [&bench, angle_deg = 0.0]() mutable {
@@ -38,6 +44,8 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_vessels_1280", "paper's 16 frames/s", reported, 0},
           {"frame_8_1280", "paper's 16 frames/s", at_least, 1.5},
           {"frame_8_640", "VTK frame", at_least, 25},
+          {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
+          {"frame_rectangle_640", "frame_8_640", reported, 0},
           {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
           {"frame_true_640", "VTK frame", at_least, 12}};
 }

@@ -19,8 +19,8 @@ struct Frames::Gl {
 };
 
 Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
-               bool with_vessels, Compositing compositing)
-    : bounds_(bounds_of(geometry)), width_(width), height_(height) {
+               bool with_vessels, Compositing compositing, const Camera& camera)
+    : camera_(camera), bounds_(bounds_of(geometry)), width_(width), height_(height) {
   gl_ = std::make_unique<Gl>();
   Progress progress;
   gl_->renderer.set_map(std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map));

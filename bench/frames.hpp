@@ -16,13 +16,13 @@ class Frames {
  public:
   /// `with_vessels`: the thorax phantom's vessels too, shaded, of more than the paper's 12,264 triangles.
   Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height, bool with_vessels,
-         Compositing compositing = Compositing::path);
+         Compositing compositing = Compositing::path, const Camera& camera = {});
   ~Frames();
   double next_ms();
 
  protected:
   Renderer& renderer();
-  Camera camera_{};
+  Camera camera_;
   BodyBounds bounds_;
   Style style_{};
 

@@ -1,6 +1,7 @@
 #include "growth.hpp"
 
 #include "../cli/plot.hpp"
+#include "frames.hpp"
 #include "simulating.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/vesselness.hpp"
@@ -68,6 +69,28 @@ double median_ms(const Growth& growth, int value) {
 }
 
 }  // namespace
+
+void measure_drawing_growth(Bench& bench, const std::filesystem::path& plot) {
+  const auto frame_ms = [&](int layers, int width, int height) {
+    Frames frames(bench.scan, bench.map(layers), width, height, false);
+    std::vector<double> times_ms;
+    for (int i = 0; i < 25; ++i) times_ms.push_back(frames.next_ms());
+    return median(times_ms);
+  };
+  cli::Curve over_layers{"1 to 64 layers, 640 x 480 pixels", {}},
+      over_pixels{"8 layers, 320 x 240 to 1920 x 1440", {}};
+  for (const int layers : {1, 2, 4, 8, 16, 32, 64}) {
+    const double ms = frame_ms(layers, 640, 480);
+    fmt::print("{:>5} {:<7} {:>8.2f} ms\n", layers, "layers", ms);
+    over_layers.points.emplace_back(layers / 64.0, ms);
+  }
+  for (const int side : {1, 2, 3, 4, 5, 6}) {
+    const double ms = frame_ms(8, 320 * side, 240 * side);
+    fmt::print("{:>5} x {:<4} pixels {:>8.2f} ms\n", 320 * side, 240 * side, ms);
+    over_pixels.points.emplace_back(side * side / 36.0, ms);
+  }
+  cli::write_plot("Time of a frame", "share of the largest", "ms", {over_layers, over_pixels}, plot);
+}
 
 void measure_rod_growth(const std::filesystem::path& plot) {
   // One spacing for all, so that only the number of nodes changes.

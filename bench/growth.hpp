@@ -9,6 +9,9 @@ namespace xraycast::bench {
 /// How the time of a cast grows with slices, angles, layers and knots: numbers on stdout, and a plot.
 void measure_growth(Bench& bench, const std::filesystem::path& plot);
 
+/// How the time of a frame grows with layers and pixels, likewise.
+void measure_drawing_growth(Bench& bench, const std::filesystem::path& plot);
+
 /// How the time of a step grows with a catheter's nodes, likewise.
 void measure_rod_growth(const std::filesystem::path& plot);
 

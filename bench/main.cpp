@@ -73,6 +73,7 @@ int main(int argc, char** argv) {
   const fs::path folder = words.empty() ? "." : words[0];
   Bench bench(folder, words.size() > 1 ? words[1] : "python3");
   if (wants_growth) {
+    measure_drawing_growth(bench, folder / "growth-frame.png");
     measure_rod_growth(folder / "growth-rod.png");
     measure_segmenting_growth(bench, folder / "growth-vesselness.png");
     measure_growth(bench, folder / "growth-cast.png");

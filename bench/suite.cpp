@@ -27,6 +27,11 @@ MapGeometry Bench::map(int layers, int angles) const {
                       glm::dvec2(middle));
 }
 
+MapGeometry Bench::pictures(int views) const {
+  const MapGeometry cylinder = map(1);
+  return rectangle_map(volume.geometry(), views, cylinder.radius_mm(), cylinder.centre_mm[0]);
+}
+
 Opacity many_knots(int count) {
   std::vector<Opacity::Knot> knots;
   for (int i = 0; i < count; ++i)

@@ -33,6 +33,9 @@ struct Bench {
 
   /// A map about the middle, of a radius of 255 pixels.
   MapGeometry map(int layers, int angles = 360) const;
+
+  /// Of the same radius: parallel pictures from that many angles.
+  MapGeometry pictures(int views) const;
 };
 
 /// An opacity that bends at `count` knots.

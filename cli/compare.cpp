@@ -12,6 +12,7 @@
 #include <fmt/format.h>
 #include <glm/vector_relational.hpp>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -23,7 +24,7 @@ namespace xraycast::cli {
 namespace {
 
 struct Options {
-  std::string input, plot, cone, compositing = "path", reconstruction = "linear";
+  std::string input, angles, plot, plotted = "psnr", cone, compositing = "path", reconstruction = "linear";
   std::vector<std::string> maps;
   ScanOptions scan;
   int views = 12;
@@ -89,7 +90,37 @@ std::shared_ptr<const BodyMap> read_map(const std::string& path) {
   return map;
 }
 
-/// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and PSNR over the angle.
+/// What --plot shows of the frames, and how its axis is labelled.
+struct Measure {
+  const char *name, *label;
+  double (*of)(const Likeness&);
+};
+constexpr Measure kMeasures[] = {
+    {"psnr", "PSNR (dB)", [](const Likeness& likeness) { return likeness.psnr_db; }},
+    {"ssim", "SSIM", [](const Likeness& likeness) { return likeness.ssim; }},
+    {"rmse", "RMSE of tau (% of its maximum)", [](const Likeness& likeness) { return 100 * likeness.rmse; }}};
+
+const Measure& measure_named(const std::string& name) {
+  return *std::ranges::find(kMeasures, name,
+                            [](const Measure& measure) { return std::string(measure.name); });
+}
+
+/// At which C-arm angles frames are compared.
+std::vector<double> resolve_angles_deg(const Options& options) {
+  if (!options.angles.empty()) return parse_angles_deg(options.angles, "--angles");
+  if (options.views < 1 || options.views > 3600)
+    throw InputError("--views {}: has to be 1 to 3600", options.views);
+  std::vector<double> angles_deg;
+  for (int i = 0; i < options.views; ++i) angles_deg.push_back(360.0 * i / options.views);
+  return angles_deg;
+}
+
+/// What a map consists of, for people.
+std::string contents_of(const MapGeometry& geometry) {
+  return counted(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
+}
+
+/// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and a measure over the angle.
 struct Comparison {
   Json json;
   std::string text;
@@ -99,13 +130,14 @@ struct Comparison {
 Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
                        const ResidentScan& scan, const Options& options, Progress& progress) {
   const std::optional<Cone> cone = parse_cone(options.cone);
+  const std::vector<double> angles_deg = resolve_angles_deg(options);
+  const Measure& plotted = measure_named(options.plotted);
   Json views = Json::array();
   Likeness sum{0, 0, 0};
   double lowest_db = 1e9;
-  Curve curve{
-      fmt::format("{}, {} layers", std::filesystem::path(name).stem().string(), map.geometry.layers()), {}};
-  for (int i = 0; i < options.views; ++i) {
-    const double angle_deg = 360.0 * i / options.views;
+  Curve curve{fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents_of(map.geometry)),
+              {}};
+  for (const double angle_deg : angles_deg) {
     const BodyBounds bounds = bounds_of(map.geometry);
     const View view = fitted(
         View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
@@ -116,25 +148,24 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
     Json row{{"angle_deg", angle_deg}};
     row.update(to_json(likeness));
     views.push_back(row);
-    curve.points.emplace_back(angle_deg, likeness.psnr_db);
+    curve.points.emplace_back(angle_deg, plotted.of(likeness));
     sum.psnr_db += likeness.psnr_db;
     sum.ssim += likeness.ssim;
     sum.rmse += likeness.rmse;
     lowest_db = std::min(lowest_db, likeness.psnr_db);
   }
-  const double count = options.views;
+  const auto count = static_cast<double>(angles_deg.size());
   const Likeness mean{sum.psnr_db / count, sum.ssim / count, sum.rmse / count};
   return {{{"map", name}, {"mean", to_json(mean)}, {"views", views}},
-          fmt::format("{}: {} views of {} layers against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
+          fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
                       "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum\n",
-                      name, options.views, map.geometry.layers(), mean.psnr_db, lowest_db, mean.ssim,
-                      100 * mean.rmse),
+                      name, counted(views.size(), "view"), contents_of(map.geometry), mean.psnr_db, lowest_db,
+                      mean.ssim, 100 * mean.rmse),
           curve};
 }
 
 void compare_maps(const Options& options, Session& session) {
-  if (options.views < 1 || options.views > 3600)
-    throw InputError("--views {}: has to be 1 to 3600", options.views);
+  resolve_angles_deg(options);
   parse_cone(options.cone);
   Style style;
   style.sampling.compositing = compositing_named(options.compositing);
@@ -167,7 +198,7 @@ void compare_maps(const Options& options, Session& session) {
   if (!options.plot.empty())
     write_plot(
         fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
-        "C-arm angle (deg)", "PSNR (dB)", curves, options.plot);
+        "C-arm angle (deg)", measure_named(options.plotted).label, curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
     result.update(all[0]);
@@ -180,17 +211,21 @@ void compare_maps(const Options& options, Session& session) {
 
 void add_compare(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      add_command(app, session, "compare", "How close frames of a map are to true projections of its scan",
-                  "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
-                  "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
-                  "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
-                  [options, &session] { compare_maps(*options, session); });
+  CLI::App* command = add_command(
+      app, session, "compare", "How close frames of a map are to true projections of its scan",
+      "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
+      "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
+      "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
+      "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
+      [options, &session] { compare_maps(*options, session); });
   command->add_option("INPUT", options->input, "The scan that the map was cast from")->required();
   command->add_option("MAP", options->maps, "Body maps of it")->required()->type_name("MAP.exr...");
-  command->add_option("--views", options->views, "How many angles, evenly around the body")
-      ->capture_default_str()
-      ->type_name("N");
+  auto* views = command->add_option("--views", options->views, "How many angles, evenly around the body")
+                    ->capture_default_str()
+                    ->type_name("N");
+  command->add_option("--angles", options->angles, "These angles instead")
+      ->excludes(views)
+      ->type_name("FROM:TO:STEP");
   command->add_option("--compositing", options->compositing, "wall or path")
       ->check(CLI::IsMember({"wall", "path"}))
       ->capture_default_str()
@@ -200,7 +235,11 @@ void add_compare(CLI::App& app, Session& session) {
       ->check(CLI::IsMember({"linear", "constant"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command->add_option("--plot", options->plot, "Also a plot of PSNR over the angle")->type_name("PNG");
+  command->add_option("--plot", options->plot, "Also a plot over the angle")->type_name("PNG");
+  command->add_option("--plot-of", options->plotted, "What the plot shows: psnr, ssim, or the error rmse")
+      ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
+      ->capture_default_str()
+      ->type_name("NAME");
   add_cone_option(*command, options->cone);
   add_scan_options(*command, options->scan);
 }

@@ -14,6 +14,7 @@
 #include "xraycast/segment.hpp"
 #include "xraycast/vessel_removal.hpp"
 #include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/headless_context.hpp"
@@ -72,31 +73,34 @@ class Report {
   std::vector<std::pair<std::string, std::string>> facts_;
 };
 
-std::shared_ptr<const BodyMap> make_map(const ResidentScan& scan, const BodyOutline& body, int layers,
-                                        Report& report, Progress& progress) {
-  const MapGeometry geometry = cylinder_map(
-      scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm), body.centre_mm);
-  CastResult result =
-      report.timed(fmt::format("cast of {} layer{}, 360 angles", layers, layers > 1 ? "s" : ""),
-                   [&] { return cast(scan, geometry, Opacity::paper(), progress); });
+constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
+
+MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, int layers) {
+  return cylinder_map(scan, 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm),
+                      body.centre_mm);
+}
+
+BodyMap make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
+                 Progress& progress) {
+  CastResult result = report.timed(
+      fmt::format("cast of {} layer{}, 360 angles", layers, layers > 1 ? "s" : ""),
+      [&] { return cast(scan, map_geometry(scan.geometry(), body, layers), Opacity::paper(), progress); });
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
   write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
-  auto map = std::make_shared<const BodyMap>(std::move(result.map));
-  if (layers == 1) {
-    report.picture(name + ".png", "Body map, one layer");
-    return map;
-  }
+  return std::move(result.map);
+}
+
+void show_inner_layers(const BodyMap& map, Report& report) {
+  const MapGeometry& geometry = map.geometry;
   for (const int k : {0, 1, 2}) {
-    const std::string layer_name = fmt::format("map-{}-layer-{}.png", layers, k);
-    write_png(windowed_transmission(map->layer(k)), geometry.width, geometry.height, 1,
-              report.file(layer_name));
-    report.picture(layer_name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1, layers,
-                                           geometry.radii_mm[static_cast<std::size_t>(k)],
-                                           geometry.radii_mm[static_cast<std::size_t>(k) + 1]));
+    const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
+    write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
+    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1,
+                                     geometry.layers(), geometry.radii_mm[static_cast<std::size_t>(k)],
+                                     geometry.radii_mm[static_cast<std::size_t>(k) + 1]));
   }
-  return map;
 }
 
 void make_projection(const ResidentScan& scan, const BodyOutline& body, double angle_deg, Report& report,
@@ -135,15 +139,14 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
       style.look = look;
       style.window.inverted = look == Look::surface;
       const View view = view_of(camera, bounds_of(map->geometry), 480, 600);
-      const bool inverted = style.window.inverted;
-      style.window = automatic_window(renderer.tau(view, style));
-      style.window.inverted = inverted;
+      style.window = automatic_window(renderer, view, style);
       const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(look), angle_deg);
       const std::vector<std::uint8_t> rgb =
           report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
                        [&] { return renderer.picture(view, style); });
       write_png(rgb, view.width, view.height, 3, report.file(name));
-      report.picture(name, fmt::format("Frame of 8 layers, {}, {}", to_string(look), label(view)));
+      report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(), to_string(look),
+                                       label(view)));
     }
 }
 
@@ -173,8 +176,7 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
     OutlineFinder finder(source.geometry());
     LoadTimings timings;
     const ResidentScan scan = load(device, source, finder, timings, progress);
-    const MapGeometry geometry = cylinder_map(
-        scan.geometry(), 360, shell_radii_mm(RadiiRule::equal_area, 8, body.radius_mm), body.centre_mm);
+    const MapGeometry geometry = map_geometry(scan.geometry(), body, kFrameLayers);
     auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
     map->source = "thorax phantom without vessels";
     write_body_map(*map, report.file("map-without-vessels.exr"));
@@ -253,7 +255,9 @@ void run_demo(const std::string& folder, Session& session) {
   const BodyOutline body = find_outline(volume);
   const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
-  const auto layered = make_map(scan, body, 8, report, progress);
+  report.picture("map-1.png", "Body map, one layer");
+  show_inner_layers(make_map(scan, body, 8, report, progress), report);
+  const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
   for (const double angle_deg : {0.0, -45.0, 45.0, 90.0})
     make_projection(scan, body, angle_deg, report, progress);
   make_frames(phantom, layered, report);

@@ -111,13 +111,18 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
       line(image, x0, y0 + 1, x, y + 1, colour);
     }
   }
+  // The legend stands in the upper corner where there are fewer points.
+  int on_right = 0;
+  for (const Curve& curve : curves)
+    for (const auto& [x, y] : curve.points)
+      if (at_y(y) < kTop + 20 * (static_cast<int>(curves.size()) + 1))
+        on_right += 2 * at_x(x) > kLeft + kWidth - kRight ? 1 : -1;
   for (std::size_t c = 0; curves.size() > 1 && c < curves.size(); ++c) {
     const int y = kTop + 20 + 20 * static_cast<int>(c);
-    const OIIO::ROI words = Algo::text_size(curves[c].name, kFont, "DejaVuSans");
-    const OIIO::ROI behind(kWidth - kRight - 12 - words.width(), kWidth - kRight - 4, y - kFont, y + 5);
-    Algo::fill(image, {1.0f, 1.0f, 1.0f}, behind);
-    text(image, kWidth - kRight - 8, y, curves[c].name, kColours[c % kColours.size()],
-         Algo::TextAlignX::Right);
+    const int width = Algo::text_size(curves[c].name, kFont, "DejaVuSans").width();
+    const int left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
+    Algo::fill(image, {1.0f, 1.0f, 1.0f}, OIIO::ROI(left - 4, left + width + 4, y - kFont, y + 5));
+    text(image, left, y, curves[c].name, kColours[c % kColours.size()]);
   }
   std::vector<std::uint8_t> pixels(static_cast<std::size_t>(3) * kWidth * kHeight);
   image.get_pixels(image.roi(), OIIO::TypeDesc::UINT8, pixels.data());

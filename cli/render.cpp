@@ -1,4 +1,5 @@
 #include "command.hpp"
+#include "scene_options.hpp"
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
@@ -8,6 +9,7 @@
 #include "xraycast/projection_file.hpp"
 #include "xraycast/recast.hpp"
 #include "xraycast/stopwatch.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/furniture.hpp"
@@ -30,9 +32,10 @@ namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
 
 struct Options {
-  std::string map, output, session, vessels, catheter, cine, strengths;
+  std::string map, output, session, cine, strengths;
+  SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
-  std::optional<double> wall_radius_mm, gamma, contrast_mg_ml;
+  std::optional<double> wall_radius_mm, gamma;
   bool inverted = false, furniture = false;
   ViewOptions view;
 };
@@ -42,9 +45,7 @@ ViewSession resolve(const Options& options) {
   ViewSession scene;
   if (!options.session.empty()) scene = read_session(options.session);
   if (!options.map.empty()) scene.map = options.map;
-  if (!options.vessels.empty()) scene.vessels = options.vessels;
-  if (!options.catheter.empty()) scene.catheter = options.catheter;
-  if (options.contrast_mg_ml) scene.contrast_mg_ml = *options.contrast_mg_ml;
+  apply(options.scene, scene);
   if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
   Style& style = scene.style;
   if (options.look) style.look = look_named(*options.look);
@@ -58,6 +59,8 @@ ViewSession resolve(const Options& options) {
     for (const double strength : parse_numbers(options.strengths, "--strengths"))
       style.strengths.push_back(static_cast<float>(strength));
   }
+  if (options.gamma) style.window.gamma = *options.gamma;
+  if (options.inverted) style.window.inverted = true;
   return scene;
 }
 
@@ -72,21 +75,6 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   Device device(session.device);
   RecastSession recast(device, read_basis(scene.basis));
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
-}
-
-/// `0:360:5`: from the first to before the last, in steps. Throws InputError.
-std::vector<double> parse_cine(const std::string& text) {
-  std::string numbers = text;
-  std::ranges::replace(numbers, ':', ',');
-  const std::vector<double> range = parse_numbers(numbers, "--cine");
-  if (range.size() != 3 || range[2] == 0 || (range[1] - range[0]) / range[2] <= 0)
-    throw InputError("--cine {}: has to be FROM:TO:STEP in degrees", text);
-  const double count = std::ceil((range[1] - range[0]) / range[2] - 1e-9);
-  constexpr double kMost = 3600;
-  if (count > kMost) throw InputError("--cine {}: more than {} frames", text, kMost);
-  std::vector<double> angles;
-  for (int i = 0; i < static_cast<int>(count); ++i) angles.push_back(range[0] + i * range[2]);
-  return angles;
 }
 
 void check_output(const Options& options) {
@@ -105,15 +93,11 @@ void check_output(const Options& options) {
   }
 }
 
-/// The session's window, or one for what is seen.
-void choose_window(ViewSession& scene, const Options& options, std::span<const float> tau) {
-  if (!scene.has_window) scene.style.window = automatic_window(tau);
-  if (options.gamma) scene.style.window.gamma = *options.gamma;
-  if (options.inverted) scene.style.window.inverted = true;
-}
-
-std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const Style& style,
+/// A frame in the session's window, or one for what is seen.
+std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const ViewSession& scene,
                                const BodyBounds& bounds, bool with_furniture) {
+  Style style = scene.style;
+  if (!scene.has_window) style.window = automatic_window(renderer, view, style);
   std::vector<std::uint8_t> rgb = renderer.picture(view, style);
   const glm::dvec3 half(0, 0, bounds.half_height_mm);
   if (with_furniture)
@@ -125,8 +109,8 @@ std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const Style
 void render(const Options& options, Session& session) {
   check_output(options);
   const std::vector<double> cine_deg =
-      options.cine.empty() ? std::vector<double>{} : parse_cine(options.cine);
-  ViewSession scene = resolve(options);
+      options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
+  const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
   std::vector<Surface> surfaces;
   if (!scene.vessels.empty()) surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
@@ -146,23 +130,21 @@ void render(const Options& options, Session& session) {
   Renderer renderer;
   renderer.set_map(map);
   renderer.set_surfaces(surfaces);
-  const std::vector<float> tau = renderer.tau(view, scene.style);
-  choose_window(scene, options, tau);
   const Stopwatch stopwatch;
   if (!cine_deg.empty()) {
     CineWriter writer(options.output, view.width, view.height);
     session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
     for (const double angle_deg : cine_deg) {
       view.angle_rad = angle_deg * kRadians;
-      writer.add(draw(renderer, view, scene.style, bounds, options.furniture));
+      writer.add(draw(renderer, view, scene, bounds, options.furniture));
       session.progress.advance();
     }
     writer.finish();
   } else if (fs::path(options.output).extension() == ".png") {
-    write_png(draw(renderer, view, scene.style, bounds, options.furniture), view.width, view.height, 3,
+    write_png(draw(renderer, view, scene, bounds, options.furniture), view.width, view.height, 3,
               options.output);
   } else {
-    write_projection({view, tau, 0}, options.output);
+    write_projection({view, renderer.tau(view, scene.style), 0}, options.output);
   }
   const double draw_ms = stopwatch.ms();
   Json result{{"map", scene.map.string()},
@@ -200,17 +182,7 @@ void add_render(CLI::App& app, Session& session) {
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
-  command
-      ->add_option("--vessels", options->vessels,
-                   "Vessels within the body: a surface (.vtp, .stl), or a folder that holds one")
-      ->type_name("DIR|FILE");
-  command
-      ->add_option("--contrast", options->contrast_mg_ml,
-                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
-      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
-      ->type_name("MG/ML");
-  command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
-      ->type_name("CSV");
+  add_scene_options(*command, options->scene);
   command
       ->add_option("--look", options->look,
                    "fluoro (default): vessels absorb too; surface: shaded and opaque")

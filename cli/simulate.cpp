@@ -1,3 +1,4 @@
+#include "catheter_options.hpp"
 #include "command.hpp"
 #include "hub_plot.hpp"
 #include "view_options.hpp"
@@ -12,7 +13,6 @@
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <filesystem>
 #include <memory>
@@ -78,9 +78,7 @@ void simulate(const Options& options, Session& session) {
   check_cine(options);
   const DeviceModel device = DeviceModel::named(options.device_model);
   const Script script = Script::read(options.script);
-  const fs::path file =
-      fs::is_directory(options.tree) ? fs::path(options.tree) / "tree.vtp" : fs::path(options.tree);
-  const VesselTree tree = read_tree(file);
+  const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = entry_named(tree, options.entry);
 
   Catheter catheter(tree, device, entry);
@@ -100,7 +98,7 @@ void simulate(const Options& options, Session& session) {
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
   session.print(
-      {{"tree", file.string()},
+      {{"tree", options.tree},
        {"device_model", device.name()},
        {"entry_branch", entry.branch},
        {"log", options.log},
@@ -133,23 +131,13 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");
-  command
-      ->add_option("--device-model", options->device_model,
-                   fmt::format("{}, or FILE.json", fmt::join(DeviceModel::preset_names(), ", ")))
-      ->required()
-      ->type_name("NAME");
+  add_catheter_options(*command, options->device_model, options->entry);
   command->add_option("--script", options->script, "How the hub moves; linear between rows")
       ->required()
       ->type_name("CSV");
   command->add_option("-o,--output", options->log, "The log: a row for each row of the script, SI at the hub")
       ->required()
       ->type_name("CSV");
-  command
-      ->add_option(
-          "--entry", options->entry,
-          "The vessel end it enters at: a branch's number, or the one nearest to a point. Without: the "
-          "most inferior one")
-      ->type_name("BRANCH|X,Y,Z");
   command->add_option("--plot", options->plot, "The hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map that --cine is drawn in")->type_name("MAP.exr");
   command->add_option("--cine", options->cine, "Ten frames a second of the run: a folder of PNGs, or .gif")

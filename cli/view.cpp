@@ -1,9 +1,7 @@
+#include "catheter_options.hpp"
 #include "command.hpp"
-#include "xraycast/error.hpp"
+#include "scene_options.hpp"
 #include "xraycast/viewer/viewer_window.hpp"
-
-#include <fmt/format.h>
-#include <fmt/ranges.h>
 
 #include <memory>
 #include <optional>
@@ -12,8 +10,8 @@ namespace xraycast::cli {
 namespace {
 
 struct Options {
-  std::string map, scan, basis, vessels, catheter, session;
-  std::optional<double> contrast_mg_ml;
+  std::string map, scan, basis, session;
+  SceneOptions scene;
   bool simulate = false;
   Intervention::Options simulation;
 };
@@ -21,18 +19,10 @@ struct Options {
 ViewSession resolve(const Options& options) {
   ViewSession session;
   if (!options.session.empty()) session = read_session(options.session);
-  const std::pair<const std::string&, std::filesystem::path&> files[] = {
-      {options.map, session.map},
-      {options.scan, session.scan},
-      {options.basis, session.basis},
-      {options.vessels, session.vessels},
-      {options.catheter, session.catheter}};
-  for (const auto& [given, file] : files) {
-    if (given.empty()) continue;
-    if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder", given);
-    file = given;
-  }
-  if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
+  replace_file(session.map, options.map);
+  replace_file(session.scan, options.scan);
+  replace_file(session.basis, options.basis);
+  apply(options.scene, session);
   return session;
 }
 
@@ -63,29 +53,10 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("INPUT");
   command->add_option("--basis", options->basis, "What the map is recast from while its opacity is edited")
       ->type_name("FILE");
-  command->add_option("--vessels", options->vessels, "A surface (.vtp, .stl), or a folder that holds one")
-      ->type_name("DIR|FILE");
-  command
-      ->add_option("--contrast", options->contrast_mg_ml,
-                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
-      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
-      ->type_name("MG/ML");
-  command->add_option("--catheter", options->catheter, "Control points x,y,z in mm of a catheter's curve")
-      ->type_name("CSV");
+  add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
   Intervention::Options& simulation = options->simulation;
-  command
-      ->add_option(
-          "--device-model", simulation.device_model,
-          fmt::format("What is steered: {}, or FILE.json", fmt::join(DeviceModel::preset_names(), ", ")))
-      ->capture_default_str()
-      ->type_name("NAME");
-  command
-      ->add_option(
-          "--entry", simulation.entry,
-          "The vessel end it enters at: a branch's number, or the one nearest to a point (default: the "
-          "most inferior one)")
-      ->type_name("BRANCH|X,Y,Z");
+  add_catheter_options(*command, simulation.device_model, simulation.entry);
   command->add_option("--haptic", simulation.haptic, "What holds the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()

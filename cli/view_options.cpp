@@ -2,6 +2,7 @@
 
 #include "xraycast/error.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 
@@ -44,6 +45,20 @@ std::optional<Cone> parse_cone(const std::string& cone) {
   const std::vector<double> distances = parse_numbers(cone, "--cone");
   if (distances.size() != 2) throw InputError("--cone {}: has to be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", cone);
   return Cone{distances[0], distances[1]};
+}
+
+std::vector<double> parse_angles_deg(const std::string& text, const std::string& option) {
+  std::string numbers = text;
+  std::ranges::replace(numbers, ':', ',');
+  const std::vector<double> range = parse_numbers(numbers, option);
+  if (range.size() != 3 || range[2] == 0 || (range[1] - range[0]) / range[2] <= 0)
+    throw InputError("{} {}: has to be FROM:TO:STEP in degrees", option, text);
+  const double count = std::ceil((range[1] - range[0]) / range[2] - 1e-9);
+  constexpr double kMost = 3600;
+  if (count > kMost) throw InputError("{} {}: more than {} angles", option, text, kMost);
+  std::vector<double> angles;
+  for (int i = 0; i < static_cast<int>(count); ++i) angles.push_back(range[0] + i * range[2]);
+  return angles;
 }
 
 View parse_view(const ViewOptions& options) {

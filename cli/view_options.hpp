@@ -4,6 +4,7 @@
 #include "xraycast/view.hpp"
 
 #include <string>
+#include <vector>
 
 namespace xraycast::cli {
 
@@ -20,6 +21,9 @@ void add_cone_option(CLI::App& command, std::string& cone);
 
 /// `1000,1500`, or none for an empty text. Throws InputError.
 std::optional<Cone> parse_cone(const std::string& cone);
+
+/// `0:360:5`: from the first to before the last, in steps. Throws InputError, naming the option.
+std::vector<double> parse_angles_deg(const std::string& text, const std::string& option);
 
 /// The view, without its centre; sizes that were not given are 0, for `fitted`. Throws InputError.
 View parse_view(const ViewOptions& options);

@@ -79,15 +79,36 @@ static inline float joseph(SCAN voxels, const XrcScan* scan, const float3 spacin
   return sum * length(per_plane * spacing_mm);
 }
 
-/* The same along the ray of a detector's pixel (i, j). */
+/* Narrows [*low, *high] to where start + t * along, both in voxels, is within the detector's cylinder.
+ * Written around the line's nearest point to the axis, so that a chord is as exact as the radius. */
+static inline void clip_to_cylinder(float* low, float* high, const XrcDetector* detector, const float2 start,
+                                    const float2 along) {
+  const float2 spacing_mm = (float2)(detector->spacing_mm[0], detector->spacing_mm[1]);
+  const float2 from = (start - (float2)(detector->axis[0], detector->axis[1])) * spacing_mm,
+               way = along * spacing_mm;
+  const float way_2 = fmax(dot(way, way), 1e-12f);
+  const float offset =
+      way_2 > 1e-12f ? fabs(from.x * way.y - from.y * way.x) / sqrt(way_2) : length(from); /* or along z */
+  const float nearest = -dot(from, way) / way_2;
+  const float half_chord =
+      sqrt(fmax((detector->radius_mm - offset) * (detector->radius_mm + offset), 0.0f) / way_2);
+  *low = fmax(*low, nearest - half_chord);
+  *high = fmin(*high, nearest + half_chord);
+}
+
+/* The same along the ray of a detector's pixel (i, j), within the detector's cylinder. */
 static inline float joseph_pixel(SCAN voxels, const XrcScan* scan, const XrcDetector* detector, const int i,
                                  const int j, constant const XrcOpacity* opacity,
                                  global const float2* table) {
   const float3 hit = float3_of(detector->corner) + (float)i * float3_of(detector->right) +
                      (float)j * float3_of(detector->down);
   const float3 start = detector->is_cone ? float3_of(detector->source) : hit - float3_of(detector->beam);
-  const float3 end = detector->is_cone ? hit : hit + float3_of(detector->beam);
-  return joseph(voxels, scan, float3_of(detector->spacing_mm), start, end, opacity, table);
+  const float3 end = detector->is_cone ? hit : hit + float3_of(detector->beam), along = end - start;
+  float low = 0.0f, high = 1.0f;
+  clip_to_cylinder(&low, &high, detector, start.xy, along.xy);
+  if (!(low < high)) return 0.0f;
+  return joseph(voxels, scan, float3_of(detector->spacing_mm), start + low * along, start + high * along,
+                opacity, table);
 }
 
 #endif

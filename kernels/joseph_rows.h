@@ -75,6 +75,21 @@ static inline void clip_rows(float16* low, float16* high, const float16 start, c
   *low = select(fmax(*low, fmin(a, b)), *low, is_flat);
 }
 
+/* `clip_to_cylinder` for 16 rays over the number of the plane; k is the axis across the planes, 0 or 1. */
+static inline void clip_rows_to_cylinder(float16* low, float16* high, const XrcDetector* detector,
+                                         const int k, const float16 u0, const float16 du) {
+  const float k_mm = detector->spacing_mm[k], u_mm = detector->spacing_mm[1 - k];
+  const float from_k = -detector->axis[k] * k_mm;
+  const float16 from_u = (u0 - detector->axis[1 - k]) * u_mm, way_u = du * u_mm;
+  const float16 way_2 = fma(way_u, way_u, k_mm * k_mm),
+                offset = fabs(from_k * way_u - from_u * k_mm) / sqrt(way_2);
+  const float16 nearest = -fma(from_u, way_u, from_k * k_mm) / way_2;
+  const float16 half_chord =
+      sqrt(fmax((detector->radius_mm - offset) * (detector->radius_mm + offset), 0.0f) / way_2);
+  *low = fmax(*low, nearest - half_chord);
+  *high = fmin(*high, nearest + half_chord);
+}
+
 /* The planes that count as a whole for all rays, between the scan's first and last voxels' centres, where
  * the rays are in two neighbouring cells across at most, and within 30 slices. The rays lie in order, so that
  * the first and the last enclose the others. */
@@ -124,6 +139,7 @@ static inline int prepare_rows(Rays* rays, const XrcScan* scan, const XrcDetecto
   clip_rows(&low, &high, 0.0f, 1.0f, 0.0f, (float)rays->last_k);
   clip_rows(&low, &high, rays->u0, rays->du, 0.0f, (float)rays->last_u);
   clip_rows(&low, &high, rays->v0, rays->dv, -0.5f, (float)scan->size_z - 0.5f);
+  clip_rows_to_cylinder(&low, &high, detector, by_x ? 0 : 1, rays->u0, rays->du);
   const int16 hits = low < high;
   rays->first = index_at(floor(least(select((float16)(float)rays->last_k, low, hits)) + 0.5f), rays->last_k);
   rays->last =

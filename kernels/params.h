@@ -80,6 +80,7 @@ typedef struct {
   XRC_INT width, height, is_cone;
   XRC_FLOAT corner[3], right[3], down[3], source[3], beam[3];
   XRC_FLOAT spacing_mm[3];
+  XRC_FLOAT axis[2], radius_mm; /* rays count within a cylinder about this axis along z */
 } XrcDetector;
 
 /* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several

@@ -274,6 +274,8 @@ const BadCall kBadCalls[] = {
     {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map, or damaged"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
+    {"AnglesThatRunAway", "compare @/ct.nii @/map.exr --angles 0:30:-1", 3,
+     "--angles 0:30:-1: has to be FROM:TO:STEP"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,

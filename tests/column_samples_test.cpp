@@ -57,6 +57,23 @@ TEST(ColumnSamples, WeightsAddUpToTheChord) {
   }
 }
 
+TEST(ColumnSamples, EndWhereTheScanDoes) {
+  MapGeometry geometry = map({0, 30, 50, 100}, {0, 0});
+  geometry.field = FieldOfView{{-60, -200, 0}, {40, 70, 100}};
+  View view{.centre_mm = {0, 0, 6}};
+  const UprightView upright = upright_view(fitted(view, bounds_of(geometry)), geometry);
+  const ColumnSamples samples = column_samples(upright, geometry, {});
+  for (int column = 0; column < upright.columns; ++column) {
+    // Rays along y at this x: within the circle, and up to y = 70 of the scan.
+    const double x = upright.origin_mm(column).x,
+                 half_chord = std::sqrt(std::max(0.0, (100 - x) * (100 + x)));
+    double sum = 0;
+    for (const ColumnSample& sample : samples_of(samples, column)) sum += sample.weight;
+    // A hundred weights rounded to 32-bit floats.
+    EXPECT_NEAR(sum, x < -60 || x > 40 ? 0 : half_chord + std::min(half_chord, 70.0), 1e-4) << x;
+  }
+}
+
 /// A map that is the same in all rows, drawn: one optical depth a column.
 std::vector<double> drawn(const ColumnSamples& samples, const MapGeometry& geometry,
                           const std::vector<double>& texels) {

@@ -47,8 +47,8 @@ TEST_F(ContrastPicture, IsThicknessTimesConcentration) {
   const auto tau = middle_row(view_at(0), iodine_mg_ml);
   for (int x = -40; x <= 40; ++x) {
     const double expected = kMu_per_mm * 2 * kRadius_mm * (50 + x);
-    // A drum of two stretches has their mean.
-    EXPECT_NEAR(tau[static_cast<std::size_t>(60 + x)], expected, kFlatness * expected + 0.011) << x;
+    // A drum of two stretches has their mean, and a ray along the face between two drums meets either.
+    EXPECT_NEAR(tau[static_cast<std::size_t>(60 + x)], expected, kFlatness * expected + 0.015) << x;
   }
 }
 

@@ -3,6 +3,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace xraycast {
@@ -19,11 +21,16 @@ double mu_at(const RadialProfile& profile, const std::vector<float>& mu, double 
   return mu[place.layer] * (1 - place.share) + mu[next] * place.share;
 }
 
+/// The same for one texel.
+void solve(const RadialProfile& profile, std::vector<float>& values, double reach_mm = kRadii.back()) {
+  profile.system(std::array{reach_mm}).solve(values, 1);
+}
+
 TEST(RadialProfile, KeepsEveryShellsOpticalDepth) {
   const std::vector<float> tau{0.3f, 0.9f, 0.01f, 0.5f, 0.0f};
   const RadialProfile profile(kRadii, Reconstruction::linear);
   std::vector<float> mu = tau;
-  profile.solve(mu, 1, 1);
+  solve(profile, mu);
   for (std::size_t k = 0; k < tau.size(); ++k) {
     // Midpoints of 3000 steps integrate a function that bends once to 1e-7 of the shell.
     constexpr int kSteps = 3000;
@@ -38,27 +45,63 @@ TEST(RadialProfile, ReproducesWhatIsConstant) {
   std::vector<float> mu;
   for (std::size_t k = 0; k + 1 < kRadii.size(); ++k)
     mu.push_back(static_cast<float>(0.02 * (kRadii[k + 1] - kRadii[k])));
-  RadialProfile(kRadii, Reconstruction::linear).solve(mu, 1, 1);
+  solve(RadialProfile(kRadii, Reconstruction::linear), mu);
   EXPECT_THAT(mu, ::testing::Each(::testing::FloatNear(0.02f, static_cast<float>(kFloat))));
 }
 
 TEST(RadialProfile, SolvesTexelsSideBySide) {
   std::vector<float> two{0.3f, 1, 0.9f, 2, 0.01f, 3, 0.5f, 4, 0, 5}, one{0.3f, 0.9f, 0.01f, 0.5f, 0};
   const RadialProfile profile(kRadii, Reconstruction::linear);
-  profile.solve(two, 2, 2);
-  profile.solve(one, 1, 1);
+  profile.system(std::array{kRadii.back(), kRadii.back()}).solve(two, 2);
+  solve(profile, one);
   for (std::size_t k = 0; k < one.size(); ++k) EXPECT_FLOAT_EQ(two[2 * k], one[k]);
 }
 
 TEST(RadialProfile, ConstantShellsAreTheirMeans) {
   std::vector<float> mu{0.3f, 0.24f, 0.1f, 0, 0.15f};
   const RadialProfile profile(kRadii, Reconstruction::constant);
-  profile.solve(mu, 1, 1);
+  solve(profile, mu);
   EXPECT_THAT(mu, ::testing::Pointwise(::testing::FloatEq(), {0.01f, 0.02f, 0.01f, 0.0f, 0.01f}));
   EXPECT_EQ(profile.at(29.9).layer, 0);
   EXPECT_EQ(profile.at(30.1).layer, 1);
   EXPECT_EQ(profile.at(75).layer, 4);
   EXPECT_EQ(profile.at(75).share, 0);
+}
+
+TEST(RadialProfile, KeepsTheSumsOfARayThatEndsBeforeTheLastEdge) {
+  // Before a shell's middle, in it, after it, at an edge, within the first shell and before it.
+  for (const double reach : {48.0, 47.0, 50.0, 42.0, 12.0, 0.0})
+    for (const Reconstruction reconstruction : {Reconstruction::linear, Reconstruction::constant}) {
+      const RadialProfile profile(kRadii, reconstruction);
+      std::vector<float> tau, mu;
+      for (std::size_t k = 0; k + 1 < kRadii.size(); ++k)
+        tau.push_back(static_cast<float>(0.01 * static_cast<double>(k + 1) *
+                                         std::max(0.0, std::min(reach, kRadii[k + 1]) - kRadii[k])));
+      mu = tau;
+      solve(profile, mu, reach);
+      for (std::size_t k = 0; k < tau.size(); ++k) {
+        const double outer = std::min(kRadii[k + 1], reach);
+        // As above.
+        constexpr int kSteps = 3000;
+        double sum = 0;
+        for (int i = 0; i < kSteps; ++i)
+          sum += mu_at(profile, mu, kRadii[k] + (i + 0.5) / kSteps * (outer - kRadii[k]));
+        if (outer > kRadii[k])
+          EXPECT_NEAR(sum / kSteps * (outer - kRadii[k]), tau[k], 3 * kFloat) << reach << ' ' << k;
+        else if (k > 0)
+          EXPECT_EQ(mu[k], mu[k - 1]) << reach << ' ' << k;
+        else
+          EXPECT_EQ(mu[k], 0);
+      }
+    }
+}
+
+TEST(RadialProfile, OfWhatIsConstantUpToWhereTheRayEndsIsConstant) {
+  std::vector<float> mu;
+  for (std::size_t k = 0; k + 1 < kRadii.size(); ++k)
+    mu.push_back(static_cast<float>(0.02 * std::max(0.0, std::min(44.0, kRadii[k + 1]) - kRadii[k])));
+  solve(RadialProfile(kRadii, Reconstruction::linear), mu, 44);
+  EXPECT_THAT(mu, ::testing::Each(::testing::FloatNear(0.02f, static_cast<float>(kFloat))));
 }
 
 TEST(RadialProfile, PlacesRadiiBetweenTheMiddlesOfShells) {

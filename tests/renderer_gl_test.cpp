@@ -3,6 +3,9 @@
 #include "xraycast/error.hpp"
 #include "xraycast/phantom.hpp"
 #include "xraycast/projector.hpp"
+#include "xraycast/rays_within.hpp"
+#include "xraycast/stopwatch.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
@@ -17,6 +20,7 @@
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <tuple>
 
 namespace xraycast {
 namespace {
@@ -405,6 +409,78 @@ TEST_F(RendererTest, ManyLayersApproachTheTrueProjection) {
   }
 }
 
+TEST_F(RendererTest, RectangleMapsAreTrueProjectionsWhereTheyStoreOne) {
+  // Matter all over the scan, also beyond the map's radius; slices and pixels of which no whole number fits.
+  Device device;
+  Progress progress;
+  constexpr double kPixel_mm = 0.9570312, kSlice_mm = 1.5;
+  Volume volume({{128, 128, 51}, {kPixel_mm, kPixel_mm, kSlice_mm}, {-60.7, -60.7, -37.5}});
+  for (std::int64_t z = 0; z < 51; ++z)
+    for (std::int64_t y = 0; y < 128; ++y)
+      for (std::int64_t x = 0; x < 128; ++x)
+        volume.at(x, y, z) = static_cast<std::int16_t>(x * y % 97 * 10 - 600 + 500 * (z % 2));
+  const ResidentScan scan = upload(device, volume);
+  const MapGeometry geometry = rectangle_map(scan.geometry(), 6, 47.3, {3, -2});
+  auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+  Renderer renderer;
+  renderer.set_map(map);
+  const BodyBounds bounds = bounds_of(geometry);
+  for (const double angle_deg : {0.0, 60.0, 150.0, 270.0}) {
+    const View view = fitted(View{.angle_rad = angle_deg * kRadians, .centre_mm = bounds.centre_mm}, bounds);
+    const auto drawn = renderer.tau(view, {});
+    const auto rays = rays_within(view, geometry);
+    std::vector<RaySegment> segments;
+    for (const auto& ray : rays) segments.push_back(ray.value_or(RaySegment{}));
+    const auto truth = project(scan, segments, Opacity::paper(), progress);
+    ASSERT_EQ(drawn.size(), truth.size());
+    double squares = 0;
+    for (std::size_t i = 0; i < drawn.size(); ++i) squares += (drawn[i] - truth[i]) * (drawn[i] - truth[i]);
+    // 24-bit floats of positions and sums, and the chords that graze the circle. Half a row off, or with
+    // what lies beyond the radius, it is a hundred times as much.
+    EXPECT_LT(std::sqrt(squares / static_cast<double>(drawn.size())) / *std::ranges::max_element(truth), 2e-4)
+        << angle_deg;
+  }
+}
+
+TEST_F(RendererTest, MatterUpToTheScansBorderIsDrawnUpToThereAndNoFarther) {
+  // Water everywhere in a scan whose corners the maps reach beyond: the truth is the rays' lengths in a box.
+  Device device;
+  Progress progress;
+  const VolumeGeometry volume{{61, 91, 40}, {1, 1, 1.5}, {-30, -45, -29.25}};
+  Volume water(volume);
+  std::ranges::fill(water.hu(), std::int16_t{0});
+  const ResidentScan scan = upload(device, water);
+  const auto radii_mm = shell_radii_mm(RadiiRule::equal_area, 6, 70);
+  MapGeometry bent = cylinder_map(volume, 360, radii_mm, glm::dvec2(4, -3));
+  bent.centre_mm.assign(40, {4, -3});
+  for (const MapGeometry& geometry : {cylinder_map(volume, 360, radii_mm, glm::dvec2(4, -3)),
+                                      sphere_map(volume, 360, radii_mm, {4, -3, 5}), bent}) {
+    auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+    Renderer renderer;
+    renderer.set_map(map);
+    MapGeometry covered = geometry;
+    covered.centre_mm.resize(1);
+    for (const auto& [angle_deg, cone] :
+         {std::pair(0.0, std::optional<Cone>()), std::pair(33.0, std::optional<Cone>()),
+          std::pair(120.0, std::optional<Cone>(Cone{700, 1000}))}) {
+      View view = view_of_map(*map, angle_deg, 0, cone);
+      view.centre_mm.z += 0.2;  // no ray along the end of the scan, which may count or not
+      const auto drawn = renderer.tau(view, {});
+      const auto rays = rays_within(view, covered);
+      std::vector<RaySegment> segments;
+      for (const auto& ray : rays) segments.push_back(ray.value_or(RaySegment{}));
+      const auto truth = project(scan, segments, Opacity::paper(), progress);
+      double squares = 0;
+      for (std::size_t i = 0; i < drawn.size(); ++i) squares += (drawn[i] - truth[i]) * (drawn[i] - truth[i]);
+      // 32-bit sums. Under a cone columns are blended, which rounds off where rays pass the scan's edge, and
+      // at a cylinder's ends a ray's last sample counts whole or not at all; without the field it is a
+      // hundred times that.
+      EXPECT_LT(std::sqrt(squares / static_cast<double>(drawn.size())), cone ? 1e-2 : 1e-4)
+          << to_string(geometry.projection) << ' ' << angle_deg;
+    }
+  }
+}
+
 TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
   Device device;
   Progress progress;
@@ -473,6 +549,84 @@ TEST_F(RendererTest, GreyIsWhatTheWindowSays) {
   }
 }
 
+TEST_F(RendererTest, BrightnessFollowsWhatIsSeen) {
+  // A body whose lower half is ten times as dense as its upper one. Zoomed in on either half, the frame spans
+  // the greys, whatever the other half is like; gamma and inversion stay.
+  auto map = homogeneous(1);
+  for (std::size_t i = 0; i < map->tau.size(); ++i)
+    map->tau[i] = (i / 360 < 50 ? 0.3f : 3.0f) * (i % 360 < 180 ? 0.5f : 1.0f);
+  Renderer renderer;
+  renderer.set_map(map);
+  Camera camera{.zoom = 4};
+  Style style;
+  style.window.gamma = 1.5;
+  style.window.inverted = true;
+  std::vector<GreyWindow> windows;
+  for (const double table_mm : {30.0, -30.0}) {
+    camera.table_mm = table_mm;
+    const View view = view_of(camera, bounds_of(map->geometry), 320, 240);
+    style.window = automatic_window(renderer, view, style);
+    windows.push_back(style.window);
+    EXPECT_EQ(style.window.gamma, 1.5);
+    EXPECT_TRUE(style.window.inverted);
+    const auto picture = renderer.picture(view, style);
+    const auto [least, most] = std::ranges::minmax(picture);
+    EXPECT_LT(least, 20) << table_mm;
+    EXPECT_GT(most, 150) << table_mm;
+  }
+  // Its scale is that of the half that is seen.
+  EXPECT_NEAR(windows[1].scale / windows[0].scale, 10, 0.5);
+}
+
+TEST_F(RendererTest, WhatWasDrawnBeforeLeavesNoTrace) {
+  // A body that is kept between frames must not outlive its map, view or style.
+  const auto map = homogeneous(2), other = homogeneous(3);
+  const Surface near{ball(bounds_of(map->geometry).centre_mm + glm::dvec3(0, -40, 0), 20), 0.05, {}};
+  const View view = view_of_map(*map, 0), turned = view_of_map(*map, 50);
+  ProjectionImage truth{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height, 0.5f)};
+  Style surface{.look = Look::surface}, weak, wall, coarse;
+  weak.strengths = {0.5f, 1};
+  wall.sampling.compositing = Compositing::wall;
+  coarse.pixels_per_column = 2;
+  const std::tuple<std::shared_ptr<BodyMap>, View, Style> frames[] = {
+      {map, view, {}},   {map, view, surface}, {map, turned, {}}, {other, turned, {}}, {map, view, weak},
+      {map, view, wall}, {map, view, coarse},  {map, view, {}},   {map, view, {}}};
+  Renderer kept;
+  for (const auto& [its_map, its_view, style] : frames) {
+    Renderer fresh;
+    fresh.set_map(its_map);
+    kept.set_map(its_map);
+    for (const bool has_surface : {false, true}) {
+      for (Renderer* renderer : {&fresh, &kept})
+        renderer->set_surfaces(std::span(&near, has_surface ? 1 : 0));
+      EXPECT_EQ(kept.picture(its_view, style), fresh.picture(its_view, style));
+    }
+    kept.picture(truth, {});
+    EXPECT_EQ(kept.tau(its_view, style), fresh.tau(its_view, style));
+  }
+}
+
+TEST_F(RendererTest, AStillViewDrawsTheBodyOnce) {
+  const auto map = homogeneous(64);
+  const View view = view_of_map(*map, 0, 0, Cone{1000, 1500});
+  Renderer renderer;
+  renderer.set_map(map);
+  const auto fastest_ms = [&](auto&& make_view) {
+    double fastest = 1e9;
+    for (int i = 0; i < 5; ++i) {
+      const Stopwatch stopwatch;
+      renderer.picture(make_view(i), {});
+      fastest = std::min(fastest, stopwatch.ms());
+    }
+    return fastest;
+  };
+  const double moving = fastest_ms([&](int i) { return view_of_map(*map, i, 0, Cone{1000, 1500}); });
+  renderer.picture(view, {});
+  const double still = fastest_ms([&](int) { return view; });
+  // 64 layers take most of a frame; a third leaves room for a machine under load.
+  EXPECT_LT(still, moving / 3);
+}
+
 TEST_F(RendererTest, LeavesNothingBehind) {
   const int before = gl::objects_alive();
   for (int round = 0; round < 20; ++round) {
@@ -483,6 +637,48 @@ TEST_F(RendererTest, LeavesNothingBehind) {
     renderer.tau(view_of_map(*map, 0), {});
   }
   EXPECT_EQ(gl::objects_alive(), before);
+}
+
+TEST_F(RendererTest, MapsTallerThanATextureAreDrawnToTheirLastRow) {
+  // Ten rows twice as dense at the lower end of more than OpenGL draws into.
+  auto map = homogeneous(1);
+  map->geometry.width = 4;
+  map->geometry.height = 20000;
+  map->geometry.row_spacing_mm = 0.01;
+  map->geometry.top_mm = 100;
+  map->tau.assign(map->layer_size(), 1.0f);
+  std::fill(map->tau.end() - 40, map->tau.end(), 2.0f);
+  Renderer renderer;
+  renderer.set_map(map);
+  View view = view_of_map(*map, 0);
+  view.pixel_mm = 0.01;
+  view.centre_mm.z = map->geometry.z_mm(19999.5);
+  const std::vector<float> tau = renderer.tau(view, {});
+  // 32-bit sums of a hundred parts.
+  EXPECT_NEAR(tau[45 * view.width + 80], 2.0, 1e-5);
+  EXPECT_NEAR(tau[55 * view.width + 80], 4.0, 1e-5);
+  EXPECT_EQ(tau[62 * view.width + 80], 0);
+}
+
+TEST_F(RendererTest, WhatIsLargerThanTheDriverTakesIsRefused) {
+  GLint side = 0, texels = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &side);
+  glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &texels);
+  gl::Target target(GL_R32F);
+  EXPECT_THROW(target.resize(side + 1, 4), InputError);
+  EXPECT_THROW(target.resize(4, side + 1), InputError);
+  // More values than there are: none of them is read.
+  const float value = 0;
+  EXPECT_THROW(gl::Table(GL_R32F).fill({&value, static_cast<std::size_t>(texels) + 1}, "a map"), InputError);
+  auto map = homogeneous(1);
+  map->geometry.projection = Projection::rectangle;
+  map->geometry.width = 16384;
+  map->geometry.views = 1025;
+  map->geometry.height = 0;  // so that it takes no memory here
+  map->tau.clear();
+  Renderer renderer;
+  renderer.set_map(map);
+  EXPECT_THROW(renderer.tau(view_of_map(*homogeneous(1), 0), {}), InputError);
 }
 
 TEST_F(RendererTest, RefusesSurfacesThatAreNotFinite) {

@@ -144,6 +144,21 @@ TEST(RectangleMap, HoldsTheParallelProjections) {
   }
 }
 
+TEST(RectangleMap, HoldsWhatLiesWithinItsRadius) {
+  // Water everywhere, from which the map takes a cylinder.
+  const Volume volume = make_volume({90, 90, 20}, {1, 1, 1.5}, [](const glm::dvec3&) { return 0; });
+  const MapGeometry map = rectangle_map(volume.geometry(), 7, 30, {4, -6});
+  const auto tau = cast_map(volume, map);
+  for (int k = 0; k < map.layers(); ++k)
+    for (int i = 0; i < map.width; ++i) {
+      const double offset_mm = (i + 0.5 - 0.5 * map.width) * map.row_spacing_mm;
+      const double chord_mm = 2 * std::sqrt(std::max(0.0, (30 - offset_mm) * (30 + offset_mm)));
+      // 24-bit floats of positions up to 90 mm; a chord that grazes the circle doubles their digits' loss.
+      ASSERT_NEAR(tau[static_cast<std::size_t>((k * map.height + 10) * map.width + i)], chord_mm, 1e-3)
+          << "view " << k << ", column " << i;
+    }
+}
+
 TEST(RectangleMap, RefusesNoViews) {
   const VolumeGeometry volume = centred_geometry({20, 20, 20}, {1, 1, 1});
   EXPECT_THROW(rectangle_map(volume, 0, 10, {0, 0}), InputError);

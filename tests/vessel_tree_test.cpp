@@ -263,6 +263,14 @@ RC_GTEST_PROP(TreeFiles, ReadBackWhatWasWritten, ()) {
   }
 }
 
+TEST(TreeFiles, AFolderIsReadByItsTree) {
+  const TemporaryFolder folder;
+  EXPECT_THROW(read_tree(folder / ""), InputError);
+  const VesselTree tree(bifurcation(), "tree");
+  write_tree(tree, folder / "tree.vtp");
+  expect_same(read_tree(folder / ""), tree);
+}
+
 TEST(TreeFiles, VtpFollowsVmtk) {
   const TemporaryFolder folder;
   write_tree(VesselTree(bifurcation(), "tree"), folder / "tree.vtp");

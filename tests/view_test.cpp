@@ -87,6 +87,16 @@ INSTANTIATE_TEST_SUITE_P(View, FittedView,
                                          View{.angle_rad = 2, .tilt_rad = -0.5, .cone = Cone{800, 1200}},
                                          View{.width = 640, .height = 480}));
 
+TEST(FittedView, HasNoPixelForARoundingError) {
+  // Between its faces this scan is 170.00000000000003 slices high.
+  const double pixel_mm = 0.9570312;
+  const VolumeGeometry volume{{1, 1, 170}, {pixel_mm, pixel_mm, pixel_mm}, {0, 0, -9.9}};
+  ASSERT_GT((volume.upper_mm().z - volume.lower_mm().z) / pixel_mm, 170);
+  const View view = fitted(View{}, volume, {{0, 0}, 100 * pixel_mm});
+  EXPECT_EQ(view.height, 170);
+  EXPECT_EQ(view.width, 200);
+}
+
 TEST(FittedView, RefusesWhatCannotBeDrawn) {
   const VolumeGeometry volume{{10, 10, 10}, {1, 1, 1}, {0, 0, 0}};
   const BodyOutline body{{5, 5}, 5};

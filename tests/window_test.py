@@ -19,6 +19,7 @@ import zlib
 
 PROGRAM, FILES = sys.argv[1], pathlib.Path(sys.argv[2])
 PATIENCE_S = 30
+INK, ROAD_MAP = (255, 210, 90), (190, 150, 60)
 
 
 def run(*words, **options):
@@ -249,6 +250,24 @@ class Window(unittest.TestCase):
         self.do("key", "ctrl+y")
         self.assertEqual(self.session()["style"]["strengths"], [1, 0, 1, 1])
 
+    def test_adapts_the_brightness_to_what_is_seen(self):
+        self.view(FILES / "map.exr")
+        lightest = lambda: max(self.screen().region(400, 30, 850, 600)[::4])
+        self.assertEqual(lightest(), 255, "the air beside the body")
+        self.drag(3, 700, 400, 1, 0)  # a window chosen by hand, though nearly the same
+        self.do("mousemove", 640, 360)
+        for _ in range(18):
+            self.do("click", 4)
+        chosen = self.session()["window"]
+        self.frame()
+        dim = lightest()
+        self.assertLess(dim, 200, "nothing but the abdomen")
+        self.do("mousemove", 113, 137, "click", 1)  # automatic brightness
+        self.wait_until(lambda: lightest() > dim + 20, "a brighter picture")
+        self.assertNotIn("window", self.session())
+        self.do("click", 1)
+        self.assertLess(self.session()["window"]["light"], chosen["light"])
+
     def knot(self):
         """The middle of an opacity's knot in the panel, by its colour."""
         found = self.screen().find((255, 220, 150), 100, 100, 180, 500)
@@ -279,6 +298,159 @@ class Window(unittest.TestCase):
         last = angle()
         self.assertEqual(angle(), last)
 
+    # ---- the vessels
+
+    def test_names_the_branch_that_is_clicked_at(self):
+        self.view(FILES / "map.exr", "--vessels", FILES / "truth")
+        before = self.body()
+        self.do("mousemove", 650, 80, "click", 1)  # beside all vessels
+        self.frame()
+        self.assertEqual(self.body(), before)
+        x, y = 645, 410  # in the aorta
+        self.do("mousemove", x, y, "click", 1)
+        words = lambda: self.screen().find(INK, x, y - 20, 350, 90)
+        self.wait_until(lambda: len(words()) > 200, "the branch's name beside where it was clicked")
+        named = words()
+        # Another place of it, and another one's name.
+        self.do("mousemove", x, y + 50, "click", 1)
+        self.wait_until(lambda: words() != named, "the name elsewhere")
+        self.do("mousemove", 650, 80, "click", 1)
+        self.wait_until(lambda: self.body() == before, "no name")
+        self.assertEqual(self.session()["camera"]["angle_deg"], 0)
+
+    # ---- the catheter
+
+    def steer(self, *words):
+        """A body with a catheter in it, whose picture is there."""
+        self.view(FILES / "map.exr", "--vessels", FILES / "truth", "--simulate", *words)
+        self.wait_until(lambda: self.screen().find(ROAD_MAP, 500, 400, 400, 300), "the road map")
+
+    def picture(self):
+        """All of it between the panels."""
+        return self.screen().region(470, 100, 400, 580)
+
+    def hold(self, key, seconds):
+        self.do("keydown", key)
+        time.sleep(seconds)
+        self.do("keyup", key)
+
+    def fluoroscopy(self):
+        """What the panel's line says of fluoroscopy time and contrast agent, as it stands on the screen."""
+        return self.screen().region(930, 228, 330, 17)
+
+    def recording(self, number=1):
+        """The rows (time_s, insertion_mm, rotation_deg) of a run that Enter has ended."""
+        path = self.folder / f"xraycast-run-{number:03}.csv"
+        self.wait_until(path.exists, "the recording")
+        header, *rows = path.read_text().splitlines()
+        self.assertEqual(header, "time_s,insertion_mm,rotation_deg")
+        return [tuple(map(float, row.split(","))) for row in rows]
+
+    def test_pushes_under_the_pedal_and_holds_the_last_image(self):
+        self.steer()
+        before, time_before = self.picture(), self.fluoroscopy()
+        self.hold("Up", 1.5)
+        self.frame()
+        self.assertEqual(self.picture(), before, "without the pedal the last image is held")
+        self.assertEqual(self.fluoroscopy(), time_before)
+        self.do("keydown", "x")
+        self.wait_until(lambda: self.picture() != before, "the catheter where it is now")
+        self.wait_until(lambda: self.fluoroscopy() != time_before, "fluoroscopy time")
+        seen = self.picture()
+        self.do("keydown", "Up")
+        self.wait_until(lambda: self.picture() != seen, "the catheter as it goes on")
+        self.do("keyup", "Up")
+        self.do("keyup", "x")
+        self.frame()
+        held, time_held = self.picture(), self.fluoroscopy()
+        self.hold("Down", 1)
+        self.frame()
+        self.assertEqual(self.picture(), held)
+        self.assertEqual(self.fluoroscopy(), time_held)
+
+    def test_records_and_replays(self):
+        self.steer()
+        self.do("key", "Return")
+        self.hold("Up", 1.5)
+        self.hold("Right", 0.5)
+        self.do("key", "Return")
+        rows = self.recording()
+        # At 40 mm/s and 120 deg/s, as long as a loaded machine held the keys.
+        self.assertGreater(rows[-1][1], 30)
+        self.assertGreater(rows[-1][2], 30)
+        self.assertEqual(rows[0][0], 0)
+        self.assertAlmostEqual(rows[0][1], 0, delta=0.1)
+        self.do("key", "l")
+        self.do("key", "Return")
+        time.sleep(rows[-1][0] + 0.5)
+        self.do("key", "Return")
+        replayed = self.recording(2)
+        # The hub comes to where the recording ends, but for what its spring yields to the loads.
+        self.assertAlmostEqual(replayed[-1][1], rows[-1][1], delta=0.5)
+        self.assertAlmostEqual(replayed[-1][2], rows[-1][2], delta=2)
+        # And then by hand again, from the entrance.
+        self.do("key", "BackSpace")
+        self.do("key", "Return")
+        self.hold("Up", 0.5)
+        self.do("key", "Return")
+        last = self.recording(3)
+        self.assertLess(last[0][1], 1)
+        self.assertGreater(last[-1][1], 5)
+
+    def test_injects_contrast_agent_downstream(self):
+        self.steer()
+        self.hold("Up", 3)
+        self.do("keydown", "x")
+        self.frame()
+        self.do("key", "m")  # the road map would lie on the vessels' borders
+        self.frame()
+        before = self.picture()
+        darker = lambda: sum(a > b + 8 for a, b in zip(before, self.picture()))
+        self.frame()
+        self.assertLess(darker(), 30, "nothing but the catheter moves")
+        self.do("keydown", "i")
+        self.wait_until(lambda: darker() > 600, "contrast agent")
+        self.do("keyup", "i")
+        self.wait_until(lambda: darker() < 100, "it is washed out")
+
+    def test_shows_the_road_map(self):
+        self.steer()
+        lines = lambda: len(self.screen().find(ROAD_MAP, 500, 100, 400, 600))
+        with_map = lines()
+        self.assertGreater(with_map, 300)
+        self.do("key", "m")
+        self.wait_until(lambda: lines() == 0, "no road map")
+        self.do("key", "m")
+        self.wait_until(lambda: lines() == with_map, "the road map")
+
+    def test_holds_the_hub_by_the_mouse(self):
+        self.steer("--haptic", "mouse")
+        self.do("key", "Return")
+        pose = lambda: self.screen().region(930, 82, 330, 17)  # the panel's line
+        self.do("keydown", "ctrl", "mousemove", 700, 400, "mousedown", 1)
+        for step in (("mousemove", 720, 350), ("mousemove", 740, 300), ("mouseup", 1, "click", 4), ("click", 4)):
+            before = pose()
+            self.do(*step)
+            self.wait_until(lambda: pose() != before, "another pose of the hub")
+            self.wait_until(lambda: (now := pose()) == (time.sleep(0.3), pose())[1] and now, "the hub at rest")
+        self.do("keyup", "ctrl", "key", "Return")
+        rows = self.recording()
+        # Half a millimetre and a degree a pixel, and 3 mm a notch; the walls push the hub back by little.
+        self.assertAlmostEqual(rows[-1][1], 56, delta=1)
+        self.assertAlmostEqual(rows[-1][2], 40, delta=1)
+        self.assertEqual(self.session()["camera"]["angle_deg"], 0, "the C-arm stays where it is")
+
+    def test_ends_in_the_middle_of_a_run(self):
+        self.steer()
+        self.do("key", "Return")
+        self.do("keydown", "x")
+        self.do("keydown", "Up")
+        time.sleep(0.5)
+        desk = Dragged(self.display)
+        desk.tell(self.window, "WM_PROTOCOLS", desk.atom("WM_DELETE_WINDOW"))
+        self.assertEqual(self.viewer.wait(PATIENCE_S), 0)
+        self.assertEqual(self.viewer.stderr.read(), "")
+
     # ---- files
 
     def test_opens_what_is_dropped_and_survives_what_is_damaged(self):
@@ -293,24 +465,35 @@ class Window(unittest.TestCase):
         self.assertTrue(self.session()["files"]["map"].endswith("map.exr"))
         self.wait_until(lambda: self.body() != before, "vessels in the picture")
 
-    def type_path(self, path):
+    def ask(self):
+        """Opens the dialogue, with its text marked, so that what is typed takes its place."""
+        self.frame()
+        before = self.screen().at(640, 400)
         self.do("key", "ctrl+o")
-        self.wait_until(lambda: self.screen().at(640, 400) != self.dark, "the dialogue")
+        self.wait_until(lambda: self.screen().at(640, 400) != before, "the dialogue")
         self.do("key", "ctrl+a")
+
+    def type_path(self, path):
+        self.ask()
         self.do("type", "--delay", 1, str(path.resolve()))
         self.do("key", "Return")
 
+    def test_takes_the_next_key_after_the_dialogue(self):
+        self.view(FILES / "map.exr")
+        for answer, file in (("Escape", "map.exr"), ("Return", "damaged.exr")):
+            self.ask()
+            self.do("type", "--delay", 1, str(FILES.resolve() / file))
+            self.do("key", answer, "2")
+            self.assertEqual(self.session()["style"]["strengths"], [1, int(answer == "Return"), 1, 1])
+
     def test_opens_by_name_and_cancels_what_takes_long(self):
         self.view(FILES / "map.exr")
-        self.dark = self.screen().at(640, 400)
         status = pathlib.Path(f"/proc/{self.viewer.pid}/io")
         read_B = lambda: int(status.read_text().split()[1])
         start_B = read_B()
         self.type_path(FILES / "long.mhd")
         self.wait_until(lambda: read_B() > start_B + 20_000_000, "the scan is being read")
-        for _ in range(10):  # the first ones may still belong to the dialogue
-            self.do("key", "Escape")
-            time.sleep(0.05)
+        self.do("key", "Escape")
         settled = [0, 1]
 
         def has_settled():

@@ -48,17 +48,21 @@ std::string header_of(const Basis& basis) {
   const MapGeometry& geometry = basis.geometry;
   json centres = json::array();
   for (const glm::dvec2& centre : geometry.centre_mm) centres.push_back({centre.x, centre.y});
-  const json header{{"projection", to_string(geometry.projection)},
-                    {"width", geometry.width},
-                    {"height", geometry.height},
-                    {"radii_mm", geometry.radii_mm},
-                    {"centre_mm", centres},
-                    {"top_mm", geometry.top_mm},
-                    {"row_spacing_mm", geometry.row_spacing_mm},
-                    {"step_mm", geometry.step_mm},
-                    {"knots_hu", basis.knots_hu},
-                    {"hu_histogram", basis.hu_histogram},
-                    {"source", basis.source}};
+  json header{{"projection", to_string(geometry.projection)},
+              {"width", geometry.width},
+              {"height", geometry.height},
+              {"radii_mm", geometry.radii_mm},
+              {"centre_mm", centres},
+              {"top_mm", geometry.top_mm},
+              {"row_spacing_mm", geometry.row_spacing_mm},
+              {"step_mm", geometry.step_mm},
+              {"knots_hu", basis.knots_hu},
+              {"hu_histogram", basis.hu_histogram},
+              {"source", basis.source}};
+  if (geometry.field) {
+    const auto& [lower, upper] = *geometry.field;
+    header["field_mm"] = {{lower.x, lower.y, lower.z}, {upper.x, upper.y, upper.z}};
+  }
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
 }
@@ -79,6 +83,8 @@ class HeaderReader {
       throw InputError("{}: header field {} is missing or not what it should be", file_, name);
     }
   }
+
+  bool has(const char* name) const { return header_.contains(name); }
 
   int count(const char* name) const {
     const auto field = header_.find(name);
@@ -108,6 +114,10 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   geometry.top_mm = header.get<double>("top_mm");
   geometry.row_spacing_mm = header.get<double>("row_spacing_mm");
   geometry.step_mm = header.get<double>("step_mm");
+  if (header.has("field_mm")) {
+    const auto [lower, upper] = header.get<std::array<std::array<double, 3>, 2>>("field_mm");
+    geometry.field = FieldOfView{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+  }
   validate(geometry, name);
   basis.knots_hu = header.get<std::vector<double>>("knots_hu");
   validate_knots(basis.knots_hu, name);

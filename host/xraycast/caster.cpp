@@ -47,7 +47,7 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
   return result;
 }
 
-/// One parallel picture a view, by the projector.
+/// One parallel picture a view, by the projector, of what lies within the map's radius.
 CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
                            Progress& progress) {
   validate(geometry, "map");
@@ -57,11 +57,12 @@ CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry
   view.height = geometry.height;
   view.pixel_mm = geometry.row_spacing_mm;
   view.centre_mm = {geometry.centre_mm[0], geometry.z_mm(0.5 * (geometry.height - 1))};
+  const BodyOutline within{geometry.centre_mm[0], geometry.radius_mm()};
   progress.begin("casting", geometry.views, "views");
   for (int k = 0; k < geometry.views; ++k) {
     view.angle_rad = geometry.view_rad(k);
     Progress one;  // the whole map's is ours
-    const ProjectionImage image = project(scan, view, opacity, one);
+    const ProjectionImage image = project(scan, view, opacity, one, within);
     result.map.tau.insert(result.map.tau.end(), image.tau.begin(), image.tau.end());
     result.kernel_ms += image.kernel_ms;
     progress.advance();

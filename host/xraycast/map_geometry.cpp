@@ -37,6 +37,13 @@ MapGeometry map_of_slices(const VolumeGeometry& volume) {
   return map;
 }
 
+FieldOfView field_of(const VolumeGeometry& volume) {
+  FieldOfView field{volume.origin_mm, volume.to_world_mm(glm::dvec3(volume.size) - 1.0)};
+  field.lower_mm.z = volume.lower_mm().z;
+  field.upper_mm.z = volume.upper_mm().z;
+  return field;
+}
+
 /// The longest step of at most `most_mm` that divides the outermost radius.
 double step_within(const std::vector<double>& radii_mm, double most_mm) {
   return radii_mm.empty() ? most_mm : radii_mm.back() / std::max(1.0, std::ceil(radii_mm.back() / most_mm));
@@ -81,6 +88,22 @@ double MapGeometry::theta_rad(double row) const { return (row + 0.5) * std::numb
 
 double MapGeometry::view_rad(double layer) const { return layer * std::numbers::pi / views; }
 
+double MapGeometry::reach_mm(int column, int row) const {
+  if (!field) return radius_mm();
+  const double phi = phi_rad(column), theta = theta_rad(row);
+  glm::dvec3 from(centre_of_row_mm(row), centre_z_mm), along(std::sin(phi), -std::cos(phi), 0);
+  if (projection == Projection::sphere)
+    along = {std::sin(theta) * along.x, std::sin(theta) * along.y, std::cos(theta)};
+  double samples = radius_mm() / step_mm;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double room_mm =
+        along[axis] > 0 ? field->upper_mm[axis] - from[axis] : from[axis] - field->lower_mm[axis];
+    if (along[axis] != 0)
+      samples = std::min(samples, std::floor(room_mm / std::abs(along[axis]) / step_mm + 0.5));
+  }
+  return std::clamp(samples * step_mm, 0.0, radius_mm());
+}
+
 MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
                          glm::dvec2 centre_mm) {
   return cylinder_map(volume, angles, std::move(radii_mm), std::vector{centre_mm});
@@ -94,6 +117,7 @@ MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<d
   map.radii_mm = std::move(radii_mm);
   map.centre_mm = std::move(centre_of_row_mm);
   map.step_mm = step_within(map.radii_mm, std::min(volume.spacing_mm.x, volume.spacing_mm.y));
+  map.field = field_of(volume);
   validate(map, "map");
   return map;
 }
@@ -110,6 +134,7 @@ MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<dou
   map.centre_z_mm = centre_mm.z;
   map.step_mm =
       step_within(map.radii_mm, std::min({volume.spacing_mm.x, volume.spacing_mm.y, volume.spacing_mm.z}));
+  map.field = field_of(volume);
   validate(map, "map");
   return map;
 }
@@ -166,6 +191,11 @@ void validate(const MapGeometry& geometry, const std::string& name) {
   if (!std::isfinite(geometry.top_mm) || !std::isfinite(geometry.row_spacing_mm) ||
       geometry.row_spacing_mm <= 0)
     throw InputError("{}: top or row spacing is not usable", name);
+  for (int axis = 0; geometry.field && axis < 3; ++axis) {
+    const double lower = geometry.field->lower_mm[axis], upper = geometry.field->upper_mm[axis];
+    if (!std::isfinite(lower) || !std::isfinite(upper) || lower > upper)
+      throw InputError("{}: its field from {:g} to {:g} mm is not usable", name, lower, upper);
+  }
   if (!(geometry.step_mm > 0) || !(geometry.radius_mm() / geometry.step_mm < 1e6))
     throw InputError("{}: step of {} mm is not usable", name, geometry.step_mm);
 }

@@ -4,6 +4,7 @@
 
 #include <glm/vec2.hpp>
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -31,6 +32,13 @@ enum class RadiiRule {
 /// The `layers` + 1 edges from 0 to `radius_mm`, innermost first.
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm);
 
+/// Where a scan has matter, LPS millimetres: from the first to the last voxel's centre in x and y, and by
+/// whole slices in z.
+struct FieldOfView {
+  glm::dvec3 lower_mm, upper_mm;
+  bool operator==(const FieldOfView&) const = default;
+};
+
 /// Where every texel of a body map looks. A map is K layers of `height` x `width` texels.
 ///
 /// - cylinder: angle phi = 0 is anterior and grows towards the patient's left; column i is centred on phi =
@@ -55,6 +63,10 @@ struct MapGeometry {
   double row_spacing_mm = 1;          ///< row j lies at top_mm - j * row_spacing_mm; not for spheres
   double step_mm = 1;  ///< sample i of a ray covers the radii [i, i + 1] * step_mm, taken in its middle
 
+  /// Of the scan that the rays went through: beyond it they met nothing. Cylinder and sphere; unknown in
+  /// files of earlier versions.
+  std::optional<FieldOfView> field{};
+
   int layers() const {
     return projection == Projection::rectangle ? views : static_cast<int>(radii_mm.size()) - 1;
   }
@@ -62,6 +74,11 @@ struct MapGeometry {
   double phi_rad(double column) const;
   double theta_rad(double row) const;
   double view_rad(double layer) const;
+
+  /// At which radius a texel's ray leaves the field, by the whole samples that lie within it, as maps are
+  /// cast; radius_mm() where it does not.
+  double reach_mm(int column, int row) const;
+
   double z_mm(double row) const { return top_mm - row * row_spacing_mm; }
   glm::dvec2 centre_of_row_mm(int row) const { return centre_mm.size() == 1 ? centre_mm[0] : centre_mm[row]; }
 

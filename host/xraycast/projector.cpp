@@ -12,13 +12,14 @@
 namespace xraycast {
 namespace {
 
-static_assert(sizeof(XrcDetector) == 84);
+static_assert(sizeof(XrcDetector) == 96);
 
 void store(const glm::dvec3& from, XRC_FLOAT (&to)[3]) {
   for (int axis = 0; axis < 3; ++axis) to[axis] = static_cast<float>(from[axis]);
 }
 
-XrcDetector detector_of(const View& view, const VolumeGeometry& volume) {
+XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
+                        const std::optional<BodyOutline>& within) {
   XrcDetector detector{};
   detector.width = view.width;
   detector.height = view.height;
@@ -37,6 +38,12 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume) {
     store(span_mm * view.towards_detector() / volume.spacing_mm, detector.beam);
   }
   store(volume.spacing_mm, detector.spacing_mm);
+  constexpr double kEverything_mm = 1e9;
+  const BodyOutline body = within.value_or(BodyOutline{{0, 0}, kEverything_mm});
+  const glm::dvec3 axis = volume.to_index({body.centre_mm, 0});
+  detector.axis[0] = static_cast<float>(axis.x);
+  detector.axis[1] = static_cast<float>(axis.y);
+  detector.radius_mm = static_cast<float>(body.radius_mm);
   return detector;
 }
 
@@ -62,7 +69,7 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
 }  // namespace
 
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress) {
+                        Progress& progress, const std::optional<BodyOutline>& within) {
   Device& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
   ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
@@ -74,7 +81,7 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   kernel.setArg(0, scan.voxels());
   kernel.setArg(1, scan.layout());
-  kernel.setArg(2, detector_of(view, scan.geometry()));
+  kernel.setArg(2, detector_of(view, scan.geometry(), within));
   kernel.setArg(3, device_opacity.parameters());
   kernel.setArg(4, device_opacity.table());
   kernel.setArg(5, tau);

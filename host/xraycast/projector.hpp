@@ -1,10 +1,12 @@
 #pragma once
 
+#include "xraycast/body_outline.hpp"
 #include "xraycast/opacity.hpp"
 #include "xraycast/progress.hpp"
 #include "xraycast/resident_scan.hpp"
 #include "xraycast/view.hpp"
 
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -27,11 +29,12 @@ struct ProjectionImage {
 /// the plane, then classified, and every sample counts for the length of ray between planes (P. M. Joseph,
 /// IEEE Trans. Med. Imaging 1982). The ray is clipped to the scan, from the first to the last voxel's centre
 /// in x and y and by whole slices in z, and every plane counts as far as the half-spacings around it lie on
-/// what is left between source and detector. Stage "projecting" of `progress`.
+/// what is left between source and detector. Stage "projecting" of `progress`. With `within`, only what lies
+/// in the cylinder over that circle counts, which is what a map of that radius sees.
 ///
 /// `view` has to be complete (see `fitted`). Throws DeviceError when the device fails.
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress);
+                        Progress& progress, const std::optional<BodyOutline>& within = {});
 
 /// The same along any lines, for detectors that are not flat: one optical depth a segment. Throws InputError
 /// when an end is not finite or farther than a kilometre.

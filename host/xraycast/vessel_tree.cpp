@@ -304,6 +304,11 @@ void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
 }
 
 VesselTree read_tree(const std::filesystem::path& path) {
+  if (std::filesystem::is_directory(path)) {
+    if (!std::filesystem::exists(path / "tree.vtp"))
+      throw InputError("{}: the folder holds no tree.vtp", path.string());
+    return read_lines(path / "tree.vtp");
+  }
   if (path.extension() == ".vtp") return read_lines(path);
   if (path.extension() == ".json") return read_json(path);
   throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"", path.string(),

@@ -76,9 +76,9 @@ glm::dvec3 centroid_mm(const VesselTree& tree);
 /// ...]}
 void write_tree(const VesselTree& tree, const std::filesystem::path& path);
 
-/// Reads what write_tree writes, and other programs' files of the same shape. In a VTP without `ParentIds` a
-/// line's parent is the one that ends exactly where it starts; in JSON `id` may be any integer from 0 on and
-/// `children` is not needed. Throws InputError, naming file and field.
+/// Reads what write_tree writes, and other programs' files of the same shape; of a folder its tree.vtp. In a
+/// VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id` may be
+/// any integer from 0 on and `children` is not needed. Throws InputError, naming file and field.
 VesselTree read_tree(const std::filesystem::path& path);
 
 /// The tree's surface: each branch a closed swept tube of `sides` (3 or more) corners around, its frames

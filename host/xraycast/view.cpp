@@ -30,6 +30,12 @@ void check(const View& view) {
         axis, detector);
 }
 
+/// How many pixels a length takes. A whole number of them but for rounding stays that: with one more, all of
+/// them would lie half a pixel elsewhere, between the rows of a map that was made for this very picture.
+int pixels(double length_mm, double pixel_mm) {
+  return static_cast<int>(std::clamp(std::ceil(length_mm / pixel_mm - 1e-6), 1.0, double(kMaxSide)));
+}
+
 }  // namespace
 
 glm::dvec3 View::towards_detector() const {
@@ -82,12 +88,8 @@ View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body) {
     constexpr double kMostByDefault = 4096;
     view.pixel_mm = std::max(view.pixel_mm, std::max(width_mm, height_mm) / kMostByDefault);
   }
-  if (view.width == 0)
-    view.width = static_cast<int>(std::min<double>(kMaxSide, std::ceil(width_mm / view.pixel_mm)));
-  if (view.height == 0)
-    view.height = static_cast<int>(std::min<double>(kMaxSide, std::ceil(height_mm / view.pixel_mm)));
-  view.width = std::max(view.width, 1);
-  view.height = std::max(view.height, 1);
+  if (view.width == 0) view.width = pixels(width_mm, view.pixel_mm);
+  if (view.height == 0) view.height = pixels(height_mm, view.pixel_mm);
   return view;
 }
 

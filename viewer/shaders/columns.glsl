@@ -37,20 +37,26 @@ vec4 lengthening(vec4 fall_per_mm) {
 #endif
 }
 
-vec4 hats(float distance_to_first) {
-  return max(vec4(0.0), 1.0 - abs(vec4(distance_to_first) - vec4(0.0, 1.0, 2.0, 3.0)));
-}
-
-// The map at four places of a sample, in up to eight neighbouring rows, of which the first is in `quad`.
+// The map in four rows of a sample, downwards and no farther apart than the map's.
 vec4 rows_of(vec4 sample_, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
-  int quad = int(min(min(within.x, within.y), min(within.z, within.w))) / 4;
+  int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, quads - 1));
-  vec4 from_quad = within - float(4 * quad);
-  vec4 values = vec4(dot(upper, hats(from_quad.x)) + dot(lower, hats(from_quad.x - 4.0)),
-                     dot(upper, hats(from_quad.y)) + dot(lower, hats(from_quad.y - 4.0)),
-                     dot(upper, hats(from_quad.z)) + dot(lower, hats(from_quad.z - 4.0)),
-                     dot(upper, hats(from_quad.w)) + dot(lower, hats(from_quad.w - 4.0)));
+
+  // Five of the map's rows, from the one above the first.
+  float above = floor(within.x - float(4 * quad));
+  bool by_two = above >= 2.0, by_one = above == 1.0 || above == 3.0;
+  vec4 here = by_two ? vec4(upper.zw, lower.xy) : upper;
+  vec2 next = by_two ? lower.zw : lower.xy;
+  vec4 five = by_one ? vec4(here.yzw, next.x) : here;
+  float fifth = by_one ? next.y : next.x;
+
+  // From one to the next, as far as each row has come.
+  vec4 change = vec4(five.yzw, fifth) - five, from = within - float(4 * quad) - above;
+  vec4 values = five.x + change.x * min(from, 1.0);
+  values.yzw += change.y * clamp(from.yzw - 1.0, 0.0, 1.0);
+  values.zw += change.z * clamp(from.zw - 2.0, 0.0, 1.0);
+  values.w += change.w * clamp(from.w - 3.0, 0.0, 1.0);
   // A row reaches half its height beyond its middle.
   return values * step(-0.5, row) * step(row, vec4(map_rows - 0.5));
 }

@@ -8,6 +8,7 @@ uniform vec3 body_centre_mm;           // of what encloses the map, and of a sph
 uniform float body_radius_mm, body_half_height_mm, radius_mm;
 uniform float top_mm, row_mm;
 uniform float step_mm;
+uniform vec3 field_lower_mm, field_upper_mm;  // beyond which there is nothing
 
 // The view's rays: through a point of the detector, along the beam or from the source.
 uniform vec3 corner_mm, right_mm, down_mm;  // a pixel's worth each
@@ -46,6 +47,12 @@ vec2 within_body(Ray ray) {
   } else if (abs(from_centre.z) > body_half_height_mm) {
     return vec2(0.0);
   }
+#endif
+#ifndef WALL
+  vec3 way = mix(along, vec3(1e-12), lessThan(abs(along), vec3(1e-12)));
+  vec3 a_side = (field_lower_mm - ray.start_mm) / way, b_side = (field_upper_mm - ray.start_mm) / way;
+  vec3 first = min(a_side, b_side), last = max(a_side, b_side);
+  range = vec2(max(max(range.x, first.x), max(first.y, first.z)), min(min(range.y, last.x), min(last.y, last.z)));
 #endif
   if (is_cone) range.x = max(range.x, 0.0);
   return range;

@@ -42,6 +42,11 @@ glm::dmat4 to_clip(const View& view) {
   return matrix;
 }
 
+glm::dvec2 pixel_of(const View& view, const glm::dvec3& point_mm) {
+  const glm::dvec4 clip = to_clip(view) * glm::dvec4(point_mm, 1);
+  return {0.5 * (clip.x / clip.w + 1) * view.width, 0.5 * (1 - clip.y / clip.w) * view.height};
+}
+
 ScreenBox united(const ScreenBox& a, const ScreenBox& b) {
   if (a.width <= 0 || a.height <= 0) return b;
   if (b.width <= 0 || b.height <= 0) return a;

@@ -14,6 +14,9 @@ namespace xraycast {
 /// also under a cone, whose rays come from the other side.
 glm::dmat4 to_clip(const View& view);
 
+/// Where a point is seen, in pixels from the picture's upper left corner.
+glm::dvec2 pixel_of(const View& view, const glm::dvec3& point_mm);
+
 /// A part of a picture in whole pixels, counted from its lower left corner as OpenGL does.
 struct ScreenBox {
   int x = 0, y = 0, width = 0, height = 0;

@@ -7,7 +7,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -73,10 +75,32 @@ class Sampler {
       }
   }
 
+  /// From where to where along a line there may be matter.
+  std::pair<double, double> within_field(const Line& line) const {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    std::pair<double, double> range{-kInfinity, kInfinity};
+    for (int axis = 0; geometry_.field && axis < 2; ++axis) {
+      const double start = geometry_.centre_mm[0][axis] + line.foot_mm[axis], slope = line.direction[axis];
+      const double low = geometry_.field->lower_mm[axis] - start,
+                   high = geometry_.field->upper_mm[axis] - start;
+      if (slope == 0) {
+        if (low > 0 || high < 0) return {0, 0};
+        continue;
+      }
+      range.first = std::max(range.first, std::min(low / slope, high / slope));
+      range.second = std::min(range.second, std::max(low / slope, high / slope));
+    }
+    return range;
+  }
+
   void path(const Line& line) {
     const std::vector<double> knots_mm = profile_.knots_mm();
     const double offset = line.offset_mm();
-    for (const ShellPiece& piece : shell_pieces(knots_mm, offset)) {
+    const auto [enters_mm, leaves_mm] = within_field(line);
+    for (ShellPiece piece : shell_pieces(knots_mm, offset)) {
+      piece.from_mm = std::max(piece.from_mm, enters_mm);
+      piece.to_mm = std::min(piece.to_mm, leaves_mm);
+      if (piece.from_mm >= piece.to_mm) continue;
       const double turned = std::abs(std::atan2(piece.to_mm, offset) - std::atan2(piece.from_mm, offset));
       const int steps = std::max(
           1, static_cast<int>(std::ceil(turned / kTurn * geometry_.width / options_.texels_per_step)));

@@ -53,6 +53,7 @@ struct SampleOptions {
     return compositing == Compositing::path && reconstruction == Reconstruction::linear &&
            geometry.projection != Projection::rectangle && geometry.layers() > 1;
   }
+  bool operator==(const SampleOptions&) const = default;
 };
 
 /// Follows every column's rays through a map: a picture is the sum over a column's samples of weight times
@@ -60,8 +61,8 @@ struct SampleOptions {
 ///
 /// path: between the places where mu bends along the radius, Gauss-Legendre quadrature of two points on steps
 /// that turn by a few texels at most; the sum of a column's weights is the length of its rays' shadow within
-/// the map. wall: each wall where the ray crosses it, far and near. Rectangle maps: the two stored pictures
-/// beside the view, in proportion; they have no depth, and stand for the whole chord.
+/// the map and the field of its scan. wall: each wall where the ray crosses it, far and near. Rectangle maps:
+/// the two stored pictures beside the view, in proportion; they have no depth, and stand for the whole chord.
 ///
 /// Throws InputError for a map whose axis is bent, a sphere, and a rectangle map under a cone or tilt.
 ColumnSamples column_samples(const UprightView& upright, const MapGeometry& geometry,

@@ -9,31 +9,23 @@ namespace {
 
 constexpr std::uint32_t kSides = 12;
 
-/// Puts a ring's outline and its centre into the surface, all with one share; the index of the first.
-std::uint32_t add_ring(const Ring& ring, float share, Surface& surface) {
-  const auto first = static_cast<std::uint32_t>(surface.mesh.points_mm.size());
+/// Puts a ring's outline and its centre, the last, into a mesh; the index of the first.
+std::uint32_t add_ring(const Ring& ring, Mesh& mesh) {
+  const auto first = static_cast<std::uint32_t>(mesh.points_mm.size());
   for (std::uint32_t i = 0; i < kSides; ++i)
-    surface.mesh.points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kSides));
-  surface.mesh.points_mm.emplace_back(ring.centre_mm);
-  surface.shares.resize(surface.mesh.points_mm.size(), share);
+    mesh.points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kSides));
+  mesh.points_mm.emplace_back(ring.centre_mm);
   return first;
 }
 
-/// Looks along the line where it `faces_on`, else back.
-void add_disc(const Ring& ring, float share, bool faces_on, Surface& surface) {
-  const std::uint32_t first = add_ring(ring, share, surface), centre = first + kSides;
+void add_drum(const Ring& from, const Ring& to, Mesh& mesh) {
+  const std::uint32_t below = add_ring(from, mesh), above = add_ring(to, mesh);
   for (std::uint32_t i = 0; i < kSides; ++i) {
     const std::uint32_t next = (i + 1) % kSides;
-    surface.mesh.triangles.push_back({centre, first + (faces_on ? i : next), first + (faces_on ? next : i)});
-  }
-}
-
-void add_wall(const Ring& from, const Ring& to, float share, Surface& surface) {
-  const std::uint32_t below = add_ring(from, share, surface), above = add_ring(to, share, surface);
-  for (std::uint32_t i = 0; i < kSides; ++i) {
-    const std::uint32_t next = (i + 1) % kSides;
-    surface.mesh.triangles.push_back({below + i, below + next, above + next});
-    surface.mesh.triangles.push_back({below + i, above + next, above + i});
+    mesh.triangles.push_back({below + kSides, below + next, below + i});
+    mesh.triangles.push_back({below + i, below + next, above + next});
+    mesh.triangles.push_back({below + i, above + next, above + i});
+    mesh.triangles.push_back({above + kSides, above + i, above + next});
   }
 }
 
@@ -55,7 +47,7 @@ ContrastSurface::ContrastSurface(const VesselTree& tree, double drum_mm) {
     const std::vector<std::size_t> bounds = divide(branch.arc_length_mm, drum_mm);
     for (std::size_t d = 0; d + 1 < bounds.size(); ++d)
       drums_.push_back(
-          {static_cast<int>(b), bounds[d], bounds[d + 1], rings[bounds[d]], rings[bounds[d + 1]], d > 0});
+          {static_cast<int>(b), bounds[d], bounds[d + 1], rings[bounds[d]], rings[bounds[d + 1]]});
   }
 }
 
@@ -70,16 +62,11 @@ Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_m
   constexpr float kNothing_mg_ml = 0.01f;
   Surface surface;
   surface.mu_per_mm = mu_per_mm;
-  float before = 0;
-  for (std::size_t d = 0; d < drums_.size(); ++d) {
-    const Drum& drum = drums_[d];
-    const float share = share_of(drum) > kNothing_mg_ml ? share_of(drum) : 0;
-    if (!drum.follows) before = 0;
-    if (share != before) add_disc(drum.from, share - before, false, surface);
-    if (share > 0) add_wall(drum.from, drum.to, share, surface);
-    const bool ends = d + 1 == drums_.size() || !drums_[d + 1].follows;
-    if (ends && share > 0) add_disc(drum.to, share, true, surface);
-    before = share;
+  for (const Drum& drum : drums_) {
+    const float share = share_of(drum);
+    if (share <= kNothing_mg_ml) continue;
+    add_drum(drum.from, drum.to, surface.mesh);
+    surface.shares.resize(surface.mesh.points_mm.size(), share);
   }
   return surface;
 }

@@ -9,8 +9,8 @@
 namespace xraycast {
 
 /// Vessels filled unevenly with contrast agent, as a surface to draw in the fluoro look: of every branch a
-/// row of drums, each with its own absorption, whose common faces count for the difference. Where branches
-/// meet their drums overlap.
+/// row of drums, each closed and with its own absorption. Where branches meet their drums overlap, and what
+/// absorbs most counts.
 class ContrastSurface {
  public:
   /// Takes drums of about `drum_mm`, made of whole stretches of the tree.
@@ -25,7 +25,6 @@ class ContrastSurface {
     int branch;
     std::size_t first, last;  ///< stretches [first, last)
     Ring from, to;
-    bool follows;  ///< on the drum before it
   };
   std::vector<Drum> drums_;
 };

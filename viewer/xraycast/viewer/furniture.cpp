@@ -14,12 +14,6 @@
 namespace xraycast {
 namespace {
 
-/// Where a point is seen.
-glm::dvec2 pixel_of(const View& view, const glm::dvec3& point_mm) {
-  const glm::dvec4 clip = to_clip(view) * glm::dvec4(point_mm, 1);
-  return {0.5 * (clip.x / clip.w + 1) * view.width, 0.5 * (1 - clip.y / clip.w) * view.height};
-}
-
 /// 1, 2 or 5 times a power of ten, the largest that is not longer.
 double round_length(double most) {
   const double decade = std::pow(10, std::floor(std::log10(most)));

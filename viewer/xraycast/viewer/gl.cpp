@@ -44,6 +44,9 @@ GLuint compiled(GLenum stage, const std::string& name, const std::string& define
   return id;
 }
 
+/// Whether what was asked for just now was too much.
+bool is_out_of_memory() { return glGetError() == GL_OUT_OF_MEMORY; }
+
 }  // namespace
 
 int objects_alive() { return detail::alive; }
@@ -105,6 +108,9 @@ void Table::fill(std::span<const float> values, const std::string& what) {
   glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
   glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values.empty() ? kNothing : values.data(),
                GL_DYNAMIC_DRAW);
+  if (is_out_of_memory())
+    throw InputError("{}: this OpenGL has no {} MB of memory left; cast fewer layers or angles", what,
+                     size_B_ >> 20);
   glBindTexture(GL_TEXTURE_BUFFER, texture_.id());
   glTexBuffer(GL_TEXTURE_BUFFER, format_, buffer_.id());
 }
@@ -119,19 +125,29 @@ void Target::resize(int width, int height) {
   width = std::max(1, width);
   height = std::max(1, height);
   if (width == width_ && height == height_) return;
+  GLint most = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
+  if (width > most || height > most)
+    throw InputError(
+        "a picture of {} x {} texels is larger than this OpenGL draws, {} a side; make it smaller", width,
+        height, most);
   width_ = width;
   height_ = height;
   glBindTexture(GL_TEXTURE_2D, texture_.id());
   const bool is_depth = format_ == GL_DEPTH_COMPONENT32F;
   glTexImage2D(GL_TEXTURE_2D, 0, static_cast<GLint>(format_), width, height, 0,
                is_depth ? GL_DEPTH_COMPONENT : GL_RGBA, GL_FLOAT, nullptr);
+  if (is_out_of_memory()) {
+    width_ = height_ = 0;
+    throw InputError("a picture of {} x {} texels: this OpenGL has no memory left for it", width, height);
+  }
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);
 }
 
-void Target::fill(std::span<const float> values) {
+void Target::fill(std::span<const float> values, int x, int y, int width, int height) {
   glBindTexture(GL_TEXTURE_2D, texture_.id());
-  glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width_, height_, format_ == GL_R32F ? GL_RED : GL_RGBA, GL_FLOAT,
+  glTexSubImage2D(GL_TEXTURE_2D, 0, x, y, width, height, format_ == GL_R32F ? GL_RED : GL_RGBA, GL_FLOAT,
                   values.data());
 }
 

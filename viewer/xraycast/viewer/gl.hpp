@@ -103,7 +103,7 @@ class Table {
   /// GL_R32F, GL_RG32F or GL_RGBA32F.
   explicit Table(GLenum format) : format_(format) {}
 
-  /// Throws InputError, naming `what`, when it has more texels than the driver takes.
+  /// Throws InputError, naming `what`, when it has more texels than the driver takes, or has memory for.
   void fill(std::span<const float> values, const std::string& what);
 
   /// Makes it what sampler `name` of the current program reads, through texture unit `unit`.
@@ -123,11 +123,12 @@ class Target {
  public:
   explicit Target(GLenum format) : format_(format) {}
 
-  /// Makes it `width` x `height`, at least 1 x 1; its contents are lost when that changes something.
+  /// Makes it `width` x `height`, at least 1 x 1; its contents are lost when that changes something. Throws
+  /// InputError when it is larger than the driver draws, or has memory for.
   void resize(int width, int height);
 
-  /// All pixels, the bottom row first.
-  void fill(std::span<const float> values);
+  /// The pixels of a rectangle from (x, y) on, the bottom row first.
+  void fill(std::span<const float> values, int x, int y, int width, int height);
 
   void bind(const Program& program, const char* name, int unit) const;
   GLuint texture() const { return texture_.id(); }

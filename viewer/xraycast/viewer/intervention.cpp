@@ -3,7 +3,6 @@
 #include "xraycast/error.hpp"
 #include "xraycast/igtlink_device.hpp"
 #include "xraycast/script_device.hpp"
-#include "xraycast/viewer/road_map.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -18,13 +17,10 @@ namespace fs = std::filesystem;
 
 std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
   if (vessels.empty()) throw InputError("--simulate: give --vessels, a folder that `segment` wrote");
-  return std::make_shared<const VesselTree>(
-      read_tree(fs::is_directory(vessels) ? vessels / "tree.vtp" : vessels));
+  return std::make_shared<const VesselTree>(read_tree(vessels));
 }
 
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
-  if (!options.script.empty())
-    return std::make_unique<ScriptDevice>(Script::read(options.script), options.script.filename().string());
   if (options.haptic == "openigtlink") {
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
@@ -44,45 +40,47 @@ std::vector<std::string> Intervention::haptic_names() {
 }
 
 Intervention::Intervention(const Options& options)
-    : options_(options), tree_(read_vessel_tree(options.vessels)) {
+    : options_(options), tree_(read_vessel_tree(options.vessels)), road_map_(*tree_) {
   restart();
-  const Surface lumen{tube_mesh(*tree_)};
-  vessels_.set_surfaces(std::span(&lumen, 1));
 }
 
-void Intervention::restart() {
+void Intervention::start(const fs::path& script) {
+  // What can be wrong with files is found while the old run is still there.
+  std::unique_ptr<HapticDevice> device;
+  if (!script.empty())
+    device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
+  const DeviceModel model = DeviceModel::named(options_.device_model);
+  const VesselEnd entry = entry_named(*tree_, options_.entry);
+  const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
+    manual_ = dynamic_cast<ManualDevice*>(to.get());
+    run_ = std::make_unique<SimulatedRun>(tree_, model, entry, std::move(to));
+  };
   const bool was_recording = run_ && run_->is_recording();
   run_.reset();  // a port is free again
-  std::unique_ptr<HapticDevice> device = make_device(options_);
-  manual_ = dynamic_cast<ManualDevice*>(device.get());
-  run_ = std::make_unique<SimulatedRun>(tree_, DeviceModel::named(options_.device_model),
-                                        entry_named(*tree_, options_.entry), std::move(device));
+  try {
+    hand_over(device ? std::move(device) : make_device(options_));
+  } catch (const Error&) {
+    hand_over(std::make_unique<ManualDevice>("keyboard"));
+    throw;
+  }
   if (was_recording) run_->start_recording();
-  exposures_ = 0;
-}
-
-void Intervention::replay(const fs::path& script) {
-  options_.script = script;
-  restart();
+  has_picture_ = false;
 }
 
 void Intervention::update(const Camera& camera, double passed_s) {
   run_->update();
   if (pedal_) fluoroscopy_s_ += passed_s;
   // The first picture is for free, so that there is one.
-  if (!pedal_ && exposures_ > 0) return;
+  if (!pedal_ && has_picture_) return;
   camera_ = camera;
   surfaces_ = {run_->catheter(), run_->contrast()};
   ++exposures_;
+  has_picture_ = true;
 }
 
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {
   if (!has_road_map) return {};
-  if (outlined_view_ != view) {
-    outline_ = outline_of(vessels_.tau(view, {}), view.width, view.height);
-    outlined_view_ = view;
-  }
-  return outline_;
+  return road_map_.outline(view);
 }
 
 }  // namespace xraycast

@@ -2,14 +2,11 @@
 
 #include "xraycast/manual_device.hpp"
 #include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/road_map.hpp"
 #include "xraycast/viewer/simulated_run.hpp"
-
-#include <glm/vec2.hpp>
 
 #include <filesystem>
 #include <memory>
-#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -17,16 +14,16 @@
 namespace xraycast {
 
 /// What is done at the table under the C-arm: a catheter is steered, seen while the pedal is down, and
-/// contrast agent is injected. Needs a current OpenGL context; all calls on its thread.
+/// contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
-    std::filesystem::path vessels;  ///< a vessel tree, or a folder with a tree.vtp
+    std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
     std::string device_model = "cobra-5f";
-    std::string entry;                ///< see entry_named
+    std::string entry{};              ///< see entry_named
     std::string haptic = "keyboard";  ///< one of haptic_names()
-    std::string listen;               ///< openigtlink: where; empty: its default
-    std::filesystem::path script;     ///< of the hub; steers in the place of a device
+    std::string listen{};             ///< openigtlink: where; empty: its default
+    std::filesystem::path script{};   ///< of the hub; steers in the place of a device
   };
 
   static std::vector<std::string> haptic_names();
@@ -56,28 +53,29 @@ class Intervention {
   long exposures() const { return exposures_; }
 
   bool has_road_map = true;
-  /// The vessels' outline in a view, in its pixels; computed anew where the view is another one.
+  /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
-  /// Back to the entrance. The recording goes on from there.
-  void restart();
+  /// Back to the entrance, with the device of the options. The recording begins anew. Throws as the
+  /// constructor; then the run goes on, or, if only the port is lost, keys hold a new one.
+  void restart() { start(options_.script); }
 
-  /// Steers by a script, from the entrance on.
-  void replay(const std::filesystem::path& script);
+  /// Steers by a script, once, from the entrance on. Throws InputError as `restart`.
+  void replay(const std::filesystem::path& script) { start(script); }
 
  private:
+  void start(const std::filesystem::path& script);
+
   Options options_;
   std::shared_ptr<const VesselTree> tree_;
   ManualDevice* manual_ = nullptr;
   std::unique_ptr<SimulatedRun> run_;
-  bool pedal_ = false;
+  bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
   Camera camera_;
   std::vector<Surface> surfaces_;
   long exposures_ = 0;
-  Renderer vessels_;
-  std::optional<View> outlined_view_;
-  std::vector<glm::ivec2> outline_;
+  RoadMap road_map_;
 };
 
 }  // namespace xraycast

@@ -1,5 +1,7 @@
 #include "xraycast/viewer/intervention_panel.hpp"
 
+#include "xraycast/viewer/hub_input.hpp"
+
 #include <fmt/format.h>
 
 #define GLFW_INCLUDE_NONE
@@ -17,33 +19,15 @@ const char* const kInterventionHelp =
     "I (hold)       inject contrast agent\n"
     "M              road map\n"
     "Up, Down       push and pull (with Shift slowly)\n"
-    "Left, Right    rotate";
+    "Left, Right    rotate\n"
+    "Enter          begin a recording, and end it\n"
+    "L              replay the last recording\n"
+    "Backspace      back to the entrance";
 
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kPush_mm_s = 40, kRotate_deg_s = 120, kInjection_ml_s = 5;
-
-struct Rates {
-  double insertion_mm_s = 0, rotation_deg_s = 0;
-};
-
-Rates held_keys(GLFWwindow* window) {
-  const auto is_down = [window](int key) { return glfwGetKey(window, key) == GLFW_PRESS ? 1.0 : 0.0; };
-  const double slowly = is_down(GLFW_KEY_LEFT_SHIFT) + is_down(GLFW_KEY_RIGHT_SHIFT) > 0 ? 0.2 : 1;
-  return {slowly * kPush_mm_s * (is_down(GLFW_KEY_UP) - is_down(GLFW_KEY_DOWN)),
-          slowly * kRotate_deg_s * (is_down(GLFW_KEY_RIGHT) - is_down(GLFW_KEY_LEFT))};
-}
-
-/// The left stick; small deflections are none.
-Rates held_stick(const GLFWgamepadstate& pad) {
-  const auto axis = [&pad](int index) {
-    constexpr double kDead = 0.15;
-    const double value = pad.axes[index];
-    return std::abs(value) < kDead ? 0.0 : value;
-  };
-  return {-kPush_mm_s * axis(GLFW_GAMEPAD_AXIS_LEFT_Y), kRotate_deg_s * axis(GLFW_GAMEPAD_AXIS_LEFT_X)};
-}
+constexpr double kInjection_ml_s = 5;
 
 /// With Control held, the mouse holds the hub.
 void drag_hub(ManualDevice& hand) {
@@ -75,20 +59,17 @@ void handle_intervention(Viewer& viewer, GLFWwindow* window) {
   Intervention* intervention = viewer.intervention();
   if (!intervention) return;
   const bool types = ImGui::GetIO().WantTextInput;
-  const auto is_down = [&](int key) { return !types && glfwGetKey(window, key) == GLFW_PRESS; };
-  GLFWgamepadstate pad{};
-  const bool has_pad = glfwGetGamepadState(GLFW_JOYSTICK_1, &pad) == GLFW_TRUE;
-  const auto is_pressed = [&](int button) { return has_pad && pad.buttons[button] == GLFW_PRESS; };
-  intervention->press_pedal(is_down(GLFW_KEY_X) || is_pressed(GLFW_GAMEPAD_BUTTON_A));
-  const bool injects = is_down(GLFW_KEY_I) || is_pressed(GLFW_GAMEPAD_BUTTON_B);
-  intervention->run().inject(injects ? kInjection_ml_s : 0);
+  const HubInput keys = held_keys([&](int key) { return !types && glfwGetKey(window, key) == GLFW_PRESS; });
+  const auto pad_state = connected_pad();
+  const HubInput pad = pad_state ? held_pad(*pad_state) : HubInput{};
+  intervention->press_pedal(keys.pedal || pad.pedal);
+  intervention->run().inject(keys.injects || pad.injects ? kInjection_ml_s : 0);
 
   ManualDevice* hand = intervention->manual();
   if (!hand) return;
   if (intervention->haptic() == "mouse") drag_hub(*hand);
-  const bool by_pad = intervention->haptic() == "gamepad" && has_pad;
-  const Rates rates = by_pad ? held_stick(pad) : types ? Rates{} : held_keys(window);
-  hand->set_rates(rates.insertion_mm_s, kRadians * rates.rotation_deg_s);
+  const HubInput& held = intervention->haptic() == "gamepad" && pad_state ? pad : keys;
+  hand->set_rates(held.insertion_mm_s, held.rotation_rad_s);
 }
 
 void draw_intervention_panel(Viewer& viewer) {
@@ -117,7 +98,7 @@ void draw_intervention_panel(Viewer& viewer) {
   line(fmt::format("step {:.2f} ms, 99.9 % {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
                    100.0 * static_cast<double>(timing.missed) /
                        static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
-  if (ImGui::Button("Restart")) viewer.attempt([&] { intervention->restart(); });
+  if (ImGui::Button("Restart")) viewer.restart_run();
   ImGui::SameLine();
   if (ImGui::Button(run.is_recording() ? "Stop recording" : "Record")) viewer.toggle_recording();
   ImGui::SameLine();

@@ -17,6 +17,14 @@ MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values,
   const bool solves =
       geometry.projection != Projection::rectangle && options.compositing == Compositing::path;
   const RadialProfile profile(geometry.radii_mm, options.reconstruction);
+  const auto system_of_row = [&](int row) {
+    std::vector<double> reaches_mm;
+    for (int i = 0; i < geometry.width; ++i) reaches_mm.push_back(geometry.reach_mm(i, row));
+    return profile.system(reaches_mm);
+  };
+  // About a straight axis all rows are alike.
+  const bool is_alike = geometry.projection == Projection::cylinder && geometry.centre_mm.size() == 1;
+  const RadialProfile::System common = solves && is_alike ? system_of_row(0) : RadialProfile::System();
 
   // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
   constexpr std::size_t kRows = 16;
@@ -25,7 +33,13 @@ MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values,
     std::vector<float> solved(layers * rows * width);
     for (std::size_t k = 0; k < layers; ++k)
       std::copy_n(&values[(k * height + first) * width], rows * width, &solved[k * rows * width]);
-    if (solves) profile.solve(solved, rows * width, rows * width);
+    for (std::size_t j = 0; solves && j < rows; ++j) {
+      const std::span<float> row = std::span(solved).subspan(j * width);
+      if (is_alike)
+        common.solve(row, rows * width);
+      else
+        system_of_row(static_cast<int>(first + j)).solve(row, rows * width);
+    }
     for (std::size_t k = 0; k < layers; ++k) {
       const float strength = strengths.empty() ? 1.0f : strengths[k];
       for (std::size_t i = 0; i <= width; ++i) {

@@ -43,6 +43,10 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
         session.vessels == last.vessels && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
             ? before.vessels
             : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
+  if (session.vessels == last.vessels)
+    opened.tree = before.tree;
+  else if (std::filesystem::exists(session.vessels / "tree.vtp"))
+    opened.tree = std::make_shared<VesselTree>(read_tree(session.vessels));
   if (!session.catheter.empty())
     opened.catheter = session.catheter == last.catheter && before.catheter
                           ? before.catheter

@@ -5,6 +5,7 @@
 #include "xraycast/progress.hpp"
 #include "xraycast/recast.hpp"
 #include "xraycast/resident_scan.hpp"
+#include "xraycast/vessel_tree.hpp"
 #include "xraycast/viewer/scene.hpp"
 #include "xraycast/viewer/session_file.hpp"
 
@@ -35,6 +36,7 @@ struct OpenedFiles {
   std::shared_ptr<ScanOnDevice> scan;
   std::shared_ptr<RecastOnDevice> recast;
   std::shared_ptr<const Surface> vessels, catheter;
+  std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
 };
 
 /// Opens what a session names, for a worker's thread; what `before` has from the same files is taken over. A

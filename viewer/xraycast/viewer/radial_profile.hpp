@@ -16,7 +16,7 @@ enum class Reconstruction {
 /// last, sums up to the same optical depths. Without that, each shell would be blurred into its neighbours:
 /// on a head with 16 layers it is worth 3 dB.
 ///
-/// A tridiagonal, diagonally dominant system, solved once per map texel.
+/// A tridiagonal, diagonally dominant system for each map texel.
 class RadialProfile {
  public:
   /// K + 1 ascending edges.
@@ -24,8 +24,20 @@ class RadialProfile {
 
   int layers() const { return static_cast<int>(thickness_mm_.size()); }
 
-  /// In place, for `count` texels: layer k of texel i is at values[k * layer_stride + i].
-  void solve(std::span<float> values, std::size_t layer_stride, std::size_t count) const;
+  /// For texels whose rays end at these radii (MapGeometry::reach_mm), beyond which there is nothing: the
+  /// shell in which a ray ends keeps its sum up to there, and farther out mu stays as it is, for lines that
+  /// end elsewhere.
+  class System {
+   public:
+    /// In place, for as many texels: layer k of texel i is at values[k * layer_stride + i].
+    void solve(std::span<float> values, std::size_t layer_stride) const;
+
+   private:
+    friend class RadialProfile;
+    std::size_t layers_ = 0, texels_ = 0;
+    std::vector<float> per_mm_, below_, upper_, pivot_;  ///< layers x texels, factored (Thomas' algorithm)
+  };
+  System system(std::span<const double> reaches_mm) const;
 
   /// Where mu bends: 0 or the inner edge, the middles, the outer edge; or all edges for constant shells.
   std::vector<double> knots_mm() const { return knots_mm_; }
@@ -39,9 +51,15 @@ class RadialProfile {
   Place at(double radius_mm) const;
 
  private:
+  /// The mean of mu over shell k up to where a ray ends, which is its sum * per_mm: `below` of the layer
+  /// before, `above` of the next, and the rest its own.
+  struct Row {
+    double below = 0, above = 0, per_mm = 0;
+  };
+  Row row(std::size_t k, double reach_mm) const;
+
   std::vector<double> edges_mm_, middles_mm_, thickness_mm_, knots_mm_;
   Reconstruction reconstruction_;
-  std::vector<float> below_, upper_, pivot_;  ///< the system, factored (Thomas' algorithm)
 };
 
 }  // namespace xraycast

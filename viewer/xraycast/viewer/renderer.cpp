@@ -1,5 +1,6 @@
 #include "xraycast/viewer/renderer.hpp"
 
+#include "params.h"
 #include "xraycast/error.hpp"
 #include "xraycast/spectrum.hpp"
 #include "xraycast/viewer/camera.hpp"
@@ -20,6 +21,11 @@ std::span<const float> floats(const auto& values) {
 bool same_texels(const Style& a, const Style& b) {
   return a.sampling.compositing == b.sampling.compositing &&
          a.sampling.reconstruction == b.sampling.reconstruction && a.strengths == b.strengths;
+}
+
+/// Whether a body that was drawn in one style looks the same in the other.
+bool same_body(const Style& a, const Style& b) {
+  return a.sampling == b.sampling && a.strengths == b.strengths && a.pixels_per_column == b.pixels_per_column;
 }
 
 /// Walls have hard edges, which would show.
@@ -92,16 +98,27 @@ Renderer::Renderer()
 void Renderer::set_map(std::shared_ptr<const BodyMap> map) {
   map_ = std::move(map);
   prepared_.reset();
-  if (!map_ || !map_->spectrum) return;
+  drawn_.reset();
+  if (!map_) return;
+  geometry_ = map_->geometry;
+  // Where air absorbs, rays met more of it beyond the scan.
+  if (!map_->spectrum && map_->opacity.mu_per_mm(XRC_AIR_HU) > 0) geometry_.field.reset();
+  if (!map_->spectrum) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
   spectrum_bins_ = static_cast<int>(bins.size());
   spectrum_table_.fill(floats(bins), "spectrum");
 }
 
-void Renderer::set_surfaces(std::span<const Surface> surfaces) { surfaces_.set(surfaces); }
+void Renderer::set_surfaces(std::span<const Surface> surfaces) {
+  std::ranges::for_each(surfaces, check);
+  opaque_.set(surfaces);
+  absorbing_.set(surfaces);
+}
 
 void Renderer::replace_surface(std::size_t index, const Surface& surface) {
-  surfaces_.replace(index, surface);
+  check(surface);
+  opaque_.replace(index, surface);
+  absorbing_.replace(index, surface);
 }
 
 std::size_t Renderer::texture_B() const {
@@ -111,13 +128,19 @@ std::size_t Renderer::texture_B() const {
 }
 
 bool Renderer::has_columns() const {
-  return map_->geometry.projection != Projection::sphere && map_->geometry.centre_mm.size() == 1;
+  return geometry_.projection != Projection::sphere && geometry_.centre_mm.size() == 1;
 }
 
 void Renderer::prepare_map(const Style& style) {
   if (prepared_ && same_texels(*prepared_, style)) return;
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   map_texels_.clear();
+  constexpr std::int64_t kMostColumns = 1 << 24;  // whose numbers 32-bit floats hold (ColumnSample)
+  if (const std::int64_t columns = std::int64_t{geometry.layers()} * (geometry.width + 1);
+      columns > kMostColumns)
+    throw InputError(
+        "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
+        geometry.layers(), kMostColumns);
   for (int channel = 0; channel < channels(); ++channel) {
     const MapTexels texels = map_texels(geometry, map_->spectrum ? map_->depths[channel] : map_->tau,
                                         style.sampling, style.strengths);
@@ -175,31 +198,31 @@ void Renderer::cover(const ScreenBox& box, glm::ivec2 corner) const {
 
 std::string Renderer::column_defines(const SampleOptions& options) const {
   std::string defines;
-  if (options.blends_layers(map_->geometry)) defines += "BLENDS_LAYERS ";
-  if (options.compositing == Compositing::path && map_->geometry.projection == Projection::cylinder)
+  if (options.blends_layers(geometry_)) defines += "BLENDS_LAYERS ";
+  if (options.compositing == Compositing::path && geometry_.projection == Projection::cylinder)
     defines += "PATH ";
   return defines;
 }
 
 std::string Renderer::march_defines(const SampleOptions& options) const {
   std::string defines;
-  if (map_->geometry.projection == Projection::sphere) defines += "SPHERE ";
+  if (geometry_.projection == Projection::sphere) defines += "SPHERE ";
   if (options.compositing == Compositing::wall) defines += "WALL ";
   return defines;
 }
 
 ScreenBox Renderer::body_box(const View& view) const {
-  return screen_box(view, corners_mm(bounds_of(map_->geometry), view));
+  return screen_box(view, corners_mm(bounds_of(geometry_), view));
 }
 
 void Renderer::prepare_columns(const UprightView& upright, const SampleOptions& options) {
-  const ColumnSamples samples = column_samples(upright, map_->geometry, options);
+  const ColumnSamples samples = column_samples(upright, geometry_, options);
   column_table_.fill(floats(samples.columns), "the view's columns");
   sample_table_.fill(floats(samples.samples), "the view's samples");
 }
 
 void Renderer::set_columns(const gl::Program& program, const UprightView& upright) const {
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
   program.set("quads", map_quads_);
@@ -213,7 +236,7 @@ void Renderer::set_columns(const gl::Program& program, const UprightView& uprigh
 }
 
 void Renderer::set_march(const gl::Program& program, const View& view) const {
-  const MapGeometry& geometry = map_->geometry;
+  const MapGeometry& geometry = geometry_;
   const BodyBounds bounds = bounds_of(geometry);
   axis_table_.bind(program, "axis_table", 1);
   layer_table_.bind(program, "layer_table", 2);
@@ -230,6 +253,11 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
   program.set("top_mm", geometry.top_mm);
   program.set("row_mm", geometry.row_spacing_mm);
   program.set("step_mm", geometry.step_mm);
+  constexpr double kEverywhere_mm = 1e6;
+  const FieldOfView field =
+      geometry.field.value_or(FieldOfView{glm::dvec3(-kEverywhere_mm), glm::dvec3(kEverywhere_mm)});
+  program.set("field_lower_mm", field.lower_mm);
+  program.set("field_upper_mm", field.upper_mm);
   program.set("corner_mm", view.pixel_on_detector_mm(-0.5, -0.5));
   program.set("right_mm", view.pixel_mm * view.right());
   program.set("down_mm", -view.pixel_mm * view.up());
@@ -239,11 +267,10 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
 }
 
 Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
-  const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+  const UprightView upright = upright_view(view, geometry_, pixels_per_column(style));
   const bool is_level = !upright.is_cone() && upright.slope == 0;
   const bool is_aligned = is_level && pixels_per_column(style) == 1;
-  const double first_row =
-      std::round((map_->geometry.top_mm - upright.top_mm) / map_->geometry.row_spacing_mm);
+  const double first_row = std::round((geometry_.top_mm - upright.top_mm) / geometry_.row_spacing_mm);
   prepare_columns(upright, style.sampling);
   const int quads = quads_of(upright.rows);
   for (int channel = 0; channel < channels(); ++channel) {
@@ -262,7 +289,7 @@ Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
   body.between_columns = !is_aligned;
   if (is_level) {
     body.first_row = -0.5 - first_row;
-    body.last_row = map_->geometry.height - 0.5 - first_row;
+    body.last_row = geometry_.height - 0.5 - first_row;
   }
   return body;
 }
@@ -303,18 +330,24 @@ Renderer::Body Renderer::draw_body(const View& view, const Style& style) {
     body_.resize(1, 1);
     return {};
   }
+  if (drawn_ && drawn_->view == view && same_body(drawn_->style, style)) return drawn_->body;
+  drawn_.reset();  // should drawing fail
   prepare_map(style);
   while (masses_.size() < 3) masses_.emplace_back(GL_RGBA32F);
-  return has_columns() ? draw_columns(view, style) : draw_march(view, style);
+  drawn_ = {view, style, has_columns() ? draw_columns(view, style) : draw_march(view, style)};
+  return drawn_->body;
 }
 
-void Renderer::draw_surfaces(const View& view, Look look) {
-  if (look == Look::fluoro) {
-    absorbed_.resize(view.width, view.height);
-    draw_into(absorbed_);
-    surfaces_.draw_absorption(view);
-    return;
-  }
+void Renderer::draw_absorption(const View& view) {
+  absorbed_.resize(view.width, view.height);
+  draw_into(absorbed_);
+  constexpr float kNothing[4] = {};
+  glClearBufferfv(GL_COLOR, 0, kNothing);
+  const ScreenBox box = absorbing_.box(view);
+  absorbed_.fill(absorbing_.tau(view, box), box.x, box.y, box.width, box.height);
+}
+
+void Renderer::draw_opaque(const View& view) {
   shade_.resize(view.width, view.height);
   surface_depth_.resize(view.width, view.height);
   depth_.resize(view.width, view.height);
@@ -323,7 +356,7 @@ void Renderer::draw_surfaces(const View& view, Look look) {
   attach_depth();
   constexpr GLenum kBoth[] = {GL_COLOR_ATTACHMENT0, GL_COLOR_ATTACHMENT1};
   glDrawBuffers(2, kBoth);
-  surfaces_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
+  opaque_.draw_shaded(view, map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray);
 }
 
 void Renderer::draw_in_front(const View& view, const Style& style) {
@@ -340,7 +373,7 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     const gl::Program& in_front = by_columns ? program("near_columns.frag", column_defines(style.sampling))
                                              : program("near_march.frag", march_defines(style.sampling));
     if (by_columns) {
-      const UprightView upright = upright_view(view, map_->geometry, pixels_per_column(style));
+      const UprightView upright = upright_view(view, geometry_, pixels_per_column(style));
       set_columns(in_front, upright);
       in_front.set("from_pixel", upright.from_pixel);
       in_front.set("last_column", upright.columns - 1.0);
@@ -350,7 +383,7 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     map_texels_[channel].bind(in_front, "map_texels", 0);
     surface_depth_.bind(in_front, "surface_depth", 3);
     in_front.set("view_height", double(view.height));
-    cover(surfaces_.box(view), {0, 0});
+    cover(opaque_.box(view), {0, 0});
   }
   glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
 }
@@ -377,7 +410,7 @@ void Renderer::display_body(const Passes& passes, const Style& style, Output out
   if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
   set_window(show, style.window);
   show.set("origin", glm::dvec2(corner));
-  cover(is_absorbing ? united(body.box, surfaces_.box(view)) : body.box, corner);
+  cover(is_absorbing ? united(body.box, absorbing_.box(view)) : body.box, corner);
 }
 
 void Renderer::display_surfaces(const View& view, const Style& style, Output output) {
@@ -391,7 +424,7 @@ void Renderer::display_surfaces(const View& view, const Style& style, Output out
     show.set("spectrum_bins", spectrum_bins_);
   }
   set_window(show, style.window);
-  cover(surfaces_.box(view), {0, 0});
+  cover(opaque_.box(view), {0, 0});
 }
 
 void Renderer::display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner) {
@@ -416,25 +449,30 @@ void Renderer::display(const Passes& passes, const Style& style, Output output, 
 
 Renderer::Passes Renderer::draw_passes(const View& view, const Style& style) {
   Passes passes{view, draw_body(view, style), Surfaces::none};
-  if (surfaces_.empty()) return passes;
-  passes.surfaces = style.look == Look::surface ? Surfaces::opaque : Surfaces::absorbing;
-  draw_surfaces(view, style.look);
-  if (passes.surfaces == Surfaces::opaque) draw_in_front(view, style);
+  if (style.look == Look::surface && !opaque_.empty()) {
+    passes.surfaces = Surfaces::opaque;
+    draw_opaque(view);
+    draw_in_front(view, style);
+  } else if (style.look == Look::fluoro && !absorbing_.empty()) {
+    passes.surfaces = Surfaces::absorbing;
+    draw_absorption(view);
+  }
   return passes;
 }
 
 Renderer::Passes Renderer::draw_passes(const ProjectionImage& truth) {
   const View& view = truth.view;
+  drawn_.reset();
   body_.resize(view.width, quads_of(view.height));
   std::vector<float> quads(static_cast<std::size_t>(4) * body_.width() * body_.height());
   for (int j = 0; j < view.height; ++j)
     for (int i = 0; i < view.width; ++i)
       quads[4 * (static_cast<std::size_t>(j / 4) * body_.width() + i) + j % 4] =
           truth.tau[static_cast<std::size_t>(j) * view.width + i];
-  body_.fill(quads);
-  if (!surfaces_.empty()) draw_surfaces(view, Look::fluoro);
+  body_.fill(quads, 0, 0, body_.width(), body_.height());
+  if (!absorbing_.empty()) draw_absorption(view);
   const Body body{scaled_down(1), {0, 0, view.width, view.height}, view.width, view.height};
-  return {view, body, surfaces_.empty() ? Surfaces::none : Surfaces::absorbing};
+  return {view, body, absorbing_.empty() ? Surfaces::none : Surfaces::absorbing};
 }
 
 void Renderer::draw_own(const Passes& passes, const Style& style, Output output) {

@@ -2,6 +2,7 @@
 
 #include "xraycast/body_map.hpp"
 #include "xraycast/projector.hpp"
+#include "xraycast/viewer/absorbing_surfaces.hpp"
 #include "xraycast/viewer/gl.hpp"
 #include "xraycast/viewer/map_texels.hpp"
 #include "xraycast/viewer/scene.hpp"
@@ -23,16 +24,21 @@ namespace xraycast {
 ///
 /// A frame is made in passes: the body's optical depth, for maps about a straight axis on the columns of an
 /// UprightView, otherwise pixel by pixel; the surfaces; what lies in front of opaque ones; and the display,
-/// which looks all of these up and turns them into grey. Optical depths are 32-bit floats throughout.
+/// which looks all of these up and turns them into grey. The body is drawn anew only for another map, view or
+/// style: under a C-arm that stands still a catheter's frames cost no more than the catheter. Optical depths
+/// are 32-bit floats throughout.
 class Renderer {
  public:
   Renderer();
 
   /// What the body is drawn from; none: nothing but surfaces.
   void set_map(std::shared_ptr<const BodyMap> map);
+
+  /// Throws InputError as `check` does.
   void set_surfaces(std::span<const Surface> surfaces);
 
   /// Another surface in the place of one of them, or after the last; what moves is replaced at every frame.
+  /// Throws as set_surfaces.
   void replace_surface(std::size_t index, const Surface& surface);
 
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
@@ -69,6 +75,13 @@ class Renderer {
     bool between_columns = false;             ///< pixels lie between columns
   };
 
+  /// What lies in `body_`, and what it was drawn for.
+  struct DrawnBody {
+    View view;
+    Style style;
+    Body body;
+  };
+
   /// What was drawn and has to be displayed.
   struct Passes {
     View view;
@@ -86,7 +99,8 @@ class Renderer {
   Body draw_body(const View& view, const Style& style);
   Body draw_columns(const View& view, const Style& style);
   Body draw_march(const View& view, const Style& style);
-  void draw_surfaces(const View& view, Look look);
+  void draw_opaque(const View& view);
+  void draw_absorption(const View& view);
   void draw_in_front(const View& view, const Style& style);
   void apply_spectrum(int columns, int quads);
   void display_body(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
@@ -106,9 +120,11 @@ class Renderer {
   std::string march_defines(const SampleOptions& options) const;
 
   std::shared_ptr<const BodyMap> map_;
+  MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
   std::vector<gl::Table> map_texels_;
   int map_quads_ = 0, layer_stride_ = 0;
+  std::optional<DrawnBody> drawn_;
 
   std::map<std::string, gl::Program> programs_;
   gl::VertexArray no_vertices_;
@@ -117,7 +133,8 @@ class Renderer {
   gl::Target body_, near_, near_masses_, shade_, surface_depth_, depth_, absorbed_, frame_tau_, frame_grey_;
   std::vector<gl::Target> masses_;
   int spectrum_bins_ = 0;
-  SurfaceLayer surfaces_;
+  SurfaceLayer opaque_;
+  AbsorbingSurfaces absorbing_;
 };
 
 }  // namespace xraycast

@@ -20,6 +20,21 @@ std::vector<glm::ivec2> outline_of(std::span<const float> tau, int width, int he
   return outline;
 }
 
+RoadMap::RoadMap(const VesselTree& tree) {
+  constexpr int kSides = 12;  // an outline is off by 3 % of a vessel's radius at most
+  const Surface lumen{tube_mesh(tree, kSides)};
+  lumen_.set(std::span(&lumen, 1));
+}
+
+std::span<const glm::ivec2> RoadMap::outline(const View& view) {
+  if (view_ == view) return outline_;
+  const ScreenBox box = lumen_.box(view);
+  outline_ = outline_of(lumen_.tau(view, box), box.width, box.height);
+  for (glm::ivec2& pixel : outline_) pixel = {box.x + pixel.x, view.height - 1 - (box.y + pixel.y)};
+  view_ = view;
+  return outline_;
+}
+
 void draw_outline(std::span<const glm::ivec2> outline, glm::u8vec3 colour, int width,
                   std::span<std::uint8_t> rgb) {
   for (const glm::ivec2& pixel : outline) {

@@ -1,35 +1,21 @@
 #include "xraycast/viewer/run_cine.hpp"
 
-#include "xraycast/image.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/catheter_surface.hpp"
 #include "xraycast/viewer/fluoroscopy_beam.hpp"
-#include "xraycast/viewer/road_map.hpp"
 
 namespace xraycast {
 namespace {
 
 enum : std::size_t { kCatheter, kContrast };
 
-std::vector<glm::ivec2> vessels_outline(const VesselTree& tree, const View& view) {
-  Renderer renderer;
-  const Surface vessels{tube_mesh(tree)};
-  renderer.set_surfaces(std::span(&vessels, 1));
-  return outline_of(renderer.tau(view, {}), view.width, view.height);
-}
-
 }  // namespace
 
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
                  Screen screen)
-    : options_(options),
-      screen_(std::move(screen)),
-      bolus_(tree),
-      contrast_(tree),
-      outline_(vessels_outline(tree, options.view)) {
+    : options_(options), screen_(std::move(screen)), bolus_(tree), contrast_(tree), road_map_(tree) {
   renderer_.set_map(std::move(map));
-  const bool is_inverted = options_.style.window.inverted;
-  options_.style.window = automatic_window(renderer_.tau(options_.view, options_.style));
-  options_.style.window.inverted = is_inverted;
+  options_.style.window = automatic_window(renderer_, options_.view, options_.style);
 }
 
 void RunCine::see(const Catheter& catheter, double time_s) {
@@ -46,7 +32,7 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   if (options_.style.look == Look::fluoro)
     renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), fluoroscopy_per_mm("I", 1)));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
-  draw_outline(outline_, kRoadMapColour, options_.view.width, rgb);
+  draw_outline(road_map_.outline(options_.view), kRoadMapColour, options_.view.width, rgb);
   screen_(std::move(rgb));
 }
 

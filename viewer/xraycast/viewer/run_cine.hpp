@@ -5,6 +5,7 @@
 #include "xraycast/contrast_bolus.hpp"
 #include "xraycast/viewer/contrast_surface.hpp"
 #include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/road_map.hpp"
 
 #include <cstdint>
 #include <functional>
@@ -39,7 +40,7 @@ class RunCine {
   Renderer renderer_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
-  std::vector<glm::ivec2> outline_;
+  RoadMap road_map_;
   double last_s_ = 0, next_s_ = 0;
 };
 

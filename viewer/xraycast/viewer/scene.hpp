@@ -26,10 +26,15 @@ struct Surface {
   Mesh mesh;
   double mu_per_mm = 0.03;            ///< what it absorbs in the fluoro look, on top of the body
   glm::dvec3 colour{0.8, 0.2, 0.15};  ///< in the surface look, 0 to 1
-  /// Of mu_per_mm, one a point of the mesh, the same at a triangle's corners; empty: 1 everywhere. With
-  /// shares there may be faces within the surface, and all of them look outwards.
+  /// Of mu_per_mm, one a point of the mesh, the same at a triangle's corners; empty: 1 everywhere. A surface
+  /// with shares is of several bodies, each closed, and is matter that only X-rays show: the fluoro look
+  /// alone has it.
   std::vector<float> shares{};
 };
+
+/// Throws InputError when a surface has points that are not finite, triangles that name none, or shares for
+/// other points.
+void check(const Surface& surface);
 
 /// How a scene is drawn.
 struct Style {

@@ -44,7 +44,7 @@ Surface SimulatedRun::contrast() const {
 }
 
 void SimulatedRun::start_recording() {
-  recorded_.clear();
+  recorded_ = {{now_->time_s, now_->pose}};
   is_recording_ = true;
 }
 

@@ -1,27 +1,20 @@
 #include "xraycast/viewer/surface_layer.hpp"
 
-#include "xraycast/error.hpp"
-
 #include <glm/geometric.hpp>
 
 #include <cmath>
-#include <cstddef>
 
 namespace xraycast {
 namespace {
 
 struct Vertex {
   glm::vec3 point_mm, normal;
-  float mu_per_mm;
 };
 
 /// Points with the mean normal of their triangles, by area.
-std::vector<Vertex> vertices_of(const Surface& surface) {
-  const Mesh& mesh = surface.mesh;
-  const auto mu_per_mm = static_cast<float>(surface.mu_per_mm);
+std::vector<Vertex> vertices_of(const Mesh& mesh) {
   std::vector<Vertex> vertices;
-  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0), mu_per_mm});
-  for (std::size_t i = 0; i < surface.shares.size(); ++i) vertices[i].mu_per_mm *= surface.shares[i];
+  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0)});
   for (const auto& [a, b, c] : mesh.triangles) {
     const glm::vec3 normal =
         glm::cross(mesh.points_mm[b] - mesh.points_mm[a], mesh.points_mm[c] - mesh.points_mm[a]);
@@ -30,40 +23,26 @@ std::vector<Vertex> vertices_of(const Surface& surface) {
   return vertices;
 }
 
-void check(const Surface& surface) {
-  const Mesh& mesh = surface.mesh;
-  if (!surface.shares.empty() && surface.shares.size() != mesh.points_mm.size())
-    throw InputError("a surface of {} points has {} shares", mesh.points_mm.size(), surface.shares.size());
-  for (std::size_t i = 0; i < mesh.points_mm.size(); ++i)
-    if (const glm::vec3& p = mesh.points_mm[i]; !std::isfinite(p.x + p.y + p.z))
-      throw InputError("a surface's point {} is not finite", i);
-  for (std::size_t i = 0; i < mesh.triangles.size(); ++i)
-    for (const std::uint32_t corner : mesh.triangles[i])
-      if (corner >= mesh.points_mm.size()) throw InputError("a surface's triangle {} names no point", i);
-}
-
 glm::dvec3 ray_origin_mm(const View& view) { return view.cone ? view.source_mm() : view.centre_mm; }
 
 }  // namespace
 
-SurfaceLayer::SurfaceLayer()
-    : shaded_("surface.vert", "surface.frag"), absorption_("surface.vert", "thickness.frag") {}
+SurfaceLayer::SurfaceLayer() : shaded_("surface.vert", "surface.frag") {}
 
 void SurfaceLayer::set(std::span<const Surface> surfaces) {
-  for (const Surface& surface : surfaces) check(surface);
   parts_.clear();
   for (const Surface& surface : surfaces) replace(parts_.size(), surface);
 }
 
 void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
-  check(surface);
-  const Mesh& mesh = surface.mesh;
-  const std::vector<Vertex> vertices = vertices_of(surface);
   if (index == parts_.size()) parts_.emplace_back();
+  const Mesh nothing;
+  const Mesh& mesh = surface.shares.empty() ? surface.mesh : nothing;
+  const std::vector<Vertex> vertices = vertices_of(mesh);
   Part& part = parts_.at(index);
   part.colour = surface.colour;
   part.is_closed = is_watertight(mesh);
-  part.front_faces = surface.shares.empty() && volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
+  part.front_faces = volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
   part.indices = static_cast<GLsizei>(3 * mesh.triangles.size());
   part.size_B = vertices.size() * sizeof(Vertex) + mesh.triangles.size() * sizeof(mesh.triangles[0]);
   glm::vec3 lower(0), upper(0);
@@ -88,10 +67,6 @@ void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
         // NOLINTNEXTLINE(performance-no-int-to-ptr): OpenGL takes offsets into a buffer as pointers.
         reinterpret_cast<const void*>(attribute * sizeof(glm::vec3)));
   }
-  glEnableVertexAttribArray(2);
-  glVertexAttribPointer(2, 1, GL_FLOAT, GL_FALSE, sizeof(Vertex),
-                        // NOLINTNEXTLINE(performance-no-int-to-ptr): as above.
-                        reinterpret_cast<const void*>(offsetof(Vertex, mu_per_mm)));
   glBindVertexArray(0);
 }
 
@@ -146,23 +121,6 @@ void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
   }
   glDisable(GL_DEPTH_CLAMP);
   glDisable(GL_DEPTH_TEST);
-}
-
-void SurfaceLayer::draw_absorption(const View& view) const {
-  constexpr float kNothing[4] = {};
-  glClearBufferfv(GL_COLOR, 0, kNothing);
-  glEnable(GL_BLEND);
-  glEnable(GL_DEPTH_CLAMP);
-  glBlendFunc(GL_ONE, GL_ONE);
-  absorption_.use();
-  absorption_.set("to_clip", to_clip(view));
-  absorption_.set("is_cone", view.cone.has_value());
-  absorption_.set("origin_mm", ray_origin_mm(view));
-  absorption_.set("along", view.towards_detector());
-  absorption_.set("distance_mm", view.cone ? view.cone->source_axis_mm : 0.0);
-  for (const Part& part : parts_) draw(part);
-  glDisable(GL_DEPTH_CLAMP);
-  glDisable(GL_BLEND);
 }
 
 }  // namespace xraycast

@@ -16,16 +16,16 @@ enum class DepthMeasure {
   along_ray,   ///< from the plane of the picture; under a cone, the distance from the source
 };
 
-/// Vessels and catheter on the GPU.
+/// Vessels and catheter on the GPU, as opaque surfaces.
 class SurfaceLayer {
  public:
   SurfaceLayer();
 
-  /// Throws InputError when a surface has points that are not finite.
+  /// Surfaces are as `check` accepts them; those with shares are left out.
   void set(std::span<const Surface> surfaces);
 
   /// Another surface in the place of number `index`, which is at most as large as their count; what moves can
-  /// be replaced at every frame. Errors as for `set`.
+  /// be replaced at every frame.
   void replace(std::size_t index, const Surface& surface);
 
   bool empty() const;
@@ -38,9 +38,6 @@ class SurfaceLayer {
   /// Draws what is seen into `shade` (RGBA8) and `depth` (R32F) of the bound framebuffer, whose depth buffer
   /// decides, and is all that is cleared: elsewhere both keep what they held.
   void draw_shaded(const View& view, DepthMeasure measure) const;
-
-  /// Adds up what is absorbed in the bound framebuffer's one R32F target, of which the box is cleared.
-  void draw_absorption(const View& view) const;
 
  private:
   struct Part {
@@ -57,7 +54,7 @@ class SurfaceLayer {
   void draw(const Part& part) const;
 
   std::vector<Part> parts_;
-  gl::Program shaded_, absorption_;
+  gl::Program shaded_;
 };
 
 }  // namespace xraycast

@@ -157,11 +157,11 @@ UprightView upright_view(const View& view, const MapGeometry& geometry, int pixe
         view.cone ? 1 + (bounds.radius_mm + glm::distance(upright.centre_mm, glm::dvec2(bounds.centre_mm))) /
                             upright.source_mm
                   : 1;
-    upright.row_mm = std::min(geometry.row_spacing_mm / spread, std::abs(pixel_z_mm));
+    upright.row_mm = std::min(geometry.row_spacing_mm / spread, pixels_per_column * std::abs(pixel_z_mm));
     upright.top_mm = z_mm.high;
   }
   const double rows = std::ceil((upright.top_mm - z_mm.low) / upright.row_mm - 1e-9) + 1;
-  constexpr double kMost = 16384;  // what every OpenGL draws into
+  constexpr double kMost = 1 << 24;  // more than any OpenGL draws into, which then says so
   if (x_mm.low < x_mm.high && z_mm.low <= z_mm.high) {
     upright.columns = static_cast<int>(std::clamp(last_column - first_column + 1, 0.0, kMost));
     upright.rows = static_cast<int>(std::clamp(rows, 0.0, kMost));

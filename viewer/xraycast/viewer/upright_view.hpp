@@ -39,7 +39,7 @@ struct UprightView {
   glm::dvec2 of_pixel(double i, double j) const;
 };
 
-/// How many of the view's pixels a column of the upright picture takes.
+/// How many of the view's pixels a column of the upright picture takes; a row takes no more.
 inline constexpr int kFullResolution = 1;
 
 /// The upright picture of what a cylinder or rectangle map has of `view`, which has to be complete. An

@@ -18,7 +18,7 @@ constexpr double kCatheterRadius_mm = 1, kLumenRadius_mm = 0.6;
 Mesh mesh_of_folder(const std::filesystem::path& folder) {
   for (const char* name : {"surface.vtp", "surface.stl"})
     if (std::filesystem::exists(folder / name)) return read_mesh(folder / name);
-  if (std::filesystem::exists(folder / "tree.vtp")) return tube_mesh(read_tree(folder / "tree.vtp"));
+  if (std::filesystem::exists(folder / "tree.vtp")) return tube_mesh(read_tree(folder));
   throw InputError("{}: the folder holds neither surface.vtp, surface.stl nor tree.vtp", folder.string());
 }
 

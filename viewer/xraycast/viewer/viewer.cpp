@@ -3,8 +3,9 @@
 #include "xraycast/comparison.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/stopwatch.hpp"
+#include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/furniture.hpp"
-#include "xraycast/viewer/road_map.hpp"
+#include "xraycast/viewer/vessel_pick.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
@@ -122,6 +123,8 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
     if (surface && !intervention_) surfaces.push_back(*surface);
   renderer_.set_surfaces(surfaces);
   shown_exposures_ = -1;
+  adapted_to_.reset();
+  picked_.reset();
   if (!opened_.map) return;
   if (is_other_map) {
     undo_.clear();
@@ -247,9 +250,27 @@ void Viewer::replay() {
   });
 }
 
+void Viewer::restart_run() {
+  attempt([&] { intervention_->restart(); });
+}
+
 std::span<const glm::ivec2> Viewer::road_map(const View& view) {
   if (!intervention_) return {};
   return intervention_->road_map(view);
+}
+
+// ---- the vessels ----------------------------------------------------------------------------------
+
+const VesselTree* Viewer::tree() const {
+  return intervention_ ? &intervention_->run().tree() : opened_.tree.get();
+}
+
+void Viewer::pick(const glm::dvec2& place, float width, float height) {
+  picked_.reset();
+  if (!tree() || !shown_) return;
+  for (const Pane& pane : panes(static_cast<int>(width), static_cast<int>(height)))
+    if (place.x >= pane.x && place.x < pane.x + pane.width)
+      picked_ = vessel_at(*tree(), view_in(pane.width, pane.height), place - glm::dvec2(pane.x, 0));
 }
 
 // ---- how it is shown ------------------------------------------------------------------------------
@@ -288,17 +309,13 @@ void Viewer::toggle_layer(std::size_t layer) {
 }
 
 void Viewer::use_map(std::shared_ptr<const BodyMap> map) {
-  const bool is_other_body = !shown_ || shown_->geometry != map->geometry;
+  if (!shown_ || shown_->geometry != map->geometry) adapted_to_.reset();
   shown_ = std::move(map);
   renderer_.set_map(shown_);
   bounds_ = bounds_of(shown_->geometry);
   Style& style = session_.style;
   const auto layers = static_cast<std::size_t>(shown_->geometry.layers());
   if (style.strengths.size() != layers) style.strengths.assign(layers, 1.0f);
-  if (!is_other_body || session_.has_window) return;
-  const bool inverted = style.window.inverted;
-  style.window = automatic_window(renderer_.tau(view_of({}, bounds_, 320, 240), style));
-  style.window.inverted = inverted;
 }
 
 // ---- the opacity ----------------------------------------------------------------------------------
@@ -372,6 +389,15 @@ void Viewer::draw_truth(const Pane& pane) {
     renderer_.draw(*latest_truth_, session_.style, pane.x, 0);
 }
 
+/// The grey window follows the C-arm and the table, until one is chosen by hand. What moves or is edited in a
+/// view that stays does not change it.
+void Viewer::adapt_brightness(const View& view) {
+  if (session_.has_window) return adapted_to_.reset();
+  if (adapted_to_ == view) return;
+  session_.style.window = automatic_window(renderer_, view, session_.style);
+  adapted_to_ = view;
+}
+
 void Viewer::take_results() {
   attempt([&] {
     if (const auto error = opening_.poll()) throw InputError("{}", *error);
@@ -403,6 +429,8 @@ void Viewer::draw(int width, int height) {
   since_frame_ = {};
   if (cine_) attempt([&] { next_cine_frame(); });
   attempt([&] {
+    const Pane first = panes(width, height).front();
+    adapt_brightness(view_in(first.width, first.height));
     for (const Pane& pane : panes(width, height)) {
       glBindFramebuffer(GL_FRAMEBUFFER, 0);
       glViewport(pane.x, 0, pane.width, pane.height);

@@ -47,7 +47,16 @@ class Viewer {
   const Intervention* intervention() const { return intervention_ ? &*intervention_ : nullptr; }
   void toggle_recording();
   void replay();  ///< the last recording
+  void restart_run();
   std::span<const glm::ivec2> road_map(const View& view);
+
+  // ---- the vessels
+  /// Of the folder of vessels, or that in which the catheter is steered; none: there is just a surface.
+  const VesselTree* tree() const;
+
+  /// Looks for a vessel at a place of a window of that size, in pixels from its upper left corner.
+  void pick(const glm::dvec2& place, float width, float height);
+  const std::optional<VesselTree::Location>& picked() const { return picked_; }
 
   // ---- how it is shown
   ViewSession& session() { return session_; }
@@ -129,6 +138,7 @@ class Viewer {
   void take_results();
   void next_cine_frame();
   void show_catheter();
+  void adapt_brightness(const View& view);
 
   ViewSession session_;
   std::string device_;
@@ -149,6 +159,8 @@ class Viewer {
   std::optional<Intervention> intervention_;
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
+  std::optional<VesselTree::Location> picked_;
+  std::optional<View> adapted_to_;  ///< the view that the grey window was chosen for
   std::filesystem::path recording_;
   int width_ = 0, height_ = 0;  ///< of the last frame
   double frame_ms_ = 0;

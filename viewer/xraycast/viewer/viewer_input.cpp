@@ -11,6 +11,13 @@ namespace {
 
 constexpr double kDegreesPerPixel = 0.4;
 
+/// The left button was let go where it was pressed, as nearly as hands do.
+bool is_clicked() {
+  constexpr float kStill_px = 3;
+  return ImGui::IsMouseReleased(ImGuiMouseButton_Left) &&
+         ImGui::GetIO().MouseDragMaxDistanceSqr[ImGuiMouseButton_Left] < kStill_px * kStill_px;
+}
+
 /// Sideways the window gets wider, upwards darker.
 void drag_window(GreyWindow& window, double across, double down) {
   const double middle = 0.5 * (window.dark + window.light) + 0.001 * down;
@@ -23,6 +30,7 @@ void drag_window(GreyWindow& window, double across, double down) {
 
 const char* const kHelp =
     "left drag      rotate (with Shift also tilt)\n"
+    "left click     name the vessel's branch\n"
     "wheel          zoom\n"
     "middle drag    move the table\n"
     "right drag     window and level\n"
@@ -51,6 +59,7 @@ void handle_mouse(Viewer& viewer) {
     if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
       camera.tilt(kDegreesPerPixel * io.MouseDelta.y);
   }
+  if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);
   if (ImGui::IsMouseDragging(ImGuiMouseButton_Middle, 0)) {
     const View view = viewer.view_in(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y));
     camera.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
@@ -89,6 +98,16 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       break;
     case GLFW_KEY_M:
       if (Intervention* at_table = viewer.intervention()) at_table->has_road_map = !at_table->has_road_map;
+      break;
+    case GLFW_KEY_ENTER:
+    case GLFW_KEY_KP_ENTER:
+      if (viewer.intervention()) viewer.toggle_recording();
+      break;
+    case GLFW_KEY_L:
+      if (viewer.intervention()) viewer.replay();
+      break;
+    case GLFW_KEY_BACKSPACE:
+      if (viewer.intervention()) viewer.restart_run();
       break;
     case GLFW_KEY_S:
       viewer.splits = !viewer.splits;

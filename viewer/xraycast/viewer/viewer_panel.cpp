@@ -1,9 +1,11 @@
 #include "xraycast/viewer/viewer_panel.hpp"
 
+#include "xraycast/viewer/clip_space.hpp"
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/intervention_panel.hpp"
 #include "xraycast/viewer/road_map.hpp"
+#include "xraycast/viewer/vessel_pick.hpp"
 #include "xraycast/viewer/viewer_input.hpp"
 
 #include <fmt/format.h>
@@ -66,9 +68,21 @@ void draw_road_map(Viewer& viewer, const ImVec2& size) {
         ++last;
       const auto x = static_cast<float>(pane.x + outline[i].x), y = static_cast<float>(outline[i].y);
       draw.AddRectFilled({x, y}, {x + static_cast<float>(last - i), y + 1},
-                         IM_COL32(kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z, 200));
+                         IM_COL32(kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z, 255));
       i = last;
     }
+  }
+}
+
+/// What was clicked at, in every view.
+void draw_picked(const Viewer& viewer, const ImVec2& size) {
+  const auto& picked = viewer.picked();
+  if (!viewer.map() || !viewer.tree() || !picked) return;
+  for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
+    const glm::vec2 at(pixel_of(viewer.view_in(pane.width, pane.height), picked->centre_mm));
+    const float x = static_cast<float>(pane.x) + at.x, reach = 0.4f * ImGui::GetFontSize();
+    ImGui::GetBackgroundDrawList()->AddCircle({x, at.y}, reach, kInk, 0, 2);
+    write(x + 2 * reach, at.y - reach, describe(*viewer.tree(), *picked));
   }
 }
 
@@ -99,6 +113,7 @@ void overlays(Viewer& viewer) {
   }
   write(line, size.y - 1.4f * line, status_line(viewer, size));
   draw_road_map(viewer, size);
+  draw_picked(viewer, size);
   if (!viewer.help) return;
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("Help", &viewer.help, ImGuiWindowFlags_AlwaysAutoResize);
@@ -142,6 +157,8 @@ void ViewerPanel::look_controls(Viewer& viewer) {
     style.sampling.reconstruction = is_continuous ? Reconstruction::linear : Reconstruction::constant;
   ImGui::Checkbox("inverted", &style.window.inverted);
   ImGui::SameLine();
+  bool is_automatic = !viewer.session().has_window;
+  if (ImGui::Checkbox("automatic brightness", &is_automatic)) viewer.session().has_window = !is_automatic;
   if (viewer.has_scan())
     ImGui::Checkbox("split with the true projection", &viewer.splits);
   else
@@ -206,13 +223,16 @@ void ViewerPanel::file_controls(Viewer& viewer) {
 }
 
 bool ViewerPanel::takes_key(int key) {
-  if (!is_asking_) return false;
-  accepts_ = accepts_ || key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
-  declines_ = declines_ || key == GLFW_KEY_ESCAPE;
-  return accepts_ || declines_;
+  if (!is_asking_) return ImGui::GetIO().WantTextInput && !has_asked_;
+  accepts_ = key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
+  declines_ = key == GLFW_KEY_ESCAPE;
+  has_asked_ = accepts_ || declines_;  // the next key is not the question's any more
+  is_asking_ = !has_asked_;
+  return true;
 }
 
 void ViewerPanel::open_dialogue(Viewer& viewer) {
+  has_asked_ = has_asked_ && ImGui::GetIO().WantTextInput;
   if (std::exchange(asks_, false)) {
     file_ = fs::current_path().string() + "/";
     accepts_ = declines_ = false;
@@ -233,7 +253,8 @@ void ViewerPanel::open_dialogue(Viewer& viewer) {
   if (opens) viewer.open(file_);
   if (opens || closes) {
     ImGui::CloseCurrentPopup();
-    is_asking_ = false;  // the next key is not the dialogue's any more
+    is_asking_ = false;
+    has_asked_ = true;
   }
   ImGui::EndPopup();
 }

@@ -16,8 +16,8 @@ class ViewerPanel {
   /// Asks for a file to open, in the next frame.
   void ask_for_file() { asks_ = true; }
 
-  /// Whether a key of GLFW that was pressed was meant for the question: Enter or Escape. Dear ImGui itself
-  /// misses keys that are pressed and let go within a frame.
+  /// Whether a key of GLFW that was pressed is the panel's, as text or as an answer to the question: Dear
+  /// ImGui itself misses an Enter or Escape that is pressed and let go within a frame.
   bool takes_key(int key);
 
  private:
@@ -30,6 +30,7 @@ class ViewerPanel {
   OpacityPanel curve_;
   std::string file_;
   bool asks_ = false, is_asking_ = false, accepts_ = false, declines_ = false;
+  bool has_asked_ = false;  ///< for two frames more Dear ImGui takes keys for the question's text
 };
 
 }  // namespace xraycast

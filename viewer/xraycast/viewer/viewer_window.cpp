@@ -27,7 +27,7 @@ void set_callbacks(GLFWwindow* window, Desk& desk) {
     for (int i = 0; i < count; ++i) desk_of(w).viewer.open(paths[i]);
   });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int mods) {
-    if (action != GLFW_PRESS || desk_of(w).panel.takes_key(key) || ImGui::GetIO().WantTextInput) return;
+    if (action != GLFW_PRESS || desk_of(w).panel.takes_key(key)) return;
     if (handle_key(desk_of(w).viewer, key, mods)) desk_of(w).panel.ask_for_file();
   });
 }

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <CLI/CLI.hpp>
+
+#include <string>
+
+namespace xraycast::cli {
+
+/// --device-model and --entry: what is steered, and where it comes in. The first is required unless
+/// `device_model` has a default.
+void add_catheter_options(CLI::App& command, std::string& device_model, std::string& entry);
+
+}  // namespace xraycast::cli

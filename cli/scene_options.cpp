@@ -1,0 +1,35 @@
+#include "scene_options.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <filesystem>
+
+namespace xraycast::cli {
+
+void add_scene_options(CLI::App& command, SceneOptions& options) {
+  command
+      .add_option("--vessels", options.vessels,
+                  "Vessels within the body: a surface (.vtp, .stl), or a folder that holds one")
+      ->type_name("DIR|FILE");
+  command
+      .add_option("--contrast", options.contrast_mg_ml,
+                  "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
+      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
+      ->type_name("MG/ML");
+  command.add_option("--catheter", options.catheter, "Control points x,y,z in mm of a catheter's curve")
+      ->type_name("CSV");
+}
+
+void apply(const SceneOptions& options, ViewSession& session) {
+  replace_file(session.vessels, options.vessels);
+  replace_file(session.catheter, options.catheter);
+  if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
+}
+
+void replace_file(std::filesystem::path& file, const std::string& given) {
+  if (given.empty()) return;
+  if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder", given);
+  file = given;
+}
+
+}  // namespace xraycast::cli

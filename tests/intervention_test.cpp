@@ -1,0 +1,129 @@
+#include "xraycast/viewer/intervention.hpp"
+
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/phantom.hpp"
+#include "xraycast/whole_file.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <filesystem>
+#include <thread>
+
+namespace xraycast {
+namespace {
+
+class AtTheTable : public testing::Test {
+ protected:
+  AtTheTable() {
+    write_tree(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), folder_ / "tree.vtp");
+  }
+
+  Intervention begin() { return Intervention({.vessels = folder_ / ""}); }
+
+  /// Frames of a tenth of a second, as far as the clock of the pedal goes.
+  static void watch(Intervention& intervention, const Camera& camera, int frames) {
+    for (int i = 0; i < frames; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(20));
+      intervention.update(camera, 0.1);
+    }
+  }
+
+  TemporaryFolder folder_;
+};
+
+TEST_F(AtTheTable, OnlyThePedalExposes) {
+  Intervention intervention = begin();
+  intervention.update({}, 0.1);
+  ASSERT_EQ(intervention.exposures(), 1) << "the first picture is for free";
+  const auto held = intervention.surfaces()[0].mesh.points_mm;
+
+  Camera moved;
+  moved.rotate(30);
+  intervention.manual()->set_rates(100, 0);
+  watch(intervention, moved, 10);
+  EXPECT_EQ(intervention.exposures(), 1);
+  EXPECT_EQ(intervention.camera(), Camera{}) << "the last image is held";
+  EXPECT_EQ(intervention.surfaces()[0].mesh.points_mm, held);
+  EXPECT_EQ(intervention.fluoroscopy_s(), 0);
+  EXPECT_GT(intervention.run().now().pose.insertion_mm, 1) << "though the catheter moves";
+
+  intervention.press_pedal(true);
+  watch(intervention, moved, 5);
+  EXPECT_EQ(intervention.exposures(), 6);
+  EXPECT_EQ(intervention.camera(), moved);
+  EXPECT_NE(intervention.surfaces()[0].mesh.points_mm, held);
+  EXPECT_NEAR(intervention.fluoroscopy_s(), 0.5, 1e-9);
+  intervention.press_pedal(false);
+  watch(intervention, {}, 3);
+  EXPECT_EQ(intervention.exposures(), 6);
+  EXPECT_NEAR(intervention.fluoroscopy_s(), 0.5, 1e-9);
+}
+
+TEST_F(AtTheTable, ANewRunIsShown) {
+  Intervention intervention = begin();
+  intervention.update({}, 0.1);
+  const long before = intervention.exposures();
+  intervention.restart();
+  intervention.update({}, 0.1);
+  EXPECT_NE(intervention.exposures(), before) << "by which a viewer knows that there is another picture";
+}
+
+TEST_F(AtTheTable, AReplayIsSteeredByItsFileAndTheNextRunByHandAgain) {
+  Intervention intervention = begin();
+  const auto file = folder_ / "run.csv";
+  write_whole_file(file, "time_s,insertion_mm,rotation_deg\n0,0,0\n0.3,25,0\n");
+  intervention.replay(file);
+  EXPECT_EQ(intervention.manual(), nullptr);
+  while (intervention.run().now().time_s < 0.5) watch(intervention, {}, 1);
+  // The hub comes to where the script ends within the spring's 10 ms.
+  EXPECT_NEAR(intervention.run().now().pose.insertion_mm, 25, 0.1);
+  intervention.restart();
+  EXPECT_NE(intervention.manual(), nullptr);
+  EXPECT_LT(intervention.run().now().pose.insertion_mm, 1);
+}
+
+TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
+  Intervention intervention = begin();
+  intervention.run().start_recording();
+  const SimulatedRun* run = &intervention.run();
+  EXPECT_THROW(intervention.replay(folder_ / "missing.csv"), InputError);
+  write_whole_file(folder_ / "empty.csv", "time_s,insertion_mm,rotation_deg\n");
+  EXPECT_THROW(intervention.replay(folder_ / "empty.csv"), InputError);
+  EXPECT_EQ(&intervention.run(), run);
+  EXPECT_TRUE(intervention.run().is_recording());
+  watch(intervention, {}, 1);
+}
+
+TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
+  EXPECT_THROW(Intervention({}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .device_model = "none"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .entry = "1000"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .haptic = "glove"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = std::filesystem::temp_directory_path()}), InputError);
+}
+
+TEST_F(AtTheTable, TheRoadMapIsTheVesselsOutlineOfAView) {
+  Intervention intervention = begin();
+  const View view{.centre_mm = {0, 0, 0}, .width = 300, .height = 400, .pixel_mm = 2};
+  const auto outline = intervention.road_map(view);
+  ASSERT_FALSE(outline.empty());
+  for (const glm::ivec2& pixel : outline)
+    EXPECT_TRUE(pixel.x >= 0 && pixel.y >= 0 && pixel.x < view.width && pixel.y < view.height);
+  View below = view;
+  below.centre_mm.z += 2;
+  const std::vector<glm::ivec2> before(outline.begin(), outline.end());
+  const auto after = intervention.road_map(below);
+  // A picture's centre 2 mm higher shows all one pixel lower, but for what leaves it.
+  std::size_t same = 0;
+  for (const glm::ivec2& pixel : before)
+    same += static_cast<std::size_t>(std::ranges::count(after, pixel + glm::ivec2(0, 1)));
+  EXPECT_GT(same, before.size() * 9 / 10);
+  intervention.has_road_map = false;
+  EXPECT_TRUE(intervention.road_map(view).empty());
+}
+
+}  // namespace
+}  // namespace xraycast
