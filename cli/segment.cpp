@@ -82,10 +82,8 @@ void segment(const Options& options, Session& session) {
   const Mask mask = options.from_mask.empty()
                         ? segment_mask(volume, segmenting, options.input, device, progress)
                         : select_vessels(read_mask(options.from_mask, volume.geometry(), progress),
-                                         segmenting.markers, options.from_mask);
-  progress.begin("centrelines", 1, "trees");
-  const Centrelines centrelines = find_centrelines(mask, options.input);
-  progress.advance();
+                                         segmenting.markers, options.from_mask, progress);
+  const Centrelines centrelines = find_centrelines(mask, options.input, progress);
   progress.begin("surface", 1, "surfaces");
   const Mesh surface =
       options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);

@@ -142,7 +142,8 @@ void paint_ball(Mask& mask, const Mask& within, const Index3& centre, double rad
 
 }  // namespace
 
-void bridge_gaps(Mask& whole, const Mask& whole_candidates) {
+void bridge_gaps(Mask& whole, const Mask& whole_candidates, Progress& progress) {
+  progress.begin("bridging gaps", 3, "passes");
   const Box box = grown(bounding_box(whole_candidates), 1, whole.geometry.size);
   if (box.empty()) return;
   Mask mask = crop(whole, box);
@@ -151,8 +152,10 @@ void bridge_gaps(Mask& whole, const Mask& whole_candidates) {
   if (parts.count() < 2) return;
   const std::vector<double> length_mm = lengths_mm(parts, mask.geometry);
   const std::vector<float> depth_mm = distance_to_outside_mm(candidates);
+  progress.advance();
   Fronts fronts(candidates, parts, depth_mm);
   const auto ways = fronts.meet();
+  progress.advance();
   std::vector<std::pair<std::pair<int, int>, Fronts::Way>> order(ways.begin(), ways.end());
   std::ranges::stable_sort(order,
                            [](const auto& a, const auto& b) { return a.second.cost_mm < b.second.cost_mm; });
@@ -179,6 +182,7 @@ void bridge_gaps(Mask& whole, const Mask& whole_candidates) {
     }
   }
   paste(mask, box, whole);
+  progress.advance();
 }
 
 }  // namespace xraycast

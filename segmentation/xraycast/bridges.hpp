@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 
 namespace xraycast {
 
@@ -9,6 +10,11 @@ namespace xraycast {
 /// to the middle where it can. A way is at most 40 mm long, which an artery's bony canal does not exceed (the
 /// carotid's has 25 to 35 mm), and at most twice as long as the parts that it joins. No two parts are joined
 /// twice, so that no loops arise. The bridge is as thick as the candidates there, but no thicker than 5 mm.
-void bridge_gaps(Mask& mask, const Mask& candidates);
+/// A stage of `progress`.
+void bridge_gaps(Mask& mask, const Mask& candidates, Progress& progress);
+inline void bridge_gaps(Mask& mask, const Mask& candidates) {
+  Progress unheard;
+  bridge_gaps(mask, candidates, unheard);
+}
 
 }  // namespace xraycast

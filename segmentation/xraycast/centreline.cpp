@@ -404,14 +404,16 @@ void clear_of_parent(std::vector<VesselPoint>& points, double node_radius_mm) {
 /// Walks the graph from its root and lays every branch from its parent's side onwards.
 class TreeBuilder {
  public:
-  TreeBuilder(const SkeletonGraph& graph, const Lumen& lumen)
+  TreeBuilder(const SkeletonGraph& graph, const Lumen& lumen, Progress& progress)
       : graph_(graph), lumen_(lumen), lines_(graph.edges.size()) {
+    progress.begin("centrelines", static_cast<std::int64_t>(graph.edges.size()), "branches");
     parallel_for(static_cast<std::int64_t>(graph.edges.size()), [&](std::int64_t e) {
       const SkeletonGraph::Edge& edge = graph.edges[static_cast<std::size_t>(e)];
       const auto is_free = [&](int n) { return graph.nodes[static_cast<std::size_t>(n)].edges.size() == 1; };
       const FreeEnds free{is_free(edge.nodes[0]), is_free(edge.nodes[1])};
       lines_[static_cast<std::size_t>(e)] =
           with_radii(centred(edge.points_mm, free, lumen, step_mm()), lumen, step_mm());
+      progress.advance();
     });
   }
 
@@ -487,11 +489,11 @@ int face_within(const VolumeGeometry& grid, const Index3& voxel, double reach_mm
 
 }  // namespace
 
-Centrelines find_centrelines(const Mask& mask, const std::string& name) {
+Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress) {
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
-  Mask skeleton = thin(part);
+  Mask skeleton = thin(part, progress);
   const Lumen lumen(part);
   const std::vector<PartJoin> joins = find_joins(skeleton, [&](const Index3& end) {
     const double reach_mm = lumen.wall_mm(part.geometry.to_world_mm(glm::dvec3(end))) + lumen.coarsest_mm();
@@ -509,7 +511,7 @@ Centrelines find_centrelines(const Mask& mask, const std::string& name) {
   const SkeletonGraph graph = pruner.result();
   if (graph.edges.empty())
     throw InputError("{}: no vessel: nothing in the mask is longer than it is wide", name);
-  return TreeBuilder(graph, lumen).build(name, std::move(gaps_mm));
+  return TreeBuilder(graph, lumen, progress).build(name, std::move(gaps_mm));
 }
 
 }  // namespace xraycast

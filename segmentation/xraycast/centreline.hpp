@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 #include "xraycast/vessel_tree.hpp"
 
 #include <vector>
@@ -20,7 +21,12 @@ struct Centrelines {
 /// transform; within its parent's lumen a branch keeps the radius that it has outside. The root is the
 /// thickest end. Points are at most one voxel apart.
 ///
-/// Throws InputError, with `name` in front, when nothing in the mask is longer than it is wide.
-Centrelines find_centrelines(const Mask& mask, const std::string& name);
+/// Throws InputError, with `name` in front, when nothing in the mask is longer than it is wide. Thinning and
+/// centring are stages of `progress`.
+Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress);
+inline Centrelines find_centrelines(const Mask& mask, const std::string& name) {
+  Progress unheard;
+  return find_centrelines(mask, name, unheard);
+}
 
 }  // namespace xraycast

@@ -147,10 +147,12 @@ double measure_noise_hu(const Volume& volume) {
   return 1.4826 * static_cast<double>(median) / std::sqrt(6.0);
 }
 
-Contrast measure_contrast(const Volume& volume, const std::string& name) {
+Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress) {
   const double noise_hu = measure_noise_hu(volume);
   const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  progress.advance();
   const Histogram all(volume, 0);
+  progress.advance();
   const double air = all.between(-32768, kAir_hu), total = air + all.between(kAir_hu + 1, 32767);
   if (air < 0.02 * total) {
     const auto classes = two_classes_hu(all, lowest, highest);
@@ -163,6 +165,7 @@ Contrast measure_contrast(const Volume& volume, const std::string& name) {
     return {classes->first, classes->first + 2 * (least_hu - classes->first), noise_hu, false};
   }
   const Histogram insides(volume, static_cast<int>(std::max(60.0, 4 * noise_hu)));
+  progress.advance();
   const double tissue_hu = insides.mode_hu(kTissueLow_hu, kTissueHigh_hu, 10);
   const auto peak_hu = contrast_peak_hu(insides, tissue_hu);
   if (!peak_hu)

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/progress.hpp"
 #include "xraycast/volume.hpp"
 
 #include <string>
@@ -19,8 +20,12 @@ struct Contrast {
 /// more in the aorta), apart from the ramp of spongy bone below and of dense bone above it. Scans without
 /// air, such as subtracted ones, are parted into two classes instead (Ridler and Calvard, Picture
 /// thresholding using an iterative selection method, 1978). Throws InputError, with `name` in front, when
-/// there is nothing bright.
-Contrast measure_contrast(const Volume& volume, const std::string& name);
+/// there is nothing bright. Three units of `progress`.
+Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress);
+inline Contrast measure_contrast(const Volume& volume, const std::string& name) {
+  Progress unheard;
+  return measure_contrast(volume, name, unheard);
+}
 
 /// The standard deviation of the noise, from the median absolute second difference along x of voxels that are
 /// neither air nor at an end of the scan's range of values.

@@ -46,17 +46,22 @@ void for_each_hole(const cv::Mat& mask, const Visit& visit) {
   }
 }
 
-/// Dense voxels in parts too large for plaques, none of them metal or blooming.
-Mask dense_bone(const Volume& volume, const HuWindow& window) {
+/// Dense voxels in parts too large for plaques, none of them metal or blooming. As many units of progress as
+/// there are slices.
+Mask dense_bone(const Volume& volume, const HuWindow& window, Progress& progress) {
+  const std::int64_t slices = volume.geometry().size.z;
   Mask dense = between(volume, window.high_hu, 32767);
+  progress.advance(slices / 4);
   const Mask blooming = dilated(between(volume, kMetal_hu, 32767), kBlooming_mm);
   for (std::size_t i = 0; i < dense.voxels.size(); ++i)
     dense.voxels[i] &= static_cast<std::uint8_t>(blooming.voxels[i] ^ 1);
+  progress.advance(slices / 2);
   const Components parts(dense);
   std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
   for (int c = 0; c < parts.count(); ++c)
     keep[static_cast<std::size_t>(c)] =
         static_cast<double>(parts.voxels(c)) * voxel_mm3(volume.geometry()) >= kPlaque_mm3;
+  progress.advance(slices - slices / 4 - slices / 2);
   return parts.select(keep);
 }
 
@@ -81,14 +86,17 @@ Mask dilated(const Mask& mask, double radius_mm) {
   return result;
 }
 
-Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels) {
+Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels, Progress& progress) {
   cv::setNumThreads(1);
-  Mask bone = dense_bone(volume, window);
+  const std::int64_t slices = volume.geometry().size.z;
+  progress.begin("taking off bone", 2 * slices, "slices");
+  Mask bone = dense_bone(volume, window, progress);
   const VolumeGeometry& g = volume.geometry();
   const cv::Mat closing = disc(g, kClosing_mm), rim = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
   const double pixel_mm2 = g.spacing_mm.x * g.spacing_mm.y;
   parallel_for(g.size.z, [&](std::int64_t z) {
     cv::Mat slice = slice_of(bone, z);
+    progress.advance();
     if (cv::countNonZero(slice) == 0) return;
     cv::Mat closed;
     cv::morphologyEx(slice, closed, cv::MORPH_CLOSE, closing);

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 #include "xraycast/threshold.hpp"
 
 namespace xraycast {
@@ -11,8 +12,9 @@ namespace xraycast {
 /// small dense spots, such as calcified plaques (less than 100 mm3).
 ///
 /// `vessels` are the voxels that may be vessel: holes in bone that hold mostly them, such as the canals of
-/// vertebral and carotid arteries, are left alone. Morphology is OpenCV's, slice by slice.
-Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels);
+/// vertebral and carotid arteries, are left alone. Morphology is OpenCV's, slice by slice. A stage of
+/// `progress`.
+Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels, Progress& progress);
 
 /// What lies within a disc of that radius around a mask's voxels in a slice, or as far above or below.
 Mask dilated(const Mask& mask, double radius_mm);

@@ -75,8 +75,9 @@ void check(const Volume& volume, const SegmentOptions& options, const std::strin
     }
 }
 
-HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, const std::string& name) {
-  if (!options.window_hu) return window_of(measure_contrast(volume, name));
+HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                        Progress& progress) {
+  if (!options.window_hu) return window_of(measure_contrast(volume, name, progress));
   const auto [low, high] = *options.window_hu;
   if (low >= high) throw InputError("--window: {} is not below {}", low, high);
   return {low, low, high};
@@ -105,13 +106,15 @@ Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::s
   progress.advance();
   if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(lines);
-  part_from_chambers(lines, markers, name);
-  return select_vessels(lines, markers, name);
+  part_from_chambers(lines, markers, name, progress);
+  return select_vessels(lines, markers, name, progress);
 }
 
 }  // namespace
 
-Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
+Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
+  constexpr std::size_t kTried = 16;
+  progress.begin("selecting", kTried, "parts");
   const Components parts(mask);
   std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
   if (!markers.vessels_mm.empty()) {
@@ -120,7 +123,6 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
     return parts.select(keep);
   }
   // Weighed by how much lies in thick places.
-  constexpr std::size_t kTried = 16;
   constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(parts.count()));
   std::iota(order.begin(), order.end(), 0);
@@ -129,6 +131,7 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
   const glm::dvec3 s = mask.geometry.spacing_mm;
   std::vector<double> weights(static_cast<std::size_t>(parts.count()));
   for (const int part : order) {
+    progress.advance();
     keep.assign(keep.size(), false);
     keep[static_cast<std::size_t>(part)] = true;
     const Mask alone = parts.select(keep);
@@ -151,13 +154,14 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   Device& device, Progress& progress) {
   check(volume, options, name);
+  progress.begin("contrast", 5, "passes");
   if (!options.window_hu && is_buried_in_noise(volume))
     return vessels_in_noise(volume, options.markers, name, device, progress);
-  progress.begin("contrast", 1, "scans");
-  std::optional<Volume> quiet = denoised(volume, device);
-  const Volume& scan = quiet ? *quiet : volume;
-  const HuWindow window = resolve_window(scan, options, name);
   progress.advance();
+  std::optional<Volume> quiet = denoised(volume, device);
+  progress.advance();
+  const Volume& scan = quiet ? *quiet : volume;
+  const HuWindow window = resolve_window(scan, options, name, progress);
 
   progress.begin("thresholding", 1, "scans");
   Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
@@ -170,31 +174,29 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     return without_specks(mask);  // nothing but vessels is left in a subtracted scan
 
   const Mask bright = mask;
-  progress.begin("taking off bone", 1, "scans");
-  const Mask bone = has_air(scan) ? find_bone(scan, window, bright) : Mask(mask.geometry);
+  const Mask bone = has_air(scan) ? find_bone(scan, window, bright, progress) : Mask(mask.geometry);
   subtract(mask, bone);
-  progress.advance();
-  progress.begin("parting chambers", 1, "scans");
-  part_from_chambers(mask, options.markers, name);
-  progress.advance();
-  progress.begin("taking off marrow", 1, "scans");
+  part_from_chambers(mask, options.markers, name, progress);
+  progress.begin("taking off marrow", 7, "passes");
   Mask candidates = mask;
   if (has_air(scan)) {
     constexpr double kBeside_mm = 3;
     intersect(candidates, dilated(bone, kBeside_mm));
-    const Mask spongy = find_spongy_bone(mask, bone);
+    progress.advance();
+    const Mask spongy = find_spongy_bone(mask, bone, progress);
     subtract(mask, spongy);
     drop_marrow(mask, united(bone, spongy));
+    progress.advance();
     drop_shells(mask);
+    progress.advance();
   }
-  progress.advance();
-  progress.begin("bridging gaps", 1, "scans");
-  bridge_gaps(mask, candidates);
-  progress.advance();
-  progress.begin("selecting", 1, "scans");
-  Mask vessels = select_vessels(mask, options.markers, name);
+  bridge_gaps(mask, candidates, progress);
+  Mask vessels = select_vessels(mask, options.markers, name, progress);
+  progress.begin("filling up", 3, "passes");
   add_rim(bright, vessels);
+  progress.advance();
   add_dense_wall(scan, window, bone, vessels);
+  progress.advance();
   constexpr double kStrut_mm2 = 30;
   fill_holes(vessels, kStrut_mm2);
   progress.advance();

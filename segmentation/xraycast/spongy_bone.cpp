@@ -119,7 +119,7 @@ bool is_enclosed(const Medial& m, const Mask& mask, const Mask& bone, double vox
 
 }  // namespace
 
-Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
+Mask find_spongy_bone(const Mask& mask, const Mask& bone, Progress& progress) {
   Mask result(mask.geometry);
   const Box box = grown(bounding_box(mask), 1, mask.geometry.size);
   if (box.empty()) return result;
@@ -127,17 +127,19 @@ Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
   const VolumeGeometry& g = part.geometry;
   const double voxel_mm = std::cbrt(voxel_mm3(g));
   const std::vector<Medial> medial = medial_voxels(part);
+  progress.advance();
   const auto is_thin = [](const Medial& m) { return m.depth_mm <= 0.5 * kThickest_mm; };
   const auto paint = [&](Mask& mask_of_balls, const Medial& m, double radius_mm, std::uint8_t value) {
     Ball(g, radius_mm).for_each_row(part, m.voxel, [&](std::size_t first, std::int64_t length) {
       std::fill_n(mask_of_balls.voxels.begin() + static_cast<std::ptrdiff_t>(first), length, value);
     });
   };
-  // A vessel that leaves a thick one is no layer with it.
+  // A vessel that leaves one twice as thick is no layer with it.
   Mask thin = part;
   for (const Medial& m : medial)
-    if (!is_thin(m)) paint(thin, m, m.depth_mm + voxel_mm, 0);
+    if (m.depth_mm > kThickest_mm) paint(thin, m, m.depth_mm + voxel_mm, 0);
   const std::vector<std::uint16_t> counts = running_counts(thin);
+  progress.advance();
 
   std::vector<std::uint8_t> is_spongy(medial.size());
   parallel_for(static_cast<std::int64_t>(medial.size()), [&](std::int64_t i) {
@@ -147,6 +149,7 @@ Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
           is_layer(m, thin, counts, voxel_mm) || is_enclosed(m, part, bone_part, voxel_mm);
   });
 
+  progress.advance();
   Mask found(g);
   for (std::size_t i = 0; i < medial.size(); ++i)
     if (is_spongy[i] != 0) paint(found, medial[i], medial[i].depth_mm + voxel_mm, 1);
@@ -154,6 +157,7 @@ Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
     if (!is_thin(m)) paint(found, m, m.depth_mm, 0);
   for (std::size_t i = 0; i < found.voxels.size(); ++i) found.voxels[i] &= part.voxels[i];
   paste(found, box, result);
+  progress.advance();
   return result;
 }
 

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 
 namespace xraycast {
 
@@ -13,7 +14,11 @@ namespace xraycast {
 /// - what mostly dense `bone` surrounds: 65 % of all that lies around it, within two and a half voxels.
 ///
 /// A vessel in a bony canal goes as well; bridge_gaps brings it back. What lies within the sphere around the
-/// middle of something thicker stays.
-Mask find_spongy_bone(const Mask& mask, const Mask& bone);
+/// middle of something thicker stays. Four units of `progress`.
+Mask find_spongy_bone(const Mask& mask, const Mask& bone, Progress& progress);
+inline Mask find_spongy_bone(const Mask& mask, const Mask& bone) {
+  Progress unheard;
+  return find_spongy_bone(mask, bone, unheard);
+}
 
 }  // namespace xraycast

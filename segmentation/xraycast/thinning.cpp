@@ -53,10 +53,15 @@ class Thinning {
           }
   }
 
-  void run() {
+  void run(Progress& progress) {
+    progress.begin("thinning", static_cast<std::int64_t>(left_.size()), "voxels");
     for (bool changed = true; changed;) {
       changed = false;
-      for (std::size_t direction = 0; direction < 6; ++direction) changed |= peel(direction);
+      for (std::size_t direction = 0; direction < 6; ++direction) {
+        const std::int64_t gone = peel(direction);
+        changed |= gone > 0;
+        progress.advance(gone);
+      }
       std::erase_if(left_, [&](std::int64_t at) { return inside_[static_cast<std::size_t>(at)] == 0; });
     }
   }
@@ -84,19 +89,20 @@ class Thinning {
   }
 
   /// Takes the removable voxels off that are open towards one side; all are found before the first goes.
-  bool peel(std::size_t direction) {
+  /// Returns how many there were.
+  std::int64_t peel(std::size_t direction) {
     candidates_.clear();
     for (const std::int64_t at : left_)
       if (inside_[static_cast<std::size_t>(at)] != 0 &&
           inside_[static_cast<std::size_t>(at + steps_[direction])] == 0 && removable(at))
         candidates_.push_back(at);
-    bool changed = false;
+    std::int64_t gone = 0;
     for (const std::int64_t at : candidates_) {
       if (!removable(at)) continue;
       inside_[static_cast<std::size_t>(at)] = 0;
-      changed = true;
+      ++gone;
     }
-    return changed;
+    return gone;
   }
 
   Index3 size_;
@@ -118,9 +124,9 @@ bool is_simple(std::uint32_t neighbourhood) {
   return (reached & outside_faces) == outside_faces;
 }
 
-Mask thin(const Mask& mask) {
+Mask thin(const Mask& mask, Progress& progress) {
   Thinning thinning(mask);
-  thinning.run();
+  thinning.run(progress);
   Mask lines(mask.geometry);
   thinning.store(lines);
   return lines;

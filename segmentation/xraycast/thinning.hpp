@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 
 namespace xraycast {
 
@@ -13,6 +14,11 @@ bool is_simple(std::uint32_t neighbourhood);
 /// (Lee, Kashyap and Chu, Building skeleton models via 3-D medial surface/axis thinning algorithms, 1994).
 /// Only simple voxels go, one after the other, so that parts, tunnels and cavities, and with them the Euler
 /// characteristic, all stay. Ends of lines stay too.
-Mask thin(const Mask& mask);
+/// `progress` counts the voxels that went; they end some way before its total.
+Mask thin(const Mask& mask, Progress& progress);
+inline Mask thin(const Mask& mask) {
+  Progress unheard;
+  return thin(mask, unheard);
+}
 
 }  // namespace xraycast

@@ -202,7 +202,8 @@ Index3 nearest_voxel(const Mask& mask, const glm::dvec3& point_mm, const std::st
   return best;
 }
 
-void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name) {
+void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
+  progress.begin("parting chambers", 4, "passes");
   for (const auto* points : {&markers.vessels_mm, &markers.not_vessels_mm})
     for (const glm::dvec3& point : *points)
       nearest_voxel(mask, point, name);  // complains where there is none
@@ -214,6 +215,8 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
   const Mask grid = coarse(part, step);
   const std::vector<float> distance_mm = distance_to_outside_mm(grid);
 
+  progress.advance();
+
   Flooding flooding(grid, distance_mm);
   for (const std::size_t voxel : chamber_centres(grid, distance_mm, markers.max_radius_mm))
     flooding.mark(voxel, Kind::chamber);
@@ -223,7 +226,9 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
       const Index3 voxel = (nearest_voxel(mask, point, name) - box.lower) / step;
       if (grid.at(voxel)) flooding.mark(grid.offset(voxel), kind);
     }
+  progress.advance();
   flooding.run();
+  progress.advance();
 
   // Chambers go, and of two basins that touch the one with the higher number gives up the voxels between.
   std::vector<std::int32_t> basins(grid.voxels.size(), -1);
@@ -248,6 +253,7 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
       }
   });
   paste(kept, box, mask);
+  progress.advance();
 }
 
 }  // namespace xraycast

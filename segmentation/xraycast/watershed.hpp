@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -27,6 +28,10 @@ Index3 nearest_voxel(const Mask& mask, const glm::dvec3& point_mm, const std::st
 /// vessel, are taken off. Works on a grid of 1.5 mm or the mask's own, whichever is coarser.
 ///
 /// Throws InputError, with `name` in front, when a point lies farther than 5 mm from the mask.
-void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name);
+void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name, Progress& progress);
+inline void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name) {
+  Progress unheard;
+  part_from_chambers(mask, markers, name, unheard);
+}
 
 }  // namespace xraycast
