@@ -21,7 +21,7 @@ std::unique_ptr<Catheter> catheter() {
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
   // The hand pushes at 50 mm/s; what belongs together has to fit together, whenever it is read.
   double pushed_mm = 0;
-  SimulationLoop loop(catheter(), [&pushed_mm](const HubLoad& load, double step_s) {
+  SimulationLoop loop(catheter(), [&pushed_mm](const HubPose&, const HubLoad& load, double step_s) {
     EXPECT_TRUE(std::isfinite(load.force_N));
     return HubPose{pushed_mm += 50 * step_s, 0};
   });
@@ -41,7 +41,7 @@ TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
 }
 
 TEST(SimulationLoop, GoesOnWhileNobodyReads) {
-  SimulationLoop loop(catheter(), [](const HubLoad&, double) { return HubPose{20, 0}; });
+  SimulationLoop loop(catheter(), [](const HubPose&, const HubLoad&, double) { return HubPose{20, 0}; });
   const double start_s = loop.snapshot().time_s;
   std::this_thread::sleep_for(1s);
   const CatheterSnapshot& now = loop.snapshot();

@@ -231,6 +231,33 @@ TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
   }
 }
 
+TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
+  const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
+  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  VirtualCoupling coupling;
+  HandPose hand;
+  VirtualCoupling::Step step;
+  const auto hold = [&](double insertion_mm, int steps) {
+    for (int i = 0; i < steps; ++i) {
+      hand = {{.insertion_mm = insertion_mm}, hand.count + 1};
+      coupling.stand_at(catheter.pose());
+      step = coupling.step(hand, catheter.load(), kStep_s);
+      catheter.step(step.hub);
+    }
+  };
+  hold(5, 500);
+  hold(-100, 1000);  // further out than it goes: an end stop, felt with no more than the limit
+  EXPECT_EQ(catheter.pose().insertion_mm, 0);
+  EXPECT_EQ(step.felt.force_N, -kDefaults.insertion.largest_load);
+  // The hand comes back: the hub is at the stop still, and moves with the hand at once.
+  hold(0, 500);
+  EXPECT_NEAR(step.felt.force_N, 0, 0.01);  // what is left of the rod's own load
+  hold(5, 100);
+  // Ten of the spring's time constants of 2 ms, of which it lags by one, and what the rod makes it yield.
+  const double yielded_mm = 1000 * catheter.load().force_N / kDefaults.insertion.stiffness;
+  EXPECT_NEAR(catheter.pose().insertion_mm, 5 - yielded_mm, 0.1);
+}
+
 TEST(VirtualCoupling, GivesAHandNoEnergy) {
   // A handle of 50 g on twice the least damping that the header asks for, thrown against a stiff rod and let
   // go. Its load is held between steps, as a device holds it; its own motion is exact enough in a hundredth

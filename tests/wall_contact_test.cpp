@@ -184,6 +184,17 @@ TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
 
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
+TEST(Catheter, CurlsUpBesideItsIntroducer) {
+  // In the aortic root there is room for a pigtail to curl back behind the plane that the introducer ends in.
+  const VesselTree tree = phantom_tree("thorax");
+  Catheter catheter(tree, DeviceModel::named("pigtail-5f"), nearest_end(tree, {6, -16, 134}));
+  for (int i = 1; i <= 400; ++i) catheter.step({.insertion_mm = 0.05 * i});
+  const Vector3d entry = catheter.rod().clamp().position_mm + 20 * catheter.rod().clamp().axis;
+  const Vector3d tip = catheter.rod().state().nodes_mm.back() - entry;
+  ASSERT_LT(tip.dot(catheter.rod().clamp().axis), 0) << "it does not curl back";
+  EXPECT_EQ(catheter.wall().contacts().back().guide_N.norm(), 0);
+}
+
 TEST(Catheter, HubBearsContactAndFriction) {
   const VesselTree tree = phantom_tree("thorax");
   Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));

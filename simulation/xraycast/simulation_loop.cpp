@@ -76,7 +76,7 @@ void SimulationLoop::run() {
   auto begin = Clock::now();
   while (!stops_) {
     const Stopwatch stopwatch;
-    catheter_->step(hand_(catheter_->load(), catheter_->step_s()));
+    catheter_->step(hand_(catheter_->pose(), catheter_->load(), catheter_->step_s()));
     publish();
     begin += period;
     const auto now = Clock::now();

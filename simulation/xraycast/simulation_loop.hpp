@@ -37,9 +37,9 @@ struct CatheterSnapshot {
 /// slept) the clock is set anew.
 class SimulationLoop {
  public:
-  /// Called before each step in the loop's thread: gets what the hub feels and the length of a step, and says
-  /// where the hub should be. Returns at once.
-  using Hand = std::function<HubPose(const HubLoad& load, double step_s)>;
+  /// Called before each step in the loop's thread: gets where the hub is, what it feels and the length of a
+  /// step, and says where the hub should be. Returns at once.
+  using Hand = std::function<HubPose(const HubPose& hub, const HubLoad& load, double step_s)>;
 
   SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand);
   ~SimulationLoop();

@@ -11,6 +11,17 @@ VirtualCoupling::VirtualCoupling(const HubPose& start, const CouplingSettings& s
       rotation_rad_{start.rotation_rad, start.rotation_rad, 0},
       silence_s_(settings.patience_s) {}
 
+void VirtualCoupling::stand_at(const HubPose& hub) {
+  constexpr double kRounding = 1e-9;
+  const auto stand = [](AxisState& axis, double position) {
+    if (std::abs(axis.position - position) < kRounding) return;
+    axis.position = position;
+    axis.velocity = 0;
+  };
+  stand(insertion_m_, hub.insertion_mm / 1000);
+  stand(rotation_rad_, hub.rotation_rad);
+}
+
 VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad& load, double step_s) {
   Step result;
   const bool finite = std::isfinite(hand.pose.insertion_mm) && std::isfinite(hand.pose.rotation_rad) &&

@@ -50,6 +50,9 @@ class VirtualCoupling {
     bool frozen = true;  ///< no pose came for `patience_s`, or none yet, or not a number
   };
 
+  /// The hub is there. Where the rod did not follow the last step, the hub stops.
+  void stand_at(const HubPose& hub);
+
   /// A step of `step_s` under the hand's newest pose and the load that the rod puts on the hub.
   Step step(const HandPose& hand, const HubLoad& load, double step_s);
 

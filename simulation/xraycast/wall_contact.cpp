@@ -83,14 +83,14 @@ void WallContact::node_removed() {
   slips_mm_.erase(slips_mm_.begin() + 1);
 }
 
-WallContact::Guide WallContact::guide(const Vector3d& point_mm, double share_mm) const {
+WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t node) const {
   Guide guide;
-  if (!has_introducer_) return guide;
+  if (!grips_[node].is_guided) return guide;
   const Vector3d offset = point_mm - introducer_.exit_mm;
   const double inside_mm = -offset.dot(introducer_.axis);  // of the introducer
   if (inside_mm <= 0) return guide;
   const double t = std::min(1.0, inside_mm / kGuideRamp_mm);
-  const double hold = kGuide_N_mm2 / kMilli * share_mm;
+  const double hold = kGuide_N_mm2 / kMilli * grips_[node].share_mm;
   const Vector3d aside = offset + inside_mm * introducer_.axis;
   guide.weight = hold * t * t * (3 - 2 * t);
   guide.energy_uJ = 0.5 * guide.weight * aside.squaredNorm();
@@ -101,11 +101,15 @@ WallContact::Guide WallContact::guide(const Vector3d& point_mm, double share_mm)
 
 void WallContact::begin_step(const Rod& rod) {
   const RodState& state = rod.state();
+  bool is_guided = has_introducer_;
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     Contact& contact = contacts_[i];
     Grip& grip = grips_[i];
     grip.share_mm = rod.share_mm(i);
     grip.start_mm = state.nodes_mm[i];
+    // Up to the first node that has left it: a tip that curls back beside the introducer is not in it.
+    grip.is_guided = is_guided;
+    is_guided = is_guided && (grip.start_mm - introducer_.exit_mm).dot(introducer_.axis) < 0;
     touch(i, grip.start_mm);
     const double radius_mm = contact.sample.clearance_mm + contact.sample.from_centre_mm;
     if (contact.depth_mm == 0 || radius_mm < grip.vessel_radius_mm - 0.1 || grip.vessel_radius_mm == 0) {
@@ -145,7 +149,7 @@ double WallContact::energy_uJ(const RodState& state) {
     Grip& grip = grips_[i];
     touch(i, state.nodes_mm[i]);
     energy += wall_energy_uJ(contacts_[i].depth_mm, i);
-    grip.guide_uJ = guide(state.nodes_mm[i], grip.share_mm).energy_uJ;
+    grip.guide_uJ = guide(state.nodes_mm[i], i).energy_uJ;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
     const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
@@ -161,7 +165,7 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
   for (std::size_t i = 1; i < contacts_.size(); ++i) {
     const Contact& contact = contacts_[i];
     const Grip& grip = grips_[i];
-    const Guide hold = guide(state.nodes_mm[i], grip.share_mm);
+    const Guide hold = guide(state.nodes_mm[i], i);
     if (contact.depth_mm == 0 && grip.limit_mN == 0 && hold.weight == 0) continue;
     RodSystem::BlockVector slope = RodSystem::BlockVector::Zero();
     RodSystem::Block hessian = RodSystem::Block::Zero();
@@ -211,7 +215,7 @@ void WallContact::end_step(const RodState& state) {
     Contact& contact = contacts_[i];
     const Grip& grip = grips_[i];
     contact.normal_N = wall_force_N(contact.depth_mm, i) * contact.sample.gradient;
-    contact.guide_N = -kMilli * guide(state.nodes_mm[i], grip.share_mm).slope_mN;
+    contact.guide_N = -kMilli * guide(state.nodes_mm[i], i).slope_mN;
     contact.friction_N.setZero();
     slips_mm_[i].setZero();
     if (grip.limit_mN == 0) continue;

@@ -69,6 +69,7 @@ class WallContact final : public RodSurroundings {
     double share_mm = 0, limit_mN = 0;
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
     Eigen::Vector2d slip_mm{0, 0};                                       ///< of the spring
+    bool is_guided = false;                                              ///< by the introducer
     double guide_uJ = 0;
     double vessel_radius_mm = 0, stiffening_mm = 1;  ///< of the wall since the contact began
     Eigen::Vector3d looked_at_mm{0, 0, 0};           ///< where the contact's sample was taken
@@ -81,7 +82,7 @@ class WallContact final : public RodSurroundings {
     double energy_uJ = 0, weight = 0;
     Eigen::Vector3d slope_mN{0, 0, 0};
   };
-  Guide guide(const Eigen::Vector3d& point_mm, double share_mm) const;
+  Guide guide(const Eigen::Vector3d& point_mm, std::size_t node) const;
   double spin_share(std::size_t node) const { return node + 1 < contacts_.size() ? 0.5 : 1.0; }
 
   std::shared_ptr<const TubeField> field_;

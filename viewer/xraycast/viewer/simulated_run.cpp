@@ -17,7 +17,8 @@ SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const DeviceM
       bolus_(*tree_),
       contrast_(*tree_),
       loop_(std::make_unique<Catheter>(*tree_, model, entry),
-            [this](const HubLoad& load, double step_s) {
+            [this](const HubPose& hub, const HubLoad& load, double step_s) {
+              coupling_.stand_at(hub);
               const VirtualCoupling::Step step = coupling_.step(device_->pose(), load, step_s);
               device_->feel(step.felt);
               return step.hub;
