@@ -185,7 +185,8 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
 }
 
 // From the left groin up the aorta into a renal artery; then contrast agent is injected.
-constexpr const char* kScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n8,375,210\n10.5,375,210\n";
+constexpr const char* kScript =
+    "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n8,375,210\n10.5,375,210\n";
 constexpr double kInjectFrom_s = 8.5, kInjectTo_s = 11;
 
 /// A catheter's run by the script, as a cine in both looks, with the loads at the hub.

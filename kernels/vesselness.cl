@@ -1,5 +1,5 @@
-/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and lines. Beyond
- * the block its border goes on. */
+/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and lines.
+ * Beyond the block its border goes on. */
 
 static int clamped(const int i, const int size) { return clamp(i, 0, size - 1); }
 
