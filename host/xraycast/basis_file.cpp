@@ -59,10 +59,7 @@ std::string header_of(const Basis& basis) {
               {"knots_hu", basis.knots_hu},
               {"hu_histogram", basis.hu_histogram},
               {"source", basis.source}};
-  if (geometry.field) {
-    const auto& [lower, upper] = *geometry.field;
-    header["field_mm"] = {{lower.x, lower.y, lower.z}, {upper.x, upper.y, upper.z}};
-  }
+  if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
 }
@@ -114,10 +111,8 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   geometry.top_mm = header.get<double>("top_mm");
   geometry.row_spacing_mm = header.get<double>("row_spacing_mm");
   geometry.step_mm = header.get<double>("step_mm");
-  if (header.has("field_mm")) {
-    const auto [lower, upper] = header.get<std::array<std::array<double, 3>, 2>>("field_mm");
-    geometry.field = FieldOfView{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
-  }
+  if (header.has("field_mm"))
+    geometry.field = FieldOfView::between(header.get<FieldOfView::Corners>("field_mm"));
   validate(geometry, name);
   basis.knots_hu = header.get<std::vector<double>>("knots_hu");
   validate_knots(basis.knots_hu, name);

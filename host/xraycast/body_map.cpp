@@ -37,11 +37,6 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
   return list;
 }
 
-json field_to_json(const FieldOfView& field) {
-  const auto& [lower, upper] = field;
-  return {{lower.x, lower.y, lower.z}, {upper.x, upper.y, upper.z}};
-}
-
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
 OIIO::ImageSpec spec_of_layer(const BodyMap& map, int layer) {
   const MapGeometry& geometry = map.geometry;
@@ -63,7 +58,7 @@ OIIO::ImageSpec spec_of_layer(const BodyMap& map, int layer) {
   spec.attribute("xraycast:top_mm", json(geometry.top_mm).dump());
   spec.attribute("xraycast:row_spacing_mm", json(geometry.row_spacing_mm).dump());
   spec.attribute("xraycast:step_mm", json(geometry.step_mm).dump());
-  if (geometry.field) spec.attribute("xraycast:field_mm", field_to_json(*geometry.field).dump());
+  if (geometry.field) spec.attribute("xraycast:field_mm", json(geometry.field->corners_mm()).dump());
   if (map.spectrum)
     spec.attribute("xraycast:spectrum", map.spectrum->to_json());
   else
@@ -107,10 +102,9 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   if (geometry.projection == Projection::rectangle) read("views", geometry.views);
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
   if (spec.find_attribute("xraycast:field_mm")) {
-    std::array<std::array<double, 3>, 2> corners{};
-    read("field_mm", corners);
-    const auto& [lower, upper] = corners;
-    geometry.field = FieldOfView{{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+    FieldOfView::Corners corners_mm{};
+    read("field_mm", corners_mm);
+    geometry.field = FieldOfView::between(corners_mm);
   }
   validate(geometry, path);
   return geometry;

@@ -86,6 +86,15 @@ double MapGeometry::phi_rad(double column) const { return (column + 0.5) * 2 * s
 
 double MapGeometry::theta_rad(double row) const { return (row + 0.5) * std::numbers::pi / height; }
 
+FieldOfView::Corners FieldOfView::corners_mm() const {
+  return {{{lower_mm.x, lower_mm.y, lower_mm.z}, {upper_mm.x, upper_mm.y, upper_mm.z}}};
+}
+
+FieldOfView FieldOfView::between(const Corners& corners_mm) {
+  const auto& [lower, upper] = corners_mm;
+  return {{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+}
+
 double MapGeometry::view_rad(double layer) const { return layer * std::numbers::pi / views; }
 
 double MapGeometry::reach_mm(int column, int row) const {

@@ -4,6 +4,7 @@
 
 #include <glm/vec2.hpp>
 
+#include <array>
 #include <optional>
 #include <string>
 #include <vector>
@@ -37,6 +38,11 @@ std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm)
 struct FieldOfView {
   glm::dvec3 lower_mm, upper_mm;
   bool operator==(const FieldOfView&) const = default;
+
+  /// As files have it: the lower corner, then the upper one.
+  using Corners = std::array<std::array<double, 3>, 2>;
+  Corners corners_mm() const;
+  static FieldOfView between(const Corners& corners_mm);
 };
 
 /// Where every texel of a body map looks. A map is K layers of `height` x `width` texels.
