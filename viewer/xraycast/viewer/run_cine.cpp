@@ -2,7 +2,6 @@
 
 #include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/catheter_surface.hpp"
-#include "xraycast/viewer/fluoroscopy_beam.hpp"
 
 namespace xraycast {
 namespace {
@@ -30,7 +29,7 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   catheter.copy_nodes(nodes_mm);
   renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().device().radius_mm()));
   if (options_.style.look == Look::fluoro)
-    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), fluoroscopy_per_mm("I", 1)));
+    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml(), iodine_per_mm_));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
   draw_outline(road_map_.outline(options_.view), kRoadMapColour, options_.view.width, rgb);
   screen_(std::move(rgb));

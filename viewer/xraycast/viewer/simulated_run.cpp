@@ -1,7 +1,6 @@
 #include "xraycast/viewer/simulated_run.hpp"
 
 #include "xraycast/viewer/catheter_surface.hpp"
-#include "xraycast/viewer/fluoroscopy_beam.hpp"
 
 #include <fmt/format.h>
 
@@ -40,9 +39,7 @@ void SimulatedRun::update() {
 
 Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm, model_.radius_mm()); }
 
-Surface SimulatedRun::contrast() const {
-  return contrast_.filled(bolus_.iodine_mg_ml(), fluoroscopy_per_mm("I", 1));
-}
+Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml(), iodine_per_mm_); }
 
 void SimulatedRun::start_recording() {
   recorded_ = {{now_->time_s, now_->pose}};

@@ -5,6 +5,7 @@
 #include "xraycast/simulation_loop.hpp"
 #include "xraycast/vessel_tree.hpp"
 #include "xraycast/viewer/contrast_surface.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/scene.hpp"
 #include "xraycast/virtual_coupling.hpp"
 
@@ -34,7 +35,6 @@ class SimulatedRun {
 
   /// Contrast agent (350 mg iodine a millilitre) enters at the tip from now on; 0 ends it.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
-  bool is_injecting() const { return injection_ml_s_ > 0; }
   double injected_ml() const { return injected_ml_; }
 
   Surface catheter() const;
@@ -67,6 +67,7 @@ class SimulatedRun {
   VirtualCoupling coupling_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
+  double iodine_per_mm_ = fluoroscopy_per_mm("I", 1);  ///< of a mg/ml
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;

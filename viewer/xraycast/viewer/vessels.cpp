@@ -27,7 +27,9 @@ Mesh mesh_of_folder(const std::filesystem::path& folder) {
 double catheter_per_mm() {
   constexpr double kTubing_mg_ml = 1600, kFiller = 0.4, kBariumOfSulphate = 137.33 / 233.39;
   constexpr double kLumen = kLumenRadius_mm / kCatheterRadius_mm;
-  return fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
+  static const double per_mm =
+      fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
+  return per_mm;
 }
 
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
