@@ -57,6 +57,16 @@ TEST_P(Straight, TubeIsFoundBetweenVoxels) {
 
 INSTANTIATE_TEST_SUITE_P(OfRadius, Straight, testing::Values(2.0, 3.3, 5.0, 7.5));
 
+TEST(Centrelines, EndWithALineOfSingleVoxels) {
+  const Mask line = mask_where({.size = {60, 20, 20}}, [](const glm::dvec3& p) {
+    return p.x >= 10 && p.x <= 40 && p.y == 10 && p.z == 10;
+  });
+  const Centrelines found = find_centrelines(line, "line");
+  ASSERT_EQ(found.tree.branches().size(), 1U);
+  // Its wall lies half a voxel beyond the last voxel's centre.
+  EXPECT_NEAR(found.tree.branches()[0].arc_length_mm.back(), 30, 1);
+}
+
 TEST(Centrelines, FollowABentTube) {
   const glm::dvec3 centre(10, 10, 20);
   constexpr double kBend = 40, kRadius = 4.5;

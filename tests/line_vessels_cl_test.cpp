@@ -1,9 +1,12 @@
 // Thin vessels in heavy noise: trees that grow at random, not those by which the filter's constants were
 // chosen.
 #include "support/grown_tree.hpp"
+#include "support/tubes.hpp"
 #include "xraycast/centreline.hpp"
+#include "xraycast/components.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/line_ends.hpp"
 #include "xraycast/line_vessels.hpp"
 #include "xraycast/segment.hpp"
 
@@ -11,6 +14,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <random>
 
 namespace xraycast {
@@ -71,16 +75,43 @@ INSTANTIATE_TEST_SUITE_P(Grown, LineVessels,
                                          NoisyTree{23, 0.1, 75, 0.70}),
                          [](const auto& tree) { return "Tree" + std::to_string(tree.param.seed); });
 
-TEST(NoiseAlone, HoldsNoVessel) {
-  Volume volume({.size = {60, 60, 60}});
+Volume noise_alone(const Index3& size) {
+  Volume volume({.size = size});
   std::mt19937 random(1);
   std::normal_distribution<double> noise(0, 60);
   for (std::int16_t& value : volume.hu())
     value = static_cast<std::int16_t>(std::lround(std::clamp(noise(random), 0.0, 255.0)));
+  return volume;
+}
+
+TEST(NoiseAlone, HoldsNoVessel) {
+  const Volume volume = noise_alone({60, 60, 60});
   Device device;
   Progress progress;
   ASSERT_TRUE(is_buried_in_noise(volume));
   EXPECT_THROW(segment_mask(volume, {}, "noise", device, progress), InputError);
+}
+
+TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
+  const Volume volume = noise_alone({80, 160, 160});
+  const Mask lines = mask_where(volume.geometry(), [](const glm::dvec3& p) {
+    return p.x >= 35 && p.x < 45 && std::fmod(p.y, 8) == 4 && std::fmod(p.z, 8) == 4;
+  });
+  Device device;
+  const Components ways(ways_beyond_ends(volume, lines, device));
+  // Of 800 ends one in fifty, and three standard deviations of that number more.
+  EXPECT_LE(ways.count(), 16 + 3 * 4);
+}
+
+TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
+  Volume volume = noise_alone({60, 40, 40});
+  for (std::int64_t x = 5; x < 45; ++x) volume.at(x, 20, 20) = 255;
+  const Mask start = mask_where(
+      volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
+  Device device;
+  const Mask ways = ways_beyond_ends(volume, start, device);
+  for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
+  EXPECT_FALSE(ways.at({48, 20, 20}));
 }
 
 TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {

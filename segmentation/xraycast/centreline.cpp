@@ -339,7 +339,10 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   const std::size_t inner = line.size() - 1 - std::min(line.size() - 1, 2 * kTangentReach);
   const double radius_mm = lumen.wall_mm(line[inner]),
                least_mm = radius_mm - 0.2 * lumen.voxel_mm();  // what voxels can tell
-  const auto fits = [&](const glm::dvec3& p) { return lumen.contains(p) && lumen.wall_mm(p) >= least_mm; };
+  // A vessel as thin as a voxel has the least distance to a wall that there is, beyond its end as well.
+  const auto fits = [&](const glm::dvec3& p) {
+    return lumen.contains(p) && lumen.inside(p) > 0.5 && lumen.wall_mm(p) >= least_mm;
+  };
   const auto most = static_cast<std::size_t>(std::ceil(radius_mm / step_mm));
   std::size_t taken = 0;
   while (taken < most && line.size() > inner + 2 && line.size() > 3 && !fits(line.back()))

@@ -13,18 +13,15 @@ namespace xraycast {
 namespace {
 
 constexpr int kReach_vox = 7;  ///< of a line to either side
+constexpr double kAround_vox = 3;
+constexpr auto kHalo = static_cast<std::int64_t>(3 * kAround_vox);  ///< that smoothing reaches to
 
-/// Median and standard deviation, the latter from the median absolute deviation.
-std::pair<double, double> background(const std::vector<float>& values) {
-  const auto median = [](std::vector<float> v) {
-    const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
-    std::ranges::nth_element(v, middle);
-    return static_cast<double>(*middle);
-  };
-  const double centre = median(values);
-  std::vector<float> deviations = values;
-  for (float& v : deviations) v = std::abs(v - static_cast<float>(centre));
-  return {centre, 1.4826 * median(std::move(deviations))};
+/// What is bright within `across_vox` voxels, less what is for three around.
+cl::Buffer contrast_of(BlockFilter& block, const cl::Buffer& values, double across_vox) {
+  std::vector<float> narrow = block.download(block.smooth(values, glm::dvec3(across_vox)));
+  const std::vector<float> wide = block.download(block.smooth(values, glm::dvec3(kAround_vox)));
+  for (std::size_t i = 0; i < narrow.size(); ++i) narrow[i] -= wide[i];
+  return block.upload(narrow);
 }
 
 Mask above(const std::vector<float>& values, const VolumeGeometry& grid, double least) {
@@ -86,22 +83,36 @@ bool is_buried_in_noise(const Volume& volume) {
   return measure_noise_hu(volume) > 0.1 * (highest - lowest);
 }
 
+Spread spread_of(const std::vector<float>& values) {
+  const auto median = [](std::vector<float> v) {
+    const auto middle = v.begin() + static_cast<std::ptrdiff_t>(v.size() / 2);
+    std::ranges::nth_element(v, middle);
+    return static_cast<double>(*middle);
+  };
+  const double centre = median(values);
+  std::vector<float> deviations = values;
+  for (float& v : deviations) v = std::abs(v - static_cast<float>(centre));
+  return {centre, 1.4826 * median(std::move(deviations))};
+}
+
+std::vector<float> local_contrast(const Volume& volume, double across_vox, Device& device) {
+  return filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
+    return contrast_of(block, values, across_vox);
+  });
+}
+
 std::vector<float> line_strength(const Volume& volume, Device& device) {
-  constexpr double kAcross_vox = 0.5, kAround_vox = 3, kAlong_vox = 3.5;
+  constexpr double kAcross_vox = 0.5, kAlong_vox = 3.5;
   constexpr int kDirections = 64;
-  constexpr auto kHalo = static_cast<std::int64_t>(3 * kAround_vox) + kReach_vox;
-  return filtered(volume, device, kHalo, [](BlockFilter& block, const cl::Buffer& values) {
-    std::vector<float> narrow = block.download(block.smooth(values, glm::dvec3(kAcross_vox)));
-    const std::vector<float> wide = block.download(block.smooth(values, glm::dvec3(kAround_vox)));
-    for (std::size_t i = 0; i < narrow.size(); ++i) narrow[i] -= wide[i];
-    return block.line_strength(block.upload(narrow), kAlong_vox, kReach_vox, kDirections);
+  return filtered(volume, device, kHalo + kReach_vox, [](BlockFilter& block, const cl::Buffer& values) {
+    return block.line_strength(contrast_of(block, values, kAcross_vox), kAlong_vox, kReach_vox, kDirections);
   });
 }
 
 Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid) {
   constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
   constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
-  const auto [median, spread] = background(strength);
+  const auto [median, spread] = spread_of(strength);
   const Mask strong = large_parts(above(strength, grid, median + kStrong * spread), kLeastVoxels);
   Mask weak = above(strength, grid, median + kWeak * spread);
   for (std::size_t i = 0; i < weak.voxels.size(); ++i)

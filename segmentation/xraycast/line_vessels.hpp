@@ -13,6 +13,16 @@ namespace xraycast {
 /// parts them from it.
 bool is_buried_in_noise(const Volume& volume);
 
+/// The median of values, and the standard deviation that their median absolute deviation stands for.
+struct Spread {
+  double median, standard_deviation;
+};
+Spread spread_of(const std::vector<float>& values);
+
+/// How bright each voxel is, smoothed by a Gaussian of `across_vox` voxels, less what lies around it,
+/// smoothed by one of three; in the scan's unit. Throws DeviceError.
+std::vector<float> local_contrast(const Volume& volume, double across_vox, Device& device);
+
 /// How strong the strongest straight line through each voxel is, in the scan's unit: what is bright across it
 /// within a voxel, less what is bright for three voxels around, averaged along seven voxels to both sides of
 /// which the weaker counts; over 64 directions. Where a bright thing lies on one side only there is no line,

@@ -6,6 +6,7 @@
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/exclusion.hpp"
+#include "xraycast/line_ends.hpp"
 #include "xraycast/line_vessels.hpp"
 #include "xraycast/parallel.hpp"
 #include "xraycast/spongy_bone.hpp"
@@ -101,8 +102,10 @@ Mask without_specks(const Mask& mask) {
 /// Where noise is so heavy that neither bone nor chambers can be told, lines are what is found.
 Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::string& name, Device& device,
                       Progress& progress) {
-  progress.begin("looking for lines", 1, "scans");
+  progress.begin("looking for lines", 2, "scans");
   Mask lines = find_line_vessels(line_strength(volume, device), volume.geometry());
+  progress.advance();
+  lines = united(ways_beyond_ends(volume, lines, device), lines);
   progress.advance();
   if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(lines);
