@@ -104,13 +104,18 @@ struct TurnGradient {
 
 }  // namespace
 
-void RodSystem::add_around_node(std::size_t node, const BlockVector& gradient, const Block& hessian) {
-  const std::size_t row = spin_row(node - 1);
-  for (std::size_t c = 0; c < 5; ++c) {
-    gradient_[row + c] += gradient[static_cast<Eigen::Index>(c)];
+void RodSystem::add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian) {
+  // From the place of the edge's first node to the angle of the edge behind it.
+  constexpr std::array<Eigen::Index, 8> kPart{0, 1, 2, 3, 0, 1, 2, 3};
+  const std::array<double, 8> weights{point.first, point.first, point.first, point.spin,
+                                      point.last,  point.last,  point.last,  point.spin_behind};
+  const std::size_t row = place_row(point.edge);
+  for (std::size_t c = 0; c < 8; ++c) {
+    if (weights[c] == 0) continue;
+    gradient_[row + c] += weights[c] * gradient[kPart[c]];
     double* column = matrix_.column(row + c);
-    for (std::size_t r = c; r < 5; ++r)
-      column[r - c] += hessian(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+    for (std::size_t r = c; r < 8; ++r)
+      column[r - c] += weights[c] * weights[r] * hessian(kPart[r], kPart[c]);
   }
 }
 
