@@ -28,7 +28,8 @@ constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3;
 
 // A Newton step that would go further is cut: beyond, the quadratic model says nothing.
 constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
-// The potential that the next iteration may leave: five millinewton against 1 N/mm.
+// The potential that the next iteration may leave, and what one has to gain at least: five millinewton
+// against 1 N/mm.
 constexpr double kTolerance_uJ = 1e-2;
 
 /// `v`, normal to `from`, carried along the great circle to `to` (both unit).
@@ -451,6 +452,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     }
     double scale = std::min({1.0, kLongestMove_mm / move_mm, kLargestSpin_rad / spin_rad});
     // Halving: 2^-12 of a Newton step is no progress any more.
+    const double before_uJ = potential;
     bool falls = false;
     for (int halvings = 0; halvings < 12 && !falls; ++halvings, scale *= 0.5) {
       move(state_, solution_.data(), scale, trial_);
@@ -468,7 +470,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
       if (surroundings) surroundings->energy_uJ(state_);
       break;
     }
-    if (fall_uJ < kTolerance_uJ) break;
+    if (std::min(fall_uJ, before_uJ - potential) < kTolerance_uJ) break;
   }
 
   settle_motion(dt_s, start_uJ - potential);
