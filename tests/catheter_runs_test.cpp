@@ -1,5 +1,5 @@
 // Random scripts in five trees: nothing that a hand can do may break the simulation. XRAYCAST_RUNS sets how
-// many there are (100); XRAYCAST_RUNS_TABLE names a file for a table of all of them.
+// many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a tree.
 #include "xraycast/catheter.hpp"
 #include "xraycast/centreline.hpp"
 #include "xraycast/phantom.hpp"
@@ -61,9 +61,9 @@ struct Outcome {
   std::string tree, device;
   unsigned seed = 0;
   bool is_finite = true;
-  double beyond_static_mm = 0;  ///< how much deeper a node was than its load would press it at rest
+  double beyond_static_mm = 0;  ///< how much deeper the rod was than its load would press it at rest
   double deepest_mm = 0;
-  long contacts = 0, deep_contacts = 0;  ///< node by node, step by step; by more than 0.1 mm beyond static
+  long contacts = 0, deep_contacts = 0;  ///< point by point, step by step; by more than 0.1 mm beyond static
   double energy_growth = 0;              ///< with the hub at rest, relative to the energy then
   double return_mm = 0;                  ///< of the tip, after pushing and pulling
   double real_time = 0;                  ///< processor time over simulated time
@@ -94,37 +94,53 @@ class RandomRun {
  private:
   double uniform(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
 
-  /// How deep a node would lie in the wall at rest under what presses it there now, or in a vessel that is
-  /// narrower than the device, by as much at least.
-  double static_depth_mm(std::size_t node) const {
-    const WallContact::Contact& contact = catheter_.wall().contacts()[node];
+  /// What is left of all forces on each node: what moves it at that moment.
+  void find_net_forces() {
+    const RodState& state = catheter_.rod().state();
+    net_N_.assign(state.nodes_mm.size(), Vector3d::Zero());
+    for (std::size_t i = 1; i < net_N_.size(); ++i) net_N_[i] = catheter_.rod().elastic_force_N(i);
+    for (const WallContact::Contact& contact : catheter_.wall().contacts()) {
+      const Vector3d force_N = contact.normal_N + contact.friction_N + contact.guide_N;
+      net_N_[contact.point.edge] += contact.point.first * force_N;
+      net_N_[contact.point.edge + 1] += contact.point.last * force_N;
+    }
+    net_N_[0].setZero();  // the clamp's
+  }
+
+  /// How deep a point of the rod would lie in the wall at rest under what presses it there now, or in a
+  /// vessel that is narrower than the device, by as much at least.
+  double static_depth_mm(std::size_t index) const {
+    const WallContact::Contact& contact = catheter_.wall().contacts()[index];
     const TubeField::Sample& sample = contact.sample;
-    const Vector3d pressed_N = catheter_.rod().elastic_force_N(node) + contact.guide_N + contact.friction_N;
+    const RodPoint& point = contact.point;
+    const Vector3d net_N = point.first * net_N_[point.edge] + point.last * net_N_[point.edge + 1];
     const double narrower_mm =
         catheter_.rod().device().radius_mm() - (sample.clearance_mm + sample.from_centre_mm);
+    const double borne_N = catheter_.wall().wall_force_N(contact.depth_mm, index);
     return std::max(narrower_mm,
-                    depth_mm(-pressed_N.dot(sample.gradient) / sample.gradient.squaredNorm(), node));
+                    depth_mm(borne_N - net_N.dot(sample.gradient) / sample.gradient.squaredNorm(), index));
   }
 
   /// Where the wall bears a force.
-  double depth_mm(double force_N, std::size_t node) const {
+  double depth_mm(double force_N, std::size_t index) const {
     double low = 0, high = 10;
     for (int i = 0; i < 40; ++i) {
       const double middle = 0.5 * (low + high);
-      (catheter_.wall().wall_force_N(middle, node) < force_N ? low : high) = middle;
+      (catheter_.wall().wall_force_N(middle, index) < force_N ? low : high) = middle;
     }
     return high;
   }
 
   void step(const HubPose& pose) {
     catheter_.step(pose);
-    const auto& contacts = catheter_.wall().contacts();
-    for (std::size_t i = 1; i < contacts.size(); ++i) {
-      const Vector3d& node = catheter_.rod().state().nodes_mm[i];
+    for (const Vector3d& node : catheter_.rod().state().nodes_mm)
       run_.is_finite = run_.is_finite && node.allFinite();
-      if (contacts[i].depth_mm <= 0) continue;
-      run_.deepest_mm = std::max(run_.deepest_mm, contacts[i].depth_mm);
-      const double beyond_mm = contacts[i].depth_mm - static_depth_mm(i);
+    find_net_forces();
+    const auto& contacts = catheter_.wall().contacts();
+    for (std::size_t k = 0; k < contacts.size(); ++k) {
+      if (contacts[k].depth_mm <= 0) continue;
+      run_.deepest_mm = std::max(run_.deepest_mm, contacts[k].depth_mm);
+      const double beyond_mm = contacts[k].depth_mm - static_depth_mm(k);
       run_.beyond_static_mm = std::max(run_.beyond_static_mm, beyond_mm);
       run_.deep_contacts += beyond_mm > 0.1;
       ++run_.contacts;
@@ -176,6 +192,7 @@ class RandomRun {
   std::mt19937 random_;
   VesselEnd entry_;
   Catheter catheter_;
+  std::vector<Vector3d> net_N_;
   Outcome run_;
 };
 
@@ -216,7 +233,6 @@ TEST_P(RandomScripts, BreakNothing) {
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
   long contacts = 0, deep_contacts = 0;
-  double caught = 0;
   for (unsigned seed = 0; seed < runs_a_tree(); ++seed) {
     runs.push_back(RandomRun(*tree, GetParam(), seed).go());
     const Outcome& run = runs.back();
@@ -226,16 +242,13 @@ TEST_P(RandomScripts, BreakNothing) {
     deep_contacts += run.deep_contacts;
     // Rounding, which the line search admits.
     EXPECT_LT(run.energy_growth, 1e-9) << where;
-    caught += run.return_mm >= 1;
+    EXPECT_LT(run.return_mm, 1) << where;  // nothing stays caught
     EXPECT_LT(run.real_time, 1) << where;
   }
   write_table(runs);
-  // Walls press on nodes, not between them: where vessels touch, as they do in `avm`, an edge can slip past a
-  // fork's crotch and hang there, in one of twenty scripts. Two leave room for what the tree is segmented to.
-  EXPECT_LE(caught / static_cast<double>(runs.size()), std::string(GetParam()) == "avm" ? 0.1 : 0.0);
   // Where a tip snaps out of a vessel that is hardly wider than itself, a step ends before it has come to
-  // rest, and the next ones make up for it: in one of a thousand contacts at most, most of them in `avm`.
-  EXPECT_LT(static_cast<double>(deep_contacts), 2e-3 * static_cast<double>(contacts)) << GetParam();
+  // rest, and the next ones make up for it: in one of two thousand contacts at most.
+  EXPECT_LT(static_cast<double>(deep_contacts), 5e-4 * static_cast<double>(contacts)) << GetParam();
 }
 
 INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),

@@ -110,6 +110,28 @@ TEST(TubeField, IsSmoothAcrossABifurcation) {
   EXPECT_LT(steepest, 0.06);
 }
 
+TEST(TubeField, VesselsThatTouchBeyondTheirForkAreApart) {
+  // Two branches of 1 mm that part by so little that they overlap far beyond their fork.
+  std::vector<VesselBranch> branches(3);
+  for (int i = 0; i <= 20; ++i) branches[0].points.push_back({{0, 0, i - 20.0}, 1});
+  for (const int side : {-1, 1})
+    for (int i = 0; i <= 20; ++i)
+      branches[side < 0 ? 1 : 2].points.push_back({{side * 0.05 * i, 0, 1.0 * i}, 1});
+  branches[1].parent = branches[2].parent = 0;
+  const TubeField field(VesselTree(branches, "touching"));
+  const auto seen_from = [&](double z_mm, double x_mm) {
+    return field.at({1.2, 0, z_mm}, field.locate({x_mm, 0, z_mm})).clearance_mm;
+  };
+  // Where they meet they are one lumen; farther away the wall of the branch that one is in counts.
+  EXPECT_NEAR(seen_from(3, -1), seen_from(3, 1), 1e-9);
+  EXPECT_GT(seen_from(8, 1), 0.15);
+  EXPECT_LT(seen_from(8, -1), -0.55);
+  // In between it grows without a jump: by some three times the way at most.
+  constexpr double kStep_mm = 0.01;
+  for (double z_mm = 3; z_mm < 8; z_mm += kStep_mm)
+    EXPECT_NEAR(seen_from(z_mm, -1), seen_from(z_mm + kStep_mm, -1), 3 * kStep_mm) << z_mm;
+}
+
 TEST(TubeField, WalkingAlongGivesWhatLookingEverywhereGives) {
   const VesselTree tree = phantom_tree("thorax");
   const TubeField field(tree);

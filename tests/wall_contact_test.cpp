@@ -166,6 +166,34 @@ TEST(WallContact, SlidesAboveTheFrictionCone) {
   EXPECT_LT(most_N, LyingRod::kStatic * lying.borne_N());
 }
 
+TEST(WallContact, MiddlesBearAsMuchAsNodes) {
+  LyingRod lying;
+  lying.rest(1000);
+  double nodes_N = 0, middles_N = 0;
+  for (const auto& contact : lying.wall.contacts())
+    (contact.point.first > 0 ? middles_N : nodes_N) += contact.normal_N.y();
+  // The clamp bears what half an edge of twenty weighs; by the node behind it and by the tip the nodes bear
+  // an edge's share more than the middles.
+  EXPECT_NEAR(nodes_N + middles_N, LyingRod::kWeight_N, 0.05 * LyingRod::kWeight_N);
+  EXPECT_NEAR(middles_N, nodes_N, 0.1 * nodes_N);
+}
+
+TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
+  // A stiff edge across a bend whose inner wall lies higher than the line between the nodes.
+  const DeviceModel wire = limp_wire(0);
+  Rod rod(wire, wire.stations_mm(12), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
+          {.iterations = 20});
+  for (int i = 0; i < 200; ++i) rod.step(10);
+  rod.set_load_N(0, {0, 0, -0.5});
+  WallContact wall(std::make_shared<TubeField>(hairpin()), rod, {});
+  for (int i = 0; i < 400; ++i) rod.step(1e-3, &wall);
+  double deepest_mm = 0;
+  for (const auto& contact : wall.contacts()) deepest_mm = std::max(deepest_mm, contact.depth_mm);
+  // A chord of 12 mm would sag by 0.39 mm inside a bend of 46 mm. An edge bears 0.13 N of the pull, and its
+  // middle, which stands for half of its length, gives way to that by less than 0.1 mm.
+  EXPECT_LT(deepest_mm, 0.1);
+}
+
 TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
   LyingRod lying;
   lying.rest(1000);

@@ -148,11 +148,10 @@ void Catheter::copy_nodes(std::vector<glm::dvec3>& nodes_mm) const {
 
 void Catheter::copy_contacts(std::vector<CatheterContact>& contacts) const {
   contacts.clear();
-  for (std::size_t i = 1; i < rod_.node_count(); ++i) {
-    const WallContact::Contact& contact = wall_->contacts()[i];
+  for (const WallContact::Contact& contact : wall_->contacts())
     if (contact.depth_mm > 0)
-      contacts.push_back({to_glm(rod_.state().nodes_mm[i]), to_glm(contact.normal_N + contact.friction_N)});
-  }
+      contacts.push_back(
+          {to_glm(contact.point.place_mm(rod_.state())), to_glm(contact.normal_N + contact.friction_N)});
 }
 
 double Catheter::energy_J() const {

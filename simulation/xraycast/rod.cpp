@@ -28,7 +28,8 @@ constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3;
 
 // A Newton step that would go further is cut: beyond, the quadratic model says nothing.
 constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
-// The potential that the next iteration may leave: five millinewton against 1 N/mm.
+// The potential that the next iteration may leave, and what one has to gain at least: five millinewton
+// against 1 N/mm.
 constexpr double kTolerance_uJ = 1e-2;
 
 /// `v`, normal to `from`, carried along the great circle to `to` (both unit).
@@ -104,13 +105,18 @@ struct TurnGradient {
 
 }  // namespace
 
-void RodSystem::add_around_node(std::size_t node, const BlockVector& gradient, const Block& hessian) {
-  const std::size_t row = spin_row(node - 1);
-  for (std::size_t c = 0; c < 5; ++c) {
-    gradient_[row + c] += gradient[static_cast<Eigen::Index>(c)];
+void RodSystem::add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian) {
+  // From the place of the edge's first node to the angle of the edge behind it.
+  constexpr std::array<Eigen::Index, 8> kPart{0, 1, 2, 3, 0, 1, 2, 3};
+  const std::array<double, 8> weights{point.first, point.first, point.first, point.spin,
+                                      point.last,  point.last,  point.last,  point.spin_behind};
+  const std::size_t row = place_row(point.edge);
+  for (std::size_t c = 0; c < 8; ++c) {
+    if (weights[c] == 0) continue;
+    gradient_[row + c] += weights[c] * gradient[kPart[c]];
     double* column = matrix_.column(row + c);
-    for (std::size_t r = c; r < 5; ++r)
-      column[r - c] += hessian(static_cast<Eigen::Index>(r), static_cast<Eigen::Index>(c));
+    for (std::size_t r = c; r < 8; ++r)
+      column[r - c] += weights[c] * weights[r] * hessian(kPart[r], kPart[c]);
   }
 }
 
@@ -446,6 +452,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     }
     double scale = std::min({1.0, kLongestMove_mm / move_mm, kLargestSpin_rad / spin_rad});
     // Halving: 2^-12 of a Newton step is no progress any more.
+    const double before_uJ = potential;
     bool falls = false;
     for (int halvings = 0; halvings < 12 && !falls; ++halvings, scale *= 0.5) {
       move(state_, solution_.data(), scale, trial_);
@@ -463,7 +470,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
       if (surroundings) surroundings->energy_uJ(state_);
       break;
     }
-    if (fall_uJ < kTolerance_uJ) break;
+    if (std::min(fall_uJ, before_uJ - potential) < kTolerance_uJ) break;
   }
 
   settle_motion(dt_s, start_uJ - potential);

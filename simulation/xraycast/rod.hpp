@@ -29,16 +29,33 @@ struct RodState {
   std::vector<double> edge_spins_rad;  ///< about each edge, since the step began
 };
 
-/// The linear system of one Newton iteration, in mm, kg, s. Node i's place and edge i's angle are unknowns;
-/// contact adds its part by node.
+/// A place on a rod, at a node or between two, by its shape functions: a sum of the places of an edge's two
+/// nodes, and of the angles of that edge and of the one behind it.
+struct RodPoint {
+  std::size_t edge = 0;
+  double first = 0, last = 1;            ///< of the edge's nodes
+  double spin = 0.5, spin_behind = 0.5;  ///< of the angles, which are those of the edges' middles
+
+  /// Node `node`, 1 or more; behind the tip there is no edge.
+  static RodPoint at_node(std::size_t node, bool is_tip) {
+    return {node - 1, 0, 1, is_tip ? 1 : 0.5, is_tip ? 0 : 0.5};
+  }
+  static RodPoint at_middle(std::size_t edge) { return {edge, 0.5, 0.5, 1, 0}; }
+
+  Eigen::Vector3d place_mm(const RodState& state) const {
+    return first * state.nodes_mm[edge] + last * state.nodes_mm[edge + 1];
+  }
+  double spin_rad(const RodState& state) const {
+    const double behind = spin_behind > 0 ? spin_behind * state.edge_spins_rad[edge + 1] : 0;
+    return spin * state.edge_spins_rad[edge] + behind;
+  }
+};
+
+/// The linear system of one Newton iteration, in mm, kg, s. Node i's place and edge i's angle are unknowns.
 class RodSystem {
  public:
-  using Block = Eigen::Matrix<double, 5, 5>;
-  using BlockVector = Eigen::Matrix<double, 5, 1>;
-
-  /// Adds a potential's gradient (mN, mN mm) and Hessian over a node's neighbourhood: the angle of the edge
-  /// before it, its place, the angle of the edge behind it.
-  void add_around_node(std::size_t node, const BlockVector& gradient, const Block& hessian);
+  /// Adds a potential's gradient (mN, mN mm) and Hessian over the place and, last, the angle of a point.
+  void add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian);
 
  private:
   friend class Rod;

@@ -15,10 +15,14 @@ using Eigen::Vector3d;
 // Rounds the cone that the distance to a centreline has there; a hundredth of it is left 2 mm away.
 constexpr double kRounding_mm = 0.02;
 constexpr double kWidestBlend_mm = 0.5;
-// How many branches may meet within reach of one point.
-constexpr std::size_t kMostHits = 16;
+// How far outside the lumen a point is still looked for with care.
+constexpr double kBeyondWall_mm = 1;
+// How many branches may lie within reach of one point, and how many of them around it.
+constexpr std::size_t kMostReached = 64, kMostHits = 16;
 
 Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+double rounded_length(const Vector3d& v) { return std::sqrt(v.squaredNorm() + kRounding_mm * kRounding_mm); }
 
 /// A branch's points at even steps, as fine as its width asks for.
 std::vector<VesselPoint> evenly_spaced(const VesselBranch& branch) {
@@ -51,12 +55,6 @@ Vector3d outward_direction(const VesselBranch& branch, bool at_start) {
   const auto inner = [&](std::size_t i) { return at_start ? points[i] : points[count - 1 - i]; };
   while (k + 1 < count && glm::distance(inner(k).position_mm, end.position_mm) < end.radius_mm) ++k;
   return to_eigen(end.position_mm - inner(k).position_mm).normalized();
-}
-
-/// 1 near, 0 from `reach` on, and smooth.
-double fade(double distance, double reach) {
-  const double t = std::clamp(2 * (1 - distance / reach), 0.0, 1.0);
-  return t * t * (3 - 2 * t);
 }
 
 }  // namespace
@@ -99,8 +97,10 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
       const glm::dvec3 along =
           points[std::min(k + 1, last)].position_mm - points[k > 0 ? k - 1 : 0].position_mm;
       branch.stations.push_back(
-          {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm});
+          {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm,
+           k > 0 && k < last ? 0.5 * (points[k + 1].radius_mm - points[k - 1].radius_mm) : 0});
     }
+    mark_folds(branch);
     branch.lower_mm = branch.upper_mm = branch.stations.front().centre_mm;
     for (const Station& station : branch.stations) {
       branch.lower_mm = branch.lower_mm.cwiseMin(station.centre_mm);
@@ -124,20 +124,39 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
       narrowest_mm = std::min(narrowest_mm, branch.stations.front().radius_mm);
     }
     // At 30 degrees two tubes of one width part at 4 radii from where their centrelines meet.
+    joint.parting_mm = 4 * widest_mm;
     joint.reach_mm = 6 * widest_mm;
     joint.blend_mm = std::min(kWidestBlend_mm, 0.25 * narrowest_mm);
     joints_.push_back(std::move(joint));
   }
 }
 
+void TubeField::mark_folds(Branch& branch) {
+  const auto& stations = branch.stations;
+  for (std::size_t k = 0; k + 1 < stations.size(); ++k) {
+    const double turn = (stations[k + 1].tangent - stations[k].tangent).norm() +
+                        std::abs(stations[k + 1].widening_mm - stations[k].widening_mm) / branch.step_mm;
+    const double radius_mm = std::max(stations[k].radius_mm, stations[k + 1].radius_mm) + kBeyondWall_mm;
+    if (turn * radius_mm < branch.step_mm) continue;
+    // Whatever lies this side of the wall on both sides of the bend.
+    const int nearby = static_cast<int>(std::ceil(2 * radius_mm / branch.step_mm));
+    const std::size_t from = k - std::min(k, static_cast<std::size_t>(nearby));
+    const std::size_t to = std::min(stations.size(), k + static_cast<std::size_t>(nearby) + 1);
+    for (std::size_t i = from; i < to; ++i)
+      branch.stations[i].folded = std::max(branch.stations[i].folded, 2 * nearby);
+  }
+}
+
 TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) const {
-  const auto& stations = branches_[static_cast<std::size_t>(index)].stations;
-  const double step_mm = branches_[static_cast<std::size_t>(index)].step_mm;
+  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  // Above zero where the spheres of the stations to come reach further around the point than this one's.
   const auto ahead = [&](int i) {
-    const Station& station = stations[static_cast<std::size_t>(i)];
-    return (point_mm - station.centre_mm).dot(station.tangent);
+    const Station& station = branch.stations[static_cast<std::size_t>(i)];
+    const Vector3d offset = point_mm - station.centre_mm;
+    const double along = offset.dot(station.tangent) * branch.step_mm;
+    return station.widening_mm == 0 ? along : along + rounded_length(offset) * station.widening_mm;
   };
-  const int last = static_cast<int>(stations.size()) - 1;
+  const int last = static_cast<int>(branch.stations.size()) - 1;
   int i = std::clamp(from, 0, last - 1);
   double before = ahead(i), behind = ahead(i + 1);
   while (behind > 0 && i + 1 < last) {
@@ -150,36 +169,70 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
     behind = before;
     before = ahead(i);
   }
-
-  const auto round_end = [&](const Station& end, double arc_mm) -> Hit {
-    const Vector3d offset = point_mm - end.centre_mm;
-    const double distance = std::sqrt(offset.squaredNorm() + kRounding_mm * kRounding_mm);
-    return {end.radius_mm - distance, distance, arc_mm, 0, -offset / distance, {index, i}};
-  };
-  if (before <= 0) return round_end(stations.front(), 0);
-  if (behind >= 0) return round_end(stations.back(), step_mm * last);
-
-  // Between the two stations' planes: where along the piece the plane in between goes through the point.
-  const Station &a = stations[static_cast<std::size_t>(i)], &b = stations[static_cast<std::size_t>(i) + 1];
-  const Vector3d chord = b.centre_mm - a.centre_mm, turn = b.tangent - a.tangent;
-  const double linear = (point_mm - a.centre_mm).dot(turn) - chord.dot(a.tangent), square = -chord.dot(turn);
-  double t = before / (before - behind);
-  for (int k = 0; k < 2; ++k) {
-    const double slope = std::min(linear + 2 * square * t, -0.1 * step_mm);
-    t = std::clamp(t - (before + (linear + square * t) * t) / slope, 0.0, 1.0);
+  Hit best = before <= 0   ? hit_end(branch, false, point_mm)
+             : behind >= 0 ? hit_end(branch, true, point_mm)
+                           : hit_piece(branch, i, before, behind, point_mm);
+  int found = i;
+  // On the inner side of a sharp bend more than one place may be the best of its surroundings.
+  if (const int nearby = branch.stations[static_cast<std::size_t>(i)].folded; nearby > 0) {
+    const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
+    before = ahead(first);
+    for (int k = first; k < end; ++k, before = behind) {
+      behind = ahead(k + 1);
+      if (k == i || !(before > 0 && behind < 0)) continue;
+      const Hit other = hit_piece(branch, k, before, behind, point_mm);
+      if (other.value_mm <= best.value_mm) continue;
+      best = other;
+      found = k;
+    }
   }
-  const Vector3d offset = point_mm - a.centre_mm - t * chord, tangent = a.tangent + t * turn;
-  const double distance = std::sqrt(offset.squaredNorm() + kRounding_mm * kRounding_mm);
-  const Vector3d away = offset / distance;
-  const double widening = b.radius_mm - a.radius_mm + away.dot(chord);
-  // Where the planes of a sharp bend meet, t would change without bound.
-  const double crossing = std::max(chord.dot(tangent) - offset.dot(turn), 0.2 * step_mm);
-  return {std::lerp(a.radius_mm, b.radius_mm, t) - distance,
-          distance,
-          step_mm * (i + t),
-          0,
-          widening / crossing * tangent - away,
-          {index, i}};
+  best.place = {index, found};
+  return best;
+}
+
+TubeField::Hit TubeField::hit_end(const Branch& branch, bool is_last, const Vector3d& point_mm) {
+  const Station& end = is_last ? branch.stations.back() : branch.stations.front();
+  const Vector3d offset = point_mm - end.centre_mm;
+  const double distance = rounded_length(offset);
+  const double arc_mm = is_last ? branch.step_mm * static_cast<double>(branch.stations.size() - 1) : 0;
+  return {end.radius_mm - distance, distance, arc_mm, -offset / distance};
+}
+
+TubeField::Hit TubeField::hit_piece(const Branch& branch, int piece, double before, double behind,
+                                    const Vector3d& point_mm) {
+  const auto index = static_cast<std::size_t>(piece);
+  const Station &a = branch.stations[index], &b = branch.stations[index + 1];
+  // Centreline and radius are cubics with the stations' slopes.
+  const double step_mm = branch.step_mm;
+  const Vector3d chord = b.centre_mm - a.centre_mm, start = step_mm * a.tangent,
+                 bend = 3 * chord - step_mm * (2 * a.tangent + b.tangent),
+                 skew = step_mm * (a.tangent + b.tangent) - 2 * chord;
+  const double wider = b.radius_mm - a.radius_mm, bulge = 3 * wider - 2 * a.widening_mm - b.widening_mm,
+               bow = a.widening_mm + b.widening_mm - 2 * wider;
+  // The sphere that reaches furthest around the point: Newton's method, kept to where it has to lie, for
+  // where the clearance no longer grows. There its gradient is that of the distance to the sphere's centre.
+  double t = before / (before - behind), low = 0, high = 1, distance = 0;
+  Vector3d offset;
+  for (int k = 0;; ++k) {
+    offset = point_mm - a.centre_mm - t * (start + t * (bend + t * skew));
+    distance = rounded_length(offset);
+    constexpr int kIterations = 12;
+    if (k == kIterations) break;
+    const Vector3d along = start + t * (2 * bend + 3 * t * skew), turning = 2 * bend + 6 * t * skew;
+    const double widening = a.widening_mm + t * (2 * bulge + 3 * t * bow), lag = offset.dot(along);
+    const double growth = lag + distance * widening;
+    const double change = offset.dot(turning) - along.squaredNorm() + distance * (2 * bulge + 6 * t * bow) -
+                          lag / distance * widening;
+    (growth > 0 ? low : high) = t;
+    double to = t - growth / change;
+    if (!(change < 0 && to > low && to < high)) to = 0.5 * (low + high);
+    constexpr double kClose = 1e-5;  // its square is what the clearance is off
+    const bool is_close = std::abs(to - t) < kClose;
+    t = to;
+    if (is_close) break;
+  }
+  const double radius_mm = a.radius_mm + t * (a.widening_mm + t * (bulge + t * bow));
+  return {radius_mm - distance, distance, step_mm * (piece + t), -offset / distance};
 }
 
 double TubeField::highest_value_mm(const Branch& branch, const Vector3d& point_mm) const {
@@ -201,26 +254,41 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
   hits[0].blend_mm = std::numeric_limits<double>::infinity();
 
   // The branches that meet it nearby, and those that meet these nearby.
-  std::array<int, kMostHits> passed;
-  std::size_t passed_count = 0;
-  for (std::size_t h = 0; h < count; ++h) {
-    const Branch& branch = branches_[static_cast<std::size_t>(hits[h].place.branch)];
+  struct Reached {
+    int branch, joint;
+    double blend_mm, wall_mm;  // the wall that lies between it and the first one
+    Vector3d wall_slope;
+  };
+  std::array<Reached, kMostReached> reached;
+  std::size_t reached_count = 0;
+  reached[reached_count++] = {from.branch, -1, hits[0].blend_mm, 0, Vector3d::Zero()};
+  for (std::size_t r = 0; r < reached_count; ++r) {
+    const Branch& branch = branches_[static_cast<std::size_t>(reached[r].branch)];
     for (const int joint_index : {branch.start_joint, branch.end_joint}) {
-      if (joint_index < 0 || passed_count == kMostHits) continue;
+      if (joint_index < 0 || joint_index == reached[r].joint) continue;
       const Joint& joint = joints_[static_cast<std::size_t>(joint_index)];
-      const double distance2 = (point_mm - joint.position_mm).squaredNorm();
-      if (distance2 >= joint.reach_mm * joint.reach_mm) continue;
-      const auto passed_end = passed.begin() + static_cast<std::ptrdiff_t>(passed_count);
-      if (std::find(passed.begin(), passed_end, joint_index) != passed_end) continue;
-      passed[passed_count++] = joint_index;
-      const double blend_mm =
-          std::min(hits[h].blend_mm, joint.blend_mm * fade(std::sqrt(distance2), joint.reach_mm));
+      const Vector3d offset = point_mm - joint.position_mm;
+      if (offset.squaredNorm() >= joint.reach_mm * joint.reach_mm) continue;
+      Reached next{0, joint_index, std::min(reached[r].blend_mm, joint.blend_mm), reached[r].wall_mm,
+                   reached[r].wall_slope};
+      if (const double beyond_mm = offset.norm() - joint.parting_mm; beyond_mm > 0) {
+        // Without bound at the end of the joint's reach, so that no wall jumps there.
+        const double span_mm = joint.reach_mm - joint.parting_mm, t = beyond_mm / span_mm, left = 1 - t;
+        next.wall_mm += 0.5 * span_mm * t * t / left;
+        next.wall_slope += 0.5 * t * (2 - t) / (left * left) * offset.normalized();
+      }
       for (const int other : joint.branches) {
-        if (count == kMostHits || other == hits[h].place.branch) continue;
+        if (other == reached[r].branch || reached_count == kMostReached) continue;
+        next.branch = other;
+        reached[reached_count++] = next;
         const Branch& vessel = branches_[static_cast<std::size_t>(other)];
-        if (highest_value_mm(vessel, point_mm) < hits[0].value_mm - blend_mm) continue;
-        hits[count] = hit(other, guess(other, joint_index, point_mm), point_mm);
-        hits[count++].blend_mm = blend_mm;
+        if (count == kMostHits ||
+            highest_value_mm(vessel, point_mm) - next.wall_mm < hits[0].value_mm - next.blend_mm)
+          continue;
+        Hit& further = hits[count++] = hit(other, guess(other, joint_index, point_mm), point_mm);
+        further.blend_mm = next.blend_mm;
+        further.value_mm -= next.wall_mm;
+        further.gradient -= next.wall_slope;
       }
     }
   }

@@ -24,7 +24,9 @@ std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
 /// closed by half a sphere.
 ///
 /// A point is looked for along the tree from where it was last, so that a query takes a fraction of a
-/// microsecond, and vessels that pass through each other without a fork do not know of each other.
+/// microsecond, and vessels that pass through each other without a fork do not know of each other. Nor do
+/// those that touch beyond their fork: from four radii away from it the clearance within another branch than
+/// the last falls, and from six on there is none.
 /// Immutable, so safe to share.
 class TubeField {
  public:
@@ -53,6 +55,8 @@ class TubeField {
   struct Station {
     Eigen::Vector3d centre_mm, tangent;
     double radius_mm;
+    double widening_mm;  ///< of the radius, to the next station; none at an end, which is round
+    int folded = 0;      ///< so many stations to either side may be as near: a bend sharper than its radius
   };
   struct Branch {
     std::vector<Station> stations;  ///< evenly spaced
@@ -65,16 +69,22 @@ class TubeField {
   /// Where branches meet.
   struct Joint {
     Eigen::Vector3d position_mm;
-    double reach_mm = 0;  ///< within which its branches look at each other
+    double parting_mm = 0;  ///< within which its branches are one lumen wherever they overlap
+    double reach_mm = 0;    ///< within which its branches look at each other
     double blend_mm = 0;
     std::vector<int> branches;
   };
   struct Hit {
-    double value_mm, from_centre_mm, arc_mm, blend_mm;
+    double value_mm, from_centre_mm, arc_mm;
     Eigen::Vector3d gradient;
-    Place place;
+    Place place = {};
+    double blend_mm = 0;
   };
+  static void mark_folds(Branch& branch);
   Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;
+  static Hit hit_end(const Branch& branch, bool is_last, const Eigen::Vector3d& point_mm);
+  static Hit hit_piece(const Branch& branch, int piece, double before, double behind,
+                       const Eigen::Vector3d& point_mm);
   double highest_value_mm(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   int guess(int branch, int joint, const Eigen::Vector3d& point_mm) const;
 

@@ -19,6 +19,18 @@ constexpr double kGuide_N_mm2 = 20, kGuideRamp_mm = 5;
 constexpr double kStiffeningStrain = 0.2, kLeastStiffening_mm = 0.3, kMostStiffening_mm = 1;
 double squared(double x) { return x * x; }
 
+double stiffening_mm(const TubeField::Sample& sample) {
+  const double vessel_radius_mm = sample.clearance_mm + sample.from_centre_mm;
+  return std::clamp(kStiffeningStrain * vessel_radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
+}
+
+// Nodes, of which the clamp holds the first, and the middles between them.
+std::size_t contact_count(std::size_t nodes) { return 2 * nodes - 3; }
+RodPoint contact_point(std::size_t index, std::size_t nodes) {
+  const std::size_t node = 1 + index / 2;
+  return index % 2 == 0 ? RodPoint::at_node(node, node + 1 == nodes) : RodPoint::at_middle(node);
+}
+
 }  // namespace
 
 WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod, const Options& options,
@@ -28,69 +40,69 @@ WallContact::WallContact(std::shared_ptr<const TubeField> field, const Rod& rod,
     introducer_ = *introducer;
     has_introducer_ = true;
   }
-  const std::size_t most = rod.most_nodes();
-  contacts_.reserve(most);
-  grips_.reserve(most);
-  slips_mm_.reserve(most);
-  contacts_.resize(rod.node_count());
-  grips_.resize(rod.node_count());
-  slips_mm_.assign(rod.node_count(), Vector3d::Zero());
-  for (std::size_t i = 0; i < contacts_.size(); ++i) {
-    contacts_[i].sample.place = field_->locate(rod.state().nodes_mm[i]);
-    look(i, rod.state().nodes_mm[i]);
+  contacts_.reserve(contact_count(rod.most_nodes()));
+  grips_.reserve(contact_count(rod.most_nodes()));
+  contacts_.resize(contact_count(rod.node_count()));
+  grips_.resize(contacts_.size());
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    contacts_[k].point = contact_point(k, rod.node_count());
+    const Vector3d place_mm = contacts_[k].point.place_mm(rod.state());
+    grips_[k].from = field_->locate(place_mm);
+    look(k, place_mm);
+    grips_[k].stiffening_mm = stiffening_mm(contacts_[k].sample);
   }
 }
 
-double WallContact::wall_force_N(double depth_mm, std::size_t node) const {
-  const Grip& grip = grips_[node];
+double WallContact::wall_force_N(double depth_mm, std::size_t index) const {
+  const Grip& grip = grips_[index];
   return options_.stiffness_N_mm2 * grip.share_mm * depth_mm * (1 + squared(depth_mm / grip.stiffening_mm));
 }
 
-double WallContact::wall_energy_uJ(double depth_mm, std::size_t node) const {
-  const Grip& grip = grips_[node];
+double WallContact::wall_energy_uJ(double depth_mm, std::size_t index) const {
+  const Grip& grip = grips_[index];
   return options_.stiffness_N_mm2 / kMilli * grip.share_mm * squared(depth_mm) *
          (0.5 + 0.25 * squared(depth_mm / grip.stiffening_mm));
 }
 
-void WallContact::look(std::size_t node, const Vector3d& point_mm) {
-  Contact& contact = contacts_[node];
-  contact.sample = field_->at(point_mm, contact.sample.place);
+void WallContact::look(std::size_t index, const Vector3d& point_mm) {
+  Contact& contact = contacts_[index];
+  contact.sample = field_->at(point_mm, grips_[index].from);
   contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
-  grips_[node].looked_at_mm = point_mm;
+  grips_[index].looked_at_mm = point_mm;
 }
 
-void WallContact::touch(std::size_t node, const Vector3d& point_mm) {
-  // The clearance changes by little more than the way, so that a node well within the lumen need not look.
+void WallContact::touch(std::size_t index, const Vector3d& point_mm) {
+  // The clearance changes by little more than the way, so that a point well within the lumen need not look.
   constexpr double kSteepest = 1.5;
-  const double way_mm = (point_mm - grips_[node].looked_at_mm).norm();
-  if (contacts_[node].sample.clearance_mm - kSteepest * way_mm > radius_mm_)
-    contacts_[node].depth_mm = 0;
+  const double way_mm = (point_mm - grips_[index].looked_at_mm).norm();
+  if (contacts_[index].sample.clearance_mm - kSteepest * way_mm > radius_mm_)
+    contacts_[index].depth_mm = 0;
   else if (way_mm > 0)
-    look(node, point_mm);
+    look(index, point_mm);
 }
 
 void WallContact::node_added() {
-  Contact contact;
-  contact.sample = contacts_[1].sample;
-  contacts_.insert(contacts_.begin() + 1, contact);
-  grips_.insert(grips_.begin() + 1, Grip{});
-  slips_mm_.insert(slips_mm_.begin() + 1, Vector3d::Zero());
+  // The node and the middle behind it.
+  contacts_.insert(contacts_.begin(), 2, Contact(contacts_.front()));
+  Grip grip;
+  grip.from = grips_.front().from;
+  grip.stiffening_mm = grips_.front().stiffening_mm;
+  grips_.insert(grips_.begin(), 2, grip);
 }
 
 void WallContact::node_removed() {
-  contacts_.erase(contacts_.begin() + 1);
-  grips_.erase(grips_.begin() + 1);
-  slips_mm_.erase(slips_mm_.begin() + 1);
+  contacts_.erase(contacts_.begin(), contacts_.begin() + 2);
+  grips_.erase(grips_.begin(), grips_.begin() + 2);
 }
 
-WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t node) const {
+WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t index) const {
   Guide guide;
-  if (!grips_[node].is_guided) return guide;
+  if (!grips_[index].is_guided) return guide;
   const Vector3d offset = point_mm - introducer_.exit_mm;
   const double inside_mm = -offset.dot(introducer_.axis);  // of the introducer
   if (inside_mm <= 0) return guide;
   const double t = std::min(1.0, inside_mm / kGuideRamp_mm);
-  const double hold = kGuide_N_mm2 / kMilli * grips_[node].share_mm;
+  const double hold = kGuide_N_mm2 / kMilli * grips_[index].share_mm;
   const Vector3d aside = offset + inside_mm * introducer_.axis;
   guide.weight = hold * t * t * (3 - 2 * t);
   guide.energy_uJ = 0.5 * guide.weight * aside.squaredNorm();
@@ -102,58 +114,69 @@ WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t node
 void WallContact::begin_step(const Rod& rod) {
   const RodState& state = rod.state();
   bool is_guided = has_introducer_;
-  for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    Contact& contact = contacts_[i];
-    Grip& grip = grips_[i];
-    grip.share_mm = rod.share_mm(i);
-    grip.start_mm = state.nodes_mm[i];
-    // Up to the first node that has left it: a tip that curls back beside the introducer is not in it.
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    Contact& contact = contacts_[k];
+    Grip& grip = grips_[k];
+    contact.point = contact_point(k, rod.node_count());
+    const std::size_t node = contact.point.edge + 1;
+    grip.share_mm =
+        0.5 * (k % 2 == 0 ? rod.share_mm(node) : rod.from_tip_mm(node - 1) - rod.from_tip_mm(node));
+    if (k == 0) grip.share_mm += 0.25 * (rod.from_tip_mm(0) - rod.from_tip_mm(1));
+    grip.start_mm = contact.point.place_mm(state);
+    // Up to the first point that has left it: a tip that curls back beside the introducer is not in it.
     grip.is_guided = is_guided;
     is_guided = is_guided && (grip.start_mm - introducer_.exit_mm).dot(introducer_.axis) < 0;
-    touch(i, grip.start_mm);
-    const double radius_mm = contact.sample.clearance_mm + contact.sample.from_centre_mm;
-    if (contact.depth_mm == 0 || radius_mm < grip.vessel_radius_mm - 0.1 || grip.vessel_radius_mm == 0) {
-      grip.vessel_radius_mm = radius_mm;
-      grip.stiffening_mm = std::clamp(kStiffeningStrain * radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
-    }
+    // Where the last step left it, or, so that the rod does not pass from one vessel into another but where
+    // they meet, where the point before it is.
+    const int looked_from = grip.from.branch;
+    grip.from = contact.sample.place;
+    if (k > 0 && contacts_[k - 1].sample.place.branch != grip.from.branch)
+      grip.from = contacts_[k - 1].sample.place;
+    if (grip.from.branch != looked_from)
+      look(k, grip.start_mm);
+    else
+      touch(k, grip.start_mm);
     if (contact.depth_mm == 0) {
       contact.sliding = false;
-      slips_mm_[i].setZero();
+      grip.held_mm.setZero();
       grip.limit_mN = 0;
+      // For as long as the next contact lasts: a wall that changed under a load would make energy.
+      grip.stiffening_mm = stiffening_mm(contact.sample);
       continue;
     }
     const double friction = contact.sliding ? options_.kinetic_friction : options_.static_friction;
-    grip.limit_mN = friction / kMilli * wall_force_N(contact.depth_mm, i);
+    grip.limit_mN = friction / kMilli * wall_force_N(contact.depth_mm, k);
     const Vector3d normal = contact.sample.gradient.normalized();
-    const Vector3d tangent = state.edges[i - 1].tangent;
+    const Vector3d& tangent = state.edges[contact.point.edge].tangent;
     grip.across = normal.cross(tangent);
     const double sine = grip.across.norm();
     // A tip that pushes straight into a wall: any tangent will do.
     grip.across = sine > 1e-6 ? Vector3d(grip.across / sine) : normal.unitOrthogonal();
     grip.along = grip.across.cross(normal);
-    grip.slip_mm = {slips_mm_[i].dot(grip.along), slips_mm_[i].dot(grip.across)};
+    grip.slip_mm = {grip.held_mm.dot(grip.along), grip.held_mm.dot(grip.across)};
   }
 }
 
-Vector2d WallContact::slip_mm(const RodState& state, std::size_t node) const {
-  const Grip& grip = grips_[node];
-  const Vector3d moved = state.nodes_mm[node] - grip.start_mm;
-  double spin = spin_share(node) * state.edge_spins_rad[node - 1];
-  if (node + 1 < contacts_.size()) spin += 0.5 * state.edge_spins_rad[node];
-  return grip.slip_mm + Vector2d(moved.dot(grip.along), moved.dot(grip.across) + radius_mm_ * spin);
+Vector2d WallContact::slip_mm(const RodState& state, std::size_t index) const {
+  const Grip& grip = grips_[index];
+  const RodPoint& point = contacts_[index].point;
+  const Vector3d moved = point.place_mm(state) - grip.start_mm;
+  return grip.slip_mm +
+         Vector2d(moved.dot(grip.along), moved.dot(grip.across) + radius_mm_ * point.spin_rad(state));
 }
 
 double WallContact::energy_uJ(const RodState& state) {
   double energy = 0;
-  for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    Grip& grip = grips_[i];
-    touch(i, state.nodes_mm[i]);
-    energy += wall_energy_uJ(contacts_[i].depth_mm, i);
-    grip.guide_uJ = guide(state.nodes_mm[i], i).energy_uJ;
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    Grip& grip = grips_[k];
+    const Vector3d place_mm = contacts_[k].point.place_mm(state);
+    touch(k, place_mm);
+    energy += wall_energy_uJ(contacts_[k].depth_mm, k);
+    grip.guide_uJ = guide(place_mm, k).energy_uJ;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
     const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
-    const double slip = slip_mm(state, i).norm();
+    const double slip = slip_mm(state, k).norm();
     energy += spring * slip <= grip.limit_mN
                   ? 0.5 * spring * slip * slip
                   : grip.limit_mN * slip - 0.5 * grip.limit_mN * grip.limit_mN / spring;
@@ -162,34 +185,39 @@ double WallContact::energy_uJ(const RodState& state) {
 }
 
 void WallContact::assemble(const RodState& state, RodSystem& system) {
-  for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    const Contact& contact = contacts_[i];
-    const Grip& grip = grips_[i];
-    const Guide hold = guide(state.nodes_mm[i], i);
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    const Contact& contact = contacts_[k];
+    const Grip& grip = grips_[k];
+    const Guide hold = guide(contact.point.place_mm(state), k);
     if (contact.depth_mm == 0 && grip.limit_mN == 0 && hold.weight == 0) continue;
-    RodSystem::BlockVector slope = RodSystem::BlockVector::Zero();
-    RodSystem::Block hessian = RodSystem::Block::Zero();
+    Eigen::Vector4d slope = Eigen::Vector4d::Zero();
+    Eigen::Matrix4d hessian = Eigen::Matrix4d::Zero();
 
     if (hold.weight > 0) {
-      slope.segment<3>(1) += hold.slope_mN;
-      hessian.block<3, 3>(1, 1) +=
+      slope.head<3>() += hold.slope_mN;
+      hessian.topLeftCorner<3, 3>() +=
           hold.weight * (Eigen::Matrix3d::Identity() - introducer_.axis * introducer_.axis.transpose());
     }
     if (contact.depth_mm > 0) {
-      const double force_mN = wall_force_N(contact.depth_mm, i) / kMilli;
+      const double force_mN = wall_force_N(contact.depth_mm, k) / kMilli;
       const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm *
                                (1 + 3 * squared(contact.depth_mm / grip.stiffening_mm));
       const Vector3d& inward = contact.sample.gradient;
-      slope.segment<3>(1) -= force_mN * inward;
-      hessian.block<3, 3>(1, 1) += stiffness * inward * inward.transpose();
-      // A wall that goes round turns the force of a node that goes round with it.
-      const double around = force_mN / std::max(contact.sample.from_centre_mm, 0.1 * radius_mm_);
-      const Vector3d across = inward.cross(state.edges[i - 1].tangent);
-      hessian.block<3, 3>(1, 1) += around * across * across.transpose();
+      slope.head<3>() -= force_mN * inward;
+      hessian.topLeftCorner<3, 3>() += stiffness * inward * inward.transpose();
+      // A wall that goes round turns the force of a point that goes round with it, and all the more so at the
+      // vessel's centre, where the clearance's gradient is short.
+      const Vector3d& tangent = state.edges[contact.point.edge].tangent;
+      const Vector3d across = inward.cross(tangent);
+      const double short_of_1 = std::max(0.0, 1 - inward.squaredNorm());
+      hessian.topLeftCorner<3, 3>() +=
+          force_mN / contact.sample.from_centre_mm *
+          (across * across.transpose() +
+           short_of_1 * (Eigen::Matrix3d::Identity() - tangent * tangent.transpose()));
     }
     if (grip.limit_mN > 0) {
       const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
-      const Vector2d slip = slip_mm(state, i);
+      const Vector2d slip = slip_mm(state, k);
       const double length = slip.norm();
       Eigen::Matrix2d stiffness = spring * Eigen::Matrix2d::Identity();
       Vector2d force = spring * slip;
@@ -199,29 +227,28 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
         stiffness =
             grip.limit_mN / length * (Eigen::Matrix2d::Identity() - direction * direction.transpose());
       }
-      Eigen::Matrix<double, 2, 5> by;
-      const double behind = i + 1 < contacts_.size() ? 0.5 * radius_mm_ : 0;
-      by << 0, grip.along.transpose(), 0, spin_share(i) * radius_mm_, grip.across.transpose(), behind;
+      Eigen::Matrix<double, 2, 4> by;
+      by << grip.along.transpose(), 0, grip.across.transpose(), radius_mm_;
       slope += by.transpose() * force;
       hessian += by.transpose() * stiffness * by;
     }
-    system.add_around_node(i, slope, hessian);
+    system.add(contact.point, slope, hessian);
   }
 }
 
 void WallContact::end_step(const RodState& state) {
   look(contacts_.size() - 1, state.nodes_mm.back());  // where the tip is, is asked for
-  for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    Contact& contact = contacts_[i];
-    const Grip& grip = grips_[i];
-    contact.normal_N = wall_force_N(contact.depth_mm, i) * contact.sample.gradient;
-    contact.guide_N = -kMilli * guide(state.nodes_mm[i], i).slope_mN;
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    Contact& contact = contacts_[k];
+    Grip& grip = grips_[k];
+    contact.normal_N = wall_force_N(contact.depth_mm, k) * contact.sample.gradient;
+    contact.guide_N = -kMilli * guide(contact.point.place_mm(state), k).slope_mN;
     contact.friction_N.setZero();
-    slips_mm_[i].setZero();
+    grip.held_mm.setZero();
     if (grip.limit_mN == 0) continue;
 
     const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
-    Vector2d slip = slip_mm(state, i);
+    Vector2d slip = slip_mm(state, k);
     const double length = slip.norm();
     Vector2d force = spring * slip;
     const bool slides = spring * length > grip.limit_mN;
@@ -235,17 +262,16 @@ void WallContact::end_step(const RodState& state) {
     }
     contact.sliding = slides;
     contact.friction_N = -kMilli * (force[0] * grip.along + force[1] * grip.across);
-    slips_mm_[i] = slip[0] * grip.along + slip[1] * grip.across;
+    grip.held_mm = slip[0] * grip.along + slip[1] * grip.across;
   }
 }
 
 double WallContact::energy_J() const {
   double energy = 0;
-  for (std::size_t i = 1; i < contacts_.size(); ++i) {
-    const double share_mm = grips_[i].share_mm;
-    energy += wall_energy_uJ(contacts_[i].depth_mm, i) +
-              0.5 * options_.tangential_N_mm2 / kMilli * share_mm * slips_mm_[i].squaredNorm();
-    energy += grips_[i].guide_uJ;
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    const Grip& grip = grips_[k];
+    energy += wall_energy_uJ(contacts_[k].depth_mm, k) + grip.guide_uJ +
+              0.5 * options_.tangential_N_mm2 / kMilli * grip.share_mm * grip.held_mm.squaredNorm();
   }
   return kMicro * energy;
 }

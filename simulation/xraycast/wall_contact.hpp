@@ -41,17 +41,19 @@ class WallContact final : public RodSurroundings {
   WallContact(std::shared_ptr<const TubeField> field, const Rod& rod, const Options& options,
               const Introducer* introducer = nullptr);
 
-  /// What the wall does to a node, as of the end of the last step.
+  /// What the wall does to a point of the rod, as of the end of the last step.
   struct Contact {
-    TubeField::Sample sample;  ///< of the node's centre, or of near it while the wall is out of reach
+    RodPoint point;
+    TubeField::Sample sample;  ///< of the rod's axis there, or of near it while the wall is out of reach
     double depth_mm = 0;       ///< of the rod's surface in the wall; 0 without contact
     Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0}, guide_N{0, 0, 0};
     bool sliding = false;
   };
+  /// Of node 1, the middle of the edge behind it, node 2 and so on to the tip, whether they touch or not.
   const std::vector<Contact>& contacts() const { return contacts_; }
 
-  /// The wall's force on a node if it were at this depth.
-  double wall_force_N(double depth_mm, std::size_t node) const;
+  /// The wall's force on contact number `index` if it were at this depth.
+  double wall_force_N(double depth_mm, std::size_t index) const;
 
   /// In the wall, in the springs that stick, and in the introducer.
   double energy_J() const;
@@ -64,26 +66,27 @@ class WallContact final : public RodSurroundings {
   void end_step(const RodState& state) override;
 
  private:
-  /// A node's contact as a step begins, in mN and mm.
+  /// A contact as a step begins, in mN and mm.
   struct Grip {
-    double share_mm = 0, limit_mN = 0;
+    TubeField::Place from;              ///< where its samples are looked for
+    double share_mm = 0, limit_mN = 0;  ///< the length of rod that it stands for; of friction
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
-    Eigen::Vector2d slip_mm{0, 0};                                       ///< of the spring
-    bool is_guided = false;                                              ///< by the introducer
+    Eigen::Vector3d held_mm{0, 0, 0};  ///< of the spring that sticks, in space
+    Eigen::Vector2d slip_mm{0, 0};     ///< the same along and across
+    bool is_guided = false;            ///< by the introducer
     double guide_uJ = 0;
-    double vessel_radius_mm = 0, stiffening_mm = 1;  ///< of the wall since the contact began
-    Eigen::Vector3d looked_at_mm{0, 0, 0};           ///< where the contact's sample was taken
+    double stiffening_mm = 1;               ///< of the wall, where the contact began
+    Eigen::Vector3d looked_at_mm{0, 0, 0};  ///< where the contact's sample was taken
   };
-  double wall_energy_uJ(double depth_mm, std::size_t node) const;
-  void look(std::size_t node, const Eigen::Vector3d& point_mm);
-  void touch(std::size_t node, const Eigen::Vector3d& point_mm);
-  Eigen::Vector2d slip_mm(const RodState& state, std::size_t node) const;
+  double wall_energy_uJ(double depth_mm, std::size_t index) const;
+  void look(std::size_t index, const Eigen::Vector3d& point_mm);
+  void touch(std::size_t index, const Eigen::Vector3d& point_mm);
+  Eigen::Vector2d slip_mm(const RodState& state, std::size_t index) const;
   struct Guide {
     double energy_uJ = 0, weight = 0;
     Eigen::Vector3d slope_mN{0, 0, 0};
   };
-  Guide guide(const Eigen::Vector3d& point_mm, std::size_t node) const;
-  double spin_share(std::size_t node) const { return node + 1 < contacts_.size() ? 0.5 : 1.0; }
+  Guide guide(const Eigen::Vector3d& point_mm, std::size_t index) const;
 
   std::shared_ptr<const TubeField> field_;
   Options options_;
@@ -92,7 +95,6 @@ class WallContact final : public RodSurroundings {
   double radius_mm_;
   std::vector<Contact> contacts_;
   std::vector<Grip> grips_;
-  std::vector<Eigen::Vector3d> slips_mm_;  ///< of the springs that stick, in space
 };
 
 }  // namespace xraycast
