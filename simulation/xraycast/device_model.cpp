@@ -24,12 +24,12 @@ using Range = DeviceSection::Range;
 // Guide wire: Harrison et al., Guidewire Stiffness: What's in a Name?, J Endovasc Ther 18:797, 2011: flexural
 // modulus 9.5 GPa for the plain wire of 0.035 inch; EI is that times pi d^4 / 64. Its tip without a core is a
 // spring of steel.
-// Catheters: outside and inside diameter as the makers state them; no table of their EI is published. Polymer:
-// EI = E I and GJ = G J for nylon (E 0.6 GPa, G 0.3 GPa) in the shaft and polyurethane in the tip. A shaft's
-// braid hardly bends stiffer but carries the torque, which is what it is there for: n wires of area A and
-// modulus E at the angle a to the axis and the radius r add n A E r^2 sin(a)^2 cos(a) to GJ. 16 steel wires of
-// 0.05 mm (0.025 mm in a microcatheter; 193 GPa) at 45 degrees in the middle of the wall: 930 (80) N mm2. How
-// braid and matrix make up a shaft's stiffness: Carey, Fahim and Munro, Design of braided composite
+// Catheters: outside and inside diameter as the makers state them; no table of their EI is published.
+// Polymer: EI = E I and GJ = G J for nylon (E 0.6 GPa, G 0.3 GPa) in the shaft and polyurethane in the tip. A
+// shaft's braid hardly bends stiffer but carries the torque, which is what it is there for: n wires of area A
+// and modulus E at the angle a to the axis and the radius r add n A E r^2 sin(a)^2 cos(a) to GJ. 16 steel
+// wires of 0.05 mm (0.025 mm in a microcatheter; 193 GPa) at 45 degrees in the middle of the wall: 930 (80) N
+// mm2. How braid and matrix make up a shaft's stiffness: Carey, Fahim and Munro, Design of braided composite
 // cardiovascular catheters, J Biomed Mater Res B 70:73, 2004. Shapes after the makers' drawings. Axial
 // stiffness is EA, cut to what keeps a push of 1 N below 0.5 % of strain. Friction: 0.02 to 0.1 wet,
 // hydrophilic coats least: Takashima et al., Tribology International 40:319, 2007; Schroeder, Cardiovasc
