@@ -184,9 +184,8 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
   });
 }
 
-// From the left groin up the aorta into a renal artery; then contrast agent is injected.
-constexpr const char* kScript =
-    "time_s,insertion_mm,rotation_deg\n0,0,0\n1.2,0,210\n8,375,210\n10.5,375,210\n";
+// From the left groin up the aorta into the left renal artery; then contrast agent is injected.
+constexpr const char* kScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n8,375,0\n10.5,375,0\n";
 constexpr double kInjectFrom_s = 8.5, kInjectTo_s = 11;
 
 /// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
@@ -230,7 +229,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
     write_png(rgb, options.view.width, options.view.height, 3, file);
   report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm deep", records.back().tip.branch,
                                                  records.back().tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: up into a renal artery");
+  report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
   write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "What the hand feels at the hub");
