@@ -2,12 +2,18 @@
 
 #include "xraycast/error.hpp"
 
+#include <algorithm>
+#include <array>
 #include <charconv>
 #include <cmath>
+#include <filesystem>
 #include <iostream>
+#include <string_view>
 
 namespace xraycast::cli {
 namespace {
+
+namespace fs = std::filesystem;
 
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
@@ -24,6 +30,30 @@ template <typename Number>
 bool parse(const std::string& text, Number& number) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   return error == std::errc{} && end == text.data() + text.size();
+}
+
+bool is_one_file(const std::string& a, const std::string& b) {
+  std::error_code error;
+  return fs::equivalent(a, b, error) || fs::path(a).lexically_normal() == fs::path(b).lexically_normal();
+}
+
+/// A file that is written under the name of one that is read, or written too, would take its place. Throws
+/// InputError.
+void check_outputs_apart(const CLI::App& command) {
+  static constexpr std::array<std::string_view, 6> kOutputs{"--output", "--preview", "--keep-basis",
+                                                            "--plot",   "--cine",    "--truth"};
+  const auto& options = command.get_options();
+  for (const CLI::Option* output : options) {
+    if (output->empty() || std::ranges::find(kOutputs, output->get_name()) == kOutputs.end()) continue;
+    for (const CLI::Option* other : options) {
+      // Words to choose from name no file.
+      if (other == output || other->get_type_name().find('{') != std::string::npos) continue;
+      for (const std::string& file : other->results())
+        if (is_one_file(output->results().front(), file))
+          throw InputError("{} {}: is {} too, which it would replace; give it another name",
+                           output->get_name(), output->results().front(), other->get_name());
+    }
+  }
 }
 
 }  // namespace
@@ -45,7 +75,12 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
                       const std::string& examples, std::function<void()> job) {
   CLI::App* command = app.add_subcommand(name, purpose);
   command->footer("Examples:\n" + examples);
-  command->parse_complete_callback([&session, job = std::move(job)] { session.job = job; });
+  command->parse_complete_callback([&session, command, job = std::move(job)] {
+    session.job = [command, job] {
+      check_outputs_apart(*command);
+      job();
+    };
+  });
   return command;
 }
 

@@ -118,8 +118,7 @@ class RandomRun {
     const TubeField::Sample& sample = contact.sample;
     const RodPoint& point = contact.point;
     const Vector3d net_N = point.first * net_N_[point.edge] + point.last * net_N_[point.edge + 1];
-    const double narrower_mm =
-        catheter_.rod().device().radius_mm() - (sample.clearance_mm + sample.from_centre_mm);
+    const double narrower_mm = catheter_.rod().device().radius_mm() - sample.radius_mm;
     const double borne_N = catheter_.wall().wall_force_N(contact.depth_mm, index);
     return std::max(narrower_mm,
                     depth_mm(borne_N - net_N.dot(sample.gradient) / sample.gradient.squaredNorm(), index));
@@ -276,8 +275,7 @@ TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
 
   const CatheterTip tip = end_of_run(tree, Script::parse(recorded, XRAYCAST_LEFT_CAROTID));
   EXPECT_EQ(tip.branch, carotid);
-  // It begins on the aorta's centreline; the aorta's wall is 13 mm from there. It ends 44 mm deep, and turned
-  // or pushed by a thousandth less or more so it does too.
+  // It begins on the aorta's centreline, 13 mm from the aorta's wall, and ends 44 mm beyond that.
   EXPECT_GT(tip.arc_length_mm, 40);
 
   std::istringstream rows(recorded);

@@ -217,6 +217,8 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
     {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: end the name in .exr"},
     {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3, "end the name in .png"},
+    {"ProjectionOverItsScan", "project @/ct.nii -o @/./ct.nii", 3, "which it would replace"},
+    {"BasisOverItsMap", "cast @/ct.nii -o @/out.exr --keep-basis @/out.exr", 3, "is --keep-basis too"},
     {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
     {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},

@@ -98,7 +98,8 @@ TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
     return p.x >= 35 && p.x < 45 && std::fmod(p.y, 8) == 4 && std::fmod(p.z, 8) == 4;
   });
   Device device;
-  const Components ways(ways_beyond_ends(volume, lines, device));
+  Progress progress;
+  const Components ways(ways_beyond_ends(volume, lines, device, progress));
   // Of 800 ends one in fifty, and three standard deviations of that number more.
   EXPECT_LE(ways.count(), 16 + 3 * 4);
 }
@@ -109,9 +110,30 @@ TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
   const Mask start = mask_where(
       volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
   Device device;
-  const Mask ways = ways_beyond_ends(volume, start, device);
+  Progress progress;
+  const Mask ways = ways_beyond_ends(volume, start, device, progress);
   for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
   EXPECT_FALSE(ways.at({48, 20, 20}));
+}
+
+TEST(LineEnds, AreFollowedOnceRoundARing) {
+  Volume volume = noise_alone({60, 60, 30});
+  const auto is_ring = [](const glm::dvec3& p) {
+    return std::abs(std::hypot(p.x - 30, p.y - 30) - 15) < 1 && std::abs(p.z - 15) < 1;
+  };
+  for (std::int64_t z = 14; z < 17; ++z)
+    for (std::int64_t y = 0; y < 60; ++y)
+      for (std::int64_t x = 0; x < 60; ++x)
+        if (is_ring({x, y, z})) volume.at(x, y, z) = 255;
+  const Mask start = mask_where(volume.geometry(), [&](const glm::dvec3& p) {
+    return is_ring(p) && p.z == 15 && p.x > 40 && std::abs(p.y - 30) < 6;
+  });
+  Device device;
+  Progress progress;
+  const Mask ways = ways_beyond_ends(volume, start, device, progress);
+  std::int64_t opposite = 0;
+  for (std::int64_t x = 13; x < 18; ++x) opposite += ways.at({x, 30, 15}) ? 1 : 0;
+  EXPECT_GT(opposite, 0);
 }
 
 TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {

@@ -71,23 +71,27 @@ struct Way {
 
 class Follower {
  public:
-  Follower(std::vector<float> contrast, const Mask& vessels)
-      : contrast_(std::move(contrast)), taken_(vessels), ways_(vessels.geometry) {
-    const Spread spread = spread_of(contrast_);
-    for (float& v : contrast_) v = static_cast<float>((v - spread.median) / spread.standard_deviation);
-  }
+  /// `rise` is contrast in standard deviations.
+  Follower(std::vector<float> rise, const Mask& vessels)
+      : rise_(std::move(rise)), taken_(vessels), ways_(vessels.geometry) {}
 
-  Mask run(std::vector<LineEnd> ends) {
+  Mask run(std::vector<LineEnd> ends, Progress& progress) {
     constexpr double kLeastWorth = 2.2;
     while (!ends.empty()) {
+      progress.check();
       const LineEnd end = ends.back();
       ends.pop_back();
       const Way way = best_way(end);
       if (way.worth < kLeastWorth) continue;
+      bool is_new = false;
       for (int k = 1; k <= way.steps; ++k) {
         const Index3 voxel(glm::round(end.at + static_cast<double>(k) * way.along));
-        if (!taken_.at(voxel)) ways_[voxel] = taken_[voxel] = 1;
+        if (taken_.at(voxel)) continue;
+        ways_[voxel] = taken_[voxel] = 1;
+        is_new = true;
       }
+      // What leads along a vessel that is known ends here: a ring has no end.
+      if (!is_new) continue;
       ends.push_back({end.at + static_cast<double>(way.steps) * way.along, way.along});
     }
     return std::move(ways_);
@@ -103,7 +107,7 @@ class Follower {
       double worth = 0;
       for (int k = 1; k <= kMostSteps; ++k) {
         const glm::dvec3 p = end.at + static_cast<double>(k) * along;
-        const std::optional<double> rise = contrast_at(p);
+        const std::optional<double> rise = rise_at(p);
         if (!rise || (k > kOwnSteps && taken_.at(Index3(glm::round(p))))) break;
         worth += *rise - kLeastRise;
         if (worth > best.worth) best = {worth, along, k};
@@ -113,7 +117,7 @@ class Follower {
   }
 
   /// Between voxels; nothing beyond the outermost ones.
-  std::optional<double> contrast_at(const glm::dvec3& p) const {
+  std::optional<double> rise_at(const glm::dvec3& p) const {
     const Index3 low(glm::floor(p));
     if (!taken_.contains(low) || !taken_.contains(low + Index3(1))) return std::nullopt;
     const glm::dvec3 f = p - glm::dvec3(low);
@@ -121,20 +125,24 @@ class Follower {
     for (int corner = 0; corner < 8; ++corner) {
       const Index3 step(corner & 1, corner >> 1 & 1, corner >> 2);
       const glm::dvec3 w = glm::mix(1.0 - f, f, glm::dvec3(step));
-      sum += w.x * w.y * w.z * static_cast<double>(contrast_[taken_.offset(low + step)]);
+      sum += w.x * w.y * w.z * static_cast<double>(rise_[taken_.offset(low + step)]);
     }
     return sum;
   }
 
-  std::vector<float> contrast_;
+  std::vector<float> rise_;
   Mask taken_, ways_;
 };
 
 }  // namespace
 
-Mask ways_beyond_ends(const Volume& volume, const Mask& vessels, Device& device) {
+Mask ways_beyond_ends(const Volume& volume, const Mask& vessels, Device& device, Progress& progress) {
   constexpr double kAcross_vox = 0.7;
-  return Follower(local_contrast(volume, kAcross_vox, device), vessels).run(free_ends(thin(vessels)));
+  std::vector<float> rise = local_contrast(volume, kAcross_vox, device);
+  const Spread spread = spread_of(rise);
+  if (!(spread.standard_deviation > 0)) return Mask(volume.geometry());  // mostly padding
+  for (float& v : rise) v = static_cast<float>((v - spread.median) / spread.standard_deviation);
+  return Follower(std::move(rise), vessels).run(free_ends(thin(vessels)), progress);
 }
 
 }  // namespace xraycast

@@ -2,6 +2,7 @@
 
 #include "xraycast/device.hpp"
 #include "xraycast/mask.hpp"
+#include "xraycast/progress.hpp"
 #include "xraycast/volume.hpp"
 
 namespace xraycast {
@@ -14,6 +15,6 @@ namespace xraycast {
 /// fifty goes on.
 ///
 /// Returns the ways, a voxel thick, without `vessels`. Throws DeviceError.
-Mask ways_beyond_ends(const Volume& volume, const Mask& vessels, Device& device);
+Mask ways_beyond_ends(const Volume& volume, const Mask& vessels, Device& device, Progress& progress);
 
 }  // namespace xraycast

@@ -113,6 +113,7 @@ Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry&
   constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
   constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
   const auto [median, spread] = spread_of(strength);
+  if (!(spread > 0)) return Mask(grid);  // mostly padding
   const Mask strong = large_parts(above(strength, grid, median + kStrong * spread), kLeastVoxels);
   Mask weak = above(strength, grid, median + kWeak * spread);
   for (std::size_t i = 0; i < weak.voxels.size(); ++i)

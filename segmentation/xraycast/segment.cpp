@@ -105,7 +105,7 @@ Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::s
   progress.begin("looking for lines", 2, "scans");
   Mask lines = find_line_vessels(line_strength(volume, device), volume.geometry());
   progress.advance();
-  lines = united(ways_beyond_ends(volume, lines, device), lines);
+  lines = united(ways_beyond_ends(volume, lines, device, progress), lines);
   progress.advance();
   if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(lines);

@@ -43,7 +43,7 @@ struct CatheterTip {
   double arc_length_mm = 0;       ///< from the branch's first point
 };
 
-/// A node that touches a vessel's wall, and the wall's force on it.
+/// A point of the rod that touches a vessel's wall, and the wall's force on it.
 struct CatheterContact {
   glm::dvec3 position_mm{0, 0, 0};
   glm::dvec3 force_N{0, 0, 0};  ///< friction included

@@ -85,15 +85,15 @@ constexpr std::array<Preset, 5> kPresets{{
 })"},
     {"microcatheter-27f", R"({
   "name": "microcatheter-27f",
-  "sources": "2.7 F outside, 0.025 inch lumen; E I and G J of coiled polyurethane in the tip, nylon with a braid of 16 wires of 0.025 mm in the shaft",
+  "sources": "2.7 F outside, 0.025 inch lumen; E I and G J of coiled polyurethane in the tip, nylon (1.2, 0.6 GPa) with a braid of 16 wires of 0.025 mm in the shaft",
   "radius_mm": 0.45, "inner_radius_mm": 0.3175, "density_g_cm3": 1.4, "axial_stiffness_N": 120,
   "static_friction": 0.04, "kinetic_friction": 0.03,
   "sections": [
     {"length_mm": 3, "bending_stiffness_Nmm2": 2, "torsional_stiffness_Nmm2": 3},
     {"length_mm": 6, "bending_stiffness_Nmm2": 2, "torsional_stiffness_Nmm2": 3, "curvature_per_mm": 0.13},
     {"length_mm": 150, "bending_stiffness_Nmm2": [2, 8], "torsional_stiffness_Nmm2": [3, 10]},
-    {"length_mm": 300, "bending_stiffness_Nmm2": [8, 30], "torsional_stiffness_Nmm2": [10, 95]},
-    {"length_mm": 841, "bending_stiffness_Nmm2": 30, "torsional_stiffness_Nmm2": 95}]
+    {"length_mm": 300, "bending_stiffness_Nmm2": [8, 30], "torsional_stiffness_Nmm2": [10, 110]},
+    {"length_mm": 841, "bending_stiffness_Nmm2": 30, "torsional_stiffness_Nmm2": 110}]
 })"},
 }};
 

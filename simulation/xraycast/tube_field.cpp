@@ -169,9 +169,9 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
     behind = before;
     before = ahead(i);
   }
-  Hit best = before <= 0   ? hit_end(branch, false, point_mm)
-             : behind >= 0 ? hit_end(branch, true, point_mm)
-                           : hit_piece(branch, i, before, behind, point_mm);
+  Hit best = before <= 0 && i == 0          ? hit_end(branch, false, point_mm)
+             : behind >= 0 && i + 1 == last ? hit_end(branch, true, point_mm)
+                                            : hit_piece(branch, i, before, behind, point_mm);
   int found = i;
   // On the inner side of a sharp bend more than one place may be the best of its surroundings.
   if (const int nearby = branch.stations[static_cast<std::size_t>(i)].folded; nearby > 0) {
@@ -179,9 +179,9 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
     before = ahead(first);
     for (int k = first; k < end; ++k, before = behind) {
       behind = ahead(k + 1);
-      if (k == i || !(before > 0 && behind < 0)) continue;
+      if (k == i || !(before >= 0 && behind <= 0)) continue;
       const Hit other = hit_piece(branch, k, before, behind, point_mm);
-      if (other.value_mm <= best.value_mm) continue;
+      if (other.value_mm() <= best.value_mm()) continue;
       best = other;
       found = k;
     }
@@ -195,7 +195,7 @@ TubeField::Hit TubeField::hit_end(const Branch& branch, bool is_last, const Vect
   const Vector3d offset = point_mm - end.centre_mm;
   const double distance = rounded_length(offset);
   const double arc_mm = is_last ? branch.step_mm * static_cast<double>(branch.stations.size() - 1) : 0;
-  return {end.radius_mm - distance, distance, arc_mm, -offset / distance};
+  return {end.radius_mm, distance, arc_mm, -offset / distance};
 }
 
 TubeField::Hit TubeField::hit_piece(const Branch& branch, int piece, double before, double behind,
@@ -211,7 +211,7 @@ TubeField::Hit TubeField::hit_piece(const Branch& branch, int piece, double befo
                bow = a.widening_mm + b.widening_mm - 2 * wider;
   // The sphere that reaches furthest around the point: Newton's method, kept to where it has to lie, for
   // where the clearance no longer grows. There its gradient is that of the distance to the sphere's centre.
-  double t = before / (before - behind), low = 0, high = 1, distance = 0;
+  double t = before > behind ? before / (before - behind) : 0.5, low = 0, high = 1, distance = 0;
   Vector3d offset;
   for (int k = 0;; ++k) {
     offset = point_mm - a.centre_mm - t * (start + t * (bend + t * skew));
@@ -232,7 +232,7 @@ TubeField::Hit TubeField::hit_piece(const Branch& branch, int piece, double befo
     if (is_close) break;
   }
   const double radius_mm = a.radius_mm + t * (a.widening_mm + t * (bulge + t * bow));
-  return {radius_mm - distance, distance, step_mm * (piece + t), -offset / distance};
+  return {radius_mm, distance, step_mm * (piece + t), -offset / distance};
 }
 
 double TubeField::highest_value_mm(const Branch& branch, const Vector3d& point_mm) const {
@@ -283,11 +283,11 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
         reached[reached_count++] = next;
         const Branch& vessel = branches_[static_cast<std::size_t>(other)];
         if (count == kMostHits ||
-            highest_value_mm(vessel, point_mm) - next.wall_mm < hits[0].value_mm - next.blend_mm)
+            highest_value_mm(vessel, point_mm) - next.wall_mm < hits[0].value_mm() - next.blend_mm)
           continue;
         Hit& further = hits[count++] = hit(other, guess(other, joint_index, point_mm), point_mm);
         further.blend_mm = next.blend_mm;
-        further.value_mm -= next.wall_mm;
+        further.wall_mm = next.wall_mm;
         further.gradient -= next.wall_slope;
       }
     }
@@ -296,21 +296,21 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
   // A maximum that is rounded where two come within `blend` of each other.
   std::size_t best = 0;
   for (std::size_t h = 1; h < count; ++h)
-    if (hits[h].value_mm > hits[best].value_mm) best = h;
+    if (hits[h].value_mm() > hits[best].value_mm()) best = h;
   const Hit& top = hits[best];
-  double clearance = top.value_mm;
+  double clearance = top.value_mm();
   Vector3d gradient = top.gradient;
   for (std::size_t h = 0; h < count; ++h) {
     const double blend = std::min(hits[h].blend_mm, top.blend_mm);
-    const double overlap = blend - (top.value_mm - hits[h].value_mm);
+    const double overlap = blend - (top.value_mm() - hits[h].value_mm());
     if (h == best || !(overlap > 0) || !(blend > 0)) continue;
     const double weight = overlap / (2 * blend);
     clearance += 0.5 * overlap * weight;
     gradient += weight * (hits[h].gradient - top.gradient);
   }
   const Branch& branch = branches_[static_cast<std::size_t>(top.place.branch)];
-  return {clearance, gradient, top.from_centre_mm, top.place,
-          std::clamp(top.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm)};
+  return {clearance,     gradient,  top.from_centre_mm,
+          top.radius_mm, top.place, std::clamp(top.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm)};
 }
 
 TubeField::Place TubeField::locate(const Vector3d& point_mm) const {

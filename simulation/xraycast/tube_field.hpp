@@ -41,8 +41,9 @@ class TubeField {
 
   struct Sample {
     double clearance_mm = 0;            ///< to the wall; below zero outside
-    Eigen::Vector3d gradient{0, 0, 0};  ///< of the clearance; of length 1 but for taper and blending
+    Eigen::Vector3d gradient{0, 0, 0};  ///< of the clearance; of length 1 but where vessels meet
     double from_centre_mm = 0;          ///< to the centreline
+    double radius_mm = 0;               ///< of the vessel there
     Place place;
     double arc_length_mm = 0;  ///< on the place's branch, held to the tree's own
   };
@@ -75,10 +76,11 @@ class TubeField {
     std::vector<int> branches;
   };
   struct Hit {
-    double value_mm, from_centre_mm, arc_mm;
+    double radius_mm, from_centre_mm, arc_mm;
     Eigen::Vector3d gradient;
     Place place = {};
-    double blend_mm = 0;
+    double blend_mm = 0, wall_mm = 0;
+    double value_mm() const { return radius_mm - from_centre_mm - wall_mm; }
   };
   static void mark_folds(Branch& branch);
   Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;

@@ -20,8 +20,7 @@ constexpr double kStiffeningStrain = 0.2, kLeastStiffening_mm = 0.3, kMostStiffe
 double squared(double x) { return x * x; }
 
 double stiffening_mm(const TubeField::Sample& sample) {
-  const double vessel_radius_mm = sample.clearance_mm + sample.from_centre_mm;
-  return std::clamp(kStiffeningStrain * vessel_radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
+  return std::clamp(kStiffeningStrain * sample.radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
 }
 
 // Nodes, of which the clamp holds the first, and the middles between them.
@@ -72,10 +71,13 @@ void WallContact::look(std::size_t index, const Vector3d& point_mm) {
 }
 
 void WallContact::touch(std::size_t index, const Vector3d& point_mm) {
-  // The clearance changes by little more than the way, so that a point well within the lumen need not look.
+  // Within a vessel the clearance changes by little more than the way, so that a point well within the lumen
+  // need not look.
   constexpr double kSteepest = 1.5;
   const double way_mm = (point_mm - grips_[index].looked_at_mm).norm();
-  if (contacts_[index].sample.clearance_mm - kSteepest * way_mm > radius_mm_)
+  const TubeField::Sample& sample = contacts_[index].sample;
+  if (sample.place.branch == grips_[index].from.branch &&
+      sample.clearance_mm - kSteepest * way_mm > radius_mm_)
     contacts_[index].depth_mm = 0;
   else if (way_mm > 0)
     look(index, point_mm);
@@ -87,6 +89,7 @@ void WallContact::node_added() {
   Grip grip;
   grip.from = grips_.front().from;
   grip.stiffening_mm = grips_.front().stiffening_mm;
+  grip.looked_at_mm = grips_.front().looked_at_mm;
   grips_.insert(grips_.begin(), 2, grip);
 }
 
@@ -150,8 +153,11 @@ void WallContact::begin_step(const Rod& rod) {
     const Vector3d& tangent = state.edges[contact.point.edge].tangent;
     grip.across = normal.cross(tangent);
     const double sine = grip.across.norm();
-    // A tip that pushes straight into a wall: any tangent will do.
-    grip.across = sine > 1e-6 ? Vector3d(grip.across / sine) : normal.unitOrthogonal();
+    // A tip that pushes straight into a wall, or an axis on the centreline of a vessel that is too narrow:
+    // any tangent will do.
+    grip.across = sine > 1e-6                ? Vector3d(grip.across / sine)
+                  : normal.squaredNorm() > 0 ? normal.unitOrthogonal()
+                                             : tangent.unitOrthogonal();
     grip.along = grip.across.cross(normal);
     grip.slip_mm = {grip.held_mm.dot(grip.along), grip.held_mm.dot(grip.across)};
   }
