@@ -22,8 +22,7 @@ constexpr double kLongest_mm = 40, kOfShorter = 2, kThickest_mm = 2.5;
 std::vector<double> lengths_mm(const Components& parts, const VolumeGeometry& g) {
   std::vector<Box> boxes(static_cast<std::size_t>(parts.count()), {g.size, {0, 0, 0}});
   for (const Components::Run& run : parts.runs()) {
-    const Index3 first(run.first % g.size.x, run.first / g.size.x % g.size.y,
-                       run.first / (g.size.x * g.size.y));
+    const Index3 first = voxel_at(g, run.first);
     Box& box = boxes[static_cast<std::size_t>(run.component)];
     box.lower = glm::min(box.lower, first);
     box.upper = glm::max(box.upper, first + Index3(run.length, 1, 1));
@@ -39,10 +38,9 @@ class Fronts {
  public:
   Fronts(const Mask& candidates, const Components& parts, const std::vector<float>& depth_mm)
       : candidates_(candidates), depth_mm_(depth_mm), slots_(candidates.voxels.size(), kUnseen) {
-    const Index3 size = candidates.geometry.size;
     for (const Components::Run& run : parts.runs())
       for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
-        const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+        const Index3 voxel = voxel_at(candidates.geometry, i);
         const bool is_outer =
             std::ranges::any_of(kNeighbours, [&](const Index3& step) { return candidates.at(voxel + step); });
         if (is_outer) reach(i, {0, 0, run.component, -1});
@@ -56,14 +54,13 @@ class Fronts {
 
   /// The shortest way between each two parts that meet.
   std::map<std::pair<int, int>, Way> meet() {
-    const Index3 size = candidates_.geometry.size;
     std::map<std::pair<int, int>, Way> ways;
     while (!waiting_.empty()) {
       const auto [mm, at] = waiting_.top();
       waiting_.pop();
       const Reached here = *reached(at);
       if (mm > here.cost_mm) continue;
-      const Index3 voxel(at % size.x, at / size.x % size.y, at / (size.x * size.y));
+      const Index3 voxel = voxel_at(candidates_.geometry, at);
       for (const Index3& step : kNeighbours) {
         const Index3 near = voxel + step;
         if (!candidates_.contains(near)) continue;
@@ -166,7 +163,6 @@ void bridge_gaps(Mask& whole, const Mask& whole_candidates, Progress& progress) 
     while (joined[static_cast<std::size_t>(part)] != part) part = joined[static_cast<std::size_t>(part)];
     return part;
   };
-  const Index3 size = mask.geometry.size;
   for (const auto& [pair, way] : order) {
     const int from = find(pair.first), to = find(pair.second);
     const double shorter_mm = std::min(length_mm[static_cast<std::size_t>(pair.first)],
@@ -175,7 +171,7 @@ void bridge_gaps(Mask& whole, const Mask& whole_candidates, Progress& progress) 
     if (from == to || way.length_mm > most_mm) continue;
     joined[static_cast<std::size_t>(from)] = to;
     for (const std::int64_t at : fronts.voxels(way)) {
-      const Index3 voxel(at % size.x, at / size.x % size.y, at / (size.x * size.y));
+      const Index3 voxel = voxel_at(mask.geometry, at);
       mask[voxel] = 1;
       paint_ball(mask, candidates, voxel,
                  std::min(kThickest_mm, static_cast<double>(depth_mm[static_cast<std::size_t>(at)])));

@@ -113,10 +113,9 @@ Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels
 
 void drop_marrow(Mask& mask, const Mask& bone) {
   const Components parts(mask);
-  const Index3 size = mask.geometry.size;
   std::vector<std::int64_t> faces(static_cast<std::size_t>(parts.count())), on_bone(faces.size());
   for (const Components::Run& run : parts.runs()) {
-    const Index3 first(run.first % size.x, run.first / size.x % size.y, run.first / (size.x * size.y));
+    const Index3 first = voxel_at(mask.geometry, run.first);
     for (std::int64_t i = 0; i < run.length; ++i)
       for (std::size_t n = 0; n < 6; ++n) {
         const Index3 near = first + Index3(i, 0, 0) + kNeighbours[n];

@@ -20,26 +20,17 @@ struct LineEnd {
   glm::dvec3 at, along;
 };
 
-std::vector<Index3> neighbours(const Mask& lines, const Index3& voxel) {
-  std::vector<Index3> list;
-  for (const Index3& step : kNeighbours)
-    if (lines.at(voxel + step)) list.push_back(voxel + step);
-  return list;
-}
-
 /// The free ends of lines one voxel wide; their direction is that of the last six voxels.
 std::vector<LineEnd> free_ends(const Mask& lines) {
   constexpr int kLast = 6;
   std::vector<LineEnd> ends;
-  const Index3 size = lines.geometry.size;
   for (std::size_t i = 0; i < lines.voxels.size(); ++i) {
     if (lines.voxels[i] == 0) continue;
-    const auto o = static_cast<std::int64_t>(i);
-    const Index3 end(o % size.x, o / size.x % size.y, o / (size.x * size.y));
-    std::vector<Index3> next = neighbours(lines, end);
+    const Index3 end = voxel_at(lines.geometry, static_cast<std::int64_t>(i));
+    std::vector<Index3> next = neighbours_in(lines, end);
     if (next.size() != 1) continue;
     Index3 before = end, here = next[0];
-    for (int k = 2; k < kLast && (next = neighbours(lines, here)).size() == 2; ++k) {
+    for (int k = 2; k < kLast && (next = neighbours_in(lines, here)).size() == 2; ++k) {
       const Index3 onwards = next[next[0] == before ? 1 : 0];
       before = here;
       here = onwards;

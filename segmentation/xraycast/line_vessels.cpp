@@ -47,11 +47,10 @@ Mask with_bridges(const Mask& strong, const Mask& weak) {
     std::fill_n(part_of.begin() + run.first, run.length, run.component);
   std::vector<std::int32_t> touched(static_cast<std::size_t>(stretches.count()), -1);
   std::vector<bool> is_bridge(touched.size());
-  const Index3 size = strong.geometry.size;
   for (const Components::Run& run : stretches.runs()) {
     const auto stretch = static_cast<std::size_t>(run.component);
     for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
-      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      const Index3 voxel = voxel_at(strong.geometry, i);
       for (const Index3& step : kNeighbours) {
         if (!strong.at(voxel + step)) continue;
         const std::int32_t part = part_of[strong.offset(voxel + step)];

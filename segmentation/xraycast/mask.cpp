@@ -76,4 +76,11 @@ void paste(const Mask& part, const Box& box, Mask& whole) {
                   &whole.voxels[whole.offset(box.lower + Index3(0, y, z))]);
 }
 
+std::vector<Index3> neighbours_in(const Mask& mask, const Index3& voxel) {
+  std::vector<Index3> list;
+  for (const Index3& step : kNeighbours)
+    if (mask.at(voxel + step)) list.push_back(voxel + step);
+  return list;
+}
+
 }  // namespace xraycast

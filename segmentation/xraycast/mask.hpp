@@ -31,6 +31,12 @@ struct Mask {
   std::int64_t count() const;
 };
 
+/// The voxel that lies at an offset, x fastest.
+inline Index3 voxel_at(const VolumeGeometry& grid, std::int64_t offset) {
+  const Index3& size = grid.size;
+  return {offset % size.x, offset / size.x % size.y, offset / (size.x * size.y)};
+}
+
 /// Voxels from `lower` up to, but not including, `upper`.
 struct Box {
   Index3 lower{0, 0, 0}, upper{0, 0, 0};
@@ -51,5 +57,8 @@ void paste(const Mask& part, const Box& box, Mask& whole);
 
 /// The 26 neighbours of a voxel; the first 6 share a face with it, the next 12 an edge.
 extern const std::array<Index3, 26> kNeighbours;
+
+/// Those of a voxel's neighbours that are inside.
+std::vector<Index3> neighbours_in(const Mask& mask, const Index3& voxel);
 
 }  // namespace xraycast

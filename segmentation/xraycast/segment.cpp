@@ -46,12 +46,11 @@ void intersect(Mask& mask, const Mask& other) {
 /// noise.
 void drop_shells(Mask& mask) {
   const Components parts(mask);
-  const Index3 size = mask.geometry.size;
   std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
   for (const Components::Run& run : parts.runs())
     for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
       if (keep[static_cast<std::size_t>(run.component)]) break;
-      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
+      const Index3 voxel = voxel_at(mask.geometry, i);
       if (std::all_of(kNeighbours.begin(), kNeighbours.begin() + 18,
                       [&](const Index3& step) { return mask.at(voxel + step); }))
         keep[static_cast<std::size_t>(run.component)] = true;

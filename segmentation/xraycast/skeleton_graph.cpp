@@ -19,14 +19,15 @@ class Tracer {
  public:
   explicit Tracer(const Mask& skeleton) : skeleton_(skeleton) {
     for (std::size_t i = 0; i < skeleton.voxels.size(); ++i)
-      if (skeleton.voxels[i] != 0) voxels_.push_back(index_of(i));
+      if (skeleton.voxels[i] != 0)
+        voxels_.push_back(voxel_at(skeleton.geometry, static_cast<std::int64_t>(i)));
   }
 
   SkeletonGraph run() {
     make_nodes();
     for (const Index3& voxel : voxels_)
       if (const int node = node_at(voxel); node >= 0)
-        for (const Index3& next : neighbours(voxel)) {
+        for (const Index3& next : neighbours_in(skeleton_, voxel)) {
           const int other = node_at(next);
           if (other == node) continue;
           if (other >= 0) {
@@ -39,19 +40,6 @@ class Tracer {
   }
 
  private:
-  Index3 index_of(std::size_t offset) const {
-    const auto o = static_cast<std::int64_t>(offset);
-    const Index3 size = skeleton_.geometry.size;
-    return {o % size.x, o / size.x % size.y, o / (size.x * size.y)};
-  }
-
-  std::vector<Index3> neighbours(const Index3& voxel) const {
-    std::vector<Index3> list;
-    for (const Index3& step : kNeighbours)
-      if (skeleton_.at(voxel + step)) list.push_back(voxel + step);
-    return list;
-  }
-
   int node_at(const Index3& voxel) const {
     const auto found = node_of_.find(skeleton_.offset(voxel));
     return found == node_of_.end() ? -1 : found->second;
@@ -62,7 +50,7 @@ class Tracer {
   void make_nodes() {
     Mask meetings(skeleton_.geometry);
     for (const Index3& voxel : voxels_) {
-      const std::size_t degree = neighbours(voxel).size();
+      const std::size_t degree = neighbours_in(skeleton_, voxel).size();
       if (degree > 2) meetings[voxel] = 1;
       if (degree > 1) continue;
       node_of_[skeleton_.offset(voxel)] = static_cast<int>(graph_.nodes.size());
@@ -76,8 +64,7 @@ class Tracer {
         const int node = first + run.component;
         node_of_[static_cast<std::size_t>(i)] = node;
         graph_.nodes[static_cast<std::size_t>(node)].position_mm +=
-            world_mm(index_of(static_cast<std::size_t>(i))) /
-            static_cast<double>(clusters.voxels(run.component));
+            world_mm(voxel_at(skeleton_.geometry, i)) / static_cast<double>(clusters.voxels(run.component));
       }
   }
 
@@ -89,7 +76,8 @@ class Tracer {
       walked_[skeleton_.offset(voxel)] = true;
       inner_mm.push_back(world_mm(voxel));
       Index3 next = voxel;
-      for (const Index3& candidate : neighbours(voxel))  // two, of which one is where we come from
+      for (const Index3& candidate :
+           neighbours_in(skeleton_, voxel))  // two, of which one is where we come from
         if (candidate != previous && (inner_mm.size() > 1 || node_at(candidate) != node)) next = candidate;
       if (next == voxel) next = previous;  // back into the node from where it left
       end = node_at(next);
@@ -164,13 +152,10 @@ SkeletonGraph trace(const Mask& skeleton) { return Tracer(skeleton).run(); }
 std::vector<PartJoin> find_joins(const Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
   const Components parts(skeleton);
   std::vector<std::vector<JoinPoint>> points(static_cast<std::size_t>(parts.count()));
-  const Index3 size = skeleton.geometry.size;
   for (const Components::Run& run : parts.runs())
     for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
-      const Index3 voxel(i % size.x, i / size.x % size.y, i / (size.x * size.y));
-      const auto neighbours =
-          std::ranges::count_if(kNeighbours, [&](const Index3& step) { return skeleton.at(voxel + step); });
-      const bool is_end = neighbours <= 1;
+      const Index3 voxel = voxel_at(skeleton.geometry, i);
+      const bool is_end = neighbours_in(skeleton, voxel).size() <= 1;
       points[static_cast<std::size_t>(run.component)].push_back(
           {voxel, is_end, is_end ? face_of(voxel) : -1});
     }

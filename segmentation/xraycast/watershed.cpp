@@ -122,9 +122,7 @@ class Flooding {
   }
 
   void flood(std::size_t at) {
-    const Index3 size = mask_.geometry.size;
-    const auto o = static_cast<std::int64_t>(at);
-    const Index3 here(o % size.x, o / size.x % size.y, o / (size.x * size.y));
+    const Index3 here = voxel_at(mask_.geometry, static_cast<std::int64_t>(at));
     std::array<int, 26> around{};
     std::size_t count = 0;
     float steepest_mm = -1;
