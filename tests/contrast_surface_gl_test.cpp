@@ -27,7 +27,7 @@ class ContrastPicture : public testing::Test {
  protected:
   /// Optical depths of the picture's middle row.
   std::vector<float> middle_row(const View& view, const std::vector<double>& iodine_mg_ml) {
-    renderer_.replace_surface(0, ContrastSurface(tree_).filled({iodine_mg_ml}, kMu_per_mm));
+    renderer_.replace_surface(0, ContrastSurface(tree_, kMu_per_mm).filled({iodine_mg_ml}));
     const std::vector<float> tau = renderer_.tau(view, {});
     const auto row = tau.begin() + static_cast<std::ptrdiff_t>(view.height / 2) * view.width;
     return {row, row + view.width};

@@ -30,29 +30,29 @@ void add_drum(const Ring& from, const Ring& to, Mesh& mesh) {
 }
 
 /// The first stretches of drums, and the end of the last one.
-std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm, double drum_mm) {
+std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm) {
+  constexpr double kDrum_mm = 2;
   std::vector<std::size_t> bounds{0};
   for (std::size_t i = 1; i + 1 < arc_length_mm.size(); ++i)
-    if (arc_length_mm[i] - arc_length_mm[bounds.back()] >= drum_mm) bounds.push_back(i);
+    if (arc_length_mm[i] - arc_length_mm[bounds.back()] >= kDrum_mm) bounds.push_back(i);
   bounds.push_back(arc_length_mm.size() - 1);
   return bounds;
 }
 
 }  // namespace
 
-ContrastSurface::ContrastSurface(const VesselTree& tree, double drum_mm) {
+ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_per_mm_(mu_per_mm) {
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const VesselBranch& branch = tree.branches()[b];
     const std::vector<Ring> rings = rings_along(branch.points);
-    const std::vector<std::size_t> bounds = divide(branch.arc_length_mm, drum_mm);
+    const std::vector<std::size_t> bounds = divide(branch.arc_length_mm);
     for (std::size_t d = 0; d + 1 < bounds.size(); ++d)
       drums_.push_back(
           {static_cast<int>(b), bounds[d], bounds[d + 1], rings[bounds[d]], rings[bounds[d + 1]]});
   }
 }
 
-Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml,
-                                double mu_per_mm) const {
+Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
   const auto share_of = [&](const Drum& drum) {
     const std::span stretches = std::span(iodine_mg_ml[static_cast<std::size_t>(drum.branch)])
                                     .subspan(drum.first, drum.last - drum.first);
@@ -61,7 +61,7 @@ Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_m
   };
   constexpr float kNothing_mg_ml = 0.01f;
   Surface surface;
-  surface.mu_per_mm = mu_per_mm;
+  surface.mu_per_mm = mu_per_mm_;
   for (const Drum& drum : drums_) {
     const float share = share_of(drum);
     if (share <= kNothing_mg_ml) continue;

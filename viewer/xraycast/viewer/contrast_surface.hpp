@@ -2,6 +2,7 @@
 
 #include "xraycast/tube.hpp"
 #include "xraycast/vessel_tree.hpp"
+#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/scene.hpp"
 
 #include <vector>
@@ -13,12 +14,13 @@ namespace xraycast {
 /// absorbs most counts.
 class ContrastSurface {
  public:
-  /// Takes drums of about `drum_mm`, made of whole stretches of the tree.
-  explicit ContrastSurface(const VesselTree& tree, double drum_mm = 2);
+  /// Takes drums of about two millimetres, made of whole stretches of the tree; `mu_per_mm` is what one mg/ml
+  /// of iodine absorbs.
+  explicit ContrastSurface(const VesselTree& tree, double mu_per_mm = fluoroscopy_per_mm("I", 1));
 
   /// The surface for concentrations of iodine in every branch's stretches, one fewer than its points, in
-  /// mg/ml; `mu_per_mm` is what one mg/ml absorbs. Drums without iodine are left out.
-  Surface filled(const std::vector<std::vector<double>>& iodine_mg_ml, double mu_per_mm) const;
+  /// mg/ml. Drums without iodine are left out.
+  Surface filled(const std::vector<std::vector<double>>& iodine_mg_ml) const;
 
  private:
   struct Drum {
@@ -26,6 +28,7 @@ class ContrastSurface {
     std::size_t first, last;  ///< stretches [first, last)
     Ring from, to;
   };
+  double mu_per_mm_;
   std::vector<Drum> drums_;
 };
 

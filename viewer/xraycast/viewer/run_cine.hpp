@@ -4,7 +4,6 @@
 #include "xraycast/catheter.hpp"
 #include "xraycast/contrast_bolus.hpp"
 #include "xraycast/viewer/contrast_surface.hpp"
-#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/renderer.hpp"
 #include "xraycast/viewer/road_map.hpp"
 
@@ -41,7 +40,6 @@ class RunCine {
   Renderer renderer_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
-  double iodine_per_mm_ = fluoroscopy_per_mm("I", 1);  ///< of a mg/ml
   RoadMap road_map_;
   double last_s_ = 0, next_s_ = 0;
 };

@@ -39,7 +39,7 @@ void SimulatedRun::update() {
 
 Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm, model_.radius_mm()); }
 
-Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml(), iodine_per_mm_); }
+Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml()); }
 
 void SimulatedRun::start_recording() {
   recorded_ = {{now_->time_s, now_->pose}};

@@ -5,7 +5,6 @@
 #include "xraycast/simulation_loop.hpp"
 #include "xraycast/vessel_tree.hpp"
 #include "xraycast/viewer/contrast_surface.hpp"
-#include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/viewer/scene.hpp"
 #include "xraycast/virtual_coupling.hpp"
 
@@ -67,7 +66,6 @@ class SimulatedRun {
   VirtualCoupling coupling_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
-  double iodine_per_mm_ = fluoroscopy_per_mm("I", 1);  ///< of a mg/ml
   double injection_ml_s_ = 0, injected_ml_ = 0;
   std::deque<Load> loads_;
   bool is_recording_ = false;
