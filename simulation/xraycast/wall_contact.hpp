@@ -15,8 +15,7 @@ namespace xraycast {
 /// 4.2(c)): pi/4 E / (1 - nu^2) of force per length and depth, 0.5 N/mm^2 with an artery's E of 0.5 MPa and
 /// nu 0.5, rounded down; and it stiffens as it is stretched, as its collagen takes up the load (Fung,
 /// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / d)^2), d a fifth
-/// of the vessel's radius, 0.3 to 1 mm. A point of contact bears it for the length it
-/// stands for.
+/// of the vessel's radius, 0.3 to 1 mm. A point of contact bears it for the length it stands for.
 ///
 /// Friction is a spring along the wall that is anchored where the surface stuck, and slips when its force
 /// reaches the coefficient times the normal force (return mapping: Simo and Hughes, Computational
