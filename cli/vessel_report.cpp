@@ -102,7 +102,7 @@ void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const Volu
 
 void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector<BranchFacts>& facts) {
   const auto row = [&](int line, const std::array<std::string, 5>& cells, const Colour& colour) {
-    constexpr std::array kRight{60, 130, 230, 320, 400};
+    constexpr std::array kRight{60, 130, 230, 335, 400};
     for (std::size_t i = 0; i < cells.size(); ++i)
       text(sheet, kTableLeft + kRight[i], kTop + kFont + line * kLine, cells[i], colour,
            Algo::TextAlignX::Right);
