@@ -23,6 +23,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <filesystem>
@@ -74,6 +75,9 @@ class Report {
 };
 
 constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
+
+// Frames stand below the true projections of the same angles.
+constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
 MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, int layers) {
   return cylinder_map(scan, 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm),
@@ -133,7 +137,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
   renderer.set_surfaces(std::span(&vessels, 1));
   Camera camera{.table_mm = 70, .zoom = 1.3};
   for (const Look look : {Look::fluoro, Look::surface})
-    for (const double angle_deg : {0.0, 45.0, 90.0, -30.0}) {
+    for (const double angle_deg : kAngles_deg) {
       camera.angle_rad = angle_deg * std::numbers::pi / 180;
       Style style;
       style.look = look;
@@ -257,8 +261,7 @@ void run_demo(const std::string& folder, Session& session) {
   report.picture("map-1.png", "Body map, one layer");
   show_inner_layers(make_map(scan, body, 8, report, progress), report);
   const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
-  for (const double angle_deg : {0.0, -45.0, 45.0, 90.0})
-    make_projection(scan, body, angle_deg, report, progress);
+  for (const double angle_deg : kAngles_deg) make_projection(scan, body, angle_deg, report, progress);
   make_frames(phantom, layered, report);
   const VesselTree tree = find_vessels(volume, device, report, progress);
   make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);
