@@ -307,7 +307,7 @@ void cast_map(const Options& options, Session& session) {
     json["timings_ms"]["basis"] = basis_ms;
     text += fmt::format("{}: basis of {} knots, {:.0f} ms\n", options.basis, knots_hu.size(), basis_ms);
   }
-  session.print(json, text);
+  session.report(json, text);
 }
 
 }  // namespace

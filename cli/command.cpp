@@ -63,13 +63,11 @@ void Session::say(const std::vector<std::string>& lines) const {
   for (const std::string& line : lines) std::cerr << "xraycast: " << line << '\n';
 }
 
-void Session::print(const Json& result, const std::string& text) const {
-  if (json)
-    std::cout << result.dump(2) << '\n';
-  else if (!quiet)
-    std::cout << text;
-  std::cout.flush();
+void Session::answer(const Json& result, const std::string& text) const {
+  std::cout << (json ? result.dump(2) + '\n' : text) << std::flush;
 }
+
+void Session::report(const Json& result, const std::string& text) const { answer(result, quiet ? "" : text); }
 
 CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
                       const std::string& examples, std::function<void()> job) {

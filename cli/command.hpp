@@ -29,8 +29,11 @@ struct Session {
   /// One line on stderr each, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
-  /// The result on stdout: the JSON with --json, else the text.
-  void print(const Json& result, const std::string& text) const;
+  /// What was asked for, on stdout: the JSON with --json, else the text.
+  void answer(const Json& result, const std::string& text) const;
+
+  /// The same about files that were written; --quiet silences the text.
+  void report(const Json& result, const std::string& text) const;
 };
 
 /// Adds a subcommand whose job runs after all arguments are parsed. `examples` end its --help.

@@ -170,7 +170,7 @@ void compare_maps(const Options& options, Session& session) {
   Style style;
   style.sampling.compositing = compositing_named(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
-  if (!options.plot.empty()) check_writable(options.plot);
+  if (!options.plot.empty()) check_plot(options.plot);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);
@@ -204,7 +204,7 @@ void compare_maps(const Options& options, Session& session) {
     result.update(all[0]);
   else
     result["maps"] = all;
-  session.print(result, text);
+  session.answer(result, text);
 }
 
 }  // namespace

@@ -266,8 +266,9 @@ void run_demo(const std::string& folder, Session& session) {
   const VesselTree tree = find_vessels(volume, device, report, progress);
   make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);
   report.finish();
-  session.print({{"folder", folder}},
-                fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
+  session.report(
+      {{"folder", folder}},
+      fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
 }
 
 }  // namespace

@@ -34,7 +34,7 @@ void list_devices(const Session& session) {
                           : "none, not needed");
   }
   if (devices.empty()) Device none;  // says what to install
-  session.print(devices, text);
+  session.answer(devices, text);
 }
 
 }  // namespace

@@ -80,7 +80,7 @@ void add_info(CLI::App& app, Session& session) {
         const Scan scan = open_scan(options->input, options->scan, session.progress);
         const auto hu = read_range(*scan.source, session.progress);
         const VolumeGeometry& geometry = scan.source->geometry();
-        session.print(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
+        session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
       });
   command
       ->add_option("INPUT", options->input,

@@ -50,10 +50,10 @@ void make(Options options, Session& session) {
   write_volume(generate(phantom, device, session.progress), options.output, session.progress);
   if (!options.truth.empty()) write_truth(phantom, options.truth);
   const VolumeGeometry& g = phantom.geometry();
-  session.print({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
-                fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",
-                            options.output, options.name, g.size.x, g.size.y, g.size.z, g.spacing_mm.x,
-                            g.spacing_mm.y, g.spacing_mm.z));
+  session.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
+                 fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",
+                             options.output, options.name, g.size.x, g.size.y, g.size.z, g.spacing_mm.x,
+                             g.spacing_mm.y, g.spacing_mm.z));
 }
 
 }  // namespace

@@ -1,5 +1,7 @@
 #include "plot.hpp"
 
+#include "xraycast/atomic_file.hpp"
+#include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
 
 #include <OpenImageIO/imagebuf.h>
@@ -64,6 +66,12 @@ void text(OIIO::ImageBuf& image, int x, int y, const std::string& words, const C
 
 }  // namespace
 
+void check_plot(const std::filesystem::path& path) {
+  if (path.extension() != ".png")
+    throw InputError("--plot {}: a plot is a PNG; end its name in .png", path.string());
+  check_writable(path);
+}
+
 void write_plot(const std::string& title, const std::string& x_label, const std::string& y_label,
                 const std::vector<Curve>& curves, const std::filesystem::path& path) {
   Axis x_axis, y_axis;
@@ -102,9 +110,11 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
   for (std::size_t c = 0; c < curves.size(); ++c) {
     const Colour& colour = kColours[c % kColours.size()];
     const auto& points = curves[c].points;
+    const bool has_spots = points.size() < 50;  // more run into each other
     for (std::size_t i = 0; i < points.size(); ++i) {
       const double x = at_x(points[i].first), y = at_y(points[i].second);
-      for (int spot = -2; spot <= 2; ++spot) line(image, x - 2, y + spot, x + 2, y + spot, colour);
+      for (int spot = -2; has_spots && spot <= 2; ++spot)
+        line(image, x - 2, y + spot, x + 2, y + spot, colour);
       if (i == 0) continue;
       const double x0 = at_x(points[i - 1].first), y0 = at_y(points[i - 1].second);
       line(image, x0, y0, x, y, colour);

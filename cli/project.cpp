@@ -18,6 +18,7 @@ struct Options {
   ScanOptions scan;
   AttenuationOptions attenuation;
   ViewOptions view;
+  GreyOptions grey;
 };
 
 void project_scan(const Options& options, Session& session) {
@@ -43,21 +44,21 @@ void project_scan(const Options& options, Session& session) {
   const ProjectionImage image =
       spectrum ? project(resident, view, *spectrum, session.progress)
                : project(resident.native, view, std::get<Opacity>(attenuation), session.progress);
-  write_projection(image, options.output);
+  write_projection(image, options.output, options.grey.gamma.value_or(1), options.grey.inverted);
 
   const double total_ms = stopwatch.ms();
   const View& drawn = image.view;
-  session.print({{"input", options.input},
-                 {"image", to_json(image.view)},
-                 {"timings_ms",
-                  {{"read", load_timings.read_ms},
-                   {"upload", load_timings.upload_ms},
-                   {"kernel", image.kernel_ms},
-                   {"total", total_ms}}}},
-                fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
-                            "{:.0f} ms, total {:.0f} ms\n",
-                            options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
-                            load_timings.read_ms, load_timings.upload_ms, image.kernel_ms, total_ms));
+  session.report({{"input", options.input},
+                  {"image", to_json(image.view)},
+                  {"timings_ms",
+                   {{"read", load_timings.read_ms},
+                    {"upload", load_timings.upload_ms},
+                    {"kernel", image.kernel_ms},
+                    {"total", total_ms}}}},
+                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+                             "{:.0f} ms, total {:.0f} ms\n",
+                             options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
+                             load_timings.read_ms, load_timings.upload_ms, image.kernel_ms, total_ms));
 }
 
 }  // namespace
@@ -66,7 +67,7 @@ void add_project(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = add_command(
       app, session, "project", "The true projection of a scan (DRR)",
-      "  xraycast project scans/chest/ -o ap.png --angle 0\n"
+      "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480",
       [options, &session] { project_scan(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
@@ -75,6 +76,7 @@ void add_project(CLI::App& app, Session& session) {
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
+  add_grey_options(*command, options->grey);
   add_attenuation_options(*command, options->attenuation);
   add_scan_options(*command, options->scan);
 }

@@ -40,20 +40,20 @@ void recast_map(const Options& options, Session& session) {
   const Stopwatch writing;
   write_map(map, options.output);
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
-  session.print({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
-                 {"map", to_json(map.geometry)},
-                 {"timings_ms",
-                  {{"read", read_ms},
-                   {"upload", upload_ms},
-                   {"kernel", recasting.kernel_ms()},
-                   {"write", write_ms},
-                   {"total", total_ms}}}},
-                fmt::format("{}: {} of {} angles x {} slices, opacity {}\n"
-                            "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
-                            "total {:.0f} ms\n",
-                            options.output.map, counted(map.geometry.layers(), "layer"), map.geometry.width,
-                            map.geometry.height, opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
-                            write_ms, total_ms));
+  session.report({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
+                  {"map", to_json(map.geometry)},
+                  {"timings_ms",
+                   {{"read", read_ms},
+                    {"upload", upload_ms},
+                    {"kernel", recasting.kernel_ms()},
+                    {"write", write_ms},
+                    {"total", total_ms}}}},
+                 fmt::format("{}: {} of {} angles x {} slices, opacity {}\n"
+                             "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
+                             "total {:.0f} ms\n",
+                             options.output.map, counted(map.geometry.layers(), "layer"), map.geometry.width,
+                             map.geometry.height, opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
+                             write_ms, total_ms));
 }
 
 }  // namespace

@@ -35,9 +35,10 @@ struct Options {
   std::string map, output, session, cine, strengths;
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
-  std::optional<double> wall_radius_mm, gamma;
-  bool inverted = false, furniture = false;
+  std::optional<double> wall_radius_mm;
+  bool furniture = false;
   ViewOptions view;
+  GreyOptions grey;
 };
 
 /// The session, where there is one, with what the other options say.
@@ -53,14 +54,19 @@ ViewSession resolve(const Options& options) {
   if (options.reconstruction)
     style.sampling.reconstruction =
         *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
-  if (options.wall_radius_mm) style.sampling.wall_radius_mm = options.wall_radius_mm;
+  if (options.wall_radius_mm) {
+    if (style.sampling.compositing != Compositing::wall)
+      throw InputError("--wall-radius {}: moves the walls of --compositing wall; give that too",
+                       *options.wall_radius_mm);
+    style.sampling.wall_radius_mm = options.wall_radius_mm;
+  }
   if (!options.strengths.empty()) {
     style.strengths.clear();
     for (const double strength : parse_numbers(options.strengths, "--strengths"))
       style.strengths.push_back(static_cast<float>(strength));
   }
-  if (options.gamma) style.window.gamma = *options.gamma;
-  if (options.inverted) style.window.inverted = true;
+  if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
+  if (options.grey.inverted) style.window.inverted = true;
   return scene;
 }
 
@@ -117,6 +123,8 @@ void render(const Options& options, Session& session) {
   if (!scene.catheter.empty()) surfaces.push_back(read_catheter(scene.catheter));
 
   const BodyBounds bounds = bounds_of(map->geometry);
+  if (!scene.vessels.empty())
+    session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
   View view = parse_view(options.view);
   if (!options.session.empty() && options.view.pixel_mm == 0) {
     if (view.width == 0) view.width = 640, view.height = 480;
@@ -159,9 +167,10 @@ void render(const Options& options, Session& session) {
     angles =
         fmt::format("{} frames from {:g} to {:g} deg", cine_deg.size(), cine_deg.front(), cine_deg.back());
   }
-  session.print(result, fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
-                                    options.output, angles, view.width, view.height, view.pixel_mm,
-                                    static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
+  session.report(result,
+                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
+                             options.output, angles, view.width, view.height, view.pixel_mm,
+                             static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
 }
 
 }  // namespace
@@ -203,10 +212,7 @@ void add_render(CLI::App& app, Session& session) {
       ->type_name("MM");
   command->add_option("--strengths", options->strengths, "One factor a layer, innermost first; 0 hides it")
       ->type_name("S,S,...");
-  command->add_option("--gamma", options->gamma, "Of the grey that is shown")
-      ->check(CLI::Range(0.1, 10.0))
-      ->type_name("GAMMA");
-  command->add_flag("--inverted", options->inverted, "Bones light instead of dark");
+  add_grey_options(*command, options->grey);
   command->add_flag("--furniture", options->furniture,
                     "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
   command->add_option("--cine", options->cine, "A turn around the body instead of one frame")

@@ -99,17 +99,17 @@ void segment(const Options& options, Session& session) {
                                   centrelines.tree.branches().size(), centrelines.loops.size()),
                       volume, mask, centrelines.tree, folder / "report.png");
   const double total_ms = stopwatch.ms();
-  session.print({{"input", options.input},
-                 {"folder", options.folder},
-                 {"voxels", mask.count()},
-                 {"branches", centrelines.tree.branches().size()},
-                 {"loops", centrelines.loops},
-                 {"gaps_mm", centrelines.gaps_mm},
-                 {"triangles", surface.triangles.size()},
-                 {"timings_ms", {{"total", total_ms}}}},
-                fmt::format("{}: {} branches, {} loops, {} triangles, {:.0f} ms\n", options.folder,
-                            centrelines.tree.branches().size(), centrelines.loops.size(),
-                            surface.triangles.size(), total_ms));
+  session.report({{"input", options.input},
+                  {"folder", options.folder},
+                  {"voxels", mask.count()},
+                  {"branches", centrelines.tree.branches().size()},
+                  {"loops", centrelines.loops},
+                  {"gaps_mm", centrelines.gaps_mm},
+                  {"triangles", surface.triangles.size()},
+                  {"timings_ms", {{"total", total_ms}}}},
+                 fmt::format("{}: {} branches, {} loops, {} triangles, {:.0f} ms\n", options.folder,
+                             centrelines.tree.branches().size(), centrelines.loops.size(),
+                             surface.triangles.size(), total_ms));
 }
 
 }  // namespace

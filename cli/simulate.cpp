@@ -1,6 +1,7 @@
 #include "catheter_options.hpp"
 #include "command.hpp"
 #include "hub_plot.hpp"
+#include "plot.hpp"
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
@@ -10,6 +11,7 @@
 #include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/run_cine.hpp"
+#include "xraycast/viewer/vessels.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
@@ -38,15 +40,24 @@ std::pair<double, double> parse_injection(const std::string& text) {
   return {times_s[0], times_s[1]};
 }
 
+std::vector<glm::vec3> points_of(const VesselTree& tree) {
+  std::vector<glm::vec3> points_mm;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) points_mm.emplace_back(point.position_mm);
+  return points_mm;
+}
+
 /// What a fluoroscope sees of the run, drawn while the catheter moves, into --cine.
 class Cine {
  public:
-  Cine(const Options& options, const VesselTree& tree) {
+  Cine(const Options& options, const VesselTree& tree, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
     cine.view = parse_view(options.view);
-    cine.view.centre_mm = bounds_of(map->geometry).centre_mm;
-    cine.view = fitted(cine.view, bounds_of(map->geometry));
+    const BodyBounds bounds = bounds_of(map->geometry);
+    session.say(notes_on_place(points_of(tree), bounds, options.tree));
+    cine.view.centre_mm = bounds.centre_mm;
+    cine.view = fitted(cine.view, bounds);
     cine.style.look = look_named(options.look);
     cine.style.window.inverted = cine.style.look == Look::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
@@ -62,6 +73,26 @@ class Cine {
   std::optional<RunCine> run_;
 };
 
+/// The hub's loads over a run, as often as a plot shows.
+class HubPlot {
+ public:
+  explicit HubPlot(const Script& script)
+      : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMostPoints)) {}
+
+  void see(const Catheter& catheter, double time_s) {
+    if (!records_.empty() && time_s < records_.back().time_s + interval_s_) return;
+    records_.push_back(record_of(catheter, time_s));
+  }
+  void write(const std::string& device, const fs::path& path) const {
+    write_hub_plot(fmt::format("{}: at the hub", device), records_, path);
+  }
+
+ private:
+  static constexpr double kFinest_s = 0.01, kMostPoints = 2000;
+  double interval_s_;
+  std::vector<RunRecord> records_;
+};
+
 void check_cine(const Options& options) {
   if (options.cine.empty()) return;
   if (options.map.empty()) throw InputError("--cine {}: give a body map to draw it in, --map", options.cine);
@@ -74,7 +105,7 @@ void check_cine(const Options& options) {
 
 void simulate(const Options& options, Session& session) {
   check_writable(options.log);
-  if (!options.plot.empty()) check_writable(options.plot);
+  if (!options.plot.empty()) check_plot(options.plot);
   check_cine(options);
   const DeviceModel device = DeviceModel::named(options.device_model);
   const Script script = Script::read(options.script);
@@ -84,20 +115,21 @@ void simulate(const Options& options, Session& session) {
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
-  if (!options.cine.empty()) cine.emplace(options, tree);
+  if (!options.cine.empty()) cine.emplace(options, tree, session);
+  HubPlot plot(script);
   const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
-                                                    [&cine](const Catheter& moved, double time_s) {
+                                                    [&](const Catheter& moved, double time_s) {
+                                                      plot.see(moved, time_s);
                                                       if (cine) cine->see(moved, time_s);
                                                     });
   const double wall_s = 1e-3 * stopwatch.ms();
   write_whole_file(options.log, to_csv(records));
-  if (!options.plot.empty())
-    write_hub_plot(fmt::format("{}: at the hub", device.name()), records, options.plot);
+  if (!options.plot.empty()) plot.write(device.name(), options.plot);
   if (cine) cine->finish();
 
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
-  session.print(
+  session.report(
       {{"tree", options.tree},
        {"device_model", device.name()},
        {"entry_branch", entry.branch},

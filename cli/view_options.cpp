@@ -33,6 +33,13 @@ void add_view_options(CLI::App& command, ViewOptions& options) {
       ->type_name("MM");
 }
 
+void add_grey_options(CLI::App& command, GreyOptions& options) {
+  command.add_option("--gamma", options.gamma, "Of the grey that is shown")
+      ->check(CLI::Range(0.1, 10.0))
+      ->type_name("GAMMA");
+  command.add_flag("--inverted", options.inverted, "Bones light instead of dark");
+}
+
 void add_cone_option(CLI::App& command, std::string& cone) {
   command
       .add_option("--cone", cone,

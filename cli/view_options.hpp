@@ -3,6 +3,7 @@
 #include "command.hpp"
 #include "xraycast/view.hpp"
 
+#include <optional>
 #include <string>
 #include <vector>
 
@@ -15,6 +16,14 @@ struct ViewOptions {
 };
 
 void add_view_options(CLI::App& command, ViewOptions& options);
+
+/// --gamma and --inverted, as given: how a picture's grey is shown.
+struct GreyOptions {
+  std::optional<double> gamma;
+  bool inverted = false;
+};
+
+void add_grey_options(CLI::App& command, GreyOptions& options);
 
 /// --cone alone, for commands that choose their own angles.
 void add_cone_option(CLI::App& command, std::string& cone);

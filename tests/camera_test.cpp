@@ -1,6 +1,7 @@
 #include "xraycast/viewer/camera.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/viewer/vessels.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -99,6 +100,14 @@ TEST(BodyBounds, EncloseTheMap) {
   sphere.centre_z_mm = 7;
   EXPECT_EQ(bounds_of(sphere).centre_mm, glm::dvec3(3, 4, 7));
   EXPECT_EQ(bounds_of(sphere).half_height_mm, 90);
+}
+
+TEST(BodyBounds, NoticeVesselsOfAnotherScan) {
+  // Beside the body, above it, and two within.
+  const std::vector<glm::vec3> points{{170, 20, 300}, {10, 20, 510}, {10, 160, 300}, {10, 20, 110}};
+  EXPECT_TRUE(notes_on_place(points, kBody, "vessels").empty());
+  EXPECT_THAT(notes_on_place(std::span(points).first(3), kBody, "vessels"),
+              testing::ElementsAre(testing::StartsWith("vessels: 67 % of it lie outside")));
 }
 
 }  // namespace

@@ -159,6 +159,9 @@ const BadCall kBadCalls[] = {
     {"SimulateEntryOfTwo",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7,8", 3,
      "--entry 7,8: has to be", make_push_and_tree},
+    {"SimulateEntryFarAway",
+     "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 0,0,900", 3,
+     "mm away", make_push_and_tree},
     {"SimulateTooThick", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
      "cobra-5f: its radius of 0.833 mm does not fit into branch 0", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
@@ -278,6 +281,9 @@ const BadCall kBadCalls[] = {
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"AnglesThatRunAway", "compare @/ct.nii @/map.exr --angles 0:30:-1", 3,
      "--angles 0:30:-1: has to be FROM:TO:STEP"},
+    {"WallRadiusWithoutWalls", "render @/map.exr -o @/out.png --wall-radius 100", 3, "--compositing wall",
+     write_small_map},
+    {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "end its name in .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
@@ -577,6 +583,9 @@ TEST_F(Cli, RendersACineIntoAFolderOrAnAnimation) {
   output_of("-q render @/map.exr -o @/frames --cine 0:360:90 --size 64x48");
   EXPECT_TRUE(fs::exists(folder_ / "frames/frame-003.png"));
   EXPECT_FALSE(fs::exists(folder_ / "frames/frame-004.png"));
+  write_bytes(folder_ / "frames/notes.txt", "kept");
+  output_of("-q render @/map.exr -o @/frames --cine 0:360:180 --size 64x48");
+  EXPECT_THAT(snapshot(folder_ / "frames"), testing::SizeIs(3)) << "a longer cine's frames stay behind";
   output_of("-q render @/map.exr -o @/turn.gif --cine 0:360:90 --size 64x48");
   EXPECT_GT(fs::file_size(folder_ / "turn.gif"), 500u);
 }
@@ -623,6 +632,8 @@ TEST_F(Cli, NotesGoToStderrAndQuietSilencesThem) {
   EXPECT_EQ(output_of("cast @/ct.nii -o @/map.exr --quiet"), "");
   EXPECT_EQ(output_of("-q project @/ct.nii -o @/p.png"), "");
   EXPECT_EQ(output_of("-q phantom box --size 8x8x8 -o @/box.nrrd"), "");
+  // What was asked for is no note.
+  EXPECT_THAT(output_of("-q info @/ct.nii"), HasSubstr("8 x 8 x 4"));
 }
 
 // Long enough for the bar to appear, half a second after a stage began.

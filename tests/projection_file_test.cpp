@@ -74,6 +74,20 @@ TEST_P(ProjectionFile, NrrdPlacesEveryPixelWhereTheViewDoes) {
   EXPECT_EQ(bytes.substr(bytes.size() - voxels.size()), voxels);
 }
 
+TEST_P(ProjectionFile, PngIsShownInvertedIfAsked) {
+  const auto grey_of = [&](const char* name) {
+    const auto file = OIIO::ImageInput::open((folder_ / name).string());
+    std::vector<std::uint8_t> grey(image_.tau.size());
+    EXPECT_TRUE(file && file->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT8, grey.data()));
+    return grey;
+  };
+  write_projection(image_, folder_ / "dark.png");
+  write_projection(image_, folder_ / "light.png", 1, true);
+  const std::vector<std::uint8_t> dark = grey_of("dark.png"), light = grey_of("light.png");
+  EXPECT_NE(dark, light);
+  for (std::size_t i = 0; i < dark.size(); ++i) EXPECT_NEAR(dark[i] + light[i], 255, 1);  // both are rounded
+}
+
 TEST_P(ProjectionFile, ExrAndTiffHoldTheFloatsAndTheView) {
   for (const char* name : {"p.exr", "p.tif"}) {
     SCOPED_TRACE(name);

@@ -44,7 +44,10 @@ GreyWindow automatic_window(std::span<const float> tau, double least_depth) {
 }
 
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
-  const GreyWindow window = automatic_window(tau, least_depth);
+  return windowed(tau, automatic_window(tau, least_depth));
+}
+
+std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow& window) {
   std::vector<std::uint8_t> greys(tau.size());
   std::ranges::transform(tau, greys.begin(), [&](float t) { return grey(window.grey(t)); });
   return greys;

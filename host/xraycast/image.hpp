@@ -30,6 +30,9 @@ GreyWindow automatic_window(std::span<const float> tau, double least_depth = 0);
 /// `least_depth` is shown as if they were at it, and so stays faint.
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth = 0);
 
+/// Grey 0 to 255 in a window.
+std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow& window);
+
 /// Grey 0 to 255 of exp(-tau), unscaled.
 std::vector<std::uint8_t> plain_transmission(std::span<const float> tau);
 

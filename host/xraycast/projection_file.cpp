@@ -79,11 +79,16 @@ void check_projection_format(const std::filesystem::path& path) {
                      path.string());
 }
 
-void write_projection(const ProjectionImage& image, const std::filesystem::path& path) {
+void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
+                      bool inverted) {
   check_projection_format(path);
   const std::string extension = extension_of(path);
-  if (extension == ".png")
-    return write_png(windowed_transmission(image.tau), image.view.width, image.view.height, 1, path);
+  if (extension == ".png") {
+    GreyWindow window = automatic_window(image.tau);
+    window.gamma = gamma;
+    window.inverted = inverted;
+    return write_png(windowed(image.tau, window), image.view.width, image.view.height, 1, path);
+  }
   if (extension == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
 }

@@ -28,7 +28,7 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
 /// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
-/// taken; the most inferior one for an empty text. Throws InputError.
+/// taken, no farther than 50 mm away; the most inferior one for an empty text. Throws InputError.
 VesselEnd entry_named(const VesselTree& tree, const std::string& text);
 
 /// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half

@@ -14,6 +14,12 @@ constexpr double kRadians = std::numbers::pi / 180;
 
 }  // namespace
 
+bool BodyBounds::holds(const glm::dvec3& point_mm) const {
+  const glm::dvec3 from_centre_mm = point_mm - centre_mm;
+  return std::hypot(from_centre_mm.x, from_centre_mm.y) <= radius_mm &&
+         std::abs(from_centre_mm.z) <= half_height_mm;
+}
+
 BodyBounds bounds_of(const MapGeometry& geometry) {
   BodyBounds bounds;
   glm::dvec2 low = geometry.centre_mm.front(), high = low;

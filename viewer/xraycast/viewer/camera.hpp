@@ -14,6 +14,8 @@ struct BodyBounds {
   double radius_mm = 1;           ///< about the axis
   double half_height_mm = 1;
   double finest_mm = 1;  ///< the smallest distance between what the map tells apart
+
+  bool holds(const glm::dvec3& point_mm) const;
 };
 
 /// The bounds of all that a map's rays met. About a bent axis the circle encloses every row's circle.

@@ -18,12 +18,19 @@ void CineWriter::add(std::vector<std::uint8_t> rgb) {
   if (is_animation(output_))
     frames_.push_back(std::move(rgb));
   else
-    write_png(rgb, width_, height_, 3, output_ / fmt::format("frame-{:03}.png", count_));
+    write_png(rgb, width_, height_, 3, frame(count_));
   ++count_;
 }
 
+std::filesystem::path CineWriter::frame(int number) const {
+  return output_ / fmt::format("frame-{:03}.png", number);
+}
+
 void CineWriter::finish() const {
-  if (!is_animation(output_)) return;
+  if (!is_animation(output_)) {
+    for (int number = count_; std::filesystem::remove(frame(number));) ++number;
+    return;
+  }
   std::vector<ImagePart> parts;
   for (const auto& frame : frames_) {
     parts.push_back({OIIO::ImageSpec(width_, height_, 3, OIIO::TypeDesc::UINT8), frame.data()});

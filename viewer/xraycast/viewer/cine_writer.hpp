@@ -10,7 +10,8 @@ namespace xraycast {
 bool is_animation(const std::filesystem::path& path);
 
 /// Frames of a turn around the body, all of one size: PNGs in a folder, which has to exist, as they come, or
-/// one animation in the end, of 20 frames a second.
+/// one animation in the end, of 20 frames a second. A folder's frames are those of one cine: what a longer
+/// one left behind the last is removed.
 class CineWriter {
  public:
   CineWriter(std::filesystem::path output, int width, int height);
@@ -22,6 +23,8 @@ class CineWriter {
   void finish() const;
 
  private:
+  std::filesystem::path frame(int number) const;
+
   std::filesystem::path output_;
   int width_, height_, count_ = 0;
   std::vector<std::vector<std::uint8_t>> frames_;  ///< of an animation

@@ -5,6 +5,7 @@
 #include "xraycast/viewer/fluoroscopy_beam.hpp"
 #include "xraycast/whole_file.hpp"
 
+#include <fmt/format.h>
 #include <glm/geometric.hpp>
 
 #include <algorithm>
@@ -39,6 +40,16 @@ Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
                   {0.80, 0.16, 0.14}};
   if (vessels.mesh.triangles.empty()) throw InputError("{}: the surface has no triangles", path.string());
   return vessels;
+}
+
+std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
+                                        const std::string& name) {
+  const auto within =
+      std::ranges::count_if(vessels_mm, [&](const glm::vec3& point) { return bounds.holds(point); });
+  const double outside = 1 - static_cast<double>(within) / static_cast<double>(vessels_mm.size());
+  if (!(outside > 0.5)) return {};
+  return {fmt::format("{}: {:.0f} % of it lie outside the body map; are both of the same scan?", name,
+                      100 * outside)};
 }
 
 Surface read_catheter(const std::filesystem::path& path) {

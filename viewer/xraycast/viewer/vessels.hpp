@@ -1,9 +1,13 @@
 #pragma once
 
 #include "xraycast/nurbs_curve.hpp"
+#include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/scene.hpp"
 
 #include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -11,6 +15,11 @@ namespace xraycast {
 /// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. In the fluoro look
 /// they hold blood with that much iodine. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
+
+/// What to tell someone whose vessels lie outside a map's body for the most part, as those of another scan
+/// do; a line, or none.
+std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
+                                        const std::string& name);
 
 /// A catheter as a surface to draw, 2 mm thick: a CSV of control points x, y, z (LPS, mm) of a NURBS curve.
 /// Throws InputError, naming file and line.

@@ -6,6 +6,7 @@
 #include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/vessel_pick.hpp"
+#include "xraycast/viewer/vessels.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/format.h>
@@ -126,6 +127,10 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   adapted_to_.reset();
   picked_.reset();
   if (!opened_.map) return;
+  if (opened_.vessels)
+    for (const std::string& note : notes_on_place(
+             opened_.vessels->mesh.points_mm, bounds_of(opened_.map->geometry), session_.vessels.string()))
+      message_ = note;
   if (is_other_map) {
     undo_.clear();
     redo_.clear();
