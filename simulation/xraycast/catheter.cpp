@@ -88,7 +88,7 @@ VesselEnd entry_named(const VesselTree& tree, const std::string& text) {
   }
   if (numbers.size() == 3) {
     const glm::dvec3 point_mm(numbers[0], numbers[1], numbers[2]);
-    const VesselEnd nearest = nearest_end(tree, point_mm);
+    VesselEnd nearest = nearest_end(tree, point_mm);
     const double away_mm = glm::distance(to_glm(nearest.position_mm), point_mm);
     constexpr double kFarthest_mm = 50;  // as far as one may be off who reads it from a picture
     if (away_mm > kFarthest_mm)
