@@ -36,7 +36,7 @@ struct Options {
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
-  bool furniture = false;
+  bool full_contrast = false, furniture = false;
   ViewOptions view;
   GreyOptions grey;
 };
@@ -65,6 +65,7 @@ ViewSession resolve(const Options& options) {
     for (const double strength : parse_numbers(options.strengths, "--strengths"))
       style.strengths.push_back(static_cast<float>(strength));
   }
+  if (options.full_contrast) style.full_contrast = true;
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
   if (options.grey.inverted) style.window.inverted = true;
   return scene;
@@ -213,6 +214,9 @@ void add_render(CLI::App& app, Session& session) {
   command->add_option("--strengths", options->strengths, "One factor a layer, innermost first; 0 hides it")
       ->type_name("S,S,...");
   add_grey_options(*command, options->grey);
+  command->add_flag(
+      "--full-contrast", options->full_contrast,
+      "fluoro: vessels and catheter keep the contrast that the grey takes from the body's range");
   command->add_flag("--furniture", options->furniture,
                     "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
   command->add_option("--cine", options->cine, "A turn around the body instead of one frame")

@@ -27,11 +27,12 @@ ViewSession resolve(const Options& options) {
 }
 
 void view(const Options& options, const Session& session) {
-  const ViewSession scene = resolve(options);
+  ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
   if (options.simulate || !options.simulation.script.empty()) {
     simulation = options.simulation;
     simulation->vessels = scene.vessels;
+    scene.style.full_contrast = true;  // or a thin catheter in a trunk is hardly seen
   }
   run_viewer(scene, session.device, session.progress, simulation);
 }

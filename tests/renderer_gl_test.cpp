@@ -189,6 +189,27 @@ TEST_F(RendererTest, BallAbsorbsByItsThickness) {
   }
 }
 
+TEST_F(RendererTest, FullContrastShowsHowMuchTheBeamIsWeakened) {
+  Renderer renderer;
+  const auto map = homogeneous(1);
+  const glm::dvec3 centre = bounds_of(map->geometry).centre_mm;
+  const View view = view_of_map(*map, 25);
+  const std::size_t middle = 60 * view.width + 80;
+  Style style;
+  style.window = {8, 0, 1};
+  const auto grey = [&] { return renderer.picture(view, style)[3 * middle]; };
+  renderer.set_map(map);
+  const int body = grey();
+  renderer.set_surfaces(std::vector<Surface>{{ball(centre, 2), 0.1, {}}});
+  const double weakened =
+      std::exp(-(renderer.tau(view, style)[middle] - renderer.body_tau(view, style)[middle]));
+  // Both greys are rounded.
+  EXPECT_NEAR(grey(), body * std::pow(weakened, 1 / style.window.scale), 1);
+  style.full_contrast = true;
+  EXPECT_NEAR(grey(), body * weakened, 1);
+  EXPECT_LT(weakened, 0.7);
+}
+
 /// How much of the body lies in front of a surface whose middle is `ahead_mm` towards the detector.
 float in_front(Renderer& renderer, const BodyMap& map, const View& view, double ahead_mm,
                const Style& style) {

@@ -9,6 +9,7 @@ uniform float last_quad;
 uniform vec2 row_limits;   // between which there is a body
 #ifdef ABSORBING
 uniform sampler2D absorbed;
+uniform float weight;  // of it
 #endif
 #ifdef TAU
 out float result;
@@ -46,7 +47,7 @@ void main() {
   vec3 place = from_pixel * vec3(here.x, view_height - here.y, 1.0);
   float tau = body_tau(place.xy / place.z);
 #ifdef ABSORBING
-  tau += max(texelFetch(absorbed, ivec2(here), 0).x, 0.0);
+  tau += weight * max(texelFetch(absorbed, ivec2(here), 0).x, 0.0);
 #endif
 #ifdef TAU
   result = tau;

@@ -407,7 +407,10 @@ void Renderer::display_body(const Passes& passes, const Style& style, Output out
   show.set("body_size", glm::dvec2(std::max(1, body.columns), std::max(1, body.rows)));
   show.set("last_quad", quads_of(body.rows) - 1.0);
   show.set("row_limits", glm::dvec2(body.columns > 0 && body.rows > 0 ? body.first_row : 1e9, body.last_row));
-  if (is_absorbing) absorbed_.bind(show, "absorbed", 1);
+  if (is_absorbing) {
+    absorbed_.bind(show, "absorbed", 1);
+    show.set("weight", output == Output::grey && style.full_contrast ? style.window.scale : 1.0);
+  }
   set_window(show, style.window);
   show.set("origin", glm::dvec2(corner));
   cover(is_absorbing ? united(body.box, absorbing_.box(view)) : body.box, corner);

@@ -15,6 +15,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
     : options_(options), screen_(std::move(screen)), bolus_(tree), contrast_(tree), road_map_(tree) {
   renderer_.set_map(std::move(map));
   options_.style.window = automatic_window(renderer_, options_.view, options_.style);
+  options_.style.full_contrast = true;
 }
 
 void RunCine::see(const Catheter& catheter, double time_s) {

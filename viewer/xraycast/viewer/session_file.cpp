@@ -101,6 +101,7 @@ Style style_of(const Fields& fields) {
       fields.get<bool>("continuous") ? Reconstruction::linear : Reconstruction::constant;
   if (fields.has("wall_radius_mm"))
     style.sampling.wall_radius_mm = fields.number("wall_radius_mm", 1e-3, 1e4);
+  style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
   style.strengths = fields.get<std::vector<float>>("strengths");
   if (!std::ranges::all_of(style.strengths, [](float s) { return s >= 0 && s <= 100; }))
     throw InputError("{}: strengths have to be 0 to 100", fields.name());
@@ -120,6 +121,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
   json["style"] = {{"look", to_string(style.look)},
                    {"compositing", to_string(style.sampling.compositing)},
                    {"continuous", style.sampling.reconstruction == Reconstruction::linear},
+                   {"full_contrast", style.full_contrast},
                    {"strengths", style.strengths}};
   if (style.sampling.wall_radius_mm) json["style"]["wall_radius_mm"] = *style.sampling.wall_radius_mm;
   if (session.has_window)

@@ -159,6 +159,8 @@ void ViewerPanel::look_controls(Viewer& viewer) {
   ImGui::SameLine();
   bool is_automatic = !viewer.session().has_window;
   if (ImGui::Checkbox("automatic brightness", &is_automatic)) viewer.session().has_window = !is_automatic;
+  if (style.look == Look::fluoro)
+    ImGui::Checkbox("vessels and catheter at full contrast", &style.full_contrast);
   if (viewer.has_scan())
     ImGui::Checkbox("split with the true projection", &viewer.splits);
   else
