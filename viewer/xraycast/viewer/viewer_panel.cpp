@@ -197,7 +197,7 @@ void ViewerPanel::opacity_controls(Viewer& viewer) {
   }
   if (!viewer.can_recast()) return;
   for (const char* preset : kOpacityPresets) {
-    if (ImGui::SmallButton(preset)) {
+    if (ImGui::Button(preset)) {
       viewer.remember();
       viewer.attempt([&] { viewer.set_opacity(preset_mu_per_mm(preset, viewer.knots_hu())); });
     }
