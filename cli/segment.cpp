@@ -13,6 +13,7 @@
 
 #include <filesystem>
 #include <memory>
+#include <optional>
 
 namespace xraycast::cli {
 namespace {
@@ -20,7 +21,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::string input, folder, from_mask, window = "auto", surface = "level-set";
+  std::string input, folder, from_mask, window = "auto", surface = "level-set", root;
   std::vector<std::string> seeds, not_vessels;
   ScanOptions scan;
   SegmentOptions segment;
@@ -72,6 +73,8 @@ fs::path made_folder(const std::string& folder) {
 void segment(const Options& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
+  std::optional<glm::dvec3> root_mm;
+  if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
   session.say(scan.info.warnings);
@@ -83,7 +86,7 @@ void segment(const Options& options, Session& session) {
                         ? segment_mask(volume, segmenting, options.input, device, progress)
                         : select_vessels(read_mask(options.from_mask, volume.geometry(), progress),
                                          segmenting.markers, options.from_mask, progress);
-  const Centrelines centrelines = find_centrelines(mask, options.input, progress);
+  const Centrelines centrelines = find_centrelines(mask, options.input, progress, root_mm);
   progress.begin("surface", 1, "surfaces");
   const Mesh surface =
       options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);
@@ -146,6 +149,10 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("auto|LO,HI");
   command->add_option("--from-mask", options->from_mask, "Start from this mask of vessels on the scan's grid")
       ->type_name("MASK");
+  command
+      ->add_option("--root", options->root,
+                   "The tree begins at the vessel end nearest to this point; without: at the widest vessel's")
+      ->type_name("X,Y,Z");
   command->add_option("--surface", options->surface, "level-set: of the mask; tubes: swept along the tree")
       ->check(CLI::IsMember({"level-set", "tubes"}))
       ->capture_default_str()

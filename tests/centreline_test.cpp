@@ -67,6 +67,28 @@ TEST(Centrelines, EndWithALineOfSingleVoxels) {
   EXPECT_NEAR(found.tree.branches()[0].arc_length_mm.back(), 30, 1);
 }
 
+/// A vessel that narrows downwards, with an aneurysm at its side, wider than it.
+Mask vessel_with_aneurysm() {
+  return mask_where({.size = {60, 40, 100}}, [](const glm::dvec3& p) {
+    const double radius = 3 + 0.02 * p.z;
+    return (p.z >= 8 && p.z <= 92 && std::hypot(p.x - 20, p.y - 20) < radius) ||
+           glm::distance(p, {33, 20, 50}) < 9;
+  });
+}
+
+TEST(Centrelines, BeginAtTheWidestVesselAndNotInAnAneurysm) {
+  const VesselTree tree = find_centrelines(vessel_with_aneurysm(), "vessel").tree;
+  ASSERT_EQ(tree.branches().size(), 3U);
+  EXPECT_NEAR(tree.branches()[0].points.front().position_mm.z, 92, 6);
+}
+
+TEST(Centrelines, BeginAtTheEndNearestToTheRoot) {
+  Progress unheard;
+  const VesselTree tree =
+      find_centrelines(vessel_with_aneurysm(), "vessel", unheard, glm::dvec3(20, 20, 0)).tree;
+  EXPECT_NEAR(tree.branches()[0].points.front().position_mm.z, 8, 6);
+}
+
 TEST(Centrelines, FollowABentTube) {
   const glm::dvec3 centre(10, 10, 20);
   constexpr double kBend = 40, kRadius = 4.5;

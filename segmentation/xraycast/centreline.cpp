@@ -420,8 +420,13 @@ class TreeBuilder {
     });
   }
 
-  Centrelines build(const std::string& name, std::vector<double> gaps_mm) {
-    walk(thickest_end());
+  Centrelines build(const std::optional<glm::dvec3>& root_mm, const std::string& name,
+                    std::vector<double> gaps_mm) {
+    const auto nearness = [&](const FreeEnd& end) { return -glm::distance(end.position_mm, *root_mm); };
+    const auto width = [](const FreeEnd& end) {
+      return end.length_mm > 2 * end.radius_mm ? end.radius_mm : -1 / end.radius_mm;
+    };
+    walk(root_mm ? best_end(nearness) : best_end(width));
     VesselTree tree(std::move(branches_), name);
     return {std::move(tree), std::move(loops_), std::move(gaps_mm)};
   }
@@ -429,18 +434,33 @@ class TreeBuilder {
  private:
   double step_mm() const { return 0.75 * lumen_.voxel_mm(); }
 
-  int thickest_end() const {
+  struct FreeEnd {
+    glm::dvec3 position_mm;
+    double radius_mm;  ///< somewhat away from the end, which may be cut obliquely
+    double length_mm;  ///< of its vessel, to where that branches
+  };
+
+  FreeEnd free_end(int node, int edge) const {
+    const auto& line = lines_[static_cast<std::size_t>(edge)];
+    const bool forwards = graph_.edges[static_cast<std::size_t>(edge)].nodes[0] == node;
+    const std::size_t in = line.size() / 4;
+    double length_mm = 0;
+    for (std::size_t i = 1; i < line.size(); ++i)
+      length_mm += glm::distance(line[i - 1].position_mm, line[i].position_mm);
+    return {(forwards ? line.front() : line.back()).position_mm,
+            line[forwards ? in : line.size() - 1 - in].radius_mm, length_mm};
+  }
+
+  /// The node of the free end whose rank is highest.
+  template <typename Rank>
+  int best_end(const Rank& rank) const {
     int best = -1;
-    double best_mm = 0;
+    double highest = 0;
     for (int n = 0; n < static_cast<int>(graph_.nodes.size()); ++n) {
       const auto& edges = graph_.nodes[static_cast<std::size_t>(n)].edges;
       if (edges.size() != 1) continue;
-      const auto& line = lines_[static_cast<std::size_t>(edges[0])];
-      // Somewhat away from the end, which may be cut obliquely.
-      const bool forwards = graph_.edges[static_cast<std::size_t>(edges[0])].nodes[0] == n;
-      const std::size_t in = line.size() / 4;
-      const double mm = line[forwards ? in : line.size() - 1 - in].radius_mm;
-      if (mm > best_mm) best = n, best_mm = mm;
+      const double its = rank(free_end(n, edges[0]));
+      if (best < 0 || its > highest) best = n, highest = its;
     }
     return best;
   }
@@ -492,7 +512,8 @@ int face_within(const VolumeGeometry& grid, const Index3& voxel, double reach_mm
 
 }  // namespace
 
-Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress) {
+Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress,
+                             const std::optional<glm::dvec3>& root_mm) {
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
@@ -514,7 +535,7 @@ Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress
   const SkeletonGraph graph = pruner.result();
   if (graph.edges.empty())
     throw InputError("{}: no vessel: nothing in the mask is longer than it is wide", name);
-  return TreeBuilder(graph, lumen, progress).build(name, std::move(gaps_mm));
+  return TreeBuilder(graph, lumen, progress).build(root_mm, name, std::move(gaps_mm));
 }
 
 }  // namespace xraycast

@@ -4,6 +4,8 @@
 #include "xraycast/progress.hpp"
 #include "xraycast/vessel_tree.hpp"
 
+#include <optional>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -18,12 +20,14 @@ struct Centrelines {
 /// The tree of centrelines of a mask of vessels: thinned, read as a graph, spurs that do not reach out of
 /// their parent's lumen pruned, loops cut open at their thinnest edge, lines moved to the middle of their
 /// cross-sections and smoothed. The radius is the one of the cross-section, bounded by the distance
-/// transform; within its parent's lumen a branch keeps the radius that it has outside. The root is the
-/// thickest end. Points are at most one voxel apart.
+/// transform; within its parent's lumen a branch keeps the radius that it has outside. Points are at most one
+/// voxel apart. The root is the free end nearest to `root_mm`; without it the thickest one of a vessel that
+/// is longer than wide, which an aneurysm's dome is not.
 ///
 /// Throws InputError, with `name` in front, when nothing in the mask is longer than it is wide. Thinning and
 /// centring are stages of `progress`.
-Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress);
+Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress& progress,
+                             const std::optional<glm::dvec3>& root_mm = {});
 inline Centrelines find_centrelines(const Mask& mask, const std::string& name) {
   Progress unheard;
   return find_centrelines(mask, name, unheard);
