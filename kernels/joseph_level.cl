@@ -8,22 +8,61 @@
  * and y, so that in every plane one column of voxels, interpolated across, serves all of them. Along z they
  * lie in the order of their rows, so that the first and the last of a column enclose the others. */
 
-#define GROUPS (XRC_LEVEL_ROWS / ROWS) /* to a work-item */
+#define GROUPS (XRC_LEVEL_ROWS / ROWS) /* to a detector column */
 
 #ifdef HAS_PERMUTE
 
 /* Rays of neighbouring rows are at most two slices apart in the core of a plane. */
 #define COLUMN_BRICKS (2 * GROUPS * ROWS / XRC_BRICK_SLICES + 2)
 
-/* Interpolated slices, with room for reading 32 from any of them on. */
+/* Planes that are sampled at once, so that what a group of rays needs for them stays in registers. */
+#define PLANES 4
+
+/* Compilers make calls of functions as long as these, which take as long again as what they do. */
+#define INLINE static inline __attribute__((always_inline))
+
+/* 16 slices from any of a column on; `vload16` takes them in pieces. */
+typedef float16 Slices __attribute__((aligned(4)));
+
+/* Interpolated slices of a plane, with room for reading 32 from any of them on. */
 typedef struct {
-  float hu[(COLUMN_BRICKS + 2) * XRC_BRICK_SLICES];
+  float16 hu[COLUMN_BRICKS + 2];
   int first_slice;
 } Column;
 
+/* The rays of a detector column, and their integrals so far, in planes. */
+typedef struct {
+  Rays rays[GROUPS];
+  float16 sum[GROUPS];
+  int groups;
+  int first, last, first_core, last_core; /* as in Rays, of any of them */
+} DetectorColumn;
+
+/* 0 when the rays are of different kinds. */
+static inline int prepare_column(DetectorColumn* column, const XrcScan* scan, const XrcDetector* detector,
+                                 const int i, const int first_row, const int groups) {
+  Rays* rays = column->rays;
+  for (int g = 0; g < groups; ++g) {
+    if (!prepare_rows(&rays[g], scan, detector, i, first_row + ROWS * g)) return 0;
+    if (rays[g].plane_step != rays[0].plane_step) return 0;
+    column->sum[g] = 0.0f;
+  }
+  column->groups = groups;
+  column->first = rays[0].first;
+  column->last = rays[0].last;
+  column->first_core = rays[0].first_core;
+  column->last_core = rays[0].last_core;
+  for (int g = 1; g < groups; ++g) {
+    column->first = min(column->first, rays[g].first);
+    column->last = max(column->last, rays[g].last);
+    column->first_core = min(column->first_core, rays[g].first_core);
+    column->last_core = max(column->last_core, rays[g].last_core);
+  }
+  return 1;
+}
+
 /* Fills in what all groups need of plane k. */
-static inline void interpolate_column(SCAN voxels, const Rays* rays, const int groups, const int k,
-                                      Column* column) {
+INLINE void interpolate_column(SCAN voxels, const Rays* rays, const int groups, const int k, Column* column) {
   const float u = clamp(fma((float)k, rays->du.s0, rays->u0.s0), 0.0f, (float)rays->last_u);
   const int cell = index_at(u, rays->last_u);
   const float16 along_u = u - (float)cell;
@@ -37,81 +76,93 @@ static inline void interpolate_column(SCAN voxels, const Rays* rays, const int g
     prefetch_line(pixel + rays->ahead);
     const float16 here = convert_float16(vload16(0, pixel)),
                   beside = convert_float16(vload16(0, pixel + rays->column_step));
-    vstore16(fma(along_u, beside - here, here), brick - first, column->hu);
+    column->hu[brick - first] = fma(along_u, beside - here, here);
   }
   column->first_slice = first * XRC_BRICK_SLICES;
 }
 
 /* HU of 16 rays in a core plane k. */
-static inline float16 sample_column(const Column* column, const Rays* rays, const int k) {
+INLINE float16 sample_column(const Column* column, const Rays* rays, const int k) {
   const float16 v = fma((float16)(float)k, rays->dv, rays->v0);
   const int16 slice = convert_int16(v);
-  const int lowest = index_at(fma((float)k, rays->low_dv, rays->low_v0), rays->last_z);
+  const int lowest = convert_int(fma((float)k, rays->low_dv, rays->low_v0));
   const float* from =
-      column->hu + clamp(lowest - column->first_slice, 0, COLUMN_BRICKS * XRC_BRICK_SLICES - 1);
+      (const float*)column->hu + clamp(lowest - column->first_slice, 0, COLUMN_BRICKS * XRC_BRICK_SLICES - 1);
   const int16 picks = slice - lowest;
-  float16 here = __builtin_shufflevector(vload16(0, from), picks),
-          above = __builtin_shufflevector(vload16(0, from + 1), picks);
+  float16 here = __builtin_shufflevector(*(const Slices*)from, picks),
+          above = __builtin_shufflevector(*(const Slices*)(from + 1), picks);
   if (rays->is_wide) {
     const int16 is_beyond = picks > ROWS - 1, shifted = picks - (ROWS - 1);
-    here = select(here, __builtin_shufflevector(vload16(0, from + ROWS - 1), shifted), is_beyond);
-    above = select(above, __builtin_shufflevector(vload16(0, from + ROWS), shifted), is_beyond);
+    here = select(here, __builtin_shufflevector(*(const Slices*)(from + ROWS - 1), shifted), is_beyond);
+    above = select(above, __builtin_shufflevector(*(const Slices*)(from + ROWS), shifted), is_beyond);
   }
   return fma(v - convert_float16(slice), above - here, here);
 }
 
-#endif
-
-/* One work-item takes 128 rows of a column; columns come in tiles as in `project_rows`. */
-kernel void project_level(SCAN voxels, const XrcScan scan, const XrcDetector detector,
-                          constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
-  const int i = (int)(get_global_id(2) * get_global_size(0) + get_global_id(0)),
-            first_row = GROUPS * ROWS * (int)get_global_id(1);
-  if (i >= detector.width || first_row >= detector.height) return;
-  const int groups = min(GROUPS, (detector.height - first_row + ROWS - 1) / ROWS);
-#ifdef HAS_PERMUTE
-  Rays rays[GROUPS];
-  int alike = 1;
-  for (int g = 0; g < groups; ++g) alike &= prepare_rows(&rays[g], &scan, &detector, i, first_row + ROWS * g);
-  for (int g = 1; g < groups; ++g) alike &= rays[g].plane_step == rays[0].plane_step;
-  if (alike) {
-    int first = rays[0].first, last = rays[0].last, first_core = rays[0].first_core,
-        last_core = rays[0].last_core;
-    for (int g = 1; g < groups; ++g) {
-      first = min(first, rays[g].first);
-      last = max(last, rays[g].last);
-      first_core = min(first_core, rays[g].first_core);
-      last_core = max(last_core, rays[g].last_core);
-    }
-    float16 sum[GROUPS];
-    for (int g = 0; g < groups; ++g) sum[g] = 0.0f;
-    /* A plane is sampled once the next one's column is under way, so that no load waits for a store. Slices
-     * that no column reached count with weight 0, and so have to be numbers. */
-    Column columns[2];
-    for (int b = 0; b < COLUMN_BRICKS + 2; ++b) {
-      vstore16((float16)0.0f, b, columns[0].hu);
-      vstore16((float16)0.0f, b, columns[1].hu);
-    }
-    for (int k = first; k <= last + 1; ++k) {
-      if (k <= last && k >= first_core && k <= last_core)
-        interpolate_column(voxels, rays, groups, k, &columns[k & 1]);
-      const int now = k - 1;
-      if (now < first) continue;
-      for (int g = 0; g < groups; ++g) {
-        if (now >= rays[g].first_core && now <= rays[g].last_core)
-          sum[g] += mu_of16(sample_column(&columns[now & 1], &rays[g], now), opacity, table);
-        else if (now >= rays[g].first && now <= rays[g].last)
-          sum[g] = fma(share_of(&rays[g], now), mu_of16(sample_any(voxels, &rays[g], now), opacity, table),
-                       sum[g]);
+/* Adds planes k to k + PLANES - 1. `columns` are room for those planes. */
+static inline void add_planes(SCAN voxels, DetectorColumn* column, const int k, Column* columns,
+                              constant const XrcOpacity* opacity, global const float2* table) {
+  for (int p = 0; p < PLANES; ++p)
+    if (k + p >= column->first_core && k + p <= column->last_core)
+      interpolate_column(voxels, column->rays, column->groups, k + p, &columns[p]);
+  for (int g = 0; g < column->groups; ++g) {
+    const Rays* rays = &column->rays[g];
+    float16 sum = column->sum[g];
+    if (k >= rays->first_core && k + PLANES - 1 <= rays->last_core) {
+#pragma unroll
+      for (int p = 0; p < PLANES; ++p)
+        sum += mu_of16(sample_column(&columns[p], rays, k + p), opacity, table);
+    } else {
+      for (int p = 0; p < PLANES; ++p) {
+        const int now = k + p;
+        if (now >= rays->first_core && now <= rays->last_core)
+          sum += mu_of16(sample_column(&columns[p], rays, now), opacity, table);
+        else if (now >= rays->first && now <= rays->last)
+          sum = fma(share_of(rays, now), mu_of16(sample_any(voxels, rays, now), opacity, table), sum);
       }
     }
-    for (int g = 0; g < groups; ++g)
-      store_rows(sum[g] * rays[g].plane_mm, i, first_row + ROWS * g, &detector, tau);
+    column->sum[g] = sum;
+  }
+}
+
+#endif
+
+/* One work-item takes 128 rows of some neighbouring columns. These go through the planes side by side, so
+ * that what they share of them stays in a first-level cache. */
+kernel void project_level(SCAN voxels, const XrcScan scan, const XrcDetector detector,
+                          constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
+  const int first_column = XRC_LEVEL_COLUMNS * (int)get_global_id(0),
+            first_row = XRC_LEVEL_ROWS * (int)get_global_id(1);
+  if (first_column >= detector.width || first_row >= detector.height) return;
+  const int count = min(XRC_LEVEL_COLUMNS, detector.width - first_column);
+  const int groups = min(GROUPS, (detector.height - first_row + ROWS - 1) / ROWS);
+#ifdef HAS_PERMUTE
+  DetectorColumn detector_columns[XRC_LEVEL_COLUMNS];
+  int alike = 1;
+  for (int c = 0; c < count; ++c)
+    alike &= prepare_column(&detector_columns[c], &scan, &detector, first_column + c, first_row, groups);
+  if (alike) {
+    int first = detector_columns[0].first, last = detector_columns[0].last;
+    for (int c = 1; c < count; ++c) {
+      first = min(first, detector_columns[c].first);
+      last = max(last, detector_columns[c].last);
+    }
+    /* Slices that no column reached count with weight 0, and so have to be numbers. */
+    Column columns[PLANES];
+    for (int p = 0; p < PLANES; ++p)
+      for (int b = 0; b < COLUMN_BRICKS + 2; ++b) columns[p].hu[b] = 0.0f;
+    for (int k = first; k <= last; k += PLANES)
+      for (int c = 0; c < count; ++c) add_planes(voxels, &detector_columns[c], k, columns, opacity, table);
+    for (int c = 0; c < count; ++c)
+      for (int g = 0; g < groups; ++g)
+        store_rows(detector_columns[c].sum[g] * detector_columns[c].rays[g].plane_mm, first_column + c,
+                   first_row + ROWS * g, &detector, tau);
     return;
   }
 #endif
-  for (int g = 0; g < groups; ++g)
-    project_16(voxels, &scan, &detector, i, first_row + ROWS * g, opacity, table, tau);
+  for (int c = 0; c < count; ++c)
+    for (int g = 0; g < groups; ++g)
+      project_16(voxels, &scan, &detector, first_column + c, first_row + ROWS * g, opacity, table, tau);
 }
 
 #endif

@@ -83,10 +83,11 @@ typedef struct {
   XRC_FLOAT axis[2], radius_mm; /* rays count within a cylinder about this axis along z */
 } XrcDetector;
 
-/* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several
- * when the detector is upright. */
+/* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several,
+ * and several columns, when the detector is upright. */
 #define XRC_DETECTOR_ROWS 16
 #define XRC_LEVEL_ROWS 128
+#define XRC_LEVEL_COLUMNS 8
 
 /* Phantoms: shapes, painted in order. What the members mean for each kind:
  *   solid    a = centre, b and c = two unit axes (the third is b x c), size = half axes, exponents = in the

@@ -53,17 +53,22 @@ struct Projector {
   std::array<std::int64_t, 3> items, group;
 };
 
-/// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several when
-/// there is no tilt, since the rays of a column then meet the same voxels.
+/// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
+/// and vectors when there is no tilt, since their rays then meet the same voxels.
 Projector projector_for(const ResidentScan& scan, const View& view) {
   if (scan.storage() == ScanStorage::image || scan.device().info().is_gpu)
     return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
+  const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
+  if (view.tilt_rad == 0)
+    return {"joseph_level",
+            "project_level",
+            {parts(view.width, XRC_LEVEL_COLUMNS), parts(view.height, XRC_LEVEL_ROWS), 1},
+            {1, 1, 1}};
   constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
-  const auto items = [&](int rows) -> std::array<std::int64_t, 3> {
-    return {kTile, (view.height + rows - 1) / rows, (view.width + kTile - 1) / kTile};
-  };
-  if (view.tilt_rad == 0) return {"joseph_level", "project_level", items(XRC_LEVEL_ROWS), {1, 1, 1}};
-  return {"joseph_rows", "project_rows", items(XRC_DETECTOR_ROWS), {1, 1, 1}};
+  return {"joseph_rows",
+          "project_rows",
+          {kTile, parts(view.height, XRC_DETECTOR_ROWS), parts(view.width, kTile)},
+          {1, 1, 1}};
 }
 
 }  // namespace
