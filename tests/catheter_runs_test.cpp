@@ -246,7 +246,7 @@ TEST_P(RandomScripts, BreakNothing) {
     // Rounding, which the line search admits.
     EXPECT_LT(run.energy_growth, 1e-9) << where;
     EXPECT_LT(run.return_mm, 1) << where;            // nothing stays caught
-    EXPECT_LT(run.beyond_static_mm, 0.15) << where;  // see below
+    EXPECT_LT(run.beyond_static_mm, 0.25) << where;  // see below
     EXPECT_LT(run.real_time, 1) << where;
   }
   write_table(runs);
