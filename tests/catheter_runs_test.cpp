@@ -245,13 +245,13 @@ TEST_P(RandomScripts, BreakNothing) {
     deep_contacts += run.deep_contacts;
     // Rounding, which the line search admits.
     EXPECT_LT(run.energy_growth, 1e-9) << where;
-    EXPECT_LT(run.return_mm, 1) << where;  // nothing stays caught
+    EXPECT_LT(run.return_mm, 1) << where;            // nothing stays caught
+    EXPECT_LT(run.beyond_static_mm, 0.25) << where;  // see below
     EXPECT_LT(run.real_time, 1) << where;
   }
   write_table(runs);
-  // Where a tip snaps out of a vessel that is hardly wider than itself, a step ends before it has come to
-  // rest, and the next ones make up for it: in one of two thousand contacts at most.
-  EXPECT_LT(static_cast<double>(deep_contacts), 5e-4 * static_cast<double>(contacts)) << GetParam();
+  // A tip that snaps is pressed into the wall by its own inertia too, for a step or two: that is not static.
+  EXPECT_LE(static_cast<double>(deep_contacts), 1e-5 * static_cast<double>(contacts)) << GetParam();
 }
 
 INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),

@@ -64,29 +64,34 @@ TEST(TubeField, AgreesWithTheTreeOnInsideAndOutside) {
   }
 }
 
-TEST(TubeField, GradientIsTheLimitOfDifferences) {
+TEST(TubeField, GradientAndCurvatureAreLimitsOfDifferences) {
   const VesselTree tree = fork();
   const TubeField field(tree);
   constexpr double kStep_mm = 1e-5;
-  int kinks = 0, points = 0;
+  int kinks = 0, jumps = 0, points = 0;
   for_points_around(tree, [&](const Vector3d& point) {
     const TubeField::Place place = field.locate(point);
     const TubeField::Sample sample = field.at(point, place);
     if (sample.clearance_mm < -2 || sample.clearance_mm > 2) return;
     Vector3d slope;
+    Eigen::Matrix3d curvature;
     for (int c = 0; c < 3; ++c) {
       Vector3d step = Vector3d::Zero();
       step[c] = kStep_mm;
-      slope[c] = (field.at(point + step, place).clearance_mm - field.at(point - step, place).clearance_mm) /
-                 (2 * kStep_mm);
+      const TubeField::Sample ahead = field.at(point + step, place), behind = field.at(point - step, place);
+      slope[c] = (ahead.clearance_mm - behind.clearance_mm) / (2 * kStep_mm);
+      curvature.col(c) = (behind.gradient - ahead.gradient) / (2 * kStep_mm);
     }
     ++points;
     // The sphere that reaches furthest is found to 1e-5 of a piece, which the difference divides by its step.
     if ((slope - sample.gradient).norm() > 1e-2) ++kinks;
+    // Where a branch begins to be blended the second derivative jumps.
+    if ((curvature - sample.curvature).norm() > 0.02 * (1 + curvature.norm())) ++jumps;
   });
   EXPECT_GT(points, 5000);
-  // Where pieces of one branch meet, or three branches, the difference may look across a kink.
+  // Where two places of one branch are equally near, the difference may look across a kink.
   EXPECT_LT(kinks, points / 1000);
+  EXPECT_LT(jumps, points / 1000);
 }
 
 TEST(TubeField, IsSmoothAcrossABifurcation) {

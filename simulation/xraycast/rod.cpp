@@ -31,6 +31,8 @@ constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
 // The potential that the next iteration may leave, and what one has to gain at least: five millinewton
 // against 1 N/mm.
 constexpr double kTolerance_uJ = 1e-2;
+// Of what a Newton step was to gain, it gains at least this part, or it went too far: beyond a valley, say.
+constexpr double kLeastFall = 0.2;
 
 /// `v`, normal to `from`, carried along the great circle to `to` (both unit).
 Vector3d transported(const Vector3d& v, const Vector3d& from, const Vector3d& to) {
@@ -102,6 +104,74 @@ struct TurnGradient {
     by[k][11] = 0;
   }
 };
+
+/// Adds the moments' share of a bending's and a twisting's second derivatives, which Gauss and Newton leave
+/// out, to the lower half of a matrix, in the rows of a TurnGradient. After Bergou et al., 2010.
+inline void add_curvature(const Frame& e, const Frame& f, const Turn& turn, const Vector2d& bending,
+                          double twisting, BandMatrix& matrix, std::size_t row) {
+  const Vector3d& kb = turn.curvature_binormal;
+  const double chi = 1 + e.tangent.dot(f.tangent);
+  const Vector3d tangent = (e.tangent + f.tangent) / chi;
+  // The bending moments' work is half the curvature times both edges' moment, which turns with its edge.
+  const Vector3d moment_e = bending[0] * e.binormal - bending[1] * e.director,
+                 moment_f = bending[0] * f.binormal - bending[1] * f.director,
+                 turned_e = bending[0] * e.director + bending[1] * e.binormal,
+                 turned_f = bending[0] * f.director + bending[1] * f.binormal;
+  const Vector3d moment = (moment_e + moment_f) / chi;
+  const double work = 0.5 * kb.dot(moment_e + moment_f), part = work / chi;
+  const Vector3d from_e = work * tangent - f.tangent.cross(moment),
+                 from_f = work * tangent + e.tangent.cross(moment),
+                 arm_e = 0.25 * (moment_e - twisting * (e.tangent + tangent)),
+                 arm_f = 0.25 * (moment_f - twisting * (f.tangent + tangent)),
+                 skew = twisting / chi * e.tangent - moment;
+  const double by_e = 1 / e.length_mm, by_f = 1 / f.length_mm;
+  double ee[3][3], ff[3][3], ef[3][3];
+  for (Eigen::Index r = 0; r < 3; ++r)
+    for (Eigen::Index c = 0; c < 3; ++c) {
+      const double one = r == c ? part : 0;
+      ee[r][c] = by_e * by_e *
+                 (from_e[r] * tangent[c] + tangent[r] * from_e[c] + part * e.tangent[r] * e.tangent[c] - one +
+                  kb[r] * arm_e[c] + arm_e[r] * kb[c]);
+      ff[r][c] = by_f * by_f *
+                 (from_f[r] * tangent[c] + tangent[r] * from_f[c] + part * f.tangent[r] * f.tangent[c] - one +
+                  kb[r] * arm_f[c] + arm_f[r] * kb[c]);
+      ef[r][c] = by_e * by_f *
+                 (from_e[r] * tangent[c] + tangent[r] * from_f[c] - part * e.tangent[r] * f.tangent[c] - one -
+                  0.5 * twisting * kb[r] * tangent[c]);
+    }
+  const double skew_e[3] = {by_e * by_f * skew[0], by_e * by_f * skew[1], by_e * by_f * skew[2]};
+  ef[2][1] += skew_e[0], ef[1][2] -= skew_e[0];
+  ef[0][2] += skew_e[1], ef[2][0] -= skew_e[1];
+  ef[1][0] += skew_e[2], ef[0][1] -= skew_e[2];
+
+  const double turn_e = 0.5 * kb.dot(turned_e), turn_f = 0.5 * kb.dot(turned_f);
+  const Vector3d e_by_e = by_e * (turn_e * tangent - f.tangent.cross(turned_e) / chi),
+                 e_by_f = by_e * (turn_f * tangent - f.tangent.cross(turned_f) / chi),
+                 f_by_e = by_f * (turn_e * tangent + e.tangent.cross(turned_e) / chi),
+                 f_by_f = by_f * (turn_f * tangent + e.tangent.cross(turned_f) / chi);
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto axis = static_cast<Eigen::Index>(c);
+    double *before = matrix.column(row + c), *here = matrix.column(row + 4 + c),
+           *behind = matrix.column(row + 8 + c);
+    for (std::size_t r = 0; r < 3; ++r) {
+      before[4 + r - c] += ef[c][r] - ee[r][c];
+      before[8 + r - c] -= ef[c][r];
+      here[4 + r - c] += ef[c][r] - ff[r][c];
+      if (r < c) continue;
+      before[r - c] += ee[r][c];
+      here[r - c] += ee[r][c] - ef[r][c] - ef[c][r] + ff[r][c];
+      behind[r - c] += ff[r][c];
+    }
+    before[3 - c] -= e_by_e[axis];
+    before[7 - c] -= e_by_f[axis];
+    matrix.at(row + 3, 1 + c) += e_by_e[axis] - f_by_e[axis];
+    matrix.at(row + 3, 5 + c) += f_by_e[axis];
+    here[3 - c] += e_by_f[axis] - f_by_f[axis];
+    matrix.at(row + 7, 1 + c) += f_by_f[axis];
+  }
+  matrix.at(row + 3, 0) -= 0.5 * kb.dot(moment_e);
+  matrix.at(row + 7, 0) -= 0.5 * kb.dot(moment_f);
+}
 
 }  // namespace
 
@@ -341,14 +411,14 @@ double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* su
 // ---- a step ---------------------------------------------------------------------------------------------
 
 XRAYCAST_WIDE_VECTORS
-void Rod::assemble_elastic(const RodState& state) {
+void Rod::assemble_elastic(const RodState& state, bool convex) {
   const double axial_mN = device_.axial_stiffness_N() / kMilli;
   double* gradient = system_.gradient_.data();
   for (std::size_t j = 0; j < edges_.size(); ++j) {
     const Frame& edge = state.edges[j];
     const double tension = axial_mN * (edge.length_mm / edges_[j].rest_mm - 1);
-    // Compression would make the Hessian indefinite; without its part it stays an upper bound.
-    const double across = std::max(0.0, tension) / edge.length_mm;
+    // Compression may make the Hessian indefinite; without its part it stays an upper bound.
+    const double across = (convex ? std::max(0.0, tension) : tension) / edge.length_mm;
     const double along = axial_mN / edges_[j].rest_mm - across;
     const std::size_t first = place_row(j), second = place_row(j + 1);
     for (std::size_t c = 0; c < 3; ++c) {
@@ -383,6 +453,9 @@ void Rod::assemble_elastic(const RodState& state) {
       for (std::size_t r = c; r < TurnGradient::kSize; ++r)
         column[r - c] += w0 * d.by[0][r] + w1 * d.by[1][r] + w2 * d.by[2][r];
     }
+    if (convex) continue;
+    add_curvature(i > 0 ? state.edges[i - 1] : clamp_frame_, state.edges[i], turn, {moment[0], moment[1]},
+                  moment[2], system_.matrix_, row);
   }
 }
 
@@ -405,6 +478,16 @@ void Rod::assemble_motion(const RodState& state, double dt_s) {
     system_.matrix_.at(spin_row(j), 0) += inertia;
   }
   system_.gradient_[spin_row(edges_.size() - 1)] -= tip_torque_Nm_ / kMicro;
+}
+
+void Rod::assemble(double dt_s, bool convex, RodSurroundings* surroundings) {
+  const std::size_t rows = kHeld + 4 * edges_.size();
+  system_.matrix_.reset(rows);
+  system_.gradient_.assign(rows + BandMatrix::kBand, 0.0);
+  assemble_elastic(state_, convex);
+  assemble_motion(state_, dt_s);
+  if (surroundings) surroundings->assemble(state_, convex, system_);
+  system_.matrix_.fix_first(kHeld);
 }
 
 void Rod::step(double dt_s, RodSurroundings* surroundings) {
@@ -432,16 +515,13 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
   report_ = {};
   while (report_.iterations < options_.iterations) {
     ++report_.iterations;
-    system_.matrix_.reset(rows);
-    system_.gradient_.assign(rows + BandMatrix::kBand, 0.0);
-    assemble_elastic(state_);
-    assemble_motion(state_, dt_s);
-    if (surroundings) surroundings->assemble(state_, system_);
-    system_.matrix_.fix_first(kHeld);
+    // Where the Hessian is indefinite, as it is while a tip snaps, its convex part leads down still.
+    for (const bool convex : {false, true}) {
+      assemble(dt_s, convex, surroundings);
+      if (system_.matrix_.factorise()) break;
+    }
     solution_.assign(rows + BandMatrix::kBand, 0.0);
     for (std::size_t r = kHeld; r < rows; ++r) solution_[r] = -system_.gradient_[r];
-    [[maybe_unused]] const bool definite = system_.matrix_.factorise();
-    assert(definite);
     system_.matrix_.solve(solution_.data());
 
     double fall_uJ = 0, move_mm = 0, spin_rad = 0;
@@ -457,7 +537,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     for (int halvings = 0; halvings < 12 && !falls; ++halvings, scale *= 0.5) {
       move(state_, solution_.data(), scale, trial_);
       const double reached = potential_uJ(trial_, dt_s, surroundings);
-      falls = reached <= potential + 1e-12 * std::abs(potential);
+      falls = reached <= potential - kLeastFall * scale * fall_uJ + 1e-12 * std::abs(potential);
       if (!falls) {
         ++report_.halvings;
         continue;
@@ -470,7 +550,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
       if (surroundings) surroundings->energy_uJ(state_);
       break;
     }
-    if (std::min(fall_uJ, before_uJ - potential) < kTolerance_uJ) break;
+    if (std::max(fall_uJ, before_uJ - potential) < kTolerance_uJ) break;
   }
 
   settle_motion(dt_s, start_uJ - potential);

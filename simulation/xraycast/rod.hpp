@@ -77,7 +77,8 @@ class RodSurroundings {
 
   virtual void begin_step(const Rod& rod) = 0;
   virtual double energy_uJ(const RodState& state) = 0;
-  virtual void assemble(const RodState& state, RodSystem& system) = 0;
+  /// `convex`: a positive semidefinite Hessian instead of the exact one.
+  virtual void assemble(const RodState& state, bool convex, RodSystem& system) = 0;
   virtual void end_step(const RodState& state) = 0;
 };
 
@@ -87,7 +88,8 @@ class RodSurroundings {
 /// 2010): a polyline with a material frame an edge; frames are carried along in time without twist, so that a
 /// step's unknowns are 3 coordinates a node and 1 angle an edge. A step is implicit Euler: it lowers the
 /// incremental potential (inertia, elasticity, drag, surroundings) by Newton's method with a line search,
-/// the Hessian of bending and twisting being Gauss and Newton's and that of stretch cut to its positive part.
+/// with the exact Hessian, or where that is indefinite with a convex one: Gauss and Newton's of bending and
+/// twisting, and the positive part of the rest.
 /// The potential falls in every step, so that without input the energy never grows. The solution of the
 /// banded system is linear in the nodes. A step allocates nothing.
 ///
@@ -183,7 +185,8 @@ class Rod {
   void move(const RodState& from, const double* step, double scale, RodState& to) const;
   double elastic_uJ(const RodState& state) const;
   double potential_uJ(const RodState& state, double dt_s, RodSurroundings* surroundings) const;
-  void assemble_elastic(const RodState& state);
+  void assemble_elastic(const RodState& state, bool convex);
+  void assemble(double dt_s, bool convex, RodSurroundings* surroundings);
   void assemble_motion(const RodState& state, double dt_s);
   void settle_motion(double dt_s, double fall_uJ);
   void note_forces();

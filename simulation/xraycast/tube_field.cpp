@@ -10,7 +10,7 @@
 namespace xraycast {
 namespace {
 
-using Eigen::Vector3d;
+using Eigen::Matrix3d, Eigen::Vector3d;
 
 // Rounds the cone that the distance to a centreline has there; a hundredth of it is left 2 mm away.
 constexpr double kRounding_mm = 0.02;
@@ -79,6 +79,7 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
   branches_.resize(vessels.size());
   for (std::size_t i = 0; i < vessels.size(); ++i) {
     Branch& branch = branches_[i];
+    branch.blend_mm = kWidestBlend_mm;
     std::vector<VesselPoint> points = evenly_spaced(vessels[i]);
     branch.arc_length_mm = vessels[i].arc_length_mm.back();
     branch.step_mm = branch.arc_length_mm / static_cast<double>(points.size() - 1);
@@ -126,24 +127,61 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
     // At 30 degrees two tubes of one width part at 4 radii from where their centrelines meet.
     joint.parting_mm = 4 * widest_mm;
     joint.reach_mm = 6 * widest_mm;
-    joint.blend_mm = std::min(kWidestBlend_mm, 0.25 * narrowest_mm);
+    for (const int branch : joint.branches) {
+      double& blend_mm = branches_[static_cast<std::size_t>(branch)].blend_mm;
+      blend_mm = std::min(blend_mm, 0.25 * narrowest_mm);
+    }
     joints_.push_back(std::move(joint));
   }
 }
 
+TubeField::Piece TubeField::piece(const Branch& branch, int index) {
+  const Station &a = branch.stations[static_cast<std::size_t>(index)],
+                &b = branch.stations[static_cast<std::size_t>(index) + 1];
+  const Vector3d chord = b.centre_mm - a.centre_mm;
+  const double step_mm = branch.step_mm, wider = b.radius_mm - a.radius_mm;
+  return {a.centre_mm,
+          step_mm * a.tangent,
+          3 * chord - step_mm * (2 * a.tangent + b.tangent),
+          step_mm * (a.tangent + b.tangent) - 2 * chord,
+          a.radius_mm,
+          a.widening_mm,
+          3 * wider - 2 * a.widening_mm - b.widening_mm,
+          a.widening_mm + b.widening_mm - 2 * wider};
+}
+
+double TubeField::growth(const Piece& piece, double t, const Vector3d& point_mm) {
+  const Vector3d offset = point_mm - piece.centre_mm(t);
+  return offset.dot(piece.along(t)) + rounded_length(offset) * piece.widening(t);
+}
+
 void TubeField::mark_folds(Branch& branch) {
-  const auto& stations = branch.stations;
-  for (std::size_t k = 0; k + 1 < stations.size(); ++k) {
-    const double turn = (stations[k + 1].tangent - stations[k].tangent).norm() +
-                        std::abs(stations[k + 1].widening_mm - stations[k].widening_mm) / branch.step_mm;
-    const double radius_mm = std::max(stations[k].radius_mm, stations[k + 1].radius_mm) + kBeyondWall_mm;
-    if (turn * radius_mm < branch.step_mm) continue;
+  // Into so many parts is a piece cut in which more than one place may be the best of its surroundings. Two
+  // in one part are missed still, but differ the less the shorter it is, by its third power.
+  constexpr int kParts = 4;
+  auto& stations = branch.stations;
+  const int last = static_cast<int>(stations.size()) - 1;
+  for (int k = 0; k < last; ++k) {
+    const Piece cubic = piece(branch, k);
+    double turning = 0, slowest = branch.step_mm, fastest = branch.step_mm, widening = 0;
+    for (const double t : {0.0, 0.5, 1.0}) {
+      turning = std::max(turning, cubic.turning(t).norm() + std::abs(cubic.widening_change(t)));
+      slowest = std::min(slowest, cubic.along(t).norm());
+      fastest = std::max(fastest, cubic.along(t).norm());
+      widening = std::max(widening, std::abs(cubic.widening(t)));
+    }
+    branch.steepest_mm = std::max(branch.steepest_mm, fastest + widening);
+    const auto index = static_cast<std::size_t>(k);
+    const double reach_mm =
+        std::max(stations[index].radius_mm, stations[index + 1].radius_mm) + kBeyondWall_mm;
+    if (turning * reach_mm < slowest * slowest - widening * widening) continue;
+    stations[index].parts = kParts;
     // Whatever lies this side of the wall on both sides of the bend.
-    const int nearby = static_cast<int>(std::ceil(2 * radius_mm / branch.step_mm));
-    const std::size_t from = k - std::min(k, static_cast<std::size_t>(nearby));
-    const std::size_t to = std::min(stations.size(), k + static_cast<std::size_t>(nearby) + 1);
-    for (std::size_t i = from; i < to; ++i)
-      branch.stations[i].folded = std::max(branch.stations[i].folded, 2 * nearby);
+    const int nearby = static_cast<int>(std::ceil(2 * reach_mm / branch.step_mm));
+    for (int i = std::max(0, k - nearby); i <= std::min(last, k + nearby); ++i) {
+      int& folded = stations[static_cast<std::size_t>(i)].folded;
+      folded = std::max(folded, 2 * nearby);
+    }
   }
 }
 
@@ -171,22 +209,40 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
   }
   Hit best = before <= 0 && i == 0          ? hit_end(branch, false, point_mm)
              : behind >= 0 && i + 1 == last ? hit_end(branch, true, point_mm)
-                                            : hit_piece(branch, i, before, behind, point_mm);
-  int found = i;
-  // On the inner side of a sharp bend more than one place may be the best of its surroundings.
-  if (const int nearby = branch.stations[static_cast<std::size_t>(i)].folded; nearby > 0) {
-    const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
-    before = ahead(first);
-    for (int k = first; k < end; ++k, before = behind) {
-      behind = ahead(k + 1);
-      if (k == i || !(before >= 0 && behind <= 0)) continue;
-      const Hit other = hit_piece(branch, k, before, behind, point_mm);
-      if (other.value_mm() <= best.value_mm()) continue;
+                                            : hit_piece(branch, i, {0, 1, before, behind}, point_mm);
+  best.place = {index, i};
+  const int nearby = branch.stations[static_cast<std::size_t>(i)].folded;
+  if (nearby > 0) {
+    // On the inner side of a sharp bend more than one place may be the best of its surroundings.
+    const auto take_if_better = [&](const Hit& other, int k) {
+      if (other.value_mm() <= best.value_mm()) return;
       best = other;
-      found = k;
+      best.place = {index, k};
+    };
+    const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
+    for (int k = first; k < end;) {
+      // So far that none before it can be better.
+      const Station& station = branch.stations[static_cast<std::size_t>(k)];
+      const double value_mm = station.radius_mm - rounded_length(point_mm - station.centre_mm);
+      const double behind_best = (best.value_mm() - value_mm) / branch.steepest_mm;
+      if (behind_best > 1) {
+        k += static_cast<int>(std::min(behind_best, 1e6));
+        continue;
+      }
+      before = ahead(k);
+      if (k == 0 && before <= 0) take_if_better(hit_end(branch, false, point_mm), 0);
+      for (int part = 0; part < station.parts; ++part, before = behind) {
+        const double low = static_cast<double>(part) / station.parts,
+                     high = static_cast<double>(part + 1) / station.parts;
+        behind = part + 1 == station.parts ? ahead(k + 1) : growth(piece(branch, k), high, point_mm);
+        if (before >= 0 && behind <= 0)
+          take_if_better(hit_piece(branch, k, {low, high, before, behind}, point_mm), k);
+      }
+      ++k;
+      if (k == last && before >= 0) take_if_better(hit_end(branch, true, point_mm), last - 1);
     }
   }
-  best.place = {index, found};
+  best.blend_mm = branch.blend_mm;
   return best;
 }
 
@@ -195,44 +251,40 @@ TubeField::Hit TubeField::hit_end(const Branch& branch, bool is_last, const Vect
   const Vector3d offset = point_mm - end.centre_mm;
   const double distance = rounded_length(offset);
   const double arc_mm = is_last ? branch.step_mm * static_cast<double>(branch.stations.size() - 1) : 0;
-  return {end.radius_mm, distance, arc_mm, -offset / distance};
+  const Vector3d gradient = -offset / distance;
+  return {end.radius_mm, distance, arc_mm, gradient,
+          (Matrix3d::Identity() - gradient * gradient.transpose()) / distance};
 }
 
-TubeField::Hit TubeField::hit_piece(const Branch& branch, int piece, double before, double behind,
+TubeField::Hit TubeField::hit_piece(const Branch& branch, int index, const Bracket& bracket,
                                     const Vector3d& point_mm) {
-  const auto index = static_cast<std::size_t>(piece);
-  const Station &a = branch.stations[index], &b = branch.stations[index + 1];
-  // Centreline and radius are cubics with the stations' slopes.
-  const double step_mm = branch.step_mm;
-  const Vector3d chord = b.centre_mm - a.centre_mm, start = step_mm * a.tangent,
-                 bend = 3 * chord - step_mm * (2 * a.tangent + b.tangent),
-                 skew = step_mm * (a.tangent + b.tangent) - 2 * chord;
-  const double wider = b.radius_mm - a.radius_mm, bulge = 3 * wider - 2 * a.widening_mm - b.widening_mm,
-               bow = a.widening_mm + b.widening_mm - 2 * wider;
+  const Piece cubic = piece(branch, index);
+  auto [low, high, before, behind] = bracket;
   // The sphere that reaches furthest around the point: Newton's method, kept to where it has to lie, for
   // where the clearance no longer grows. There its gradient is that of the distance to the sphere's centre.
-  double t = before > behind ? before / (before - behind) : 0.5, low = 0, high = 1, distance = 0;
-  Vector3d offset;
+  double t = low + (high - low) * (before > behind ? before / (before - behind) : 0.5);
   for (int k = 0;; ++k) {
-    offset = point_mm - a.centre_mm - t * (start + t * (bend + t * skew));
-    distance = rounded_length(offset);
-    constexpr int kIterations = 12;
-    if (k == kIterations) break;
-    const Vector3d along = start + t * (2 * bend + 3 * t * skew), turning = 2 * bend + 6 * t * skew;
-    const double widening = a.widening_mm + t * (2 * bulge + 3 * t * bow), lag = offset.dot(along);
+    const Vector3d offset = point_mm - cubic.centre_mm(t), along = cubic.along(t);
+    const double distance = rounded_length(offset);
+    const double lag = offset.dot(along), widening = cubic.widening(t);
+    const double change = offset.dot(cubic.turning(t)) - along.squaredNorm() +
+                          distance * cubic.widening_change(t) - lag / distance * widening;
     const double growth = lag + distance * widening;
-    const double change = offset.dot(turning) - along.squaredNorm() + distance * (2 * bulge + 6 * t * bow) -
-                          lag / distance * widening;
     (growth > 0 ? low : high) = t;
     double to = t - growth / change;
-    if (!(change < 0 && to > low && to < high)) to = 0.5 * (low + high);
+    if (!(change < 0 && to >= low && to <= high)) to = 0.5 * (low + high);
     constexpr double kClose = 1e-5;  // its square is what the clearance is off
-    const bool is_close = std::abs(to - t) < kClose;
-    t = to;
-    if (is_close) break;
+    constexpr int kIterations = 12;
+    if (std::abs(to - t) >= kClose && k < kIterations) {
+      t = to;
+      continue;
+    }
+    // A sphere's but along the vessel, where the next spheres take over.
+    const Vector3d gradient = -offset / distance, aside = along - gradient.dot(along) * gradient;
+    const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
+    return {cubic.radius_mm(t), distance, branch.step_mm * (index + t), gradient,
+            (sphere + aside * aside.transpose() / change) / distance};
   }
-  const double radius_mm = a.radius_mm + t * (a.widening_mm + t * (bulge + t * bow));
-  return {radius_mm, distance, step_mm * (piece + t), -offset / distance};
 }
 
 double TubeField::highest_value_mm(const Branch& branch, const Vector3d& point_mm) const {
@@ -248,20 +300,23 @@ int TubeField::guess(int index, int joint, const Vector3d& point_mm) const {
 }
 
 TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) const {
+  const Hit own = hit(from.branch, from.segment, point_mm);
+  if (!near_joint(branches_[static_cast<std::size_t>(from.branch)], point_mm))
+    return sample(own.value_mm(), own.gradient, own.curvature, own);
   std::array<Hit, kMostHits> hits;
   std::size_t count = 0;
-  hits[count++] = hit(from.branch, from.segment, point_mm);
-  hits[0].blend_mm = std::numeric_limits<double>::infinity();
+  hits[count++] = own;
 
   // The branches that meet it nearby, and those that meet these nearby.
   struct Reached {
     int branch, joint;
-    double blend_mm, wall_mm;  // the wall that lies between it and the first one
+    double wall_mm;  // the wall that lies between it and the first one
     Vector3d wall_slope;
+    Matrix3d wall_curvature;
   };
   std::array<Reached, kMostReached> reached;
   std::size_t reached_count = 0;
-  reached[reached_count++] = {from.branch, -1, hits[0].blend_mm, 0, Vector3d::Zero()};
+  reached[reached_count++] = {from.branch, -1, 0, Vector3d::Zero(), Matrix3d::Zero()};
   for (std::size_t r = 0; r < reached_count; ++r) {
     const Branch& branch = branches_[static_cast<std::size_t>(reached[r].branch)];
     for (const int joint_index : {branch.start_joint, branch.end_joint}) {
@@ -269,48 +324,87 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
       const Joint& joint = joints_[static_cast<std::size_t>(joint_index)];
       const Vector3d offset = point_mm - joint.position_mm;
       if (offset.squaredNorm() >= joint.reach_mm * joint.reach_mm) continue;
-      Reached next{0, joint_index, std::min(reached[r].blend_mm, joint.blend_mm), reached[r].wall_mm,
-                   reached[r].wall_slope};
+      Reached next = reached[r];
+      next.joint = joint_index;
       if (const double beyond_mm = offset.norm() - joint.parting_mm; beyond_mm > 0) {
         // Without bound at the end of the joint's reach, so that no wall jumps there.
         const double span_mm = joint.reach_mm - joint.parting_mm, t = beyond_mm / span_mm, left = 1 - t;
         next.wall_mm += 0.5 * span_mm * t * t / left;
-        next.wall_slope += 0.5 * t * (2 - t) / (left * left) * offset.normalized();
+        const double slope = 0.5 * t * (2 - t) / (left * left), away_mm = offset.norm();
+        const Vector3d away = offset / away_mm;
+        next.wall_slope += slope * away;
+        next.wall_curvature +=
+            slope / away_mm * Matrix3d::Identity() +
+            (1 / (span_mm * left * left * left) - slope / away_mm) * away * away.transpose();
       }
       for (const int other : joint.branches) {
         if (other == reached[r].branch || reached_count == kMostReached) continue;
         next.branch = other;
         reached[reached_count++] = next;
         const Branch& vessel = branches_[static_cast<std::size_t>(other)];
-        if (count == kMostHits ||
-            highest_value_mm(vessel, point_mm) - next.wall_mm < hits[0].value_mm() - next.blend_mm)
+        if (count == kMostHits || highest_value_mm(vessel, point_mm) - next.wall_mm <
+                                      hits[0].value_mm() - 0.5 * (hits[0].blend_mm + vessel.blend_mm))
           continue;
         Hit& further = hits[count++] = hit(other, guess(other, joint_index, point_mm), point_mm);
-        further.blend_mm = next.blend_mm;
         further.wall_mm = next.wall_mm;
         further.gradient -= next.wall_slope;
+        further.curvature += next.wall_curvature;
       }
     }
   }
 
-  // A maximum that is rounded where two come within `blend` of each other.
-  std::size_t best = 0;
-  for (std::size_t h = 1; h < count; ++h)
-    if (hits[h].value_mm() > hits[best].value_mm()) best = h;
-  const Hit& top = hits[best];
-  double clearance = top.value_mm();
-  Vector3d gradient = top.gradient;
-  for (std::size_t h = 0; h < count; ++h) {
-    const double blend = std::min(hits[h].blend_mm, top.blend_mm);
-    const double overlap = blend - (top.value_mm() - hits[h].value_mm());
-    if (h == best || !(overlap > 0) || !(blend > 0)) continue;
-    const double weight = overlap / (2 * blend);
-    clearance += 0.5 * overlap * weight;
-    gradient += weight * (hits[h].gradient - top.gradient);
+  // A maximum that is rounded where others come within a blend of it: the highest mean of the values, whose
+  // weights pay for being uneven. Its gradient is their gradients' mean, and does not jump where the highest
+  // changes, however many meet.
+  std::array<double, kMostHits> raised;
+  for (std::size_t h = 0; h < count; ++h) raised[h] = hits[h].value_mm() + 0.5 * hits[h].blend_mm;
+  double level = -std::numeric_limits<double>::infinity();
+  for (bool settled = false; !settled;) {
+    double sum_mm = -1, give = 0;
+    for (std::size_t h = 0; h < count; ++h)
+      if (raised[h] > level) {
+        sum_mm += raised[h] / hits[h].blend_mm;
+        give += 1 / hits[h].blend_mm;
+      }
+    settled = !(sum_mm / give > level);
+    level = std::max(level, sum_mm / give);
   }
-  const Branch& branch = branches_[static_cast<std::size_t>(top.place.branch)];
-  return {clearance,     gradient,  top.from_centre_mm,
-          top.radius_mm, top.place, std::clamp(top.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm)};
+  double clearance = 0, softness = 0;
+  Vector3d gradient = Vector3d::Zero(), level_gradient = Vector3d::Zero();
+  Matrix3d curvature = Matrix3d::Zero();
+  std::size_t best = 0;
+  for (std::size_t h = 0; h < count; ++h) {
+    if (hits[h].value_mm() > hits[best].value_mm()) best = h;
+    if (raised[h] <= level) continue;
+    const double weight = (raised[h] - level) / hits[h].blend_mm;
+    clearance += weight * (hits[h].value_mm() + 0.5 * hits[h].blend_mm * (1 - weight));
+    gradient += weight * hits[h].gradient;
+    curvature += weight * hits[h].curvature;
+    softness += 1 / hits[h].blend_mm;
+    level_gradient += hits[h].gradient / hits[h].blend_mm;
+  }
+  level_gradient /= softness;
+  for (std::size_t h = 0; h < count; ++h)
+    if (raised[h] > level) {
+      const Vector3d apart = hits[h].gradient - level_gradient;
+      curvature -= apart * apart.transpose() / hits[h].blend_mm;
+    }
+  return sample(clearance, gradient, curvature, hits[best]);
+}
+
+TubeField::Sample TubeField::sample(double clearance_mm, const Vector3d& gradient, const Matrix3d& curvature,
+                                    const Hit& hit) const {
+  const Branch& branch = branches_[static_cast<std::size_t>(hit.place.branch)];
+  return {clearance_mm,  gradient,  curvature,
+          hit.radius_mm, hit.place, std::clamp(hit.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm)};
+}
+
+bool TubeField::near_joint(const Branch& branch, const Vector3d& point_mm) const {
+  return std::ranges::any_of(std::array{branch.start_joint, branch.end_joint}, [&](int index) {
+    if (index < 0) return false;
+    const Joint& joint = joints_[static_cast<std::size_t>(index)];
+    return (point_mm - joint.position_mm).squaredNorm() < joint.reach_mm * joint.reach_mm;
+  });
 }
 
 TubeField::Place TubeField::locate(const Vector3d& point_mm) const {

@@ -42,8 +42,9 @@ class TubeField {
   struct Sample {
     double clearance_mm = 0;            ///< to the wall; below zero outside
     Eigen::Vector3d gradient{0, 0, 0};  ///< of the clearance; of length 1 but where vessels meet
-    double from_centre_mm = 0;          ///< to the centreline
-    double radius_mm = 0;               ///< of the vessel there
+    /// Minus the clearance's second derivative, per mm.
+    Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
+    double radius_mm = 0;  ///< of the vessel there
     Place place;
     double arc_length_mm = 0;  ///< on the place's branch, held to the tree's own
   };
@@ -58,6 +59,24 @@ class TubeField {
     double radius_mm;
     double widening_mm;  ///< of the radius, to the next station; none at an end, which is round
     int folded = 0;      ///< so many stations to either side may be as near: a bend sharper than its radius
+    int parts = 1;       ///< of the piece to the next station, in which to look for such places
+  };
+  /// The centreline and the radius from one station to the next: cubics with the stations' slopes.
+  struct Piece {
+    Eigen::Vector3d start_mm, slope, bend, skew;
+    double start_radius_mm, start_widening, bulge, bow;
+    Eigen::Vector3d centre_mm(double t) const { return start_mm + t * (slope + t * (bend + t * skew)); }
+    Eigen::Vector3d along(double t) const { return slope + t * (2 * bend + 3 * t * skew); }
+    Eigen::Vector3d turning(double t) const { return 2 * bend + 6 * t * skew; }
+    double radius_mm(double t) const {
+      return start_radius_mm + t * (start_widening + t * (bulge + t * bow));
+    }
+    double widening(double t) const { return start_widening + t * (2 * bulge + 3 * t * bow); }
+    double widening_change(double t) const { return 2 * bulge + 6 * t * bow; }
+  };
+  /// Part of a piece within which the clearance first grows and then falls, and how fast at either end.
+  struct Bracket {
+    double low, high, before, behind;
   };
   struct Branch {
     std::vector<Station> stations;  ///< evenly spaced
@@ -66,18 +85,20 @@ class TubeField {
     int start_joint = -1, end_joint = -1;
     Eigen::Vector3d lower_mm, upper_mm;  ///< of its stations
     double widest_mm = 0;
+    double steepest_mm = 0;  ///< that the radius less the distance may change from station to station
+    double blend_mm = 0;     ///< how near another branch's clearance has to come to be blended with its own
   };
   /// Where branches meet.
   struct Joint {
     Eigen::Vector3d position_mm;
     double parting_mm = 0;  ///< within which its branches are one lumen wherever they overlap
     double reach_mm = 0;    ///< within which its branches look at each other
-    double blend_mm = 0;
     std::vector<int> branches;
   };
   struct Hit {
     double radius_mm, from_centre_mm, arc_mm;
     Eigen::Vector3d gradient;
+    Eigen::Matrix3d curvature;
     Place place = {};
     double blend_mm = 0, wall_mm = 0;
     double value_mm() const { return radius_mm - from_centre_mm - wall_mm; }
@@ -85,8 +106,13 @@ class TubeField {
   static void mark_folds(Branch& branch);
   Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;
   static Hit hit_end(const Branch& branch, bool is_last, const Eigen::Vector3d& point_mm);
-  static Hit hit_piece(const Branch& branch, int piece, double before, double behind,
+  static Hit hit_piece(const Branch& branch, int index, const Bracket& bracket,
                        const Eigen::Vector3d& point_mm);
+  static Piece piece(const Branch& branch, int index);
+  static double growth(const Piece& piece, double t, const Eigen::Vector3d& point_mm);
+  Sample sample(double clearance_mm, const Eigen::Vector3d& gradient, const Eigen::Matrix3d& curvature,
+                const Hit& hit) const;
+  bool near_joint(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   double highest_value_mm(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   int guess(int branch, int joint, const Eigen::Vector3d& point_mm) const;
 

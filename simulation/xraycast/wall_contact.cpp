@@ -1,5 +1,6 @@
 #include "xraycast/wall_contact.hpp"
 
+#include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -21,6 +22,13 @@ double squared(double x) { return x * x; }
 
 double stiffening_mm(const TubeField::Sample& sample) {
   return std::clamp(kStiffeningStrain * sample.radius_mm, kLeastStiffening_mm, kMostStiffening_mm);
+}
+
+Eigen::Matrix3d positive_part(const Eigen::Matrix3d& matrix) {
+  Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> parts;
+  parts.computeDirect(matrix);
+  return parts.eigenvectors() * parts.eigenvalues().cwiseMax(0).asDiagonal() *
+         parts.eigenvectors().transpose();
 }
 
 // Nodes, of which the clamp holds the first, and the middles between them.
@@ -190,7 +198,7 @@ double WallContact::energy_uJ(const RodState& state) {
   return energy;
 }
 
-void WallContact::assemble(const RodState& state, RodSystem& system) {
+void WallContact::assemble(const RodState& state, bool convex, RodSystem& system) {
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const Contact& contact = contacts_[k];
     const Grip& grip = grips_[k];
@@ -210,16 +218,10 @@ void WallContact::assemble(const RodState& state, RodSystem& system) {
                                (1 + 3 * squared(contact.depth_mm / grip.stiffening_mm));
       const Vector3d& inward = contact.sample.gradient;
       slope.head<3>() -= force_mN * inward;
-      hessian.topLeftCorner<3, 3>() += stiffness * inward * inward.transpose();
-      // A wall that goes round turns the force of a point that goes round with it, and all the more so at the
-      // vessel's centre, where the clearance's gradient is short.
-      const Vector3d& tangent = state.edges[contact.point.edge].tangent;
-      const Vector3d across = inward.cross(tangent);
-      const double short_of_1 = std::max(0.0, 1 - inward.squaredNorm());
-      hessian.topLeftCorner<3, 3>() +=
-          force_mN / contact.sample.from_centre_mm *
-          (across * across.transpose() +
-           short_of_1 * (Eigen::Matrix3d::Identity() - tangent * tangent.transpose()));
+      // A wall that goes round turns the force of a point that goes round with it.
+      const Eigen::Matrix3d wall =
+          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature;
+      hessian.topLeftCorner<3, 3>() += convex ? positive_part(wall) : wall;
     }
     if (grip.limit_mN > 0) {
       const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;

@@ -62,7 +62,7 @@ class WallContact final : public RodSurroundings {
   void node_removed() override;
   void begin_step(const Rod& rod) override;
   double energy_uJ(const RodState& state) override;
-  void assemble(const RodState& state, RodSystem& system) override;
+  void assemble(const RodState& state, bool convex, RodSystem& system) override;
   void end_step(const RodState& state) override;
 
  private:
