@@ -1,6 +1,7 @@
 #include "xraycast/viewer/column_samples.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/viewer/shell_halves.hpp"
 #include "xraycast/viewer/shell_pieces.hpp"
 
 #include <glm/geometric.hpp>
@@ -102,8 +103,14 @@ class Sampler {
       piece.to_mm = std::min(piece.to_mm, leaves_mm);
       if (piece.from_mm >= piece.to_mm) continue;
       const double turned = std::abs(std::atan2(piece.to_mm, offset) - std::atan2(piece.from_mm, offset));
-      const int steps = std::max(
-          1, static_cast<int>(std::ceil(turned / kTurn * geometry_.width / options_.texels_per_step)));
+      const double texels = turned / kTurn * geometry_.width;
+      if (texels <= 0.5 * options_.texels_per_step) {
+        const double middle = 0.5 * (piece.from_mm + piece.to_mm);
+        add(line, middle, piece.from_mm, piece.to_mm, piece.length_mm(),
+            profile_.at(std::hypot(middle, offset)));
+        continue;
+      }
+      const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
       const double step = piece.length_mm() / steps;
       const double gauss = 0.5 * step / std::numbers::sqrt3;
       for (int i = 0; i < steps; ++i) {
@@ -149,6 +156,12 @@ void stored_pictures(const UprightView& upright, int column, const MapGeometry& 
 }
 
 }  // namespace
+
+MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
+  MapGeometry drawn = geometry;
+  if (options.blends_layers(geometry)) drawn.radii_mm = ShellHalves(geometry.radii_mm).radii_mm();
+  return drawn;
+}
 
 ColumnSamples column_samples(const UprightView& upright, const MapGeometry& geometry,
                              const SampleOptions& options) {

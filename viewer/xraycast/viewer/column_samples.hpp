@@ -56,15 +56,20 @@ struct SampleOptions {
   bool operator==(const SampleOptions&) const = default;
 };
 
+/// The shells that are drawn of a map: its own, or their halves where they are blended (ShellHalves).
+MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options);
+
 /// Follows every column's rays through a map: a picture is the sum over a column's samples of weight times
 /// the map between its texels, at the heights that the rays have there.
 ///
 /// path: between the places where mu bends along the radius, Gauss-Legendre quadrature of two points on steps
-/// that turn by a few texels at most; the sum of a column's weights is the length of its rays' shadow within
-/// the map and the field of its scan. wall: each wall where the ray crosses it, far and near. Rectangle maps:
-/// the two stored pictures beside the view, in proportion; they have no depth, and stand for the whole chord.
+/// that turn by a few texels at most, and of one where the whole way turns by half of that; the sum of a
+/// column's weights is the length of its rays' shadow within the map and the field of its scan. wall: each
+/// wall where the ray crosses it, far and near. Rectangle maps: the two stored pictures beside the view, in
+/// proportion; they have no depth, and stand for the whole chord.
 ///
-/// Throws InputError for a map whose axis is bent, a sphere, and a rectangle map under a cone or tilt.
+/// `geometry` is of the drawn shells. Throws InputError for a map whose axis is bent, a sphere, and a
+/// rectangle map under a cone or tilt.
 ColumnSamples column_samples(const UprightView& upright, const MapGeometry& geometry,
                              const SampleOptions& options);
 

@@ -9,9 +9,10 @@
 namespace xraycast {
 
 /// A map's values as the shaders read them: one run of rows, padded to a multiple of four, for each texel
-/// column; K x (width + 1) x rows, the last column of a layer repeating its first, so that two neighbours are
-/// always beside each other.
+/// column; layers x (width + 1) x rows, the last column of a layer repeating its first, so that two
+/// neighbours are always beside each other.
 struct MapTexels {
+  int layers = 0;
   int columns = 0;  ///< of a layer
   int quads = 0;    ///< of four rows
   std::vector<float> values;
@@ -20,8 +21,9 @@ struct MapTexels {
 };
 
 /// Prepares one channel of a map (K x H x W, as in BodyMap): what the compositing sums up, the optical depth
-/// of a wall or mu between the shells (see RadialProfile), each layer times its strength. Rectangle maps are
-/// taken as they are. `strengths` is empty, for 1 everywhere, or has one a layer.
+/// of a wall or mu in the middles of the drawn shells (see drawn_shells, RadialProfile), each layer times its
+/// strength. Rectangle maps are taken as they are. `strengths` is empty, for 1 everywhere, or has one a
+/// layer.
 MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
                      std::span<const float> strengths);
 

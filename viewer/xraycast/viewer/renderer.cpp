@@ -133,7 +133,7 @@ bool Renderer::has_columns() const {
 
 void Renderer::prepare_map(const Style& style) {
   if (prepared_ && same_texels(*prepared_, style)) return;
-  const MapGeometry& geometry = geometry_;
+  const MapGeometry geometry = drawn_shells(geometry_, style.sampling);
   map_texels_.clear();
   constexpr std::int64_t kMostColumns = 1 << 24;  // whose numbers 32-bit floats hold (ColumnSample)
   if (const std::int64_t columns = std::int64_t{geometry.layers()} * (geometry.width + 1);
@@ -142,9 +142,10 @@ void Renderer::prepare_map(const Style& style) {
         "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
         geometry.layers(), kMostColumns);
   for (int channel = 0; channel < channels(); ++channel) {
-    const MapTexels texels = map_texels(geometry, map_->spectrum ? map_->depths[channel] : map_->tau,
+    const MapTexels texels = map_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau,
                                         style.sampling, style.strengths);
     map_quads_ = texels.quads;
+    map_layers_ = texels.layers;
     layer_stride_ = texels.layer_stride();
     map_texels_.emplace_back(GL_RGBA32F).fill(texels.values, "the body map");
   }
@@ -216,7 +217,7 @@ ScreenBox Renderer::body_box(const View& view) const {
 }
 
 void Renderer::prepare_columns(const UprightView& upright, const SampleOptions& options) {
-  const ColumnSamples samples = column_samples(upright, geometry_, options);
+  const ColumnSamples samples = column_samples(upright, drawn_shells(geometry_, options), options);
   column_table_.fill(floats(samples.columns), "the view's columns");
   sample_table_.fill(floats(samples.samples), "the view's samples");
 }
@@ -243,7 +244,7 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
   program.set("quads", map_quads_);
   program.set("layer_stride", layer_stride_);
   program.set("layer_places", kLayerPlaces);
-  program.set("layers", geometry.layers());
+  program.set("layers", map_layers_);
   program.set("map_rows", double(geometry.height));
   program.set("map_columns", double(geometry.width));
   program.set("body_centre_mm", bounds.centre_mm);

@@ -123,7 +123,7 @@ class Renderer {
   MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
   std::vector<gl::Table> map_texels_;
-  int map_quads_ = 0, layer_stride_ = 0;
+  int map_layers_ = 0, map_quads_ = 0, layer_stride_ = 0;
   std::optional<DrawnBody> drawn_;
 
   std::map<std::string, gl::Program> programs_;
