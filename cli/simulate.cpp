@@ -103,6 +103,12 @@ void check_cine(const Options& options) {
   if (error) throw InputError("{}: the folder cannot be made: {}", options.cine, error.message());
 }
 
+std::string held_note(double held_s) {
+  if (held_s == 0) return "";
+  return fmt::format("the hub was held for {:.1f} s: it is pushed with no more than {:g} N\n", held_s,
+                     Catheter::kStrongestPush_N);
+}
+
 void simulate(const Options& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_plot(options.plot);
@@ -117,9 +123,11 @@ void simulate(const Options& options, Session& session) {
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, session);
   HubPlot plot(script);
+  double held_s = 0;
   const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
                                                     [&](const Catheter& moved, double time_s) {
                                                       plot.see(moved, time_s);
+                                                      if (moved.is_held()) held_s += moved.step_s();
                                                       if (cine) cine->see(moved, time_s);
                                                     });
   const double wall_s = 1e-3 * stopwatch.ms();
@@ -133,6 +141,7 @@ void simulate(const Options& options, Session& session) {
       {{"tree", options.tree},
        {"device_model", device.name()},
        {"entry_branch", entry.branch},
+       {"held_s", held_s},
        {"log", options.log},
        {"rows", records.size()},
        {"simulated_s", catheter.time_s()},
@@ -141,10 +150,10 @@ void simulate(const Options& options, Session& session) {
         {{"branch", tip.branch},
          {"arc_length_mm", tip.arc_length_mm},
          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
-      fmt::format("{}: {} rows, {:.1f} s in {:.1f} s ({:.1f} times real time); the tip is in branch {} at "
-                  "{:.0f} mm\n",
-                  options.log, records.size(), catheter.time_s(), wall_s, times_faster, tip.branch,
-                  tip.arc_length_mm));
+      fmt::format("{}: {} rows, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+                  "in through the end of branch {}; the tip is in branch {}, {:.0f} mm along it\n{}",
+                  options.log, records.size(), catheter.time_s(), wall_s, times_faster, entry.branch,
+                  tip.branch, tip.arc_length_mm, held_note(held_s)));
 }
 
 }  // namespace

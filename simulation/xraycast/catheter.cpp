@@ -130,8 +130,8 @@ void Catheter::step(const HubPose& target) {
   const double wanted_mm = std::clamp(target.insertion_mm, 0.0, longest_insertion_mm());
   const double rotated_rad =
       pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad, -most_rad, most_rad);
-  pose_.insertion_mm +=
-      std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, load().force_N > kStrongestPush_N ? 0 : most_mm);
+  is_held_ = wanted_mm > pose_.insertion_mm && load().force_N > kStrongestPush_N;
+  pose_.insertion_mm += std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, is_held_ ? 0 : most_mm);
   if (rotated_rad != pose_.rotation_rad) rod_.rotate_to(rotated_rad);
   pose_.rotation_rad = rotated_rad;
   rod_.feed_to(kIntroducer_mm + pose_.insertion_mm, wall_.get());

@@ -83,6 +83,7 @@ class Catheter {
   double longest_insertion_mm() const;
 
   const HubPose& pose() const { return pose_; }  ///< where the hub is
+  bool is_held() const { return is_held_; }  ///< it was to be pushed on, but already bears kStrongestPush_N
   HubLoad load() const;
   CatheterTip tip() const;
 
@@ -102,6 +103,7 @@ class Catheter {
   Rod rod_;
   std::unique_ptr<WallContact> wall_;
   HubPose pose_;
+  bool is_held_ = false;
   long steps_ = 0;
 };
 
