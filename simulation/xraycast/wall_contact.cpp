@@ -220,7 +220,7 @@ void WallContact::assemble(const RodState& state, bool convex, RodSystem& system
       slope.head<3>() -= force_mN * inward;
       // A wall that goes round turns the force of a point that goes round with it.
       const Eigen::Matrix3d wall =
-          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature;
+          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
       hessian.topLeftCorner<3, 3>() += convex ? positive_part(wall) : wall;
     }
     if (grip.limit_mN > 0) {
