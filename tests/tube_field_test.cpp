@@ -86,7 +86,7 @@ TEST(TubeField, GradientAndCurvatureAreLimitsOfDifferences) {
     // The sphere that reaches furthest is found to 1e-5 of a piece, which the difference divides by its step.
     if ((slope - sample.gradient).norm() > 1e-2) ++kinks;
     // Where a branch begins to be blended the second derivative jumps.
-    if ((curvature - sample.curvature).norm() > 0.02 * (1 + curvature.norm())) ++jumps;
+    if ((curvature - sample.curvature()).norm() > 0.02 * (1 + curvature.norm())) ++jumps;
   });
   EXPECT_GT(points, 5000);
   // Where two places of one branch are equally near, the difference may look across a kink.

@@ -135,6 +135,16 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
   }
 }
 
+Matrix3d TubeField::Rounding::curvature(const Vector3d& gradient) const {
+  const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
+  return (sphere + aside * aside.transpose() / change) / distance_mm;
+}
+
+Matrix3d TubeField::Sample::curvature() const {
+  const Rounding* one = std::get_if<Rounding>(&wall);
+  return one ? one->curvature(gradient) : std::get<Matrix3d>(wall);
+}
+
 TubeField::Piece TubeField::piece(const Branch& branch, int index) {
   const Station &a = branch.stations[static_cast<std::size_t>(index)],
                 &b = branch.stations[static_cast<std::size_t>(index) + 1];
@@ -162,7 +172,7 @@ void TubeField::mark_folds(Branch& branch) {
   auto& stations = branch.stations;
   const int last = static_cast<int>(stations.size()) - 1;
   for (int k = 0; k < last; ++k) {
-    const Piece cubic = piece(branch, k);
+    const Piece& cubic = branch.pieces.emplace_back(piece(branch, k));
     double turning = 0, slowest = branch.step_mm, fastest = branch.step_mm, widening = 0;
     for (const double t : {0.0, 0.5, 1.0}) {
       turning = std::max(turning, cubic.turning(t).norm() + std::abs(cubic.widening_change(t)));
@@ -234,7 +244,9 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
       for (int part = 0; part < station.parts; ++part, before = behind) {
         const double low = static_cast<double>(part) / station.parts,
                      high = static_cast<double>(part + 1) / station.parts;
-        behind = part + 1 == station.parts ? ahead(k + 1) : growth(piece(branch, k), high, point_mm);
+        behind = part + 1 == station.parts
+                     ? ahead(k + 1)
+                     : growth(branch.pieces[static_cast<std::size_t>(k)], high, point_mm);
         if (before >= 0 && behind <= 0)
           take_if_better(hit_piece(branch, k, {low, high, before, behind}, point_mm), k);
       }
@@ -251,14 +263,12 @@ TubeField::Hit TubeField::hit_end(const Branch& branch, bool is_last, const Vect
   const Vector3d offset = point_mm - end.centre_mm;
   const double distance = rounded_length(offset);
   const double arc_mm = is_last ? branch.step_mm * static_cast<double>(branch.stations.size() - 1) : 0;
-  const Vector3d gradient = -offset / distance;
-  return {end.radius_mm, distance, arc_mm, gradient,
-          (Matrix3d::Identity() - gradient * gradient.transpose()) / distance};
+  return {end.radius_mm, arc_mm, -offset / distance, {distance, Vector3d::Zero(), -1}};
 }
 
 TubeField::Hit TubeField::hit_piece(const Branch& branch, int index, const Bracket& bracket,
                                     const Vector3d& point_mm) {
-  const Piece cubic = piece(branch, index);
+  const Piece& cubic = branch.pieces[static_cast<std::size_t>(index)];
   auto [low, high, before, behind] = bracket;
   // The sphere that reaches furthest around the point: Newton's method, kept to where it has to lie, for
   // where the clearance no longer grows. There its gradient is that of the distance to the sphere's centre.
@@ -279,11 +289,11 @@ TubeField::Hit TubeField::hit_piece(const Branch& branch, int index, const Brack
       t = to;
       continue;
     }
-    // A sphere's but along the vessel, where the next spheres take over.
-    const Vector3d gradient = -offset / distance, aside = along - gradient.dot(along) * gradient;
-    const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
-    return {cubic.radius_mm(t), distance, branch.step_mm * (index + t), gradient,
-            (sphere + aside * aside.transpose() / change) / distance};
+    const Vector3d gradient = -offset / distance;
+    return {cubic.radius_mm(t),
+            branch.step_mm * (index + t),
+            gradient,
+            {distance, along - gradient.dot(along) * gradient, change}};
   }
 }
 
@@ -302,9 +312,11 @@ int TubeField::guess(int index, int joint, const Vector3d& point_mm) const {
 TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) const {
   const Hit own = hit(from.branch, from.segment, point_mm);
   if (!near_joint(branches_[static_cast<std::size_t>(from.branch)], point_mm))
-    return sample(own.value_mm(), own.gradient, own.curvature, own);
+    return sample(own.value_mm(), own.gradient, own);
   std::array<Hit, kMostHits> hits;
+  std::array<std::size_t, kMostHits> reached_as;
   std::size_t count = 0;
+  reached_as[count] = 0;
   hits[count++] = own;
 
   // The branches that meet it nearby, and those that meet these nearby.
@@ -345,10 +357,9 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
         if (count == kMostHits || highest_value_mm(vessel, point_mm) - next.wall_mm <
                                       hits[0].value_mm() - 0.5 * (hits[0].blend_mm + vessel.blend_mm))
           continue;
-        Hit& further = hits[count++] = hit(other, guess(other, joint_index, point_mm), point_mm);
-        further.wall_mm = next.wall_mm;
-        further.gradient -= next.wall_slope;
-        further.curvature += next.wall_curvature;
+        reached_as[count] = reached_count - 1;
+        hits[count] = hit(other, guess(other, joint_index, point_mm), point_mm);
+        hits[count++].wall_mm = next.wall_mm;
       }
     }
   }
@@ -377,9 +388,11 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
     if (hits[h].value_mm() > hits[best].value_mm()) best = h;
     if (raised[h] <= level) continue;
     const double weight = (raised[h] - level) / hits[h].blend_mm;
+    const Reached& between = reached[reached_as[h]];
+    curvature += weight * (hits[h].rounding.curvature(hits[h].gradient) + between.wall_curvature);
+    hits[h].gradient -= between.wall_slope;
     clearance += weight * (hits[h].value_mm() + 0.5 * hits[h].blend_mm * (1 - weight));
     gradient += weight * hits[h].gradient;
-    curvature += weight * hits[h].curvature;
     softness += 1 / hits[h].blend_mm;
     level_gradient += hits[h].gradient / hits[h].blend_mm;
   }
@@ -389,14 +402,19 @@ TubeField::Sample TubeField::at(const Vector3d& point_mm, const Place& from) con
       const Vector3d apart = hits[h].gradient - level_gradient;
       curvature -= apart * apart.transpose() / hits[h].blend_mm;
     }
-  return sample(clearance, gradient, curvature, hits[best]);
+  Sample blended = sample(clearance, gradient, hits[best]);
+  blended.wall = curvature;
+  return blended;
 }
 
-TubeField::Sample TubeField::sample(double clearance_mm, const Vector3d& gradient, const Matrix3d& curvature,
-                                    const Hit& hit) const {
+TubeField::Sample TubeField::sample(double clearance_mm, const Vector3d& gradient, const Hit& hit) const {
   const Branch& branch = branches_[static_cast<std::size_t>(hit.place.branch)];
-  return {clearance_mm,  gradient,  curvature,
-          hit.radius_mm, hit.place, std::clamp(hit.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm)};
+  return {clearance_mm,
+          gradient,
+          hit.radius_mm,
+          hit.place,
+          std::clamp(hit.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm),
+          hit.rounding};
 }
 
 bool TubeField::near_joint(const Branch& branch, const Vector3d& point_mm) const {

@@ -3,6 +3,7 @@
 #include "xraycast/vessel_tree.hpp"
 
 #include <Eigen/Core>
+#include <variant>
 #include <vector>
 
 namespace xraycast {
@@ -39,14 +40,24 @@ class TubeField {
   explicit TubeField(const VesselTree& tree, const VesselEnd* opening = nullptr,
                      double opening_length_mm = 0);
 
+  /// How one vessel's wall goes round: as a sphere does, but along the vessel, where the next spheres take
+  /// over.
+  struct Rounding {
+    double distance_mm;     ///< from the sphere's centre
+    Eigen::Vector3d aside;  ///< the centreline's derivative without its part along the gradient
+    double change;          ///< of the clearance's growth along the centreline; below zero
+    Eigen::Matrix3d curvature(const Eigen::Vector3d& gradient) const;
+  };
   struct Sample {
     double clearance_mm = 0;            ///< to the wall; below zero outside
     Eigen::Vector3d gradient{0, 0, 0};  ///< of the clearance; of length 1 but where vessels meet
-    /// Minus the clearance's second derivative, per mm.
-    Eigen::Matrix3d curvature = Eigen::Matrix3d::Zero();
-    double radius_mm = 0;  ///< of the vessel there
+    double radius_mm = 0;               ///< of the vessel there
     Place place;
     double arc_length_mm = 0;  ///< on the place's branch, held to the tree's own
+    /// What the curvature is formed from when it is asked for, or, where vessels meet, itself.
+    std::variant<Rounding, Eigen::Matrix3d> wall;
+    /// Minus the clearance's second derivative, per mm.
+    Eigen::Matrix3d curvature() const;
   };
   Sample at(const Eigen::Vector3d& point_mm, const Place& from) const;
 
@@ -85,6 +96,7 @@ class TubeField {
     int start_joint = -1, end_joint = -1;
     Eigen::Vector3d lower_mm, upper_mm;  ///< of its stations
     double widest_mm = 0;
+    std::vector<Piece> pieces;
     double steepest_mm = 0;  ///< that the radius less the distance may change from station to station
     double blend_mm = 0;     ///< how near another branch's clearance has to come to be blended with its own
   };
@@ -96,12 +108,12 @@ class TubeField {
     std::vector<int> branches;
   };
   struct Hit {
-    double radius_mm, from_centre_mm, arc_mm;
+    double radius_mm, arc_mm;
     Eigen::Vector3d gradient;
-    Eigen::Matrix3d curvature;
+    Rounding rounding;
     Place place = {};
     double blend_mm = 0, wall_mm = 0;
-    double value_mm() const { return radius_mm - from_centre_mm - wall_mm; }
+    double value_mm() const { return radius_mm - rounding.distance_mm - wall_mm; }
   };
   static void mark_folds(Branch& branch);
   Hit hit(int branch, int from, const Eigen::Vector3d& point_mm) const;
@@ -110,8 +122,7 @@ class TubeField {
                        const Eigen::Vector3d& point_mm);
   static Piece piece(const Branch& branch, int index);
   static double growth(const Piece& piece, double t, const Eigen::Vector3d& point_mm);
-  Sample sample(double clearance_mm, const Eigen::Vector3d& gradient, const Eigen::Matrix3d& curvature,
-                const Hit& hit) const;
+  Sample sample(double clearance_mm, const Eigen::Vector3d& gradient, const Hit& hit) const;
   bool near_joint(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   double highest_value_mm(const Branch& branch, const Eigen::Vector3d& point_mm) const;
   int guess(int branch, int joint, const Eigen::Vector3d& point_mm) const;

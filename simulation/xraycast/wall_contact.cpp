@@ -67,8 +67,7 @@ double WallContact::wall_force_N(double depth_mm, std::size_t index) const {
 
 double WallContact::wall_energy_uJ(double depth_mm, std::size_t index) const {
   const Grip& grip = grips_[index];
-  return options_.stiffness_N_mm2 / kMilli * grip.share_mm * squared(depth_mm) *
-         (0.5 + 0.25 * squared(depth_mm / grip.stiffening_mm));
+  return grip.wall_mN_mm * squared(depth_mm) * (0.5 + 0.25 * squared(depth_mm / grip.stiffening_mm));
 }
 
 void WallContact::look(std::size_t index, const Vector3d& point_mm) {
@@ -108,7 +107,6 @@ void WallContact::node_removed() {
 
 WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t index) const {
   Guide guide;
-  if (!grips_[index].is_guided) return guide;
   const Vector3d offset = point_mm - introducer_.exit_mm;
   const double inside_mm = -offset.dot(introducer_.axis);  // of the introducer
   if (inside_mm <= 0) return guide;
@@ -133,6 +131,8 @@ void WallContact::begin_step(const Rod& rod) {
     grip.share_mm =
         0.5 * (k % 2 == 0 ? rod.share_mm(node) : rod.from_tip_mm(node - 1) - rod.from_tip_mm(node));
     if (k == 0) grip.share_mm += 0.25 * (rod.from_tip_mm(0) - rod.from_tip_mm(1));
+    grip.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * grip.share_mm;
+    grip.spring_mN_mm = options_.tangential_N_mm2 / kMilli * grip.share_mm;
     grip.start_mm = contact.point.place_mm(state);
     // Up to the first point that has left it: a tip that curls back beside the introducer is not in it.
     grip.is_guided = is_guided;
@@ -186,10 +186,10 @@ double WallContact::energy_uJ(const RodState& state) {
     const Vector3d place_mm = contacts_[k].point.place_mm(state);
     touch(k, place_mm);
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
-    grip.guide_uJ = guide(place_mm, k).energy_uJ;
+    grip.guide_uJ = grip.is_guided ? guide(place_mm, k).energy_uJ : 0;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
-    const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
+    const double spring = grip.spring_mN_mm;
     const double slip = slip_mm(state, k).norm();
     energy += spring * slip <= grip.limit_mN
                   ? 0.5 * spring * slip * slip
@@ -202,7 +202,7 @@ void WallContact::assemble(const RodState& state, bool convex, RodSystem& system
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const Contact& contact = contacts_[k];
     const Grip& grip = grips_[k];
-    const Guide hold = guide(contact.point.place_mm(state), k);
+    const Guide hold = grip.is_guided ? guide(contact.point.place_mm(state), k) : Guide{};
     if (contact.depth_mm == 0 && grip.limit_mN == 0 && hold.weight == 0) continue;
     Eigen::Vector4d slope = Eigen::Vector4d::Zero();
     Eigen::Matrix4d hessian = Eigen::Matrix4d::Zero();
@@ -214,17 +214,16 @@ void WallContact::assemble(const RodState& state, bool convex, RodSystem& system
     }
     if (contact.depth_mm > 0) {
       const double force_mN = wall_force_N(contact.depth_mm, k) / kMilli;
-      const double stiffness = options_.stiffness_N_mm2 / kMilli * grip.share_mm *
-                               (1 + 3 * squared(contact.depth_mm / grip.stiffening_mm));
+      const double stiffness = grip.wall_mN_mm * (1 + 3 * squared(contact.depth_mm / grip.stiffening_mm));
       const Vector3d& inward = contact.sample.gradient;
       slope.head<3>() -= force_mN * inward;
       // A wall that goes round turns the force of a point that goes round with it.
       const Eigen::Matrix3d wall =
-          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature;
+          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
       hessian.topLeftCorner<3, 3>() += convex ? positive_part(wall) : wall;
     }
     if (grip.limit_mN > 0) {
-      const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
+      const double spring = grip.spring_mN_mm;
       const Vector2d slip = slip_mm(state, k);
       const double length = slip.norm();
       Eigen::Matrix2d stiffness = spring * Eigen::Matrix2d::Identity();
@@ -250,12 +249,13 @@ void WallContact::end_step(const RodState& state) {
     Contact& contact = contacts_[k];
     Grip& grip = grips_[k];
     contact.normal_N = wall_force_N(contact.depth_mm, k) * contact.sample.gradient;
-    contact.guide_N = -kMilli * guide(contact.point.place_mm(state), k).slope_mN;
+    contact.guide_N.setZero();
+    if (grip.is_guided) contact.guide_N = -kMilli * guide(contact.point.place_mm(state), k).slope_mN;
     contact.friction_N.setZero();
     grip.held_mm.setZero();
     if (grip.limit_mN == 0) continue;
 
-    const double spring = options_.tangential_N_mm2 / kMilli * grip.share_mm;
+    const double spring = grip.spring_mN_mm;
     Vector2d slip = slip_mm(state, k);
     const double length = slip.norm();
     Vector2d force = spring * slip;
@@ -279,7 +279,7 @@ double WallContact::energy_J() const {
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const Grip& grip = grips_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k) + grip.guide_uJ +
-              0.5 * options_.tangential_N_mm2 / kMilli * grip.share_mm * grip.held_mm.squaredNorm();
+              0.5 * grip.spring_mN_mm * grip.held_mm.squaredNorm();
   }
   return kMicro * energy;
 }

@@ -68,8 +68,9 @@ class WallContact final : public RodSurroundings {
  private:
   /// A contact as a step begins, in mN and mm.
   struct Grip {
-    TubeField::Place from;              ///< where its samples are looked for
-    double share_mm = 0, limit_mN = 0;  ///< the length of rod that it stands for; of friction
+    TubeField::Place from;                    ///< where its samples are looked for
+    double share_mm = 0, limit_mN = 0;        ///< the length of rod that it stands for; of friction
+    double wall_mN_mm = 0, spring_mN_mm = 0;  ///< stiffness of the wall as at first, and of friction's spring
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
     Eigen::Vector3d held_mm{0, 0, 0};  ///< of the spring that sticks, in space
     Eigen::Vector2d slip_mm{0, 0};     ///< the same along and across
