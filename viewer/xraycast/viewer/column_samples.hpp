@@ -46,7 +46,7 @@ struct SampleOptions {
   Compositing compositing = Compositing::path;
   Reconstruction reconstruction = Reconstruction::linear;
   std::optional<double> wall_radius_mm{};  ///< wall: the outermost wall stands here, the others in proportion
-  double texels_per_step = 2;              ///< path: a quadrature of two points spans no more texel columns
+  double texels_per_step = 3;              ///< path: a quadrature of two points spans no more texel columns
 
   /// Whether samples lie between layers; if not, all their layer_share are 0.
   bool blends_layers(const MapGeometry& geometry) const {

@@ -59,14 +59,16 @@ class RowSolver {
 
 }  // namespace
 
-MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
-                     std::span<const float> strengths) {
+void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
+                 std::span<const float> strengths, MapTexels& texels) {
   const auto width = static_cast<std::size_t>(geometry.width),
              height = static_cast<std::size_t>(geometry.height),
              shells = static_cast<std::size_t>(geometry.layers());
   const RowSolver solver(geometry, options);
   const std::size_t layers = solver.parts() * shells;
-  MapTexels texels{static_cast<int>(layers), geometry.width + 1, (geometry.height + 3) / 4, {}};
+  texels.layers = static_cast<int>(layers);
+  texels.columns = geometry.width + 1;
+  texels.quads = (geometry.height + 3) / 4;
   const std::size_t run = 4 * static_cast<std::size_t>(texels.quads);
   texels.values.resize(layers * (width + 1) * run);
 
@@ -87,10 +89,10 @@ MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values,
         float* to = &texels.values[(k * (width + 1) + i) * run + first];
         const float* from = &drawn[k * stride + i % width];
         for (std::size_t j = 0; j < rows; ++j) to[j] = strength * from[j * width];
+        std::fill(to + rows, to + std::min(kRows, run - first), 0.0f);
       }
     }
   });
-  return texels;
 }
 
 }  // namespace xraycast

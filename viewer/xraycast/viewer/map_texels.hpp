@@ -23,8 +23,8 @@ struct MapTexels {
 /// Prepares one channel of a map (K x H x W, as in BodyMap): what the compositing sums up, the optical depth
 /// of a wall or mu in the middles of the drawn shells (see drawn_shells, RadialProfile), each layer times its
 /// strength. Rectangle maps are taken as they are. `strengths` is empty, for 1 everywhere, or has one a
-/// layer.
-MapTexels map_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
-                     std::span<const float> strengths);
+/// layer. `texels` may hold another map, whose memory is used again: to touch new memory takes as long.
+void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
+                 std::span<const float> strengths, MapTexels& texels);
 
 }  // namespace xraycast

@@ -142,12 +142,9 @@ void Renderer::prepare_map(const Style& style) {
         "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
         geometry.layers(), kMostColumns);
   for (int channel = 0; channel < channels(); ++channel) {
-    const MapTexels texels = map_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau,
-                                        style.sampling, style.strengths);
-    map_quads_ = texels.quads;
-    map_layers_ = texels.layers;
-    layer_stride_ = texels.layer_stride();
-    map_texels_.emplace_back(GL_RGBA32F).fill(texels.values, "the body map");
+    make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
+                style.strengths, texels_);
+    map_texels_.emplace_back(GL_RGBA32F).fill(texels_.values, "the body map");
   }
   prepared_ = style;
   if (has_columns()) return;
@@ -226,8 +223,8 @@ void Renderer::set_columns(const gl::Program& program, const UprightView& uprigh
   const MapGeometry& geometry = geometry_;
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
-  program.set("quads", map_quads_);
-  program.set("layer_stride", layer_stride_);
+  program.set("quads", texels_.quads);
+  program.set("layer_stride", texels_.layer_stride());
   program.set("map_rows", double(geometry.height));
   program.set("first_row", (geometry.top_mm - upright.top_mm) / geometry.row_spacing_mm);
   program.set("row_step", upright.row_mm / geometry.row_spacing_mm);
@@ -241,10 +238,10 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
   const BodyBounds bounds = bounds_of(geometry);
   axis_table_.bind(program, "axis_table", 1);
   layer_table_.bind(program, "layer_table", 2);
-  program.set("quads", map_quads_);
-  program.set("layer_stride", layer_stride_);
+  program.set("quads", texels_.quads);
+  program.set("layer_stride", texels_.layer_stride());
   program.set("layer_places", kLayerPlaces);
-  program.set("layers", map_layers_);
+  program.set("layers", texels_.layers);
   program.set("map_rows", double(geometry.height));
   program.set("map_columns", double(geometry.width));
   program.set("body_centre_mm", bounds.centre_mm);

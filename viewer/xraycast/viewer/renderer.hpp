@@ -122,8 +122,8 @@ class Renderer {
   std::shared_ptr<const BodyMap> map_;
   MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
+  MapTexels texels_;               ///< of the last channel; all have the same sizes
   std::vector<gl::Table> map_texels_;
-  int map_layers_ = 0, map_quads_ = 0, layer_stride_ = 0;
   std::optional<DrawnBody> drawn_;
 
   std::map<std::string, gl::Program> programs_;

@@ -108,11 +108,10 @@ void ShellHalves::Split::halve(std::span<const float> shells, std::span<float> h
     const float *its = mean(k), *in_inner = &inner_mm_[k * texels_], *in_outer = &outer_mm_[k * texels_],
                 *gain = &gain_mm_[k * texels_];
     float *inner = &halves[2 * k * stride], *outer = inner + stride;
-    for (std::size_t i = 0; i < texels_; ++i) {
-      const float more = gain[i] * (at_outer[i] - at_inner[i]);
-      inner[i] = in_inner[i] * its[i] - more;
-      outer[i] = in_outer[i] * its[i] + more;
-    }
+    // One output a loop, or there are too many to vectorise it.
+    for (std::size_t i = 0; i < texels_; ++i) at_inner[i] = gain[i] * (at_outer[i] - at_inner[i]);
+    for (std::size_t i = 0; i < texels_; ++i) inner[i] = in_inner[i] * its[i] - at_inner[i];
+    for (std::size_t i = 0; i < texels_; ++i) outer[i] = in_outer[i] * its[i] + at_inner[i];
     std::swap(at_inner, at_outer);
   }
 }
