@@ -67,7 +67,8 @@ void text(OIIO::ImageBuf& image, int x, int y, const std::string& words, const C
 }  // namespace
 
 void check_plot(const std::filesystem::path& path) {
-  if (path.extension() != ".png")
+  const std::string extension = path.extension().string();
+  if (extension != ".png" && extension != ".PNG")
     throw InputError("--plot {}: a plot is a PNG; end its name in .png", path.string());
   check_writable(path);
 }

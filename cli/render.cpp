@@ -219,7 +219,10 @@ void add_render(CLI::App& app, Session& session) {
       "fluoro: vessels and catheter keep the contrast that the grey takes from the body's range");
   command->add_flag("--furniture", options->furniture,
                     "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
-  command->add_option("--cine", options->cine, "A turn around the body instead of one frame")
+  command
+      ->add_option(
+          "--cine", options->cine,
+          "A turn around the body instead of one frame; a longer one's frames in the folder are removed")
       ->type_name("FROM:TO:STEP");
   command
       ->add_option("--session", options->session,

@@ -104,7 +104,7 @@ void check_cine(const Options& options) {
 }
 
 std::string held_note(double held_s) {
-  if (held_s == 0) return "";
+  if (held_s < 0.05) return "";
   return fmt::format("the hub was held for {:.1f} s: it is pushed with no more than {:g} N\n", held_s,
                      Catheter::kStrongestPush_N);
 }
@@ -123,6 +123,7 @@ void simulate(const Options& options, Session& session) {
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, session);
   HubPlot plot(script);
+  plot.see(catheter, 0);
   double held_s = 0;
   const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
                                                     [&](const Catheter& moved, double time_s) {

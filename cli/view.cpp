@@ -32,7 +32,8 @@ void view(const Options& options, const Session& session) {
   if (options.simulate || !options.simulation.script.empty()) {
     simulation = options.simulation;
     simulation->vessels = scene.vessels;
-    scene.style.full_contrast = true;  // or a thin catheter in a trunk is hardly seen
+    // A thin catheter in a trunk is hardly seen without; a session has chosen.
+    if (options.session.empty()) scene.style.full_contrast = true;
   }
   run_viewer(scene, session.device, session.progress, simulation);
 }

@@ -516,10 +516,13 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
   while (report_.iterations < options_.iterations) {
     ++report_.iterations;
     // Where the Hessian is indefinite, as it is while a tip snaps, its convex part leads down still.
+    bool is_definite = false;
     for (const bool convex : {false, true}) {
       assemble(dt_s, convex, surroundings);
-      if (system_.matrix_.factorise()) break;
+      is_definite = system_.matrix_.factorise();
+      if (is_definite) break;
     }
+    if (!is_definite) break;  // numbers that are none; the rod stays
     solution_.assign(rows + BandMatrix::kBand, 0.0);
     for (std::size_t r = kHeld; r < rows; ++r) solution_[r] = -system_.gradient_[r];
     system_.matrix_.solve(solution_.data());
@@ -537,7 +540,8 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
     for (int halvings = 0; halvings < 12 && !falls; ++halvings, scale *= 0.5) {
       move(state_, solution_.data(), scale, trial_);
       const double reached = potential_uJ(trial_, dt_s, surroundings);
-      falls = reached <= potential - kLeastFall * scale * fall_uJ + 1e-12 * std::abs(potential);
+      falls =
+          reached <= potential - kLeastFall * scale * std::max(0.0, fall_uJ) + 1e-12 * std::abs(potential);
       if (!falls) {
         ++report_.halvings;
         continue;

@@ -137,6 +137,7 @@ TubeField::TubeField(const VesselTree& tree, const VesselEnd* opening, double op
 
 Matrix3d TubeField::Rounding::curvature(const Vector3d& gradient) const {
   const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
+  if (!(change < 0)) return sphere / distance_mm;  // at a bend's focus, where it has none
   return (sphere + aside * aside.transpose() / change) / distance_mm;
 }
 
@@ -231,7 +232,7 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
     };
     const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
     for (int k = first; k < end;) {
-      // So far that none before it can be better.
+      // So far that hardly one before it can be better.
       const Station& station = branch.stations[static_cast<std::size_t>(k)];
       const double value_mm = station.radius_mm - rounded_length(point_mm - station.centre_mm);
       const double behind_best = (best.value_mm() - value_mm) / branch.steepest_mm;

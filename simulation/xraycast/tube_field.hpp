@@ -45,7 +45,7 @@ class TubeField {
   struct Rounding {
     double distance_mm;     ///< from the sphere's centre
     Eigen::Vector3d aside;  ///< the centreline's derivative without its part along the gradient
-    double change;          ///< of the clearance's growth along the centreline; below zero
+    double change;  ///< of the clearance's growth along the centreline; below zero but at a bend's focus
     Eigen::Matrix3d curvature(const Eigen::Vector3d& gradient) const;
   };
   struct Sample {

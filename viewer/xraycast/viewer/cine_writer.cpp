@@ -1,5 +1,6 @@
 #include "xraycast/viewer/cine_writer.hpp"
 
+#include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
 
@@ -28,7 +29,11 @@ std::filesystem::path CineWriter::frame(int number) const {
 
 void CineWriter::finish() const {
   if (!is_animation(output_)) {
-    for (int number = count_; std::filesystem::remove(frame(number));) ++number;
+    std::error_code error;
+    for (int number = count_; std::filesystem::is_regular_file(frame(number), error); ++number)
+      if (!std::filesystem::remove(frame(number), error))
+        throw InputError("{}: a longer cine's frame cannot be removed: {}", frame(number).string(),
+                         error.message());
     return;
   }
   std::vector<ImagePart> parts;

@@ -10,8 +10,8 @@ namespace xraycast {
 bool is_animation(const std::filesystem::path& path);
 
 /// Frames of a turn around the body, all of one size: PNGs in a folder, which has to exist, as they come, or
-/// one animation in the end, of 20 frames a second. A folder's frames are those of one cine: what a longer
-/// one left behind the last is removed.
+/// one animation in the end, of 20 frames a second. A folder's frames are those of one cine: those that
+/// a longer one left, numbered on from the last, are removed.
 class CineWriter {
  public:
   CineWriter(std::filesystem::path output, int width, int height);

@@ -134,6 +134,7 @@ bool Renderer::has_columns() const {
 void Renderer::prepare_map(const Style& style) {
   if (prepared_ && same_texels(*prepared_, style)) return;
   const MapGeometry geometry = drawn_shells(geometry_, style.sampling);
+  prepared_.reset();  // should preparing fail
   map_texels_.clear();
   constexpr std::int64_t kMostColumns = 1 << 24;  // whose numbers 32-bit floats hold (ColumnSample)
   if (const std::int64_t columns = std::int64_t{geometry.layers()} * (geometry.width + 1);
@@ -407,7 +408,8 @@ void Renderer::display_body(const Passes& passes, const Style& style, Output out
   show.set("row_limits", glm::dvec2(body.columns > 0 && body.rows > 0 ? body.first_row : 1e9, body.last_row));
   if (is_absorbing) {
     absorbed_.bind(show, "absorbed", 1);
-    show.set("weight", output == Output::grey && style.full_contrast ? style.window.scale : 1.0);
+    show.set("weight",
+             output == Output::grey && style.full_contrast ? std::max(1.0, style.window.scale) : 1.0);
   }
   set_window(show, style.window);
   show.set("origin", glm::dvec2(corner));

@@ -43,8 +43,9 @@ struct Style {
   std::vector<float> strengths{};  ///< of the layers, 0 hides one; empty: 1 everywhere
   GreyWindow window{};
   /// A display compresses the range of the body's shades to a few to one. C-arms then restore the contrast of
-  /// what is fine within; so do vessels and catheters in the fluoro look's grey, if true: they darken what is
-  /// behind them by as much as they weaken the beam. Optical depths stay as they are.
+  /// what is fine within; so do vessels and catheters in the fluoro look's grey, if true: before the window
+  /// and gamma they darken what is behind them by as much as they weaken the beam. Optical depths stay as
+  /// they are.
   bool full_contrast = false;
   int pixels_per_column = kFullResolution;  ///< 2: the body is drawn at every other column and scaled up
 };
