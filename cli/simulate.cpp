@@ -122,18 +122,18 @@ void simulate(const Options& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, session);
-  HubPlot plot(script);
-  plot.see(catheter, 0);
+  std::optional<HubPlot> plot;
+  if (!options.plot.empty()) plot.emplace(script).see(catheter, 0);
   double held_s = 0;
   const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
                                                     [&](const Catheter& moved, double time_s) {
-                                                      plot.see(moved, time_s);
+                                                      if (plot) plot->see(moved, time_s);
                                                       if (moved.is_held()) held_s += moved.step_s();
                                                       if (cine) cine->see(moved, time_s);
                                                     });
   const double wall_s = 1e-3 * stopwatch.ms();
   write_whole_file(options.log, to_csv(records));
-  if (!options.plot.empty()) plot.write(device.name(), options.plot);
+  if (plot) plot->write(device.name(), options.plot);
   if (cine) cine->finish();
 
   const CatheterTip tip = catheter.tip();
