@@ -6,14 +6,12 @@
 
 #include "scan_layout.h"
 
-/* Asks for the cache line of an address that will be read soon, where the compiler knows how. */
-#ifdef __has_builtin
-#if __has_builtin(__builtin_prefetch)
-#define prefetch_line(address) __builtin_prefetch(address)
-#endif
-#endif
-#ifndef prefetch_line
-#define prefetch_line(address) (void)(address)
+/* Asks for the cache line of an address that will be read soon. A processor's compiler has a built-in, which
+ * takes pointers without an address space, where PoCL's own `prefetch` does nothing. */
+#if defined(__x86_64__) || defined(__aarch64__)
+#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address))
+#else
+#define prefetch_line(address) prefetch(address, 1)
 #endif
 
 #ifdef SCAN_IMAGE

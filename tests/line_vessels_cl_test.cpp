@@ -138,6 +138,7 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
 
 TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {
   Volume volume({.size = {40, 40, 40}});
+  std::ranges::fill(volume.hu(), 0);
   for (std::int64_t x = 0; x < 20; ++x) volume.at(x, 20, 20) = 1000;
   Device device;
   const std::vector<float> strength = line_strength(volume, device);

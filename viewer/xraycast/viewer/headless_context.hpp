@@ -4,8 +4,9 @@
 
 namespace xraycast {
 
-/// An OpenGL 3.3 core context without a display or window, through EGL's surfaceless platform; current on the
-/// thread that made it for as long as it lives. There is one at a time.
+/// An OpenGL 3.3 core context without a display or window, through EGL: on the first GPU that has one, or
+/// else on Mesa's surfaceless platform, which draws in software. Current on the thread that made it for as
+/// long as it lives. There is one at a time.
 class HeadlessContext {
  public:
   /// Throws Error, saying what to install, when there is no such OpenGL.
