@@ -231,8 +231,9 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   for (const auto& writer : writers) writer->finish();
   for (const auto& [file, rgb] : last_frames)
     write_png(rgb, options.view.width, options.view.height, 3, file);
-  report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm deep", records.back().tip.branch,
-                                                 records.back().tip.arc_length_mm));
+  report.note("tip of the catheter",
+              fmt::format("in branch {}, {:.0f} mm along it", records.back().tip.branch,
+                          records.back().tip.arc_length_mm));
   report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
   write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));

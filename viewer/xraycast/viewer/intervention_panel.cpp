@@ -87,7 +87,7 @@ void draw_intervention_panel(Viewer& viewer) {
   line(fmt::format("{}, held by {}", run.model().name(), intervention->run().device().status()));
   line(fmt::format("in {:.1f} mm, turned {:.0f} deg", now.pose.insertion_mm,
                    now.pose.rotation_rad / kRadians));
-  line(fmt::format("tip in branch {}, {:.0f} mm deep", now.tip.branch, now.tip.arc_length_mm));
+  line(fmt::format("tip in branch {}, {:.0f} mm along it", now.tip.branch, now.tip.arc_length_mm));
   strip("force", run, &HubLoad::force_N, 1, "N");
   strip("torque", run, &HubLoad::torque_Nm, 1000, "N mm");
   const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
