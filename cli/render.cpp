@@ -4,6 +4,7 @@
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
 #include "xraycast/projection_file.hpp"
@@ -149,7 +150,7 @@ void render(const Options& options, Session& session) {
       session.progress.advance();
     }
     writer.finish();
-  } else if (fs::path(options.output).extension() == ".png") {
+  } else if (extension_of(options.output) == ".png") {
     write_png(draw(renderer, view, scene, bounds, options.furniture), view.width, view.height, 3,
               options.output);
   } else {

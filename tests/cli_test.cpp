@@ -572,9 +572,9 @@ TEST_F(Cli, RenderSaysWhatItMade) {
 TEST_F(Cli, RendersTheSameFrameTwice) {
   output_of("-q phantom head --size 48x48x40 -o @/ct.nrrd");
   output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
-  for (const char* file : {"a", "b"})
-    output_of("-q render @/map.exr -o @/" + std::string(file) + ".png --angle 12 --cone 900,1200");
-  EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.png"));
+  for (const char* file : {"a.png", "b.PNG"})
+    output_of("-q render @/map.exr -o @/" + std::string(file) + " --angle 12 --cone 900,1200 --furniture");
+  EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.PNG"));
 }
 
 TEST_F(Cli, RendersACineIntoAFolderOrAnAnimation) {

@@ -1,15 +1,14 @@
 #include "xraycast/projection_file.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <bit>
-#include <cctype>
 
 namespace xraycast {
 namespace {
@@ -63,18 +62,12 @@ void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path)
   write_whole_file(path, header + std::string(reinterpret_cast<const char*>(voxels.data()), voxels.size()));
 }
 
-std::string extension_of(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension == ".tiff" ? ".tif" : extension;
-}
-
 }  // namespace
 
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif")
+  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
+      extension != ".tiff")
     throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)",
                      path.string());
 }
