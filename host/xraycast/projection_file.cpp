@@ -76,12 +76,9 @@ void write_projection(const ProjectionImage& image, const std::filesystem::path&
                       bool inverted) {
   check_projection_format(path);
   const std::string extension = extension_of(path);
-  if (extension == ".png") {
-    GreyWindow window = automatic_window(image.tau);
-    window.gamma = gamma;
-    window.inverted = inverted;
-    return write_png(windowed(image.tau, window), image.view.width, image.view.height, 1, path);
-  }
+  if (extension == ".png")
+    return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
+                     image.view.height, 1, path);
   if (extension == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
 }
