@@ -64,6 +64,8 @@ void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path)
 
 }  // namespace
 
+bool is_picture(const std::filesystem::path& path) { return extension_of(path) == ".png"; }
+
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
   if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
@@ -75,10 +77,10 @@ void check_projection_format(const std::filesystem::path& path) {
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
                       bool inverted) {
   check_projection_format(path);
-  const std::string extension = extension_of(path);
-  if (extension == ".png")
+  if (is_picture(path))
     return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
                      image.view.height, 1, path);
+  const std::string extension = extension_of(path);
   if (extension == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
 }
