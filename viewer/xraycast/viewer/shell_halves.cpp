@@ -1,6 +1,7 @@
 #include "xraycast/viewer/shell_halves.hpp"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace xraycast {
@@ -44,6 +45,7 @@ std::vector<double> halved_radii_mm(std::span<const double> radii_mm) {
 
 ShellHalves::ShellHalves(std::span<const double> radii_mm) : edges_mm_(radii_mm.begin(), radii_mm.end()) {
   const auto layers = static_cast<std::ptrdiff_t>(edges_mm_.size()) - 1;
+  assert(layers >= 2);  // what one shell holds says nothing about its halves
   const auto thickness_mm = [&](std::ptrdiff_t k) {
     const auto shell = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(k, 0, layers - 1));
     return edges_mm_[shell + 1] - edges_mm_[shell];
