@@ -5,6 +5,7 @@
 #include "xraycast/body_map.hpp"
 
 #include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -749,6 +750,23 @@ TEST_F(Cli, SegmentsFromAMask) {
   const Json json =
       json_of("segment @/thorax.nrrd -o @/vessels --from-mask @/truth/mask.nrrd --surface tubes -q");
   EXPECT_GE(json["branches"], 3);
+
+  const Json tree = Json::parse(read_bytes(folder_ / "vessels" / "tree.json"))["branches"];
+  const Json leaf =
+      *std::ranges::find_if(tree, [](const Json& branch) { return branch["children"].empty(); });
+  const Json end = leaf["points"].back();
+  const auto root = [&](double off_mm) {
+    return fmt::format(" --root {},{},{}", end[0].get<double>(), end[1].get<double>(),
+                       end[2].get<double>() + off_mm);
+  };
+  output_of("segment @/thorax.nrrd -o @/rooted --from-mask @/truth/mask.nrrd -q" + root(0));
+  const Json rooted = Json::parse(read_bytes(folder_ / "rooted" / "tree.json"))["branches"][0]["points"][0];
+  // The same line, whose points lie a part of a voxel apart when it is laid the other way round.
+  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(rooted[axis].get<double>(), end[axis].get<double>(), 1);
+  const Finished far = run("segment @/thorax.nrrd -o @/far --from-mask @/truth/mask.nrrd -q" + root(5000));
+  EXPECT_EQ(far.status, 3);
+  expect_one_line(far.err, "mm away");
+  EXPECT_FALSE(fs::exists(folder_ / "far"));
 }
 
 }  // namespace

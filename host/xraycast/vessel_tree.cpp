@@ -297,6 +297,13 @@ glm::dvec3 centroid_mm(const VesselTree& tree) {
   return sum / weights;
 }
 
+void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name) {
+  constexpr double kFarthest_mm = 50;
+  if (const double away_mm = glm::distance(end_mm, point_mm); away_mm > kFarthest_mm)
+    throw InputError("{}: the nearest vessel end, {:.0f},{:.0f},{:.0f}, is {:.0f} mm away", name, end_mm.x,
+                     end_mm.y, end_mm.z, away_mm);
+}
+
 void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
   if (extension == ".vtp") return write_lines(tree, path);
