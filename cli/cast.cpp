@@ -6,6 +6,7 @@
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/materials.hpp"
 #include "xraycast/slab_caster.hpp"
 #include "xraycast/stopwatch.hpp"
@@ -85,7 +86,7 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
 }
 
 void check_name(const std::filesystem::path& path, const char* extension) {
-  if (path.extension() != extension)
+  if (extension_of(path) != extension)
     throw InputError("{}: end the name in {}, which is what is written", path.string(), extension);
   check_writable(path);
 }

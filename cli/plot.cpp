@@ -2,6 +2,7 @@
 
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/image.hpp"
 
 #include <OpenImageIO/imagebuf.h>
@@ -67,8 +68,7 @@ void text(OIIO::ImageBuf& image, int x, int y, const std::string& words, const C
 }  // namespace
 
 void check_plot(const std::filesystem::path& path) {
-  const std::string extension = path.extension().string();
-  if (extension != ".png" && extension != ".PNG")
+  if (extension_of(path) != ".png")
     throw InputError("--plot {}: a plot is a PNG; end its name in .png", path.string());
   check_writable(path);
 }

@@ -25,6 +25,7 @@ void project_scan(const Options& options, Session& session) {
   const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
+  check_shown(options.grey, options.output);
   check_writable(options.output);
   View view = parse_view(options.view);
   const Scan scan = open_scan(options.input, options.scan, session.progress);

@@ -65,7 +65,11 @@ ViewSession resolve(const Options& options) {
     for (const double strength : parse_numbers(options.strengths, "--strengths"))
       style.strengths.push_back(static_cast<float>(strength));
   }
-  if (options.full_contrast) style.full_contrast = true;
+  if (options.full_contrast) {
+    if (style.look != Look::fluoro)
+      throw InputError("--full-contrast does not apply to --look surface; leave it out");
+    style.full_contrast = true;
+  }
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
   if (options.grey.inverted) style.window.inverted = true;
   return scene;
@@ -87,6 +91,9 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
 void check_output(const Options& options) {
   if (options.cine.empty()) {
     check_projection_format(options.output);
+    check_shown(options.grey, options.output);
+    check_shown(options.full_contrast, "--full-contrast", options.output);
+    check_shown(options.furniture, "--furniture", options.output);
     check_writable(options.output);
   } else if (is_animation(options.output)) {
     check_writable(options.output);
@@ -149,7 +156,7 @@ void render(const Options& options, Session& session) {
       session.progress.advance();
     }
     writer.finish();
-  } else if (fs::path(options.output).extension() == ".png") {
+  } else if (is_picture(options.output)) {
     write_png(draw(renderer, view, scene, bounds, options.furniture), view.width, view.height, 3,
               options.output);
   } else {

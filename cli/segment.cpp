@@ -87,6 +87,11 @@ void segment(const Options& options, Session& session) {
                         : select_vessels(read_mask(options.from_mask, volume.geometry(), progress),
                                          segmenting.markers, options.from_mask, progress);
   const Centrelines centrelines = find_centrelines(mask, options.input, progress, root_mm);
+  if (root_mm) {
+    const VesselTree& tree = centrelines.tree;
+    check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm,
+                   *root_mm, "--root " + options.root);
+  }
   progress.begin("surface", 1, "surfaces");
   const Mesh surface =
       options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);

@@ -1,6 +1,7 @@
 #include "view_options.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/projection_file.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -38,6 +39,17 @@ void add_grey_options(CLI::App& command, GreyOptions& options) {
       ->check(CLI::Range(0.1, 10.0))
       ->type_name("GAMMA");
   command.add_flag("--inverted", options.inverted, "Bones light instead of dark");
+}
+
+void check_shown(bool is_given, const char* option, const std::string& file) {
+  if (is_given && !is_picture(file))
+    throw InputError("{} does not apply to {}, which holds optical depths; leave it out or write a .png",
+                     option, file);
+}
+
+void check_shown(const GreyOptions& options, const std::string& file) {
+  check_shown(options.gamma.has_value(), "--gamma", file);
+  check_shown(options.inverted, "--inverted", file);
 }
 
 void add_cone_option(CLI::App& command, std::string& cone) {

@@ -25,6 +25,11 @@ struct GreyOptions {
 
 void add_grey_options(CLI::App& command, GreyOptions& options);
 
+/// Throws InputError when `option`, which is of how a picture is shown, was given for a file that holds
+/// optical depths.
+void check_shown(bool is_given, const char* option, const std::string& file);
+void check_shown(const GreyOptions& options, const std::string& file);
+
 /// --cone alone, for commands that choose their own angles.
 void add_cone_option(CLI::App& command, std::string& cone);
 

@@ -5,6 +5,7 @@
 #include "xraycast/body_map.hpp"
 
 #include <OpenImageIO/imageio.h>
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
@@ -278,6 +279,16 @@ const BadCall kBadCalls[] = {
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
     {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map, or damaged"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
+    {"GammaOfDepths", "project @/nothing -o @/out.exr --gamma 2", 3, "--gamma does not apply to"},
+    {"InvertedDepths", "project @/nothing -o @/out.nrrd --inverted", 3, "--inverted does not apply to"},
+    {"RenderInvertedDepths", "render @/map.exr -o @/out.tif --inverted", 3,
+     "which holds optical depths; leave it out or write a .png"},
+    {"RenderDepthsOfFullContrast", "render @/map.exr -o @/out.exr --full-contrast", 3,
+     "--full-contrast does not apply to"},
+    {"RenderDepthsWithFurniture", "render @/map.exr -o @/out.exr --furniture", 3,
+     "--furniture does not apply to"},
+    {"RenderSurfacesInFullContrast", "render @/map.exr -o @/out.png --look surface --full-contrast", 3,
+     "--full-contrast does not apply to --look surface"},
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"AnglesThatRunAway", "compare @/ct.nii @/map.exr --angles 0:30:-1", 3,
      "--angles 0:30:-1: has to be FROM:TO:STEP"},
@@ -572,9 +583,9 @@ TEST_F(Cli, RenderSaysWhatItMade) {
 TEST_F(Cli, RendersTheSameFrameTwice) {
   output_of("-q phantom head --size 48x48x40 -o @/ct.nrrd");
   output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
-  for (const char* file : {"a", "b"})
-    output_of("-q render @/map.exr -o @/" + std::string(file) + ".png --angle 12 --cone 900,1200");
-  EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.png"));
+  for (const char* file : {"a.png", "b.PNG"})
+    output_of("-q render @/map.exr -o @/" + std::string(file) + " --angle 12 --cone 900,1200 --furniture");
+  EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.PNG"));
 }
 
 TEST_F(Cli, RendersACineIntoAFolderOrAnAnimation) {
@@ -739,6 +750,23 @@ TEST_F(Cli, SegmentsFromAMask) {
   const Json json =
       json_of("segment @/thorax.nrrd -o @/vessels --from-mask @/truth/mask.nrrd --surface tubes -q");
   EXPECT_GE(json["branches"], 3);
+
+  const Json tree = Json::parse(read_bytes(folder_ / "vessels" / "tree.json"))["branches"];
+  const Json leaf =
+      *std::ranges::find_if(tree, [](const Json& branch) { return branch["children"].empty(); });
+  const Json end = leaf["points"].back();
+  const auto root = [&](double off_mm) {
+    return fmt::format(" --root {},{},{}", end[0].get<double>(), end[1].get<double>(),
+                       end[2].get<double>() + off_mm);
+  };
+  output_of("segment @/thorax.nrrd -o @/rooted --from-mask @/truth/mask.nrrd -q" + root(0));
+  const Json rooted = Json::parse(read_bytes(folder_ / "rooted" / "tree.json"))["branches"][0]["points"][0];
+  // The same line, whose points lie a part of a voxel apart when it is laid the other way round.
+  for (int axis = 0; axis < 3; ++axis) EXPECT_NEAR(rooted[axis].get<double>(), end[axis].get<double>(), 1);
+  const Finished far = run("segment @/thorax.nrrd -o @/far --from-mask @/truth/mask.nrrd -q" + root(5000));
+  EXPECT_EQ(far.status, 3);
+  expect_one_line(far.err, "mm away");
+  EXPECT_FALSE(fs::exists(folder_ / "far"));
 }
 
 }  // namespace

@@ -34,6 +34,15 @@ ProjectionImage oblique_image(std::optional<Cone> cone) {
 
 class ProjectionFile : public testing::TestWithParam<std::optional<Cone>> {
  protected:
+  /// The picture's pixels as a PNG has them.
+  std::vector<std::uint8_t> grey_of(double gamma, bool inverted) {
+    write_projection(image_, folder_ / "p.png", gamma, inverted);
+    const auto file = OIIO::ImageInput::open((folder_ / "p.png").string());
+    std::vector<std::uint8_t> grey(image_.tau.size());
+    EXPECT_TRUE(file && file->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT8, grey.data()));
+    return grey;
+  }
+
   const ProjectionImage image_ = oblique_image(GetParam());
   TemporaryFolder folder_;
 };
@@ -75,17 +84,22 @@ TEST_P(ProjectionFile, NrrdPlacesEveryPixelWhereTheViewDoes) {
 }
 
 TEST_P(ProjectionFile, PngIsShownInvertedIfAsked) {
-  const auto grey_of = [&](const char* name) {
-    const auto file = OIIO::ImageInput::open((folder_ / name).string());
-    std::vector<std::uint8_t> grey(image_.tau.size());
-    EXPECT_TRUE(file && file->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT8, grey.data()));
-    return grey;
-  };
-  write_projection(image_, folder_ / "dark.png");
-  write_projection(image_, folder_ / "light.png", 1, true);
-  const std::vector<std::uint8_t> dark = grey_of("dark.png"), light = grey_of("light.png");
+  const std::vector<std::uint8_t> dark = grey_of(1, false), light = grey_of(1, true);
   EXPECT_NE(dark, light);
   for (std::size_t i = 0; i < dark.size(); ++i) EXPECT_NEAR(dark[i] + light[i], 255, 1);  // both are rounded
+}
+
+TEST_P(ProjectionFile, GammaIsTheRootOfThePngsGrey) {
+  // Under a gamma of 2 a pixel's square is what it is under 1, before it is turned round.
+  const std::vector<std::uint8_t> linear = grey_of(1, false), bent = grey_of(2, false),
+                                  turned = grey_of(2, true);
+  for (std::size_t i = 0; i < linear.size(); ++i) {
+    const double share = bent[i] / 255.0;
+    // The linear one is rounded by half a grey; so is the bent one, which the square at most doubles.
+    EXPECT_NEAR(255 * share * share, linear[i], 0.5 + 2 * 0.5 * share + 0.25 / 255) << i;
+    EXPECT_NEAR(bent[i] + turned[i], 255, 1) << i;
+  }
+  EXPECT_THAT(linear, testing::Contains(testing::AllOf(testing::Gt(50), testing::Lt(200))));
 }
 
 TEST_P(ProjectionFile, ExrAndTiffHoldTheFloatsAndTheView) {

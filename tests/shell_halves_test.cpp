@@ -37,7 +37,7 @@ TEST(ShellHalves, OfWhatIsEvenAreEven) {
   std::vector<float> shells;
   for (std::size_t k = 0; k < kLayers; ++k)
     shells.push_back(static_cast<float>(0.02 * (kRadii[k + 1] - kRadii[k])));
-  const std::vector<double> edges = ShellHalves(kRadii).radii_mm();
+  const std::vector<double> edges = halved_radii_mm(kRadii);
   ASSERT_EQ(edges.size(), 2 * kLayers + 1);
   const std::vector<float> halves = halves_of(shells);
   for (std::size_t h = 0; h < halves.size(); ++h)

@@ -230,6 +230,18 @@ TEST(VesselTree, InsideOfASphereThatHoldsTheOther) {
   EXPECT_FALSE(tree.inside({0, 0, -3.001}));
 }
 
+TEST(VesselTree, AnEndIsMeantByWhatIsNearIt) {
+  const glm::dvec3 end_mm(10, -20, 700), towards(0.6, 0, -0.8);  // a unit vector
+  EXPECT_NO_THROW(check_near_end(end_mm, end_mm + 49.9 * towards, "--root"));
+  try {
+    check_near_end(end_mm, end_mm + 200.0 * towards, "--root 130,-20,540");
+    FAIL() << "200 mm are not near";
+  } catch (const InputError& error) {
+    EXPECT_STREQ(error.what(), "--root 130,-20,540: the nearest vessel end, 10,-20,700, is 200 mm away");
+  }
+  EXPECT_THROW(check_near_end(end_mm, end_mm + 50.1 * towards, "--root"), InputError);
+}
+
 TEST(VesselTree, NearestStaysFastInALargeTree) {
   const VesselTree tree = random_tree(7, 500, 41);
   std::mt19937 random(8);

@@ -1,6 +1,7 @@
 #include "xraycast/centre_line.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/vessel_tree.hpp"
 
 #include <glm/common.hpp>
@@ -69,7 +70,7 @@ CentreLine::CentreLine(std::vector<glm::dvec3> points_mm, const std::string& nam
 CentreLine CentreLine::from_file(const std::string& name) {
   const auto hash = name.rfind('#');
   const std::string path = name.substr(0, hash);
-  const std::string extension = std::filesystem::path(path).extension().string();
+  const std::string extension = extension_of(path);
   std::size_t branch = 0;
   if (hash != std::string::npos) {
     const char *first = name.data() + hash + 1, *last = name.data() + name.size();

@@ -35,16 +35,17 @@ double GreyWindow::grey(double tau) const {
   return inverted ? 1 - bent : bent;
 }
 
-GreyWindow automatic_window(std::span<const float> tau, double least_depth) {
+GreyWindow automatic_window(std::span<const float> tau, double gamma, bool inverted, double least_depth) {
   const double scale = 2 * std::max(typical_depth(tau), least_depth);
   const std::vector<float> all(tau.begin(), tau.end());
   constexpr double kHeadroom = 1.15;  // keeps the darkest parts off black, where nothing can be told apart
   const double light = std::exp(-quantile(all, 0.001) / scale);
-  return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light};
+  return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light, gamma,
+          inverted};
 }
 
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
-  return windowed(tau, automatic_window(tau, least_depth));
+  return windowed(tau, automatic_window(tau, 1, false, least_depth));
 }
 
 std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow& window) {

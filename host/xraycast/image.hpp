@@ -21,13 +21,14 @@ struct GreyWindow {
   bool operator==(const GreyWindow&) const = default;
 };
 
-/// The window of windowed_transmission.
-GreyWindow automatic_window(std::span<const float> tau, double least_depth = 0);
+/// A window in which a person sees something, with this gamma, inverted or not: exp(-tau / s) from somewhat
+/// below the image's darkest to its lightest, with s twice the depth of its denser parts, which is close to
+/// what a radiograph's logarithm shows. An image whose denser parts are below `least_depth` is shown as if
+/// they were at it, and so stays faint.
+GreyWindow automatic_window(std::span<const float> tau, double gamma = 1, bool inverted = false,
+                            double least_depth = 0);
 
-/// Grey 0 to 255 of exp(-tau), so that a person sees something: a chest's plain exp(-tau) is nearly black.
-/// Shows exp(-tau / s) from somewhat below the image's darkest to its lightest, with s twice the depth of its
-/// denser parts, which is close to what a radiograph's logarithm shows. An image whose denser parts are below
-/// `least_depth` is shown as if they were at it, and so stays faint.
+/// Grey 0 to 255 in the automatic window: a chest's plain exp(-tau) is nearly black.
 std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth = 0);
 
 /// Grey 0 to 255 in a window.

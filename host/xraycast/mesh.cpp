@@ -1,6 +1,7 @@
 #include "xraycast/mesh.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/vtp.hpp"
 #include "xraycast/whole_file.hpp"
 
@@ -195,13 +196,6 @@ Mesh read_polys(const std::filesystem::path& path) {
   return mesh;
 }
 
-std::string lower_case_extension(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  for (char& c : extension)
-    if (c >= 'A' && c <= 'Z') c = static_cast<char>(c - 'A' + 'a');
-  return extension;
-}
-
 }  // namespace
 
 bool is_watertight(const Mesh& mesh) {
@@ -230,14 +224,14 @@ double volume_mm3(const Mesh& mesh) {
 }
 
 void write_mesh(const Mesh& mesh, const std::filesystem::path& path) {
-  const std::string extension = lower_case_extension(path);
+  const std::string extension = extension_of(path);
   if (extension == ".stl") return write_stl(mesh, path);
   if (extension == ".vtp") return write_polys(mesh, path);
   throw InputError("{}: a surface is written as .stl or .vtp, not \"{}\"", path.string(), extension);
 }
 
 Mesh read_mesh(const std::filesystem::path& path) {
-  const std::string extension = lower_case_extension(path);
+  const std::string extension = extension_of(path);
   if (extension == ".stl") return read_stl(path);
   if (extension == ".vtp") return read_polys(path);
   throw InputError("{}: a surface is read from .stl or .vtp, not \"{}\"", path.string(), extension);

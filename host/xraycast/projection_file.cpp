@@ -1,15 +1,14 @@
 #include "xraycast/projection_file.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <bit>
-#include <cctype>
 
 namespace xraycast {
 namespace {
@@ -63,18 +62,14 @@ void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path)
   write_whole_file(path, header + std::string(reinterpret_cast<const char*>(voxels.data()), voxels.size()));
 }
 
-std::string extension_of(const std::filesystem::path& path) {
-  std::string extension = path.extension().string();
-  std::ranges::transform(extension, extension.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return extension == ".tiff" ? ".tif" : extension;
-}
-
 }  // namespace
+
+bool is_picture(const std::filesystem::path& path) { return extension_of(path) == ".png"; }
 
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif")
+  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
+      extension != ".tiff")
     throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)",
                      path.string());
 }
@@ -82,13 +77,10 @@ void check_projection_format(const std::filesystem::path& path) {
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
                       bool inverted) {
   check_projection_format(path);
+  if (is_picture(path))
+    return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
+                     image.view.height, 1, path);
   const std::string extension = extension_of(path);
-  if (extension == ".png") {
-    GreyWindow window = automatic_window(image.tau);
-    window.gamma = gamma;
-    window.inverted = inverted;
-    return write_png(windowed(image.tau, window), image.view.width, image.view.height, 1, path);
-  }
   if (extension == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
 }

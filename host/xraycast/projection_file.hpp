@@ -13,6 +13,9 @@ namespace xraycast {
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma = 1,
                       bool inverted = false);
 
+/// Whether write_projection writes what is shown under this name, and not the optical depths.
+bool is_picture(const std::filesystem::path& path);
+
 /// Throws InputError, naming the known ones, when `path` has an extension that write_projection does not
 /// know.
 void check_projection_format(const std::filesystem::path& path);

@@ -1,6 +1,7 @@
 #include "xraycast/vessel_tree.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/vtp.hpp"
 #include "xraycast/whole_file.hpp"
 
@@ -296,11 +297,18 @@ glm::dvec3 centroid_mm(const VesselTree& tree) {
   return sum / weights;
 }
 
+void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name) {
+  constexpr double kFarthest_mm = 50;
+  if (const double away_mm = glm::distance(end_mm, point_mm); away_mm > kFarthest_mm)
+    throw InputError("{}: the nearest vessel end, {:.0f},{:.0f},{:.0f}, is {:.0f} mm away", name, end_mm.x,
+                     end_mm.y, end_mm.z, away_mm);
+}
+
 void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
-  if (path.extension() == ".vtp") return write_lines(tree, path);
-  if (path.extension() == ".json") return write_json(tree, path);
-  throw InputError("{}: a vessel tree is written as .vtp or .json, not \"{}\"", path.string(),
-                   path.extension().string());
+  const std::string extension = extension_of(path);
+  if (extension == ".vtp") return write_lines(tree, path);
+  if (extension == ".json") return write_json(tree, path);
+  throw InputError("{}: a vessel tree is written as .vtp or .json, not \"{}\"", path.string(), extension);
 }
 
 VesselTree read_tree(const std::filesystem::path& path) {
@@ -309,10 +317,10 @@ VesselTree read_tree(const std::filesystem::path& path) {
       throw InputError("{}: the folder holds no tree.vtp", path.string());
     return read_lines(path / "tree.vtp");
   }
-  if (path.extension() == ".vtp") return read_lines(path);
-  if (path.extension() == ".json") return read_json(path);
-  throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"", path.string(),
-                   path.extension().string());
+  const std::string extension = extension_of(path);
+  if (extension == ".vtp") return read_lines(path);
+  if (extension == ".json") return read_json(path);
+  throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"", path.string(), extension);
 }
 
 }  // namespace xraycast

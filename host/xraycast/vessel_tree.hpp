@@ -64,6 +64,10 @@ class VesselTree {
 /// The middle of a tree's lumen: the mean of its centrelines, weighed by their cross-sections.
 glm::dvec3 centroid_mm(const VesselTree& tree);
 
+/// Throws InputError, with `name` in front, when a point that was given for a vessel's end lies more than 50
+/// mm from `end_mm`, the nearest one: as far as one may be off who reads it from a picture.
+void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name);
+
 /// `.vtp` by VMTK's conventions, or `.json`, by the extension. Throws InputError for another one, Error when
 /// the disk is full.
 ///

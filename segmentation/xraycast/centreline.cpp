@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <numbers>
 #include <numeric>
 #include <optional>
@@ -20,9 +21,11 @@ namespace {
 
 using Line = std::vector<glm::dvec3>;
 
-double length_mm(const Line& line) {
+template <typename Point, typename Position = std::identity>
+double length_mm(const std::vector<Point>& line, Position position = {}) {
   double sum = 0;
-  for (std::size_t i = 1; i < line.size(); ++i) sum += glm::distance(line[i - 1], line[i]);
+  for (std::size_t i = 1; i < line.size(); ++i)
+    sum += glm::distance(std::invoke(position, line[i - 1]), std::invoke(position, line[i]));
   return sum;
 }
 
@@ -444,11 +447,8 @@ class TreeBuilder {
     const auto& line = lines_[static_cast<std::size_t>(edge)];
     const bool forwards = graph_.edges[static_cast<std::size_t>(edge)].nodes[0] == node;
     const std::size_t in = line.size() / 4;
-    double length_mm = 0;
-    for (std::size_t i = 1; i < line.size(); ++i)
-      length_mm += glm::distance(line[i - 1].position_mm, line[i].position_mm);
     return {(forwards ? line.front() : line.back()).position_mm,
-            line[forwards ? in : line.size() - 1 - in].radius_mm, length_mm};
+            line[forwards ? in : line.size() - 1 - in].radius_mm, length_mm(line, &VesselPoint::position_mm)};
   }
 
   /// The node of the free end whose rank is highest.

@@ -89,12 +89,7 @@ VesselEnd entry_named(const VesselTree& tree, const std::string& text) {
   if (numbers.size() == 3) {
     const glm::dvec3 point_mm(numbers[0], numbers[1], numbers[2]);
     VesselEnd nearest = nearest_end(tree, point_mm);
-    const double away_mm = glm::distance(to_glm(nearest.position_mm), point_mm);
-    constexpr double kFarthest_mm = 50;  // as far as one may be off who reads it from a picture
-    if (away_mm > kFarthest_mm)
-      throw InputError("{}: the nearest vessel end, {:.0f},{:.0f},{:.0f} of branch {}, is {:.0f} mm away",
-                       name, nearest.position_mm.x(), nearest.position_mm.y(), nearest.position_mm.z(),
-                       nearest.branch, away_mm);
+    check_near_end(to_glm(nearest.position_mm), point_mm, name);
     return nearest;
   }
   const auto branch = static_cast<int>(std::clamp(numbers[0], -1.0, 1e9));

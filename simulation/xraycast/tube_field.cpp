@@ -174,12 +174,17 @@ void TubeField::mark_folds(Branch& branch) {
   const int last = static_cast<int>(stations.size()) - 1;
   for (int k = 0; k < last; ++k) {
     const Piece& cubic = branch.pieces.emplace_back(piece(branch, k));
-    double turning = 0, slowest = branch.step_mm, fastest = branch.step_mm, widening = 0;
-    for (const double t : {0.0, 0.5, 1.0}) {
+    // A derivative stays in the hull of its Bezier points, and so within these bounds all along the piece.
+    const std::array along{cubic.along(0), Vector3d(cubic.slope + cubic.bend), cubic.along(1)};
+    const std::array widenings{cubic.widening(0), cubic.start_widening + cubic.bulge, cubic.widening(1)};
+    const Vector3d forwards = (along[0] + along[1] + along[2]).normalized();
+    double turning = 0, slowest = branch.step_mm, fastest = 0, widening = 0;
+    for (const double t : {0.0, 1.0})
       turning = std::max(turning, cubic.turning(t).norm() + std::abs(cubic.widening_change(t)));
-      slowest = std::min(slowest, cubic.along(t).norm());
-      fastest = std::max(fastest, cubic.along(t).norm());
-      widening = std::max(widening, std::abs(cubic.widening(t)));
+    for (std::size_t i = 0; i < along.size(); ++i) {
+      slowest = std::clamp(along[i].dot(forwards), 0.0, slowest);
+      fastest = std::max(fastest, along[i].norm());
+      widening = std::max(widening, std::abs(widenings[i]));
     }
     branch.steepest_mm = std::max(branch.steepest_mm, fastest + widening);
     const auto index = static_cast<std::size_t>(k);
@@ -232,7 +237,7 @@ TubeField::Hit TubeField::hit(int index, int from, const Vector3d& point_mm) con
     };
     const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
     for (int k = first; k < end;) {
-      // So far that hardly one before it can be better.
+      // So far that none before it is better.
       const Station& station = branch.stations[static_cast<std::size_t>(k)];
       const double value_mm = station.radius_mm - rounded_length(point_mm - station.centre_mm);
       const double behind_best = (best.value_mm() - value_mm) / branch.steepest_mm;

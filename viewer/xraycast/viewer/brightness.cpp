@@ -11,10 +11,7 @@ GreyWindow automatic_window(Renderer& renderer, const View& view, const Style& s
   coarse.width = std::max(1, view.width / every);
   coarse.height = std::max(1, view.height / every);
   coarse.pixel_mm = view.pixel_mm * every;
-  GreyWindow window = automatic_window(renderer.tau(coarse, style));
-  window.gamma = style.window.gamma;
-  window.inverted = style.window.inverted;
-  return window;
+  return automatic_window(renderer.tau(coarse, style), style.window.gamma, style.window.inverted);
 }
 
 }  // namespace xraycast

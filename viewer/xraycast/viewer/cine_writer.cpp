@@ -1,6 +1,7 @@
 #include "xraycast/viewer/cine_writer.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
 
@@ -10,7 +11,7 @@
 
 namespace xraycast {
 
-bool is_animation(const std::filesystem::path& path) { return path.extension() == ".gif"; }
+bool is_animation(const std::filesystem::path& path) { return extension_of(path) == ".gif"; }
 
 CineWriter::CineWriter(std::filesystem::path output, int width, int height)
     : output_(std::move(output)), width_(width), height_(height) {}

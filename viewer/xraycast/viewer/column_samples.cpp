@@ -159,7 +159,7 @@ void stored_pictures(const UprightView& upright, int column, const MapGeometry& 
 
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
   MapGeometry drawn = geometry;
-  if (options.blends_layers(geometry)) drawn.radii_mm = ShellHalves(geometry.radii_mm).radii_mm();
+  if (options.blends_layers(geometry)) drawn.radii_mm = halved_radii_mm(geometry.radii_mm);
   return drawn;
 }
 

@@ -8,6 +8,7 @@
 #include <glm/mat4x4.hpp>
 
 #include <algorithm>
+#include <array>
 #include <sstream>
 #include <vector>
 
@@ -46,6 +47,11 @@ GLuint compiled(GLenum stage, const std::string& name, const std::string& define
 
 /// Whether what was asked for just now was too much.
 bool is_out_of_memory() { return glGetError() == GL_OUT_OF_MEMORY; }
+
+[[noreturn]] void throw_no_memory(const std::string& what, std::size_t size_B) {
+  throw InputError("{}: this OpenGL has no {} MB of memory left; cast fewer layers or angles", what,
+                   size_B >> 20);
+}
 
 }  // namespace
 
@@ -96,23 +102,35 @@ void Program::set(const char* name, const glm::dmat4& value) const {
   glUniformMatrix4fv(at(name), 1, GL_FALSE, glm::value_ptr(rounded));
 }
 
-void Table::fill(std::span<const float> values, const std::string& what) {
+void Table::allocate(std::size_t count, const float* values, const std::string& what) {
   const std::size_t channels = format_ == GL_R32F ? 1 : format_ == GL_RG32F ? 2 : 4;
   GLint most = 0;
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
-  if (values.size() / channels > static_cast<std::size_t>(most))
+  if (count / channels > static_cast<std::size_t>(most))
     throw InputError("{}: {} texels, but this OpenGL takes {} in one texture; cast fewer layers or angles",
-                     what, values.size() / channels, most);
-  constexpr float kNothing[4] = {};
-  size_B_ = std::max(values.size_bytes(), sizeof kNothing);
+                     what, count / channels, most);
+  size_B_ = count * sizeof(float);
   glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
-  glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values.empty() ? kNothing : values.data(),
-               GL_DYNAMIC_DRAW);
-  if (is_out_of_memory())
-    throw InputError("{}: this OpenGL has no {} MB of memory left; cast fewer layers or angles", what,
-                     size_B_ >> 20);
+  glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values, GL_DYNAMIC_DRAW);
+  if (is_out_of_memory()) throw_no_memory(what, size_B_);
   glBindTexture(GL_TEXTURE_BUFFER, texture_.id());
   glTexBuffer(GL_TEXTURE_BUFFER, format_, buffer_.id());
+}
+
+void Table::fill(std::span<const float> values, const std::string& what) {
+  static constexpr std::array<float, 4> kNothing{};
+  if (values.empty()) values = kNothing;
+  allocate(values.size(), values.data(), what);
+}
+
+void Table::fill(std::size_t count, const std::function<void(std::span<float>)>& write,
+                 const std::string& what) {
+  allocate(count, nullptr, what);
+  void* mapped = glMapBufferRange(GL_TEXTURE_BUFFER, 0, static_cast<GLsizeiptr>(size_B_),
+                                  GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
+  if (is_out_of_memory() || !mapped) throw_no_memory(what, size_B_);
+  write({static_cast<float*>(mapped), count});
+  if (!glUnmapBuffer(GL_TEXTURE_BUFFER)) throw Error("{}: this OpenGL has lost it; draw it again", what);
 }
 
 void Table::bind(const Program& program, const char* name, int unit) const {

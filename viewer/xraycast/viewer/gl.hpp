@@ -4,6 +4,7 @@
 
 #include <atomic>
 #include <epoxy/gl.h>
+#include <functional>
 #include <span>
 #include <string>
 #include <utility>
@@ -106,12 +107,19 @@ class Table {
   /// Throws InputError, naming `what`, when it has more texels than the driver takes, or has memory for.
   void fill(std::span<const float> values, const std::string& what);
 
+  /// The same with `count` values, at least one, that `write` puts where the driver has them, in any order
+  /// and from any thread; what it finds there is undefined.
+  void fill(std::size_t count, const std::function<void(std::span<float>)>& write, const std::string& what);
+
   /// Makes it what sampler `name` of the current program reads, through texture unit `unit`.
   void bind(const Program& program, const char* name, int unit) const;
 
   std::size_t size_B() const { return size_B_; }
 
  private:
+  /// Makes the buffer that large and holds it bound.
+  void allocate(std::size_t count, const float* values, const std::string& what);
+
   GLenum format_;
   std::size_t size_B_ = 0;
   Buffer buffer_;

@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <vector>
 
 namespace xraycast {
 namespace {
@@ -59,18 +60,18 @@ class RowSolver {
 
 }  // namespace
 
+MapTexels texels_of(const MapGeometry& drawn) {
+  return {drawn.layers(), drawn.width + 1, (drawn.height + 3) / 4};
+}
+
 void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
-                 std::span<const float> strengths, MapTexels& texels) {
+                 std::span<const float> strengths, std::span<float> texels) {
   const auto width = static_cast<std::size_t>(geometry.width),
              height = static_cast<std::size_t>(geometry.height),
              shells = static_cast<std::size_t>(geometry.layers());
   const RowSolver solver(geometry, options);
   const std::size_t layers = solver.parts() * shells;
-  texels.layers = static_cast<int>(layers);
-  texels.columns = geometry.width + 1;
-  texels.quads = (geometry.height + 3) / 4;
-  const std::size_t run = 4 * static_cast<std::size_t>(texels.quads);
-  texels.values.resize(layers * (width + 1) * run);
+  const std::size_t run = (height + 3) / 4 * 4;
 
   // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
   constexpr std::size_t kRows = 16;
@@ -86,7 +87,7 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
     for (std::size_t k = 0; k < layers; ++k) {
       const float strength = strengths.empty() ? 1.0f : strengths[k / solver.parts()];
       for (std::size_t i = 0; i <= width; ++i) {
-        float* to = &texels.values[(k * (width + 1) + i) * run + first];
+        float* to = &texels[(k * (width + 1) + i) * run + first];
         const float* from = &drawn[k * stride + i % width];
         for (std::size_t j = 0; j < rows; ++j) to[j] = strength * from[j * width];
         std::fill(to + rows, to + std::min(kRows, run - first), 0.0f);

@@ -134,19 +134,24 @@ bool Renderer::has_columns() const {
 void Renderer::prepare_map(const Style& style) {
   if (prepared_ && same_texels(*prepared_, style)) return;
   const MapGeometry geometry = drawn_shells(geometry_, style.sampling);
-  prepared_.reset();  // should preparing fail
-  map_texels_.clear();
+  prepared_.reset();                              // should preparing fail
   constexpr std::int64_t kMostColumns = 1 << 24;  // whose numbers 32-bit floats hold (ColumnSample)
   if (const std::int64_t columns = std::int64_t{geometry.layers()} * (geometry.width + 1);
       columns > kMostColumns)
     throw InputError(
         "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
         geometry.layers(), kMostColumns);
-  for (int channel = 0; channel < channels(); ++channel) {
-    make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
-                style.strengths, texels_);
-    map_texels_.emplace_back(GL_RGBA32F).fill(texels_.values, "the body map");
-  }
+  texels_ = texels_of(geometry);
+  while (map_texels_.size() > static_cast<std::size_t>(channels())) map_texels_.pop_back();
+  while (map_texels_.size() < static_cast<std::size_t>(channels())) map_texels_.emplace_back(GL_RGBA32F);
+  for (int channel = 0; channel < channels(); ++channel)
+    map_texels_[channel].fill(
+        texels_.values(),
+        [&](std::span<float> texels) {
+          make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
+                      style.strengths, texels);
+        },
+        "the body map");
   prepared_ = style;
   if (has_columns()) return;
   std::vector<glm::vec2> axis, places;

@@ -122,7 +122,7 @@ class Renderer {
   std::shared_ptr<const BodyMap> map_;
   MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
   std::optional<Style> prepared_;  ///< the style that map_texels_ are made for
-  MapTexels texels_;               ///< of the last channel; all have the same sizes
+  MapTexels texels_;               ///< of each channel
   std::vector<gl::Table> map_texels_;
   std::optional<DrawnBody> drawn_;
 

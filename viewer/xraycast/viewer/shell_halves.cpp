@@ -1,6 +1,7 @@
 #include "xraycast/viewer/shell_halves.hpp"
 
 #include <algorithm>
+#include <cassert>
 #include <cmath>
 
 namespace xraycast {
@@ -33,8 +34,18 @@ std::array<float, 4> slope_of_sum(const std::array<double, 4>& cells_mm) {
 
 }  // namespace
 
+std::vector<double> halved_radii_mm(std::span<const double> radii_mm) {
+  std::vector<double> halved{radii_mm.front()};
+  for (std::size_t k = 0; k + 1 < radii_mm.size(); ++k) {
+    halved.push_back(0.5 * (radii_mm[k] + radii_mm[k + 1]));
+    halved.push_back(radii_mm[k + 1]);
+  }
+  return halved;
+}
+
 ShellHalves::ShellHalves(std::span<const double> radii_mm) : edges_mm_(radii_mm.begin(), radii_mm.end()) {
   const auto layers = static_cast<std::ptrdiff_t>(edges_mm_.size()) - 1;
+  assert(layers >= 2);  // what one shell holds says nothing about its halves
   const auto thickness_mm = [&](std::ptrdiff_t k) {
     const auto shell = static_cast<std::size_t>(std::clamp<std::ptrdiff_t>(k, 0, layers - 1));
     return edges_mm_[shell + 1] - edges_mm_[shell];
@@ -42,15 +53,6 @@ ShellHalves::ShellHalves(std::span<const double> radii_mm) : edges_mm_(radii_mm.
   for (std::ptrdiff_t edge = 0; edge <= layers; ++edge)
     smooth_.push_back(slope_of_sum(
         {thickness_mm(edge - 2), thickness_mm(edge - 1), thickness_mm(edge), thickness_mm(edge + 1)}));
-}
-
-std::vector<double> ShellHalves::radii_mm() const {
-  std::vector<double> radii{edges_mm_.front()};
-  for (std::size_t k = 0; k + 1 < edges_mm_.size(); ++k) {
-    radii.push_back(0.5 * (edges_mm_[k] + edges_mm_[k + 1]));
-    radii.push_back(edges_mm_[k + 1]);
-  }
-  return radii;
 }
 
 ShellHalves::Split ShellHalves::split(std::span<const double> reaches_mm) const {

@@ -8,6 +8,9 @@
 
 namespace xraycast {
 
+/// The edges of all shells' halves: 2 K + 1 radii of K + 1 edges.
+std::vector<double> halved_radii_mm(std::span<const double> radii_mm);
+
 /// Halves every shell of a map, so that what is drawn linearly between the shells' middles bends twice as
 /// often. How much more of a shell lies in one half than in the other follows from mu at its edges, the mean
 /// of two estimates from the four shells around an edge: the slope there of a polynomial through the running
@@ -18,9 +21,6 @@ class ShellHalves {
  public:
   /// K + 1 ascending edges, K at least 2.
   explicit ShellHalves(std::span<const double> radii_mm);
-
-  /// The edges of the halves, 2 K + 1.
-  std::vector<double> radii_mm() const;
 
   /// For texels whose rays end at these radii (MapGeometry::reach_mm), beyond which there is nothing.
   class Split {

@@ -2,6 +2,7 @@
 
 #include "xraycast/comparison.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/furniture.hpp"
@@ -38,14 +39,14 @@ void furnish(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bo
 }
 
 bool is_vessels(const fs::path& path) {
-  const fs::path extension = path.extension();
+  const std::string extension = extension_of(path);
   return extension == ".vtp" || extension == ".stl" || fs::exists(path / "surface.vtp") ||
          fs::exists(path / "surface.stl") || fs::exists(path / "tree.vtp");
 }
 
 /// The session with another file, or another session.
 ViewSession with_file(ViewSession session, const fs::path& path) {
-  const fs::path extension = path.extension();
+  const std::string extension = extension_of(path);
   if (extension == ".json") return read_session(path);
   if (extension == ".basis") {
     session.basis = path;
@@ -147,7 +148,7 @@ void Viewer::open(const fs::path& path) {
   attempt([&] {
     if (!fs::exists(path)) throw InputError("{}: no such file or folder", path.string());
     message_.clear();
-    load(with_file(session_, path), path.extension() == ".json");
+    load(with_file(session_, path), extension_of(path) == ".json");
   });
 }
 
