@@ -59,6 +59,7 @@ class RodSystem {
 
  private:
   friend class Rod;
+  friend class RodDerivatives;
   BandMatrix matrix_;
   std::vector<double> gradient_;
 };
@@ -165,6 +166,7 @@ class Rod {
   double kinetic_energy_J() const;
 
  private:
+  friend class RodDerivatives;  // their test
   struct Node {
     double from_tip_mm = 0;
     double share_mm = 0, mass_kg = 0;
