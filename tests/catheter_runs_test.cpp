@@ -67,10 +67,10 @@ struct Outcome {
   bool is_finite = true;
   double beyond_static_mm = 0;  ///< how much deeper the rod was than its load would press it at rest
   double deepest_mm = 0;
-  long contacts = 0, deep_contacts = 0;  ///< point by point, step by step; by more than 0.1 mm beyond static
-  double energy_growth = 0;              ///< with the hub at rest, relative to the energy then
-  double return_mm = 0;                  ///< of the tip, after pushing and pulling
-  double real_time = 0;                  ///< processor time over simulated time
+  long contacts = 0;         ///< point by point, step by step
+  double energy_growth = 0;  ///< with the hub at rest, relative to the energy then
+  double return_mm = 0;      ///< of the tip, after pushing and pulling
+  double real_time = 0;      ///< processor time over simulated time
 };
 
 class RandomRun {
@@ -143,9 +143,7 @@ class RandomRun {
     for (std::size_t k = 0; k < contacts.size(); ++k) {
       if (contacts[k].depth_mm <= 0) continue;
       run_.deepest_mm = std::max(run_.deepest_mm, contacts[k].depth_mm);
-      const double beyond_mm = contacts[k].depth_mm - static_depth_mm(k);
-      run_.beyond_static_mm = std::max(run_.beyond_static_mm, beyond_mm);
-      run_.deep_contacts += beyond_mm > 0.1;
+      run_.beyond_static_mm = std::max(run_.beyond_static_mm, contacts[k].depth_mm - static_depth_mm(k));
       ++run_.contacts;
     }
     run_.is_finite = run_.is_finite && std::isfinite(catheter_.load().force_N + catheter_.load().torque_Nm);
@@ -221,12 +219,11 @@ void write_table(const std::vector<Outcome>& runs) {
   const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
   if (!folder || runs.empty()) return;
   std::ofstream table(fs::path(folder) / (runs.front().tree + ".csv"));
-  table << "seed,tree,device,finite,deepest_mm,beyond_static_mm,contacts,deep_contacts,energy_growth,return_"
-           "mm,real_time\n";
+  table << "seed,tree,device,finite,deepest_mm,beyond_static_mm,contacts,energy_growth,return_mm,real_time\n";
   for (const Outcome& run : runs)
-    table << fmt::format("{},{},{},{},{:.4f},{:.5f},{},{},{:.2e},{:.4f},{:.3f}\n", run.seed, run.tree,
+    table << fmt::format("{},{},{},{},{:.4f},{:.5f},{},{:.2e},{:.4f},{:.3f}\n", run.seed, run.tree,
                          run.device, run.is_finite, run.deepest_mm, run.beyond_static_mm, run.contacts,
-                         run.deep_contacts, run.energy_growth, run.return_mm, run.real_time);
+                         run.energy_growth, run.return_mm, run.real_time);
 }
 
 class RandomScripts : public testing::TestWithParam<const char*> {};
@@ -235,23 +232,18 @@ TEST_P(RandomScripts, BreakNothing) {
   const std::optional<VesselTree> tree = tree_named(GetParam());
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
-  long contacts = 0, deep_contacts = 0;
   for (unsigned seed = 0; seed < runs_a_tree(); ++seed) {
     runs.push_back(RandomRun(*tree, GetParam(), seed).go());
     const Outcome& run = runs.back();
     const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.device, run.tree);
     EXPECT_TRUE(run.is_finite) << where;
-    contacts += run.contacts;
-    deep_contacts += run.deep_contacts;
     // Rounding, which the line search admits.
     EXPECT_LT(run.energy_growth, 1e-9) << where;
-    EXPECT_LT(run.return_mm, 1) << where;            // nothing stays caught
-    EXPECT_LT(run.beyond_static_mm, 0.25) << where;  // see below
+    EXPECT_LT(run.return_mm, 1) << where;  // nothing stays caught
+    EXPECT_LT(run.beyond_static_mm, 0.1) << where;
     EXPECT_LT(run.real_time, 1) << where;
   }
   write_table(runs);
-  // A tip that snaps is pressed into the wall by its own inertia too, for a step or two: that is not static.
-  EXPECT_LE(static_cast<double>(deep_contacts), 1e-5 * static_cast<double>(contacts)) << GetParam();
 }
 
 INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),

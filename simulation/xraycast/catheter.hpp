@@ -60,7 +60,7 @@ class Catheter {
     double spacing_mm = 0;  ///< of the nodes, where the device is straight; 0: see node_spacing_mm
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    int iterations = 200;               ///< of Newton's method in a step, at most
+    int iterations = 400;               ///< of Newton's method in a step, at most
   };
 
   // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.

@@ -18,6 +18,9 @@ using Turn = RodState::Turn;
 
 constexpr double kMilli = 1e-3, kMicro = 1e-6;
 
+// A long cylinder's drag coefficient at Reynolds numbers of some 300 to 3000: 1 to 7 m/s in blood.
+constexpr double kWakeDrag = 1;
+
 // Rows before the first unknown: the place and the angle of what the clamp holds.
 constexpr std::size_t kHeld = 8;
 
@@ -29,8 +32,9 @@ constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3;
 // A Newton step that would go further is cut: beyond, the quadratic model says nothing.
 constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
 // The potential that the next iteration may leave, and what one has to gain at least: five millinewton
-// against 1 N/mm.
-constexpr double kTolerance_uJ = 1e-2;
+// against 1 N/mm. What an iteration's quadratic model was wrong by is left where the rod is stiff, in
+// stretching: it may be nine millinewton against 400 N/mm.
+constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
 // Of what a Newton step was to gain, it gains at least this part, or it went too far: beyond a valley, say.
 constexpr double kLeastFall = 0.2;
 
@@ -247,6 +251,8 @@ void Rod::measure(std::size_t node) {
   const double behind_mm = node < edges_.size() ? 0.5 * edges_[node].rest_mm : 0;
   n.share_mm = before_mm + behind_mm;
   n.mass_kg = kMilli * device_.mass_per_length_g_mm() * n.share_mm;
+  n.drag_kg_s = kMicro * options_.drag_mPa_s * n.share_mm;
+  n.wake_kg_mm = kMicro * options_.blood_density_g_cm3 * kWakeDrag * device_.radius_mm() * n.share_mm;
   n.bend_stiffness = device_.bending_stiffness_Nmm2(n.from_tip_mm) / kMilli / n.share_mm;
   n.twist_stiffness = device_.torsional_stiffness_Nmm2(n.from_tip_mm) / kMilli / n.share_mm;
   const glm::dvec2 turn = device_.rest_turn_rad(n.from_tip_mm - behind_mm, n.from_tip_mm + before_mm);
@@ -395,9 +401,9 @@ double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* su
     const Node& node = nodes_[i];
     const Vector3d moved = state.nodes_mm[i] - node.start_mm;
     const double inertia = node.mass_kg / (dt_s * dt_s);
-    const double drag = kMicro * options_.drag_mPa_s * node.share_mm / dt_s;
     energy += 0.5 * inertia * (moved - dt_s * node.velocity_mm_s).squaredNorm() +
-              0.5 * drag * moved.squaredNorm() -
+              0.5 * node.drag_kg_s / dt_s * moved.squaredNorm() +
+              node.wake_kg_mm / (3 * dt_s * dt_s) * std::pow(node.across(moved).norm(), 3) -
               (node.load_mN + node.mass_kg * options_.gravity_mm_s2).dot(moved);
   }
   for (std::size_t j = 0; j < edges_.size(); ++j) {
@@ -463,13 +469,20 @@ void Rod::assemble_motion(const RodState& state, double dt_s) {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
     const double inertia = node.mass_kg / (dt_s * dt_s);
-    const double drag = kMicro * options_.drag_mPa_s * node.share_mm / dt_s;
-    const Vector3d moved = state.nodes_mm[i] - node.start_mm;
-    const Vector3d slope = inertia * (moved - dt_s * node.velocity_mm_s) + drag * moved - node.load_mN -
-                           node.mass_kg * options_.gravity_mm_s2;
+    const double drag = node.drag_kg_s / dt_s, wake = node.wake_kg_mm / (dt_s * dt_s);
+    const Vector3d moved = state.nodes_mm[i] - node.start_mm, across = node.across(moved);
+    const double way = across.norm();
+    const Vector3d slope = inertia * (moved - dt_s * node.velocity_mm_s) + drag * moved +
+                           wake * way * across - node.load_mN - node.mass_kg * options_.gravity_mm_s2;
+    Eigen::Matrix3d hessian = (inertia + drag) * Eigen::Matrix3d::Identity();
+    if (way > 0)
+      hessian += wake * (way * (Eigen::Matrix3d::Identity() - node.tangent * node.tangent.transpose()) +
+                         across * across.transpose() / way);
     for (std::size_t c = 0; c < 3; ++c) {
-      system_.gradient_[place_row(i) + c] += slope[static_cast<Eigen::Index>(c)];
-      system_.matrix_.at(place_row(i) + c, 0) += inertia + drag;
+      const auto axis = static_cast<Eigen::Index>(c);
+      system_.gradient_[place_row(i) + c] += slope[axis];
+      double* column = system_.matrix_.column(place_row(i) + c);
+      for (std::size_t r = c; r < 3; ++r) column[r - c] += hessian(static_cast<Eigen::Index>(r), axis);
     }
   }
   for (std::size_t j = 0; j < edges_.size(); ++j) {
@@ -492,7 +505,10 @@ void Rod::assemble(double dt_s, bool convex, RodSurroundings* surroundings) {
 
 void Rod::step(double dt_s, RodSurroundings* surroundings) {
   const std::size_t rows = kHeld + 4 * edges_.size();
-  for (std::size_t i = 1; i < nodes_.size(); ++i) nodes_[i].start_mm = state_.nodes_mm[i];
+  for (std::size_t i = 1; i < nodes_.size(); ++i) {
+    nodes_[i].start_mm = state_.nodes_mm[i];
+    nodes_[i].tangent = state_.edges[i - 1].tangent;
+  }
   std::ranges::fill(state_.edge_spins_rad, 0.0);
   if (surroundings) surroundings->begin_step(*this);
   double potential = potential_uJ(state_, dt_s, surroundings);
@@ -554,7 +570,8 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
       if (surroundings) surroundings->energy_uJ(state_);
       break;
     }
-    if (std::max(fall_uJ, before_uJ - potential) < kTolerance_uJ) break;
+    const double fell_uJ = before_uJ - potential;
+    if (std::max(fall_uJ, fell_uJ) < kTolerance_uJ && std::abs(fell_uJ - fall_uJ) < kModelTolerance_uJ) break;
   }
 
   settle_motion(dt_s, start_uJ - potential);

@@ -59,6 +59,7 @@ class RodSystem {
 
  private:
   friend class Rod;
+  friend class RodDerivatives;
   BandMatrix matrix_;
   std::vector<double> gradient_;
 };
@@ -90,6 +91,10 @@ class RodSurroundings {
 /// incremental potential (inertia, elasticity, drag, surroundings) by Newton's method with a line search,
 /// with the exact Hessian, or where that is indefinite with a convex one: Gauss and Newton's of bending and
 /// twisting, and the positive part of the rest.
+/// Blood resists as it does a cylinder: its viscosity in proportion to the velocity, and its wake to the
+/// square of the velocity across (Morison et al., The force exerted by surface waves on piles, 1950; the
+/// coefficient: White, Viscous Fluid Flow, 3rd ed., 2006, section 3-9). A tip that snaps moves at metres a
+/// second, where the wake's drag is a thousand times the other.
 /// The potential falls in every step, so that without input the energy never grows. The solution of the
 /// banded system is linear in the nodes. A step allocates nothing.
 ///
@@ -107,7 +112,8 @@ class Rod {
   struct Options {
     Eigen::Vector3d gravity_mm_s2{0, 0, 0};
     double drag_mPa_s = 15;  ///< force per length and velocity: a thin cylinder across blood's 3.5 mPa s
-    int iterations = 2;      ///< Newton's, at most, in a step
+    double blood_density_g_cm3 = 1.06;  ///< for the drag of its wake, across the rod
+    int iterations = 2;                 ///< Newton's, at most, in a step
   };
 
   /// The part of `device` from its tip to `fed_mm`, straight along the clamp's axis, with nodes at
@@ -165,12 +171,19 @@ class Rod {
   double kinetic_energy_J() const;
 
  private:
+  friend class RodDerivatives;  // their test
   struct Node {
     double from_tip_mm = 0;
     double share_mm = 0, mass_kg = 0;
+    double drag_kg_s = 0, wake_kg_mm = 0;  ///< force over the velocity, and over its square across the rod
     double bend_stiffness = 0, twist_stiffness = 0;  ///< EI and GJ over the share, uJ
     Eigen::Vector2d rest_bend{0, 0};
-    Eigen::Vector3d velocity_mm_s{0, 0, 0}, start_mm{0, 0, 0}, load_mN{0, 0, 0};
+    Eigen::Vector3d velocity_mm_s{0, 0, 0}, load_mN{0, 0, 0};
+    Eigen::Vector3d start_mm{0, 0, 0}, tangent{0, 0, 1};  ///< as the step begins
+
+    Eigen::Vector3d across(const Eigen::Vector3d& moved) const {
+      return moved - moved.dot(tangent) * tangent;
+    }
   };
   struct Edge {
     double rest_mm = 0, spin_inertia_kg_mm2 = 0, spin_rad_s = 0;
