@@ -400,10 +400,10 @@ double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* su
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
     const Vector3d moved = state.nodes_mm[i] - node.start_mm;
-    const double inertia = node.mass_kg / (dt_s * dt_s);
+    const double inertia = node.mass_kg / (dt_s * dt_s), across_mm2 = node.across(moved).squaredNorm();
     energy += 0.5 * inertia * (moved - dt_s * node.velocity_mm_s).squaredNorm() +
               0.5 * node.drag_kg_s / dt_s * moved.squaredNorm() +
-              node.wake_kg_mm / (3 * dt_s * dt_s) * std::pow(node.across(moved).norm(), 3) -
+              node.wake_kg_mm / (3 * dt_s * dt_s) * across_mm2 * std::sqrt(across_mm2) -
               (node.load_mN + node.mass_kg * options_.gravity_mm_s2).dot(moved);
   }
   for (std::size_t j = 0; j < edges_.size(); ++j) {
