@@ -297,12 +297,12 @@ void cast_map(const Options& options, Session& session) {
               {"write", write_ms},
               {"total", total_ms}}}};
   std::string text = fmt::format(
-      "{}: {} of {} angles x {} slices, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "{}: {} of {} angles x {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-      options.output.map, counted(geometry.layers(), "layer"), geometry.width, geometry.height,
-      geometry.radius_mm(), geometry.centre_mm[0].x, geometry.centre_mm[0].y,
-      std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
-      load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
+      options.output.map, counted(geometry.layers(), "layer"), geometry.width,
+      counted(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
+      geometry.centre_mm[0].y, std::visit([](const auto& a) { return a.name(); }, attenuation),
+      load_timings.read_ms, load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;

@@ -21,7 +21,7 @@ void add_catheter_options(CLI::App& command, std::string& device_model, std::str
       .add_option(
           "--entry", entry,
           "The vessel end it enters at: a branch's number, or the one nearest to a point (default: the "
-          "most inferior one)")
+          "most inferior one that it fits into)")
       ->type_name("BRANCH|X,Y,Z");
 }
 

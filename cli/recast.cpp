@@ -48,12 +48,12 @@ void recast_map(const Options& options, Session& session) {
                     {"kernel", recasting.kernel_ms()},
                     {"write", write_ms},
                     {"total", total_ms}}}},
-                 fmt::format("{}: {} of {} angles x {} slices, opacity {}\n"
+                 fmt::format("{}: {} of {} angles x {}, opacity {}\n"
                              "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
                              "total {:.0f} ms\n",
                              options.output.map, counted(map.geometry.layers(), "layer"), map.geometry.width,
-                             map.geometry.height, opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
-                             write_ms, total_ms));
+                             counted(map.geometry.height, "slice"), opacity.name(), read_ms, upload_ms,
+                             recasting.kernel_ms(), write_ms, total_ms));
 }
 
 }  // namespace

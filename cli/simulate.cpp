@@ -47,6 +47,16 @@ std::vector<glm::vec3> points_of(const VesselTree& tree) {
   return points_mm;
 }
 
+/// A map of a coarse scan has few pixels; in a picture of them nobody would find the catheter.
+View no_smaller(View view, const BodyBounds& bounds) {
+  constexpr int kLeastPixels = 600;
+  const int longest = std::max(view.width, view.height);
+  if (longest >= kLeastPixels) return view;
+  view.pixel_mm *= static_cast<double>(longest) / kLeastPixels;
+  view.width = view.height = 0;
+  return fitted(view, bounds);
+}
+
 /// What a fluoroscope sees of the run, drawn while the catheter moves, into --cine.
 class Cine {
  public:
@@ -57,7 +67,9 @@ class Cine {
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
     cine.view.centre_mm = bounds.centre_mm;
+    const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
+    if (is_size_free) cine.view = no_smaller(cine.view, bounds);
     cine.style.look = look_named(options.look);
     cine.style.window.inverted = cine.style.look == Look::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
@@ -116,7 +128,7 @@ void simulate(const Options& options, Session& session) {
   const DeviceModel device = DeviceModel::named(options.device_model);
   const Script script = Script::read(options.script);
   const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = entry_named(tree, options.entry);
+  const VesselEnd entry = entry_named(tree, options.entry, device);
 
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;

@@ -164,7 +164,7 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 0,0,900", 3,
      "mm away", make_push_and_tree},
     {"SimulateTooThick", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
-     "cobra-5f: its radius of 0.833 mm does not fit into branch 0", make_push_and_tree},
+     "nor into any other: take a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: no such device; there are guidewire-035-j", make_push_and_tree},
     {"SimulateBackInTime",

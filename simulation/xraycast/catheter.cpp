@@ -8,6 +8,8 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
+#include <functional>
+#include <ranges>
 
 namespace xraycast {
 namespace {
@@ -39,22 +41,35 @@ std::unique_ptr<WallContact> walls(const VesselTree& tree, const Rod& rod, const
                                        &introducer);
 }
 
-const VesselEnd& checked(const VesselEnd& entry, const DeviceModel& device) {
-  if (entry.radius_mm <= device.radius_mm())
-    throw InputError(
-        "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; take "
-        "another "
-        "--entry or a thinner device",
-        device.name(), device.radius_mm(), entry.branch, entry.radius_mm);
-  return entry;
+/// The ends that a device fits into, the widest first.
+std::vector<VesselEnd> ends_for(const VesselTree& tree, const DeviceModel& device) {
+  std::vector<VesselEnd> ends = vessel_ends(tree);
+  std::erase_if(ends, [&](const VesselEnd& end) { return end.radius_mm <= device.radius_mm(); });
+  std::ranges::stable_sort(ends, std::ranges::greater{}, &VesselEnd::radius_mm);
+  return ends;
+}
+
+const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
+  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+}
+
+const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const DeviceModel& device) {
+  if (entry.radius_mm > device.radius_mm()) return entry;
+  constexpr std::size_t kMostNamed = 5;
+  std::string wide_enough;
+  for (const VesselEnd& end : ends_for(tree, device) | std::views::take(kMostNamed))
+    wide_enough +=
+        fmt::format("{}{} ({:.2g} mm)", wide_enough.empty() ? "" : ", ", end.branch, end.radius_mm);
+  throw InputError(
+      "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
+      device.name(), device.radius_mm(), entry.branch, entry.radius_mm,
+      wide_enough.empty() ? "nor into any other: take a thinner device"
+                          : "take another --entry, such as branch " + wide_enough + ", or a thinner device");
 }
 
 }  // namespace
 
-VesselEnd most_inferior_end(const VesselTree& tree) {
-  const std::vector<VesselEnd> ends = vessel_ends(tree);
-  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
-}
+VesselEnd most_inferior_end(const VesselTree& tree) { return most_inferior(vessel_ends(tree)); }
 
 VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
   if (branch < 0 || branch >= static_cast<int>(tree.branches().size()))
@@ -72,8 +87,11 @@ VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
       ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
 }
 
-VesselEnd entry_named(const VesselTree& tree, const std::string& text) {
-  if (text.empty()) return most_inferior_end(tree);
+VesselEnd entry_named(const VesselTree& tree, const std::string& text, const DeviceModel& device) {
+  if (text.empty()) {
+    const std::vector<VesselEnd> ends = ends_for(tree, device);
+    return ends.empty() ? most_inferior_end(tree) : most_inferior(ends);
+  }
   const std::string name = fmt::format("--entry {}", text);
   std::vector<double> numbers(1);
   const char *at = text.data(), *end = at + text.size();
@@ -112,7 +130,7 @@ Catheter::Catheter(const VesselTree& tree, const DeviceModel& device, const Vess
     : options_(options),
       rod_(device,
            device.stations_mm(options.spacing_mm > 0 ? options.spacing_mm : node_spacing_mm(tree, device)),
-           clamp_at(checked(entry, device)), kIntroducer_mm, {.iterations = options.iterations}),
+           clamp_at(checked(tree, entry, device)), kIntroducer_mm, {.iterations = options.iterations}),
       wall_(walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
   // Its tip's shape comes to rest in the introducer and just before it.
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());

@@ -28,8 +28,9 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
 /// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
-/// taken, no farther than 50 mm away; the most inferior one for an empty text. Throws InputError.
-VesselEnd entry_named(const VesselTree& tree, const std::string& text);
+/// taken, no farther than 50 mm away; for an empty text the most inferior one that the device fits into.
+/// Throws InputError.
+VesselEnd entry_named(const VesselTree& tree, const std::string& text, const DeviceModel& device);
 
 /// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
 /// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.

@@ -50,7 +50,7 @@ void Intervention::start(const fs::path& script) {
   if (!script.empty())
     device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
   const DeviceModel model = DeviceModel::named(options_.device_model);
-  const VesselEnd entry = entry_named(*tree_, options_.entry);
+  const VesselEnd entry = entry_named(*tree_, options_.entry, model);
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
     run_ = std::make_unique<SimulatedRun>(tree_, model, entry, std::move(to));

@@ -38,7 +38,7 @@ const char* const kHelp =
     "1 .. 9         layers\n"
     "F              look: fluoro, surface\n"
     "C              compositing: path, wall, true\n"
-    "I              invert\n"
+    "I              invert (with a catheter: inject)\n"
     "S              split with the true projection\n"
     "P              picture\n"
     "Space          cine rotation\n"
