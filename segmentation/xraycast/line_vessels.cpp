@@ -3,7 +3,7 @@
 #include "xraycast/block_filter.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/contrast.hpp"
-#include "xraycast/exclusion.hpp"
+#include "xraycast/thinning.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -75,12 +75,10 @@ Mask parts_with(const Mask& mask, const Mask& core) {
   return parts.select(keep);
 }
 
-}  // namespace
-
-bool is_buried_in_noise(const Volume& volume) {
-  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
-  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
-}
+/// The median of values, and the standard deviation that their median absolute deviation stands for.
+struct Spread {
+  double median, standard_deviation;
+};
 
 Spread spread_of(const std::vector<float>& values) {
   const auto median = [](std::vector<float> v) {
@@ -94,10 +92,11 @@ Spread spread_of(const std::vector<float>& values) {
   return {centre, 1.4826 * median(std::move(deviations))};
 }
 
-std::vector<float> local_contrast(const Volume& volume, double across_vox, Device& device) {
-  return filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
-    return contrast_of(block, values, across_vox);
-  });
+}  // namespace
+
+bool is_buried_in_noise(const Volume& volume) {
+  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
 }
 
 std::vector<float> line_strength(const Volume& volume, Device& device) {
@@ -108,8 +107,17 @@ std::vector<float> line_strength(const Volume& volume, Device& device) {
   });
 }
 
+std::vector<float> local_rise(const Volume& volume, double across_vox, Device& device) {
+  std::vector<float> rise = filtered(
+      volume, device, kHalo,
+      [&](BlockFilter& block, const cl::Buffer& values) { return contrast_of(block, values, across_vox); });
+  const auto [median, spread] = spread_of(rise);
+  for (float& v : rise) v = spread > 0 ? static_cast<float>((v - median) / spread) : 0;  // mostly padding
+  return rise;
+}
+
 Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid) {
-  constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
+  constexpr double kStrong = 4.25, kWeak = 3;
   constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
   const auto [median, spread] = spread_of(strength);
   if (!(spread > 0)) return Mask(grid);  // mostly padding
@@ -117,9 +125,23 @@ Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry&
   Mask weak = above(strength, grid, median + kWeak * spread);
   for (std::size_t i = 0; i < weak.voxels.size(); ++i)
     if (strong.voxels[i] != 0) weak.voxels[i] = 0;
-  Mask vessels = with_bridges(strong, weak);
-  add_rim(above(strength, grid, median + kRim * spread), vessels);
-  return parts_with(vessels, large_parts(strong, kSureVoxels));
+  return parts_with(with_bridges(strong, weak), large_parts(strong, kSureVoxels));
+}
+
+Mask with_lumen(const Mask& lines, const std::vector<float>& rise) {
+  constexpr float kEdge = 0.133F;
+  float brightest = 0;
+  for (std::size_t i = 0; i < rise.size(); ++i)
+    if (lines.voxels[i] != 0) brightest = std::max(brightest, rise[i]);
+  Mask vessels = thin(lines);
+  for (std::size_t i = 0; i < rise.size(); ++i) {
+    if (rise[i] < kEdge * brightest) continue;
+    const Index3 voxel = voxel_at(lines.geometry, static_cast<std::int64_t>(i));
+    if (lines.voxels[i] != 0 || std::any_of(kNeighbours.begin(), kNeighbours.begin() + 18,
+                                            [&](const Index3& step) { return lines.at(voxel + step); }))
+      vessels.voxels[i] = 1;
+  }
+  return vessels;
 }
 
 }  // namespace xraycast
