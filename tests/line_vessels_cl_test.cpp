@@ -71,10 +71,10 @@ TEST_P(LineVessels, AreFoundInNoise) {
 }
 
 // A lumen as wide as a voxel's face has three quarters of it in its middle voxel: 190 over noise of 50
-// and 75.
+// and 75. In noise of 30 that is cut off at the background's level half of it is hidden.
 INSTANTIATE_TEST_SUITE_P(Grown, LineVessels,
                          testing::Values(NoisyTree{21, 0, 50, 0.93}, NoisyTree{22, 0.1, 50, 0.93},
-                                         NoisyTree{23, 0.1, 75, 0.77}),
+                                         NoisyTree{23, 0.1, 75, 0.77}, NoisyTree{24, 0, 30, 0.95}),
                          [](const auto& tree) { return "Tree" + std::to_string(tree.param.seed); });
 
 Volume noise_alone(const Index3& size) {
