@@ -107,8 +107,8 @@ Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::s
   progress.advance();
   lines = united(ways_beyond_ends(local_rise(volume, kFollowed_vox, device), lines, progress), lines);
   progress.advance();
-  if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
   Mask vessels = with_lumen(lines, local_rise(volume, kLumen_vox, device));
+  if (vessels.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(vessels);
   part_from_chambers(vessels, markers, name, progress);
   return select_vessels(vessels, markers, name, progress);
