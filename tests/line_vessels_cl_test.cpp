@@ -138,6 +138,25 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
   EXPECT_GT(opposite, 0);
 }
 
+TEST(Lumen, HasNoDeadEndsThatHardlyRise) {
+  const VolumeGeometry grid{.size = {40, 40, 20}};
+  const auto is_trunk = [](const glm::dvec3& p) { return p.y == 20 && p.z == 10 && p.x >= 5 && p.x < 35; };
+  const auto is_branch = [](const glm::dvec3& p, double x) {
+    return p.x == x && p.z == 10 && p.y > 20 && p.y < 30;
+  };
+  const Mask lines = mask_where(
+      grid, [&](const glm::dvec3& p) { return is_trunk(p) || is_branch(p, 12) || is_branch(p, 28); });
+  std::vector<float> rise(lines.voxels.size());
+  for (std::size_t i = 0; i < rise.size(); ++i) {
+    const glm::dvec3 p(voxel_at(grid, static_cast<std::int64_t>(i)));
+    rise[i] = is_trunk(p) ? 10 : is_branch(p, 12) ? 3 : is_branch(p, 28) ? 2 : 0;
+  }
+  const Mask vessels = with_lumen(lines, rise);
+  EXPECT_TRUE(vessels.at({6, 20, 10}));
+  EXPECT_TRUE(vessels.at({12, 28, 10}));
+  for (std::int64_t y = 23; y < 30; ++y) EXPECT_FALSE(vessels.at({28, y, 10})) << y;
+}
+
 TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {
   Volume volume({.size = {40, 40, 40}});
   std::ranges::fill(volume.hu(), 0);
