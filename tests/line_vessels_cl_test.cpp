@@ -50,9 +50,11 @@ TEST_P(LineVessels, AreFoundInNoise) {
   Progress progress;
   const Mask found = segment_mask(tree.noisy, {}, "tree", device, progress);
   constexpr double kCorner = 1.8;  // the diagonal of a voxel
-  // Vessels are about a voxel thick: half a voxel off, and as much is wrong as right.
-  EXPECT_GE(share_near(found, tree.lumen, 0), 0.65);
-  EXPECT_GE(share_near(tree.lumen, found, 0), 0.65);
+  // Vessels are about a voxel thick: half a voxel off, and as much is wrong as right. But no noise makes them
+  // wider or thinner: of the trees by which the limit was chosen none was off by more than 4 % in these.
+  EXPECT_GE(share_near(found, tree.lumen, 0), 0.75);
+  EXPECT_GE(share_near(tree.lumen, found, 0), 0.75);
+  EXPECT_NEAR(static_cast<double>(found.count()) / static_cast<double>(tree.lumen.count()), 1, 0.05);
   EXPECT_GE(share_near(found, tree.lumen, kCorner), 0.95);
   EXPECT_GE(share_near(tree.lumen, found, kCorner), 0.85);
 
@@ -69,10 +71,10 @@ TEST_P(LineVessels, AreFoundInNoise) {
 }
 
 // A lumen as wide as a voxel's face has three quarters of it in its middle voxel: 190 over noise of 50
-// and 75.
+// and 75. In noise of 30 that is cut off at the background's level half of it is hidden.
 INSTANTIATE_TEST_SUITE_P(Grown, LineVessels,
-                         testing::Values(NoisyTree{21, 0, 50, 0.90}, NoisyTree{22, 0.1, 50, 0.90},
-                                         NoisyTree{23, 0.1, 75, 0.70}),
+                         testing::Values(NoisyTree{21, 0, 50, 0.93}, NoisyTree{22, 0.1, 50, 0.93},
+                                         NoisyTree{23, 0.1, 75, 0.77}, NoisyTree{24, 0, 30, 0.95}),
                          [](const auto& tree) { return "Tree" + std::to_string(tree.param.seed); });
 
 Volume noise_alone(const Index3& size) {
@@ -99,7 +101,7 @@ TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
   });
   Device device;
   Progress progress;
-  const Components ways(ways_beyond_ends(volume, lines, device, progress));
+  const Components ways(ways_beyond_ends(local_rise(volume, 0.7, device), lines, progress));
   // Of 800 ends one in fifty, and three standard deviations of that number more.
   EXPECT_LE(ways.count(), 16 + 3 * 4);
 }
@@ -111,7 +113,7 @@ TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
       volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
   Device device;
   Progress progress;
-  const Mask ways = ways_beyond_ends(volume, start, device, progress);
+  const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
   for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
   EXPECT_FALSE(ways.at({48, 20, 20}));
 }
@@ -130,10 +132,29 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
   });
   Device device;
   Progress progress;
-  const Mask ways = ways_beyond_ends(volume, start, device, progress);
+  const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
   std::int64_t opposite = 0;
   for (std::int64_t x = 13; x < 18; ++x) opposite += ways.at({x, 30, 15}) ? 1 : 0;
   EXPECT_GT(opposite, 0);
+}
+
+TEST(Lumen, HasNoDeadEndsThatHardlyRise) {
+  const VolumeGeometry grid{.size = {40, 40, 20}};
+  const auto is_trunk = [](const glm::dvec3& p) { return p.y == 20 && p.z == 10 && p.x >= 5 && p.x < 35; };
+  const auto is_branch = [](const glm::dvec3& p, double x) {
+    return p.x == x && p.z == 10 && p.y > 20 && p.y < 30;
+  };
+  const Mask lines = mask_where(
+      grid, [&](const glm::dvec3& p) { return is_trunk(p) || is_branch(p, 12) || is_branch(p, 28); });
+  std::vector<float> rise(lines.voxels.size());
+  for (std::size_t i = 0; i < rise.size(); ++i) {
+    const glm::dvec3 p(voxel_at(grid, static_cast<std::int64_t>(i)));
+    rise[i] = is_trunk(p) ? 10 : is_branch(p, 12) ? 3 : is_branch(p, 28) ? 2 : 0;
+  }
+  const Mask vessels = with_lumen(lines, rise);
+  EXPECT_TRUE(vessels.at({6, 20, 10}));
+  EXPECT_TRUE(vessels.at({12, 28, 10}));
+  for (std::int64_t y = 23; y < 30; ++y) EXPECT_FALSE(vessels.at({28, y, 10})) << y;
 }
 
 TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {

@@ -8,6 +8,7 @@
 #include <cstdlib>
 #include <limits>
 #include <mutex>
+#include <numbers>
 #include <optional>
 #include <vector>
 
@@ -119,32 +120,53 @@ std::pair<double, double> median_and_spread_hu(const Histogram& histogram, int l
   return {median, 1.4826 * reach};
 }
 
+/// The standard deviation of what is left of a normal distribution, whose own is 1, once its lowest share is
+/// cut off (Johnson, Kotz and Balakrishnan, Continuous univariate distributions, 1994, section 13.10.1).
+double spread_above(double share) {
+  double low = -8, high = 8;  // the cut; what lies beyond is less than one in 10^15
+  for (int pass = 0; pass < 40; ++pass) {
+    const double middle = 0.5 * (low + high);
+    (std::erfc(-middle / std::numbers::sqrt2) < 2 * share ? low : high) = middle;
+  }
+  const double density = std::exp(-0.5 * low * low) / std::sqrt(2 * std::numbers::pi),
+               mean = density / (1 - share);
+  return std::sqrt(1 + low * mean - mean * mean);
+}
+
 }  // namespace
 
 double measure_noise_hu(const Volume& volume) {
   const Index3 size = volume.geometry().size;
   const auto range = std::ranges::minmax(volume.hu());
   std::vector<std::uint64_t> counts(4096);
+  std::uint64_t cut_off = 0;
   std::mutex mutex;
   const std::int64_t step = std::max<std::int64_t>(1, size.z / 50);
   parallel_for((size.z + step - 1) / step, [&](std::int64_t i) {
     std::vector<std::uint64_t> here(counts.size());
+    std::uint64_t cut_off_here = 0;
     for (std::int64_t y = 0; y < size.y; ++y)
       for (std::int64_t x = 1; x + 1 < size.x; ++x) {
         const int a = volume.at(x - 1, y, i * step), b = volume.at(x, y, i * step),
                   c = volume.at(x + 1, y, i * step);
         const auto usable = [&](int hu) { return hu > kAir_hu && hu > range.min && hu < range.max; };
-        if (usable(a) && usable(b) && usable(c))
+        if (!usable(a) || !usable(c)) continue;
+        if (usable(b))
           ++here[static_cast<std::size_t>(std::min(std::abs(a - 2 * b + c), 4095))];
+        else if (b == range.min && b > kAir_hu)
+          ++cut_off_here;
       }
     const std::lock_guard lock(mutex);
     for (std::size_t k = 0; k < counts.size(); ++k) counts[k] += here[k];
+    cut_off += cut_off_here;
   });
   std::uint64_t all = 0, passed = 0;
   for (const std::uint64_t count : counts) all += count;
   std::size_t median = 0;
   while (median + 1 < counts.size() && (passed += counts[median]) * 2 < all) ++median;
-  return 1.4826 * static_cast<double>(median) / std::sqrt(6.0);
+  const double seen_hu = 1.4826 * static_cast<double>(median) / std::sqrt(6.0);
+  if (all == 0 || cut_off == 0) return seen_hu;
+  return seen_hu / spread_above(static_cast<double>(cut_off) / static_cast<double>(cut_off + all));
 }
 
 Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress) {
@@ -159,9 +181,11 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
     if (!classes) throw InputError("{}: no vessel: all voxels have about {} HU", name, lowest);
     // In noise the halves of its histogram are no classes. What counts rises four standard deviations above
     // it, which in Gaussian noise one voxel in thirty thousand does by chance: too few to touch each other.
+    // Where more than half lie at a value that the scan is cut off at, the median's deviation is none.
     constexpr double kRise = 4;
     const auto [median_hu, spread_hu] = median_and_spread_hu(all, lowest, highest);
-    const double least_hu = std::max(0.5 * (classes->first + classes->second), median_hu + kRise * spread_hu);
+    const double least_hu =
+        std::max(0.5 * (classes->first + classes->second), median_hu + kRise * std::max(spread_hu, noise_hu));
     return {classes->first, classes->first + 2 * (least_hu - classes->first), noise_hu, false};
   }
   const Histogram insides(volume, static_cast<int>(std::max(60.0, 4 * noise_hu)));

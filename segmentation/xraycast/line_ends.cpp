@@ -1,6 +1,5 @@
 #include "xraycast/line_ends.hpp"
 
-#include "xraycast/line_vessels.hpp"
 #include "xraycast/thinning.hpp"
 
 #include <glm/common.hpp>
@@ -62,9 +61,8 @@ struct Way {
 
 class Follower {
  public:
-  /// `rise` is contrast in standard deviations.
-  Follower(std::vector<float> rise, const Mask& vessels)
-      : rise_(std::move(rise)), taken_(vessels), ways_(vessels.geometry) {}
+  Follower(const std::vector<float>& rise, const Mask& vessels)
+      : rise_(rise), taken_(vessels), ways_(vessels.geometry) {}
 
   Mask run(std::vector<LineEnd> ends, Progress& progress) {
     constexpr double kLeastWorth = 2.2;
@@ -121,19 +119,14 @@ class Follower {
     return sum;
   }
 
-  std::vector<float> rise_;
+  const std::vector<float>& rise_;
   Mask taken_, ways_;
 };
 
 }  // namespace
 
-Mask ways_beyond_ends(const Volume& volume, const Mask& vessels, Device& device, Progress& progress) {
-  constexpr double kAcross_vox = 0.7;
-  std::vector<float> rise = local_contrast(volume, kAcross_vox, device);
-  const Spread spread = spread_of(rise);
-  if (!(spread.standard_deviation > 0)) return Mask(volume.geometry());  // mostly padding
-  for (float& v : rise) v = static_cast<float>((v - spread.median) / spread.standard_deviation);
-  return Follower(std::move(rise), vessels).run(free_ends(thin(vessels)), progress);
+Mask ways_beyond_ends(const std::vector<float>& rise, const Mask& vessels, Progress& progress) {
+  return Follower(rise, vessels).run(free_ends(thin(vessels)), progress);
 }
 
 }  // namespace xraycast

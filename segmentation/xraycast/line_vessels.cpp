@@ -3,7 +3,8 @@
 #include "xraycast/block_filter.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/contrast.hpp"
-#include "xraycast/exclusion.hpp"
+#include "xraycast/distance_transform.hpp"
+#include "xraycast/thinning.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -75,12 +76,50 @@ Mask parts_with(const Mask& mask, const Mask& core) {
   return parts.select(keep);
 }
 
-}  // namespace
-
-bool is_buried_in_noise(const Volume& volume) {
-  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
-  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
+/// From a voxel of lines one voxel wide that has one neighbour, up to where they fork or end.
+std::vector<Index3> dead_end_at(const Mask& lines, Index3 here) {
+  std::vector<Index3> end;
+  std::vector<Index3> next = neighbours_in(lines, here);
+  for (Index3 before = here; next.size() <= 2; next = neighbours_in(lines, here)) {
+    end.push_back(here);
+    const auto onwards = std::ranges::find_if(next, [&](const Index3& n) { return n != before; });
+    if (onwards == next.end()) break;
+    before = here;
+    here = *onwards;
+  }
+  return end;
 }
+
+/// Takes the dead ends off lines one voxel wide whose mean rise is less, and returns them.
+Mask drop_dark_ends(Mask& lines, const std::vector<float>& rise, double least) {
+  Mask dark(lines.geometry);
+  for (bool is_done = false; !is_done;) {
+    is_done = true;
+    for (std::size_t i = 0; i < lines.voxels.size(); ++i) {
+      if (lines.voxels[i] == 0) continue;
+      const Index3 tip = voxel_at(lines.geometry, static_cast<std::int64_t>(i));
+      if (neighbours_in(lines, tip).size() != 1) continue;
+      const std::vector<Index3> end = dead_end_at(lines, tip);
+      double sum = 0;
+      for (const Index3& voxel : end) sum += static_cast<double>(rise[lines.offset(voxel)]);
+      if (sum >= least * static_cast<double>(end.size())) continue;
+      for (const Index3& voxel : end) lines[voxel] = 0, dark[voxel] = 1;
+      is_done = false;  // what forked here may end here now
+    }
+  }
+  return dark;
+}
+
+/// How far each voxel lies from a mask.
+std::vector<float> distance_to_mm(Mask mask) {
+  for (std::uint8_t& voxel : mask.voxels) voxel ^= 1;
+  return distance_to_outside_mm(mask);
+}
+
+/// The median of values, and the standard deviation that their median absolute deviation stands for.
+struct Spread {
+  double median, standard_deviation;
+};
 
 Spread spread_of(const std::vector<float>& values) {
   const auto median = [](std::vector<float> v) {
@@ -94,10 +133,11 @@ Spread spread_of(const std::vector<float>& values) {
   return {centre, 1.4826 * median(std::move(deviations))};
 }
 
-std::vector<float> local_contrast(const Volume& volume, double across_vox, Device& device) {
-  return filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
-    return contrast_of(block, values, across_vox);
-  });
+}  // namespace
+
+bool is_buried_in_noise(const Volume& volume) {
+  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
 }
 
 std::vector<float> line_strength(const Volume& volume, Device& device) {
@@ -108,8 +148,17 @@ std::vector<float> line_strength(const Volume& volume, Device& device) {
   });
 }
 
+std::vector<float> local_rise(const Volume& volume, double across_vox, Device& device) {
+  std::vector<float> rise = filtered(
+      volume, device, kHalo,
+      [&](BlockFilter& block, const cl::Buffer& values) { return contrast_of(block, values, across_vox); });
+  const auto [median, spread] = spread_of(rise);
+  for (float& v : rise) v = spread > 0 ? static_cast<float>((v - median) / spread) : 0;  // mostly padding
+  return rise;
+}
+
 Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid) {
-  constexpr double kStrong = 4.25, kWeak = 3, kRim = 2.5;
+  constexpr double kStrong = 4.25, kWeak = 3;
   constexpr std::int64_t kLeastVoxels = 5, kSureVoxels = 2 * kReach_vox;
   const auto [median, spread] = spread_of(strength);
   if (!(spread > 0)) return Mask(grid);  // mostly padding
@@ -117,9 +166,26 @@ Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry&
   Mask weak = above(strength, grid, median + kWeak * spread);
   for (std::size_t i = 0; i < weak.voxels.size(); ++i)
     if (strong.voxels[i] != 0) weak.voxels[i] = 0;
-  Mask vessels = with_bridges(strong, weak);
-  add_rim(above(strength, grid, median + kRim * spread), vessels);
-  return parts_with(vessels, large_parts(strong, kSureVoxels));
+  return parts_with(with_bridges(strong, weak), large_parts(strong, kSureVoxels));
+}
+
+Mask with_lumen(const Mask& lines, const std::vector<float>& rise) {
+  constexpr float kEdge = 0.133F;
+  constexpr double kLeastOfAnEnd = 2.5;
+  float brightest = 0;
+  for (std::size_t i = 0; i < rise.size(); ++i)
+    if (lines.voxels[i] != 0) brightest = std::max(brightest, rise[i]);
+  Mask vessels = thin(lines);
+  const Mask dark = drop_dark_ends(vessels, rise, kLeastOfAnEnd);
+  const std::vector<float> to_vessels_mm = distance_to_mm(vessels), to_dark_mm = distance_to_mm(dark);
+  for (std::size_t i = 0; i < rise.size(); ++i) {
+    if (rise[i] < kEdge * brightest || to_dark_mm[i] < to_vessels_mm[i]) continue;
+    const Index3 voxel = voxel_at(lines.geometry, static_cast<std::int64_t>(i));
+    if (lines.voxels[i] != 0 || std::any_of(kNeighbours.begin(), kNeighbours.begin() + 18,
+                                            [&](const Index3& step) { return lines.at(voxel + step); }))
+      vessels.voxels[i] = 1;
+  }
+  return vessels;
 }
 
 }  // namespace xraycast

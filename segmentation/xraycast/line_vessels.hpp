@@ -13,16 +13,6 @@ namespace xraycast {
 /// parts them from it.
 bool is_buried_in_noise(const Volume& volume);
 
-/// The median of values, and the standard deviation that their median absolute deviation stands for.
-struct Spread {
-  double median, standard_deviation;
-};
-Spread spread_of(const std::vector<float>& values);
-
-/// How bright each voxel is, smoothed by a Gaussian of `across_vox` voxels, less what lies around it,
-/// smoothed by one of three; in the scan's unit. Throws DeviceError.
-std::vector<float> local_contrast(const Volume& volume, double across_vox, Device& device);
-
 /// How strong the strongest straight line through each voxel is, in the scan's unit: what is bright across it
 /// within a voxel, less what is bright for three voxels around, averaged along seven voxels to both sides of
 /// which the weaker counts; over 64 directions. Where a bright thing lies on one side only there is no line,
@@ -31,8 +21,21 @@ std::vector<float> line_strength(const Volume& volume, Device& device);
 
 /// Thin vessels by their line strength on this grid, in standard deviations above the background: strong is
 /// what has 4.25, in lumps of five voxels or more; weak stretches of 3 count where they join two strong
-/// lumps, but not as dead ends; and the rim of both goes down to 2.5. A part without a strong lump of 14
-/// voxels, the length of the filter's line, is dropped: in noise alone the largest has nine.
+/// lumps, but not as dead ends. A part without a strong lump of 14 voxels, the length of the filter's line,
+/// is dropped: in noise alone the largest has nine.
 Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry& grid);
+
+/// How far each voxel, smoothed by a Gaussian of `across_vox` voxels, rises above what lies around it,
+/// smoothed by one of three, in standard deviations of the background. Throws DeviceError.
+std::vector<float> local_rise(const Volume& volume, double across_vox, Device& device);
+
+/// The lumen of vessels whose lines are known: their middle, and of their voxels and those that share a face
+/// or an edge with one what rises (local_rise, of 0.8 voxels) 13.3 % as far as the brightest or more. Between
+/// those two limits a lumen one voxel wide, which rises a quarter as far as one of five voxels, has half its
+/// height. The limit does not depend on the noise, so that vessels are neither wider nor thinner in more of
+/// it: in a noise of 50 to 75 the volume of grown trees is right to three parts in a hundred. Dead ends that
+/// rise less than 2.5 standard deviations in their mean are dropped, with what lies nearer to them than to
+/// the rest: in noise of 75 the last of these follow as much vessel as noise.
+Mask with_lumen(const Mask& lines, const std::vector<float>& rise);
 
 }  // namespace xraycast

@@ -101,15 +101,17 @@ Mask without_specks(const Mask& mask) {
 /// Where noise is so heavy that neither bone nor chambers can be told, lines are what is found.
 Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::string& name, Device& device,
                       Progress& progress) {
+  constexpr double kFollowed_vox = 0.7, kLumen_vox = 0.8;
   progress.begin("looking for lines", 2, "scans");
   Mask lines = find_line_vessels(line_strength(volume, device), volume.geometry());
   progress.advance();
-  lines = united(ways_beyond_ends(volume, lines, device, progress), lines);
+  lines = united(ways_beyond_ends(local_rise(volume, kFollowed_vox, device), lines, progress), lines);
   progress.advance();
-  if (lines.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
-  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(lines);
-  part_from_chambers(lines, markers, name, progress);
-  return select_vessels(lines, markers, name, progress);
+  Mask vessels = with_lumen(lines, local_rise(volume, kLumen_vox, device));
+  if (vessels.count() == 0) throw InputError("{}: no vessel: no line stands out of the noise", name);
+  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_specks(vessels);
+  part_from_chambers(vessels, markers, name, progress);
+  return select_vessels(vessels, markers, name, progress);
 }
 
 }  // namespace
