@@ -78,6 +78,12 @@ void Intervention::update(const Camera& camera, double passed_s) {
   has_picture_ = true;
 }
 
+std::string Intervention::caption(const Camera& now) const {
+  if (!has_picture_) return status_of(now);
+  if (pedal_ || camera_ == now) return status_of(camera_);
+  return fmt::format("held: {}; C-arm: {}", status_of(camera_), status_of(now));
+}
+
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {
   if (!has_road_map) return {};
   return road_map_.outline(view);

@@ -48,6 +48,10 @@ class Intervention {
   /// Where the C-arm was when the picture was taken that is held now.
   const Camera& camera() const { return camera_; }
 
+  /// What is written below the picture: where the C-arm was for it and, while another picture would be taken
+  /// now, where it stands.
+  std::string caption(const Camera& now) const;
+
   /// What absorbs in that picture. Changes with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }

@@ -171,7 +171,7 @@ void Viewer::save_picture() {
       std::vector<std::uint8_t> part = is_truth ? renderer_.picture(*latest_truth_, session_.style)
                                                 : renderer_.picture(view, session_.style);
       const View& drawn = is_truth ? latest_truth_->view : view;
-      furnish(part, drawn, bounds_, status_of(session_.camera));
+      furnish(part, drawn, bounds_, status_of(picture_camera()));
       draw_outline(road_map(drawn), kRoadMapColour, drawn.width, part);
       const std::size_t row = std::size_t{3} * drawn.width;
       for (int j = 0; j < std::min(height, drawn.height); ++j)
@@ -369,9 +369,16 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
 // ---- the picture ----------------------------------------------------------------------------------
 
 View Viewer::view_in(int width, int height) const {
-  const Camera& camera = intervention_ ? intervention_->camera() : session_.camera;
-  return view_of(camera, bounds_, std::max(1, width), std::max(1, height));
+  return view_of(picture_camera(), bounds_, std::max(1, width), std::max(1, height));
 }
+const Camera& Viewer::picture_camera() const {
+  return intervention_ ? intervention_->camera() : session_.camera;
+}
+
+std::string Viewer::caption() const {
+  return intervention_ ? intervention_->caption(session_.camera) : status_of(session_.camera);
+}
+
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
   const bool is_truth = drawing() == Drawing::truth;

@@ -62,6 +62,7 @@ class Viewer {
   ViewSession& session() { return session_; }
   Camera& camera() { return session_.camera; }
   const Camera& camera() const { return session_.camera; }
+  std::string caption() const;  ///< of the picture
   Style& style() { return session_.style; }
   Drawing drawing() const;
   void set_drawing(Drawing drawing);
@@ -140,6 +141,7 @@ class Viewer {
   void show_catheter();
   void adapt_brightness(const View& view);
 
+  const Camera& picture_camera() const;
   ViewSession session_;
   std::string device_;
   Renderer renderer_;

@@ -88,8 +88,8 @@ void draw_picked(const Viewer& viewer, const ImVec2& size) {
 
 std::string status_line(const Viewer& viewer, const ImVec2& size) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
-  return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", status_of(viewer.camera()),
-                     viewer.frame_ms(), size.x * scale.x, size.y * scale.y, gl_device_name(),
+  return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", viewer.caption(), viewer.frame_ms(),
+                     size.x * scale.x, size.y * scale.y, gl_device_name(),
                      static_cast<double>(viewer.texture_B()) / 1e6);
 }
 
