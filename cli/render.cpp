@@ -15,6 +15,7 @@
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/same_scan.hpp"
 #include "xraycast/viewer/session_file.hpp"
 #include "xraycast/viewer/vessels.hpp"
 
@@ -84,7 +85,9 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
                      scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
   Device device(session.device);
-  RecastSession recast(device, read_basis(scene.basis));
+  const Basis basis = read_basis(scene.basis);
+  check_same_scan(map->geometry, scene.map.string(), basis.geometry, scene.basis.string());
+  RecastSession recast(device, basis);
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
 }
 

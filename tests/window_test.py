@@ -31,6 +31,8 @@ def prepare():
     scan = FILES / "scan.nrrd"
     run(PROGRAM, "phantom", "thorax", "-o", scan, "--size", "96x96x80", "--truth", FILES / "truth")
     run(PROGRAM, "cast", scan, "-o", FILES / "map.exr", "--layers", "4", "--angles", "90", "--keep-basis", FILES / "map.basis")
+    run(PROGRAM, "phantom", "thorax", "-o", FILES / "other.nrrd", "--size", "64x64x48")
+    run(PROGRAM, "cast", FILES / "other.nrrd", "-o", FILES / "other.exr", "--layers", "4", "--angles", "90", "--keep-basis", FILES / "other.basis")
     (FILES / "damaged.exr").write_bytes((FILES / "map.exr").read_bytes()[:3000])
     # A long scan that takes no room on the disk.
     with open(FILES / "long.raw", "wb") as raw:
@@ -467,6 +469,22 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: "vessels" in self.session()["files"], "vessels")
         self.assertTrue(self.session()["files"]["map"].endswith("map.exr"))
         self.wait_until(lambda: self.body() != before, "vessels in the picture")
+
+    def test_refuses_what_is_of_another_scan(self):
+        for words in (("--basis", FILES / "other.basis"), ("--scan", FILES / "other.nrrd")):
+            ended = subprocess.run([PROGRAM, "view", FILES / "map.exr", *words], env=self.environment,
+                                   capture_output=True, text=True, timeout=PATIENCE_S)
+            self.assertEqual(ended.returncode, 3)
+            self.assertRegex(ended.stderr, "^xraycast: .*map.exr was not cast from .*other.*: .*\n$")
+        self.view(FILES / "map.exr", "--basis", FILES / "map.basis")
+        self.frame()
+        before, message = self.body(), lambda: self.screen().region(10, 400, 380, 300)
+        without = message()
+        self.type_path(FILES / "other.basis")
+        self.wait_until(lambda: message() != without, "a message")
+        self.frame()
+        self.assertEqual(self.body(), before, "the map that is shown stays")
+        self.assertTrue(self.session()["files"]["basis"].endswith("map.basis"))
 
     def ask(self):
         """Opens the dialogue, with its text marked, so that what is typed takes its place."""

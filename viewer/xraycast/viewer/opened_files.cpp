@@ -3,14 +3,21 @@
 #include "xraycast/basis_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/scan.hpp"
+#include "xraycast/viewer/same_scan.hpp"
 #include "xraycast/viewer/vessels.hpp"
 
 namespace xraycast {
 namespace {
 
+void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
+  if (!opened.session.map.empty())
+    check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
+}
+
 /// The scan on a device, and where its body lies.
 BodyOutline load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
+  check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
@@ -59,7 +66,11 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
     opened.recast = before.recast;
   else if (!session.basis.empty())
     opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(device, read_basis(session.basis));
+  if (opened.recast && !session.map.empty())
+    check_same_scan(opened.map->geometry, session.map.string(), opened.recast->basis.geometry,
+                    session.basis.string());
   if (is_same_scan && opened.map) {
+    check_scan(opened, before.scan->scan->geometry());
     opened.scan = before.scan;
   } else if (!session.scan.empty()) {
     const BodyOutline body = load_scan(opened, device, progress);

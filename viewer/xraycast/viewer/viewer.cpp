@@ -89,6 +89,8 @@ Viewer::Viewer(ViewSession session, std::string device, const std::function<void
 void Viewer::attempt(const std::function<void()>& action) {
   try {
     action();
+  } catch (const std::bad_alloc&) {
+    message_ = "not enough memory";
   } catch (const std::exception& error) {
     message_ = error.what();
   }
@@ -109,6 +111,7 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
 
 /// Only what could be opened becomes part of the session.
 void Viewer::deliver(OpenedFiles opened, bool takes_view) {
+  is_first_ = false;
   const bool is_other_map = opened.map != opened_.map || opened.recast != opened_.recast;
   opened_ = std::move(opened);
   const Camera camera = session_.camera;
@@ -148,6 +151,7 @@ void Viewer::open(const fs::path& path) {
   attempt([&] {
     if (!fs::exists(path)) throw InputError("{}: no such file or folder", path.string());
     message_.clear();
+    is_first_ = false;
     load(with_file(session_, path), extension_of(path) == ".json");
   });
 }
@@ -368,9 +372,6 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
 
 // ---- the picture ----------------------------------------------------------------------------------
 
-View Viewer::view_in(int width, int height) const {
-  return view_of(picture_camera(), bounds_, std::max(1, width), std::max(1, height));
-}
 const Camera& Viewer::picture_camera() const {
   return intervention_ ? intervention_->camera() : session_.camera;
 }
@@ -379,6 +380,9 @@ std::string Viewer::caption() const {
   return intervention_ ? intervention_->caption(session_.camera) : status_of(session_.camera);
 }
 
+View Viewer::view_in(int width, int height) const {
+  return view_of(picture_camera(), bounds_, std::max(1, width), std::max(1, height));
+}
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
   const bool is_truth = drawing() == Drawing::truth;
@@ -412,12 +416,11 @@ void Viewer::adapt_brightness(const View& view) {
 }
 
 void Viewer::take_results() {
-  attempt([&] {
-    if (const auto error = opening_.poll()) throw InputError("{}", *error);
-  });
-  attempt([&] {
-    if (const auto error = writing_.poll()) throw InputError("{}", *error);
-  });
+  if (is_first_)
+    opening_.poll();
+  else
+    attempt([&] { opening_.poll(); });
+  attempt([&] { writing_.poll(); });
   attempt([&] {
     if (const auto psnr = comparing_.take()) psnr_db_ = *psnr;
     auto truth = projecting_.take();

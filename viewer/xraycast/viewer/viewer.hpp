@@ -104,7 +104,8 @@ class Viewer {
   };
   std::vector<Pane> panes(int width, int height) const;
 
-  /// Takes in what workers have done and draws the picture on the bound framebuffer.
+  /// Takes in what workers have done and draws the picture on the bound framebuffer. Throws as open_files
+  /// where the session that the viewer was made with cannot be opened.
   void draw(int width, int height);
 
   /// Errors become the message.
@@ -140,8 +141,8 @@ class Viewer {
   void next_cine_frame();
   void show_catheter();
   void adapt_brightness(const View& view);
-
   const Camera& picture_camera() const;
+
   ViewSession session_;
   std::string device_;
   Renderer renderer_;
@@ -150,6 +151,7 @@ class Viewer {
   std::vector<double> mu_per_mm_;         ///< at the basis' knots
   BodyBounds bounds_;
   bool truth_ = false;
+  bool is_first_ = true;  ///< nothing but the session that the viewer was made with was to be opened yet
 
   std::vector<Edit> undo_, redo_;
   std::string message_;
