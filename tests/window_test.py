@@ -4,6 +4,7 @@ small source of dragged files. Without TEST, all of them; `prepare` makes the fi
 What happened is read from the session that Ctrl+S saves, from pictures that the viewer saves, and from the
 screen. Everything is waited for by what can be seen of it, since a loaded machine takes its time. With
 XRAYCAST_SCREENSHOTS set to a folder, what was on the screen is kept there."""
+import array
 import ctypes
 import json
 import os
@@ -444,6 +445,55 @@ class Window(unittest.TestCase):
         self.assertAlmostEqual(rows[-1][1], 56, delta=1)
         self.assertAlmostEqual(rows[-1][2], 40, delta=1)
         self.assertEqual(self.session()["camera"]["angle_deg"], 0, "the C-arm stays where it is")
+
+    def tau(self, *words):
+        """The floats of what `render` makes of it."""
+        path = self.folder / "tau.nrrd"
+        run(PROGRAM, "render", *words, "-o", path)
+        values = array.array("f")
+        values.frombytes(path.read_bytes().split(b"\n\n", 1)[1])
+        return values
+
+    def test_saves_what_a_run_shows(self):
+        self.steer()
+        self.do("keydown", "x")
+        self.hold("Up", 2)
+        self.frame()
+        self.do("keyup", "x")
+        self.frame()
+        shown = self.picture()
+        self.drag(1, 700, 400, 100, 0)  # the C-arm turns, the last image is held
+        saved = self.session()
+        self.assertEqual(saved["camera"]["angle_deg"], 0)
+        path = self.folder / "operation.json"
+        path.write_text(json.dumps(saved))
+        # The catheter and no vessels: against the body, few of the pixels absorb more, and as much as a catheter.
+        with_it, drawn = self.tau("--session", path), self.folder / "drawn.png"
+        body = self.folder / "body.json"
+        body.write_text(json.dumps({name: value for name, value in saved.items() if name not in ("simulation", "files")} |
+                                   {"files": {"map": saved["files"]["map"]}}))
+        more = [a - b for a, b in zip(with_it, self.tau("--session", body))]
+        self.assertGreater(max(more), 0.1)
+        self.assertTrue(10 < sum(m > 1e-3 for m in more) < 0.02 * len(more), sum(m > 1e-3 for m in more))
+        # Vessels that are asked for are drawn.
+        vessels = [a - b for a, b in zip(self.tau("--session", path, "--vessels", FILES / "truth"), with_it)]
+        self.assertGreater(sum(v > 1e-3 for v in vessels), 0.02 * len(vessels))
+        # The road map is in the picture as long as it was.
+        pictures = []
+        for has_road_map in (True, False):
+            saved["simulation"]["road_map"] = has_road_map
+            path.write_text(json.dumps(saved))
+            run(PROGRAM, "render", "--session", path, "-o", drawn)
+            pictures.append(drawn.read_bytes())
+        self.assertNotEqual(*pictures)
+        # And a viewer that opens it shows what was shown, but for the grey window, which is chosen anew.
+        saved["simulation"]["road_map"] = True
+        path.write_text(json.dumps(saved))
+        self.viewer.kill()
+        self.viewer.communicate()
+        self.view("--session", path)
+        differs = lambda: sum(abs(a - b) > 16 for a, b in zip(shown, self.picture())) / len(shown)
+        self.wait_until(lambda: differs() < 1e-3, "the picture as it was")
 
     def test_ends_in_the_middle_of_a_run(self):
         self.steer()

@@ -73,6 +73,7 @@ void Intervention::update(const Camera& camera, double passed_s) {
   // The first picture is for free, so that there is one.
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
+  nodes_mm_ = run_->now().nodes_mm;
   surfaces_ = {run_->catheter(), run_->contrast()};
   ++exposures_;
   has_picture_ = true;

@@ -52,8 +52,10 @@ ViewSession with_file(ViewSession session, const fs::path& path) {
     session.basis = path;
   } else if (extension == ".csv") {
     session.catheter = path;
+    session.steered.reset();
   } else if (is_vessels(path)) {
     session.vessels = path;
+    session.steered.reset();
   } else {
     session.map.clear();
     session.basis.clear();
@@ -121,6 +123,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
     session_.camera = camera;
     session_.style = style;
   }
+  road_map_.reset();
   latest_truth_.reset();
   asked_view_.reset();
   std::vector<Surface> surfaces;
@@ -159,7 +162,10 @@ void Viewer::open(const fs::path& path) {
 void Viewer::save_session() {
   attempt([&] {
     const fs::path path = "xraycast-session.json";
-    write_session(session_, path);
+    ViewSession shown = session_;
+    shown.camera = picture_camera();
+    if (intervention_) shown.steered = intervention_->catheter();
+    write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
   });
 }
@@ -265,8 +271,10 @@ void Viewer::restart_run() {
 }
 
 std::span<const glm::ivec2> Viewer::road_map(const View& view) {
-  if (!intervention_) return {};
-  return intervention_->road_map(view);
+  if (intervention_) return intervention_->road_map(view);
+  if (!session_.steered || !session_.steered->has_road_map || !opened_.tree) return {};
+  if (!road_map_) road_map_.emplace(*opened_.tree);
+  return road_map_->outline(view);
 }
 
 // ---- the vessels ----------------------------------------------------------------------------------

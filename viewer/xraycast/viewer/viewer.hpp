@@ -161,6 +161,7 @@ class Viewer {
   std::optional<double> psnr_db_;
   std::optional<Cine> cine_;
   std::optional<Intervention> intervention_;
+  std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
   std::optional<VesselTree::Location> picked_;

@@ -58,7 +58,7 @@ void furnish(const Viewer& viewer, float left, float width, float height) {
 
 /// The vessels' outline over the picture, a line a run of pixels.
 void draw_road_map(Viewer& viewer, const ImVec2& size) {
-  if (!viewer.map() || !viewer.intervention()) return;
+  if (!viewer.map()) return;
   ImDrawList& draw = *ImGui::GetBackgroundDrawList();
   for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
     const auto outline = viewer.road_map(viewer.view_in(pane.width, pane.height));
