@@ -8,9 +8,9 @@
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/same_scan.hpp"
 
 #include <fmt/format.h>
-#include <glm/vector_relational.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -54,33 +54,6 @@ Truth truth_of(const ResidentScan& scan, const View& view, const BodyMap& map, P
 
 Json to_json(const Likeness& likeness) {
   return {{"psnr_db", likeness.psnr_db}, {"ssim", likeness.ssim}, {"rmse", likeness.rmse}};
-}
-
-/// A map's rows are its scan's slices; a sphere has a centre alone.
-void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
-                     const std::string& scan) {
-  const auto fail = [&](const std::string& why) {
-    throw InputError("{} was not cast from {}: {}", name, scan, why);
-  };
-  const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
-  if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
-    fail("it lies elsewhere");
-  if (map.projection == Projection::sphere) return;
-  if (map.projection == Projection::rectangle) {  // of rows of its own, over the scan's whole height
-    if (std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm)
-      fail("it is of another height");
-    return;
-  }
-  if (map.height != volume.size.z)
-    fail(fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z));
-  const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
-  constexpr double kSame = 0.01;  // of a slice
-  if (std::abs(map.row_spacing_mm - slice_mm) * map.height > kSame * slice_mm ||
-      std::abs(map.top_mm - top_mm) > kSame * slice_mm)
-    fail(
-        fmt::format("its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from "
-                    "{:.4g} mm",
-                    map.row_spacing_mm, map.top_mm, slice_mm, top_mm));
 }
 
 std::shared_ptr<const BodyMap> read_map(const std::string& path) {

@@ -11,10 +11,13 @@
 #include "xraycast/stopwatch.hpp"
 #include "xraycast/viewer/brightness.hpp"
 #include "xraycast/viewer/camera.hpp"
+#include "xraycast/viewer/catheter_surface.hpp"
 #include "xraycast/viewer/cine_writer.hpp"
 #include "xraycast/viewer/furniture.hpp"
 #include "xraycast/viewer/headless_context.hpp"
 #include "xraycast/viewer/renderer.hpp"
+#include "xraycast/viewer/road_map.hpp"
+#include "xraycast/viewer/same_scan.hpp"
 #include "xraycast/viewer/session_file.hpp"
 #include "xraycast/viewer/vessels.hpp"
 
@@ -84,7 +87,9 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
                      scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
   Device device(session.device);
-  RecastSession recast(device, read_basis(scene.basis));
+  const Basis basis = read_basis(scene.basis);
+  check_same_scan(map->geometry, scene.map.string(), basis.geometry, scene.basis.string());
+  RecastSession recast(device, basis);
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
 }
 
@@ -127,11 +132,15 @@ void render(const Options& options, Session& session) {
   const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
   std::vector<Surface> surfaces;
-  if (!scene.vessels.empty()) surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
-  if (!scene.catheter.empty()) surfaces.push_back(read_catheter(scene.catheter));
+  const bool has_vessels = !scene.vessels.empty() && !scene.steered;
+  if (has_vessels) surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
+  if (scene.steered)
+    surfaces.push_back(catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm));
+  else if (!scene.catheter.empty())
+    surfaces.push_back(read_catheter(scene.catheter));
 
   const BodyBounds bounds = bounds_of(map->geometry);
-  if (!scene.vessels.empty())
+  if (has_vessels)
     session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
   View view = parse_view(options.view);
   if (!options.session.empty() && options.view.pixel_mm == 0) {
@@ -146,19 +155,26 @@ void render(const Options& options, Session& session) {
   Renderer renderer;
   renderer.set_map(map);
   renderer.set_surfaces(surfaces);
+  std::optional<RoadMap> road_map;
+  if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
+    road_map.emplace(read_tree(scene.vessels));
+  const auto frame = [&] {
+    std::vector<std::uint8_t> rgb = draw(renderer, view, scene, bounds, options.furniture);
+    if (road_map) draw_outline(road_map->outline(view), kRoadMapColour, view.width, rgb);
+    return rgb;
+  };
   const Stopwatch stopwatch;
   if (!cine_deg.empty()) {
     CineWriter writer(options.output, view.width, view.height);
     session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
     for (const double angle_deg : cine_deg) {
       view.angle_rad = angle_deg * kRadians;
-      writer.add(draw(renderer, view, scene, bounds, options.furniture));
+      writer.add(frame());
       session.progress.advance();
     }
     writer.finish();
   } else if (is_picture(options.output)) {
-    write_png(draw(renderer, view, scene, bounds, options.furniture), view.width, view.height, 3,
-              options.output);
+    write_png(frame(), view.width, view.height, 3, options.output);
   } else {
     write_projection({view, renderer.tau(view, scene.style), 0}, options.output);
   }

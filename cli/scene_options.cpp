@@ -21,6 +21,7 @@ void add_scene_options(CLI::App& command, SceneOptions& options) {
 }
 
 void apply(const SceneOptions& options, ViewSession& session) {
+  if (!options.vessels.empty() || !options.catheter.empty()) session.steered.reset();
   replace_file(session.vessels, options.vessels);
   replace_file(session.catheter, options.catheter);
   if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;

@@ -46,6 +46,8 @@ TEST_F(AtTheTable, OnlyThePedalExposes) {
   watch(intervention, moved, 10);
   EXPECT_EQ(intervention.exposures(), 1);
   EXPECT_EQ(intervention.camera(), Camera{}) << "the last image is held";
+  EXPECT_EQ(intervention.caption({}), status_of({}));
+  EXPECT_EQ(intervention.caption(moved), "held: " + status_of({}) + "; C-arm: " + status_of(moved));
   EXPECT_EQ(intervention.surfaces()[0].mesh.points_mm, held);
   EXPECT_EQ(intervention.fluoroscopy_s(), 0);
   EXPECT_GT(intervention.run().now().pose.insertion_mm, 1) << "though the catheter moves";
@@ -54,6 +56,7 @@ TEST_F(AtTheTable, OnlyThePedalExposes) {
   watch(intervention, moved, 5);
   EXPECT_EQ(intervention.exposures(), 6);
   EXPECT_EQ(intervention.camera(), moved);
+  EXPECT_EQ(intervention.caption(moved), status_of(moved));
   EXPECT_NE(intervention.surfaces()[0].mesh.points_mm, held);
   EXPECT_NEAR(intervention.fluoroscopy_s(), 0.5, 1e-9);
   intervention.press_pedal(false);
@@ -78,9 +81,7 @@ TEST_F(AtTheTable, AReplayIsSteeredByItsFileAndTheNextRunByHandAgain) {
   intervention.replay(file);
   EXPECT_EQ(intervention.manual(), nullptr);
   while (intervention.run().now().time_s < 0.5) watch(intervention, {}, 1);
-  // The hub comes to where the script ends within the spring's 10 ms: there the tip's curve is out of the
-  // introducer, and no longer pulls the hub in as it bends.
-  EXPECT_NEAR(intervention.run().now().pose.insertion_mm, 36, 0.1);
+  EXPECT_NEAR(intervention.run().now().pose.insertion_mm, 36, 1e-9) << "a script leads the hub itself";
   intervention.restart();
   EXPECT_NE(intervention.manual(), nullptr);
   EXPECT_LT(intervention.run().now().pose.insertion_mm, 1);

@@ -37,19 +37,19 @@ MapGeometry map_of_slices(const VolumeGeometry& volume) {
   return map;
 }
 
-FieldOfView field_of(const VolumeGeometry& volume) {
-  FieldOfView field{volume.origin_mm, volume.to_world_mm(glm::dvec3(volume.size) - 1.0)};
-  field.lower_mm.z = volume.lower_mm().z;
-  field.upper_mm.z = volume.upper_mm().z;
-  return field;
-}
-
 /// The longest step of at most `most_mm` that divides the outermost radius.
 double step_within(const std::vector<double>& radii_mm, double most_mm) {
   return radii_mm.empty() ? most_mm : radii_mm.back() / std::max(1.0, std::ceil(radii_mm.back() / most_mm));
 }
 
 }  // namespace
+
+FieldOfView field_of(const VolumeGeometry& volume) {
+  FieldOfView field{volume.origin_mm, volume.to_world_mm(glm::dvec3(volume.size) - 1.0)};
+  field.lower_mm.z = volume.lower_mm().z;
+  field.upper_mm.z = volume.upper_mm().z;
+  return field;
+}
 
 std::string to_string(Projection projection) {
   switch (projection) {

@@ -45,6 +45,9 @@ struct FieldOfView {
   static FieldOfView between(const Corners& corners_mm);
 };
 
+/// Of a scan.
+FieldOfView field_of(const VolumeGeometry& volume);
+
 /// Where every texel of a body map looks. A map is K layers of `height` x `width` texels.
 ///
 /// - cylinder: angle phi = 0 is anterior and grows towards the patient's left; column i is centred on phi =

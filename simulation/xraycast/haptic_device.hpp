@@ -27,6 +27,9 @@ class HapticDevice {
   /// From now on the hand shall feel `load`.
   virtual void feel(const HubLoad& load) = 0;
 
+  /// The poses are the hub's own, as a script has them: no spring lies between.
+  virtual bool is_rigid() const { return false; }
+
   /// One line: what is connected, how often it speaks.
   virtual std::string status() const = 0;
 };

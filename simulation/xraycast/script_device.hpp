@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A hand that does what a script says, in real time from the first call on. Feels nothing.
+/// A hand that leads the hub as a script says, in real time from the first call on. Feels nothing.
 class ScriptDevice final : public HapticDevice {
  public:
   ScriptDevice(Script script, std::string name) : script_(std::move(script)), name_(std::move(name)) {}
@@ -20,6 +20,7 @@ class ScriptDevice final : public HapticDevice {
   }
 
   void feel(const HubLoad&) override {}
+  bool is_rigid() const override { return true; }
   std::string status() const override { return name_; }
 
  private:

@@ -73,9 +73,16 @@ void Intervention::update(const Camera& camera, double passed_s) {
   // The first picture is for free, so that there is one.
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
+  nodes_mm_ = run_->now().nodes_mm;
   surfaces_ = {run_->catheter(), run_->contrast()};
   ++exposures_;
   has_picture_ = true;
+}
+
+std::string Intervention::caption(const Camera& now) const {
+  if (!has_picture_) return status_of(now);
+  if (pedal_ || camera_ == now) return status_of(camera_);
+  return fmt::format("held: {}; C-arm: {}", status_of(camera_), status_of(now));
 }
 
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {

@@ -3,6 +3,7 @@
 #include "xraycast/manual_device.hpp"
 #include "xraycast/viewer/camera.hpp"
 #include "xraycast/viewer/road_map.hpp"
+#include "xraycast/viewer/session_file.hpp"
 #include "xraycast/viewer/simulated_run.hpp"
 
 #include <filesystem>
@@ -48,6 +49,13 @@ class Intervention {
   /// Where the C-arm was when the picture was taken that is held now.
   const Camera& camera() const { return camera_; }
 
+  /// What is written below the picture: where the C-arm was for it and, while another picture would be taken
+  /// now, where it stands.
+  std::string caption(const Camera& now) const;
+
+  /// The catheter and the road map in that picture.
+  SteeredCatheter catheter() const { return {nodes_mm_, run_->model().radius_mm(), has_road_map}; }
+
   /// What absorbs in that picture. Changes with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }
@@ -73,6 +81,7 @@ class Intervention {
   bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
   Camera camera_;
+  std::vector<glm::dvec3> nodes_mm_;
   std::vector<Surface> surfaces_;
   long exposures_ = 0;
   RoadMap road_map_;

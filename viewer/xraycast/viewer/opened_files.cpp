@@ -3,14 +3,22 @@
 #include "xraycast/basis_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/scan.hpp"
+#include "xraycast/viewer/catheter_surface.hpp"
+#include "xraycast/viewer/same_scan.hpp"
 #include "xraycast/viewer/vessels.hpp"
 
 namespace xraycast {
 namespace {
 
+void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
+  if (!opened.session.map.empty())
+    check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
+}
+
 /// The scan on a device, and where its body lies.
 BodyOutline load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
+  check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
@@ -38,17 +46,21 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
   const ViewSession& last = before.session;
   const bool is_same_scan = session.scan == last.scan && before.scan;
   const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
-  if (!session.vessels.empty())
+  if (!session.vessels.empty() && !session.steered)
     opened.vessels =
         session.vessels == last.vessels && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
             ? before.vessels
             : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
-  if (session.vessels == last.vessels)
+  if (session.vessels == last.vessels && before.tree)
     opened.tree = before.tree;
-  else if (std::filesystem::exists(session.vessels / "tree.vtp"))
+  else if (!session.vessels.empty() &&
+           (session.steered || std::filesystem::exists(session.vessels / "tree.vtp")))
     opened.tree = std::make_shared<VesselTree>(read_tree(session.vessels));
-  if (!session.catheter.empty())
-    opened.catheter = session.catheter == last.catheter && before.catheter
+  if (session.steered)
+    opened.catheter =
+        std::make_shared<Surface>(catheter_surface(session.steered->nodes_mm, session.steered->radius_mm));
+  else if (!session.catheter.empty())
+    opened.catheter = session.catheter == last.catheter && before.catheter && !last.steered
                           ? before.catheter
                           : std::make_shared<Surface>(read_catheter(session.catheter));
   if (is_same_map)
@@ -59,7 +71,11 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
     opened.recast = before.recast;
   else if (!session.basis.empty())
     opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(device, read_basis(session.basis));
+  if (opened.recast && !session.map.empty())
+    check_same_scan(opened.map->geometry, session.map.string(), opened.recast->basis.geometry,
+                    session.basis.string());
   if (is_same_scan && opened.map) {
+    check_scan(opened, before.scan->scan->geometry());
     opened.scan = before.scan;
   } else if (!session.scan.empty()) {
     const BodyOutline body = load_scan(opened, device, progress);

@@ -75,6 +75,21 @@ class Fields {
   std::string name_;
 };
 
+Json steered_to_json(const SteeredCatheter& steered) {
+  Json nodes = Json::array();
+  for (const glm::dvec3& node : steered.nodes_mm) nodes.push_back({node.x, node.y, node.z});
+  return {{"nodes_mm", nodes}, {"radius_mm", steered.radius_mm}, {"road_map", steered.has_road_map}};
+}
+
+SteeredCatheter steered_of(const Fields& fields) {
+  SteeredCatheter steered;
+  for (const auto& [x, y, z] : fields.get<std::vector<std::array<double, 3>>>("nodes_mm"))
+    steered.nodes_mm.emplace_back(x, y, z);
+  steered.radius_mm = fields.number("radius_mm", 0.01, 100);
+  steered.has_road_map = fields.get<bool>("road_map");
+  return steered;
+}
+
 Camera camera_of(const Fields& fields) {
   Camera camera;
   camera.angle_rad = fields.number("angle_deg", -360, 360) / kDegrees;
@@ -116,6 +131,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
   for (const auto& [name, file] : files_of(session))
     if (!file->empty()) json["files"][name] = fs::absolute(*file).lexically_relative(folder).string();
   json["contrast_mg_ml"] = session.contrast_mg_ml;
+  if (session.steered) json["simulation"] = steered_to_json(*session.steered);
   json["camera"] = camera_to_json(session.camera);
   const Style& style = session.style;
   json["style"] = {{"look", to_string(style.look)},
@@ -153,6 +169,7 @@ ViewSession read_session(const fs::path& path) {
   }
   if (fields.has("contrast_mg_ml"))
     session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMostContrast_mg_ml);
+  if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
   session.camera = camera_of(fields.at("camera"));
   session.style = style_of(fields.at("style"));
   session.has_window = fields.has("window");

@@ -17,8 +17,10 @@ SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const DeviceM
       contrast_(*tree_),
       loop_(std::make_unique<Catheter>(*tree_, model, entry),
             [this](const HubPose& hub, const HubLoad& load, double step_s) {
+              const HandPose hand = device_->pose();
+              if (device_->is_rigid()) return hand.pose;
               coupling_.stand_at(hub);
-              const VirtualCoupling::Step step = coupling_.step(device_->pose(), load, step_s);
+              const VirtualCoupling::Step step = coupling_.step(hand, load, step_s);
               device_->feel(step.felt);
               return step.hub;
             }),
@@ -42,11 +44,13 @@ Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm,
 Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml()); }
 
 void SimulatedRun::start_recording() {
+  update();
   recorded_ = {{now_->time_s, now_->pose}};
   is_recording_ = true;
 }
 
 std::string SimulatedRun::stop_recording() {
+  update();
   is_recording_ = false;
   std::string csv = "time_s,insertion_mm,rotation_deg\n";
   for (const Pose& row : recorded_)

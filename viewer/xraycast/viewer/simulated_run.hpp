@@ -47,11 +47,11 @@ class SimulatedRun {
   static constexpr double kKept_s = 10;
   const std::deque<Load>& loads() const { return loads_; }
 
-  /// Writes down where the hub is at every update from now on.
+  /// Writes down where the hub is, now and at every update.
   void start_recording();
   bool is_recording() const { return is_recording_; }
 
-  /// Ends the recording: a script (see Script) that begins at 0 s.
+  /// Ends the recording where the hub is by now: a script (see Script) that begins at 0 s.
   std::string stop_recording();
 
  private:

@@ -52,8 +52,10 @@ ViewSession with_file(ViewSession session, const fs::path& path) {
     session.basis = path;
   } else if (extension == ".csv") {
     session.catheter = path;
+    session.steered.reset();
   } else if (is_vessels(path)) {
     session.vessels = path;
+    session.steered.reset();
   } else {
     session.map.clear();
     session.basis.clear();
@@ -89,6 +91,8 @@ Viewer::Viewer(ViewSession session, std::string device, const std::function<void
 void Viewer::attempt(const std::function<void()>& action) {
   try {
     action();
+  } catch (const std::bad_alloc&) {
+    message_ = "not enough memory";
   } catch (const std::exception& error) {
     message_ = error.what();
   }
@@ -109,6 +113,7 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
 
 /// Only what could be opened becomes part of the session.
 void Viewer::deliver(OpenedFiles opened, bool takes_view) {
+  is_first_ = false;
   const bool is_other_map = opened.map != opened_.map || opened.recast != opened_.recast;
   opened_ = std::move(opened);
   const Camera camera = session_.camera;
@@ -118,6 +123,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
     session_.camera = camera;
     session_.style = style;
   }
+  road_map_.reset();
   latest_truth_.reset();
   asked_view_.reset();
   std::vector<Surface> surfaces;
@@ -148,6 +154,7 @@ void Viewer::open(const fs::path& path) {
   attempt([&] {
     if (!fs::exists(path)) throw InputError("{}: no such file or folder", path.string());
     message_.clear();
+    is_first_ = false;
     load(with_file(session_, path), extension_of(path) == ".json");
   });
 }
@@ -155,7 +162,10 @@ void Viewer::open(const fs::path& path) {
 void Viewer::save_session() {
   attempt([&] {
     const fs::path path = "xraycast-session.json";
-    write_session(session_, path);
+    ViewSession shown = session_;
+    shown.camera = picture_camera();
+    if (intervention_) shown.steered = intervention_->catheter();
+    write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
   });
 }
@@ -171,7 +181,7 @@ void Viewer::save_picture() {
       std::vector<std::uint8_t> part = is_truth ? renderer_.picture(*latest_truth_, session_.style)
                                                 : renderer_.picture(view, session_.style);
       const View& drawn = is_truth ? latest_truth_->view : view;
-      furnish(part, drawn, bounds_, status_of(session_.camera));
+      furnish(part, drawn, bounds_, status_of(picture_camera()));
       draw_outline(road_map(drawn), kRoadMapColour, drawn.width, part);
       const std::size_t row = std::size_t{3} * drawn.width;
       for (int j = 0; j < std::min(height, drawn.height); ++j)
@@ -261,8 +271,10 @@ void Viewer::restart_run() {
 }
 
 std::span<const glm::ivec2> Viewer::road_map(const View& view) {
-  if (!intervention_) return {};
-  return intervention_->road_map(view);
+  if (intervention_) return intervention_->road_map(view);
+  if (!session_.steered || !session_.steered->has_road_map || !opened_.tree) return {};
+  if (!road_map_) road_map_.emplace(*opened_.tree);
+  return road_map_->outline(view);
 }
 
 // ---- the vessels ----------------------------------------------------------------------------------
@@ -368,9 +380,16 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
 
 // ---- the picture ----------------------------------------------------------------------------------
 
+const Camera& Viewer::picture_camera() const {
+  return intervention_ ? intervention_->camera() : session_.camera;
+}
+
+std::string Viewer::caption() const {
+  return intervention_ ? intervention_->caption(session_.camera) : status_of(session_.camera);
+}
+
 View Viewer::view_in(int width, int height) const {
-  const Camera& camera = intervention_ ? intervention_->camera() : session_.camera;
-  return view_of(camera, bounds_, std::max(1, width), std::max(1, height));
+  return view_of(picture_camera(), bounds_, std::max(1, width), std::max(1, height));
 }
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
@@ -405,12 +424,11 @@ void Viewer::adapt_brightness(const View& view) {
 }
 
 void Viewer::take_results() {
-  attempt([&] {
-    if (const auto error = opening_.poll()) throw InputError("{}", *error);
-  });
-  attempt([&] {
-    if (const auto error = writing_.poll()) throw InputError("{}", *error);
-  });
+  if (is_first_)
+    opening_.poll();
+  else
+    attempt([&] { opening_.poll(); });
+  attempt([&] { writing_.poll(); });
   attempt([&] {
     if (const auto psnr = comparing_.take()) psnr_db_ = *psnr;
     auto truth = projecting_.take();

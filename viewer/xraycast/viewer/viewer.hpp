@@ -62,6 +62,7 @@ class Viewer {
   ViewSession& session() { return session_; }
   Camera& camera() { return session_.camera; }
   const Camera& camera() const { return session_.camera; }
+  std::string caption() const;  ///< of the picture
   Style& style() { return session_.style; }
   Drawing drawing() const;
   void set_drawing(Drawing drawing);
@@ -103,7 +104,8 @@ class Viewer {
   };
   std::vector<Pane> panes(int width, int height) const;
 
-  /// Takes in what workers have done and draws the picture on the bound framebuffer.
+  /// Takes in what workers have done and draws the picture on the bound framebuffer. Throws as open_files
+  /// where the session that the viewer was made with cannot be opened.
   void draw(int width, int height);
 
   /// Errors become the message.
@@ -139,6 +141,7 @@ class Viewer {
   void next_cine_frame();
   void show_catheter();
   void adapt_brightness(const View& view);
+  const Camera& picture_camera() const;
 
   ViewSession session_;
   std::string device_;
@@ -148,6 +151,7 @@ class Viewer {
   std::vector<double> mu_per_mm_;         ///< at the basis' knots
   BodyBounds bounds_;
   bool truth_ = false;
+  bool is_first_ = true;  ///< nothing but the session that the viewer was made with was to be opened yet
 
   std::vector<Edit> undo_, redo_;
   std::string message_;
@@ -157,6 +161,7 @@ class Viewer {
   std::optional<double> psnr_db_;
   std::optional<Cine> cine_;
   std::optional<Intervention> intervention_;
+  std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
   std::optional<VesselTree::Location> picked_;

@@ -58,7 +58,7 @@ void furnish(const Viewer& viewer, float left, float width, float height) {
 
 /// The vessels' outline over the picture, a line a run of pixels.
 void draw_road_map(Viewer& viewer, const ImVec2& size) {
-  if (!viewer.map() || !viewer.intervention()) return;
+  if (!viewer.map()) return;
   ImDrawList& draw = *ImGui::GetBackgroundDrawList();
   for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
     const auto outline = viewer.road_map(viewer.view_in(pane.width, pane.height));
@@ -88,8 +88,8 @@ void draw_picked(const Viewer& viewer, const ImVec2& size) {
 
 std::string status_line(const Viewer& viewer, const ImVec2& size) {
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
-  return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", status_of(viewer.camera()),
-                     viewer.frame_ms(), size.x * scale.x, size.y * scale.y, gl_device_name(),
+  return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", viewer.caption(), viewer.frame_ms(),
+                     size.x * scale.x, size.y * scale.y, gl_device_name(),
                      static_cast<double>(viewer.texture_B()) / 1e6);
 }
 

@@ -21,24 +21,22 @@ void Worker::start(std::string name, Job job) {
   });
   state_ = {};
   delivery_ = {};
-  error_.reset();
+  error_ = nullptr;
   running_ = true;
   finished_ = false;
   thread_ = std::thread([this, job = std::move(job)] {
     Delivery delivery;
-    std::optional<std::string> error;
+    std::exception_ptr error;
     try {
       delivery = job(*progress_);
       progress_->check();  // a job that was cancelled in its last step is not wanted either
     } catch (const Cancelled&) {
-    } catch (const std::bad_alloc&) {
-      error = "not enough memory";
-    } catch (const std::exception& caught) {
-      error = caught.what();
+    } catch (...) {
+      error = std::current_exception();
     }
     const std::lock_guard lock(mutex_);
     delivery_ = std::move(delivery);
-    error_ = std::move(error);
+    error_ = error;
     finished_ = true;
   });
 }
@@ -47,16 +45,16 @@ void Worker::cancel() {
   if (progress_) progress_->cancel();
 }
 
-std::optional<std::string> Worker::poll() {
+void Worker::poll() {
   {
     const std::lock_guard lock(mutex_);
-    if (!running_ || !finished_) return std::nullopt;
+    if (!running_ || !finished_) return;
     running_ = false;
   }
   thread_.join();
   const Delivery delivery = std::exchange(delivery_, {});
   if (delivery) delivery();
-  return std::exchange(error_, std::nullopt);
+  if (const std::exception_ptr error = std::exchange(error_, nullptr)) std::rethrow_exception(error);
 }
 
 std::optional<Worker::Status> Worker::status() const {

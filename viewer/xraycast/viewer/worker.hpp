@@ -2,6 +2,7 @@
 
 #include "xraycast/progress.hpp"
 
+#include <exception>
 #include <functional>
 #include <memory>
 #include <mutex>
@@ -25,9 +26,9 @@ class Worker {
 
   void cancel();
 
-  /// Delivers a finished job's result. An error of the job comes back as its message; a cancelled job is
-  /// silent. To be called often, on the window's thread.
-  std::optional<std::string> poll();
+  /// Delivers a finished job's result. Throws what the job threw; a cancelled job is silent. To be called
+  /// often, on the window's thread.
+  void poll();
 
   /// What the running job is doing; none when there is none.
   struct Status {
@@ -44,7 +45,7 @@ class Worker {
   Progress::State state_;
   bool running_ = false, finished_ = false;
   Delivery delivery_;
-  std::optional<std::string> error_;
+  std::exception_ptr error_;
 };
 
 }  // namespace xraycast

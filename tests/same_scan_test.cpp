@@ -1,0 +1,55 @@
+#include "xraycast/viewer/same_scan.hpp"
+
+#include "xraycast/error.hpp"
+
+#include <gtest/gtest.h>
+
+namespace xraycast {
+namespace {
+
+const VolumeGeometry kChest{{512, 512, 275}, {0.78, 0.78, 1.0}, {-200, -180, 40}};
+
+MapGeometry chest_map(int layers) {
+  return cylinder_map(kChest, 360, shell_radii_mm(RadiiRule::equal_area, layers, 150), {0, 0});
+}
+
+void check_with(const MapGeometry& map, const VolumeGeometry& scan) {
+  check_same_scan(map, "map", scan, "scan");
+}
+void check_with(const MapGeometry& map, const MapGeometry& basis) {
+  check_same_scan(map, "map", basis, "basis");
+}
+
+TEST(SameScan, TakesEveryMapOfAScan) {
+  EXPECT_NO_THROW(check_with(chest_map(4), kChest));
+  EXPECT_NO_THROW(check_with(sphere_map(kChest, 90, {0, 100}, {0, 0, 150}), kChest));
+  EXPECT_NO_THROW(check_with(rectangle_map(kChest, 8, 150, {0, 0}), kChest));
+}
+
+TEST(SameScan, RefusesAMapOfAnotherScan) {
+  VolumeGeometry elsewhere = kChest, shorter = kChest, wider = kChest;
+  elsewhere.origin_mm.z += 1000;
+  shorter.size.z = 200;
+  wider.spacing_mm.x = 0.9;
+  for (const VolumeGeometry& other : {elsewhere, shorter, wider}) {
+    EXPECT_THROW(check_with(chest_map(4), other), InputError);
+    EXPECT_THROW(check_with(chest_map(4), cylinder_map(other, 360, {0, 150}, {0, 0})), InputError);
+  }
+  EXPECT_THROW(check_with(sphere_map(kChest, 90, {0, 100}, {0, 0, 150}), wider), InputError);
+}
+
+TEST(SameScan, TakesABasisOfOtherLayersOfOneScan) {
+  EXPECT_NO_THROW(check_with(chest_map(4), chest_map(4)));
+  EXPECT_NO_THROW(check_with(chest_map(4), chest_map(8)));
+}
+
+TEST(SameScan, TakesOneGeometryWhereAFileDoesNotTellTheField) {
+  MapGeometry earlier = chest_map(4);
+  earlier.field.reset();
+  EXPECT_NO_THROW(check_with(earlier, chest_map(4)));
+  EXPECT_NO_THROW(check_with(earlier, kChest));
+  EXPECT_THROW(check_with(earlier, chest_map(8)), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,44 @@
+#include "xraycast/viewer/session_file.hpp"
+
+#include "support/temporary_folder.hpp"
+#include "xraycast/error.hpp"
+#include "xraycast/whole_file.hpp"
+
+#include <gtest/gtest.h>
+
+#include <string>
+
+namespace xraycast {
+namespace {
+
+TEST(SessionFile, KeepsTheCatheterThatWasSteered) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  session.steered = {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, false};
+  session.camera.rotate(30);
+  write_session(session, folder / "s.json");
+  const ViewSession read = read_session(folder / "s.json");
+  EXPECT_EQ(read.steered, session.steered);
+  EXPECT_NEAR(read.camera.angle_rad, session.camera.angle_rad, 1e-12);
+}
+
+TEST(SessionFile, HasNoSteeredCatheterWhereNoneWasSaved) {
+  const TemporaryFolder folder;
+  write_session({}, folder / "s.json");
+  EXPECT_EQ(read_whole_file(folder / "s.json").find("simulation"), std::string::npos);
+  EXPECT_FALSE(read_session(folder / "s.json").steered);
+}
+
+TEST(SessionFile, RefusesASteeredCatheterThatIsNone) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  session.steered = {{{1, 2, 3}}, 0.825, true};
+  write_session(session, folder / "s.json");
+  std::string text = read_whole_file(folder / "s.json");
+  text.replace(text.find("0.825"), 5, "-1");
+  write_whole_file(folder / "s.json", text);
+  EXPECT_THROW(read_session(folder / "s.json"), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast
