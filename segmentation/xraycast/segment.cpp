@@ -1,5 +1,6 @@
 #include "xraycast/segment.hpp"
 
+#include "xraycast/body.hpp"
 #include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/denoise.hpp"
@@ -171,6 +172,7 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     throw InputError(
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
         name, window.low_hu);
+  if (has_air(scan)) intersect(mask, find_body(scan));
   progress.advance();
   if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
     return without_specks(mask);  // nothing but vessels is left in a subtracted scan
