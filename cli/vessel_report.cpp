@@ -13,7 +13,6 @@
 #include <cmath>
 #include <functional>
 #include <numeric>
-#include <ranges>
 
 namespace xraycast::cli {
 namespace {
@@ -75,12 +74,13 @@ void text(OIIO::ImageBuf& sheet, int x, int y, const std::string& words, const C
   Algo::render_text(sheet, x, y, words, kFont, "DejaVuSans", colour, align);
 }
 
-/// The indices of a tree's branches, the longest first.
-std::vector<std::size_t> by_length(const VesselTree& tree) {
+/// The indices of the branches that the table lists, the longest first.
+std::vector<std::size_t> listed(const VesselTree& tree) {
   std::vector<std::size_t> order(tree.branches().size());
   std::iota(order.begin(), order.end(), std::size_t{0});
   std::ranges::stable_sort(order, std::greater{},
                            [&](std::size_t i) { return tree.branches()[i].arc_length_mm.back(); });
+  order.resize(std::min(order.size(), kRows));
   return order;
 }
 
@@ -135,7 +135,7 @@ void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const Volu
       Algo::render_line(sheet, ax, ay, bx, by, Colour{1.0F, 0.85F, 0.25F}, true);
     }
   Labels labels(sheet);
-  for (const std::size_t i : by_length(tree) | std::views::take(kRows)) {
+  for (const std::size_t i : listed(tree)) {
     const VesselBranch& branch = tree.branches()[i];
     const auto middle = std::ranges::lower_bound(branch.arc_length_mm, 0.5 * branch.arc_length_mm.back()) -
                         branch.arc_length_mm.begin();
@@ -156,20 +156,19 @@ void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector
            Algo::TextAlignX::Right);
   };
   row(0, {"branch", "parent", "length mm", "radius mm", "HU"}, kFaint);
-  const std::vector<std::size_t> order = by_length(tree);
   int line = 1;
-  for (std::size_t i = 0; i < std::min(order.size(), kRows); ++i) {
-    const BranchFacts& f = facts[order[i]];
-    const int parent = tree.branches()[order[i]].parent;
+  for (const std::size_t i : listed(tree)) {
+    const BranchFacts& f = facts[i];
+    const int parent = tree.branches()[i].parent;
     row(line++,
-        {fmt::format("{}", order[i]), parent < 0 ? "root" : fmt::format("{}", parent),
+        {fmt::format("{}", i), parent < 0 ? "root" : fmt::format("{}", parent),
          fmt::format("{:.1f}", f.length_mm), fmt::format("{:.2f}", f.mean_radius_mm),
          fmt::format("{:.0f}", f.mean_hu)},
         kInk);
   }
-  if (order.size() > kRows)
+  if (facts.size() > kRows)
     text(sheet, kTableLeft, kTop + kFont + line * kLine,
-         fmt::format("and {} shorter ones, see tree.json", order.size() - kRows), kFaint);
+         fmt::format("and {} shorter ones, see tree.json", facts.size() - kRows), kFaint);
 }
 
 }  // namespace
