@@ -11,6 +11,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <functional>
 #include <numeric>
 
 namespace xraycast::cli {
@@ -20,6 +21,7 @@ namespace Algo = OIIO::ImageBufAlgo;
 using Colour = std::array<float, 3>;
 constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kPanelWidth = 510, kPanelHeight = 760;
 constexpr int kFont = 15, kLine = 22, kTableLeft = kMargin + 2 * (kPanelWidth + kMargin);
+constexpr std::size_t kRows = (kHeight - kTop) / kLine - 4;  ///< branches that the table lists
 constexpr Colour kPaper{0.10F, 0.11F, 0.13F}, kInk{0.9F, 0.9F, 0.9F}, kFaint{0.6F, 0.62F, 0.65F};
 
 /// The scan along one axis as grey, with the mask over it in red: row 0 is the most superior slice.
@@ -72,7 +74,45 @@ void text(OIIO::ImageBuf& sheet, int x, int y, const std::string& words, const C
   Algo::render_text(sheet, x, y, words, kFont, "DejaVuSans", colour, align);
 }
 
-/// Draws a projection and the tree's centrelines over it into a panel whose left edge is at `left`.
+/// The indices of the branches that the table lists, the longest first.
+std::vector<std::size_t> listed(const VesselTree& tree) {
+  std::vector<std::size_t> order(tree.branches().size());
+  std::iota(order.begin(), order.end(), std::size_t{0});
+  std::ranges::stable_sort(order, std::greater{},
+                           [&](std::size_t i) { return tree.branches()[i].arc_length_mm.back(); });
+  order.resize(std::min(order.size(), kRows));
+  return order;
+}
+
+/// Writes branches' numbers around places in a picture, in that order, but for those that would cover
+/// another.
+class Labels {
+ public:
+  explicit Labels(OIIO::ImageBuf& sheet) : sheet_(sheet) {}
+
+  void add(std::size_t branch, int x, int y) {
+    constexpr int kSmall = 13, kOutline = 2;
+    const std::string words = fmt::format("{}", branch);
+    const OIIO::ROI size = Algo::text_size(words, kSmall, "DejaVuSans");
+    const int right = size.width() / 2 + kOutline, down = size.height() / 2 + kOutline;
+    const OIIO::ROI box(x - right, x + right, y - down, y + down);
+    if (std::ranges::any_of(taken_, [&](const OIIO::ROI& other) {
+          return box.xbegin < other.xend && other.xbegin < box.xend && box.ybegin < other.yend &&
+                 other.ybegin < box.yend;
+        }))
+      return;
+    taken_.push_back(box);
+    Algo::render_text(sheet_, x, y, words, kSmall, "DejaVuSans", kInk, Algo::TextAlignX::Center,
+                      Algo::TextAlignY::Center, kOutline);
+  }
+
+ private:
+  OIIO::ImageBuf& sheet_;
+  std::vector<OIIO::ROI> taken_;
+};
+
+/// Draws a projection, the tree's centrelines over it and the listed branches' numbers into a panel whose
+/// left edge is at `left`.
 void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const VolumeGeometry& g,
           const VesselTree& tree) {
   const double pixels_per_mm = std::min(kPanelWidth / picture.width_mm, kPanelHeight / picture.height_mm);
@@ -94,6 +134,14 @@ void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const Volu
       const auto [bx, by] = pixel(branch.points[i].position_mm);
       Algo::render_line(sheet, ax, ay, bx, by, Colour{1.0F, 0.85F, 0.25F}, true);
     }
+  Labels labels(sheet);
+  for (const std::size_t i : listed(tree)) {
+    const VesselBranch& branch = tree.branches()[i];
+    const auto middle = std::ranges::lower_bound(branch.arc_length_mm, 0.5 * branch.arc_length_mm.back()) -
+                        branch.arc_length_mm.begin();
+    const auto [x, y] = pixel(branch.points[static_cast<std::size_t>(middle)].position_mm);
+    labels.add(i, x, y);
+  }
   text(sheet, left, kTop + kPanelHeight + 24,
        picture.axis == 0 ? "from the left: anterior is on the left"
                          : "from the front: the patient's left is on the right",
@@ -108,24 +156,19 @@ void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector
            Algo::TextAlignX::Right);
   };
   row(0, {"branch", "parent", "length mm", "radius mm", "HU"}, kFaint);
-  std::vector<std::size_t> order(facts.size());
-  std::iota(order.begin(), order.end(), std::size_t{0});
-  std::ranges::stable_sort(
-      order, [&](std::size_t a, std::size_t b) { return facts[a].length_mm > facts[b].length_mm; });
-  constexpr std::size_t kRows = (kHeight - kTop) / kLine - 4;
   int line = 1;
-  for (std::size_t i = 0; i < std::min(order.size(), kRows); ++i) {
-    const BranchFacts& f = facts[order[i]];
-    const int parent = tree.branches()[order[i]].parent;
+  for (const std::size_t i : listed(tree)) {
+    const BranchFacts& f = facts[i];
+    const int parent = tree.branches()[i].parent;
     row(line++,
-        {fmt::format("{}", order[i]), parent < 0 ? "root" : fmt::format("{}", parent),
+        {fmt::format("{}", i), parent < 0 ? "root" : fmt::format("{}", parent),
          fmt::format("{:.1f}", f.length_mm), fmt::format("{:.2f}", f.mean_radius_mm),
          fmt::format("{:.0f}", f.mean_hu)},
         kInk);
   }
-  if (order.size() > kRows)
+  if (facts.size() > kRows)
     text(sheet, kTableLeft, kTop + kFont + line * kLine,
-         fmt::format("and {} shorter ones, see tree.json", order.size() - kRows), kFaint);
+         fmt::format("and {} shorter ones, see tree.json", facts.size() - kRows), kFaint);
 }
 
 }  // namespace

@@ -19,7 +19,8 @@ struct BranchFacts {
 std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume);
 
 /// One picture of what was found: the scan from the front and from the left (the mean of its CT numbers along
-/// each ray) with the mask over it in red and the centrelines in yellow, and a table of the longest branches.
+/// each ray) with the mask over it in red and the centrelines in yellow, and a table of the longest branches,
+/// whose numbers stand at their middles where they do not cover a longer one's.
 /// Throws Error when the disk is full.
 void write_vessel_report(const std::string& title, const Volume& volume, const Mask& mask,
                          const VesselTree& tree, const std::filesystem::path& path);

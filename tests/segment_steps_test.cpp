@@ -1,5 +1,6 @@
 // Every step of a segmentation on a scene whose answer is known.
 #include "support/tubes.hpp"
+#include "xraycast/body.hpp"
 #include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/contrast.hpp"
@@ -112,6 +113,38 @@ TEST(Threshold, FindsTheVesselAndItsRim) {
   const Mask truth =
       mask_where(volume.geometry(), [](const glm::dvec3& p) { return std::hypot(p.x - 30, p.y - 30) < 7; });
   EXPECT_EQ(mask.voxels, truth.voxels);
+}
+
+TEST(Body, IsTrunkAndArmsWithTheirLungsButNoTable) {
+  Volume volume({.size = {100, 60, 4}, .spacing_mm = {4, 4, 4}});
+  const auto within = [](double x, double y, double at_x, double at_y, double a, double b) {
+    return std::hypot((x - at_x) / a, (y - at_y) / b) < 1;
+  };
+  for (std::int64_t i = 0; i < volume.geometry().voxel_count(); ++i) {
+    const auto x = static_cast<double>(i % 100), y = static_cast<double>(i / 100 % 60);
+    const bool is_trunk = within(x, y, 65, 20, 40, 16), is_lung = within(x, y, 90, 20, 20, 5),
+               is_arm = within(x, y, 12, 20, 6, 6), is_table = y >= 44 && y < 46,
+               is_rail = within(x, y, 30, 52, 1, 3);
+    volume.hu()[static_cast<std::size_t>(i)] =
+        static_cast<std::int16_t>(is_table || is_rail                ? 300
+                                  : (is_trunk && !is_lung) || is_arm ? 40
+                                                                     : -1000);
+  }
+  const Mask body = find_body(volume);
+  EXPECT_TRUE(body.at({60, 20, 2}));   // trunk
+  EXPECT_TRUE(body.at({90, 20, 2}));   // a lung
+  EXPECT_TRUE(body.at({99, 20, 2}));   // where the scan's border cuts it
+  EXPECT_TRUE(body.at({12, 20, 2}));   // an arm
+  EXPECT_FALSE(body.at({22, 20, 2}));  // beside it
+  EXPECT_FALSE(body.at({60, 45, 2}));  // the table
+  EXPECT_FALSE(body.at({30, 52, 2}));  // a rail
+}
+
+TEST(Body, IsEverythingWhereNothingIsThick) {
+  Volume volume({.size = {40, 40, 4}});
+  std::ranges::fill(volume.hu(), std::int16_t{-1000});
+  volume.at(20, 20, 2) = 400;
+  EXPECT_EQ(find_body(volume).count(), volume.geometry().voxel_count());
 }
 
 TEST(Watershed, PartsAVesselFromTheChamberThatItLeaves) {

@@ -1,5 +1,6 @@
 #include "xraycast/segment.hpp"
 
+#include "xraycast/body.hpp"
 #include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
 #include "xraycast/denoise.hpp"
@@ -88,16 +89,6 @@ bool has_air(const Volume& volume) {
   return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
 }
 
-/// The parts of a mask but for those of less than a hundredth of the largest one.
-Mask without_specks(const Mask& mask) {
-  const Components parts(mask);
-  if (parts.count() == 0) return mask;
-  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
-  for (int c = 0; c < parts.count(); ++c)
-    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
-  return parts.select(keep);
-}
-
 /// Where noise is so heavy that neither bone nor chambers can be told, lines are what is found.
 Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::string& name, Device& device,
                       Progress& progress) {
@@ -173,6 +164,7 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     throw InputError(
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
         name, window.low_hu);
+  if (has_air(scan)) intersect(mask, find_body(scan));
   progress.advance();
   if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
     return without_specks(mask);  // nothing but vessels is left in a subtracted scan
