@@ -93,8 +93,8 @@ std::vector<Index3> dead_end_at(const Mask& lines, Index3 here) {
 /// Takes the dead ends off lines one voxel wide whose mean rise is less, and returns them.
 Mask drop_dark_ends(Mask& lines, const std::vector<float>& rise, double least) {
   Mask dark(lines.geometry);
-  for (bool is_done = false; !is_done;) {
-    is_done = true;
+  while (true) {
+    std::vector<Index3> found;  // all of them, before what forked here ends here
     for (std::size_t i = 0; i < lines.voxels.size(); ++i) {
       if (lines.voxels[i] == 0) continue;
       const Index3 tip = voxel_at(lines.geometry, static_cast<std::int64_t>(i));
@@ -102,12 +102,11 @@ Mask drop_dark_ends(Mask& lines, const std::vector<float>& rise, double least) {
       const std::vector<Index3> end = dead_end_at(lines, tip);
       double sum = 0;
       for (const Index3& voxel : end) sum += static_cast<double>(rise[lines.offset(voxel)]);
-      if (sum >= least * static_cast<double>(end.size())) continue;
-      for (const Index3& voxel : end) lines[voxel] = 0, dark[voxel] = 1;
-      is_done = false;  // what forked here may end here now
+      if (sum < least * static_cast<double>(end.size())) found.insert(found.end(), end.begin(), end.end());
     }
+    if (found.empty()) return dark;
+    for (const Index3& voxel : found) lines[voxel] = 0, dark[voxel] = 1;
   }
-  return dark;
 }
 
 /// How far each voxel lies from a mask.
@@ -175,6 +174,7 @@ Mask with_lumen(const Mask& lines, const std::vector<float>& rise) {
   float brightest = 0;
   for (std::size_t i = 0; i < rise.size(); ++i)
     if (lines.voxels[i] != 0) brightest = std::max(brightest, rise[i]);
+  if (!(brightest > 0)) return lines;  // of a scan that is mostly padding nothing more is known
   Mask vessels = thin(lines);
   const Mask dark = drop_dark_ends(vessels, rise, kLeastOfAnEnd);
   const std::vector<float> to_vessels_mm = distance_to_mm(vessels), to_dark_mm = distance_to_mm(dark);

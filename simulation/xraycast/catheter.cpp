@@ -9,7 +9,6 @@
 #include <charconv>
 #include <cmath>
 #include <functional>
-#include <ranges>
 
 namespace xraycast {
 namespace {
@@ -55,16 +54,19 @@ const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
 
 const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const DeviceModel& device) {
   if (entry.radius_mm > device.radius_mm()) return entry;
-  constexpr std::size_t kMostNamed = 5;
+  constexpr std::size_t kMostNamed = 3;
   std::string wide_enough;
-  for (const VesselEnd& end : ends_for(tree, device) | std::views::take(kMostNamed))
+  std::vector<VesselEnd> ends = ends_for(tree, device);
+  if (ends.size() > kMostNamed) ends.resize(kMostNamed);
+  for (const VesselEnd& end : ends)
     wide_enough +=
-        fmt::format("{}{} ({:.2g} mm)", wide_enough.empty() ? "" : ", ", end.branch, end.radius_mm);
+        fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm)", wide_enough.empty() ? "" : " or ",
+                    end.position_mm.x(), end.position_mm.y(), end.position_mm.z(), end.branch, end.radius_mm);
   throw InputError(
       "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
       device.name(), device.radius_mm(), entry.branch, entry.radius_mm,
       wide_enough.empty() ? "nor into any other: take a thinner device"
-                          : "take another --entry, such as branch " + wide_enough + ", or a thinner device");
+                          : "take another --entry, such as " + wide_enough);
 }
 
 }  // namespace

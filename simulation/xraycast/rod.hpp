@@ -94,7 +94,7 @@ class RodSurroundings {
 /// Blood resists as it does a cylinder: its viscosity in proportion to the velocity, and its wake to the
 /// square of the velocity across (Morison et al., The force exerted by surface waves on piles, 1950; the
 /// coefficient: White, Viscous Fluid Flow, 3rd ed., 2006, section 3-9). A tip that snaps moves at metres a
-/// second, where the wake's drag is a thousand times the other.
+/// second, where the wake's drag is a hundred times the other and more.
 /// The potential falls in every step, so that without input the energy never grows. The solution of the
 /// banded system is linear in the nodes. A step allocates nothing.
 ///

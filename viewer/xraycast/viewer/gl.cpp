@@ -129,7 +129,12 @@ void Table::fill(std::size_t count, const std::function<void(std::span<float>)>&
   void* mapped = glMapBufferRange(GL_TEXTURE_BUFFER, 0, static_cast<GLsizeiptr>(size_B_),
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
   if (is_out_of_memory() || !mapped) throw_no_memory(what, size_B_);
-  write({static_cast<float*>(mapped), count});
+  try {
+    write({static_cast<float*>(mapped), count});
+  } catch (...) {
+    glUnmapBuffer(GL_TEXTURE_BUFFER);
+    throw;
+  }
   if (!glUnmapBuffer(GL_TEXTURE_BUFFER)) throw Error("{}: this OpenGL has lost it; draw it again", what);
 }
 

@@ -4,6 +4,7 @@
 #include "xraycast/viewer/shell_halves.hpp"
 
 #include <algorithm>
+#include <cassert>
 #include <optional>
 #include <vector>
 
@@ -72,6 +73,7 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
   const RowSolver solver(geometry, options);
   const std::size_t layers = solver.parts() * shells;
   const std::size_t run = (height + 3) / 4 * 4;
+  assert(texels.size() == layers * (width + 1) * run);
 
   // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
   constexpr std::size_t kRows = 16;
