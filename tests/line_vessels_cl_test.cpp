@@ -28,9 +28,7 @@ double nearest(const glm::dvec3& point, const std::vector<glm::dvec3>& points) {
 
 /// The share of a mask's voxels that lie no farther than `voxels` from another mask.
 double share_near(const Mask& mask, const Mask& other, double voxels) {
-  Mask outside = other;
-  for (std::uint8_t& voxel : outside.voxels) voxel ^= 1;
-  const std::vector<float> away = distance_to_outside_mm(outside);
+  const std::vector<float> away = distance_to_mm(other);
   std::int64_t near = 0;
   for (std::size_t i = 0; i < mask.voxels.size(); ++i) near += mask.voxels[i] != 0 && away[i] <= voxels;
   return static_cast<double>(near) / static_cast<double>(mask.count());

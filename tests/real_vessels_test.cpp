@@ -35,12 +35,6 @@ std::int64_t count(const Mask& mask, const Counts& counts) {
   return sum;
 }
 
-std::vector<float> distance_to_mm(const Mask& mask) {
-  Mask outside = mask;
-  for (std::uint8_t& voxel : outside.voxels) voxel ^= 1;
-  return distance_to_outside_mm(outside);
-}
-
 class ThoraxCta : public RealVessels {
  protected:
   Mask mask(const std::string& name) const {

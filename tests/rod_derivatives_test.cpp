@@ -6,9 +6,12 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Eigenvalues>
+#include <algorithm>
 #include <cmath>
 #include <memory>
 #include <random>
+#include <utility>
+#include <vector>
 
 namespace xraycast {
 

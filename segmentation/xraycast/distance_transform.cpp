@@ -102,4 +102,9 @@ std::vector<float> distance_to_outside_mm(const Mask& mask) {
   return squared;
 }
 
+std::vector<float> distance_to_mm(Mask mask) {
+  for (std::uint8_t& voxel : mask.voxels) voxel ^= 1;
+  return distance_to_outside_mm(mask);
+}
+
 }  // namespace xraycast

@@ -12,4 +12,7 @@ namespace xraycast {
 /// Huttenlocher, Distance Transforms of Sampled Functions, 2012).
 std::vector<float> distance_to_outside_mm(const Mask& mask);
 
+/// The same to the nearest voxel centre of the mask; 0 in it.
+std::vector<float> distance_to_mm(Mask mask);
+
 }  // namespace xraycast

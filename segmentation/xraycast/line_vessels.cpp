@@ -109,12 +109,6 @@ Mask drop_dark_ends(Mask& lines, const std::vector<float>& rise, double least) {
   }
 }
 
-/// How far each voxel lies from a mask.
-std::vector<float> distance_to_mm(Mask mask) {
-  for (std::uint8_t& voxel : mask.voxels) voxel ^= 1;
-  return distance_to_outside_mm(mask);
-}
-
 /// The median of values, and the standard deviation that their median absolute deviation stands for.
 struct Spread {
   double median, standard_deviation;

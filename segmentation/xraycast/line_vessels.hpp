@@ -30,8 +30,8 @@ Mask find_line_vessels(const std::vector<float>& strength, const VolumeGeometry&
 std::vector<float> local_rise(const Volume& volume, double across_vox, Device& device);
 
 /// The lumen of vessels whose lines are known: their middle, and of their voxels and those that share a face
-/// or an edge with one what rises (local_rise, of 0.8 voxels) 13.3 % as far as the brightest or more. Between
-/// those two limits a lumen one voxel wide, which rises a quarter as far as one of five voxels, has half its
+/// or an edge with one what rises (local_rise, of 0.8 voxels) 13.3 % as far as the brightest or more. At that
+/// limit a lumen one voxel wide, which rises a quarter as far as one of five voxels, has half its
 /// height. The limit does not depend on the noise, so that vessels are neither wider nor thinner in more of
 /// it: in a noise of 50 to 75 the volume of grown trees is right to three parts in a hundred. Dead ends that
 /// rise less than 2.5 standard deviations in their mean are dropped, with what lies nearer to them than to

@@ -48,9 +48,7 @@ Mask coarse(const Mask& mask, const Index3& step) {
 
 /// The mask with what a ball of that radius closes: everywhere it holds, or is nearer to, than it reaches.
 Mask dilated(const Mask& mask, double radius_mm) {
-  Mask outside(mask.geometry);
-  for (std::size_t i = 0; i < mask.voxels.size(); ++i) outside.voxels[i] = mask.voxels[i] ^ 1;
-  const std::vector<float> away_mm = distance_to_outside_mm(outside);
+  const std::vector<float> away_mm = distance_to_mm(mask);
   Mask result(mask.geometry);
   for (std::size_t i = 0; i < away_mm.size(); ++i) result.voxels[i] = away_mm[i] <= radius_mm;
   return result;

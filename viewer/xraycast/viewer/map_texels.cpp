@@ -71,9 +71,9 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
              height = static_cast<std::size_t>(geometry.height),
              shells = static_cast<std::size_t>(geometry.layers());
   const RowSolver solver(geometry, options);
-  const std::size_t layers = solver.parts() * shells;
-  const std::size_t run = (height + 3) / 4 * 4;
-  assert(texels.size() == layers * (width + 1) * run);
+  const MapTexels lie = texels_of(drawn_shells(geometry, options));
+  const auto layers = static_cast<std::size_t>(lie.layers), run = std::size_t{4} * lie.quads;
+  assert(texels.size() == lie.values());
 
   // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
   constexpr std::size_t kRows = 16;
