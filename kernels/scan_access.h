@@ -9,7 +9,7 @@
 /* Asks for the cache line of an address that will be read soon. A processor's compiler has a built-in, which
  * takes pointers without an address space, where PoCL's own `prefetch` does nothing. */
 #if defined(__x86_64__) || defined(__aarch64__)
-#define prefetch_line(address) __builtin_prefetch((const void *)(size_t)(address))
+#define prefetch_line(address) __builtin_prefetch((const void*)(size_t)(address))
 #else
 #define prefetch_line(address) prefetch(address, 1)
 #endif
