@@ -4,6 +4,7 @@
 #include "vessel_report.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/centreline.hpp"
+#include "xraycast/components.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/materials.hpp"
 #include "xraycast/stopwatch.hpp"
@@ -11,6 +12,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -62,6 +64,26 @@ Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& pr
   return between(values, 1, 32767);
 }
 
+/// Those with seeds; without seeds all that are no specks, whatever their shape: the mask says what is
+/// vessel.
+Mask parts_of(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
+  return markers.vessels_mm.empty() ? without_specks(mask) : select_vessels(mask, markers, name, progress);
+}
+
+/// How parts of the mask became one tree, where there were several.
+std::string joined(const Centrelines& found) {
+  std::string words;
+  if (found.gaps_mm.size() == 1)
+    words = fmt::format(", joined over a gap of {:.0f} mm", found.gaps_mm.front());
+  else if (!found.gaps_mm.empty())
+    words = fmt::format(", joined over {} gaps of up to {:.0f} mm", found.gaps_mm.size(),
+                        std::ranges::max(found.gaps_mm));
+  if (found.parts_left_out > 0)
+    words += fmt::format(", {} part{} of the mask too far away to be in the tree", found.parts_left_out,
+                         found.parts_left_out > 1 ? "s" : "");
+  return words;
+}
+
 fs::path made_folder(const std::string& folder) {
   std::error_code error;
   fs::create_directories(folder, error);
@@ -84,8 +106,8 @@ void segment(const Options& options, Session& session) {
 
   const Mask mask = options.from_mask.empty()
                         ? segment_mask(volume, segmenting, options.input, device, progress)
-                        : select_vessels(read_mask(options.from_mask, volume.geometry(), progress),
-                                         segmenting.markers, options.from_mask, progress);
+                        : parts_of(read_mask(options.from_mask, volume.geometry(), progress),
+                                   segmenting.markers, options.from_mask, progress);
   const Centrelines centrelines = find_centrelines(mask, options.input, progress, root_mm);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;
@@ -113,11 +135,12 @@ void segment(const Options& options, Session& session) {
                   {"branches", centrelines.tree.branches().size()},
                   {"loops", centrelines.loops},
                   {"gaps_mm", centrelines.gaps_mm},
+                  {"parts_left_out", centrelines.parts_left_out},
                   {"triangles", surface.triangles.size()},
                   {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {} branches, {} loops, {} triangles, {:.0f} ms\n", options.folder,
+                 fmt::format("{}: {} branches, {} loops{}, {} triangles, {:.0f} ms\n", options.folder,
                              centrelines.tree.branches().size(), centrelines.loops.size(),
-                             surface.triangles.size(), total_ms));
+                             joined(centrelines), surface.triangles.size(), total_ms));
 }
 
 }  // namespace

@@ -198,6 +198,20 @@ TEST(Centrelines, JoinEndsRatherThanSides) {
   EXPECT_EQ(std::ranges::count_if(found.tree.branches(), [&](const auto& b) { return spans(b) < 4; }), 2);
 }
 
+TEST(Centrelines, LeaveOutWhatIsFartherAwayThanAnythingIsLong) {
+  const Mask parts = mask_where({.size = {70, 20, 50}}, [](const glm::dvec3& p) {
+    const auto tube = [&](double x, double from, double to) {
+      return distance_to_segment(p, {x, 10, from}, {x, 10, to}) < 3;
+    };
+    return tube(6, 8, 42) || tube(62, 12, 38);  // 50 apart, 40 and 32 long
+  });
+  const Centrelines found = find_centrelines(parts, "parts");
+  EXPECT_EQ(found.parts_left_out, 1);
+  EXPECT_THAT(found.gaps_mm, testing::IsEmpty());
+  ASSERT_EQ(found.tree.branches().size(), 1U);
+  EXPECT_NEAR(found.tree.branches()[0].points.front().position_mm.x, 6, 0.5);  // half a voxel
+}
+
 TEST(Centrelines, PassOverAHoleInTheLumen) {
   Mask tube = mask_where({.size = {30, 30, 60}}, [](const glm::dvec3& p) {
     return distance_to_segment(p, {15, 15, 8}, {15, 15, 52}) < 4.5;

@@ -423,15 +423,14 @@ class TreeBuilder {
     });
   }
 
-  Centrelines build(const std::optional<glm::dvec3>& root_mm, const std::string& name,
-                    std::vector<double> gaps_mm) {
+  Centrelines build(const std::optional<glm::dvec3>& root_mm, const std::string& name) {
     const auto nearness = [&](const FreeEnd& end) { return -glm::distance(end.position_mm, *root_mm); };
     const auto width = [](const FreeEnd& end) {
       return end.length_mm > 2 * end.radius_mm ? end.radius_mm : -1 / end.radius_mm;
     };
     walk(root_mm ? best_end(nearness) : best_end(width));
     VesselTree tree(std::move(branches_), name);
-    return {std::move(tree), std::move(loops_), std::move(gaps_mm)};
+    return {std::move(tree), std::move(loops_), {}, 0};
   }
 
  private:
@@ -519,7 +518,7 @@ Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress
   const Mask part = crop(mask, box);
   Mask skeleton = thin(part, progress);
   const Lumen lumen(part);
-  const std::vector<PartJoin> joins = find_joins(skeleton, [&](const Index3& end) {
+  const auto [joins, left_out] = join_parts(skeleton, [&](const Index3& end) {
     const double reach_mm = lumen.wall_mm(part.geometry.to_world_mm(glm::dvec3(end))) + lumen.coarsest_mm();
     return face_within(mask.geometry, end + box.lower, reach_mm);
   });
@@ -535,7 +534,10 @@ Centrelines find_centrelines(const Mask& mask, const std::string& name, Progress
   const SkeletonGraph graph = pruner.result();
   if (graph.edges.empty())
     throw InputError("{}: no vessel: nothing in the mask is longer than it is wide", name);
-  return TreeBuilder(graph, lumen, progress).build(root_mm, name, std::move(gaps_mm));
+  Centrelines found = TreeBuilder(graph, lumen, progress).build(root_mm, name);
+  found.gaps_mm = std::move(gaps_mm);
+  found.parts_left_out = left_out;
+  return found;
 }
 
 }  // namespace xraycast

@@ -15,6 +15,7 @@ struct Centrelines {
   VesselTree tree;
   std::vector<int> loops;       ///< branches that led back to another one, and were cut open there
   std::vector<double> gaps_mm;  ///< lengths of the straight lines that join parts of the mask
+  int parts_left_out;           ///< parts of the mask too far from the others to be joined to the tree
 };
 
 /// The tree of centrelines of a mask of vessels: thinned, read as a graph, spurs that do not reach out of

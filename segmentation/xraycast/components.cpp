@@ -126,4 +126,13 @@ Mask Components::select(const std::vector<bool>& keep) const {
   return mask;
 }
 
+Mask without_specks(const Mask& mask) {
+  const Components parts(mask);
+  if (parts.count() == 0) return mask;
+  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
+  for (int c = 0; c < parts.count(); ++c)
+    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
+  return parts.select(keep);
+}
+
 }  // namespace xraycast

@@ -40,4 +40,7 @@ class Components {
   std::vector<std::int64_t> voxels_;
 };
 
+/// The parts of a mask but for those of less than a hundredth of the largest one.
+Mask without_specks(const Mask& mask);
+
 }  // namespace xraycast

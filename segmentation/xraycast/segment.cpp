@@ -89,16 +89,6 @@ bool has_air(const Volume& volume) {
   return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
 }
 
-/// The parts of a mask but for those of less than a hundredth of the largest one.
-Mask without_specks(const Mask& mask) {
-  const Components parts(mask);
-  if (parts.count() == 0) return mask;
-  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
-  for (int c = 0; c < parts.count(); ++c)
-    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
-  return parts.select(keep);
-}
-
 /// Where noise is so heavy that neither bone nor chambers can be told, lines are what is found.
 Mask vessels_in_noise(const Volume& volume, const Markers& markers, const std::string& name, Device& device,
                       Progress& progress) {

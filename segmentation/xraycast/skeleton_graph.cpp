@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <limits>
+#include <numeric>
 #include <tuple>
 #include <unordered_map>
 
@@ -123,13 +124,22 @@ struct PricedJoin {
   }
 };
 
+/// The diagonal of a part's box.
+double length_mm(const std::vector<JoinPoint>& part, const glm::dvec3& spacing_mm) {
+  Index3 lower = part.front().voxel, upper = lower;
+  for (const JoinPoint& p : part) lower = glm::min(lower, p.voxel), upper = glm::max(upper, p.voxel);
+  return glm::length(spacing_mm * glm::dvec3(upper - lower));
+}
+
 PricedJoin cheapest_join(const std::vector<JoinPoint>& from, const std::vector<JoinPoint>& to,
                          const glm::dvec3& spacing_mm) {
+  const double longest_mm = std::max(length_mm(from, spacing_mm), length_mm(to, spacing_mm));
   PricedJoin best;
   for (const JoinPoint& a : from)
     for (const JoinPoint& b : to) {
       const double mm = glm::length(spacing_mm * glm::dvec3(b.voxel - a.voxel));
       const bool is_outside = a.face >= 0 && a.face == b.face;
+      if (!is_outside && mm > longest_mm) continue;
       const int sides = 1 + static_cast<int>(!a.is_end) + static_cast<int>(!b.is_end);
       const PricedJoin priced{
           is_outside ? 0 : 1, is_outside ? mm : mm * sides, {a.voxel, b.voxel, mm, is_outside}};
@@ -149,7 +159,7 @@ int nearest_node(const SkeletonGraph& graph, const glm::dvec3& point_mm) {
 
 SkeletonGraph trace(const Mask& skeleton) { return Tracer(skeleton).run(); }
 
-std::vector<PartJoin> find_joins(const Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
+PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
   const Components parts(skeleton);
   std::vector<std::vector<JoinPoint>> points(static_cast<std::size_t>(parts.count()));
   for (const Components::Run& run : parts.runs())
@@ -163,21 +173,24 @@ std::vector<PartJoin> find_joins(const Mask& skeleton, const std::function<int(c
 
   // From the largest part on, always the part that is cheapest to join (Prim).
   std::vector<PricedJoin> best(points.size());
-  std::vector<bool> is_joined(points.size());
-  std::vector<PartJoin> joins;
-  for (std::size_t newest = 0, left = points.size(); left > 1; --left) {
-    is_joined[newest] = true;
-    std::size_t next = 0;
-    for (std::size_t part = 1; part < points.size(); ++part) {
-      if (is_joined[part]) continue;
+  std::vector<std::size_t> apart(points.size());
+  std::iota(apart.begin(), apart.end(), std::size_t{0});
+  PartJoins result;
+  for (std::size_t newest = 0; !apart.empty();) {
+    std::erase(apart, newest);
+    for (const std::size_t part : apart)
       best[part] =
           std::min(best[part], cheapest_join(points[newest], points[part], skeleton.geometry.spacing_mm));
-      if (next == 0 || best[part] < best[next]) next = part;
-    }
-    joins.push_back(best[next].join);
-    newest = next;
+    const auto next =
+        std::ranges::min_element(apart, [&](std::size_t a, std::size_t b) { return best[a] < best[b]; });
+    if (next == apart.end() || best[*next].rank == PricedJoin{}.rank) break;
+    newest = *next;
+    result.joins.push_back(best[newest].join);
   }
-  return joins;
+  for (const std::size_t part : apart)
+    for (const JoinPoint& p : points[part]) skeleton[p.voxel] = 0;
+  result.left_out = static_cast<int>(apart.size());
+  return result;
 }
 
 void draw(const PartJoin& join, Mask& skeleton) {
