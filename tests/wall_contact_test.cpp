@@ -210,6 +210,31 @@ TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
   EXPECT_LT(lying.rod.state().nodes_mm.back().x(), -0.1);
 }
 
+// ---- the introducer -------------------------------------------------------------------------------------
+
+TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
+  const DeviceSection limp{
+      .length_mm = 80, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
+  const DeviceModel wire({.name = "wire",
+                          .radius_mm = kWire_mm,
+                          .mass_per_length_g_mm = 2e-3,
+                          .axial_stiffness_N = 500,
+                          .sections = {limp}},
+                         "wire");
+  Rod rod(wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.iterations = 50});
+  const WallContact::Introducer introducer{{0, 0, 0}, {0, 0, 1}};
+  WallContact wall(std::make_shared<TubeField>(straight_tube(100, 40)), rod, {}, &introducer);
+  // Drawn aside and then back, so hard that it bends where the introducer's hold fades out.
+  rod.set_load_N(0, {2, 0, 0});
+  for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
+  rod.set_load_N(0, {1, 0, -4});
+  for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
+  for (const Vector3d& node : rod.state().nodes_mm)
+    ASSERT_LT(node.z(), 0) << "it bends beyond the introducer";
+  ASSERT_LT(rod.state().nodes_mm.back().z(), -20);
+  EXPECT_EQ(wall.contacts().back().guide_N.norm(), 0);
+}
+
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
 TEST(Catheter, CurlsUpBesideItsIntroducer) {

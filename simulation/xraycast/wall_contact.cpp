@@ -122,7 +122,8 @@ WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t inde
 
 void WallContact::begin_step(const Rod& rod) {
   const RodState& state = rod.state();
-  bool is_guided = has_introducer_;
+  const double introducer_mm =
+      has_introducer_ ? (introducer_.exit_mm - rod.clamp().position_mm).dot(introducer_.axis) : 0;
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     Contact& contact = contacts_[k];
     Grip& grip = grips_[k];
@@ -134,9 +135,10 @@ void WallContact::begin_step(const Rod& rod) {
     grip.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * grip.share_mm;
     grip.spring_mN_mm = options_.tangential_N_mm2 / kMilli * grip.share_mm;
     grip.start_mm = contact.point.place_mm(state);
-    // Up to the first point that has left it: a tip that curls back beside the introducer is not in it.
-    grip.is_guided = is_guided;
-    is_guided = is_guided && (grip.start_mm - introducer_.exit_mm).dot(introducer_.axis) < 0;
+    // What has been fed through the introducer is no longer in it, even where it turns back beside it.
+    const double from_tip_mm = contact.point.first * rod.from_tip_mm(contact.point.edge) +
+                               contact.point.last * rod.from_tip_mm(node);
+    grip.is_guided = rod.fed_mm() - from_tip_mm < introducer_mm;
     // Where the last step left it, or, so that the rod does not pass from one vessel into another but where
     // they meet, where the point before it is.
     const int looked_from = grip.from.branch;
