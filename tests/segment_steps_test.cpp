@@ -6,6 +6,7 @@
 #include "xraycast/contrast.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/segment.hpp"
 #include "xraycast/spongy_bone.hpp"
 #include "xraycast/surface.hpp"
 #include "xraycast/threshold.hpp"
@@ -160,6 +161,39 @@ TEST(Watershed, PartsAVesselFromTheChamberThatItLeaves) {
   EXPECT_EQ(Components(mask).largest(), Components(mask).at({30, 30, 80}));
 }
 
+/// Two chambers with a wide passage between them, and an aorta that leaves the larger one at its valve.
+Mask heart_and_aorta() {
+  return mask_where({.size = {64, 60, 120}}, [](const glm::dvec3& p) {
+    return glm::distance(p, glm::dvec3(26, 30, 28)) < 22 || glm::distance(p, glm::dvec3(44, 30, 42)) < 18 ||
+           (std::hypot(p.x - 24, p.y - 30) < (std::abs(p.z - 53) < 3 ? 6 : 10) && p.z > 48);
+  });
+}
+
+class LargestRadius : public testing::TestWithParam<double> {};
+
+TEST_P(LargestRadius, IsThatOfWhatStays) {
+  Mask mask = heart_and_aorta();
+  part_from_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = GetParam()}, "mask");
+  const std::vector<float> distance_mm = distance_to_outside_mm(mask);
+  // The wall is half a voxel nearer than the next voxel outside.
+  EXPECT_LE(*std::ranges::max_element(distance_mm) - 0.5, GetParam());
+  // The aorta is ten voxels wide, and stays whole beyond its valve.
+  EXPECT_EQ(mask.at({24, 30, 90}), GetParam() > 10);
+  EXPECT_EQ(mask.at({24, 30, 119}), GetParam() > 10);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfVessels, LargestRadius, testing::Values(6, 8, 11, 12, 13, 14, 15, 16, 17));
+
+TEST(Watershed, TakesOffMoreTheSmallerTheRadiusIs) {
+  Mask more({.size = {64, 60, 120}});
+  for (const double radius_mm : {6.0, 8.0, 11.0, 14.0, 17.0, 20.0, 23.0}) {
+    Mask mask = heart_and_aorta();
+    part_from_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = radius_mm}, "mask");
+    EXPECT_TRUE(std::ranges::equal(more.voxels, mask.voxels, std::ranges::less_equal())) << radius_mm;
+    more = mask;
+  }
+}
+
 TEST(Watershed, LeavesAStenosisTogether) {
   const VolumeGeometry grid{.size = {30, 30, 80}};
   Mask mask = mask_where(grid, [](const glm::dvec3& p) {
@@ -174,6 +208,23 @@ TEST(Watershed, RefusesAPointInTheDark) {
   Mask mask = mask_where({.size = {30, 30, 30}}, [](const glm::dvec3& p) { return p.x < 5; });
   EXPECT_THROW(part_from_chambers(mask, {.vessels_mm = {{25, 15, 15}}, .not_vessels_mm = {}}, "mask"),
                InputError);
+}
+
+TEST(Selection, KeepsAWideVesselOfWhichTheScanShowsAShortStretch) {
+  const VolumeGeometry grid{.size = {60, 60, 70}};
+  const auto aorta = [](const glm::dvec3& p) { return std::hypot(p.x - 20, p.y - 30) < 12; };
+  const auto vein = [](const glm::dvec3& p) { return std::hypot(p.x - 50, p.y - 30) < 4; };
+  const Mask mask = mask_where(grid, [&](const glm::dvec3& p) { return aorta(p) || vein(p); });
+  EXPECT_EQ(select_vessels(mask, {}, "mask").voxels, mask.voxels);
+}
+
+TEST(Selection, LeavesPlatesAndLumps) {
+  const VolumeGeometry grid{.size = {80, 80, 80}};
+  const auto vessel = [](const glm::dvec3& p) { return std::hypot(p.x - 20, p.y - 20) < 4; };
+  const auto plate = [](const glm::dvec3& p) { return p.y > 70 && p.y < 74; };
+  const auto lump = [](const glm::dvec3& p) { return glm::distance(p, glm::dvec3(50, 40, 40)) < 12; };
+  const Mask mask = mask_where(grid, [&](const glm::dvec3& p) { return vessel(p) || plate(p) || lump(p); });
+  EXPECT_EQ(select_vessels(mask, {}, "mask").voxels, mask_where(grid, vessel).voxels);
 }
 
 // ---- spongy bone ----------------------------------------------------------------------------------

@@ -117,8 +117,9 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       keep[static_cast<std::size_t>(parts.at(nearest_voxel(mask, seed, name)))] = true;
     return parts.select(keep);
   }
-  // Weighed by how much lies in thick places.
-  constexpr double kLeastSlenderness = 8, kMostOfATube = 3, kLeastShare = 0.01;
+  // Weighed by how much lies in thick places. A vessel that forks by Murray's law into n ends holds as much
+  // as n^(1/3) tubes as wide as its trunk; plates and shells hold more than one of 125 ends.
+  constexpr double kLeastSlenderness = 2, kMostOfATube = 5, kLeastShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(parts.count()));
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(order, [&](int a, int b) { return parts.voxels(a) > parts.voxels(b); });

@@ -29,10 +29,11 @@ struct SegmentOptions {
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   Device& device, Progress& progress);
 
-/// Keeps the parts of a mask in which seeds lie. Without seeds all parts that are much longer than wide, no
-/// plate or shell, and in which the distances to the wall add up to a hundredth of the largest part's or
-/// more: both sides of a neck whose arteries join below the scan, and not every speck. A stage of `progress`.
-/// Throws InputError, with `name` in front, where there is none.
+/// Keeps the parts of a mask in which seeds lie. Without seeds all parts that are longer than wide, no plate
+/// or shell, and in which the distances to the wall add up to a hundredth of the largest part's or more: both
+/// sides of a neck whose arteries join below the scan, and not every speck. Chambers are not told here:
+/// a wide vessel of which the scan shows a short stretch is as stout as one. A stage of `progress`. Throws
+/// InputError, with `name` in front, where there is none.
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress);
 inline Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
   Progress unheard;

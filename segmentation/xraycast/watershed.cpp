@@ -54,26 +54,21 @@ Mask dilated(const Mask& mask, double radius_mm) {
   return result;
 }
 
-/// The deepest voxel of everything in which a sphere larger than `max_radius_mm` fits once the trabeculae and
-/// papillary muscles of a heart chamber are closed.
-std::vector<std::size_t> chamber_centres(const Mask& mask, const std::vector<float>& distance_mm,
-                                         double max_radius_mm) {
+/// How much nearer the wall is than the middle of the next voxel outside.
+double half_voxel_mm(const VolumeGeometry& grid) {
+  const glm::dvec3 s = grid.spacing_mm;
+  return 0.5 * std::max({s.x, s.y, s.z});
+}
+
+/// What lies in a sphere larger than `max_radius_mm` that fits in, once the trabeculae and papillary muscles
+/// of a heart chamber are closed.
+Mask in_wide_spheres(const Mask& mask, double max_radius_mm) {
   constexpr double kMuscle_mm = 4;
   const std::vector<float> closed_mm = distance_to_outside_mm(dilated(mask, kMuscle_mm));
-  Mask wide(mask.geometry);
+  Mask centres(mask.geometry);
   for (std::size_t i = 0; i < closed_mm.size(); ++i)
-    wide.voxels[i] = closed_mm[i] > max_radius_mm + kMuscle_mm;
-  const Components chambers(wide);
-  std::vector<std::size_t> centres(static_cast<std::size_t>(chambers.count()));
-  std::vector<float> deepest_mm(centres.size(), 0);
-  for (const Components::Run& run : chambers.runs())
-    for (std::int64_t i = run.first; i < run.first + run.length; ++i)
-      if (float& deepest = deepest_mm[static_cast<std::size_t>(run.component)];
-          distance_mm[static_cast<std::size_t>(i)] > deepest) {
-        deepest = distance_mm[static_cast<std::size_t>(i)];
-        centres[static_cast<std::size_t>(run.component)] = static_cast<std::size_t>(i);
-      }
-  return centres;
+    centres.voxels[i] = closed_mm[i] > max_radius_mm + kMuscle_mm;
+  return centres.count() > 0 ? dilated(centres, max_radius_mm) : centres;
 }
 
 /// What a basin is known to be.
@@ -84,10 +79,10 @@ enum class Kind : std::uint8_t { open, vessel, chamber };
 /// things that only touch a narrow one.
 class Flooding {
  public:
-  Flooding(const Mask& mask, const std::vector<float>& distance_mm)
-      : mask_(mask), distance_mm_(distance_mm), basin_of_(mask.voxels.size(), -1) {
-    const glm::dvec3 s = mask.geometry.spacing_mm;
-    half_voxel_mm_ = static_cast<float>(0.5 * std::max({s.x, s.y, s.z}));
+  /// Basins that `whole` has parted stay apart.
+  Flooding(const Mask& mask, const std::vector<float>& distance_mm, Flooding* whole = nullptr)
+      : mask_(mask), distance_mm_(distance_mm), whole_(whole), basin_of_(mask.voxels.size(), -1) {
+    half_voxel_mm_ = static_cast<float>(half_voxel_mm(mask.geometry));
   }
 
   void mark(std::size_t voxel, Kind kind) { markers_[voxel] = kind; }
@@ -105,9 +100,13 @@ class Flooding {
   int basin(std::size_t at) { return find(basin_of_[at]); }
   bool is_chamber(int basin) const { return basins_[static_cast<std::size_t>(basin)].kind == Kind::chamber; }
 
+  /// The deepest voxel of the basin that a voxel's water runs into, before any became one.
+  std::size_t top(std::size_t at) const { return basins_[static_cast<std::size_t>(basin_of_[at])].top; }
+
  private:
   struct Basin {
     int parent;
+    std::size_t top;
     float top_mm;
     Kind kind;
   };
@@ -122,17 +121,16 @@ class Flooding {
   void flood(std::size_t at) {
     const Index3 here = voxel_at(mask_.geometry, static_cast<std::int64_t>(at));
     std::array<int, 26> around{};
-    std::size_t count = 0;
-    float steepest_mm = -1;
+    std::size_t count = 0, uphill = at;
     for (const Index3& step : kNeighbours)
       if (mask_.at(here + step))
-        if (const int near = basin_of_[mask_.offset(here + step)]; near >= 0) {
-          const int basin = find(near);
+        if (const std::size_t near = mask_.offset(here + step); basin_of_[near] >= 0) {
+          const int basin = find(basin_of_[near]);
           const auto known = std::find(around.begin(), around.begin() + count, basin);
           if (known == around.begin() + count) around[count++] = basin;
-          if (const float mm = distance_mm_[mask_.offset(here + step)]; mm > steepest_mm) {
+          if (uphill == at || distance_mm_[near] > distance_mm_[uphill]) {
             std::iter_swap(around.begin(), std::find(around.begin(), around.begin() + count, basin));
-            steepest_mm = mm;
+            uphill = near;
           }
         }
     // The basin uphill takes the voxel; the others come to it, or it to them, where the neck is wide.
@@ -141,10 +139,10 @@ class Flooding {
     if (count == 0 ||
         (kind != Kind::open && !agree(kind, basins_[static_cast<std::size_t>(around[0])].kind))) {
       basin_of_[at] = static_cast<int>(basins_.size());
-      basins_.push_back({basin_of_[at], distance_mm_[at], kind});
+      basins_.push_back({basin_of_[at], at, distance_mm_[at], kind});
       return;
     }
-    basin_of_[at] = around[0];
+    basin_of_[at] = basin_of_[uphill];
     if (kind != Kind::open) basins_[static_cast<std::size_t>(around[0])].kind = kind;
     for (std::size_t i = 1; i < count; ++i) join(find(around[0]), find(around[i]), distance_mm_[at]);
   }
@@ -158,9 +156,11 @@ class Flooding {
     constexpr float kOneVessel = 0.5F;  // a stenosis halves the diameter
     constexpr float kNoVessel = 0.97F;  // a bulge in a chamber's wall
     Basin &a = basins_[static_cast<std::size_t>(higher)], &b = basins_[static_cast<std::size_t>(lower)];
+    if (whole_ != nullptr && whole_->basin(a.top) != whole_->basin(b.top)) return;
     if (a.kind != b.kind && a.kind != Kind::open && b.kind != Kind::open) return;
     const bool chamber = a.kind == Kind::chamber || b.kind == Kind::chamber;
-    if (chamber && a.kind != b.kind ? neck_mm < kNoVessel * b.top_mm
+    const Basin& open = a.kind == Kind::chamber ? b : a;
+    if (chamber && a.kind != b.kind ? neck_mm < kNoVessel * open.top_mm
                                     : neck_mm + half_voxel_mm_ < kOneVessel * b.top_mm)
       return;
     b.parent = higher;
@@ -169,11 +169,27 @@ class Flooding {
 
   const Mask& mask_;
   const std::vector<float>& distance_mm_;
+  Flooding* whole_;
   float half_voxel_mm_;  ///< to which distances are known
   std::vector<int> basin_of_;
   std::vector<Basin> basins_;
   std::unordered_map<std::size_t, Kind> markers_;
 };
+
+/// The tops of the basins that are a chamber's: most of what runs into them is in spheres larger than
+/// `max_radius_mm`, or they are that deep themselves.
+std::vector<std::size_t> chamber_tops(const Mask& mask, const std::vector<float>& distance_mm,
+                                      const Flooding& flooding, double max_radius_mm) {
+  const Mask wide = in_wide_spheres(mask, max_radius_mm);
+  std::unordered_map<std::size_t, std::int64_t> majority;
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+    if (mask.voxels[i] != 0) majority[flooding.top(i)] += wide.voxels[i] != 0 ? 1 : -1;
+  const double deepest_mm = max_radius_mm + half_voxel_mm(mask.geometry);
+  std::vector<std::size_t> tops;
+  for (const auto& [top, votes] : majority)
+    if (votes > 0 || distance_mm[top] > deepest_mm) tops.push_back(top);
+  return tops;
+}
 
 }  // namespace
 
@@ -213,9 +229,12 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
 
   progress.advance();
 
-  Flooding flooding(grid, distance_mm);
-  for (const std::size_t voxel : chamber_centres(grid, distance_mm, markers.max_radius_mm))
-    flooding.mark(voxel, Kind::chamber);
+  // What only touches is parted before chambers are known: it must not depend on what they are.
+  Flooding whole(grid, distance_mm);
+  whole.run();
+  Flooding flooding(grid, distance_mm, &whole);
+  for (const std::size_t top : chamber_tops(grid, distance_mm, whole, markers.max_radius_mm))
+    flooding.mark(top, Kind::chamber);
   for (const auto& [points, kind] :
        {std::pair(&markers.vessels_mm, Kind::vessel), std::pair(&markers.not_vessels_mm, Kind::chamber)})
     for (const glm::dvec3& point : *points) {
