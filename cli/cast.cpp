@@ -5,6 +5,7 @@
 #include "xraycast/basis_file.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/centre_line.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/file_extension.hpp"
 #include "xraycast/materials.hpp"
@@ -77,8 +78,8 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
     throw InputError("--radii {}: has to be equal-area, equal-thickness or all edges in mm, innermost first",
                      rule);
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
-    throw InputError("--radii {} makes {} layers, but --layers asks for {}", rule, edges_mm.size() - 1,
-                     layers);
+    throw InputError("--radii {} makes {}, but --layers asks for {}", rule,
+                     counted(edges_mm.size() - 1, "layer"), layers);
   if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges_mm.back())
     throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", rule,
                      options.radius);
@@ -297,16 +298,17 @@ void cast_map(const Options& options, Session& session) {
               {"write", write_ms},
               {"total", total_ms}}}};
   std::string text = fmt::format(
-      "{}: {} of {} angles x {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "{}: {} of {} x {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-      options.output.map, counted(geometry.layers(), "layer"), geometry.width,
+      options.output.map, counted(geometry.layers(), "layer"), counted(geometry.width, "angle"),
       counted(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
       geometry.centre_mm[0].y, std::visit([](const auto& a) { return a.name(); }, attenuation),
       load_timings.read_ms, load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;
-    text += fmt::format("{}: basis of {} knots, {:.0f} ms\n", options.basis, knots_hu.size(), basis_ms);
+    text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis, counted(knots_hu.size(), "knot"),
+                        basis_ms);
   }
   session.report(json, text);
 }

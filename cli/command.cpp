@@ -115,10 +115,6 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   return numbers;
 }
 
-std::string counted(std::int64_t count, const std::string& noun) {
-  return std::to_string(count) + " " + noun + (count == 1 ? "" : "s");
-}
-
 Json to_json(const VolumeGeometry& geometry) {
   const auto list = [](const auto& v) { return Json{v.x, v.y, v.z}; };
   return {{"size", list(geometry.size)},

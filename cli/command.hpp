@@ -63,9 +63,6 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
 /// `12.5,-30`. Throws InputError naming `option`.
 std::vector<double> parse_numbers(const std::string& text, const std::string& option);
 
-/// `1 layer`, `8 layers`.
-std::string counted(std::int64_t count, const std::string& noun);
-
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);
 

@@ -3,6 +3,7 @@
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/comparison.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/rays_within.hpp"
 #include "xraycast/viewer/camera.hpp"

@@ -5,6 +5,7 @@
 #include "xraycast/body_outline.hpp"
 #include "xraycast/caster.hpp"
 #include "xraycast/centreline.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/phantom.hpp"
@@ -86,9 +87,9 @@ MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, in
 
 BodyMap make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
                  Progress& progress) {
-  CastResult result = report.timed(
-      fmt::format("cast of {} layer{}, 360 angles", layers, layers > 1 ? "s" : ""),
-      [&] { return cast(scan, map_geometry(scan.geometry(), body, layers), Opacity::paper(), progress); });
+  CastResult result = report.timed(fmt::format("cast of {}, 360 angles", counted(layers, "layer")), [&] {
+    return cast(scan, map_geometry(scan.geometry(), body, layers), Opacity::paper(), progress);
+  });
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
@@ -164,7 +165,7 @@ VesselTree find_vessels(const Volume& volume, Device& device, Report& report, Pr
   write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
   write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
   write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
-  write_vessel_report(fmt::format("thorax phantom: {} branches", centrelines.tree.branches().size()), volume,
+  write_vessel_report("thorax phantom: " + counted(centrelines.tree.branches().size(), "branch"), volume,
                       mask, centrelines.tree, report.file("vessels/report.png"));
   report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
   return centrelines.tree;

@@ -1,4 +1,5 @@
 #include "command.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/device.hpp"
 #include "xraycast/error.hpp"
 
@@ -23,9 +24,9 @@ void list_devices(const Session& session) {
                        {"max_allocation_B", info.max_allocation_B},
                        {"self_test", {{"buffers", buffers}, {"images", images}}}});
     text += fmt::format(
-        "{}: {}\n   {}, {}, {} compute units, {:.1f} GiB, buffers up to {:.1f} GiB\n   self-test: buffers "
+        "{}: {}\n   {}, {}, {}, {:.1f} GiB, buffers up to {:.1f} GiB\n   self-test: buffers "
         "{}, images {}\n",
-        info.index, info.name, info.platform, info.version, info.compute_units,
+        info.index, info.name, info.platform, info.version, counted(info.compute_units, "compute unit"),
         static_cast<double>(info.memory_B) / (1 << 30),
         static_cast<double>(info.max_allocation_B) / (1 << 30),
         buffers ? "ok" : "WRONG: do not use this device",

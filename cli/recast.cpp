@@ -4,6 +4,7 @@
 #include "map_output.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/stopwatch.hpp"
 
@@ -48,12 +49,12 @@ void recast_map(const Options& options, Session& session) {
                     {"kernel", recasting.kernel_ms()},
                     {"write", write_ms},
                     {"total", total_ms}}}},
-                 fmt::format("{}: {} of {} angles x {}, opacity {}\n"
+                 fmt::format("{}: {} of {} x {}, opacity {}\n"
                              "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
                              "total {:.0f} ms\n",
-                             options.output.map, counted(map.geometry.layers(), "layer"), map.geometry.width,
-                             counted(map.geometry.height, "slice"), opacity.name(), read_ms, upload_ms,
-                             recasting.kernel_ms(), write_ms, total_ms));
+                             options.output.map, counted(map.geometry.layers(), "layer"),
+                             counted(map.geometry.width, "angle"), counted(map.geometry.height, "slice"),
+                             opacity.name(), read_ms, upload_ms, recasting.kernel_ms(), write_ms, total_ms));
 }
 
 }  // namespace

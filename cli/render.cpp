@@ -3,6 +3,7 @@
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/basis_file.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/image_output.hpp"
@@ -83,8 +84,8 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
   const auto& strengths = scene.style.strengths;
   if (!strengths.empty() && strengths.size() != static_cast<std::size_t>(map->geometry.layers()))
-    throw InputError("{} strengths for the {} layers of {}", strengths.size(), map->geometry.layers(),
-                     scene.map.string());
+    throw InputError("{} for the {} of {}", counted(strengths.size(), "strength"),
+                     counted(map->geometry.layers(), "layer"), scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
   Device device(session.device);
   const Basis basis = read_basis(scene.basis);
@@ -188,8 +189,8 @@ void render(const Options& options, Session& session) {
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");
     result["angles_deg"] = cine_deg;
-    angles =
-        fmt::format("{} frames from {:g} to {:g} deg", cine_deg.size(), cine_deg.front(), cine_deg.back());
+    angles = fmt::format("{} from {:g} to {:g} deg", counted(cine_deg.size(), "frame"), cine_deg.front(),
+                         cine_deg.back());
   }
   session.report(result,
                  fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",

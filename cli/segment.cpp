@@ -5,6 +5,7 @@
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/centreline.hpp"
 #include "xraycast/components.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/materials.hpp"
 #include "xraycast/stopwatch.hpp"
@@ -79,8 +80,8 @@ std::string joined(const Centrelines& found) {
     words = fmt::format(", joined over {} gaps of up to {:.0f} mm", found.gaps_mm.size(),
                         std::ranges::max(found.gaps_mm));
   if (found.parts_left_out > 0)
-    words += fmt::format(", {} part{} of the mask too far away to be in the tree", found.parts_left_out,
-                         found.parts_left_out > 1 ? "s" : "");
+    words += fmt::format(", {} of the mask too far away to be in the tree",
+                         counted(found.parts_left_out, "part"));
   return words;
 }
 
@@ -125,9 +126,10 @@ void segment(const Options& options, Session& session) {
   write_tree(centrelines.tree, folder / "tree.json");
   write_mesh(surface, folder / "surface.vtp");
   write_mesh(surface, folder / "surface.stl");
-  write_vessel_report(fmt::format("{}: {} branches, {} loops", options.input,
-                                  centrelines.tree.branches().size(), centrelines.loops.size()),
-                      volume, mask, centrelines.tree, folder / "report.png");
+  const std::string found = counted(centrelines.tree.branches().size(), "branch") + ", " +
+                            counted(centrelines.loops.size(), "loop");
+  write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
+                      folder / "report.png");
   const double total_ms = stopwatch.ms();
   session.report({{"input", options.input},
                   {"folder", options.folder},
@@ -138,8 +140,7 @@ void segment(const Options& options, Session& session) {
                   {"parts_left_out", centrelines.parts_left_out},
                   {"triangles", surface.triangles.size()},
                   {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {} branches, {} loops{}, {} triangles, {:.0f} ms\n", options.folder,
-                             centrelines.tree.branches().size(), centrelines.loops.size(),
+                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n", options.folder, found,
                              joined(centrelines), surface.triangles.size(), total_ms));
 }
 

@@ -4,6 +4,7 @@
 #include "plot.hpp"
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/run_script.hpp"
 #include "xraycast/stopwatch.hpp"
@@ -163,10 +164,10 @@ void simulate(const Options& options, Session& session) {
         {{"branch", tip.branch},
          {"arc_length_mm", tip.arc_length_mm},
          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
-      fmt::format("{}: {} rows, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+      fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
                   "in through the end of branch {}; the tip is in branch {}, {:.0f} mm along it\n{}",
-                  options.log, records.size(), catheter.time_s(), wall_s, times_faster, entry.branch,
-                  tip.branch, tip.arc_length_mm, held_note(held_s)));
+                  options.log, counted(records.size(), "row"), catheter.time_s(), wall_s, times_faster,
+                  entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
 }
 
 }  // namespace

@@ -1,5 +1,6 @@
 #include "vessel_report.hpp"
 
+#include "xraycast/counted.hpp"
 #include "xraycast/image.hpp"
 #include "xraycast/parallel.hpp"
 
@@ -168,7 +169,7 @@ void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector
   }
   if (facts.size() > kRows)
     text(sheet, kTableLeft, kTop + kFont + line * kLine,
-         fmt::format("and {} shorter ones, see tree.json", facts.size() - kRows), kFaint);
+         fmt::format("and {}, see tree.json", counted(facts.size() - kRows, "shorter one")), kFaint);
 }
 
 }  // namespace

@@ -135,7 +135,7 @@ void write_small_map(const TemporaryFolder& folder) {
 
 const BadCall kBadCalls[] = {
     // Vessels. The little scan is 4 slices of water.
-    {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices are too few"},
+    {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices, too few"},
     {"SegmentNothingBright", "segment @/a.nii -o @/v", 3, "no vessel: all voxels have about 0 HU",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentSeedOutside", "segment @/a.nii -o @/v --seed 0,0,900", 3, "lies outside the scan",
@@ -743,6 +743,17 @@ TEST_F(Cli, SegmentedVesselsServeTheRest) {
   EXPECT_NEAR(vessels[0].get<double>(), x / weights, 0.01);
   cast("--without-vessels @/vessels");
   output_of("render @/map.exr -o @/frame.png --vessels @/vessels --look surface --size 64x64 -q");
+}
+
+TEST_F(Cli, SegmentCountsOneBranch) {
+  NiftiFile scan = water(40), mask = scan;
+  for (int z = 4; z < 36; ++z)
+    for (const int y : {3, 4})
+      for (const int x : {3, 4}) mask.voxels[static_cast<std::size_t>(2 * (x + 8 * (y + 8 * z)))] = 1;
+  write_bytes(folder_ / "ct.nii", scan.bytes());
+  write_bytes(folder_ / "mask.nii", mask.bytes());
+  EXPECT_THAT(output_of("segment @/ct.nii -o @/vessels --from-mask @/mask.nii"),
+              HasSubstr(": 1 branch, 0 loops, "));
 }
 
 TEST_F(Cli, SegmentsFromAMask) {

@@ -198,7 +198,9 @@ TEST(DicomScan, KeepsTheMedianSpacingOfUnevenSlicesThatFillTheGridNearly) {
   const TemporaryFolder folder;
   for (const double z : {0., 2., 4., 5.5, 7.5, 9.5, 11.5})
     slice_at({0, 0, z}).write(folder / ("slice" + std::to_string(z)));
-  EXPECT_EQ(read_scan(folder / "").volume.geometry().spacing_mm.z, 2);
+  const auto [info, volume, hu_range] = read_scan(folder / "");
+  EXPECT_EQ(volume.geometry().spacing_mm.z, 2);
+  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("1 of 6 slice distances differs from")));
 }
 
 TEST(DicomScan, DropsSlicesAtAPositionThatIsTaken) {

@@ -115,7 +115,7 @@ const BadTree kBadTrees[] = {
     {"Cycle", {line({kA, kB}), line({kB, kC}, 2), line({kC, kB}, 1)}, {"branch 1", "cycle"}},
     {"OwnParent", {line({kA, kB}), line({kB, kC}, 1)}, {"branch 1", "cycle"}},
     {"NoPoints", {line({})}, {"branch 0", "0 points"}},
-    {"OnePoint", {line({kA})}, {"branch 0", "1 points, but two"}},
+    {"OnePoint", {line({kA})}, {"branch 0", "1 point, but two"}},
     {"Gap", {line({kA, kB}), line({kC, kA}, 0)}, {"branch 1", "starts 1 mm from the end of its parent 0"}},
     {"RepeatedPoint", {line({kA, kB, kB})}, {"branch 0", "point 2", "in the place of the one before"}},
     {"ZeroRadius", {line({kA, {{1, 0, 0}, 0}})}, {"branch 0", "point 1", "radius 0 mm is not above zero"}},
@@ -448,7 +448,7 @@ const BadFile kBadFiles[] = {
     {"LineOfOnePoint",
      "tree.vtp",
      vtp_text([](PolyData& data) { data.lines.ends[0] = 1; }),
-     {"tree.vtp", "branch 0", "1 points"}},
+     {"tree.vtp", "branch 0", "1 point,"}},
 };
 
 class BadTreeFile : public testing::TestWithParam<BadFile> {};

@@ -1,5 +1,6 @@
 #include "xraycast/dicom_scan.hpp"
 
+#include "xraycast/counted.hpp"
 #include "xraycast/dicom_header.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/parallel.hpp"
@@ -228,8 +229,9 @@ using Series = std::vector<DicomSlice>;
 
 std::string describe(const Series& series) {
   const DicomSlice& slice = series.front();
-  return fmt::format("{}{}{} slices, UID {}", slice.series_number.empty() ? "" : slice.series_number + ": ",
-                     slice.series_description.empty() ? "" : slice.series_description + ", ", series.size(),
+  return fmt::format("{}{}{}, UID {}", slice.series_number.empty() ? "" : slice.series_number + ": ",
+                     slice.series_description.empty() ? "" : slice.series_description + ", ",
+                     counted(series.size(), "slice"),
                      slice.series_uid.empty() ? "unknown" : slice.series_uid);
 }
 
@@ -299,9 +301,9 @@ void sort_by_position(Series& series, ScanInfo& info) {
   series.erase(std::unique(series.begin(), series.end(), same), series.end());
   if (series.size() < before)
     info.warnings.push_back(
-        fmt::format("{} slices lie where the series already has one and were dropped; it may hold "
+        fmt::format("{} dropped for lying where the series already has one; it may hold "
                     "several phases or reconstructions",
-                    before - series.size()));
+                    counted(before - series.size(), "slice")));
 }
 
 }  // namespace

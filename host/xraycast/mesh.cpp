@@ -1,5 +1,6 @@
 #include "xraycast/mesh.hpp"
 
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/file_extension.hpp"
 #include "xraycast/vtp.hpp"
@@ -144,7 +145,7 @@ Mesh read_ascii_stl(std::string_view text, const std::string& name) {
       ++corners;
     } else if (line.starts_with("endfacet")) {
       if (corners != 3)
-        throw InputError("{}: line {}: a facet of {} corners instead of 3", name, number, corners);
+        throw InputError("{}: line {}: a facet of {} instead of 3", name, number, counted(corners, "corner"));
       mesh.add(corners_mm);
       corners = 0;
     }
@@ -185,7 +186,7 @@ Mesh read_polys(const std::filesystem::path& path) {
   for (std::size_t i = 0; i < data.polys.size(); ++i) {
     const auto poly = data.polys[i];
     if (poly.size() < 3)
-      throw InputError("{}: Polys: polygon {} has {} corners", path.string(), i, poly.size());
+      throw InputError("{}: Polys: polygon {} has {}", path.string(), i, counted(poly.size(), "corner"));
     for (std::size_t k = 2; k < poly.size(); ++k) mesh.triangles.push_back({poly[0], poly[k - 1], poly[k]});
   }
   for (std::size_t i = 0; i < data.strips.size(); ++i) {

@@ -267,8 +267,9 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
   if (!info.gaps.empty()) {
     const auto [smallest, largest] = std::ranges::minmax(layout.gaps_mm);
     const std::string uneven =
-        fmt::format("{} of {} slice distances differ from the median of {:.2f} mm ({:.2f} to {:.2f} mm)",
-                    info.gaps.size(), layout.gaps_mm.size(), layout.k_mm, smallest, largest);
+        fmt::format("{} of {} slice distances differ{} from the median of {:.2f} mm ({:.2f} to {:.2f} mm)",
+                    info.gaps.size(), layout.gaps_mm.size(), info.gaps.size() == 1 ? "s" : "", layout.k_mm,
+                    smallest, largest);
     if (options.keep_slices)
       throw InputError("{}: {}; without --keep-slices they are resampled to a uniform grid", stack->name,
                        uneven);

@@ -1,5 +1,6 @@
 #include "xraycast/vessel_tree.hpp"
 
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/file_extension.hpp"
 #include "xraycast/vtp.hpp"
@@ -64,7 +65,8 @@ int link(std::vector<VesselBranch>& branches, const std::string& name) {
 /// Checks the points of a branch and fills in its arc lengths.
 void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
   if (branch.points.size() < 2)
-    throw InputError("{}: branch {}: has {} points, but two are needed", name, index, branch.points.size());
+    throw InputError("{}: branch {}: has {}, but two are needed", name, index,
+                     counted(branch.points.size(), "point"));
   branch.arc_length_mm.assign(1, 0.0);
   for (std::size_t k = 0; k < branch.points.size(); ++k) {
     const VesselPoint& point = branch.points[k];

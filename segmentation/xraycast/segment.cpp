@@ -3,6 +3,7 @@
 #include "xraycast/body.hpp"
 #include "xraycast/bridges.hpp"
 #include "xraycast/components.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/denoise.hpp"
 #include "xraycast/distance_transform.hpp"
 #include "xraycast/error.hpp"
@@ -62,7 +63,7 @@ void drop_shells(Mask& mask) {
 void check(const Volume& volume, const SegmentOptions& options, const std::string& name) {
   const VolumeGeometry& g = volume.geometry();
   if (g.size.z < kLeastSlices)
-    throw InputError("{}: {} slices are too few to follow vessels; {} are needed", name, g.size.z,
+    throw InputError("{}: {}, too few to follow vessels; {} are needed", name, counted(g.size.z, "slice"),
                      kLeastSlices);
   for (const auto* points : {&options.markers.vessels_mm, &options.markers.not_vessels_mm})
     for (const glm::dvec3& p : *points) {

@@ -1,6 +1,7 @@
 #include "xraycast/script.hpp"
 
 #include "xraycast/catheter.hpp"
+#include "xraycast/counted.hpp"
 #include "xraycast/error.hpp"
 #include "xraycast/whole_file.hpp"
 
@@ -46,8 +47,8 @@ std::array<std::size_t, 3> columns(const std::string& header, const std::string&
     at[c] = static_cast<std::size_t>(found - names.begin());
   }
   if (names.size() != kColumns.size())
-    throw InputError("{}: line 1: {} columns; a script has time_s,insertion_mm,rotation_deg", origin,
-                     names.size());
+    throw InputError("{}: line 1: {}; a script has time_s,insertion_mm,rotation_deg", origin,
+                     counted(names.size(), "column"));
   return at;
 }
 
@@ -97,7 +98,8 @@ Script Script::parse(const std::string& text, const std::string& origin) {
     if (blank_line > 0) throw InputError("{}: line {}: a gap; rows follow one another", origin, blank_line);
     const std::vector<std::string> values = cells(line);
     if (values.size() != kColumns.size())
-      throw InputError("{}: {} values; there are {} columns", where, values.size(), kColumns.size());
+      throw InputError("{}: {}; there are {} columns", where, counted(values.size(), "value"),
+                       kColumns.size());
     Row row;
     row.line = number_of_line;
     row.time_s = number(values[at[0]], kColumns[0], where);
