@@ -1,6 +1,8 @@
 #include "xraycast/device_model.hpp"
 
+#include "support/temporary_folder.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/whole_file.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -118,6 +120,12 @@ INSTANTIATE_TEST_SUITE_P(
                   "less than its own width"},
         BadDevice{"TooLong", "\"length_mm\": 90", "\"length_mm\": 9000", "more than 5 m"}),
     [](const auto& bad) { return std::string(bad.param.name); });
+
+TEST(DeviceModel, IsReadFromAFileInAnyCase) {
+  const TemporaryFolder folder;
+  write_whole_file(folder / "WIRE.JSON", kDevice);
+  EXPECT_EQ(DeviceModel::named((folder / "WIRE.JSON").string()).radius_mm(), 0.5);
+}
 
 TEST(DeviceModel, UnknownNameListsThePresets) {
   try {

@@ -2,10 +2,15 @@
 
 #include <filesystem>
 #include <string>
+#include <string_view>
 
 namespace xraycast {
 
 /// What a file's name ends in, with its dot and in lower case: `.png` of `AP.PNG`; nothing of a name without.
 std::string extension_of(const std::filesystem::path& path);
+
+/// Whether a file's name ends in `extension`, which is in lower case and may have two dots (`.nii.gz`), in
+/// any case.
+bool has_extension(const std::filesystem::path& path, std::string_view extension);
 
 }  // namespace xraycast

@@ -1,5 +1,6 @@
 #include "xraycast/atomic_file.hpp"
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/scan.hpp"
 
 #include <algorithm>
@@ -21,11 +22,6 @@ namespace fs = std::filesystem;
 
 static_assert(std::endian::native == std::endian::little,
               "the headers below say that voxels are little-endian");
-
-bool has_extension(const fs::path& path, std::string_view extension) {
-  const std::string name = path.filename().string();
-  return name.size() > extension.size() && name.ends_with(extension);
-}
 
 /// A file of bytes, gzipped or plain, that says when the disk is full.
 class OutputFile {

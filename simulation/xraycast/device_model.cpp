@@ -1,6 +1,7 @@
 #include "xraycast/device_model.hpp"
 
 #include "xraycast/error.hpp"
+#include "xraycast/file_extension.hpp"
 #include "xraycast/whole_file.hpp"
 
 #include <fmt/ranges.h>
@@ -210,7 +211,7 @@ std::string DeviceModel::preset_json(const std::string& name) {
 DeviceModel DeviceModel::named(const std::string& name_or_file) {
   if (std::ranges::find(kPresets, name_or_file, &Preset::name) != kPresets.end())
     return from_json(preset_json(name_or_file), name_or_file);
-  if (!name_or_file.ends_with(".json"))
+  if (extension_of(name_or_file) != ".json")
     throw InputError("{}: no such device; there are {}, or a file that ends in .json", name_or_file,
                      fmt::join(preset_names(), ", "));
   return from_json(read_whole_file(name_or_file), name_or_file);
