@@ -74,6 +74,8 @@ ViewSession resolve(const Options& options) {
       throw InputError("--full-contrast does not apply to --look surface; leave it out");
     style.full_contrast = true;
   }
+  if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
+    throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
   if (options.grey.inverted) style.window.inverted = true;
   return scene;
@@ -218,8 +220,10 @@ void add_render(CLI::App& app, Session& session) {
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
   command
-      ->add_option("--look", options->look,
-                   "fluoro (default): vessels absorb too; surface: shaded and opaque")
+      ->add_option(
+          "--look", options->look,
+          "fluoro (default): vessels absorb too; surface: shaded and opaque, optical depths of what lies "
+          "in front of them")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->type_name("NAME");
   command

@@ -279,6 +279,8 @@ const BadCall kBadCalls[] = {
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
     {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map, or damaged"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
+    {"RenderSurfacesOfNothing", "render @/map.exr -o @/out.exr --look surface", 3,
+     "--look surface: there is nothing to shade; give --vessels or --catheter", write_small_map},
     {"GammaOfDepths", "project @/nothing -o @/out.exr --gamma 2", 3, "--gamma does not apply to"},
     {"InvertedDepths", "project @/nothing -o @/out.nrrd --inverted", 3, "--inverted does not apply to"},
     {"RenderInvertedDepths", "render @/map.exr -o @/out.tif --inverted", 3,
