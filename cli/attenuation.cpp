@@ -8,8 +8,9 @@ void add_attenuation_options(CLI::App& command, AttenuationOptions& options) {
   command
       .add_option(
           "--opacity", options.opacity,
-          "paper, bilinear, or a JSON file of HU and mu; or spectrum: with 80, 100, 120 (kVp) or a file "
-          "of keV and fluence, for beam hardening")
+          "paper, bilinear, subtracted (for angiograms in which nothing but vessels is left), or a JSON file "
+          "of HU and mu; or spectrum: with 80, 100, 120 (kVp) or a file of keV and fluence, for beam "
+          "hardening")
       ->capture_default_str()
       ->type_name("NAME|FILE|spectrum:KVP|spectrum:FILE");
   command
@@ -27,6 +28,15 @@ std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options) {
     throw InputError("--iodine {}: only a spectrum tells iodine apart; give --opacity spectrum:KVP too",
                      options.iodine);
   return Opacity::named(options.opacity);
+}
+
+void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource::HuRange& hu,
+                     const Session& session) {
+  const auto* opacity = std::get_if<Opacity>(&attenuation);
+  if (opacity && *opacity == Opacity::paper() && hu.lowest >= 0 && hu.highest > hu.lowest)
+    session.say(
+        {"nothing lies below the value of water, as in a subtracted angiogram: --opacity subtracted shows "
+         "what lies above it"});
 }
 
 SpectralScan load(Device& device, const Scan& scan, const AttenuationOptions& options, OutlineFinder& finder,

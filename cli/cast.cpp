@@ -200,10 +200,12 @@ struct Casting {
 
 Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const std::vector<double>& knots_hu, const Scan& scan, Device& device,
-                      Progress& progress) {
+                      Session& session) {
+  Progress& progress = session.progress;
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
+  hint_at_opacity(attenuation, scan.source->hu_range(), session);
   const MapGeometry geometry =
       resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder));
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
@@ -231,7 +233,8 @@ Scan open(const Options& options, Progress& progress) {
 
 /// Casts without holding the scan; it is read twice where the body has to be found first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
-                   std::int64_t limit_B, Device& device, Progress& progress) {
+                   std::int64_t limit_B, Device& device, Session& session) {
+  Progress& progress = session.progress;
   if (!options.basis.empty())
     throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
   const VolumeGeometry volume = scan.source->geometry();
@@ -243,6 +246,7 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   if (options.centre == "auto" || options.radius == "auto") {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
+    hint_at_opacity(attenuation, scan.source->hu_range(), session);
     scan = open_scan(options.input, options.scan, progress);
     timings.read_ms = looking.ms();
   }
@@ -276,8 +280,8 @@ void cast_map(const Options& options, Session& session) {
   const bool fits = resident_bytes(volume) <= limit_B;
   auto [result, load_timings, basis, basis_ms] =
       fits && !is_best_by_slabs(options, attenuation, volume)
-          ? cast_resident(options, attenuation, knots_hu, scan, device, session.progress)
-          : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session.progress);
+          ? cast_resident(options, attenuation, knots_hu, scan, device, session)
+          : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
   result.map.source = source;
   const MapGeometry& geometry = result.map.geometry;
 

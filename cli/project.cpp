@@ -37,6 +37,7 @@ void project_scan(const Options& options, Session& session) {
   LoadTimings load_timings;
   const SpectralScan resident =
       load(device, scan, options.attenuation, finder, load_timings, session.progress);
+  hint_at_opacity(attenuation, scan.source->hu_range(), session);
   const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};

@@ -69,8 +69,9 @@ void add_recast(CLI::App& app, Session& session) {
   command->add_option("BASIS", options->basis, "What `xraycast cast --keep-basis` wrote")->required();
   add_map_output_options(*command, options->output);
   command
-      ->add_option("--opacity", options->opacity,
-                   "paper, bilinear, or a JSON file of HU and mu; all HU have to be knots of the basis")
+      ->add_option(
+          "--opacity", options->opacity,
+          "paper, bilinear, subtracted, or a JSON file of HU and mu; all HU have to be knots of the basis")
       ->required()
       ->type_name("NAME|FILE");
 }

@@ -80,8 +80,8 @@ std::string joined(const Centrelines& found) {
     words = fmt::format(", joined over {} gaps of up to {:.0f} mm", found.gaps_mm.size(),
                         std::ranges::max(found.gaps_mm));
   if (found.parts_left_out > 0)
-    words += fmt::format(", {} of the mask too far away to be in the tree",
-                         counted(found.parts_left_out, "part"));
+    words +=
+        fmt::format(", {} of the mask too far away to be in the tree", counted(found.parts_left_out, "part"));
   return words;
 }
 

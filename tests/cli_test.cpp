@@ -542,6 +542,33 @@ TEST_F(Cli, PaperPreviewIsPlainTransmission) {
     ASSERT_EQ(rgb[i], std::lround(255 * std::exp(-map.tau[i / 3]))) << i;
 }
 
+TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {
+  NiftiFile subtracted = water(64);
+  subtracted.voxels[2 * (3 + 8 * (4 + 8 * 6))] = 100;  // HU, of one voxel
+  write_bytes(folder_ / "subtracted.nii", subtracted.bytes());
+  NiftiFile body = subtracted;
+  body.voxels.replace(0, 2, "\xff\xff");  // -1 HU
+  write_bytes(folder_ / "body.nii", body.bytes());
+
+  const auto is_hinted = [&](const std::string& line) {
+    const Finished done = run(line);
+    EXPECT_EQ(done.status, 0) << line;
+    return done.err.find("--opacity subtracted") != std::string::npos;
+  };
+  EXPECT_TRUE(is_hinted("cast @/subtracted.nii -o @/map.exr"));
+  EXPECT_EQ(read_body_map(folder_ / "map.exr").opacity, Opacity::paper());
+  EXPECT_TRUE(is_hinted("cast @/subtracted.nii -o @/map.exr --memory-limit 0.008M"));
+  EXPECT_TRUE(is_hinted("project @/subtracted.nii -o @/tau.exr --size 8x64 --pixel 1"));
+  EXPECT_FALSE(is_hinted("cast @/body.nii -o @/map.exr"));
+
+  EXPECT_FALSE(is_hinted("project @/subtracted.nii -o @/tau.exr --size 8x64 --pixel 1 --opacity subtracted"));
+  const auto image = OIIO::ImageInput::open((folder_ / "tau.exr").string());
+  std::vector<float> tau(8 * 64);
+  image->read_image(0, 0, 0, 1, OIIO::TypeDesc::FLOAT, tau.data());
+  EXPECT_EQ(*std::ranges::min_element(tau), 0);
+  EXPECT_GT(*std::ranges::max_element(tau), 0);
+}
+
 TEST_F(Cli, ProjectSaysWhatItMade) {
   output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
   const Json said =

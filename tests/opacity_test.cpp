@@ -21,6 +21,14 @@ TEST(Opacity, PaperFollowsEquationOne) {
   EXPECT_EQ(paper.mu_per_mm(-2000), 0);
 }
 
+TEST(Opacity, SubtractedTakesWaterForNothing) {
+  const Opacity subtracted = Opacity::named("subtracted");
+  EXPECT_EQ(subtracted.mu_per_mm(-100), 0);
+  EXPECT_EQ(subtracted.mu_per_mm(0), 0);
+  // Rounding of a linear interpolation across 32,767 HU in double precision.
+  EXPECT_NEAR(subtracted.mu_per_mm(512), 0.01, 1e-15);
+}
+
 TEST(Opacity, BilinearMeetsWaterAndBone) {
   const Opacity bilinear = Opacity::bilinear();
   EXPECT_EQ(bilinear.mu_per_mm(-1000), 0);

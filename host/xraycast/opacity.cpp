@@ -14,6 +14,7 @@ namespace xraycast {
 namespace {
 
 constexpr double kHighestHu = 32767;
+constexpr double kPaperWater_per_mm = 0.02;
 
 void validate(const std::string& name, const std::vector<Opacity::Knot>& knots) {
   if (knots.empty() || knots.size() > Opacity::kMaxKnots)
@@ -39,8 +40,11 @@ Opacity::Opacity(std::string name, std::vector<Knot> knots)
 }
 
 Opacity Opacity::paper() {
-  constexpr double kWater_per_mm = 0.02;
-  return {"paper", {{-1024, 0}, {kHighestHu, kWater_per_mm * (kHighestHu / 1024 + 1)}}};
+  return {"paper", {{-1024, 0}, {kHighestHu, kPaperWater_per_mm * (kHighestHu / 1024 + 1)}}};
+}
+
+Opacity Opacity::subtracted() {
+  return {"subtracted", {{0, 0}, {kHighestHu, kPaperWater_per_mm * kHighestHu / 1024}}};
 }
 
 Opacity Opacity::bilinear() {
@@ -71,9 +75,11 @@ Opacity Opacity::from_json(const std::string& text, const std::string& origin) {
 Opacity Opacity::named(const std::string& name_or_file) {
   if (name_or_file == "paper") return paper();
   if (name_or_file == "bilinear") return bilinear();
+  if (name_or_file == "subtracted") return subtracted();
   std::ifstream file(name_or_file);
   if (!file)
-    throw InputError("{}: neither an opacity (paper, bilinear) nor a file that can be read", name_or_file);
+    throw InputError("{}: neither an opacity (paper, bilinear, subtracted) nor a file that can be read",
+                     name_or_file);
   return from_json({std::istreambuf_iterator<char>(file), {}}, name_or_file);
 }
 

@@ -25,6 +25,10 @@ class Opacity {
   /// mu = 0.02/mm (HU / 1024 + 1): equation 1 of the X-ray casting paper, and the default.
   static Opacity paper();
 
+  /// mu = 0.02/mm HU / 1024: paper's, but that water attenuates nothing, for an angiogram from which all else
+  /// was subtracted.
+  static Opacity subtracted();
+
   /// 0 up to -1000 HU, 0.0192/mm at 0 HU and 0.0573/mm at 1000 HU, linear between and above: water and bone
   /// at about 70 keV, as nanodrr has them.
   static Opacity bilinear();

@@ -15,26 +15,36 @@ void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
     check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
 }
 
-/// The scan on a device, and where its body lies.
-BodyOutline load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
+/// Where a scan's body lies, and what its map is cast with.
+struct Appearance {
+  BodyOutline body;
+  Opacity opacity;
+};
+
+/// Brings the scan to a device.
+Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
   check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
   opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
-  return finder.finish();
+  const SliceSource::HuRange hu = scan.source->hu_range();
+  const bool is_subtracted = hu.lowest >= 0 && hu.highest > hu.lowest;
+  return {finder.finish(), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
 }
 
-void cast_scan(OpenedFiles& opened, const BodyOutline& body, const std::string& device, Progress& progress) {
+void cast_scan(OpenedFiles& opened, const Appearance& appearance, const std::string& device,
+               Progress& progress) {
   constexpr int kLayers = 8, kAngles = 360;
   const ResidentScan& scan = *opened.scan->scan;
+  const auto& [body, opacity] = appearance;
   const MapGeometry geometry =
       cylinder_map(scan.geometry(), kAngles, shell_radii_mm(RadiiRule::equal_area, kLayers, body.radius_mm),
                    body.centre_mm);
-  opened.map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+  opened.map = std::make_shared<BodyMap>(cast(scan, geometry, opacity, progress).map);
   opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(
-      device, make_basis(scan, geometry, useful_knots_hu(Opacity::paper()), progress));
+      device, make_basis(scan, geometry, useful_knots_hu(opacity), progress));
 }
 
 }  // namespace
@@ -78,8 +88,8 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
     check_scan(opened, before.scan->scan->geometry());
     opened.scan = before.scan;
   } else if (!session.scan.empty()) {
-    const BodyOutline body = load_scan(opened, device, progress);
-    if (!opened.map) cast_scan(opened, body, device, progress);
+    const Appearance appearance = load_scan(opened, device, progress);
+    if (!opened.map) cast_scan(opened, appearance, device, progress);
   }
   return opened;
 }
