@@ -59,10 +59,25 @@ std::optional<double> given_radius_mm(const Options& options) {
   return radius[0];
 }
 
+/// Where little of the body, such as arms beside a trunk, makes the shells much wider than the rest needs.
+void hint_at_radius(const Options& options, const BodyOutline& outline, const Session& session) {
+  constexpr double kMuch = 0.85;  // below it shells are a sixth thinner or more; heads and trunks lie above
+  const bool is_free =
+      options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
+  if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
+  const double most_mm = std::ceil(outline.most_mm);
+  if (most_mm < kMuch * outline.radius_mm)
+    session.say(
+        {fmt::format("99 % of the body lies within {:g} mm of the axis, the rest reaches {:.0f} mm: "
+                     "--radius {:g} leaves the rest out and shows the body more sharply",
+                     most_mm, outline.radius_mm, most_mm)});
+}
+
 /// The centre and radius that the user gave, the rest from the body.
-BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder) {
+BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder, const Session& session) {
   BodyOutline outline{};
   if (options.centre == "auto" || options.radius == "auto") outline = finder.finish();
+  hint_at_radius(options, outline, session);
   if (options.centre != "auto") outline.centre_mm = glm::dvec2(parse_centre(options, 0));
   outline.radius_mm = given_radius_mm(options).value_or(outline.radius_mm);
   return outline;
@@ -207,7 +222,7 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
   const MapGeometry geometry =
-      resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder));
+      resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder, session));
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   Casting casting{spectrum ? cast(resident, geometry, *spectrum, progress)
                            : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
@@ -250,7 +265,7 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
     scan = open_scan(options.input, options.scan, progress);
     timings.read_ms = looking.ms();
   }
-  const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder));
+  const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder, session));
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
   return {std::move(result), timings};
 }

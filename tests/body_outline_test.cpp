@@ -42,6 +42,18 @@ TEST(BodyOutline, EnclosesTheBodyTightly) {
   EXPECT_LE(outline.radius_mm, 150 + kCell_mm);
 }
 
+TEST(BodyOutline, TellsHowFarMostOfTheBodyReaches) {
+  // A disc, of which 99 % lie within 0.995 of its radius.
+  const BodyOutline disc = find_outline(make([](double x, double y) { return std::hypot(x, y) < 120; }));
+  EXPECT_NEAR(disc.most_mm, 0.995 * 120, kCell_mm);
+  EXPECT_LT(disc.most_mm, disc.radius_mm);
+  // Beside it an arm that holds less than a hundredth of the whole.
+  const BodyOutline with_arm = find_outline(make(
+      [](double x, double y) { return std::hypot(x, y) < 120 || (std::abs(y) < 10 && x > 100 && x < 140); }));
+  EXPECT_NEAR(with_arm.most_mm, 120, kCell_mm);
+  EXPECT_NEAR(with_arm.radius_mm, 140, kCell_mm);
+}
+
 TEST(BodyOutline, LeavesTheTableOut) {
   const auto with_table = make([](double x, double y) { return in_trunk(x, y) || in_table(x, y); });
   const BodyOutline outline = find_outline(with_table), bare = find_outline(make(in_trunk));

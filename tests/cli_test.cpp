@@ -527,6 +527,36 @@ TEST_F(Cli, CastSaysWhatItMade) {
   EXPECT_THAT(map.source, HasSubstr("ct.nrrd"));
 }
 
+TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
+  // A trunk of 110 mm radius in air and, in one slice of twelve, an arm that reaches 200 mm.
+  NiftiFile file = water(12);
+  file.dim[1] = file.dim[2] = 64;
+  file.pixdim[1] = file.pixdim[2] = file.pixdim[3] = 8;
+  file.sform = {-8, 0, 0, 0, 0, -8, 0, 0, 0, 0, 8, 0};
+  const auto write = [&](const char* name, bool has_arm) {
+    std::vector<std::int16_t> hu;
+    for (int z = 0; z < 12; ++z)
+      for (int y = -32; y < 32; ++y)
+        for (int x = -32; x < 32; ++x) {
+          const bool in_arm = has_arm && z == 5 && std::abs(y) < 2 && x > 0 && x <= 25;
+          hu.push_back(in_arm || std::hypot(x, y) * 8 < 110 ? 0 : -1000);
+        }
+    file.voxels.assign(reinterpret_cast<const char*>(hu.data()), 2 * hu.size());
+    write_bytes(folder_ / name, file.bytes());
+  };
+  write("arm.nii", true);
+  write("trunk.nii", false);
+
+  const auto hint = [&](const std::string& line) { return run("cast -o @/map.exr " + line).err; };
+  // Both radii are those of the body, by a grid of 8 mm.
+  EXPECT_THAT(hint("@/arm.nii --layers 8"),
+              testing::ContainsRegex("within 11[0-9] mm of the axis, the rest "
+                                     "reaches 20[0-9] mm: --radius 11[0-9] leaves"));
+  for (const char* line : {"@/trunk.nii --layers 8", "@/arm.nii", "@/arm.nii --layers 8 --radius 117",
+                           "@/arm.nii --layers 2 --radii 0,100,200", "@/arm.nii --projection rectangle"})
+    EXPECT_EQ(hint(line), "") << line;
+}
+
 TEST_F(Cli, PaperPreviewIsPlainTransmission) {
   output_of("phantom thorax --size 64x64x40 -o @/ct.nrrd");
   output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper");

@@ -118,10 +118,17 @@ BodyOutline OutlineFinder::finish() const {
   glm::dvec2 sum_mm(0);
   for (const std::int64_t cell : body) sum_mm += position_mm(cell);
   BodyOutline outline{sum_mm / static_cast<double>(body.size()), 0};
+  std::vector<double> distances_mm;
+  distances_mm.reserve(body.size());
   for (const std::int64_t cell : body)
-    outline.radius_mm = std::max(outline.radius_mm, glm::distance(position_mm(cell), outline.centre_mm));
+    distances_mm.push_back(glm::distance(position_mm(cell), outline.centre_mm));
+  const auto most =
+      distances_mm.begin() + static_cast<std::ptrdiff_t>(0.99 * static_cast<double>(body.size() - 1));
+  std::ranges::nth_element(distances_mm, most);
   // A cell stands for its stride, so matter may reach half a cell's diagonal farther.
-  outline.radius_mm += 0.5 * glm::length(glm::dvec2(cell_mm));
+  const double reach_mm = 0.5 * glm::length(glm::dvec2(cell_mm));
+  outline.radius_mm = *std::max_element(most, distances_mm.end()) + reach_mm;
+  outline.most_mm = *most + reach_mm;
   return outline;
 }
 

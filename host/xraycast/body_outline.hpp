@@ -14,6 +14,7 @@ namespace xraycast {
 struct BodyOutline {
   glm::dvec2 centre_mm;  ///< x, y of the centroid of the body's voxels
   double radius_mm;      ///< of a circle about the centre that encloses the body in every slice
+  double most_mm = 0;    ///< of one that encloses 99 % of the body's voxels
 };
 
 /// Finds the body while the slices go by, on a grid of about 3 mm: everything above -300 HU, opened by about
