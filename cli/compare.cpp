@@ -1,4 +1,5 @@
 #include "command.hpp"
+#include "comparison_picture.hpp"
 #include "plot.hpp"
 #include "view_options.hpp"
 #include "xraycast/atomic_file.hpp"
@@ -25,7 +26,8 @@ namespace xraycast::cli {
 namespace {
 
 struct Options {
-  std::string input, angles, plot, plotted = "psnr", cone, compositing = "path", reconstruction = "linear";
+  std::string input, angles, pictures, plot, plotted = "psnr", cone, compositing = "path",
+                                             reconstruction = "linear";
   std::vector<std::string> maps;
   ScanOptions scan;
   int views = 12;
@@ -94,6 +96,22 @@ std::string contents_of(const MapGeometry& geometry) {
   return counted(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
 }
 
+/// The folder of --pictures, in which each map's go by its own name. Throws InputError.
+void make_picture_folder(const Options& options) {
+  namespace fs = std::filesystem;
+  std::vector<std::string> names;
+  for (const std::string& map : options.maps) names.push_back(fs::path(map).stem().string());
+  std::ranges::sort(names);
+  if (const auto twice = std::ranges::adjacent_find(names); twice != names.end())
+    throw InputError("--pictures {}: two maps are named {}, and so would be their pictures; rename one",
+                     options.pictures, *twice);
+  std::error_code error;
+  fs::create_directories(options.pictures, error);
+  if (error)
+    throw InputError("--pictures {}: the folder cannot be made: {}", options.pictures, error.message());
+  check_writable(fs::path(options.pictures) / "picture.png");
+}
+
 /// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and a measure over the angle.
 struct Comparison {
   Json json;
@@ -117,8 +135,15 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
         View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
         bounds);
     const Truth truth = truth_of(scan, view, map, progress);
-    const Likeness likeness =
-        compare(renderer.tau(view, style), truth.tau, truth.counts, view.width, view.height);
+    const std::vector<float> frame = renderer.tau(view, style);
+    const Likeness likeness = compare(frame, truth.tau, truth.counts, view.width, view.height);
+    if (!options.pictures.empty())
+      write_comparison_picture(
+          fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", curve.name, label(view), likeness.psnr_db,
+                      likeness.ssim),
+          frame, truth.tau, view.width,
+          std::filesystem::path(options.pictures) /
+              fmt::format("{}-{:03g}.png", std::filesystem::path(name).stem().string(), angle_deg));
     Json row{{"angle_deg", angle_deg}};
     row.update(to_json(likeness));
     views.push_back(row);
@@ -145,6 +170,7 @@ void compare_maps(const Options& options, Session& session) {
   style.sampling.compositing = compositing_named(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
   if (!options.plot.empty()) check_plot(options.plot);
+  if (!options.pictures.empty()) make_picture_folder(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);
@@ -188,6 +214,7 @@ void add_compare(CLI::App& app, Session& session) {
   CLI::App* command = add_command(
       app, session, "compare", "How close frames of a map are to true projections of its scan",
       "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
+      "  xraycast compare chest.nii.gz chest.exr --views 4 --pictures chest-views\n"
       "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
       "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
@@ -209,6 +236,10 @@ void add_compare(CLI::App& app, Session& session) {
       ->check(CLI::IsMember({"linear", "constant"}))
       ->capture_default_str()
       ->type_name("NAME");
+  command
+      ->add_option("--pictures", options->pictures,
+                   "Also a PNG for every view: the map's frame, the true projection, and their difference")
+      ->type_name("DIR");
   command->add_option("--plot", options->plot, "Also a plot over the angle")->type_name("PNG");
   command->add_option("--plot-of", options->plotted, "What the plot shows: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))

@@ -296,6 +296,9 @@ const BadCall kBadCalls[] = {
      "--angles 0:30:-1: has to be FROM:TO:STEP"},
     {"WallRadiusWithoutWalls", "render @/map.exr -o @/out.png --wall-radius 100", 3, "--compositing wall",
      write_small_map},
+    {"PicturesOfMapsOfOneName", "compare @/ct.nii @/map.exr @/sub/../map.exr --pictures @/p", 3,
+     "two maps are named map", [](const TemporaryFolder& f) { fs::create_directory(f / "sub"); }},
+    {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "--pictures"},
     {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "end its name in .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
@@ -672,6 +675,37 @@ TEST_F(Cli, CompareFindsMoreLayersCloser) {
     EXPECT_GT(json["mean"]["psnr_db"], before + 3);
     before = json["mean"]["psnr_db"];
   }
+}
+
+TEST_F(Cli, CompareDrawsMapTruthAndDifferenceSideBySide) {
+  output_of("-q phantom head --size 64x64x48 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/few.exr --layers 2");
+  output_of("-q cast @/ct.nrrd -o @/many.exr --layers 24");
+  output_of("-q compare @/ct.nrrd @/few.exr @/many.exr --angles 0:60:30 --pictures @/pictures");
+  for (const char* name : {"few-000.png", "few-030.png", "many-000.png", "many-030.png"})
+    EXPECT_TRUE(fs::exists(folder_ / "pictures" / name)) << name;
+
+  // Three pictures beside one another, with margins of 12 pixels, a title above and captions below.
+  const auto difference_of = [&](const char* name) {
+    const auto image = OIIO::ImageInput::open((folder_ / "pictures" / name).string());
+    const OIIO::ImageSpec& spec = image->spec();
+    EXPECT_EQ(spec.nchannels, 1);
+    std::vector<std::uint8_t> greys(static_cast<std::size_t>(spec.image_pixels()));
+    image->read_image(0, 0, 0, 1, OIIO::TypeDesc::UINT8, greys.data());
+    const int pitch = (spec.width - 12) / 3;
+    double sum = 0;
+    int wrong = 0;
+    for (int y = 32; y < spec.height - 28; ++y)
+      for (int x = 12; x < pitch; ++x) {
+        const auto at = [&](int picture) { return int{greys[y * spec.width + picture * pitch + x]}; };
+        const bool is_paper = at(0) == 28 && at(1) == 28 && at(2) == 28;  // beside a narrow picture
+        wrong += !is_paper && at(2) != std::clamp(128 + 4 * (at(0) - at(1)), 0, 255);
+        sum += is_paper ? 0 : std::abs(at(2) - 128);
+      }
+    EXPECT_EQ(wrong, 0) << name;
+    return sum;
+  };
+  EXPECT_GT(difference_of("few-030.png"), 2 * difference_of("many-030.png"));
 }
 
 TEST_F(Cli, DevicesPassTheirSelfTest) {
