@@ -49,7 +49,7 @@ void add_view(CLI::App& app, Session& session) {
                   "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
                   "  xraycast view --session operation.json",
                   [options, &session] { view(*options, session); });
-  command->add_option("MAP", options->map, "The body map; without it, the scan is cast")
+  command->add_option("MAP", options->map, "The body map; without it, the scan is cast in 16 layers")
       ->type_name("MAP.exr");
   command->add_option("--scan", options->scan, "The scan, for true projections beside the map")
       ->type_name("INPUT");

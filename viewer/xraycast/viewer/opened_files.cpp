@@ -36,7 +36,7 @@ Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& p
 
 void cast_scan(OpenedFiles& opened, const Appearance& appearance, const std::string& device,
                Progress& progress) {
-  constexpr int kLayers = 8, kAngles = 360;
+  constexpr int kLayers = 16, kAngles = 360;  // ribs show, and a frame takes a quarter longer than one of 8
   const ResidentScan& scan = *opened.scan->scan;
   const auto& [body, opacity] = appearance;
   const MapGeometry geometry =

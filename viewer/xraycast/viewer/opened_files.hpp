@@ -40,7 +40,7 @@ struct OpenedFiles {
 };
 
 /// Opens what a session names, for a worker's thread; what `before` has from the same files is taken over. A
-/// scan without a map is cast with eight layers, and can be recast. `device` as for Device. Throws as the
+/// scan without a map is cast with sixteen layers, and can be recast. `device` as for Device. Throws as the
 /// readers do, and check_same_scan where basis or scan are not the map's.
 OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
                        Progress& progress);
