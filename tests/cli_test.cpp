@@ -388,6 +388,21 @@ TEST_F(Cli, TakesTheDeviceFromTheEnvironmentUnlessToldOtherwise) {
   EXPECT_EQ(run_process(box).status, 0);
 }
 
+TEST_F(Cli, TakesTheOpenGlDeviceFromTheEnvironment) {
+  write_small_map(folder_);
+  Command frame = command("render @/map.exr -o @/frame.png --json");
+  const std::string name = Json::parse(run_process(frame).out)["device"];
+  const auto with = [&](const std::string& choice) {
+    frame.environment["XRAYCAST_GL_DEVICE"] = choice;
+    return run_process(frame);
+  };
+  for (const std::string& choice : {name.substr(0, name.find(' ')), std::string("0")})
+    EXPECT_EQ(Json::parse(with(choice).out)["device"], name) << choice;
+  const Finished refused = with("abacus");
+  EXPECT_EQ(refused.status, 3);
+  expect_one_line(refused.err, "no OpenGL device fits XRAYCAST_GL_DEVICE=abacus; there is 0: " + name);
+}
+
 // ---- a full disk ----------------------------------------------------------------------------------
 
 struct Writer {

@@ -2,7 +2,10 @@
 
 #include "xraycast/error.hpp"
 
+#include <algorithm>
 #include <array>
+#include <cctype>
+#include <cstdlib>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <string_view>
@@ -39,6 +42,14 @@ std::vector<EGLDisplay> displays() {
   return found;
 }
 
+/// Whether a device of this number and name is what was asked for: all are where nothing was.
+bool fits(const std::string& choice, int number, const std::string& name) {
+  const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
+  const auto same = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
+  return choice.empty() ||
+         (is_number ? std::to_string(number) == choice : !std::ranges::search(name, choice, same).empty());
+}
+
 /// A current context on the display, or none.
 EGLContext context_on(EGLDisplay display) {
   if (!display || !eglInitialize(display, nullptr, nullptr)) return EGL_NO_CONTEXT;
@@ -56,24 +67,34 @@ EGLContext context_on(EGLDisplay display) {
   return EGL_NO_CONTEXT;
 }
 
+void release(EGLDisplay display, EGLContext context) {
+  eglMakeCurrent(display, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
+  eglDestroyContext(display, context);
+  eglTerminate(display);
+}
+
 }  // namespace
 
 HeadlessContext::HeadlessContext() : display_(nullptr) {
   const std::vector<EGLDisplay> found = displays();
   if (found.empty()) throw Error("EGL cannot draw without a display here; {}", kAdvice);
+  const char* environment = std::getenv("XRAYCAST_GL_DEVICE");
+  const std::string choice = environment ? environment : "";
+  std::string names;
+  int number = 0;
   for (const EGLDisplay display : found) {
     display_ = display;
     context_ = context_on(display);
-    if (context_) return;
+    if (!context_) continue;
+    if (fits(choice, number, gl_device_name())) return;
+    names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", number++, gl_device_name());
+    release(display, context_);
   }
-  throw Error("there is no OpenGL 3.3 without a display; {}", kAdvice);
+  if (names.empty()) throw Error("there is no OpenGL 3.3 without a display; {}", kAdvice);
+  throw InputError("no OpenGL device fits XRAYCAST_GL_DEVICE={}; there is {}", choice, names);
 }
 
-HeadlessContext::~HeadlessContext() {
-  eglMakeCurrent(display_, EGL_NO_SURFACE, EGL_NO_SURFACE, EGL_NO_CONTEXT);
-  eglDestroyContext(display_, context_);
-  eglTerminate(display_);
-}
+HeadlessContext::~HeadlessContext() { release(display_, context_); }
 
 std::string gl_device_name() {
   const auto* name = reinterpret_cast<const char*>(glGetString(GL_RENDERER));

@@ -4,12 +4,14 @@
 
 namespace xraycast {
 
-/// An OpenGL 3.3 core context without a display or window, through EGL: on the first GPU that has one, or
+/// An OpenGL 3.3 core context without a display or window, through EGL: on what the environment's
+/// XRAYCAST_GL_DEVICE says, by number or part of its name; without that on the first GPU that has one, or
 /// else on Mesa's surfaceless platform, which draws in software. Current on the thread that made it for as
 /// long as it lives. There is one at a time.
 class HeadlessContext {
  public:
-  /// Throws Error, saying what to install, when there is no such OpenGL.
+  /// Throws Error, saying what to install, when there is no such OpenGL, and InputError, naming what there
+  /// is, when none fits XRAYCAST_GL_DEVICE.
   HeadlessContext();
   ~HeadlessContext();
   HeadlessContext(const HeadlessContext&) = delete;
