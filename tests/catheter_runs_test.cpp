@@ -98,11 +98,12 @@ class RandomRun {
  private:
   double uniform(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
 
-  /// What is left of all forces on each node: what moves it at that moment.
+  /// What is left of all forces on each node: what makes it faster at that moment.
   void find_net_forces() {
     const RodState& state = catheter_.rod().state();
     net_N_.assign(state.nodes_mm.size(), Vector3d::Zero());
-    for (std::size_t i = 1; i < net_N_.size(); ++i) net_N_[i] = catheter_.rod().elastic_force_N(i);
+    for (std::size_t i = 1; i < net_N_.size(); ++i)
+      net_N_[i] = catheter_.rod().elastic_force_N(i) + catheter_.rod().drag_force_N(i);
     for (const WallContact::Contact& contact : catheter_.wall().contacts()) {
       const Vector3d force_N = contact.normal_N + contact.friction_N + contact.guide_N;
       net_N_[contact.point.edge] += contact.point.first * force_N;

@@ -168,6 +168,34 @@ TEST(Rod, EnergyNeverGrowsWithoutInput) {
   EXPECT_LT(before_J, 0.5 * start_J);
 }
 
+TEST(Rod, ElasticityAndDragMakeAcceleration) {
+  // Bent and let go, it moves at metres a second, so that drag is most of what slows it down.
+  Rod rod = straight(uniform(), 5);
+  rod.set_load_N(0, {0.5, 0, 0});
+  settle(rod, 5);
+  rod.set_load_N(0, Vector3d::Zero());
+  constexpr double kStep_s = 1e-3;
+  std::vector<Vector3d> before_mm = rod.state().nodes_mm, velocities_mm_s(rod.node_count(), Vector3d::Zero());
+  double fastest_mm_s = 0, most_drag_N = 0;
+  for (int step = 0; step < 20; ++step) {
+    rod.step(kStep_s);
+    for (std::size_t i = 1; i < rod.node_count(); ++i) {
+      const Vector3d velocity_mm_s = (rod.state().nodes_mm[i] - before_mm[i]) / kStep_s;
+      const double mass_kg = 1e-3 * 2e-3 * rod.share_mm(i);
+      const Vector3d inertia_N = 1e-3 * mass_kg * (velocity_mm_s - velocities_mm_s[i]) / kStep_s;
+      // A tenth of a millinewton: what Newton's method may leave in stretching (see rod.cpp) is a few times
+      // it.
+      ASSERT_LT((inertia_N - rod.elastic_force_N(i) - rod.drag_force_N(i)).norm(), 1e-4) << step << ' ' << i;
+      velocities_mm_s[i] = velocity_mm_s;
+      fastest_mm_s = std::max(fastest_mm_s, velocity_mm_s.norm());
+      most_drag_N = std::max(most_drag_N, rod.drag_force_N(i).norm());
+    }
+    before_mm = rod.state().nodes_mm;
+  }
+  EXPECT_GT(fastest_mm_s, 1000);
+  EXPECT_GT(most_drag_N, 0.01);
+}
+
 TEST(Rod, FeedingKeepsForceAndTorque) {
   // Pushed forward against a constant load: the clamp has to bear just that, whatever node comes in or goes.
   const DeviceModel device = uniform();

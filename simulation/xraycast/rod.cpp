@@ -631,6 +631,12 @@ Vector3d Rod::elastic_force_N(std::size_t node) const {
   return kMilli * force;
 }
 
+Vector3d Rod::drag_force_N(std::size_t node) const {
+  const Node& n = nodes_[node];
+  const Vector3d across = n.across(n.velocity_mm_s);
+  return -kMilli * (n.drag_kg_s * n.velocity_mm_s + n.wake_kg_mm * across.norm() * across);
+}
+
 void Rod::note_forces() {
   // The clamp holds node 0 and, by the direction of the first edge, a node before it.
   clamp_force_N_ = elastic_force_N(0);

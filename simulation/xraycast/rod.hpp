@@ -166,6 +166,9 @@ class Rod {
   /// The force of elasticity and loads on a node, in newton, at the end of the last step.
   Eigen::Vector3d elastic_force_N(std::size_t node) const;
 
+  /// The force of blood on a node, in newton, in the last step.
+  Eigen::Vector3d drag_force_N(std::size_t node) const;
+
   /// Elastic and kinetic energy, in joule; loads and surroundings apart.
   double elastic_energy_J() const;
   double kinetic_energy_J() const;
