@@ -20,12 +20,7 @@ namespace xraycast {
 class RodDerivatives {
  public:
   RodDerivatives(Rod& rod, RodSurroundings* surroundings) : rod_(rod), surroundings_(surroundings) {
-    for (std::size_t i = 1; i < rod.nodes_.size(); ++i) {
-      rod.nodes_[i].start_mm = rod.state_.nodes_mm[i];
-      rod.nodes_[i].tangent = rod.state_.edges[i - 1].tangent;
-    }
-    std::ranges::fill(rod.state_.edge_spins_rad, 0.0);
-    if (surroundings) surroundings->begin_step(rod);
+    rod.begin_step(kStep_s, surroundings);
   }
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(4 * rod_.edge_count()); }

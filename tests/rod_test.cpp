@@ -183,9 +183,8 @@ TEST(Rod, ElasticityAndDragMakeAcceleration) {
       const Vector3d velocity_mm_s = (rod.state().nodes_mm[i] - before_mm[i]) / kStep_s;
       const double mass_kg = 1e-3 * 2e-3 * rod.share_mm(i);
       const Vector3d inertia_N = 1e-3 * mass_kg * (velocity_mm_s - velocities_mm_s[i]) / kStep_s;
-      // A tenth of a millinewton: what Newton's method may leave in stretching (see rod.cpp) is a few times
-      // it.
-      ASSERT_LT((inertia_N - rod.elastic_force_N(i) - rod.drag_force_N(i)).norm(), 1e-4) << step << ' ' << i;
+      // A tenth of what the last iteration may leave in stretching: 1e-4 uJ against 400 N/mm.
+      ASSERT_LT((inertia_N - rod.elastic_force_N(i) - rod.drag_force_N(i)).norm(), 1e-3) << step << ' ' << i;
       velocities_mm_s[i] = velocity_mm_s;
       fastest_mm_s = std::max(fastest_mm_s, velocity_mm_s.norm());
       most_drag_N = std::max(most_drag_N, rod.drag_force_N(i).norm());

@@ -29,6 +29,10 @@ constexpr std::size_t spin_row(std::size_t edge) { return kHeld + 4 * edge; }
 /// The row of a node's place. Node 0's, and the one of a node before it, are the clamp's.
 constexpr std::size_t place_row(std::size_t node) { return kHeld + 4 * node - 3; }
 
+// Bending and twisting are slowed down as in a Kelvin-Voigt solid of this retardation time: what moves at 16
+// Hz loses by it the tenth that nylon and polyurethane lose in a body's warmth.
+constexpr double kRetardation_s = 1e-3;
+
 // A Newton step that would go further is cut: beyond, the quadratic model says nothing.
 constexpr double kLongestMove_mm = 2, kLargestSpin_rad = 0.5;
 // The potential that the next iteration may leave, and what one has to gain at least: five millinewton
@@ -93,6 +97,11 @@ struct TurnGradient {
         (-turn.bend[1] * tangent + e.tangent.cross(director)) / f.length_mm, -0.5 * kb.dot(e.binormal),
         -0.5 * kb.dot(f.binormal));
     set(2, kb / (2 * e.length_mm), kb / (2 * f.length_mm), -1, 1);
+  }
+
+  /// How the work of these moments changes with row `at`.
+  double along(const Vector3d& moment, std::size_t at) const {
+    return moment[0] * by[0][at] + moment[1] * by[1][at] + moment[2] * by[2][at];
   }
 
  private:
@@ -395,8 +404,28 @@ double Rod::elastic_uJ(const RodState& state) const {
   return energy;
 }
 
+double Rod::loss_uJ(const RodState& state) const {
+  double energy = 0;
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    const Node& node = nodes_[i];
+    const Turn& turn = state.turns[i];
+    const double twisted = turn.twist_rad - node.start_twist_rad;
+    energy += 0.5 * node.bend_stiffness * (turn.bend - node.start_bend).squaredNorm() +
+              0.5 * node.twist_stiffness * twisted * twisted;
+  }
+  return loss_ * energy;
+}
+
+Vector3d Rod::moment_mNmm(const RodState& state, std::size_t node) const {
+  const Node& n = nodes_[node];
+  const Turn& turn = state.turns[node];
+  const Vector2d bending = n.bend_stiffness * (turn.bend - n.rest_bend + loss_ * (turn.bend - n.start_bend));
+  return {bending[0], bending[1],
+          n.twist_stiffness * (turn.twist_rad + loss_ * (turn.twist_rad - n.start_twist_rad))};
+}
+
 double Rod::potential_uJ(const RodState& state, double dt_s, RodSurroundings* surroundings) const {
-  double energy = elastic_uJ(state);
+  double energy = elastic_uJ(state) + loss_uJ(state);
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     const Node& node = nodes_[i];
     const Vector3d moved = state.nodes_mm[i] - node.start_mm;
@@ -447,12 +476,12 @@ void Rod::assemble_elastic(const RodState& state, bool convex) {
     const Turn& turn = state.turns[i];
     const TurnGradient d(i > 0 ? state.edges[i - 1] : clamp_frame_, state.edges[i], turn);
     const std::size_t row = place_row(i) - 4;
-    const double stiffness[3] = {node.bend_stiffness, node.bend_stiffness, node.twist_stiffness};
-    const double moment[3] = {stiffness[0] * (turn.bend[0] - node.rest_bend[0]),
-                              stiffness[1] * (turn.bend[1] - node.rest_bend[1]),
-                              stiffness[2] * turn.twist_rad};
+    const double more = 1 + loss_;
+    const double stiffness[3] = {more * node.bend_stiffness, more * node.bend_stiffness,
+                                 more * node.twist_stiffness};
+    const Vector3d moment = moment_mNmm(state, i);
     for (std::size_t c = 0; c < TurnGradient::kSize; ++c) {
-      gradient[row + c] += moment[0] * d.by[0][c] + moment[1] * d.by[1][c] + moment[2] * d.by[2][c];
+      gradient[row + c] += d.along(moment, c);
       const double w0 = stiffness[0] * d.by[0][c], w1 = stiffness[1] * d.by[1][c],
                    w2 = stiffness[2] * d.by[2][c];
       double* column = system_.matrix_.column(row + c);
@@ -503,14 +532,23 @@ void Rod::assemble(double dt_s, bool convex, RodSurroundings* surroundings) {
   system_.matrix_.fix_first(kHeld);
 }
 
-void Rod::step(double dt_s, RodSurroundings* surroundings) {
-  const std::size_t rows = kHeld + 4 * edges_.size();
+void Rod::begin_step(double dt_s, RodSurroundings* surroundings) {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     nodes_[i].start_mm = state_.nodes_mm[i];
     nodes_[i].tangent = state_.edges[i - 1].tangent;
   }
+  for (std::size_t i = 0; i < edges_.size(); ++i) {
+    nodes_[i].start_bend = state_.turns[i].bend;
+    nodes_[i].start_twist_rad = state_.turns[i].twist_rad;
+  }
+  loss_ = kRetardation_s / dt_s;
   std::ranges::fill(state_.edge_spins_rad, 0.0);
   if (surroundings) surroundings->begin_step(*this);
+}
+
+void Rod::step(double dt_s, RodSurroundings* surroundings) {
+  const std::size_t rows = kHeld + 4 * edges_.size();
+  begin_step(dt_s, surroundings);
   double potential = potential_uJ(state_, dt_s, surroundings);
   const double start_uJ = potential;
 
@@ -618,15 +656,10 @@ Vector3d Rod::elastic_force_N(std::size_t node) const {
   for (std::size_t place = 0; place < 3; ++place) {
     if (node + place < 1 || node + place - 1 >= edges_.size()) continue;
     const std::size_t i = node + place - 1;
-    const Turn& turn = state_.turns[i];
-    const TurnGradient d(i > 0 ? state_.edges[i - 1] : clamp_frame_, state_.edges[i], turn);
-    const Vector2d bend = turn.bend - nodes_[i].rest_bend;
-    for (std::size_t c = 0; c < 3; ++c) {
-      const std::size_t at = 4 * (2 - place) + c;
-      force[static_cast<Eigen::Index>(c)] -=
-          nodes_[i].bend_stiffness * (bend[0] * d.by[0][at] + bend[1] * d.by[1][at]) +
-          nodes_[i].twist_stiffness * turn.twist_rad * d.by[2][at];
-    }
+    const TurnGradient d(i > 0 ? state_.edges[i - 1] : clamp_frame_, state_.edges[i], state_.turns[i]);
+    const Vector3d moment = moment_mNmm(state_, i);
+    for (std::size_t c = 0; c < 3; ++c)
+      force[static_cast<Eigen::Index>(c)] -= d.along(moment, 4 * (2 - place) + c);
   }
   return kMilli * force;
 }
@@ -640,15 +673,10 @@ Vector3d Rod::drag_force_N(std::size_t node) const {
 void Rod::note_forces() {
   // The clamp holds node 0 and, by the direction of the first edge, a node before it.
   clamp_force_N_ = elastic_force_N(0);
-  const Turn& turn = state_.turns[0];
-  const TurnGradient d(clamp_frame_, state_.edges[0], turn);
-  const Vector2d bend = turn.bend - nodes_[0].rest_bend;
-  const auto slope = [&](std::size_t at) {
-    return nodes_[0].bend_stiffness * (bend[0] * d.by[0][at] + bend[1] * d.by[1][at]) +
-           nodes_[0].twist_stiffness * turn.twist_rad * d.by[2][at];
-  };
-  clamp_force_N_ -= kMilli * Vector3d(slope(0), slope(1), slope(2));
-  clamp_torque_Nm_ = -kMicro * slope(3);
+  const TurnGradient d(clamp_frame_, state_.edges[0], state_.turns[0]);
+  const Vector3d moment = moment_mNmm(state_, 0);
+  clamp_force_N_ -= kMilli * Vector3d(d.along(moment, 0), d.along(moment, 1), d.along(moment, 2));
+  clamp_torque_Nm_ = -kMicro * d.along(moment, 3);
 }
 
 double Rod::elastic_energy_J() const { return kMicro * elastic_uJ(state_); }

@@ -179,8 +179,9 @@ class Rod {
     double from_tip_mm = 0;
     double share_mm = 0, mass_kg = 0;
     double drag_kg_s = 0, wake_kg_mm = 0;  ///< force over the velocity, and over its square across the rod
-    double bend_stiffness = 0, twist_stiffness = 0;  ///< EI and GJ over the share, uJ
-    Eigen::Vector2d rest_bend{0, 0};
+    double bend_stiffness = 0, twist_stiffness = 0;     ///< EI and GJ over the share, uJ
+    Eigen::Vector2d rest_bend{0, 0}, start_bend{0, 0};  ///< without load, and as the step begins
+    double start_twist_rad = 0;
     Eigen::Vector3d velocity_mm_s{0, 0, 0}, load_mN{0, 0, 0};
     Eigen::Vector3d start_mm{0, 0, 0}, tangent{0, 0, 1};  ///< as the step begins
 
@@ -204,6 +205,12 @@ class Rod {
   void assemble_elastic(const RodState& state, bool convex);
   void assemble(double dt_s, bool convex, RodSurroundings* surroundings);
   void assemble_motion(const RodState& state, double dt_s);
+  /// What stays the same for all of a step.
+  void begin_step(double dt_s, RodSurroundings* surroundings);
+  /// What bending and twisting lose in a step.
+  double loss_uJ(const RodState& state) const;
+  /// The two bending moments and the twisting one at a node.
+  Eigen::Vector3d moment_mNmm(const RodState& state, std::size_t node) const;
   void settle_motion(double dt_s, double fall_uJ);
   void note_forces();
 
@@ -218,6 +225,7 @@ class Rod {
   RodSystem system_;
   std::vector<double> solution_, elastic_gradient_;
   double tip_torque_Nm_ = 0;
+  double loss_ = 0;  ///< the retardation time over the step's
   StepReport report_;
   Eigen::Vector3d clamp_force_N_{0, 0, 0};
   double clamp_torque_Nm_ = 0;
