@@ -91,6 +91,7 @@ class RodSurroundings {
 /// incremental potential (inertia, elasticity, drag, surroundings) by Newton's method with a line search,
 /// with the exact Hessian, or where that is indefinite with a convex one: Gauss and Newton's of bending and
 /// twisting, and the positive part of the rest.
+/// Bending and twisting lose energy as in a Kelvin-Voigt solid, whose moment grows with their rate, too.
 /// Blood resists as it does a cylinder: its viscosity in proportion to the velocity, and its wake to the
 /// square of the velocity across (Morison et al., The force exerted by surface waves on piles, 1950; the
 /// coefficient: White, Viscous Fluid Flow, 3rd ed., 2006, section 3-9). A tip that snaps moves at metres a
@@ -163,7 +164,7 @@ class Rod {
   Eigen::Vector3d clamp_force_N() const { return clamp_force_N_; }
   double clamp_torque_Nm() const { return clamp_torque_Nm_; }  ///< about the clamp's axis
 
-  /// The force of elasticity and loads on a node, in newton, at the end of the last step.
+  /// The force of elasticity, its loss, and loads on a node, in newton, at the end of the last step.
   Eigen::Vector3d elastic_force_N(std::size_t node) const;
 
   /// The force of blood on a node, in newton, in the last step.

@@ -169,7 +169,7 @@ double TubeField::growth(const Piece& piece, double t, const Vector3d& point_mm)
 void TubeField::mark_folds(Branch& branch) {
   // Into so many parts is a piece cut in which more than one place may be the best of its surroundings. Two
   // in one part are missed still, but differ the less the shorter it is, by its third power.
-  constexpr int kParts = 4;
+  constexpr int kParts = 16;
   auto& stations = branch.stations;
   const int last = static_cast<int>(stations.size()) - 1;
   for (int k = 0; k < last; ++k) {
