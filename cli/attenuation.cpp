@@ -33,7 +33,7 @@ std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options) {
 void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource::HuRange& hu,
                      const Session& session) {
   const auto* opacity = std::get_if<Opacity>(&attenuation);
-  if (opacity && *opacity == Opacity::paper() && hu.lowest >= 0 && hu.highest > hu.lowest)
+  if (opacity && *opacity == Opacity::paper() && hu.is_subtracted())
     session.say(
         {"nothing lies below the value of water, as in a subtracted angiogram: --opacity subtracted shows "
          "what lies above it"});

@@ -61,7 +61,7 @@ std::optional<double> given_radius_mm(const Options& options) {
 
 /// Where little of the body, such as arms beside a trunk, makes the shells much wider than the rest needs.
 void hint_at_radius(const Options& options, const BodyOutline& outline, const Session& session) {
-  constexpr double kMuch = 0.85;  // below it shells are a sixth thinner or more; heads and trunks lie above
+  constexpr double kMuch = 0.85;  // below it all shells get 15 % thinner or more; heads and trunks lie above
   const bool is_free =
       options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
   if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
@@ -261,12 +261,12 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   if (options.centre == "auto" || options.radius == "auto") {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
-    hint_at_opacity(attenuation, scan.source->hu_range(), session);
     scan = open_scan(options.input, options.scan, progress);
     timings.read_ms = looking.ms();
   }
   const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder, session));
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
+  hint_at_opacity(attenuation, scan.source->hu_range(), session);
   return {std::move(result), timings};
 }
 

@@ -97,7 +97,7 @@ std::string contents_of(const MapGeometry& geometry) {
 }
 
 /// The folder of --pictures, in which each map's go by its own name. Throws InputError.
-void make_picture_folder(const Options& options) {
+void check_picture_names(const Options& options) {
   namespace fs = std::filesystem;
   std::vector<std::string> names;
   for (const std::string& map : options.maps) names.push_back(fs::path(map).stem().string());
@@ -105,6 +105,10 @@ void make_picture_folder(const Options& options) {
   if (const auto twice = std::ranges::adjacent_find(names); twice != names.end())
     throw InputError("--pictures {}: two maps are named {}, and so would be their pictures; rename one",
                      options.pictures, *twice);
+}
+
+void make_picture_folder(const Options& options) {
+  namespace fs = std::filesystem;
   std::error_code error;
   fs::create_directories(options.pictures, error);
   if (error)
@@ -170,13 +174,14 @@ void compare_maps(const Options& options, Session& session) {
   style.sampling.compositing = compositing_named(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
   if (!options.plot.empty()) check_plot(options.plot);
-  if (!options.pictures.empty()) make_picture_folder(options);
+  if (!options.pictures.empty()) check_picture_names(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
   for (std::size_t i = 0; i < maps.size(); ++i)
     check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
+  if (!options.pictures.empty()) make_picture_folder(options);
   Device device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;

@@ -222,8 +222,8 @@ void add_render(CLI::App& app, Session& session) {
   command
       ->add_option(
           "--look", options->look,
-          "fluoro (default): vessels absorb too; surface: shaded and opaque, optical depths of what lies "
-          "in front of them")
+          "fluoro (default): vessels absorb too; surface: shaded and opaque; a float file then holds the "
+          "optical depth in front of them")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->type_name("NAME");
   command

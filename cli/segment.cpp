@@ -67,8 +67,13 @@ Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& pr
 
 /// Those with seeds; without seeds all that are no specks, whatever their shape: the mask says what is
 /// vessel.
-Mask parts_of(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
-  return markers.vessels_mm.empty() ? without_specks(mask) : select_vessels(mask, markers, name, progress);
+Mask parts_of(const Mask& mask, const Markers& markers, const std::string& name, Session& session) {
+  if (!markers.vessels_mm.empty()) return select_vessels(mask, markers, name, session.progress);
+  Mask kept = without_specks(mask);
+  if (const std::int64_t dropped = mask.count() - kept.count(); dropped > 0)
+    session.say({fmt::format("{}: left out parts of less than a hundredth of the largest one, {} in all",
+                             name, counted(dropped, "voxel"))});
+  return kept;
 }
 
 /// How parts of the mask became one tree, where there were several.
@@ -108,7 +113,7 @@ void segment(const Options& options, Session& session) {
   const Mask mask = options.from_mask.empty()
                         ? segment_mask(volume, segmenting, options.input, device, progress)
                         : parts_of(read_mask(options.from_mask, volume.geometry(), progress),
-                                   segmenting.markers, options.from_mask, progress);
+                                   segmenting.markers, options.from_mask, session);
   const Centrelines centrelines = find_centrelines(mask, options.input, progress, root_mm);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;

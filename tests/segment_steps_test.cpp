@@ -177,7 +177,7 @@ TEST_P(LargestRadius, IsThatOfWhatStays) {
   const std::vector<float> distance_mm = distance_to_outside_mm(mask);
   // The wall is half a voxel nearer than the next voxel outside.
   EXPECT_LE(*std::ranges::max_element(distance_mm) - 0.5, GetParam());
-  // The aorta is ten voxels wide, and stays whole beyond its valve.
+  // The aorta is twenty voxels wide, and stays whole beyond its valve.
   EXPECT_EQ(mask.at({24, 30, 90}), GetParam() > 10);
   EXPECT_EQ(mask.at({24, 30, 119}), GetParam() > 10);
 }

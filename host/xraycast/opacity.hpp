@@ -37,7 +37,7 @@ class Opacity {
   /// naming the field; `origin` (a file name) stands in front.
   static Opacity from_json(const std::string& text, const std::string& origin);
 
-  /// `paper`, `bilinear`, or the name of a JSON file.
+  /// `paper`, `bilinear`, `subtracted`, or the name of a JSON file.
   static Opacity named(const std::string& name_or_file);
 
   std::string to_json() const;

@@ -25,6 +25,8 @@ class SliceSource {
   /// Smallest and largest HU of the slices read so far, before clamping; {0, 0} before the first.
   struct HuRange {
     double lowest = 0, highest = 0;
+    /// Whether nothing lies below water, as in an angiogram from which all but vessels was subtracted.
+    bool is_subtracted() const { return lowest >= 0 && highest > lowest; }
   };
   virtual HuRange hu_range() const = 0;
 };

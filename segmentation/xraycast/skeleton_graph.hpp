@@ -45,8 +45,8 @@ struct PartJoins {
 /// The lines that join the parts of a skeleton to its largest one, the cheapest first. Ends that leave the
 /// scan through the same face come first, then others by their length; it counts twice where one side is no
 /// end, and three times where both are none, because a vessel that was interrupted has two ends. No line but
-/// beyond the scan is longer than both parts that it joins, of which there would be less than of the guess;
-/// parts without one are taken off the skeleton. `face_of` names the face of the scan through which a vessel
+/// beyond the scan is longer than the longer of the parts that it joins; parts without one are taken off the
+/// skeleton. `face_of` names the face of the scan through which a vessel
 /// leaves that ends in a voxel, or gives -1.
 PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& face_of);
 

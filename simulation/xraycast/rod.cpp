@@ -278,7 +278,10 @@ void Rod::rotate_to(double rotation_rad) {
   clamp_.rotation_rad = rotation_rad;
   const Frame unturned{clamp_.axis, clamp_.director, clamp_.axis.cross(clamp_.director), 1};
   clamp_frame_ = spun(unturned, rotation_rad);
-  update_turn(state_, 0, state_.turns[0].twist_rad - by);
+  const Turn before = state_.turns[0];
+  update_turn(state_, 0, before.twist_rad - by);
+  turned_bend_ += state_.turns[0].bend - before.bend;
+  turned_rad_ -= by;
 }
 
 void Rod::move_clamp(const Vector3d& position_mm) {
@@ -541,6 +544,11 @@ void Rod::begin_step(double dt_s, RodSurroundings* surroundings) {
     nodes_[i].start_bend = state_.turns[i].bend;
     nodes_[i].start_twist_rad = state_.turns[i].twist_rad;
   }
+  // What the hub has turned since the last step is part of this one.
+  nodes_[0].start_bend -= turned_bend_;
+  nodes_[0].start_twist_rad -= turned_rad_;
+  turned_bend_.setZero();
+  turned_rad_ = 0;
   loss_ = kRetardation_s / dt_s;
   std::ranges::fill(state_.edge_spins_rad, 0.0);
   if (surroundings) surroundings->begin_step(*this);
@@ -550,7 +558,7 @@ void Rod::step(double dt_s, RodSurroundings* surroundings) {
   const std::size_t rows = kHeld + 4 * edges_.size();
   begin_step(dt_s, surroundings);
   double potential = potential_uJ(state_, dt_s, surroundings);
-  const double start_uJ = potential;
+  const double start_uJ = potential - loss_uJ(state_);  // which the hub has spent
 
   // Where the rod would go by itself is a better start than where it is, if it lies lower.
   solution_.assign(rows + BandMatrix::kBand, 0.0);

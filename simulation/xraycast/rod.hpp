@@ -167,7 +167,7 @@ class Rod {
   /// The force of elasticity, its loss, and loads on a node, in newton, at the end of the last step.
   Eigen::Vector3d elastic_force_N(std::size_t node) const;
 
-  /// The force of blood on a node, in newton, in the last step.
+  /// The force of blood on a node, in newton, at its velocity after the last step.
   Eigen::Vector3d drag_force_N(std::size_t node) const;
 
   /// Elastic and kinetic energy, in joule; loads and surroundings apart.
@@ -226,7 +226,9 @@ class Rod {
   RodSystem system_;
   std::vector<double> solution_, elastic_gradient_;
   double tip_torque_Nm_ = 0;
-  double loss_ = 0;  ///< the retardation time over the step's
+  double loss_ = 0;                    ///< the retardation time over the step's
+  Eigen::Vector2d turned_bend_{0, 0};  ///< of the first turn, by the hub since the last step
+  double turned_rad_ = 0;
   StepReport report_;
   Eigen::Vector3d clamp_force_N_{0, 0, 0};
   double clamp_torque_Nm_ = 0;

@@ -105,19 +105,9 @@ void WallContact::node_removed() {
   grips_.erase(grips_.begin(), grips_.begin() + 2);
 }
 
-WallContact::Guide WallContact::guide(const Vector3d& point_mm, std::size_t index) const {
-  Guide guide;
+Vector3d WallContact::aside_mm(const Vector3d& point_mm) const {
   const Vector3d offset = point_mm - introducer_.exit_mm;
-  const double inside_mm = -offset.dot(introducer_.axis);  // of the introducer
-  if (inside_mm <= 0) return guide;
-  const double t = std::min(1.0, inside_mm / kGuideRamp_mm);
-  const double hold = kGuide_N_mm2 / kMilli * grips_[index].share_mm;
-  const Vector3d aside = offset + inside_mm * introducer_.axis;
-  guide.weight = hold * t * t * (3 - 2 * t);
-  guide.energy_uJ = 0.5 * guide.weight * aside.squaredNorm();
-  guide.slope_mN = guide.weight * aside -
-                   0.5 * hold * 6 * t * (1 - t) / kGuideRamp_mm * aside.squaredNorm() * introducer_.axis;
-  return guide;
+  return offset - offset.dot(introducer_.axis) * introducer_.axis;
 }
 
 void WallContact::begin_step(const Rod& rod) {
@@ -138,7 +128,8 @@ void WallContact::begin_step(const Rod& rod) {
     // What has been fed through the introducer is no longer in it, even where it turns back beside it.
     const double from_tip_mm = contact.point.first * rod.from_tip_mm(contact.point.edge) +
                                contact.point.last * rod.from_tip_mm(node);
-    grip.is_guided = rod.fed_mm() - from_tip_mm < introducer_mm;
+    const double inside = std::clamp((introducer_mm - rod.fed_mm() + from_tip_mm) / kGuideRamp_mm, 0.0, 1.0);
+    grip.guide_mN_mm = kGuide_N_mm2 / kMilli * grip.share_mm * inside * inside * (3 - 2 * inside);
     // Where the last step left it, or, so that the rod does not pass from one vessel into another but where
     // they meet, where the point before it is.
     const int looked_from = grip.from.branch;
@@ -188,7 +179,7 @@ double WallContact::energy_uJ(const RodState& state) {
     const Vector3d place_mm = contacts_[k].point.place_mm(state);
     touch(k, place_mm);
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
-    grip.guide_uJ = grip.is_guided ? guide(place_mm, k).energy_uJ : 0;
+    grip.guide_uJ = grip.guide_mN_mm > 0 ? 0.5 * grip.guide_mN_mm * aside_mm(place_mm).squaredNorm() : 0;
     energy += grip.guide_uJ;
     if (grip.limit_mN == 0) continue;
     const double spring = grip.spring_mN_mm;
@@ -204,15 +195,14 @@ void WallContact::assemble(const RodState& state, bool convex, RodSystem& system
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const Contact& contact = contacts_[k];
     const Grip& grip = grips_[k];
-    const Guide hold = grip.is_guided ? guide(contact.point.place_mm(state), k) : Guide{};
-    if (contact.depth_mm == 0 && grip.limit_mN == 0 && hold.weight == 0) continue;
+    if (contact.depth_mm == 0 && grip.limit_mN == 0 && grip.guide_mN_mm == 0) continue;
     Eigen::Vector4d slope = Eigen::Vector4d::Zero();
     Eigen::Matrix4d hessian = Eigen::Matrix4d::Zero();
 
-    if (hold.weight > 0) {
-      slope.head<3>() += hold.slope_mN;
+    if (grip.guide_mN_mm > 0) {
+      slope.head<3>() += grip.guide_mN_mm * aside_mm(contact.point.place_mm(state));
       hessian.topLeftCorner<3, 3>() +=
-          hold.weight * (Eigen::Matrix3d::Identity() - introducer_.axis * introducer_.axis.transpose());
+          grip.guide_mN_mm * (Eigen::Matrix3d::Identity() - introducer_.axis * introducer_.axis.transpose());
     }
     if (contact.depth_mm > 0) {
       const double force_mN = wall_force_N(contact.depth_mm, k) / kMilli;
@@ -251,8 +241,7 @@ void WallContact::end_step(const RodState& state) {
     Contact& contact = contacts_[k];
     Grip& grip = grips_[k];
     contact.normal_N = wall_force_N(contact.depth_mm, k) * contact.sample.gradient;
-    contact.guide_N.setZero();
-    if (grip.is_guided) contact.guide_N = -kMilli * guide(contact.point.place_mm(state), k).slope_mN;
+    contact.guide_N = -kMilli * grip.guide_mN_mm * aside_mm(contact.point.place_mm(state));
     contact.friction_N.setZero();
     grip.held_mm.setZero();
     if (grip.limit_mN == 0) continue;

@@ -22,8 +22,8 @@ namespace xraycast {
 /// Inelasticity, 1998, chapter 1). Within a step its limit is that of the step's start. So sticking really
 /// sticks, and all of it is a potential in a step.
 ///
-/// Where the rod comes in an introducer holds it on the entry's axis, without friction; its hold fades out
-/// over its last millimetres, so that no force jumps when a node leaves it.
+/// Where the rod comes in an introducer holds on the entry's axis what has not been fed through it, without
+/// friction; its hold fades out over its last millimetres, so that no force jumps when a point leaves it.
 class WallContact final : public RodSurroundings {
  public:
   struct Options {
@@ -72,10 +72,9 @@ class WallContact final : public RodSurroundings {
     double share_mm = 0, limit_mN = 0;        ///< the length of rod that it stands for; of friction
     double wall_mN_mm = 0, spring_mN_mm = 0;  ///< stiffness of the wall as at first, and of friction's spring
     Eigen::Vector3d start_mm{0, 0, 0}, along{0, 0, 0}, across{0, 0, 0};  ///< tangents of the wall
-    Eigen::Vector3d held_mm{0, 0, 0};  ///< of the spring that sticks, in space
-    Eigen::Vector2d slip_mm{0, 0};     ///< the same along and across
-    bool is_guided = false;            ///< by the introducer
-    double guide_uJ = 0;
+    Eigen::Vector3d held_mm{0, 0, 0};       ///< of the spring that sticks, in space
+    Eigen::Vector2d slip_mm{0, 0};          ///< the same along and across
+    double guide_mN_mm = 0, guide_uJ = 0;   ///< the introducer's hold
     double stiffening_mm = 1;               ///< of the wall, where the contact began
     Eigen::Vector3d looked_at_mm{0, 0, 0};  ///< where the contact's sample was taken
   };
@@ -83,11 +82,8 @@ class WallContact final : public RodSurroundings {
   void look(std::size_t index, const Eigen::Vector3d& point_mm);
   void touch(std::size_t index, const Eigen::Vector3d& point_mm);
   Eigen::Vector2d slip_mm(const RodState& state, std::size_t index) const;
-  struct Guide {
-    double energy_uJ = 0, weight = 0;
-    Eigen::Vector3d slope_mN{0, 0, 0};
-  };
-  Guide guide(const Eigen::Vector3d& point_mm, std::size_t index) const;
+  /// From the entry's axis to a point.
+  Eigen::Vector3d aside_mm(const Eigen::Vector3d& point_mm) const;
 
   std::shared_ptr<const TubeField> field_;
   Options options_;

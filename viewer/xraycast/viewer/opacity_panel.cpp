@@ -18,6 +18,7 @@ Opacity preset(const std::string& name) {
   if (name == "soft tissue") return {name, {{-150, 0}, {0, 0.02}, {150, 0.025}, {300, 0}}};
   if (name == "vessels") return {name, {{120, 0}, {350, 0.05}}};
   if (name == "lung") return {name, {{-950, 0}, {-800, 0.01}, {-500, 0.004}, {-300, 0}}};
+  if (name == "subtracted") return Opacity::subtracted();
   throw InputError("there is no opacity preset '{}'", name);
 }
 

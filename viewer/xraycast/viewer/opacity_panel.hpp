@@ -28,6 +28,7 @@ class OpacityPanel {
 
 /// mu at given HU under a named preset: paper, bone, soft tissue, vessels or lung.
 std::vector<double> preset_mu_per_mm(const std::string& preset, std::span<const double> knots_hu);
-inline constexpr const char* kOpacityPresets[] = {"paper", "bone", "soft tissue", "vessels", "lung"};
+inline constexpr const char* kOpacityPresets[] = {"paper",   "bone", "soft tissue",
+                                                  "vessels", "lung", "subtracted"};
 
 }  // namespace xraycast

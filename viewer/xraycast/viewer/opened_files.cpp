@@ -29,8 +29,7 @@ Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& p
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
   opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
-  const SliceSource::HuRange hu = scan.source->hu_range();
-  const bool is_subtracted = hu.lowest >= 0 && hu.highest > hu.lowest;
+  const bool is_subtracted = scan.source->hu_range().is_subtracted();
   return {finder.finish(), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
 }
 
