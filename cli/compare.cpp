@@ -96,9 +96,11 @@ std::string contents_of(const MapGeometry& geometry) {
   return counted(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
 }
 
-/// The folder of --pictures, in which each map's go by its own name. Throws InputError.
-void check_picture_names(const Options& options) {
+/// Throws InputError where --pictures cannot be a folder, in which each map's pictures go by its own name.
+void check_pictures(const Options& options) {
   namespace fs = std::filesystem;
+  if (fs::exists(options.pictures) && !fs::is_directory(options.pictures))
+    throw InputError("--pictures {}: is a file; name a folder", options.pictures);
   std::vector<std::string> names;
   for (const std::string& map : options.maps) names.push_back(fs::path(map).stem().string());
   std::ranges::sort(names);
@@ -174,7 +176,7 @@ void compare_maps(const Options& options, Session& session) {
   style.sampling.compositing = compositing_named(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
   if (!options.plot.empty()) check_plot(options.plot);
-  if (!options.pictures.empty()) check_picture_names(options);
+  if (!options.pictures.empty()) check_pictures(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);

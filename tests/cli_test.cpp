@@ -298,7 +298,7 @@ const BadCall kBadCalls[] = {
      write_small_map},
     {"PicturesOfMapsOfOneName", "compare @/ct.nii @/map.exr @/sub/../map.exr --pictures @/p", 3,
      "two maps are named map", [](const TemporaryFolder& f) { fs::create_directory(f / "sub"); }},
-    {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "--pictures"},
+    {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "is a file; name a folder"},
     {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "end its name in .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
