@@ -419,7 +419,7 @@ double Rod::loss_uJ(const RodState& state) const {
   return loss_ * energy;
 }
 
-Vector3d Rod::moment_mNmm(const RodState& state, std::size_t node) const {
+Vector3d Rod::moment_mN_mm(const RodState& state, std::size_t node) const {
   const Node& n = nodes_[node];
   const Turn& turn = state.turns[node];
   const Vector2d bending = n.bend_stiffness * (turn.bend - n.rest_bend + loss_ * (turn.bend - n.start_bend));
@@ -482,7 +482,7 @@ void Rod::assemble_elastic(const RodState& state, bool convex) {
     const double more = 1 + loss_;
     const double stiffness[3] = {more * node.bend_stiffness, more * node.bend_stiffness,
                                  more * node.twist_stiffness};
-    const Vector3d moment = moment_mNmm(state, i);
+    const Vector3d moment = moment_mN_mm(state, i);
     for (std::size_t c = 0; c < TurnGradient::kSize; ++c) {
       gradient[row + c] += d.along(moment, c);
       const double w0 = stiffness[0] * d.by[0][c], w1 = stiffness[1] * d.by[1][c],
@@ -665,7 +665,7 @@ Vector3d Rod::elastic_force_N(std::size_t node) const {
     if (node + place < 1 || node + place - 1 >= edges_.size()) continue;
     const std::size_t i = node + place - 1;
     const TurnGradient d(i > 0 ? state_.edges[i - 1] : clamp_frame_, state_.edges[i], state_.turns[i]);
-    const Vector3d moment = moment_mNmm(state_, i);
+    const Vector3d moment = moment_mN_mm(state_, i);
     for (std::size_t c = 0; c < 3; ++c)
       force[static_cast<Eigen::Index>(c)] -= d.along(moment, 4 * (2 - place) + c);
   }
@@ -682,7 +682,7 @@ void Rod::note_forces() {
   // The clamp holds node 0 and, by the direction of the first edge, a node before it.
   clamp_force_N_ = elastic_force_N(0);
   const TurnGradient d(clamp_frame_, state_.edges[0], state_.turns[0]);
-  const Vector3d moment = moment_mNmm(state_, 0);
+  const Vector3d moment = moment_mN_mm(state_, 0);
   clamp_force_N_ -= kMilli * Vector3d(d.along(moment, 0), d.along(moment, 1), d.along(moment, 2));
   clamp_torque_Nm_ = -kMicro * d.along(moment, 3);
 }

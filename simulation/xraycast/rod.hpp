@@ -211,7 +211,7 @@ class Rod {
   /// What bending and twisting lose in a step.
   double loss_uJ(const RodState& state) const;
   /// The two bending moments and the twisting one at a node.
-  Eigen::Vector3d moment_mNmm(const RodState& state, std::size_t node) const;
+  Eigen::Vector3d moment_mN_mm(const RodState& state, std::size_t node) const;
   void settle_motion(double dt_s, double fall_uJ);
   void note_forces();
 
