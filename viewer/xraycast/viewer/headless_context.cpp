@@ -46,8 +46,9 @@ std::vector<EGLDisplay> displays() {
 bool fits(const std::string& choice, int number, const std::string& name) {
   const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
   const auto same = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
-  return choice.empty() ||
-         (is_number ? std::to_string(number) == choice : !std::ranges::search(name, choice, same).empty());
+  return choice.empty() || (is_number ? std::to_string(number) == choice
+                                      : std::search(name.begin(), name.end(), choice.begin(), choice.end(),
+                                                    same) != name.end());
 }
 
 /// A current context on the display, or none.
