@@ -115,6 +115,12 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   return numbers;
 }
 
+void make_folder(const std::filesystem::path& folder, const std::string& name) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) throw InputError("{}: the folder cannot be made: {}", name, error.message());
+}
+
 Json to_json(const VolumeGeometry& geometry) {
   const auto list = [](const auto& v) { return Json{v.x, v.y, v.z}; };
   return {{"size", list(geometry.size)},

@@ -7,6 +7,7 @@
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>
 
+#include <filesystem>
 #include <functional>
 #include <string>
 #include <vector>
@@ -62,6 +63,9 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
 
 /// `12.5,-30`. Throws InputError naming `option`.
 std::vector<double> parse_numbers(const std::string& text, const std::string& option);
+
+/// Makes a folder, and those above it, where there is none. Throws InputError with `name` in front.
+void make_folder(const std::filesystem::path& folder, const std::string& name);
 
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);

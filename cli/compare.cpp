@@ -110,12 +110,8 @@ void check_pictures(const Options& options) {
 }
 
 void make_picture_folder(const Options& options) {
-  namespace fs = std::filesystem;
-  std::error_code error;
-  fs::create_directories(options.pictures, error);
-  if (error)
-    throw InputError("--pictures {}: the folder cannot be made: {}", options.pictures, error.message());
-  check_writable(fs::path(options.pictures) / "picture.png");
+  make_folder(options.pictures, "--pictures " + options.pictures);
+  check_writable(std::filesystem::path(options.pictures) / "picture.png");
 }
 
 /// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and a measure over the angle.

@@ -242,9 +242,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 }
 
 void run_demo(const std::string& folder, Session& session) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError("{}: the folder cannot be made: {}", folder, error.message());
+  make_folder(folder, folder);
   Report report(folder, session);
   Progress& progress = session.progress;
 

@@ -30,9 +30,7 @@ void write_truth(const Phantom& phantom, const std::filesystem::path& folder) {
 void check_truth_folder(const Phantom& phantom, const std::string& folder) {
   if (phantom.vessel_branches().empty())
     throw InputError("--truth: the phantom {} has no vessels; thorax and head have", phantom.name());
-  std::error_code error;
-  std::filesystem::create_directories(folder, error);
-  if (error) throw InputError("--truth {}: the folder cannot be made: {}", folder, error.message());
+  make_folder(folder, "--truth " + folder);
   check_writable(std::filesystem::path(folder) / "tree.vtp");
 }
 

@@ -108,9 +108,7 @@ void check_output(const Options& options) {
   } else {
     if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))
       throw InputError("--cine with -o {}: has to be a folder for PNGs, or end in .gif", options.output);
-    std::error_code error;
-    fs::create_directories(options.output, error);
-    if (error) throw InputError("{}: the folder cannot be made: {}", options.output, error.message());
+    make_folder(options.output, options.output);
     check_writable(fs::path(options.output) / "frame-000.png");
   }
 }

@@ -91,9 +91,7 @@ std::string joined(const Centrelines& found) {
 }
 
 fs::path made_folder(const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) throw InputError("-o {}: the folder cannot be made: {}", folder, error.message());
+  make_folder(folder, "-o " + folder);
   check_writable(fs::path(folder) / "tree.vtp");
   return folder;
 }

@@ -111,9 +111,7 @@ void check_cine(const Options& options) {
   if (options.map.empty()) throw InputError("--cine {}: give a body map to draw it in, --map", options.cine);
   parse_injection(options.inject);
   if (is_animation(options.cine)) return check_writable(options.cine);
-  std::error_code error;
-  fs::create_directories(options.cine, error);
-  if (error) throw InputError("{}: the folder cannot be made: {}", options.cine, error.message());
+  make_folder(options.cine, options.cine);
 }
 
 std::string held_note(double held_s) {
