@@ -1,6 +1,7 @@
 #include "xraycast/device.hpp"
 
 #include "embedded_kernels.h"
+#include "xraycast/device_choice.hpp"
 #include "xraycast/error.hpp"
 
 #include <algorithm>
@@ -11,12 +12,6 @@
 
 namespace xraycast {
 namespace {
-
-std::string lower(std::string text) {
-  std::ranges::transform(text, text.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return text;
-}
 
 struct Candidate {
   cl::Device device;
@@ -74,11 +69,8 @@ const Candidate& choose(const std::vector<Candidate>& found, const std::string& 
     const auto gpu = std::ranges::find_if(found, [](const Candidate& c) { return c.info.is_gpu; });
     return gpu != found.end() ? *gpu : found.front();
   }
-  const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
-  const auto fits = std::ranges::find_if(found, [&](const Candidate& c) {
-    return is_number ? std::to_string(c.info.index) == choice
-                     : lower(c.info.name).find(lower(choice)) != std::string::npos;
-  });
+  const auto fits = std::ranges::find_if(
+      found, [&](const Candidate& c) { return names_device(choice, c.info.index, c.info.name); });
   if (fits == found.end())
     throw DeviceError("no OpenCL device fits '{}'; there is {}", choice, names_of(found));
   return *fits;

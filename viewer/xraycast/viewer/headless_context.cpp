@@ -1,10 +1,9 @@
 #include "xraycast/viewer/headless_context.hpp"
 
+#include "xraycast/device_choice.hpp"
 #include "xraycast/error.hpp"
 
-#include <algorithm>
 #include <array>
-#include <cctype>
 #include <cstdlib>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
@@ -40,15 +39,6 @@ std::vector<EGLDisplay> displays() {
   if (has_client_extension("EGL_MESA_platform_surfaceless"))
     found.push_back(eglGetPlatformDisplayEXT(EGL_PLATFORM_SURFACELESS_MESA, nullptr, nullptr));
   return found;
-}
-
-/// Whether a device of this number and name is what was asked for: all are where nothing was.
-bool fits(const std::string& choice, int number, const std::string& name) {
-  const bool is_number = std::ranges::all_of(choice, [](unsigned char c) { return std::isdigit(c); });
-  const auto same = [](unsigned char a, unsigned char b) { return std::tolower(a) == std::tolower(b); };
-  return choice.empty() || (is_number ? std::to_string(number) == choice
-                                      : std::search(name.begin(), name.end(), choice.begin(), choice.end(),
-                                                    same) != name.end());
 }
 
 /// A current context on the display, or none.
@@ -87,7 +77,7 @@ HeadlessContext::HeadlessContext() : display_(nullptr) {
     display_ = display;
     context_ = context_on(display);
     if (!context_) continue;
-    if (fits(choice, number, gl_device_name())) return;
+    if (choice.empty() || names_device(choice, number, gl_device_name())) return;
     names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", number++, gl_device_name());
     release(display, context_);
   }
