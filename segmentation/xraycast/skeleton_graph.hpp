@@ -46,8 +46,8 @@ struct PartJoins {
 /// scan through the same face come first, then others by their length; it counts twice where one side is no
 /// end, and three times where both are none, because a vessel that was interrupted has two ends. No line but
 /// beyond the scan is longer than the longer of the parts that it joins; parts without one are taken off the
-/// skeleton. `face_of` names the face of the scan through which a vessel
-/// leaves that ends in a voxel, or gives -1.
+/// skeleton. `face_of` names the face of the scan through which a vessel leaves that ends in a voxel, or
+/// gives -1.
 PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& face_of);
 
 /// Draws a join as a line of voxels.

@@ -71,6 +71,16 @@ Mask in_wide_spheres(const Mask& mask, double max_radius_mm) {
   return centres.count() > 0 ? dilated(centres, max_radius_mm) : centres;
 }
 
+/// The voxels of a mask, the deepest first.
+std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float>& distance_mm) {
+  std::vector<std::size_t> order;
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+    if (mask.voxels[i] != 0) order.push_back(i);
+  std::ranges::stable_sort(order,
+                           [&](std::size_t a, std::size_t b) { return distance_mm[a] > distance_mm[b]; });
+  return order;
+}
+
 /// What a basin is known to be.
 enum class Kind : std::uint8_t { open, vessel, chamber };
 
@@ -87,12 +97,8 @@ class Flooding {
 
   void mark(std::size_t voxel, Kind kind) { markers_[voxel] = kind; }
 
-  void run() {
-    std::vector<std::size_t> order;
-    for (std::size_t i = 0; i < mask_.voxels.size(); ++i)
-      if (mask_.voxels[i] != 0) order.push_back(i);
-    std::ranges::stable_sort(order,
-                             [&](std::size_t a, std::size_t b) { return distance_mm_[a] > distance_mm_[b]; });
+  /// `order`: the mask's voxels, the deepest first.
+  void run(const std::vector<std::size_t>& order) {
     for (const std::size_t at : order) flood(at);
   }
 
@@ -230,8 +236,9 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
   progress.advance();
 
   // What only touches is parted before chambers are known: it must not depend on what they are.
+  const std::vector<std::size_t> order = deepest_first(grid, distance_mm);
   Flooding whole(grid, distance_mm);
-  whole.run();
+  whole.run(order);
   Flooding flooding(grid, distance_mm, &whole);
   for (const std::size_t top : chamber_tops(grid, distance_mm, whole, markers.max_radius_mm))
     flooding.mark(top, Kind::chamber);
@@ -242,7 +249,7 @@ void part_from_chambers(Mask& mask, const Markers& markers, const std::string& n
       if (grid.at(voxel)) flooding.mark(grid.offset(voxel), kind);
     }
   progress.advance();
-  flooding.run();
+  flooding.run(order);
   progress.advance();
 
   // Chambers go, and of two basins that touch the one with the higher number gives up the voxels between.
