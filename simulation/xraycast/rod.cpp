@@ -399,23 +399,15 @@ double Rod::elastic_uJ(const RodState& state) const {
     const double strain = state.edges[j].length_mm / edges_[j].rest_mm - 1;
     energy += 0.5 * axial_mN * edges_[j].rest_mm * strain * strain;
   }
-  for (std::size_t i = 0; i < edges_.size(); ++i) {
-    const Turn& turn = state.turns[i];
-    energy += 0.5 * nodes_[i].bend_stiffness * (turn.bend - nodes_[i].rest_bend).squaredNorm() +
-              0.5 * nodes_[i].twist_stiffness * turn.twist_rad * turn.twist_rad;
-  }
+  for (std::size_t i = 0; i < edges_.size(); ++i)
+    energy += nodes_[i].turning_uJ(state.turns[i], nodes_[i].rest_bend, 0);
   return energy;
 }
 
 double Rod::loss_uJ(const RodState& state) const {
   double energy = 0;
-  for (std::size_t i = 0; i < edges_.size(); ++i) {
-    const Node& node = nodes_[i];
-    const Turn& turn = state.turns[i];
-    const double twisted = turn.twist_rad - node.start_twist_rad;
-    energy += 0.5 * node.bend_stiffness * (turn.bend - node.start_bend).squaredNorm() +
-              0.5 * node.twist_stiffness * twisted * twisted;
-  }
+  for (std::size_t i = 0; i < edges_.size(); ++i)
+    energy += nodes_[i].turning_uJ(state.turns[i], nodes_[i].start_bend, nodes_[i].start_twist_rad);
   return loss_ * energy;
 }
 

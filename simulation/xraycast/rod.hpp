@@ -189,6 +189,12 @@ class Rod {
     Eigen::Vector3d across(const Eigen::Vector3d& moved) const {
       return moved - moved.dot(tangent) * tangent;
     }
+    /// What springs of its stiffness take to be bent and twisted from there to a turn.
+    double turning_uJ(const RodState::Turn& turn, const Eigen::Vector2d& bend, double twist_rad) const {
+      const double twisted = turn.twist_rad - twist_rad;
+      return 0.5 * bend_stiffness * (turn.bend - bend).squaredNorm() +
+             0.5 * twist_stiffness * twisted * twisted;
+    }
   };
   struct Edge {
     double rest_mm = 0, spin_inertia_kg_mm2 = 0, spin_rad_s = 0;
@@ -224,7 +230,7 @@ class Rod {
   std::vector<Edge> edges_;
   RodState state_, trial_;
   RodSystem system_;
-  std::vector<double> solution_, elastic_gradient_;
+  std::vector<double> solution_;
   double tip_torque_Nm_ = 0;
   double loss_ = 0;                    ///< the retardation time over the step's
   Eigen::Vector2d turned_bend_{0, 0};  ///< of the first turn, by the hub since the last step
