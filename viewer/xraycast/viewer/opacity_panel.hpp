@@ -26,7 +26,7 @@ class OpacityPanel {
   int dragged_ = -1;
 };
 
-/// mu at given HU under a named preset: paper, bone, soft tissue, vessels or lung.
+/// mu at given HU under one of kOpacityPresets.
 std::vector<double> preset_mu_per_mm(const std::string& preset, std::span<const double> knots_hu);
 inline constexpr const char* kOpacityPresets[] = {"paper",   "bone", "soft tissue",
                                                   "vessels", "lung", "subtracted"};
