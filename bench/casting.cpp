@@ -1,11 +1,11 @@
 // Reading, casting and recasting.
+#include "baselines.hpp"
 #include "suite.hpp"
-#include "xraycast/caster.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/recast.hpp"
-#include "xraycast/scan.hpp"
-#include "xraycast/slab_caster.hpp"
-#include "yardsticks.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/recast.hpp"
+#include "xraycast/casting/slab_caster.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
 

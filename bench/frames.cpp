@@ -1,9 +1,9 @@
 #include "frames.hpp"
 
-#include "xraycast/caster.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/vessel_tree.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <fmt/format.h>
 

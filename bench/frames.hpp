@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/recast.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/casting/recast.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/sampling/camera.hpp"
 
 #include <cstdio>
 #include <filesystem>

@@ -1,7 +1,7 @@
-// Every benchmark with its yardstick in the same run, repeated and interleaved at random, so that their ratio
+// Every benchmark with its baseline in the same run, repeated and interleaved at random, so that their ratio
 // survives a machine whose speed drifts. What is held constant: the thorax phantom of 512 x 512 x 720 voxels,
 // 360 angles, a radius of 255 pixels about the middle, all cores.
-#include "growth.hpp"
+#include "scaling.hpp"
 #include "suite.hpp"
 
 #include <fmt/format.h>
@@ -28,7 +28,7 @@ class Collector final : public benchmark::ConsoleReporter {
  private:
   void keep(const Run& run) {
     times[run.run_name.function_name] = run.GetAdjustedRealTime();
-    // A yardstick that was measured by turns with its value.
+    // A baseline that was measured by turns with its value.
     const auto rtk = run.counters.find("rtk_ms");
     if (rtk != run.counters.end()) times["RTK, " + run.run_name.function_name] = rtk->second.value;
   }
@@ -64,19 +64,19 @@ void measure_rows(Bench& bench, const fs::path& folder) {
 }  // namespace
 }  // namespace xraycast::bench
 
-/// xraycast_bench [--growth] [FOLDER [PYTHON]], and Google Benchmark's options.
+/// xraycast_bench [--scaling] [FOLDER [PYTHON]], and Google Benchmark's options.
 int main(int argc, char** argv) {
   using namespace xraycast::bench;
   benchmark::Initialize(&argc, argv);
   std::vector<std::string_view> words(argv + 1, argv + argc);
-  const bool wants_growth = std::erase(words, "--growth") > 0;
+  const bool wants_scaling = std::erase(words, "--scaling") > 0;
   const fs::path folder = words.empty() ? "." : words[0];
   Bench bench(folder, words.size() > 1 ? words[1] : "python3");
-  if (wants_growth) {
-    measure_drawing_growth(bench, folder / "growth-frame.png");
-    measure_rod_growth(folder / "growth-rod.png");
-    measure_segmenting_growth(bench, folder / "growth-vesselness.png");
-    measure_growth(bench, folder / "growth-cast.png");
+  if (wants_scaling) {
+    measure_drawing_scaling(bench, folder / "scaling-frame.png");
+    measure_rod_scaling(folder / "scaling-rod.png");
+    measure_segmenting_scaling(bench, folder / "scaling-vesselness.png");
+    measure_scaling(bench, folder / "scaling-cast.png");
   } else {
     measure_rows(bench, folder);
   }

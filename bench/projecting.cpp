@@ -1,7 +1,7 @@
 // True projections.
 #include "rtk.hpp"
 #include "suite.hpp"
-#include "xraycast/projector.hpp"
+#include "xraycast/casting/projector.hpp"
 
 #include <fmt/format.h>
 
@@ -16,7 +16,7 @@ std::shared_ptr<RtkProjector> make_rtk(const Bench& bench) {
   try {
     return std::make_shared<RtkProjector>(bench.python, bench.file);
   } catch (const std::runtime_error& error) {
-    fmt::print(stderr, "No yardstick for the projections, since RTK cannot be had: {}\n", error.what());
+    fmt::print(stderr, "No baseline for the projections, since RTK cannot be had: {}\n", error.what());
     return nullptr;
   }
 }
@@ -40,7 +40,7 @@ void add_projection(Bench& bench, const std::shared_ptr<RtkProjector>& rtk, cons
         rtk_ms.push_back(ms);
         // Both are Joseph's method in single precision; more than 100 dB are seen.
         if (is_rtk_opacity && !(psnr_db(image.tau, tau) > 80))
-          state.SkipWithError("RTK's picture is another one, and no yardstick");
+          state.SkipWithError("RTK's picture is another one, and no baseline");
       }
       state.SetIterationTime(median(ours_ms) / 1000);
       if (rtk) state.counters["rtk_ms"] = median(rtk_ms);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/view.hpp"
+#include "xraycast/casting/view.hpp"
 
 #include <filesystem>
 #include <string>

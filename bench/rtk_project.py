@@ -1,4 +1,4 @@
-"""Projects a scan by RTK's JosephForwardProjectionImageFilter, on request: the yardstick of our projector.
+"""Projects a scan by RTK's JosephForwardProjectionImageFilter, on request: the baseline of our projector.
 
 usage: rtk_project.py SCAN
 

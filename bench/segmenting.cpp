@@ -1,10 +1,10 @@
 // Segmenting: the whole way from a scan to its vessels' tree and surface, and vesselness against ITK's.
+#include "baselines.hpp"
 #include "suite.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/segment.hpp"
-#include "xraycast/surface.hpp"
-#include "xraycast/vesselness.hpp"
-#include "yardsticks.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/segmentation/surface.hpp"
+#include "xraycast/segmentation/vesselness.hpp"
 
 #include <algorithm>
 #include <memory>

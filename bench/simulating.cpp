@@ -25,8 +25,9 @@ VesselTree winding_vessel(double length_mm) {
 
 CatheterSteps::CatheterSteps(std::size_t nodes, double spacing_mm) {
   const VesselTree vessel = winding_vessel(1100);
-  catheter_ = std::make_unique<Catheter>(vessel, DeviceModel::named("cobra-5f"), most_inferior_end(vessel),
-                                         Catheter::Options{.spacing_mm = spacing_mm});
+  catheter_ =
+      std::make_unique<Catheter>(vessel, InstrumentModel::named("cobra-5f"), most_inferior_end(vessel),
+                                 Catheter::Options{.spacing_mm = spacing_mm});
   while (catheter_->rod().node_count() < nodes) {
     pose_.insertion_mm += 0.05;
     catheter_->step(pose_);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/catheter.hpp"
+#include "xraycast/mechanics/catheter.hpp"
 
 #include <cstddef>
 #include <memory>

@@ -1,7 +1,7 @@
 #include "suite.hpp"
 
-#include "xraycast/phantom.hpp"
-#include "xraycast/scan.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
 

@@ -1,13 +1,13 @@
 #pragma once
 
+#include "baselines.hpp"
 #include "table.hpp"
-#include "xraycast/map_geometry.hpp"
-#include "xraycast/opacity.hpp"
-#include "xraycast/resident_scan.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/view.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "yardsticks.hpp"
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/casting/view.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/opencl/resident_scan.hpp"
 
 #include <benchmark/benchmark.h>
 
@@ -21,7 +21,7 @@ namespace xraycast::bench {
 /// What benchmarks share, made once: the thorax phantom of 512 x 512 x 720 voxels, and an OpenGL context.
 struct Bench {
   HeadlessContext context;
-  Device device;
+  ComputeDevice device;
   Progress progress;
   Volume volume;
   ResidentScan scan;
@@ -71,7 +71,7 @@ benchmark::internal::Benchmark* add(const std::string& name, Work work) {
 /// A cube from the middle of the scan.
 Cube cube_of(const Bench& bench, std::int64_t size);
 
-// A topic a file: each registers its benchmarks and yardsticks and returns its lines of the table.
+// A topic a file: each registers its benchmarks and baselines and returns its lines of the table.
 std::vector<Row> add_casting(Bench& bench);
 std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);

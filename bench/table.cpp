@@ -8,13 +8,13 @@
 namespace xraycast::bench {
 
 std::optional<double> ratio(const Row& row, const Times& times) {
-  if (!times.contains(row.yardstick)) return std::nullopt;
-  const double value = times.at(row.name), yardstick = times.at(row.yardstick);
-  return row.bar == Row::Bar::at_least ? yardstick / value : value / yardstick;
+  if (!times.contains(row.baseline)) return std::nullopt;
+  const double value = times.at(row.name), baseline = times.at(row.baseline);
+  return row.bar == Row::Bar::at_least ? baseline / value : value / baseline;
 }
 
 void print_table(const std::vector<Row>& rows, const Times& times) {
-  fmt::print("\n{:<24} {:>11}  {:<28} {:>11} {:>8}  {}\n", "name", "value", "yardstick", "", "ratio", "bar");
+  fmt::print("\n{:<24} {:>11}  {:<28} {:>11} {:>8}  {}\n", "name", "value", "baseline", "", "ratio", "bar");
   for (const Row& row : rows) {
     if (!times.contains(row.name)) continue;
     const std::optional<double> r = ratio(row, times);
@@ -24,8 +24,8 @@ void print_table(const std::vector<Row>& rows, const Times& times) {
       verdict = fmt::format("{} {:g}: {}", row.bar == Row::Bar::at_most ? "<=" : ">=", row.limit,
                             met ? "met" : "missed");
     }
-    fmt::print("{:<24} {:>8.2f} ms  {:<28} {:>8} {:>11}  {}\n", row.name, times.at(row.name), row.yardstick,
-               r ? fmt::format("{:.2f} ms", times.at(row.yardstick)) : "", r ? fmt::format("{:.3f}", *r) : "",
+    fmt::print("{:<24} {:>8.2f} ms  {:<28} {:>8} {:>11}  {}\n", row.name, times.at(row.name), row.baseline,
+               r ? fmt::format("{:.2f} ms", times.at(row.baseline)) : "", r ? fmt::format("{:.3f}", *r) : "",
                verdict);
   }
 }
@@ -37,8 +37,8 @@ void write_json(const std::vector<Row>& rows, const Times& times, const std::str
     const std::optional<double> r = ratio(row, times);
     list.push_back({{"name", row.name},
                     {"value_ms", times.at(row.name)},
-                    {"yardstick", row.yardstick},
-                    {"yardstick_ms", r ? nlohmann::json(times.at(row.yardstick)) : nlohmann::json()},
+                    {"baseline", row.baseline},
+                    {"baseline_ms", r ? nlohmann::json(times.at(row.baseline)) : nlohmann::json()},
                     {"ratio", r ? nlohmann::json(*r) : nlohmann::json()}});
   }
   std::ofstream(path) << list.dump(2) << '\n';

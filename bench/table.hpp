@@ -7,12 +7,12 @@
 
 namespace xraycast::bench {
 
-/// One line of the results: a measured time against its yardstick from the same run.
+/// One line of the results: a measured time against its baseline from the same run.
 struct Row {
   enum class Bar { at_most, at_least, reported };
 
   std::string name;
-  std::string yardstick;  ///< a benchmark's name; empty: none
+  std::string baseline;  ///< a benchmark's name; empty: none
   Bar bar = Bar::reported;
   double limit = 0;
 };
@@ -20,13 +20,13 @@ struct Row {
 /// Median times by benchmark, in milliseconds.
 using Times = std::map<std::string, double>;
 
-/// value / yardstick for at_most and reported, yardstick / value for at_least; nothing without a yardstick.
+/// value / baseline for at_most and reported, baseline / value for at_least; nothing without a baseline.
 std::optional<double> ratio(const Row& row, const Times& times);
 
 /// The table for people, on stdout, of the rows whose benchmarks ran.
 void print_table(const std::vector<Row>& rows, const Times& times);
 
-/// A list of {"name", "value_ms", "yardstick", "yardstick_ms", "ratio"}.
+/// A list of {"name", "value_ms", "baseline", "baseline_ms", "ratio"}.
 void write_json(const std::vector<Row>& rows, const Times& times, const std::string& path);
 
 }  // namespace xraycast::bench

@@ -1,6 +1,6 @@
 #include "attenuation.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 namespace xraycast::cli {
 
@@ -39,8 +39,8 @@ void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const S
          "what lies above it"});
 }
 
-SpectralScan load(Device& device, const Scan& scan, const AttenuationOptions& options, OutlineFinder& finder,
-                  LoadTimings& timings, Progress& progress) {
+SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
   if (options.iodine.empty()) return {load(device, *scan.source, finder, timings, progress), {}};
   const Scan vessels = open_scan(options.iodine, {}, progress);
   check_mask_grid(vessels.source->geometry(), scan.source->geometry(), "--iodine " + options.iodine);

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "command.hpp"
-#include "xraycast/spectral_scan.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 
 #include <string>
 #include <variant>
@@ -23,7 +23,7 @@ void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const S
                      const Session& session);
 
 /// Reads a scan into the device, with its contrast apart when --iodine names the vessels.
-SpectralScan load(Device& device, const Scan& scan, const AttenuationOptions& options, OutlineFinder& finder,
-                  LoadTimings& timings, Progress& progress);
+SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress);
 
 }  // namespace xraycast::cli

@@ -1,18 +1,18 @@
 #include "attenuation.hpp"
 #include "command.hpp"
 #include "map_output.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/basis_file.hpp"
-#include "xraycast/caster.hpp"
-#include "xraycast/centre_line.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/file_extension.hpp"
-#include "xraycast/materials.hpp"
-#include "xraycast/slab_caster.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/vessel_removal.hpp"
-#include "xraycast/vessel_tree.hpp"
+#include "xraycast/attenuation/materials.hpp"
+#include "xraycast/attenuation/vessel_removal.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/slab_caster.hpp"
+#include "xraycast/geometry/curved_axis.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -94,7 +94,7 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
                      rule);
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
     throw InputError("--radii {} makes {}, but --layers asks for {}", rule,
-                     counted(edges_mm.size() - 1, "layer"), layers);
+                     pluralize(edges_mm.size() - 1, "layer"), layers);
   if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges_mm.back())
     throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", rule,
                      options.radius);
@@ -143,7 +143,7 @@ void check(const Options& options) {
   check_name(options.output.map, ".exr");
   if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
   MapGeometry of_one_row;
-  of_one_row.projection = projection_named(options.projection);
+  of_one_row.projection = parse_projection(options.projection);
   of_one_row.width = options.angles.value_or(kAngles);
   of_one_row.height = 1;
   of_one_row.views = options.views.value_or(kViews);
@@ -169,7 +169,7 @@ MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volum
   if (options.centre_line.empty())
     return cylinder_map(volume, angles, resolve_radii(options, outline.radius_mm), outline.centre_mm);
   const std::vector<glm::dvec2> centre_mm =
-      CentreLine::from_file(options.centre_line).centre_of_rows_mm(volume);
+      CurvedAxis::from_file(options.centre_line).centre_of_rows_mm(volume);
   double radius_mm = outline.radius_mm;
   if (options.radius == "auto") {  // has to enclose the body wherever the centre goes
     double farthest_mm = 0;
@@ -189,7 +189,7 @@ MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volum
 }
 
 /// `--memory-limit` in bytes; without it, what the device allows one buffer to take.
-std::int64_t memory_limit_B(const Options& options, const Device& device) {
+std::int64_t memory_limit_B(const Options& options, const ComputeDevice& device) {
   if (options.memory_limit.empty()) return device.info().max_allocation_B;
   std::size_t digits = 0;
   double number = 0;
@@ -214,7 +214,7 @@ struct Casting {
 };
 
 Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
-                      const std::vector<double>& knots_hu, const Scan& scan, Device& device,
+                      const std::vector<double>& knots_hu, const Scan& scan, ComputeDevice& device,
                       Session& session) {
   Progress& progress = session.progress;
   OutlineFinder finder(scan.source->geometry());
@@ -248,7 +248,7 @@ Scan open(const Options& options, Progress& progress) {
 
 /// Casts without holding the scan; it is read twice where the body has to be found first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
-                   std::int64_t limit_B, Device& device, Session& session) {
+                   std::int64_t limit_B, ComputeDevice& device, Session& session) {
   Progress& progress = session.progress;
   if (!options.basis.empty())
     throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
@@ -274,7 +274,7 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
 /// take less memory, and with it less time.
 bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const VolumeGeometry& volume) {
-  return volume.size.z > kMostSlabSlices && options.centre != "auto" && options.radius != "auto" &&
+  return volume.size.z > kMaxSlabSlices && options.centre != "auto" && options.radius != "auto" &&
          options.centre_line.empty() && options.basis.empty() && options.projection == "cylinder" &&
          std::holds_alternative<Opacity>(attenuation);
 }
@@ -289,7 +289,7 @@ void cast_map(const Options& options, Session& session) {
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
 
-  Device device(session.device);
+  ComputeDevice device(session.device);
   const std::int64_t limit_B = memory_limit_B(options, device);
   const VolumeGeometry& volume = scan.source->geometry();
   const bool fits = resident_bytes(volume) <= limit_B;
@@ -319,14 +319,14 @@ void cast_map(const Options& options, Session& session) {
   std::string text = fmt::format(
       "{}: {} of {} x {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
       "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
-      options.output.map, counted(geometry.layers(), "layer"), counted(geometry.width, "angle"),
-      counted(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
+      options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
+      pluralize(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
       geometry.centre_mm[0].y, std::visit([](const auto& a) { return a.name(); }, attenuation),
       load_timings.read_ms, load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;
-    text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis, counted(knots_hu.size(), "knot"),
+    text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis, pluralize(knots_hu.size(), "knot"),
                         basis_ms);
   }
   session.report(json, text);

@@ -1,19 +1,19 @@
 #include "catheter_options.hpp"
 
-#include "xraycast/device_model.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 namespace xraycast::cli {
 
-void add_catheter_options(CLI::App& command, std::string& device_model, std::string& entry) {
+void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry) {
   CLI::Option* model = command
-                           .add_option("--device-model", device_model,
+                           .add_option("--device-model", instrument_model,
                                        fmt::format("What is steered: {}, or FILE.json",
-                                                   fmt::join(DeviceModel::preset_names(), ", ")))
+                                                   fmt::join(InstrumentModel::preset_names(), ", ")))
                            ->type_name("NAME");
-  if (device_model.empty())
+  if (instrument_model.empty())
     model->required();
   else
     model->capture_default_str();

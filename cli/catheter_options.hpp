@@ -7,7 +7,7 @@
 namespace xraycast::cli {
 
 /// --device-model and --entry: what is steered, and where it comes in. The first is required unless
-/// `device_model` has a default.
-void add_catheter_options(CLI::App& command, std::string& device_model, std::string& entry);
+/// `instrument_model` has a default.
+void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry);
 
 }  // namespace xraycast::cli

@@ -1,6 +1,6 @@
 #include "command.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/map_geometry.hpp"
-#include "xraycast/progress.hpp"
-#include "xraycast/scan.hpp"
+#include "xraycast/base/progress.hpp"
+#include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <CLI/CLI.hpp>
 #include <nlohmann/json.hpp>

@@ -2,15 +2,15 @@
 #include "comparison_picture.hpp"
 #include "plot.hpp"
 #include "view_options.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/comparison.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/rays_within.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/renderer.hpp"
-#include "xraycast/viewer/same_scan.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/casting/comparison.hpp"
+#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/same_scan.hpp"
 
 #include <fmt/format.h>
 
@@ -76,7 +76,7 @@ constexpr Measure kMeasures[] = {
     {"ssim", "SSIM", [](const Likeness& likeness) { return likeness.ssim; }},
     {"rmse", "RMSE of tau (% of its maximum)", [](const Likeness& likeness) { return 100 * likeness.rmse; }}};
 
-const Measure& measure_named(const std::string& name) {
+const Measure& parse_measure(const std::string& name) {
   return *std::ranges::find(kMeasures, name,
                             [](const Measure& measure) { return std::string(measure.name); });
 }
@@ -93,7 +93,7 @@ std::vector<double> resolve_angles_deg(const Options& options) {
 
 /// What a map consists of, for people.
 std::string contents_of(const MapGeometry& geometry) {
-  return counted(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
+  return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
 }
 
 /// Throws InputError where --pictures cannot be a folder, in which each map's pictures go by its own name.
@@ -125,7 +125,7 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
                        const ResidentScan& scan, const Options& options, Progress& progress) {
   const std::optional<Cone> cone = parse_cone(options.cone);
   const std::vector<double> angles_deg = resolve_angles_deg(options);
-  const Measure& plotted = measure_named(options.plotted);
+  const Measure& plotted = parse_measure(options.plotted);
   Json views = Json::array();
   Likeness sum{0, 0, 0};
   double lowest_db = 1e9;
@@ -160,8 +160,8 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
   return {{{"map", name}, {"mean", to_json(mean)}, {"views", views}},
           fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
                       "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum\n",
-                      name, counted(views.size(), "view"), contents_of(map.geometry), mean.psnr_db, lowest_db,
-                      mean.ssim, 100 * mean.rmse),
+                      name, pluralize(views.size(), "view"), contents_of(map.geometry), mean.psnr_db,
+                      lowest_db, mean.ssim, 100 * mean.rmse),
           curve};
 }
 
@@ -169,7 +169,7 @@ void compare_maps(const Options& options, Session& session) {
   resolve_angles_deg(options);
   parse_cone(options.cone);
   Style style;
-  style.sampling.compositing = compositing_named(options.compositing);
+  style.sampling.compositing = parse_compositing(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
   if (!options.plot.empty()) check_plot(options.plot);
   if (!options.pictures.empty()) check_pictures(options);
@@ -180,7 +180,7 @@ void compare_maps(const Options& options, Session& session) {
   for (std::size_t i = 0; i < maps.size(); ++i)
     check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);
-  Device device(session.device);
+  ComputeDevice device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
@@ -201,7 +201,7 @@ void compare_maps(const Options& options, Session& session) {
   if (!options.plot.empty())
     write_plot(
         fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
-        "C-arm angle (deg)", measure_named(options.plotted).label, curves, options.plot);
+        "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
     result.update(all[0]);

@@ -1,6 +1,6 @@
 #include "comparison_picture.hpp"
 
-#include "xraycast/image.hpp"
+#include "xraycast/base/image.hpp"
 
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
@@ -15,7 +15,7 @@ namespace xraycast::cli {
 namespace {
 
 namespace Algo = OIIO::ImageBufAlgo;
-constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kLeastWidth = 240, kStrength = 4;
+constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kMinWidth = 240, kStrength = 4;
 
 std::vector<std::uint8_t> difference(const std::vector<std::uint8_t>& frame,
                                      const std::vector<std::uint8_t>& truth) {
@@ -40,7 +40,7 @@ void write_comparison_picture(const std::string& title, std::span<const float> f
   const std::array<std::string, 3> captions{"map", "true projection",
                                             fmt::format("difference x {}", kStrength)};
 
-  const int height = static_cast<int>(truth.size()) / width, pitch = std::max(width, kLeastWidth) + kMargin;
+  const int height = static_cast<int>(truth.size()) / width, pitch = std::max(width, kMinWidth) + kMargin;
   OIIO::ImageBuf sheet(
       OIIO::ImageSpec(kMargin + 3 * pitch, kTop + height + kCaption, 1, OIIO::TypeDesc::UINT8));
   Algo::fill(sheet, {0.11F});

@@ -1,8 +1,8 @@
 #include "contact_sheet.hpp"
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/image.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>

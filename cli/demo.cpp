@@ -2,25 +2,25 @@
 #include "contact_sheet.hpp"
 #include "hub_plot.hpp"
 #include "vessel_report.hpp"
-#include "xraycast/body_outline.hpp"
-#include "xraycast/caster.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/image.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/projection_file.hpp"
-#include "xraycast/run_script.hpp"
-#include "xraycast/scan.hpp"
-#include "xraycast/segment.hpp"
-#include "xraycast/vessel_removal.hpp"
-#include "xraycast/vessel_tree.hpp"
-#include "xraycast/viewer/brightness.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/cine_writer.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/renderer.hpp"
-#include "xraycast/viewer/run_cine.hpp"
+#include "xraycast/attenuation/vessel_removal.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/drawing/cine_writer.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/format.h>
 
@@ -87,7 +87,7 @@ MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, in
 
 BodyMap make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
                  Progress& progress) {
-  CastResult result = report.timed(fmt::format("cast of {}, 360 angles", counted(layers, "layer")), [&] {
+  CastResult result = report.timed(fmt::format("cast of {}, 360 angles", pluralize(layers, "layer")), [&] {
     return cast(scan, map_geometry(scan.geometry(), body, layers), Opacity::paper(), progress);
   });
   result.map.source = "thorax phantom";
@@ -156,7 +156,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
 }
 
 /// The phantom's vessels as segmentation finds them, in `vessels`.
-VesselTree find_vessels(const Volume& volume, Device& device, Report& report, Progress& progress) {
+VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
   const Mask mask = report.timed(
       "vessels found", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
   const Centrelines centrelines =
@@ -165,14 +165,14 @@ VesselTree find_vessels(const Volume& volume, Device& device, Report& report, Pr
   write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
   write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
   write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
-  write_vessel_report("thorax phantom: " + counted(centrelines.tree.branches().size(), "branch"), volume,
+  write_vessel_report("thorax phantom: " + pluralize(centrelines.tree.branches().size(), "branch"), volume,
                       mask, centrelines.tree, report.file("vessels/report.png"));
   report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
   return centrelines.tree;
 }
 
 /// A body map without the vessels, in which a catheter's run is drawn.
-std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body, Device& device,
+std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body, ComputeDevice& device,
                                                         Report& report, Progress& progress) {
   return report.timed("body map without the vessels", [&] {
     const Scan vessels = open_scan(report.file("vessels/mask.nrrd"), {}, progress);
@@ -220,7 +220,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
                                               }));
   }
 
-  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
   const std::vector<RunRecord> records = report.timed("catheter run of 10.5 s, with its frames", [&] {
     return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
@@ -246,7 +246,7 @@ void run_demo(const std::string& folder, Session& session) {
   Report report(folder, session);
   Progress& progress = session.progress;
 
-  Device device(session.device);
+  ComputeDevice device(session.device);
   report.note("OpenCL device", device.info().name);
   const Phantom phantom = make_phantom("thorax");
   const Volume volume =

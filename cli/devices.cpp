@@ -1,7 +1,7 @@
 #include "command.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/device.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/opencl/compute_device.hpp"
 
 #include <fmt/format.h>
 
@@ -11,8 +11,8 @@ namespace {
 void list_devices(const Session& session) {
   Json devices = Json::array();
   std::string text;
-  for (const Device::Info& info : Device::list()) {
-    Device device(std::to_string(info.index));
+  for (const ComputeDevice::Info& info : ComputeDevice::list()) {
+    ComputeDevice device(std::to_string(info.index));
     const auto [buffers, images] = device.self_test();
     devices.push_back({{"index", info.index},
                        {"name", info.name},
@@ -26,7 +26,7 @@ void list_devices(const Session& session) {
     text += fmt::format(
         "{}: {}\n   {}, {}, {}, {:.1f} GiB, buffers up to {:.1f} GiB\n   self-test: buffers "
         "{}, images {}\n",
-        info.index, info.name, info.platform, info.version, counted(info.compute_units, "compute unit"),
+        info.index, info.name, info.platform, info.version, pluralize(info.compute_units, "compute unit"),
         static_cast<double>(info.memory_B) / (1 << 30),
         static_cast<double>(info.max_allocation_B) / (1 << 30),
         buffers ? "ok" : "WRONG: do not use this device",
@@ -34,7 +34,7 @@ void list_devices(const Session& session) {
         : info.has_images ? "WRONG: not used"
                           : "none, not needed");
   }
-  if (devices.empty()) Device none;  // says what to install
+  if (devices.empty()) ComputeDevice none;  // says what to install
   session.answer(devices, text);
 }
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/run_script.hpp"
+#include "xraycast/simulation/run_script.hpp"
 
 #include <filesystem>
 #include <string>

@@ -1,5 +1,5 @@
 #include "command.hpp"
-#include "xraycast/scan.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
 

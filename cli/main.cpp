@@ -1,8 +1,8 @@
 #include "command.hpp"
 #include "progress_bar.hpp"
 #include "usage_hint.hpp"
-#include "xraycast/device.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/opencl/compute_device.hpp"
 
 #include <csignal>
 #include <exception>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/body_map.hpp"
+#include "xraycast/casting/body_map.hpp"
 
 #include <CLI/CLI.hpp>
 

@@ -1,9 +1,9 @@
-#include "xraycast/phantom.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include "command.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/vessel_tree.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -44,7 +44,7 @@ void make(Options options, Session& session) {
   check_writable(options.output);
   if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
 
-  Device device(session.device);
+  ComputeDevice device(session.device);
   write_volume(generate(phantom, device, session.progress), options.output, session.progress);
   if (!options.truth.empty()) write_truth(phantom, options.truth);
   const VolumeGeometry& g = phantom.geometry();

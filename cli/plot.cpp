@@ -1,9 +1,9 @@
 #include "plot.hpp"
 
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/file_extension.hpp"
-#include "xraycast/image.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/image.hpp"
 
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>

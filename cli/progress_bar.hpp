@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/progress.hpp"
+#include "xraycast/base/progress.hpp"
 
 #include <chrono>
 #include <string>

@@ -1,10 +1,10 @@
 #include "attenuation.hpp"
 #include "command.hpp"
 #include "view_options.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/projection_file.hpp"
-#include "xraycast/stopwatch.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/projection_file.hpp"
 
 #include <fmt/format.h>
 
@@ -32,7 +32,7 @@ void project_scan(const Options& options, Session& session) {
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
 
-  Device device(session.device);
+  ComputeDevice device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
   const SpectralScan resident =

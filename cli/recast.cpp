@@ -1,12 +1,12 @@
-#include "xraycast/recast.hpp"
+#include "xraycast/casting/recast.hpp"
 
 #include "command.hpp"
 #include "map_output.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/basis_file.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/stopwatch.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/basis_file.hpp"
 
 #include <fmt/format.h>
 
@@ -28,7 +28,7 @@ void recast_map(const Options& options, Session& session) {
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
   if (!options.output.preview.empty()) check_writable(options.output.preview);
-  Device device(session.device);
+  ComputeDevice device(session.device);
 
   const Stopwatch reading;
   const Basis basis = read_basis(options.basis);
@@ -52,8 +52,8 @@ void recast_map(const Options& options, Session& session) {
                  fmt::format("{}: {} of {} x {}, opacity {}\n"
                              "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
                              "total {:.0f} ms\n",
-                             options.output.map, counted(map.geometry.layers(), "layer"),
-                             counted(map.geometry.width, "angle"), counted(map.geometry.height, "slice"),
+                             options.output.map, pluralize(map.geometry.layers(), "layer"),
+                             pluralize(map.geometry.width, "angle"), pluralize(map.geometry.height, "slice"),
                              opacity.name(), read_ms, upload_ms, recasting.kernel_ms(), write_ms, total_ms));
 }
 

@@ -1,26 +1,26 @@
 #include "command.hpp"
 #include "scene_options.hpp"
 #include "view_options.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/basis_file.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/image.hpp"
-#include "xraycast/image_output.hpp"
-#include "xraycast/projection_file.hpp"
-#include "xraycast/recast.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/viewer/brightness.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/catheter_surface.hpp"
-#include "xraycast/viewer/cine_writer.hpp"
-#include "xraycast/viewer/furniture.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/renderer.hpp"
-#include "xraycast/viewer/road_map.hpp"
-#include "xraycast/viewer/same_scan.hpp"
-#include "xraycast/viewer/session_file.hpp"
-#include "xraycast/viewer/vessels.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
+#include "xraycast/base/image_output.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/projection_file.hpp"
+#include "xraycast/casting/recast.hpp"
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/drawing/cine_writer.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/annotations.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/road_map.hpp"
+#include "xraycast/scene/same_scan.hpp"
+#include "xraycast/scene/session_file.hpp"
+#include "xraycast/scene/vessels.hpp"
 
 #include <fmt/format.h>
 
@@ -40,7 +40,7 @@ struct Options {
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
-  bool full_contrast = false, furniture = false;
+  bool full_contrast = false, annotations = false;
   ViewOptions view;
   GreyOptions grey;
 };
@@ -53,8 +53,8 @@ ViewSession resolve(const Options& options) {
   apply(options.scene, scene);
   if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
   Style& style = scene.style;
-  if (options.look) style.look = look_named(*options.look);
-  if (options.compositing) style.sampling.compositing = compositing_named(*options.compositing);
+  if (options.look) style.look = parse_look(*options.look);
+  if (options.compositing) style.sampling.compositing = parse_compositing(*options.compositing);
   if (options.reconstruction)
     style.sampling.reconstruction =
         *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
@@ -86,10 +86,10 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
   const auto& strengths = scene.style.strengths;
   if (!strengths.empty() && strengths.size() != static_cast<std::size_t>(map->geometry.layers()))
-    throw InputError("{} for the {} of {}", counted(strengths.size(), "strength"),
-                     counted(map->geometry.layers(), "layer"), scene.map.string());
+    throw InputError("{} for the {} of {}", pluralize(strengths.size(), "strength"),
+                     pluralize(map->geometry.layers(), "layer"), scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
-  Device device(session.device);
+  ComputeDevice device(session.device);
   const Basis basis = read_basis(scene.basis);
   check_same_scan(map->geometry, scene.map.string(), basis.geometry, scene.basis.string());
   RecastSession recast(device, basis);
@@ -101,7 +101,7 @@ void check_output(const Options& options) {
     check_projection_format(options.output);
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
-    check_shown(options.furniture, "--furniture", options.output);
+    check_shown(options.annotations, "--furniture", options.output);
     check_writable(options.output);
   } else if (is_animation(options.output)) {
     check_writable(options.output);
@@ -115,14 +115,14 @@ void check_output(const Options& options) {
 
 /// A frame in the session's window, or one for what is seen.
 std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const ViewSession& scene,
-                               const BodyBounds& bounds, bool with_furniture) {
+                               const BodyBounds& bounds, bool with_annotations) {
   Style style = scene.style;
   if (!scene.has_window) style.window = automatic_window(renderer, view, style);
   std::vector<std::uint8_t> rgb = renderer.picture(view, style);
   const glm::dvec3 half(0, 0, bounds.half_height_mm);
-  if (with_furniture)
-    draw_furniture(rgb, view, furniture_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
-                   label(view));
+  if (with_annotations)
+    draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
+                     label(view));
   return rgb;
 }
 
@@ -160,7 +160,7 @@ void render(const Options& options, Session& session) {
   if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
     road_map.emplace(read_tree(scene.vessels));
   const auto frame = [&] {
-    std::vector<std::uint8_t> rgb = draw(renderer, view, scene, bounds, options.furniture);
+    std::vector<std::uint8_t> rgb = draw(renderer, view, scene, bounds, options.annotations);
     if (road_map) draw_outline(road_map->outline(view), kRoadMapColour, view.width, rgb);
     return rgb;
   };
@@ -189,7 +189,7 @@ void render(const Options& options, Session& session) {
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");
     result["angles_deg"] = cine_deg;
-    angles = fmt::format("{} from {:g} to {:g} deg", counted(cine_deg.size(), "frame"), cine_deg.front(),
+    angles = fmt::format("{} from {:g} to {:g} deg", pluralize(cine_deg.size(), "frame"), cine_deg.front(),
                          cine_deg.back());
   }
   session.report(result,
@@ -243,7 +243,7 @@ void add_render(CLI::App& app, Session& session) {
   command->add_flag(
       "--full-contrast", options->full_contrast,
       "fluoro: vessels and catheter keep the contrast that the grey takes from the body's range");
-  command->add_flag("--furniture", options->furniture,
+  command->add_flag("--furniture", options->annotations,
                     "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
   command
       ->add_option(

@@ -1,6 +1,6 @@
 #include "scene_options.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <filesystem>
 
@@ -14,7 +14,7 @@ void add_scene_options(CLI::App& command, SceneOptions& options) {
   command
       .add_option("--contrast", options.contrast_mg_ml,
                   "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
-      ->check(CLI::Range(0.0, kMostContrast_mg_ml))
+      ->check(CLI::Range(0.0, kMaxContrast_mg_ml))
       ->type_name("MG/ML");
   command.add_option("--catheter", options.catheter, "Control points x,y,z in mm of a catheter's curve")
       ->type_name("CSV");

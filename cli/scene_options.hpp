@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/viewer/session_file.hpp"
+#include "xraycast/scene/session_file.hpp"
 
 #include <CLI/CLI.hpp>
 

@@ -1,15 +1,15 @@
-#include "xraycast/segment.hpp"
+#include "xraycast/segmentation/segment.hpp"
 
 #include "command.hpp"
 #include "vessel_report.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/components.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/materials.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/surface.hpp"
+#include "xraycast/attenuation/materials.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/surface.hpp"
 
 #include <fmt/format.h>
 
@@ -72,7 +72,7 @@ Mask parts_of(const Mask& mask, const Markers& markers, const std::string& name,
   Mask kept = without_specks(mask);
   if (const std::int64_t dropped = mask.count() - kept.count(); dropped > 0)
     session.say({fmt::format("{}: left out parts of less than a hundredth of the largest one, {} in all",
-                             name, counted(dropped, "voxel"))});
+                             name, pluralize(dropped, "voxel"))});
   return kept;
 }
 
@@ -85,8 +85,8 @@ std::string joined(const Centrelines& found) {
     words = fmt::format(", joined over {} gaps of up to {:.0f} mm", found.gaps_mm.size(),
                         std::ranges::max(found.gaps_mm));
   if (found.parts_left_out > 0)
-    words +=
-        fmt::format(", {} of the mask too far away to be in the tree", counted(found.parts_left_out, "part"));
+    words += fmt::format(", {} of the mask too far away to be in the tree",
+                         pluralize(found.parts_left_out, "part"));
   return words;
 }
 
@@ -106,7 +106,7 @@ void segment(const Options& options, Session& session) {
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
   const Volume volume = collect(*scan.source, progress);
-  Device device(session.device);
+  ComputeDevice device(session.device);
 
   const Mask mask = options.from_mask.empty()
                         ? segment_mask(volume, segmenting, options.input, device, progress)
@@ -129,8 +129,8 @@ void segment(const Options& options, Session& session) {
   write_tree(centrelines.tree, folder / "tree.json");
   write_mesh(surface, folder / "surface.vtp");
   write_mesh(surface, folder / "surface.stl");
-  const std::string found = counted(centrelines.tree.branches().size(), "branch") + ", " +
-                            counted(centrelines.loops.size(), "loop");
+  const std::string found = pluralize(centrelines.tree.branches().size(), "branch") + ", " +
+                            pluralize(centrelines.loops.size(), "loop");
   write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
                       folder / "report.png");
   const double total_ms = stopwatch.ms();

@@ -3,17 +3,17 @@
 #include "hub_plot.hpp"
 #include "plot.hpp"
 #include "view_options.hpp"
-#include "xraycast/atomic_file.hpp"
-#include "xraycast/counted.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/run_script.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/cine_writer.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/run_cine.hpp"
-#include "xraycast/viewer/vessels.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/drawing/cine_writer.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/vessels.hpp"
+#include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/format.h>
 
@@ -27,7 +27,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct Options {
-  std::string tree, device_model, script, log, plot, entry;
+  std::string tree, instrument_model, script, log, plot, entry;
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
 };
@@ -50,10 +50,10 @@ std::vector<glm::vec3> points_of(const VesselTree& tree) {
 
 /// A map of a coarse scan has few pixels; in a picture of them nobody would find the catheter.
 View no_smaller(View view, const BodyBounds& bounds) {
-  constexpr int kLeastPixels = 600;
+  constexpr int kMinPixels = 600;
   const int longest = std::max(view.width, view.height);
-  if (longest >= kLeastPixels) return view;
-  view.pixel_mm *= static_cast<double>(longest) / kLeastPixels;
+  if (longest >= kMinPixels) return view;
+  view.pixel_mm *= static_cast<double>(longest) / kMinPixels;
   view.width = view.height = 0;
   return fitted(view, bounds);
 }
@@ -71,7 +71,7 @@ class Cine {
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.style.look = look_named(options.look);
+    cine.style.look = parse_look(options.look);
     cine.style.window.inverted = cine.style.look == Look::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
@@ -90,7 +90,7 @@ class Cine {
 class HubPlot {
  public:
   explicit HubPlot(const Script& script)
-      : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMostPoints)) {}
+      : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMaxPoints)) {}
 
   void see(const Catheter& catheter, double time_s) {
     if (!records_.empty() && time_s < records_.back().time_s + interval_s_) return;
@@ -101,7 +101,7 @@ class HubPlot {
   }
 
  private:
-  static constexpr double kFinest_s = 0.01, kMostPoints = 2000;
+  static constexpr double kFinest_s = 0.01, kMaxPoints = 2000;
   double interval_s_;
   std::vector<RunRecord> records_;
 };
@@ -124,10 +124,10 @@ void simulate(const Options& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_plot(options.plot);
   check_cine(options);
-  const DeviceModel device = DeviceModel::named(options.device_model);
+  const InstrumentModel device = InstrumentModel::named(options.instrument_model);
   const Script script = Script::read(options.script);
   const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = entry_named(tree, options.entry, device);
+  const VesselEnd entry = parse_entry(tree, options.entry, device);
 
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;
@@ -164,7 +164,7 @@ void simulate(const Options& options, Session& session) {
          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
       fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
                   "in through the end of branch {}; the tip is in branch {}, {:.0f} mm along it\n{}",
-                  options.log, counted(records.size(), "row"), catheter.time_s(), wall_s, times_faster,
+                  options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s, times_faster,
                   entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
 }
 
@@ -184,7 +184,7 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");
-  add_catheter_options(*command, options->device_model, options->entry);
+  add_catheter_options(*command, options->instrument_model, options->entry);
   command->add_option("--script", options->script, "How the hub moves; linear between rows")
       ->required()
       ->type_name("CSV");

@@ -1,8 +1,8 @@
 #include "vessel_report.hpp"
 
-#include "xraycast/counted.hpp"
-#include "xraycast/image.hpp"
-#include "xraycast/parallel.hpp"
+#include "xraycast/base/image.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/base/pluralize.hpp"
 
 #include <OpenImageIO/imagebuf.h>
 #include <OpenImageIO/imagebufalgo.h>
@@ -169,7 +169,7 @@ void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector
   }
   if (facts.size() > kRows)
     text(sheet, kTableLeft, kTop + kFont + line * kLine,
-         fmt::format("and {}, see tree.json", counted(facts.size() - kRows, "shorter one")), kFaint);
+         fmt::format("and {}, see tree.json", pluralize(facts.size() - kRows, "shorter one")), kFaint);
 }
 
 }  // namespace

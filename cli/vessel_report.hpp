@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/mask.hpp"
-#include "xraycast/vessel_tree.hpp"
-#include "xraycast/volume.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mask/mask.hpp"
+#include "xraycast/scan/volume.hpp"
 
 #include <filesystem>
 #include <string>

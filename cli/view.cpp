@@ -1,7 +1,7 @@
 #include "catheter_options.hpp"
 #include "command.hpp"
 #include "scene_options.hpp"
-#include "xraycast/viewer/viewer_window.hpp"
+#include "xraycast/window/viewer_window.hpp"
 
 #include <memory>
 #include <optional>
@@ -58,7 +58,7 @@ void add_view(CLI::App& app, Session& session) {
   add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
   Intervention::Options& simulation = options->simulation;
-  add_catheter_options(*command, simulation.device_model, simulation.entry);
+  add_catheter_options(*command, simulation.instrument_model, simulation.entry);
   command->add_option("--haptic", simulation.haptic, "What holds the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()

@@ -1,7 +1,7 @@
 #include "view_options.hpp"
 
-#include "xraycast/error.hpp"
-#include "xraycast/projection_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/projection_file.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "command.hpp"
-#include "xraycast/view.hpp"
+#include "xraycast/casting/view.hpp"
 
 #include <optional>
 #include <string>

@@ -3,11 +3,12 @@
 
 /* Adds the length of a sample to the two knots beside its HU; beyond the end knots, to the end knot. A knot
  * is its HU and 1 / the distance to the next, which is 0 for the last; behind it stands an infinite one.
- * below[i] is the last knot at or below XRC_AIR_HU + i. Weights of neighbouring knots lie 16 floats apart. */
+ * below[i] is the last knot at or below XRC_PADDING_HU + i. Weights of neighbouring knots lie 16 floats
+ * apart. */
 static void weigh(const float hu, const float length_mm, global const float2* knots,
                   global const uchar* below, float* weights_mm) {
   const float held = fmax(hu, knots[0].x);
-  int k = below[(int)floor(held) - XRC_AIR_HU];
+  int k = below[(int)floor(held) - XRC_PADDING_HU];
   while (held >= knots[k + 1].x) ++k; /* knots between two whole HU */
   const float upper_mm = length_mm * ((held - knots[k].x) * knots[k].y);
   weights_mm[k * XRC_BRICK_SLICES] += length_mm - upper_mm;
@@ -43,7 +44,7 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder map, 
     for (int i = first; i < last; ++i) {
       const float length_mm = i < shell.first ? shell.head_mm : i < shell.last ? map.step_mm : shell.tail_mm;
       float hu[SLICES];
-      store(i < ray.inside ? hu_along(voxels, &scan, &ray, run, i) : (Slices)XRC_AIR_HU, hu);
+      store(i < ray.inside ? hu_along(voxels, &scan, &ray, run, i) : (Slices)XRC_PADDING_HU, hu);
       for (int s = 0; s < SLICES; ++s) weigh(hu[s], length_mm, knots, below, weights_mm + start + s);
     }
   }
@@ -88,7 +89,7 @@ kernel void count_hu(SCAN voxels, const XrcScan scan, const int stride, global u
   const int first = brick * XRC_BRICK_SLICES, last = min(first + XRC_BRICK_SLICES, scan.size_z);
   for (int x = 0; x < scan.size_x; x += stride) {
     for (int z = first; z < last; ++z) {
-      const int bin = ((int)voxel_hu(voxels, &scan, x, y, z) - XRC_AIR_HU) / XRC_HISTOGRAM_BIN_HU;
+      const int bin = ((int)voxel_hu(voxels, &scan, x, y, z) - XRC_PADDING_HU) / XRC_HISTOGRAM_BIN_HU;
       ++counts[clamp(bin, 0, XRC_HISTOGRAM_BINS - 1)];
     }
   }

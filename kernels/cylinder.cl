@@ -81,7 +81,7 @@ kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder map
   const int column = (int)get_global_id(0), run = (int)get_global_id(1);
   if (column >= map.width || run * SLICES >= scan.size_z) return;
   const Ray ray = ray_along(centres[run * SLICES], directions[column], &map, &scan);
-  const float air_mu = mu_of(XRC_AIR_HU, opacity, table);
+  const float air_mu = mu_of(XRC_PADDING_HU, opacity, table);
 
 #define MU_AT(i) mu_of_slices(hu_along(voxels, &scan, &ray, run, i), opacity, table)
 

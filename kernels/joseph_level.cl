@@ -129,8 +129,9 @@ static inline void add_planes(SCAN voxels, DetectorColumn* column, const int k, 
 
 /* One work-item takes 128 rows of some neighbouring columns. These go through the planes side by side, so
  * that what they share of them stays in a first-level cache. */
-kernel void project_level(SCAN voxels, const XrcScan scan, const XrcDetector detector,
-                          constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
+kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector detector,
+                             constant const XrcOpacity* opacity, global const float2* table,
+                             global float* tau) {
   const int first_column = XRC_LEVEL_COLUMNS * (int)get_global_id(0),
             first_row = XRC_LEVEL_ROWS * (int)get_global_id(1);
   if (first_column >= detector.width || first_row >= detector.height) return;

@@ -15,7 +15,7 @@
 #endif
 
 /* CT numbers at and below which there is nothing: what rays meet outside the scan. */
-#define XRC_AIR_HU (-1024)
+#define XRC_PADDING_HU (-1024)
 
 /* A scan on the device: bricks of 16 slices, interleaved voxel by voxel, so that one load takes the same
  * pixel of 16 slices. HU of voxel (x, y, z) is at ((z / 16 * pitch_y + y) * pitch_x + x) * 16 + z % 16.
@@ -60,7 +60,7 @@ typedef struct {
 #define XRC_MAX_KNOTS 64
 #define XRC_WEIGHT_SUM 65535
 
-/* Bins of a scan's histogram, from XRC_AIR_HU on; the last one holds all above. */
+/* Bins of a scan's histogram, from XRC_PADDING_HU on; the last one holds all above. */
 #define XRC_HISTOGRAM_BINS 256
 #define XRC_HISTOGRAM_BIN_HU 16
 

@@ -12,7 +12,7 @@ kernel void pack_bricks(global const short* slices, global short* bricks, const 
   short hu[XRC_BRICK_SLICES];
   for (int s = 0; s < XRC_BRICK_SLICES; ++s) {
     const int z = b * XRC_BRICK_SLICES + s;
-    hu[s] = in_slice && z < count ? slices[z * slice + pixel] : (short)XRC_AIR_HU;
+    hu[s] = in_slice && z < count ? slices[z * slice + pixel] : (short)XRC_PADDING_HU;
   }
   vstore16(vload16(0, hu), brick_pixel(&scan, first_brick + b, x, y), bricks);
 }

@@ -33,7 +33,7 @@ kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere map, gl
   const int inside = min(min(samples_within(centre.x, step.x, 0.0f, (float)(scan.size_x - 1), map.samples),
                              samples_within(centre.y, step.y, 0.0f, (float)(scan.size_y - 1), map.samples)),
                          samples_within(centre.z, step.z, -0.5f, (float)scan.size_z - 0.5f, map.samples));
-  const float air_mu = mu_of(XRC_AIR_HU, opacity, table);
+  const float air_mu = mu_of(XRC_PADDING_HU, opacity, table);
 
 #define MU_AT(i) mu_of(sample(voxels, &scan, fma((float3)((float)(i) + 0.5f), step, centre)), opacity, table)
 

@@ -1,6 +1,6 @@
-#include "xraycast/viewer/absorbing_surfaces.hpp"
+#include "xraycast/scene/absorbing_surfaces.hpp"
 
-#include "xraycast/vessel_tree.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>

@@ -1,8 +1,8 @@
-#include "xraycast/basis_file.hpp"
+#include "xraycast/casting/basis_file.hpp"
 
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

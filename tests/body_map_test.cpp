@@ -1,7 +1,7 @@
-#include "xraycast/body_map.hpp"
+#include "xraycast/casting/body_map.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>

@@ -1,6 +1,6 @@
-#include "xraycast/body_outline.hpp"
+#include "xraycast/scan/body_outline.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gtest/gtest.h>
 

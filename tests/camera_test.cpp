@@ -1,7 +1,7 @@
-#include "xraycast/viewer/camera.hpp"
+#include "xraycast/sampling/camera.hpp"
 
-#include "xraycast/error.hpp"
-#include "xraycast/viewer/vessels.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/scene/vessels.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

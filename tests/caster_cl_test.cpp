@@ -1,5 +1,5 @@
 #include "support/reference.hpp"
-#include "xraycast/caster.hpp"
+#include "xraycast/casting/caster.hpp"
 
 #include <gtest/gtest.h>
 
@@ -24,7 +24,7 @@ MuOfHu mu_of(const Opacity& opacity) {
 std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,
                             const Opacity& opacity = Opacity::paper(),
                             ScanStorage storage = ScanStorage::bricks) {
-  static Device device;
+  static ComputeDevice device;
   Progress progress;
   return cast(upload(device, volume, storage), geometry, opacity, progress).map.tau;
 }
@@ -61,7 +61,7 @@ void PrintTo(const Case& c, std::ostream* out) { *out << c.name; }
 class CylinderMap : public testing::TestWithParam<Case> {
  protected:
   void SetUp() override {
-    ASSERT_FALSE(Device::list().empty()) << "these tests need an OpenCL device, such as PoCL";
+    ASSERT_FALSE(ComputeDevice::list().empty()) << "these tests need an OpenCL device, such as PoCL";
   }
 };
 
@@ -82,7 +82,7 @@ TEST_P(CylinderMap, EqualsTheReference) {
 }
 
 TEST_P(CylinderMap, IsTheSameFromImages) {
-  Device device;
+  ComputeDevice device;
   if (!device.self_test().images) GTEST_SKIP() << "the device has no usable images";
   const Volume volume = textured_volume(GetParam().size, GetParam().spacing_mm);
   const MapGeometry geometry =
@@ -229,8 +229,8 @@ TEST(CylinderCast, GivesTheSameOnEveryDevice) {
   const MapGeometry geometry =
       cylinder_map(volume.geometry(), 90, shell_radii_mm(RadiiRule::equal_area, 8, 24), {0, 0});
   const auto expected = expected_map(volume, geometry, mu_of(Opacity::paper()));
-  for (const Device::Info& info : Device::list()) {
-    Device device(std::to_string(info.index));
+  for (const ComputeDevice::Info& info : ComputeDevice::list()) {
+    ComputeDevice device(std::to_string(info.index));
     Progress progress;
     const auto tau = cast(upload(device, volume), geometry, Opacity::paper(), progress).map.tau;
     // As nanodrr compares its back ends.

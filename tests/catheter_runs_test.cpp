@@ -1,14 +1,14 @@
 // A catheter steered to a target, and random scripts in five trees: nothing that a hand can do may break the
 // simulation. XRAYCAST_RUNS sets how many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a
 // tree.
-#include "xraycast/catheter.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/run_script.hpp"
-#include "xraycast/scan.hpp"
-#include "xraycast/script.hpp"
-#include "xraycast/segment.hpp"
-#include "xraycast/threshold.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/script.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -48,16 +48,16 @@ VesselEnd widest_end(const VesselTree& tree) {
 }
 
 /// One of the presets that leave a third of the entry free and are thinner than most of the tree's vessels.
-DeviceModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
+InstrumentModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
   std::vector<double> radii_mm;
   for (const VesselBranch& branch : tree.branches()) radii_mm.push_back(branch.points.back().radius_mm);
   std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
   const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
-  std::vector<DeviceModel> fit;
-  for (const std::string& name : DeviceModel::preset_names())
-    if (DeviceModel device = DeviceModel::named(name); device.radius_mm() < widest_mm)
+  std::vector<InstrumentModel> fit;
+  for (const std::string& name : InstrumentModel::preset_names())
+    if (InstrumentModel device = InstrumentModel::named(name); device.radius_mm() < widest_mm)
       fit.push_back(std::move(device));
-  if (fit.empty()) return DeviceModel::named("microcatheter-27f");  // the thinnest one
+  if (fit.empty()) return InstrumentModel::named("microcatheter-27f");  // the thinnest one
   return fit.at(random() % fit.size());
 }
 
@@ -116,7 +116,7 @@ class RandomRun {
   /// vessel that is narrower than the device, by as much at least.
   double static_depth_mm(std::size_t index) const {
     const WallContact::Contact& contact = catheter_.wall().contacts()[index];
-    const TubeField::Sample& sample = contact.sample;
+    const LumenDistanceField::Sample& sample = contact.sample;
     const RodPoint& point = contact.point;
     const Vector3d net_N = point.first * net_N_[point.edge] + point.last * net_N_[point.edge + 1];
     const double narrower_mm = catheter_.rod().device().radius_mm() - sample.radius_mm;
@@ -201,7 +201,7 @@ class RandomRun {
 const char* const kTrees[] = {"thorax", "head", "tree_2", "tree_3", "avm"};
 
 /// One of kTrees; none where it is of a scan that is not there.
-std::optional<VesselTree> tree_named(const std::string& name) {
+std::optional<VesselTree> parse_tree(const std::string& name) {
   const fs::path data = XRAYCAST_TEST_DATA;
   if (name == "thorax" || name == "head") return phantom_tree(name);
   // The first are masks of 255, the second is an angiography.
@@ -230,7 +230,7 @@ void write_table(const std::vector<Outcome>& runs) {
 class RandomScripts : public testing::TestWithParam<const char*> {};
 
 TEST_P(RandomScripts, BreakNothing) {
-  const std::optional<VesselTree> tree = tree_named(GetParam());
+  const std::optional<VesselTree> tree = parse_tree(GetParam());
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
   for (unsigned seed = 0; seed < runs_a_tree(); ++seed) {
@@ -254,7 +254,7 @@ INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),
 
 /// Where a Cobra ends that is steered from the right groin of the thorax phantom.
 CatheterTip end_of_run(const VesselTree& tree, const Script& script) {
-  Catheter catheter(tree, DeviceModel::named("cobra-5f"), nearest_end(tree, {-89, -54, -357}));
+  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), nearest_end(tree, {-89, -54, -357}));
   Progress progress;
   run_script(catheter, script, "script", progress);
   return catheter.tip();

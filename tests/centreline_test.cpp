@@ -1,8 +1,8 @@
 // Tubes whose centreline and radius are known in closed form.
-#include "xraycast/centreline.hpp"
+#include "xraycast/segmentation/centreline.hpp"
 
 #include "support/tubes.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <glm/trigonometric.hpp>
 #include <gmock/gmock.h>

@@ -2,7 +2,7 @@
 #include "support/process.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/body_map.hpp"
+#include "xraycast/casting/body_map.hpp"
 
 #include <OpenImageIO/imageio.h>
 #include <fmt/format.h>

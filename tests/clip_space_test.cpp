@@ -1,4 +1,4 @@
-#include "xraycast/viewer/clip_space.hpp"
+#include "xraycast/sampling/clip_space.hpp"
 
 #include <gtest/gtest.h>
 

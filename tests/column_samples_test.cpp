@@ -1,6 +1,6 @@
-#include "xraycast/viewer/column_samples.hpp"
+#include "xraycast/sampling/column_samples.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>
@@ -24,9 +24,9 @@ MapGeometry map(std::vector<double> radii_mm, glm::dvec2 centre_mm = {12, -7}) {
   return geometry;
 }
 
-UprightView view_of_map(const MapGeometry& geometry, std::optional<Cone> cone = {}, double angle_deg = 35) {
+RectifiedView view_of_map(const MapGeometry& geometry, std::optional<Cone> cone = {}, double angle_deg = 35) {
   View view{.angle_rad = angle_deg * kRadians, .cone = cone, .centre_mm = {10, -5, 6}};
-  return upright_view(fitted(view, bounds_of(geometry)), geometry);
+  return rectified_view(fitted(view, bounds_of(geometry)), geometry);
 }
 
 std::span<const ColumnSample> samples_of(const ColumnSamples& all, int column) {
@@ -35,7 +35,7 @@ std::span<const ColumnSample> samples_of(const ColumnSamples& all, int column) {
 }
 
 /// How far a column's rays pass from the map's axis.
-double offset_mm(const UprightView& upright, const MapGeometry& geometry, int column) {
+double offset_mm(const RectifiedView& upright, const MapGeometry& geometry, int column) {
   const glm::dvec2 direction = upright.direction(column),
                    from_axis = upright.origin_mm(column) - geometry.centre_mm[0];
   return std::abs(from_axis.x * direction.y - from_axis.y * direction.x);
@@ -44,7 +44,7 @@ double offset_mm(const UprightView& upright, const MapGeometry& geometry, int co
 TEST(ColumnSamples, WeightsAddUpToTheChord) {
   const MapGeometry geometry = map({0, 30, 50, 100});
   for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{600, 900})}) {
-    const UprightView upright = view_of_map(geometry, cone);
+    const RectifiedView upright = view_of_map(geometry, cone);
     const ColumnSamples samples = column_samples(upright, geometry, {});
     ASSERT_EQ(samples.columns.size(), static_cast<std::size_t>(upright.columns));
     for (int column = 0; column < upright.columns; ++column) {
@@ -61,7 +61,7 @@ TEST(ColumnSamples, EndWhereTheScanDoes) {
   MapGeometry geometry = map({0, 30, 50, 100}, {0, 0});
   geometry.field = FieldOfView{{-60, -200, 0}, {40, 70, 100}};
   View view{.centre_mm = {0, 0, 6}};
-  const UprightView upright = upright_view(fitted(view, bounds_of(geometry)), geometry);
+  const RectifiedView upright = rectified_view(fitted(view, bounds_of(geometry)), geometry);
   const ColumnSamples samples = column_samples(upright, geometry, {});
   for (int column = 0; column < upright.columns; ++column) {
     // Rays along y at this x: within the circle, and up to y = 70 of the scan.
@@ -103,7 +103,7 @@ TEST(ColumnSamples, IntegrateAMapThatVariesWithRadiusAndAngle) {
   for (int k = 0; k < geometry.layers(); ++k)
     for (int i = 0; i < geometry.width; ++i)
       texels.push_back(0.01 * (k + 1) + 0.01 * std::sin(3 * geometry.phi_rad(i) + k));
-  const UprightView upright = view_of_map(geometry, Cone{600, 900});
+  const RectifiedView upright = view_of_map(geometry, Cone{600, 900});
   const std::vector<double> tau = drawn(column_samples(upright, geometry, {}), geometry, texels);
   for (int column = 0; column < upright.columns; column += 7) {
     // The definition: mu at evenly spaced points of the ray, with the angle's sine instead of texels.
@@ -131,7 +131,7 @@ TEST(ColumnSamples, IntegrateAMapThatVariesWithRadiusAndAngle) {
 TEST(ColumnSamples, GoFromFarToNear) {
   const MapGeometry geometry = map({0, 30, 50, 100});
   for (const Compositing compositing : {Compositing::wall, Compositing::path}) {
-    const UprightView upright = view_of_map(geometry);
+    const RectifiedView upright = view_of_map(geometry);
     SampleOptions options;
     options.compositing = compositing;
     const ColumnSamples all = column_samples(upright, geometry, options);
@@ -142,7 +142,7 @@ TEST(ColumnSamples, GoFromFarToNear) {
 
 TEST(ColumnSamples, WallsStandWhereTheyAreCrossed) {
   const MapGeometry geometry = map({0, 40, 80}, {10, -5});
-  const UprightView upright = view_of_map(geometry, {}, 0);
+  const RectifiedView upright = view_of_map(geometry, {}, 0);
   SampleOptions options{.compositing = Compositing::wall};
   options.wall_radius_mm = 100;  // moves both out
   const ColumnSamples all = column_samples(upright, geometry, options);
@@ -165,7 +165,7 @@ TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
   geometry.projection = Projection::rectangle;
   geometry.views = 4;  // 0, 45, 90, 135 deg
   geometry.width = 100;
-  const UprightView between = view_of_map(geometry, {}, 30);
+  const RectifiedView between = view_of_map(geometry, {}, 30);
   const ColumnSamples samples = column_samples(between, geometry, {});
   const auto middle = samples_of(samples, between.columns / 2);
   ASSERT_EQ(middle.size(), 2u);
@@ -174,7 +174,7 @@ TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
   EXPECT_EQ(static_cast<int>(middle[1].texel) / 101, 1);
 
   // From the other side it is the mirror image.
-  const UprightView front = view_of_map(geometry, {}, 0), back = view_of_map(geometry, {}, 180);
+  const RectifiedView front = view_of_map(geometry, {}, 0), back = view_of_map(geometry, {}, 180);
   const ColumnSamples seen = column_samples(front, geometry, {}),
                       mirrored = column_samples(back, geometry, {});
   const auto place = [](const ColumnSample& s) { return s.texel + s.column_share; };

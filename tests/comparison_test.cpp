@@ -1,4 +1,4 @@
-#include "xraycast/comparison.hpp"
+#include "xraycast/casting/comparison.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "xraycast/contrast_bolus.hpp"
+#include "xraycast/simulation/contrast_bolus.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,6 +1,6 @@
-#include "xraycast/viewer/contrast_surface.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
 
 #include <gtest/gtest.h>
 

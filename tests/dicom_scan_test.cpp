@@ -1,7 +1,7 @@
 #include "support/read_scan.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gdcmImageChangeTransferSyntax.h>
 #include <gdcmImageReader.h>
@@ -50,7 +50,7 @@ double deviation_hu(const Volume& volume) {
   for (std::int64_t z = 0; z < size.z; ++z)
     for (std::int64_t y = 0; y < size.y; ++y)
       for (std::int64_t x = 0; x < size.x; ++x)
-        if (volume.at(x, y, z) != kAirHu)
+        if (volume.at(x, y, z) != kPaddingHu)
           largest = std::max(
               largest, std::abs(volume.at(x, y, z) - field_hu(volume.geometry().to_world_mm({x, y, z}))));
   return largest;
@@ -149,7 +149,7 @@ TEST(DicomScan, ResamplesAnObliqueStack) {
   EXPECT_THAT(info.notes, ElementsAre(HasSubstr("rotated by 10.00 deg")));
   // Half a voxel beyond the border the border's value stands: (10 + 40) HU per mm times 0.5 mm, and rounding.
   EXPECT_LE(deviation_hu(volume), 26);
-  EXPECT_EQ(hu_at_mm(volume, volume.geometry().lower_mm() + 0.5), kAirHu);
+  EXPECT_EQ(hu_at_mm(volume, volume.geometry().lower_mm() + 0.5), kPaddingHu);
 }
 
 TEST(DicomScan, ResamplesSagittalSlicesThatLeanEitherWay) {

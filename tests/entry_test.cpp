@@ -1,6 +1,6 @@
 // Where a device comes into a vessel tree.
-#include "xraycast/catheter.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/mechanics/catheter.hpp"
 
 #include <gmock/gmock.h>
 
@@ -20,15 +20,15 @@ VesselTree forked() {
 
 TEST(Entry, IsTheMostInferiorEndThatTheDeviceFitsInto) {
   EXPECT_EQ(most_inferior_end(forked()).branch, 1);
-  EXPECT_EQ(entry_named(forked(), "", DeviceModel::named("cobra-5f")).branch, 2);
-  EXPECT_EQ(entry_named(forked(), "", DeviceModel::named("microcatheter-27f")).branch, 1);
+  EXPECT_EQ(parse_entry(forked(), "", InstrumentModel::named("cobra-5f")).branch, 2);
+  EXPECT_EQ(parse_entry(forked(), "", InstrumentModel::named("microcatheter-27f")).branch, 1);
 }
 
 TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
   const VesselTree tree = forked();
-  const DeviceModel device = DeviceModel::named("cobra-5f");
+  const InstrumentModel device = InstrumentModel::named("cobra-5f");
   try {
-    const Catheter catheter(tree, device, entry_named(tree, "1", device), {});
+    const Catheter catheter(tree, device, parse_entry(tree, "1", device), {});
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("does not fit into branch 1"));

@@ -59,7 +59,7 @@ TEST(GenesisScan, BringsSlicesOfOtherPixelSizesToOneGrid) {
   for (std::int64_t z = 0; z < 3; ++z) {
     // The small slice ends 2 mm from the centre, 1.75 mm from it with its last pixel's centre; beyond it is
     // air.
-    EXPECT_EQ(volume.at(0, 4, z), z == 2 ? kAirHu : -350);
+    EXPECT_EQ(volume.at(0, 4, z), z == 2 ? kPaddingHu : -350);
     EXPECT_EQ(volume.at(3, 4, z), -50);
     EXPECT_EQ(volume.at(5, 4, z), 150);
   }

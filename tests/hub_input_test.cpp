@@ -1,4 +1,4 @@
-#include "xraycast/viewer/hub_input.hpp"
+#include "xraycast/window/hub_input.hpp"
 
 #define GLFW_INCLUDE_NONE
 #include <gtest/gtest.h>

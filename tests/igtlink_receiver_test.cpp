@@ -1,4 +1,4 @@
-#include "xraycast/igtlink_receiver.hpp"
+#include "xraycast/haptics/igtlink_receiver.hpp"
 
 #include "support/igtlink_bytes.hpp"
 

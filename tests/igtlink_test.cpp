@@ -1,9 +1,9 @@
 #include "support/igtlink_bytes.hpp"
-#include "xraycast/catheter.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/igtlink_device.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/virtual_coupling.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/haptics/igtlink_device.hpp"
+#include "xraycast/haptics/virtual_coupling.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -275,7 +275,7 @@ TEST(OpenIGTLink, ClientDrivesARunAndReceivesForceAndTorque) {
 
 TEST(OpenIGTLink, ClientDrivesACatheterThroughThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   RunningLoop run([&](const HubPose& hub) {
     catheter.step(hub);
     return catheter.load();

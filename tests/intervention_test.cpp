@@ -1,9 +1,9 @@
-#include "xraycast/viewer/intervention.hpp"
+#include "xraycast/window/intervention.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
@@ -101,7 +101,7 @@ TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
 
 TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
   EXPECT_THROW(Intervention({}), InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .device_model = "none"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_model = "none"}), InputError);
   EXPECT_THROW(Intervention({.vessels = folder_ / "", .entry = "1000"}), InputError);
   EXPECT_THROW(Intervention({.vessels = folder_ / "", .haptic = "glove"}), InputError);
   EXPECT_THROW(Intervention({.vessels = std::filesystem::temp_directory_path()}), InputError);

@@ -2,13 +2,13 @@
 // chosen.
 #include "support/grown_tree.hpp"
 #include "support/tubes.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/components.hpp"
-#include "xraycast/distance_transform.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/line_ends.hpp"
-#include "xraycast/line_vessels.hpp"
-#include "xraycast/segment.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/mask/distance_transform.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/line_ends.hpp"
+#include "xraycast/segmentation/line_vessels.hpp"
+#include "xraycast/segmentation/segment.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
@@ -44,7 +44,7 @@ class LineVessels : public testing::TestWithParam<NoisyTree> {};
 TEST_P(LineVessels, AreFoundInNoise) {
   const auto [seed, bend, noise, least_found] = GetParam();
   const GrownTree tree = grow_tree({.seed = seed, .bend = bend, .noise = noise});
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Mask found = segment_mask(tree.noisy, {}, "tree", device, progress);
   constexpr double kCorner = 1.8;  // the diagonal of a voxel
@@ -86,7 +86,7 @@ Volume noise_alone(const Index3& size) {
 
 TEST(NoiseAlone, HoldsNoVessel) {
   const Volume volume = noise_alone({60, 60, 60});
-  Device device;
+  ComputeDevice device;
   Progress progress;
   ASSERT_TRUE(is_buried_in_noise(volume));
   EXPECT_THROW(segment_mask(volume, {}, "noise", device, progress), InputError);
@@ -97,7 +97,7 @@ TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
   const Mask lines = mask_where(volume.geometry(), [](const glm::dvec3& p) {
     return p.x >= 35 && p.x < 45 && std::fmod(p.y, 8) == 4 && std::fmod(p.z, 8) == 4;
   });
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Components ways(ways_beyond_ends(local_rise(volume, 0.7, device), lines, progress));
   // Of 800 ends one in fifty, and three standard deviations of that number more.
@@ -109,7 +109,7 @@ TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
   for (std::int64_t x = 5; x < 45; ++x) volume.at(x, 20, 20) = 255;
   const Mask start = mask_where(
       volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
   for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
@@ -128,7 +128,7 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
   const Mask start = mask_where(volume.geometry(), [&](const glm::dvec3& p) {
     return is_ring(p) && p.z == 15 && p.x > 40 && std::abs(p.y - 30) < 6;
   });
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
   std::int64_t opposite = 0;
@@ -159,7 +159,7 @@ TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {
   Volume volume({.size = {40, 40, 40}});
   std::ranges::fill(volume.hu(), 0);
   for (std::int64_t x = 0; x < 20; ++x) volume.at(x, 20, 20) = 1000;
-  Device device;
+  ComputeDevice device;
   const std::vector<float> strength = line_strength(volume, device);
   const auto at = [&](std::int64_t x, std::int64_t y) {
     return strength[static_cast<std::size_t>((20 * 40 + y) * 40 + x)];

@@ -1,6 +1,6 @@
-#include "xraycast/listen_address.hpp"
+#include "xraycast/haptics/listen_address.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
-#include "xraycast/map_geometry.hpp"
+#include "xraycast/casting/map_geometry.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

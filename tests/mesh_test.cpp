@@ -1,8 +1,8 @@
-#include "xraycast/mesh.hpp"
+#include "xraycast/geometry/mesh.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

@@ -1,6 +1,6 @@
-#include "xraycast/nurbs_curve.hpp"
+#include "xraycast/geometry/nurbs_curve.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

@@ -1,7 +1,7 @@
-#include "xraycast/opacity.hpp"
+#include "xraycast/attenuation/opacity.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

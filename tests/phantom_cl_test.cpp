@@ -1,5 +1,5 @@
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>
@@ -13,7 +13,7 @@ namespace xraycast {
 namespace {
 
 Volume paint(const Phantom& phantom) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   return generate(phantom, device, progress);
 }
@@ -56,7 +56,7 @@ TEST(PaintedThorax, IsTheSameEveryTimeAndForEverySeedItsOwn) {
 TEST(PaintedThorax, ArrivesInRunsOfAnyLength) {
   const Phantom thorax = make_phantom("thorax", {.size = Index3(70, 60, 50)});
   const Volume whole = paint(thorax);
-  Device device;
+  ComputeDevice device;
   Progress progress;
   PhantomSource source(thorax, device);
   std::vector<std::int16_t> run(static_cast<std::size_t>(7 * whole.geometry().slice_voxels()));
@@ -72,7 +72,7 @@ TEST(PaintedThorax, ArrivesInRunsOfAnyLength) {
 
 TEST(PaintedThorax, StopsWhenCancelled) {
   const Phantom thorax = make_phantom("thorax", {.size = Index3(70, 60, 50)});
-  Device device;
+  ComputeDevice device;
   Progress progress;
   progress.cancel();
   EXPECT_THROW(generate(thorax, device, progress), Cancelled);

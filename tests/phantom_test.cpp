@@ -1,7 +1,7 @@
-#include "xraycast/phantom.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
-#include "xraycast/error.hpp"
-#include "xraycast/phantom_vessels.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom_vessels.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

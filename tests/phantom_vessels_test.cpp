@@ -1,9 +1,9 @@
 // What segmentation finds in the phantoms against what was painted, at mild and at heavy noise.
-#include "xraycast/centreline.hpp"
-#include "xraycast/device.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/segment.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
@@ -29,7 +29,7 @@ struct Result {
 };
 
 Result segmented(const std::string& name, std::optional<double> noise_hu, std::optional<Index3> size) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   Phantom phantom = make_phantom(name, {.size = size, .noise_hu = noise_hu});
   Mask mask = segment_mask(generate(phantom, device, progress), {}, name, device, progress);
@@ -152,13 +152,13 @@ INSTANTIATE_TEST_SUITE_P(AtNoise, HeadVessels,
                          [](const auto& noise) { return noise.param.first ? "Heavy" : "Mild"; });
 
 /// A scan of a thorax, small enough to be segmented in a second.
-Volume small_thorax(Device& device) {
+Volume small_thorax(ComputeDevice& device) {
   Progress progress;
   return generate(make_phantom("thorax", {.spacing_mm = 3.0}), device, progress);
 }
 
 TEST(Segmenting, TellsHowFarEachStepIs) {
-  Device device;
+  ComputeDevice device;
   std::vector<std::string> stages;
   std::map<std::string, int> moves;
   std::string wrong;
@@ -179,7 +179,7 @@ TEST(Segmenting, TellsHowFarEachStepIs) {
 }
 
 TEST(Segmenting, StopsInAnyStep) {
-  Device device;
+  ComputeDevice device;
   const Volume volume = small_thorax(device);
   for (int steps = 0;; steps += 40) {
     int left = steps;

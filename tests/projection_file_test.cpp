@@ -1,8 +1,8 @@
-#include "xraycast/projection_file.hpp"
+#include "xraycast/casting/projection_file.hpp"
 
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <OpenImageIO/imageio.h>
 #include <glm/geometric.hpp>

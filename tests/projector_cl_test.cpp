@@ -1,7 +1,7 @@
 #include "support/reference.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/projector.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -29,8 +29,8 @@ const Opacity& lengths() {
   return opacity;
 }
 
-Device& device() {
-  static Device device;
+ComputeDevice& device() {
+  static ComputeDevice device;
   return device;
 }
 

@@ -1,4 +1,4 @@
-#include "xraycast/viewer/radial_profile.hpp"
+#include "xraycast/sampling/radial_profile.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
-#include "xraycast/rays_within.hpp"
+#include "xraycast/casting/rays_within.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>

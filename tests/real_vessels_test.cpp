@@ -1,11 +1,11 @@
 // What is known of the vessels in the real scans in XRAYCAST_TEST_DATA.
 #include "support/read_scan.hpp"
-#include "xraycast/centreline.hpp"
-#include "xraycast/components.hpp"
-#include "xraycast/device.hpp"
-#include "xraycast/distance_transform.hpp"
-#include "xraycast/segment.hpp"
-#include "xraycast/surface.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/mask/distance_transform.hpp"
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/segmentation/surface.hpp"
 
 #include <gtest/gtest.h>
 
@@ -23,7 +23,7 @@ class RealVessels : public testing::Test {
     return segment_mask(volume, options, "scan", device_, progress_);
   }
   const std::filesystem::path kData = XRAYCAST_TEST_DATA;
-  Device device_;
+  ComputeDevice device_;
   Progress progress_;
 };
 

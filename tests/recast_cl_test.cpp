@@ -1,8 +1,8 @@
 #include "support/reference.hpp"
-#include "xraycast/caster.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/recast.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/recast.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,8 +19,8 @@ namespace {
 // floats that a cold cast sums up, as in caster_cl_test.
 constexpr double kFloat = 1e-5;
 
-Device& device() {
-  static Device device;
+ComputeDevice& device() {
+  static ComputeDevice device;
   return device;
 }
 
@@ -46,7 +46,7 @@ MapGeometry geometry_of(const Volume& volume, int angles, int layers) {
 
 std::vector<double> random_knots_hu(std::mt19937& random, std::size_t count) {
   std::vector<double> all(3000), knots;
-  std::iota(all.begin(), all.end(), kAirHu);
+  std::iota(all.begin(), all.end(), kPaddingHu);
   std::ranges::sample(all, std::back_inserter(knots), static_cast<std::ptrdiff_t>(count), random);
   return knots;
 }
@@ -91,7 +91,7 @@ void expect_same(const BodyMap& recast, const BodyMap& cast) {
 class Recast : public testing::TestWithParam<Case> {
  protected:
   static void SetUpTestSuite() {
-    ASSERT_FALSE(Device::list().empty()) << "these tests need an OpenCL device, such as PoCL";
+    ASSERT_FALSE(ComputeDevice::list().empty()) << "these tests need an OpenCL device, such as PoCL";
   }
 };
 

@@ -1,14 +1,14 @@
 // Frames under whatever OpenGL there is without a display, which on most machines is software.
-#include "xraycast/caster.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/projector.hpp"
-#include "xraycast/rays_within.hpp"
-#include "xraycast/stopwatch.hpp"
-#include "xraycast/viewer/brightness.hpp"
-#include "xraycast/viewer/camera.hpp"
-#include "xraycast/viewer/headless_context.hpp"
-#include "xraycast/viewer/renderer.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/casting/rays_within.hpp"
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/sampling/camera.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -380,7 +380,7 @@ TEST_F(RendererTest, SpheresAndBentCylindersAreTheLengthsOfRaysToo) {
 }
 
 TEST_F(RendererTest, MarchingABentAxisAgreesWithColumnsAboutAStraightOne) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Phantom phantom = make_phantom("shepp-logan", {.size = Index3{96, 96, 40}});
   const ResidentScan scan = upload(device, generate(phantom, device, progress));
@@ -405,7 +405,7 @@ TEST_F(RendererTest, MarchingABentAxisAgreesWithColumnsAboutAStraightOne) {
 }
 
 TEST_F(RendererTest, ManyLayersApproachTheTrueProjection) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Phantom phantom = make_phantom("shepp-logan", {.size = Index3{128, 128, 64}});
   const ResidentScan scan = upload(device, generate(phantom, device, progress));
@@ -432,7 +432,7 @@ TEST_F(RendererTest, ManyLayersApproachTheTrueProjection) {
 
 TEST_F(RendererTest, RectangleMapsAreTrueProjectionsWhereTheyStoreOne) {
   // Matter all over the scan, also beyond the map's radius; slices and pixels of which no whole number fits.
-  Device device;
+  ComputeDevice device;
   Progress progress;
   constexpr double kPixel_mm = 0.9570312, kSlice_mm = 1.5;
   Volume volume({{128, 128, 51}, {kPixel_mm, kPixel_mm, kSlice_mm}, {-60.7, -60.7, -37.5}});
@@ -465,7 +465,7 @@ TEST_F(RendererTest, RectangleMapsAreTrueProjectionsWhereTheyStoreOne) {
 
 TEST_F(RendererTest, MatterUpToTheScansBorderIsDrawnUpToThereAndNoFarther) {
   // Water everywhere in a scan whose corners the maps reach beyond: the truth is the rays' lengths in a box.
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const VolumeGeometry volume{{61, 91, 40}, {1, 1, 1.5}, {-30, -45, -29.25}};
   Volume water(volume);
@@ -503,7 +503,7 @@ TEST_F(RendererTest, MatterUpToTheScansBorderIsDrawnUpToThereAndNoFarther) {
 }
 
 TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   const Phantom phantom = make_phantom("head", {.size = Index3{192, 192, 160}});
   const ResidentScan scan = upload(device, generate(phantom, device, progress));

@@ -1,4 +1,4 @@
-#include "xraycast/viewer/road_map.hpp"
+#include "xraycast/scene/road_map.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
 // The gradient and the Hessian of a step's potential against its differences.
-#include "xraycast/rod.hpp"
-#include "xraycast/tube_field.hpp"
-#include "xraycast/wall_contact.hpp"
+#include "xraycast/mechanics/lumen_distance_field.hpp"
+#include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/wall_contact.hpp"
 
 #include <gtest/gtest.h>
 
@@ -87,18 +87,18 @@ namespace {
 using Eigen::Vector3d;
 
 /// So soft along its axis that stretching does not drown the rest.
-DeviceModel soft_device() {
-  return DeviceModel({.name = "soft",
-                      .radius_mm = 0.8,
-                      .mass_per_length_g_mm = 2e-3,
-                      .axial_stiffness_N = 10,
-                      .static_friction = 0.3,
-                      .kinetic_friction = 0.3,
-                      .sections = {{.length_mm = 30,
-                                    .bending_stiffness_Nmm2 = {20, 80},
-                                    .torsional_stiffness_Nmm2 = {15, 60},
-                                    .curvature_per_mm = {0.05, 0.03}}}},
-                     "soft");
+InstrumentModel soft_device() {
+  return InstrumentModel({.name = "soft",
+                          .radius_mm = 0.8,
+                          .mass_per_length_g_mm = 2e-3,
+                          .axial_stiffness_N = 10,
+                          .static_friction = 0.3,
+                          .kinetic_friction = 0.3,
+                          .sections = {{.length_mm = 30,
+                                        .bending_stiffness_Nmm2 = {20, 80},
+                                        .torsional_stiffness_Nmm2 = {15, 60},
+                                        .curvature_per_mm = {0.05, 0.03}}}},
+                         "soft");
 }
 
 class RandomSteps {
@@ -130,7 +130,7 @@ void expect_exact(RodDerivatives& rod) {
 }
 
 TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
-  const DeviceModel device = soft_device();
+  const InstrumentModel device = soft_device();
   RandomSteps random;
   for (int i = 0; i < 10; ++i) {
     Rod rod(device, device.stations_mm(5), {}, device.length_mm());
@@ -149,8 +149,8 @@ TEST(RodDerivatives, OfContactAreExact) {
   VesselBranch branch;
   for (int i = 0; i <= 60; ++i)
     branch.points.push_back({{3 * std::sin(0.1 * i), 0, i - 10.0}, 0.8 + 0.01 * i});
-  const auto field = std::make_shared<TubeField>(VesselTree({branch}, "tube"));
-  const DeviceModel device = soft_device();
+  const auto field = std::make_shared<LumenDistanceField>(VesselTree({branch}, "tube"));
+  const InstrumentModel device = soft_device();
   RandomSteps random;
   for (int i = 0; i < 10; ++i) {
     Rod rod(device, device.stations_mm(5), {.position_mm = {0.5, 0.5, 0}}, device.length_mm(),

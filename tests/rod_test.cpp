@@ -1,4 +1,4 @@
-#include "xraycast/rod.hpp"
+#include "xraycast/mechanics/rod.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,21 +16,21 @@ constexpr double kLength_mm = 100, kRadius_mm = 0.8, kEI_Nmm2 = 200, kGJ_Nmm2 = 
 // Statics by steps so long that inertia and drag hardly count.
 constexpr double kStill_s = 10;
 
-DeviceModel uniform(double curvature_per_mm = 0) {
-  return DeviceModel({.name = "uniform",
-                      .radius_mm = kRadius_mm,
-                      .mass_per_length_g_mm = 2e-3,
-                      .axial_stiffness_N = 2000,
-                      .static_friction = 0.1,
-                      .kinetic_friction = 0.1,
-                      .sections = {{.length_mm = kLength_mm,
-                                    .bending_stiffness_Nmm2 = {kEI_Nmm2, kEI_Nmm2},
-                                    .torsional_stiffness_Nmm2 = {kGJ_Nmm2, kGJ_Nmm2},
-                                    .curvature_per_mm = {curvature_per_mm, curvature_per_mm}}}},
-                     "uniform");
+InstrumentModel uniform(double curvature_per_mm = 0) {
+  return InstrumentModel({.name = "uniform",
+                          .radius_mm = kRadius_mm,
+                          .mass_per_length_g_mm = 2e-3,
+                          .axial_stiffness_N = 2000,
+                          .static_friction = 0.1,
+                          .kinetic_friction = 0.1,
+                          .sections = {{.length_mm = kLength_mm,
+                                        .bending_stiffness_Nmm2 = {kEI_Nmm2, kEI_Nmm2},
+                                        .torsional_stiffness_Nmm2 = {kGJ_Nmm2, kGJ_Nmm2},
+                                        .curvature_per_mm = {curvature_per_mm, curvature_per_mm}}}},
+                         "uniform");
 }
 
-Rod straight(const DeviceModel& device, double spacing_mm, Rod::Options options = {}) {
+Rod straight(const InstrumentModel& device, double spacing_mm, Rod::Options options = {}) {
   options.iterations = 50;
   return {device, device.stations_mm(spacing_mm), {}, device.length_mm(), options};
 }
@@ -224,7 +224,7 @@ TEST(Rod, TurnsWithItsHubWithoutLag) {
 
 TEST(Rod, FeedingKeepsForceAndTorque) {
   // Pushed forward against a constant load: the clamp has to bear just that, whatever node comes in or goes.
-  const DeviceModel device = uniform();
+  const InstrumentModel device = uniform();
   Rod rod(device, device.stations_mm(5), {}, 41, {.drag_mPa_s = 0, .iterations = 20});
   rod.set_load_N(0, {0, 0, -0.05});
   rod.set_tip_torque_Nm(2e-3);

@@ -1,6 +1,6 @@
-#include "xraycast/viewer/same_scan.hpp"
+#include "xraycast/scene/same_scan.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gtest/gtest.h>
 

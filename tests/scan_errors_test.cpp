@@ -1,7 +1,7 @@
 #include "support/read_scan.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,6 +1,6 @@
-#include "xraycast/script.hpp"
+#include "xraycast/simulation/script.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

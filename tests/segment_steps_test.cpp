@@ -1,16 +1,16 @@
 // Every step of a segmentation on a scene whose answer is known.
 #include "support/tubes.hpp"
-#include "xraycast/body.hpp"
-#include "xraycast/bridges.hpp"
-#include "xraycast/components.hpp"
-#include "xraycast/contrast.hpp"
-#include "xraycast/distance_transform.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/segment.hpp"
-#include "xraycast/spongy_bone.hpp"
-#include "xraycast/surface.hpp"
-#include "xraycast/threshold.hpp"
-#include "xraycast/watershed.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/mask/distance_transform.hpp"
+#include "xraycast/segmentation/body.hpp"
+#include "xraycast/segmentation/bridges.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/segmentation/surface.hpp"
+#include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/segmentation/trabecular_bone.hpp"
+#include "xraycast/segmentation/watershed.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,8 +1,8 @@
-#include "xraycast/viewer/session_file.hpp"
+#include "xraycast/scene/session_file.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "xraycast/viewer/shell_halves.hpp"
+#include "xraycast/sampling/shell_halves.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,4 +1,4 @@
-#include "xraycast/viewer/shell_pieces.hpp"
+#include "xraycast/sampling/shell_pieces.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,9 +1,9 @@
-#include "xraycast/viewer/simulated_run.hpp"
+#include "xraycast/window/simulated_run.hpp"
 
-#include "xraycast/manual_device.hpp"
-#include "xraycast/phantom.hpp"
-#include "xraycast/script.hpp"
-#include "xraycast/script_device.hpp"
+#include "xraycast/haptics/manual_device.hpp"
+#include "xraycast/haptics/script_device.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/simulation/script.hpp"
 
 #include <gtest/gtest.h>
 
@@ -22,7 +22,7 @@ std::shared_ptr<const VesselTree> thorax() {
 SimulatedRun run_with(std::unique_ptr<HapticDevice> device) {
   auto tree = thorax();
   const VesselEnd entry = most_inferior_end(*tree);
-  return {std::move(tree), DeviceModel::named("cobra-5f"), entry, std::move(device)};
+  return {std::move(tree), InstrumentModel::named("cobra-5f"), entry, std::move(device)};
 }
 
 /// Updates as a window does, until the simulation's clock has gone on by `time_s`.

@@ -1,7 +1,7 @@
-#include "xraycast/simulation_loop.hpp"
+#include "xraycast/simulation/simulation_loop.hpp"
 
-#include "xraycast/phantom.hpp"
-#include "xraycast/stopwatch.hpp"
+#include "xraycast/base/stopwatch.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
@@ -16,7 +16,7 @@ using namespace std::chrono_literals;
 
 std::unique_ptr<Catheter> catheter() {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  return std::make_unique<Catheter>(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  return std::make_unique<Catheter>(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
 }
 
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {

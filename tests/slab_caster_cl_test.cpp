@@ -1,6 +1,6 @@
 #include "support/reference.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/slab_caster.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/slab_caster.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -19,7 +19,7 @@ class SlabCast : public testing::TestWithParam<std::int64_t> {};
 
 TEST_P(SlabCast, IsTheMapCastWholeBitForBit) {
   const Volume volume = textured_volume(GetParam());
-  Device device;
+  ComputeDevice device;
   Progress progress;
   LoadTimings timings;
   std::vector<glm::dvec2> line_mm;
@@ -40,7 +40,7 @@ INSTANTIATE_TEST_SUITE_P(Slices, SlabCast, testing::Values(1, 15, 16, 17, 100));
 
 TEST(SlabCast, OfProjectionsThatCrossSlicesIsRefused) {
   const Volume volume = textured_volume(16);
-  Device device;
+  ComputeDevice device;
   Progress progress;
   LoadTimings timings;
   VolumeSource source(volume);
@@ -51,7 +51,7 @@ TEST(SlabCast, OfProjectionsThatCrossSlicesIsRefused) {
 
 TEST(SlabCast, CanBeCancelled) {
   const Volume volume = textured_volume(64);
-  Device device;
+  ComputeDevice device;
   VolumeSource source(volume);
   Progress* heard = nullptr;
   Progress progress([&heard](const Progress::State& state) {

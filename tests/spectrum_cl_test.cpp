@@ -1,6 +1,6 @@
 #include "support/reference.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/spectral_scan.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 
 #include <gtest/gtest.h>
 
@@ -17,8 +17,8 @@ constexpr std::size_t kWater = 0, kBone = 1, kIodine = 2;
 // A ray adds up some hundred products of 24-bit floats.
 constexpr double kFloat = 1e-5;
 
-Device& device() {
-  static Device device;
+ComputeDevice& device() {
+  static ComputeDevice device;
   return device;
 }
 

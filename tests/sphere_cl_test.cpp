@@ -1,8 +1,8 @@
 // Maps of the projections sphere and rectangle, and cylinders about a line.
 #include "support/reference.hpp"
-#include "xraycast/caster.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/projector.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/projector.hpp"
 
 #include <glm/geometric.hpp>
 #include <gtest/gtest.h>
@@ -21,7 +21,7 @@ const Opacity& lengths() {  // water is 1 per mm, so that depths are mm of water
 
 std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,
                             ScanStorage storage = ScanStorage::bricks) {
-  Device device;
+  ComputeDevice device;
   Progress progress;
   return cast(upload(device, volume, storage), geometry, lengths(), progress).map.tau;
 }
@@ -103,7 +103,7 @@ TEST(SphereMap, PointsWhereItsTextSays) {
 }
 
 TEST(SphereMap, IsTheSameFromImages) {
-  Device device;
+  ComputeDevice device;
   if (!device.self_test().images) GTEST_SKIP() << "the device has no usable images";
   const Volume volume = ball({8, -5, 6}, 25);
   const MapGeometry map = sphere_map(volume.geometry(), 48, {0, 15, 44}, {1, 2, 3});

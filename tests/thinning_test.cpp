@@ -1,7 +1,7 @@
-#include "xraycast/thinning.hpp"
+#include "xraycast/mask/thinning.hpp"
 
 #include "support/tubes.hpp"
-#include "xraycast/components.hpp"
+#include "xraycast/mask/components.hpp"
 
 #include <gtest/gtest.h>
 

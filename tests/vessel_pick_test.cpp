@@ -1,6 +1,6 @@
-#include "xraycast/viewer/vessel_pick.hpp"
+#include "xraycast/scene/vessel_pick.hpp"
 
-#include "xraycast/viewer/clip_space.hpp"
+#include "xraycast/sampling/clip_space.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,7 +1,7 @@
-#include "xraycast/vessel_removal.hpp"
+#include "xraycast/attenuation/vessel_removal.hpp"
 
-#include "xraycast/error.hpp"
-#include "xraycast/progress.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/progress.hpp"
 
 #include <gtest/gtest.h>
 

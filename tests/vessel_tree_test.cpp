@@ -1,9 +1,9 @@
-#include "xraycast/vessel_tree.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/vtp.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/vtp.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

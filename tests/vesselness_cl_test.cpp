@@ -1,5 +1,5 @@
 #include "support/tubes.hpp"
-#include "xraycast/vesselness.hpp"
+#include "xraycast/segmentation/vesselness.hpp"
 
 #include <gtest/gtest.h>
 
@@ -33,7 +33,7 @@ class Vesselness : public testing::TestWithParam<VesselnessMeasure> {
     const VesselnessOptions options{.measure = GetParam(), .scales_mm = {1.5}, .contrast_hu = kContrast_hu};
     return vesselness(scene(kGrid, shape), kGrid, options, device_)[offset(kMiddle)];
   }
-  Device device_;
+  ComputeDevice device_;
   const glm::dvec3 middle_ = kGrid.to_world_mm(glm::dvec3(kMiddle));
 };
 

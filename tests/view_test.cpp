@@ -1,6 +1,6 @@
-#include "xraycast/view.hpp"
+#include "xraycast/casting/view.hpp"
 
-#include "xraycast/error.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

@@ -1,7 +1,7 @@
-#include "xraycast/virtual_coupling.hpp"
+#include "xraycast/haptics/virtual_coupling.hpp"
 
-#include "xraycast/catheter.hpp"
-#include "xraycast/phantom.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
@@ -215,7 +215,7 @@ TEST(VirtualCoupling, StaysWithinItsSpeedOnRodsThatAreTooStiff) {
 TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
   for (const char* name : {"guidewire-035-j", "simmons2-5f"}) {
-    Catheter catheter(tree, DeviceModel::named(name), most_inferior_end(tree));
+    Catheter catheter(tree, InstrumentModel::named(name), most_inferior_end(tree));
     Held held([&](const HubPose& hub) {
       catheter.step(hub);
       return catheter.load();
@@ -233,7 +233,7 @@ TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
 
 TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   VirtualCoupling coupling;
   HandPose hand;
   VirtualCoupling::Step step;

@@ -1,9 +1,9 @@
 // Our surface and tree files against VTK itself, both ways. Debian's python3-vtk9 brings it; the tests are
 // skipped without.
 #include "support/temporary_folder.hpp"
-#include "xraycast/mesh.hpp"
-#include "xraycast/vessel_tree.hpp"
-#include "xraycast/whole_file.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

@@ -1,8 +1,8 @@
-#include "xraycast/wall_contact.hpp"
+#include "xraycast/mechanics/wall_contact.hpp"
 
-#include "xraycast/catheter.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/phantom.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -43,30 +43,30 @@ VesselTree hairpin() {
 }
 
 /// A wire so limp that its bending hardly counts, at rest along the inner wall of the hairpin.
-DeviceModel limp_wire(double friction) {
+InstrumentModel limp_wire(double friction) {
   const double inner_mm = kBend_mm - kTube_mm + kWire_mm;
   DeviceSection leg{.length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
   DeviceSection arc = leg;
   arc.length_mm = kPi * inner_mm;
   arc.curvature_per_mm = {1 / inner_mm, 1 / inner_mm};
-  return DeviceModel({.name = "wire",
-                      .radius_mm = kWire_mm,
-                      .mass_per_length_g_mm = 2e-3,
-                      .axial_stiffness_N = 500,
-                      .static_friction = friction,
-                      .kinetic_friction = friction,
-                      .sections = {leg, arc, leg}},
-                     "wire");
+  return InstrumentModel({.name = "wire",
+                          .radius_mm = kWire_mm,
+                          .mass_per_length_g_mm = 2e-3,
+                          .axial_stiffness_N = 500,
+                          .static_friction = friction,
+                          .kinetic_friction = friction,
+                          .sections = {leg, arc, leg}},
+                         "wire");
 }
 
 TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
   constexpr double kFriction = 0.2, kTail_N = 0.5;
-  const DeviceModel wire = limp_wire(kFriction);
+  const InstrumentModel wire = limp_wire(kFriction);
   Rod rod(wire, wire.stations_mm(3), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
           {.iterations = 20});
   for (int i = 0; i < 200; ++i) rod.step(10);  // it takes its shape
   rod.set_load_N(0, {0, 0, -kTail_N});
-  WallContact wall(std::make_shared<TubeField>(hairpin()), rod,
+  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod,
                    {.static_friction = kFriction, .kinetic_friction = kFriction});
   for (int i = 0; i < 200; ++i) rod.step(1e-3, &wall);
   for (int i = 0; i < 400; ++i) {  // drawn out at 20 mm/s
@@ -92,26 +92,26 @@ TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
 /// A straight rod that lies in a straight tube by its weight.
 struct LyingRod {
   static constexpr double kLength_mm = 100, kWeight_N = 0.05, kStatic = 0.3, kKinetic = 0.2, kTube_mm = 3;
-  static DeviceModel device() {
-    return DeviceModel({.name = "rod",
-                        .radius_mm = 0.8,
-                        .mass_per_length_g_mm = 1e3 * kWeight_N / 9.81 / kLength_mm,
-                        .axial_stiffness_N = 300,
-                        .static_friction = kStatic,
-                        .kinetic_friction = kKinetic,
-                        .sections = {{.length_mm = kLength_mm + 50,
-                                      .bending_stiffness_Nmm2 = {100, 100},
-                                      .torsional_stiffness_Nmm2 = {100, 100}}}},
-                       "rod");
+  static InstrumentModel device() {
+    return InstrumentModel({.name = "rod",
+                            .radius_mm = 0.8,
+                            .mass_per_length_g_mm = 1e3 * kWeight_N / 9.81 / kLength_mm,
+                            .axial_stiffness_N = 300,
+                            .static_friction = kStatic,
+                            .kinetic_friction = kKinetic,
+                            .sections = {{.length_mm = kLength_mm + 50,
+                                          .bending_stiffness_Nmm2 = {100, 100},
+                                          .torsional_stiffness_Nmm2 = {100, 100}}}},
+                           "rod");
   }
-  DeviceModel model = device();
+  InstrumentModel model = device();
   Rod rod{model,
           model.stations_mm(5),
           // A little above the wall, into which it sinks by its weight.
           {.position_mm = {0, -(kTube_mm - 0.8), 20}},
           kLength_mm,
           {.gravity_mm_s2 = {0, -9810, 0}, .iterations = 10}};
-  WallContact wall{std::make_shared<TubeField>(straight_tube(200, kTube_mm)),
+  WallContact wall{std::make_shared<LumenDistanceField>(straight_tube(200, kTube_mm)),
                    rod,
                    {.static_friction = kStatic, .kinetic_friction = kKinetic}};
 
@@ -180,12 +180,12 @@ TEST(WallContact, MiddlesBearAsMuchAsNodes) {
 
 TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   // A stiff edge across a bend whose inner wall lies higher than the line between the nodes.
-  const DeviceModel wire = limp_wire(0);
+  const InstrumentModel wire = limp_wire(0);
   Rod rod(wire, wire.stations_mm(12), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
           {.iterations = 20});
   for (int i = 0; i < 200; ++i) rod.step(10);
   rod.set_load_N(0, {0, 0, -0.5});
-  WallContact wall(std::make_shared<TubeField>(hairpin()), rod, {});
+  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod, {});
   for (int i = 0; i < 400; ++i) rod.step(1e-3, &wall);
   double deepest_mm = 0;
   for (const auto& contact : wall.contacts()) deepest_mm = std::max(deepest_mm, contact.depth_mm);
@@ -215,15 +215,15 @@ TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
 TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
   const DeviceSection limp{
       .length_mm = 80, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
-  const DeviceModel wire({.name = "wire",
-                          .radius_mm = kWire_mm,
-                          .mass_per_length_g_mm = 2e-3,
-                          .axial_stiffness_N = 500,
-                          .sections = {limp}},
-                         "wire");
+  const InstrumentModel wire({.name = "wire",
+                              .radius_mm = kWire_mm,
+                              .mass_per_length_g_mm = 2e-3,
+                              .axial_stiffness_N = 500,
+                              .sections = {limp}},
+                             "wire");
   Rod rod(wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.iterations = 50});
   const WallContact::Introducer introducer{{0, 0, 0}, {0, 0, 1}};
-  WallContact wall(std::make_shared<TubeField>(straight_tube(100, 40)), rod, {}, &introducer);
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(100, 40)), rod, {}, &introducer);
   // Drawn aside and then back, so hard that it bends where the introducer's hold fades out.
   rod.set_load_N(0, {2, 0, 0});
   for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
@@ -240,7 +240,7 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
 TEST(Catheter, CurlsUpBesideItsIntroducer) {
   // In the aortic root there is room for a pigtail to curl back behind the plane that the introducer ends in.
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, DeviceModel::named("pigtail-5f"), nearest_end(tree, {6, -16, 134}));
+  Catheter catheter(tree, InstrumentModel::named("pigtail-5f"), nearest_end(tree, {6, -16, 134}));
   for (int i = 1; i <= 400; ++i) catheter.step({.insertion_mm = 0.05 * i});
   const Vector3d entry = catheter.rod().clamp().position_mm + 20 * catheter.rod().clamp().axis;
   const Vector3d tip = catheter.rod().state().nodes_mm.back() - entry;
@@ -250,7 +250,7 @@ TEST(Catheter, CurlsUpBesideItsIntroducer) {
 
 TEST(Catheter, HubBearsContactAndFriction) {
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, DeviceModel::named("cobra-5f"), most_inferior_end(tree));
+  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   for (int i = 1; i <= 4000; ++i) catheter.step({.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i});
   for (int i = 0; i < 500; ++i) catheter.step(catheter.pose());
   Vector3d walls_N = Vector3d::Zero();

@@ -1,9 +1,9 @@
 // The viewer opened and closed many times on a virtual display.
-#include "xraycast/body_map.hpp"
-#include "xraycast/viewer/gl.hpp"
-#include "xraycast/viewer/viewer.hpp"
-#include "xraycast/viewer/viewer_panel.hpp"
-#include "xraycast/viewer/window.hpp"
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/drawing/gl.hpp"
+#include "xraycast/window/viewer.hpp"
+#include "xraycast/window/viewer_panel.hpp"
+#include "xraycast/window/window.hpp"
 
 #include <gtest/gtest.h>
 

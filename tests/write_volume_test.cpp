@@ -1,7 +1,7 @@
 #include "support/read_scan.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/error.hpp"
-#include "xraycast/file_extension.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -20,7 +20,7 @@ const VolumeGeometry kGeometry{{5, 4, 3}, {0.7, 0.9, 1.1}, {-12.3, 45.6, -78.9}}
 
 Volume numbered(const VolumeGeometry& geometry) {
   Volume volume(geometry);
-  std::int16_t next = kAirHu;
+  std::int16_t next = kPaddingHu;
   for (std::int16_t& hu : volume.hu()) hu = next++;
   volume.hu().back() = 32767;
   return volume;

@@ -1,9 +1,9 @@
 #include <iostream>
-#include <xraycast/caster.hpp>
-#include <xraycast/phantom.hpp>
+#include <xraycast/casting/caster.hpp>
+#include <xraycast/phantom/phantom.hpp>
 
 int main() {
-  xraycast::Device device;
+  xraycast::ComputeDevice device;
   xraycast::Progress progress;
   const xraycast::Phantom sphere = xraycast::make_phantom("sphere", {.size = xraycast::Index3(48, 48, 32)});
   const xraycast::Volume volume = xraycast::generate(sphere, device, progress);

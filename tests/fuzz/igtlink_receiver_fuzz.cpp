@@ -1,5 +1,5 @@
 // Fuzzes what a network may send to the haptic interface; see tests/fuzz/CMakeLists.txt.
-#include "xraycast/igtlink_receiver.hpp"
+#include "xraycast/haptics/igtlink_receiver.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/mask.hpp"
-#include "xraycast/volume.hpp"
+#include "xraycast/mask/mask.hpp"
+#include "xraycast/scan/volume.hpp"
 
 #include <glm/vec3.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>

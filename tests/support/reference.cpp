@@ -113,7 +113,7 @@ double sample_hu(const Volume& volume, double x_index, double y_index, std::int6
   const Index3& size = volume.geometry().size;
   const bool inside = x_index >= 0 && x_index <= static_cast<double>(size.x - 1) && y_index >= 0 &&
                       y_index <= static_cast<double>(size.y - 1);
-  return inside ? sample_hu(volume, {x_index, y_index, static_cast<double>(z)}) : kAirHu;
+  return inside ? sample_hu(volume, {x_index, y_index, static_cast<double>(z)}) : kPaddingHu;
 }
 
 double sample_hu(const Volume& volume, const glm::dvec3& index) {

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/volume.hpp"
+#include "xraycast/scan/volume.hpp"
 
 #include <glm/vec3.hpp>
 

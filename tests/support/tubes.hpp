@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mask.hpp"
+#include "xraycast/mask/mask.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>

@@ -16,7 +16,7 @@ uniform vec3 source_mm, beam;
 uniform bool is_cone;
 
 const float kTurn = 6.283185307179586;
-const int kMostSteps = 2048;
+const int kMaxSteps = 2048;
 
 struct Ray {
   vec3 start_mm, direction;
@@ -97,7 +97,7 @@ vec2 layer_of(float radius) {
 float march(Ray ray, float behind) {
   vec2 range = within_body(ray);
   range.x = max(range.x, behind);
-  int steps = min(int(ceil((range.y - range.x) / step_mm)), kMostSteps);
+  int steps = min(int(ceil((range.y - range.x) / step_mm)), kMaxSteps);
   if (steps < 1) return 0.0;
   float step_ = (range.y - range.x) / float(steps), sum = 0.0;
 #ifdef WALL

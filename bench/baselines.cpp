@@ -1,0 +1,157 @@
+#include "baselines.hpp"
+
+#include <benchmark/benchmark.h>
+#include <itkGDCMImageIO.h>
+#include <itkGDCMSeriesFileNames.h>
+#include <itkHessianRecursiveGaussianImageFilter.h>
+#include <itkHessianToObjectnessMeasureImageFilter.h>
+#include <itkImage.h>
+#include <itkImageSeriesReader.h>
+#include <itkImportImageFilter.h>
+
+#include <algorithm>
+#include <array>
+#include <cstring>
+#include <fcntl.h>
+#include <opencv2/core.hpp>
+#include <opencv2/imgproc.hpp>
+#include <thread>
+#include <unistd.h>
+#include <vector>
+
+namespace xraycast::bench {
+namespace {
+
+constexpr int kSlices = 16;
+
+/// Sixteen floats or shorts that the compiler keeps in vector registers; a GNU extension of GCC and Clang.
+using Floats = float __attribute__((vector_size(kSlices * sizeof(float))));
+using Shorts = std::int16_t __attribute__((vector_size(kSlices * sizeof(std::int16_t))));
+
+template <typename Work>
+void on_all_cores(const Work& work) {
+  const int cores = static_cast<int>(std::max(1u, std::thread::hardware_concurrency()));
+  std::vector<std::jthread> threads;
+  for (int i = 0; i < cores; ++i) threads.emplace_back([&work, i, cores] { work(i, cores); });
+}
+
+Floats load(const std::int16_t* from) {
+  Shorts shorts;
+  std::memcpy(&shorts, from, sizeof shorts);
+  return __builtin_convertvector(shorts, Floats);
+}
+
+float take_samples(std::int64_t samples) {
+  constexpr int kSide = 16;  // 16 x 16 pixels of 16 slices: 8 KiB
+  alignas(64) std::array<std::int16_t, (kSide + 1) * (kSide + 1) * kSlices> block;
+  for (std::size_t i = 0; i < block.size(); ++i) block[i] = static_cast<std::int16_t>(i * 37 % 2000 - 1000);
+  Floats sum{};
+  float x = 0.3f, y = 0.7f;
+  for (std::int64_t i = 0; i < samples; ++i) {
+    x += 0.61f;
+    y += 0.79f;
+    if (x >= kSide - 1) x -= kSide - 1;
+    if (y >= kSide - 1) y -= kSide - 1;
+    const int ix = static_cast<int>(x), iy = static_cast<int>(y);
+    const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
+    const std::int16_t* upper = block.data() + (iy * (kSide + 1) + ix) * kSlices;
+    const std::int16_t* lower = upper + (kSide + 1) * kSlices;
+    const Floats a = load(upper), b = load(upper + kSlices), c = load(lower), d = load(lower + kSlices);
+    const Floats ab = a + fx * (b - a), cd = c + fx * (d - c);
+    const Floats mu = 0.02f / 1024 * (ab + fy * (cd - ab)) + 0.02f;
+    sum += mu > 0 ? mu : Floats{};
+  }
+  float total = 0;
+  for (int s = 0; s < kSlices; ++s) total += sum[s];
+  return total;
+}
+
+}  // namespace
+
+void read_all(const Volume& volume) {
+  on_all_cores([&](int core, int cores) {
+    const std::size_t share = volume.hu().size() / static_cast<std::size_t>(cores);
+    const std::int16_t* from = volume.hu().data() + share * static_cast<std::size_t>(core);
+    std::uint64_t sum[8]{};
+    for (std::size_t i = 0; i + 32 <= share; i += 32) {
+      std::uint64_t words[8];
+      std::memcpy(words, from + i, sizeof words);
+      for (int w = 0; w < 8; ++w) sum[w] += words[w];
+    }
+    benchmark::DoNotOptimize(sum);
+  });
+}
+
+void sample_from_cache(std::int64_t samples) {
+  on_all_cores([&](int, int cores) { benchmark::DoNotOptimize(take_samples(samples / cores)); });
+}
+
+void read_file(const std::filesystem::path& path) {
+  const auto bytes = std::filesystem::file_size(path);
+  const auto memory = std::make_unique_for_overwrite<char[]>(bytes);
+  const int file = open(path.c_str(), O_RDONLY | O_CLOEXEC);
+  for (std::size_t done = 0; done < bytes;) {
+    const ssize_t got = read(file, memory.get() + done, bytes - done);
+    if (got <= 0) break;
+    done += static_cast<std::size_t>(got);
+  }
+  close(file);
+  benchmark::DoNotOptimize(memory.get());
+}
+
+void map_by_opencv(const Volume& volume, double radius_vox) {
+  const Index3 size = volume.geometry().size;
+  const int width = static_cast<int>(size.x), height = static_cast<int>(size.y);
+  cv::parallel_for_(cv::Range(0, static_cast<int>(size.z)), [&](const cv::Range& range) {
+    cv::Mat mu, polar, map;
+    for (int z = range.start; z < range.end; ++z) {
+      const cv::Mat slice(height, width, CV_16S, const_cast<std::int16_t*>(volume.slices(z, 1).data()));
+      slice.convertTo(mu, CV_32F, 0.02 / 1024, 0.02);
+      cv::max(mu, 0, mu);
+      cv::warpPolar(mu, polar, cv::Size(static_cast<int>(radius_vox), 360),
+                    cv::Point2f(0.5f * static_cast<float>(width), 0.5f * static_cast<float>(height)),
+                    radius_vox, cv::INTER_LINEAR);
+      cv::reduce(polar, map, 1, cv::REDUCE_SUM);
+      benchmark::DoNotOptimize(map.data);
+    }
+  });
+}
+
+void vesselness_by_itk(const Cube& cube, const std::vector<double>& scales_mm) {
+  using Image = itk::Image<float, 3>;
+  using Hessian = itk::HessianRecursiveGaussianImageFilter<Image>;
+  using Objectness = itk::HessianToObjectnessMeasureImageFilter<Hessian::OutputImageType, Image>;
+  const auto importer = itk::ImportImageFilter<float, 3>::New();
+  const auto size = static_cast<itk::SizeValueType>(cube.grid.size.x);
+  importer->SetRegion({{size, size, size}});
+  const double spacing[] = {cube.grid.spacing_mm.x, cube.grid.spacing_mm.y, cube.grid.spacing_mm.z};
+  importer->SetSpacing(spacing);
+  importer->SetImportPointer(const_cast<float*>(cube.hu.data()), cube.hu.size(), false);
+  std::vector<float> best(cube.hu.size());
+  for (const double scale_mm : scales_mm) {
+    const auto hessian = Hessian::New();
+    hessian->SetInput(importer->GetOutput());
+    hessian->SetSigma(scale_mm);
+    hessian->SetNormalizeAcrossScale(true);
+    const auto objectness = Objectness::New();
+    objectness->SetInput(hessian->GetOutput());
+    objectness->SetObjectDimension(1);
+    objectness->Update();
+    const float* here = objectness->GetOutput()->GetBufferPointer();
+    for (std::size_t i = 0; i < best.size(); ++i) best[i] = std::max(best[i], here[i]);
+  }
+  benchmark::DoNotOptimize(best.data());
+}
+
+void read_series_by_itk(const std::filesystem::path& folder) {
+  using Image = itk::Image<std::int16_t, 3>;
+  const auto names = itk::GDCMSeriesFileNames::New();
+  names->SetDirectory(folder.string());
+  const auto reader = itk::ImageSeriesReader<Image>::New();
+  reader->SetImageIO(itk::GDCMImageIO::New());
+  reader->SetFileNames(names->GetInputFileNames());
+  reader->Update();
+  benchmark::DoNotOptimize(reader->GetOutput()->GetBufferPointer());
+}
+
+}  // namespace xraycast::bench

@@ -1,0 +1,90 @@
+#include "xraycast/attenuation/materials.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
+
+#include <algorithm>
+#include <memory>
+#include <xraylib.h>
+
+namespace xraycast {
+namespace {
+
+constexpr double kMaxHu = 32767;
+constexpr double kBone_g_cm3 = 1.85;  // cortical, ICRP
+
+std::string text_of(const VolumeGeometry& grid) {
+  return fmt::format("{} x {} x {} voxels of {:.4g} x {:.4g} x {:.4g} mm from ({:.2f}, {:.2f}, {:.2f}) mm",
+                     grid.size.x, grid.size.y, grid.size.z, grid.spacing_mm.x, grid.spacing_mm.y,
+                     grid.spacing_mm.z, grid.origin_mm.x, grid.origin_mm.y, grid.origin_mm.z);
+}
+
+double element_attenuation_cm2_g(int atomic_number, double energy_kev) {
+  xrl_error* error = nullptr;
+  const double cm2_g = CS_Total(atomic_number, energy_kev, &error);
+  if (error) {
+    const std::string message = error->message;
+    xrl_error_free(error);
+    throw Error("element {} at {} keV: xraylib: {}", atomic_number, energy_kev, message);
+  }
+  return cm2_g;
+}
+
+}  // namespace
+
+// Element by element, because xraylib 4.0.0 leaks memory on every call of CS_Total_CP.
+double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
+  if (const int z = SymbolToAtomicNumber(material.c_str(), nullptr); z > 0)
+    return element_attenuation_cm2_g(z, energy_kev);
+  const std::unique_ptr<compoundDataNIST, decltype(&FreeCompoundDataNIST)> compound(
+      GetCompoundDataNISTByName(material.c_str(), nullptr), &FreeCompoundDataNIST);
+  if (!compound) throw Error("{}: neither an element nor a compound of NIST's list", material);
+  double sum = 0;
+  for (int i = 0; i < compound->nElements; ++i)
+    sum += compound->massFractions[i] * element_attenuation_cm2_g(compound->Elements[i], energy_kev);
+  return sum;
+}
+
+std::array<Opacity, kMaterials.size()> material_contents() {
+  constexpr double kScanner_kev = 70, kSoftTissueHu = 100;
+  const auto at_scanner = [](const Material& material) {
+    return mass_attenuation_cm2_g(material.xraylib_name, kScanner_kev);
+  };
+  const double water_cm2_g = at_scanner(kMaterials[0]), bone_cm2_g = at_scanner(kMaterials[1]),
+               iodine_cm2_g = at_scanner(kMaterials[2]);
+  const double bone_hu = 1000 * (kBone_g_cm3 * bone_cm2_g / water_cm2_g - 1);
+  constexpr double kCm_per_mm = 0.1;
+  const auto water = [](double hu) { return kCm_per_mm * (1 + hu / 1000); };
+  const auto bone = [&](double hu) { return water(hu) * water_cm2_g / bone_cm2_g; };
+  const double iodine_per_hu = kCm_per_mm * water_cm2_g / iodine_cm2_g / 1000;
+  return {Opacity("water", {{-1000, 0}, {kSoftTissueHu, water(kSoftTissueHu)}, {bone_hu, 0}}),
+          Opacity("bone", {{kSoftTissueHu, 0}, {bone_hu, bone(bone_hu)}, {kMaxHu, bone(kMaxHu)}}),
+          Opacity("iodine", {{0, 0}, {kMaxHu, iodine_per_hu * kMaxHu}})};
+}
+
+void check_mask_grid(const VolumeGeometry& mask, const VolumeGeometry& scan, const std::string& name) {
+  constexpr double kTolerance = 0.01;  // of a voxel; file formats round to 32 bits
+  const auto meets = [&](const glm::dvec3& a_mm, const glm::dvec3& b_mm) {
+    return glm::all(glm::lessThan(glm::abs(a_mm - b_mm), kTolerance * scan.spacing_mm));
+  };
+  if (mask.size != scan.size || !meets(mask.lower_mm(), scan.lower_mm()) ||
+      !meets(mask.upper_mm(), scan.upper_mm()))
+    throw InputError("{}: has {}, but the scan has {}; a mask has to lie on the scan's grid", name,
+                     text_of(mask), text_of(scan));
+}
+
+Volume take_contrast(Volume& scan, Volume mask) {
+  check_mask_grid(mask.geometry(), scan.geometry(), "vessel mask");
+  constexpr auto kBlood = static_cast<std::int16_t>(kBloodHu);
+  std::ranges::transform(scan.hu(), mask.hu(), mask.hu().begin(), [](std::int16_t hu, std::int16_t vessel) {
+    return static_cast<std::int16_t>(vessel > 0 ? std::max(hu - kBlood, 0) : 0);
+  });
+  std::ranges::transform(
+      scan.hu(), mask.hu(), scan.hu().begin(),
+      [](std::int16_t hu, std::int16_t enhancement) { return static_cast<std::int16_t>(hu - enhancement); });
+  return mask;
+}
+
+}  // namespace xraycast

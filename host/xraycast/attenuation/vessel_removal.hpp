@@ -1,0 +1,33 @@
+#pragma once
+
+#include "xraycast/scan/slice_source.hpp"
+
+#include <memory>
+
+namespace xraycast {
+
+/// A scan as if its vessels had no contrast agent in them: every voxel of the vessels' mask (above 0) becomes
+/// blood (kBloodHu), with whatever else is in the lumen, such as stents and plaques. The edge is soft: of
+/// what is brighter than blood and shares a face, an edge or a corner with the mask, a half, 29 % or 13 % of
+/// the difference goes. All else stays, so that vessels drawn as a surface are not in a body map a second
+/// time.
+class WithoutVessels final : public SliceSource {
+ public:
+  /// Throws InputError when the mask does not lie on the scan's grid.
+  WithoutVessels(std::unique_ptr<SliceSource> scan, Volume mask);
+
+  const VolumeGeometry& geometry() const override { return scan_->geometry(); }
+  std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override;
+
+  /// Of the scan as it was.
+  HuRange hu_range() const override { return scan_->hu_range(); }
+
+ private:
+  void fill(std::int64_t z, std::span<std::int16_t> slice) const;
+
+  std::unique_ptr<SliceSource> scan_;
+  Volume mask_;
+  std::int64_t next_ = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,69 @@
+#include "xraycast/base/image.hpp"
+
+#include "xraycast/base/image_output.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+/// The value that `share` of the values do not exceed.
+float quantile(std::vector<float> values, double share) {
+  const auto nth =
+      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+  std::ranges::nth_element(values, nth);
+  return *nth;
+}
+
+std::uint8_t grey(double share) {
+  return static_cast<std::uint8_t>(std::lround(255 * std::clamp(share, 0.0, 1.0)));
+}
+
+}  // namespace
+
+double typical_depth(std::span<const float> tau) {
+  constexpr float kMatter = 0.05f;  // what is less is air and cloth, and says nothing about the window
+  std::vector<float> matter;
+  std::ranges::copy_if(tau, std::back_inserter(matter), [](float t) { return t > kMatter; });
+  return matter.empty() ? double{kMatter} : quantile(std::move(matter), 0.9);
+}
+
+double GreyWindow::grey(double tau) const {
+  const double linear = std::clamp((std::exp(-tau / scale) - dark) / (light - dark), 0.0, 1.0);
+  const double bent = std::pow(linear, 1 / gamma);
+  return inverted ? 1 - bent : bent;
+}
+
+GreyWindow automatic_window(std::span<const float> tau, double gamma, bool inverted, double least_depth) {
+  const double scale = 2 * std::max(typical_depth(tau), least_depth);
+  const std::vector<float> all(tau.begin(), tau.end());
+  constexpr double kHeadroom = 1.15;  // keeps the darkest parts off black, where nothing can be told apart
+  const double light = std::exp(-quantile(all, 0.001) / scale);
+  return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light, gamma,
+          inverted};
+}
+
+std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, double least_depth) {
+  return windowed(tau, automatic_window(tau, 1, false, least_depth));
+}
+
+std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow& window) {
+  std::vector<std::uint8_t> greys(tau.size());
+  std::ranges::transform(tau, greys.begin(), [&](float t) { return grey(window.grey(t)); });
+  return greys;
+}
+
+std::vector<std::uint8_t> plain_transmission(std::span<const float> tau) {
+  std::vector<std::uint8_t> greys(tau.size());
+  std::ranges::transform(tau, greys.begin(), [](float t) { return grey(std::exp(-t)); });
+  return greys;
+}
+
+void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
+               const std::filesystem::path& path) {
+  const ImagePart part{OIIO::ImageSpec(width, height, channels, OIIO::TypeDesc::UINT8), pixels.data()};
+  write_image_file(std::span(&part, 1), "png", path);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,37 @@
+#include "xraycast/base/whole_file.hpp"
+
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+
+namespace xraycast {
+
+std::string read_whole_file(const std::filesystem::path& path) {
+  std::error_code error;
+  const auto status = std::filesystem::status(path, error);
+  if (!std::filesystem::exists(status)) throw InputError("{}: there is no such file", path.string());
+  // A pipe or a device could go on for ever.
+  if (!std::filesystem::is_regular_file(status)) throw InputError("{}: not a regular file", path.string());
+
+  std::ifstream file(path, std::ios::binary);
+  const auto size = std::filesystem::file_size(path, error);
+  if (!file || error) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));
+  std::string content(size, '\0');
+  if (!file.read(content.data(), static_cast<std::streamsize>(size)))
+    throw InputError("{}: cannot be read: {}", path.string(), std::strerror(errno));
+  return content;
+}
+
+void write_whole_file(const std::filesystem::path& path, std::string_view content) {
+  AtomicFile target(path);
+  std::ofstream file(target.temporary(), std::ios::binary);
+  file.write(content.data(), static_cast<std::streamsize>(content.size()));
+  file.close();
+  if (!file) throw Error("{}: could not be written: {}", path.string(), std::strerror(errno));
+  target.commit();
+}
+
+}  // namespace xraycast

@@ -1,0 +1,61 @@
+#pragma once
+
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/base/progress.hpp"
+#include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/opencl/resident_scan.hpp"
+
+#include <cstdint>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What a body map needs of a scan to be made again under any opacity on given knots: tau is linear in the
+/// opacity's values at its knots, so for every texel and layer the length of every sample is kept, split
+/// between the two knots beside its HU (beyond the end knots: given to the end knot). An optical depth is
+/// then sum of mu(knot) * weight, without the scan.
+///
+/// Stored sparsely, since a shell's samples in neighbouring slices lie between few knots. A tile is one
+/// column of one layer in 16 slices, counted from the most inferior one; tile
+/// (brick * layers + layer) * width + column has, for every knot that any of its texels touches, a row of 16
+/// weights, one a slice. Slices beyond the last have no weight.
+///
+/// Weights are whole multiples of the shell's thickness / 65535 and those of a texel add up to the thickness.
+/// What is rounded is their running sum over the knots, by at most half a unit; hence tau is good to
+/// thickness / 131070 * (sum over neighbouring knots of |mu's difference|).
+struct Basis {
+  static constexpr std::int64_t kTileSlices = ResidentScan::kBrickSlices;
+  static constexpr int kHistogramBin_hu = XRC_HISTOGRAM_BIN_HU;
+  static constexpr int kHistogramStride = 4;
+
+  MapGeometry geometry;
+  std::vector<double> knots_hu;  ///< 1 to 64, strictly ascending
+  std::string source;            ///< what was cast, in words
+  /// Voxels of the scan, of every fourth row and column, in bins of 16 HU from -1024 HU on; the last of 256
+  /// bins holds all above. For those who draw an opacity's curve over it.
+  std::vector<std::int64_t> hu_histogram;
+  std::vector<std::uint64_t> touched;  ///< of each tile: bit k says whether knot k has a row
+  std::vector<std::uint16_t> weights;  ///< the rows, tile by tile, in the order of the knots
+
+  double unit_mm(int layer) const;
+};
+
+/// Number of tiles of a basis of this geometry.
+std::int64_t tile_count(const MapGeometry& geometry);
+
+/// Throws InputError, with `name` in front, unless there are 1 to 64 knots that ascend within [-1024, 32767]
+/// and differ as 32-bit floats.
+void validate_knots(std::span<const double> knots_hu, const std::string& name);
+
+/// The knots of an opacity, and 31 usual ones between air and metal where both fit into 64: so that a basis
+/// cast with `paper` is good for more than straight lines.
+std::vector<double> useful_knots_hu(const Opacity& opacity);
+
+/// Weighs the samples that cast() takes: recasting equals casting anew but for rounding. Stage "weighing" of
+/// `progress`. `source` is left to the caller. Errors as for cast() and validate_knots().
+Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vector<double> knots_hu,
+                 Progress& progress);
+
+}  // namespace xraycast

@@ -1,0 +1,280 @@
+#include "xraycast/casting/basis_file.hpp"
+
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cerrno>
+#include <cstring>
+#include <fstream>
+#include <limits>
+#include <zlib.h>
+
+namespace xraycast {
+namespace {
+
+static_assert(std::endian::native == std::endian::little, "numbers are written as they lie in memory");
+
+using nlohmann::json;
+
+constexpr std::int64_t kMaxChunk_B = 8 << 20;
+
+struct ChunkHead {
+  std::array<char, 4> tag;
+  std::uint64_t size_B;
+};
+constexpr std::int64_t kChunkHead_B = 4 + 8, kChecksum_B = 4;
+
+std::uint32_t checksum(const ChunkHead& head, std::span<const char> content) {
+  const auto add = [](uLong crc, const void* bytes, std::size_t size) {
+    return crc32(crc, static_cast<const Bytef*>(bytes), static_cast<uInt>(size));
+  };
+  const uLong crc = add(add(0, head.tag.data(), 4), &head.size_B, 8);
+  return static_cast<std::uint32_t>(add(crc, content.data(), content.size()));
+}
+
+template <typename T>
+std::span<const char> as_chars(std::span<const T> values) {
+  return {reinterpret_cast<const char*>(values.data()), values.size_bytes()};
+}
+
+// ---- header ---------------------------------------------------------------------------------------------
+
+std::string header_of(const Basis& basis) {
+  const MapGeometry& geometry = basis.geometry;
+  json centres = json::array();
+  for (const glm::dvec2& centre : geometry.centre_mm) centres.push_back({centre.x, centre.y});
+  json header{{"projection", to_string(geometry.projection)},
+              {"width", geometry.width},
+              {"height", geometry.height},
+              {"radii_mm", geometry.radii_mm},
+              {"centre_mm", centres},
+              {"top_mm", geometry.top_mm},
+              {"row_spacing_mm", geometry.row_spacing_mm},
+              {"step_mm", geometry.step_mm},
+              {"knots_hu", basis.knots_hu},
+              {"hu_histogram", basis.hu_histogram},
+              {"source", basis.source}};
+  if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
+  // A file's name need not be UTF-8.
+  return header.dump(-1, ' ', false, json::error_handler_t::replace);
+}
+
+/// The members of a header, each with its name in the message when it is not what it should be.
+class HeaderReader {
+ public:
+  HeaderReader(std::span<const char> text, std::string file)
+      : file_(std::move(file)), header_(json::parse(text.begin(), text.end(), nullptr, false)) {
+    if (!header_.is_object()) throw InputError("{}: its header is not a JSON object", file_);
+  }
+
+  template <typename T>
+  T get(const char* name) const {
+    try {
+      return header_.at(name).get<T>();
+    } catch (const json::exception&) {
+      throw InputError("{}: header field {} is missing or not what it should be", file_, name);
+    }
+  }
+
+  bool has(const char* name) const { return header_.contains(name); }
+
+  int count(const char* name) const {
+    const auto field = header_.find(name);
+    if (field == header_.end() || !field->is_number_unsigned() ||
+        field->get<std::uint64_t>() > std::numeric_limits<int>::max())
+      throw InputError("{}: header field {} is missing or not a number of things", file_, name);
+    return field->get<int>();
+  }
+
+ private:
+  std::string file_;
+  json header_;
+};
+
+Basis basis_of(const HeaderReader& header, const std::string& name) {
+  Basis basis;
+  if (const auto projection = header.get<std::string>("projection");
+      projection != to_string(Projection::cylinder))
+    throw InputError("{}: header field projection is '{}', which this version does not know", name,
+                     projection);
+  MapGeometry& geometry = basis.geometry;
+  geometry.width = header.count("width");
+  geometry.height = header.count("height");
+  geometry.radii_mm = header.get<std::vector<double>>("radii_mm");
+  for (const auto& [x, y] : header.get<std::vector<std::array<double, 2>>>("centre_mm"))
+    geometry.centre_mm.emplace_back(x, y);
+  geometry.top_mm = header.get<double>("top_mm");
+  geometry.row_spacing_mm = header.get<double>("row_spacing_mm");
+  geometry.step_mm = header.get<double>("step_mm");
+  if (header.has("field_mm"))
+    geometry.field = FieldOfView::between(header.get<FieldOfView::Corners>("field_mm"));
+  validate(geometry, name);
+  basis.knots_hu = header.get<std::vector<double>>("knots_hu");
+  validate_knots(basis.knots_hu, name);
+  basis.hu_histogram = header.get<std::vector<std::int64_t>>("hu_histogram");
+  if (basis.hu_histogram.size() != XRC_HISTOGRAM_BINS ||
+      std::ranges::any_of(basis.hu_histogram, [](std::int64_t count) { return count < 0; }))
+    throw InputError("{}: header field hu_histogram has to hold {} counts", name, XRC_HISTOGRAM_BINS);
+  basis.source = header.get<std::string>("source");
+  return basis;
+}
+
+// ---- chunks ---------------------------------------------------------------------------------------------
+
+class Writer {
+ public:
+  explicit Writer(const std::filesystem::path& path) : file_(path, std::ios::binary) {
+    file_.write(kBasisMagic, 8);
+    put(kBasisVersion);
+  }
+
+  void write(const char* tag, std::span<const char> content) {
+    while (!content.empty()) {
+      const auto piece = content.first(std::min<std::size_t>(content.size(), kMaxChunk_B));
+      ChunkHead head{{}, piece.size()};
+      std::copy_n(tag, 4, head.tag.begin());
+      file_.write(head.tag.data(), 4);
+      put(head.size_B);
+      file_.write(piece.data(), static_cast<std::streamsize>(piece.size()));
+      put(checksum(head, piece));
+      content = content.subspan(piece.size());
+    }
+  }
+
+  bool close() {
+    file_.close();
+    return !file_.fail();
+  }
+
+ private:
+  template <typename T>
+  void put(const T& value) {
+    file_.write(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+
+  std::ofstream file_;
+};
+
+class Reader {
+ public:
+  explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
+    std::error_code error;
+    if (!std::filesystem::is_regular_file(path, error)) throw InputError("{}: there is no such file", name_);
+    file_.open(path, std::ios::binary);
+    left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
+    if (!file_ || error) throw InputError("{}: cannot be opened: {}", name_, std::strerror(errno));
+    char magic[8] = {};
+    std::uint32_t version = 0;
+    if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version, 4))
+      throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
+    if (version != kBasisVersion)
+      throw InputError("{}: basis of version {}, but this program reads version {}", name_, version,
+                       kBasisVersion);
+  }
+
+  const std::string& name() const { return name_; }
+
+  /// A chunk of whatever size it says.
+  std::vector<char> read(const char* tag) {
+    const ChunkHead head = next(tag);
+    std::vector<char> content(head.size_B);
+    fill(head, content);
+    return content;
+  }
+
+  /// `count` numbers from as many chunks as they take.
+  template <typename T>
+  std::vector<T> read(const char* tag, std::int64_t count) {
+    if (count > left_B_ / static_cast<std::int64_t>(sizeof(T)))
+      throw InputError("{}: cut short: {} bytes follow where {} needs {} numbers of {} bytes", name_, left_B_,
+                       tag, count, sizeof(T));
+    std::vector<T> values(static_cast<std::size_t>(count));
+    std::span<char> rest(reinterpret_cast<char*>(values.data()), values.size() * sizeof(T));
+    while (!rest.empty()) {
+      const ChunkHead head = next(tag);
+      const auto expected = std::min<std::size_t>(rest.size(), kMaxChunk_B);
+      if (head.size_B != expected)
+        throw InputError("{}: chunk {} ({}) is damaged: it claims {} bytes instead of {}", name_, chunk_, tag,
+                         head.size_B, expected);
+      fill(head, rest.first(expected));
+      rest = rest.subspan(expected);
+    }
+    return values;
+  }
+
+  void finish() const {
+    if (left_B_ > 0) throw InputError("{}: {} bytes follow the last chunk", name_, left_B_);
+  }
+
+ private:
+  bool get(void* to, std::int64_t size_B) {
+    left_B_ -= size_B;
+    return static_cast<bool>(file_.read(static_cast<char*>(to), size_B));
+  }
+
+  ChunkHead next(const char* tag) {
+    ++chunk_;
+    ChunkHead head{};
+    if (left_B_ < kChunkHead_B + kChecksum_B || !get(head.tag.data(), 4) || !get(&head.size_B, 8))
+      throw InputError("{}: cut short before chunk {} ({})", name_, chunk_, tag);
+    if (std::memcmp(head.tag.data(), tag, 4) != 0)
+      throw InputError("{}: chunk {} is damaged: it is not {}", name_, chunk_, tag);
+    if (head.size_B > kMaxChunk_B)
+      throw InputError("{}: chunk {} ({}) is damaged: it claims {} bytes, but chunks hold up to {}", name_,
+                       chunk_, tag, head.size_B, kMaxChunk_B);
+    if (static_cast<std::int64_t>(head.size_B) > left_B_ - kChecksum_B)
+      throw InputError("{}: cut short in chunk {} ({}): {} of {} bytes are left", name_, chunk_, tag,
+                       left_B_ - kChecksum_B, head.size_B);
+    return head;
+  }
+
+  void fill(const ChunkHead& head, std::span<char> content) {
+    std::uint32_t stored = 0;
+    if (!get(content.data(), static_cast<std::int64_t>(content.size())) || !get(&stored, 4))
+      throw InputError("{}: cannot be read: {}", name_, std::strerror(errno));
+    if (stored != checksum(head, content))
+      throw InputError("{}: chunk {} ({}) is damaged: its checksum does not fit", name_, chunk_,
+                       std::string_view(head.tag.data(), 4));
+  }
+
+  std::string name_;
+  std::ifstream file_;
+  std::int64_t left_B_ = 0;
+  int chunk_ = 0;
+};
+
+}  // namespace
+
+void write_basis(const Basis& basis, const std::filesystem::path& path) {
+  AtomicFile target(path);
+  const std::string header = header_of(basis);
+  Writer writer(target.temporary());
+  writer.write("HEAD", header);
+  writer.write("TILE", as_chars(std::span(basis.touched)));
+  writer.write("ROWS", as_chars(std::span(basis.weights)));
+  if (!writer.close()) throw Error("{}: could not be written: {}", path.string(), std::strerror(errno));
+  target.commit();
+}
+
+Basis read_basis(const std::filesystem::path& path) {
+  Reader reader(path);
+  Basis basis = basis_of(HeaderReader(reader.read("HEAD"), reader.name()), reader.name());
+  basis.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
+  std::int64_t rows = 0;
+  for (const std::uint64_t mask : basis.touched) {
+    if (mask >> (basis.knots_hu.size() - 1) > 1)
+      throw InputError("{}: TILE names a knot {}, but there are {}", reader.name(), std::bit_width(mask) - 1,
+                       basis.knots_hu.size());
+    rows += std::popcount(mask);
+  }
+  basis.weights = reader.read<std::uint16_t>("ROWS", rows * Basis::kTileSlices);
+  reader.finish();
+  return basis;
+}
+
+}  // namespace xraycast

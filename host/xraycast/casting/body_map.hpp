@@ -1,0 +1,52 @@
+#pragma once
+
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/casting/map_geometry.hpp"
+
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What the rays of a geometry met: K x H x W floats, layer 0 innermost, row 0 superior, column 0 anterior.
+/// The sum over layers is that of the whole ray.
+///
+/// Most maps hold optical depths, by an opacity. A spectrum map holds the masses of materials instead, from
+/// which SpectrumModel gives the optical depth once they are summed along the view ray.
+struct BodyMap {
+  MapGeometry geometry;
+  Opacity opacity = Opacity::paper();
+  std::string source;                  ///< what was cast, in words
+  std::vector<float> tau;              ///< empty in a spectrum map
+  std::optional<Spectrum> spectrum{};  ///< set in a spectrum map, which has no use for `opacity`
+  MaterialDepths depths{};             ///< of a spectrum map
+
+  std::size_t layer_size() const { return static_cast<std::size_t>(geometry.width) * geometry.height; }
+  std::span<const float> layer(int k) const { return std::span(tau).subspan(k * layer_size(), layer_size()); }
+};
+
+/// Writes a multi-part OpenEXR file: part k is layer k, with a 32-bit float channel `tau`, or with `water`,
+/// `bone` and `iodine` (g/cm2). Every part carries the geometry, the opacity or spectrum, and the source in
+/// attributes `xraycast:*`. Spectrum maps are files of version 2, others of version 1, which every version
+/// of the program reads. Lossless: reading back gives the same floats. Throws InputError when `path` cannot
+/// be written, Error when the disk is full.
+void write_body_map(const BodyMap& map, const std::filesystem::path& path);
+
+/// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.
+BodyMap read_body_map(const std::filesystem::path& path);
+
+/// How tau becomes grey in a preview.
+enum class PreviewWindow {
+  automatic,  ///< windowed_transmission of each layer
+  paper,      ///< exp(-tau), unscaled
+};
+
+/// 8-bit RGB PNG of the layers, stacked from the innermost down; W x (K H) pixels. A spectrum is applied to
+/// each layer on its own, as if rays met nothing else. Errors as for write_body_map.
+void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path);
+
+}  // namespace xraycast

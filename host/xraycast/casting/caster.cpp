@@ -1,0 +1,81 @@
+#include "xraycast/casting/caster.hpp"
+
+#include "xraycast/casting/device_rays.hpp"
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/opencl/device_opacity.hpp"
+
+namespace xraycast {
+namespace {
+
+/// Cylinders and spheres.
+CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                       Progress& progress) {
+  const DeviceRays rays(scan, geometry);
+  ComputeDevice& device = scan.device();
+  const DeviceOpacity device_opacity(device, opacity);
+  CastResult result{{geometry, opacity, {}, {}}};
+  result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
+  const cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(result.map.tau.size() * sizeof(float)));
+
+  const bool is_sphere = geometry.projection == Projection::sphere;
+  cl::Kernel kernel =
+      device.kernel(is_sphere ? "sphere" : "cylinder", is_sphere ? "cast_sphere" : "cast_cylinder",
+                    device_opacity.build_options() + rays.build_options());
+  kernel.setArg(0, scan.voxels());
+  kernel.setArg(1, scan.layout());
+  if (is_sphere) {
+    kernel.setArg(2, rays.sphere());
+    kernel.setArg(3, rays.polars());
+  } else {
+    kernel.setArg(2, rays.cylinder());
+    kernel.setArg(3, rays.centres());
+  }
+  kernel.setArg(4, rays.azimuths());
+  kernel.setArg(5, rays.shells());
+  kernel.setArg(6, device_opacity.parameters());
+  kernel.setArg(7, device_opacity.table());
+  kernel.setArg(8, tau);
+  progress.begin("casting", geometry.height, "rows");
+  const int slices = rays.slices_per_item();
+  // On a processor, vectors run along the slices and a group of one item is best.
+  const cl::Event done = device.run(kernel, {geometry.width, (geometry.height + slices - 1) / slices, 1},
+                                    {slices > 1 ? 1 : 64, 1, 1});
+  device.download(tau, std::span(result.map.tau));
+  result.kernel_ms = duration_ms(done);
+  progress.advance(geometry.height);
+  return result;
+}
+
+/// One parallel picture a view, by the projector, of what lies within the map's radius.
+CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                           Progress& progress) {
+  validate(geometry, "map");
+  CastResult result{{geometry, opacity, {}, {}}};
+  View view;
+  view.width = geometry.width;
+  view.height = geometry.height;
+  view.pixel_mm = geometry.row_spacing_mm;
+  view.centre_mm = {geometry.centre_mm[0], geometry.z_mm(0.5 * (geometry.height - 1))};
+  const BodyOutline within{geometry.centre_mm[0], geometry.radius_mm()};
+  progress.begin("casting", geometry.views, "views");
+  for (int k = 0; k < geometry.views; ++k) {
+    view.angle_rad = geometry.view_rad(k);
+    Progress one;  // the whole map's is ours
+    const ProjectionImage image = project(scan, view, opacity, one, within);
+    result.map.tau.insert(result.map.tau.end(), image.tau.begin(), image.tau.end());
+    result.kernel_ms += image.kernel_ms;
+    progress.advance();
+  }
+  return result;
+}
+
+}  // namespace
+
+CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                Progress& progress) {
+  return geometry.projection == Projection::rectangle ? cast_rectangles(scan, geometry, opacity, progress)
+                                                      : cast_shells(scan, geometry, opacity, progress);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,125 @@
+#include "xraycast/casting/device_rays.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <array>
+#include <cmath>
+#include <vector>
+
+namespace xraycast {
+namespace {
+
+static_assert(sizeof(XrcShell) == 16);
+static_assert(sizeof(XrcCylinder) == 28);
+static_assert(sizeof(XrcSphere) == 44);
+
+using Pair = std::array<float, 2>;
+
+/// Sine and cosine of `count` angles.
+template <typename AngleOf>
+cl::Buffer upload_directions(ComputeDevice& device, int count, const AngleOf& angle_of) {
+  std::vector<Pair> directions;
+  for (int i = 0; i < count; ++i) {
+    const double angle = angle_of(i);
+    directions.push_back({static_cast<float>(std::sin(angle)), static_cast<float>(std::cos(angle))});
+  }
+  return device.upload(std::span<const Pair>(directions));
+}
+
+/// Every slice's centre in voxels, the most inferior slice first.
+cl::Buffer upload_centres(ComputeDevice& device, const MapGeometry& geometry, const VolumeGeometry& volume) {
+  std::vector<Pair> centres;
+  for (int z = 0; z < geometry.height; ++z) {
+    const glm::dvec2 centre_mm = geometry.centre_of_row_mm(geometry.height - 1 - z);
+    const glm::dvec3 centre = volume.to_index({centre_mm, volume.origin_mm.z});
+    centres.push_back({static_cast<float>(centre.x), static_cast<float>(centre.y)});
+  }
+  return device.upload(std::span<const Pair>(centres));
+}
+
+/// Edges in units of a step. One that meets the sample grid but for rounding is put on it.
+double on_grid(double edge) {
+  return std::abs(edge - std::round(edge)) < 1e-9 * (1 + edge) ? std::round(edge) : edge;
+}
+
+std::vector<XrcShell> shells_of(const MapGeometry& geometry) {
+  const double step_mm = geometry.step_mm;
+  std::vector<XrcShell> shells;
+  for (int k = 0; k < geometry.layers(); ++k) {
+    const double inner = on_grid(geometry.radii_mm[k] / step_mm),
+                 outer = on_grid(geometry.radii_mm[k + 1] / step_mm);
+    const double first = std::ceil(inner), last = std::floor(outer);
+    XrcShell shell{static_cast<int>(first), static_cast<int>(last), 0, 0};
+    if (last < first) {  // both edges in one sample
+      shell.last = shell.first;
+      shell.head_mm = static_cast<float>((outer - inner) * step_mm);
+    } else {
+      shell.head_mm = static_cast<float>((first - inner) * step_mm);
+      shell.tail_mm = static_cast<float>((outer - last) * step_mm);
+    }
+    shells.push_back(shell);
+  }
+  return shells;
+}
+
+int samples_of(const MapGeometry& geometry) {
+  return static_cast<int>(std::ceil(on_grid(geometry.radius_mm() / geometry.step_mm)));
+}
+
+}  // namespace
+
+DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
+    : scan_(scan), geometry_(geometry) {
+  validate(geometry, "map");
+  if (geometry.projection == Projection::rectangle) throw InputError("a rectangle map has no shells");
+  if (geometry.projection == Projection::cylinder && geometry.height != scan.geometry().size.z)
+    throw InputError("a map of {} rows does not belong to a scan of {} slices", geometry.height,
+                     scan.geometry().size.z);
+  ComputeDevice& device = scan.device();
+  azimuths_ = upload_directions(device, geometry.width, [&](int column) { return geometry.phi_rad(column); });
+  shells_ = device.upload(std::span<const XrcShell>(shells_of(geometry)));
+  if (geometry.projection == Projection::cylinder)
+    centres_ = upload_centres(device, geometry, scan.geometry());
+  else
+    polars_ = upload_directions(device, geometry.height, [&](int row) { return geometry.theta_rad(row); });
+}
+
+XrcCylinder DeviceRays::cylinder() const {
+  const glm::dvec3 step = geometry_.step_mm / scan_.geometry().spacing_mm;
+  XrcCylinder parameters{};
+  parameters.width = geometry_.width;
+  parameters.height = geometry_.height;
+  parameters.layers = geometry_.layers();
+  parameters.samples = samples_of(geometry_);
+  parameters.step_mm = static_cast<float>(geometry_.step_mm);
+  parameters.step_x = static_cast<float>(step.x);
+  parameters.step_y = static_cast<float>(step.y);
+  return parameters;
+}
+
+XrcSphere DeviceRays::sphere() const {
+  const glm::dvec3 centre = scan_.geometry().to_index({geometry_.centre_mm[0], geometry_.centre_z_mm});
+  XrcSphere parameters{};
+  parameters.width = geometry_.width;
+  parameters.height = geometry_.height;
+  parameters.layers = geometry_.layers();
+  parameters.samples = samples_of(geometry_);
+  parameters.step_mm = static_cast<float>(geometry_.step_mm);
+  for (int axis = 0; axis < 3; ++axis) {
+    parameters.centre[axis] = static_cast<float>(centre[axis]);
+    parameters.step[axis] = static_cast<float>(geometry_.step_mm / scan_.geometry().spacing_mm[axis]);
+  }
+  return parameters;
+}
+
+std::string DeviceRays::build_options() const {
+  return scan_.build_options() + (geometry_.centre_mm.size() > 1 ? " -DONE_SLICE" : "");
+}
+
+int DeviceRays::slices_per_item() const {
+  return geometry_.projection == Projection::sphere || geometry_.centre_mm.size() > 1
+             ? 1
+             : scan_.slices_per_item();
+}
+
+}  // namespace xraycast

@@ -1,0 +1,212 @@
+#include "xraycast/casting/map_geometry.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr int kMaxAngles = 16384;
+constexpr int kMaxLayers = 256;
+constexpr int kMaxViews = 3600;
+constexpr double kMaxRadius_mm = 1e5;
+
+void check_within(const VolumeGeometry& volume, const glm::dvec3& centre_mm) {
+  const glm::dvec3 lower = volume.to_world_mm(glm::dvec3(0, 0, -0.5));
+  const glm::dvec3 upper = volume.to_world_mm(glm::dvec3(volume.size) - glm::dvec3(1, 1, 0.5));
+  const auto within = [&](int axis) {
+    return centre_mm[axis] >= lower[axis] && centre_mm[axis] <= upper[axis];
+  };
+  if (!within(0) || !within(1) || !within(2))
+    throw InputError(
+        "the centre ({:g}, {:g}, {:g}) mm lies outside the scan, which spans {:.1f} to {:.1f} mm in x, "
+        "{:.1f} to "
+        "{:.1f} mm in y and {:.1f} to {:.1f} mm in z",
+        centre_mm.x, centre_mm.y, centre_mm.z, lower.x, upper.x, lower.y, upper.y, lower.z, upper.z);
+}
+
+/// What maps with a row a slice have in common.
+MapGeometry map_of_slices(const VolumeGeometry& volume) {
+  MapGeometry map;
+  map.height = static_cast<int>(volume.size.z);
+  map.top_mm = volume.origin_mm.z + static_cast<double>(volume.size.z - 1) * volume.spacing_mm.z;
+  map.row_spacing_mm = volume.spacing_mm.z;
+  return map;
+}
+
+/// The longest step of at most `most_mm` that divides the outermost radius.
+double step_within(const std::vector<double>& radii_mm, double most_mm) {
+  return radii_mm.empty() ? most_mm : radii_mm.back() / std::max(1.0, std::ceil(radii_mm.back() / most_mm));
+}
+
+}  // namespace
+
+FieldOfView field_of(const VolumeGeometry& volume) {
+  FieldOfView field{volume.origin_mm, volume.to_world_mm(glm::dvec3(volume.size) - 1.0)};
+  field.lower_mm.z = volume.lower_mm().z;
+  field.upper_mm.z = volume.upper_mm().z;
+  return field;
+}
+
+std::string to_string(Projection projection) {
+  switch (projection) {
+    case Projection::cylinder:
+      return "cylinder";
+    case Projection::sphere:
+      return "sphere";
+    case Projection::rectangle:
+      return "rectangle";
+  }
+  return {};
+}
+
+Projection parse_projection(const std::string& name) {
+  for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
+    if (to_string(projection) == name) return projection;
+  throw InputError("'{}' is not a projection; there are cylinder, sphere and rectangle", name);
+}
+
+std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm) {
+  if (layers < 1 || layers > kMaxLayers)
+    throw InputError("layers is {}, but has to be 1 to {}", layers, kMaxLayers);
+  if (!std::isfinite(radius_mm) || radius_mm <= 0)
+    throw InputError("radius is {} mm, but has to be above 0", radius_mm);
+  std::vector<double> radii;
+  for (int k = 0; k <= layers; ++k) {
+    const double share = static_cast<double>(k) / layers;
+    radii.push_back(radius_mm * (rule == RadiiRule::equal_area ? std::sqrt(share) : share));
+  }
+  return radii;
+}
+
+double MapGeometry::phi_rad(double column) const { return (column + 0.5) * 2 * std::numbers::pi / width; }
+
+double MapGeometry::theta_rad(double row) const { return (row + 0.5) * std::numbers::pi / height; }
+
+FieldOfView::Corners FieldOfView::corners_mm() const {
+  return {{{lower_mm.x, lower_mm.y, lower_mm.z}, {upper_mm.x, upper_mm.y, upper_mm.z}}};
+}
+
+FieldOfView FieldOfView::between(const Corners& corners_mm) {
+  const auto& [lower, upper] = corners_mm;
+  return {{lower[0], lower[1], lower[2]}, {upper[0], upper[1], upper[2]}};
+}
+
+double MapGeometry::view_rad(double layer) const { return layer * std::numbers::pi / views; }
+
+double MapGeometry::reach_mm(int column, int row) const {
+  if (!field) return radius_mm();
+  const double phi = phi_rad(column), theta = theta_rad(row);
+  glm::dvec3 from(centre_of_row_mm(row), centre_z_mm), along(std::sin(phi), -std::cos(phi), 0);
+  if (projection == Projection::sphere)
+    along = {std::sin(theta) * along.x, std::sin(theta) * along.y, std::cos(theta)};
+  double samples = radius_mm() / step_mm;
+  for (int axis = 0; axis < 3; ++axis) {
+    const double room_mm =
+        along[axis] > 0 ? field->upper_mm[axis] - from[axis] : from[axis] - field->lower_mm[axis];
+    if (along[axis] != 0)
+      samples = std::min(samples, std::floor(room_mm / std::abs(along[axis]) / step_mm + 0.5));
+  }
+  return std::clamp(samples * step_mm, 0.0, radius_mm());
+}
+
+MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                         glm::dvec2 centre_mm) {
+  return cylinder_map(volume, angles, std::move(radii_mm), std::vector{centre_mm});
+}
+
+MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                         std::vector<glm::dvec2> centre_of_row_mm) {
+  for (const glm::dvec2& centre : centre_of_row_mm) check_within(volume, {centre, volume.origin_mm.z});
+  MapGeometry map = map_of_slices(volume);
+  map.width = angles;
+  map.radii_mm = std::move(radii_mm);
+  map.centre_mm = std::move(centre_of_row_mm);
+  map.step_mm = step_within(map.radii_mm, std::min(volume.spacing_mm.x, volume.spacing_mm.y));
+  map.field = field_of(volume);
+  validate(map, "map");
+  return map;
+}
+
+MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                       const glm::dvec3& centre_mm) {
+  check_within(volume, centre_mm);
+  MapGeometry map;
+  map.projection = Projection::sphere;
+  map.width = angles;
+  map.height = std::max(1, angles / 2);
+  map.radii_mm = std::move(radii_mm);
+  map.centre_mm = {glm::dvec2(centre_mm)};
+  map.centre_z_mm = centre_mm.z;
+  map.step_mm =
+      step_within(map.radii_mm, std::min({volume.spacing_mm.x, volume.spacing_mm.y, volume.spacing_mm.z}));
+  map.field = field_of(volume);
+  validate(map, "map");
+  return map;
+}
+
+MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius_mm, glm::dvec2 centre_mm) {
+  check_within(volume, {centre_mm, volume.origin_mm.z});
+  const double pixel_mm = std::min(volume.spacing_mm.x, volume.spacing_mm.y);
+  const auto pixels = [&](double length_mm) {
+    const double count = std::ceil(length_mm / pixel_mm - 1e-6);  // but for rounding
+    if (!(count >= 1 && count <= kMaxAngles))
+      throw InputError("rectangle: {:g} mm at {:g} mm a pixel do not make a picture of 1 to {} pixels",
+                       length_mm, pixel_mm, kMaxAngles);
+    return static_cast<int>(count);
+  };
+  MapGeometry map;
+  map.projection = Projection::rectangle;
+  map.views = views;
+  map.width = pixels(2 * radius_mm);
+  map.height = pixels(static_cast<double>(volume.size.z) * volume.spacing_mm.z);
+  map.radii_mm = {0, radius_mm};
+  map.centre_mm = {centre_mm};
+  map.top_mm = volume.upper_mm().z - 0.5 * pixel_mm;
+  map.row_spacing_mm = pixel_mm;
+  map.step_mm = pixel_mm;
+  validate(map, "map");
+  return map;
+}
+
+void validate(const MapGeometry& geometry, const std::string& name) {
+  if (geometry.width < 1 || geometry.width > kMaxAngles)
+    throw InputError("{}: {} angles, but there have to be 1 to {}", name, geometry.width, kMaxAngles);
+  if (geometry.height < 1 || geometry.height > 65536)
+    throw InputError("{}: height is {}", name, geometry.height);
+  if (geometry.projection == Projection::rectangle && (geometry.views < 1 || geometry.views > kMaxViews))
+    throw InputError("{}: {} views, but there have to be 1 to {}", name, geometry.views, kMaxViews);
+  if (geometry.radii_mm.size() < 2 || geometry.radii_mm.size() > kMaxLayers + 1)
+    throw InputError("{}: {} radii, but there have to be 2 to {}", name, geometry.radii_mm.size(),
+                     kMaxLayers + 1);
+  for (std::size_t k = 0; k < geometry.radii_mm.size(); ++k) {
+    const double radius = geometry.radii_mm[k];
+    if (!(radius >= 0 && radius <= kMaxRadius_mm))
+      throw InputError("{}: radii[{}] is {} mm, outside 0 to {}", name, k, radius, kMaxRadius_mm);
+    if (k > 0 && radius <= geometry.radii_mm[k - 1])
+      throw InputError("{}: radii[{}] of {:g} mm does not exceed the one before it, {:g} mm", name, k, radius,
+                       geometry.radii_mm[k - 1]);
+  }
+  if (geometry.centre_mm.size() != 1 &&
+      geometry.centre_mm.size() != static_cast<std::size_t>(geometry.height))
+    throw InputError("{}: {} centres for {} rows", name, geometry.centre_mm.size(), geometry.height);
+  for (const glm::dvec2& centre : geometry.centre_mm)
+    if (!std::isfinite(centre.x) || !std::isfinite(centre.y))
+      throw InputError("{}: a centre is not finite", name);
+  if (!std::isfinite(geometry.centre_z_mm)) throw InputError("{}: the centre is not finite", name);
+  if (!std::isfinite(geometry.top_mm) || !std::isfinite(geometry.row_spacing_mm) ||
+      geometry.row_spacing_mm <= 0)
+    throw InputError("{}: top or row spacing is not usable", name);
+  for (int axis = 0; geometry.field && axis < 3; ++axis) {
+    const double lower = geometry.field->lower_mm[axis], upper = geometry.field->upper_mm[axis];
+    if (!std::isfinite(lower) || !std::isfinite(upper) || lower > upper)
+      throw InputError("{}: its field from {:g} to {:g} mm is not usable", name, lower, upper);
+  }
+  if (!(geometry.step_mm > 0) || !(geometry.radius_mm() / geometry.step_mm < 1e6))
+    throw InputError("{}: step of {} mm is not usable", name, geometry.step_mm);
+}
+
+}  // namespace xraycast

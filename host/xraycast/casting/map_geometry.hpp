@@ -1,0 +1,119 @@
+#pragma once
+
+#include "xraycast/scan/volume.hpp"
+
+#include <glm/vec2.hpp>
+
+#include <array>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// Along which rays a body map collects attenuation.
+enum class Projection {
+  cylinder,   ///< outwards from the body's axis, within each slice
+  sphere,     ///< outwards from a point, in all directions
+  rectangle,  ///< parallel, across the body: one picture a view angle
+};
+
+std::string to_string(Projection projection);
+
+/// Throws InputError, naming the known ones, for another name.
+Projection parse_projection(const std::string& name);
+
+/// How the radii of concentric shells are spaced.
+enum class RadiiRule {
+  equal_area,  ///< radii ~ sqrt(k): every shell holds the same area of a slice; the most accurate for its
+               ///< price
+  equal_thickness,  ///< radii ~ k
+};
+
+/// The `layers` + 1 edges from 0 to `radius_mm`, innermost first.
+std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm);
+
+/// Where a scan has matter, LPS millimetres: from the first to the last voxel's centre in x and y, and by
+/// whole slices in z.
+struct FieldOfView {
+  glm::dvec3 lower_mm, upper_mm;
+  bool operator==(const FieldOfView&) const = default;
+
+  /// As files have it: the lower corner, then the upper one.
+  using Corners = std::array<std::array<double, 3>, 2>;
+  Corners corners_mm() const;
+  static FieldOfView between(const Corners& corners_mm);
+};
+
+/// Of a scan.
+FieldOfView field_of(const VolumeGeometry& volume);
+
+/// Where every texel of a body map looks. A map is K layers of `height` x `width` texels.
+///
+/// - cylinder: angle phi = 0 is anterior and grows towards the patient's left; column i is centred on phi =
+///   (i + 1/2) * 360 deg / width; row 0 is the most superior slice; layer k is the shell between radii k and
+///   k + 1.
+/// - sphere: columns and layers as for the cylinder; row j is centred on the polar angle theta = (j + 1/2) *
+/// 180 deg /
+///   height from the superior pole.
+/// - rectangle: layer k is the parallel picture from the C-arm angle k * 180 deg / views; its mirror image is
+/// the
+///   one from the other side. Pixels are row_spacing_mm wide and high, columns centred on the axis.
+struct MapGeometry {
+  Projection projection = Projection::cylinder;
+  int width = 360;  ///< angles, or pixels of a picture
+  int height = 0;   ///< slices, or polar angles
+  int views = 0;    ///< rectangle only
+  std::vector<double>
+      radii_mm;  ///< K + 1 edges of the shells, innermost first; rectangle: 0 and half the width
+  std::vector<glm::dvec2> centre_mm;  ///< x, y of the axis: one for all rows, or one a row (cylinder)
+  double centre_z_mm = 0;             ///< sphere only
+  double top_mm = 0;                  ///< z of row 0; not for spheres
+  double row_spacing_mm = 1;          ///< row j lies at top_mm - j * row_spacing_mm; not for spheres
+  double step_mm = 1;  ///< sample i of a ray covers the radii [i, i + 1] * step_mm, taken in its middle
+
+  /// Of the scan that the rays went through: beyond it they met nothing. Cylinder and sphere; unknown in
+  /// files of earlier versions.
+  std::optional<FieldOfView> field{};
+
+  int layers() const {
+    return projection == Projection::rectangle ? views : static_cast<int>(radii_mm.size()) - 1;
+  }
+  double radius_mm() const { return radii_mm.back(); }
+  double phi_rad(double column) const;
+  double theta_rad(double row) const;
+  double view_rad(double layer) const;
+
+  /// At which radius a texel's ray leaves the field, by the whole samples that lie within it, as maps are
+  /// cast; radius_mm() where it does not.
+  double reach_mm(int column, int row) const;
+
+  double z_mm(double row) const { return top_mm - row * row_spacing_mm; }
+  glm::dvec2 centre_of_row_mm(int row) const { return centre_mm.size() == 1 ? centre_mm[0] : centre_mm[row]; }
+
+  bool operator==(const MapGeometry&) const = default;
+};
+
+/// The cylinder map of a volume: a row for every slice, and samples at most one pixel apart, so that the last
+/// sample ends at the last radius. Throws InputError when the arguments cannot make a map: `angles` outside
+/// 1 to 16384, radii that do not ascend from >= 0, or a centre outside the scan.
+MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                         glm::dvec2 centre_mm);
+
+/// The same about a centre that follows the anatomy: one a row, the most superior first.
+MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                         std::vector<glm::dvec2> centre_of_row_mm);
+
+/// The spherical map about a point of the scan: half as many polar angles as `angles`. Throws InputError
+/// likewise.
+MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
+                       const glm::dvec3& centre_mm);
+
+/// `views` parallel pictures of what lies within `radius_mm` of an axis, as fine as the scan's slices. Throws
+/// InputError likewise, and for `views` outside 1 to 3600 or pictures of more than 16384 pixels a side.
+MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius_mm, glm::dvec2 centre_mm);
+
+/// Throws InputError, with `name` in front, when a geometry that came from a file is not usable.
+void validate(const MapGeometry& geometry, const std::string& name);
+
+}  // namespace xraycast

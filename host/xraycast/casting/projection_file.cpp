@@ -1,0 +1,88 @@
+#include "xraycast/casting/projection_file.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/image.hpp"
+#include "xraycast/base/image_output.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <bit>
+
+namespace xraycast {
+namespace {
+
+using nlohmann::json;
+
+json vector_to_json(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+json view_to_json(const View& view) {
+  json out{{"label", label(view)},
+           {"angle_rad", view.angle_rad},
+           {"tilt_rad", view.tilt_rad},
+           {"centre_mm", vector_to_json(view.centre_mm)},
+           {"pixel_mm", view.pixel_mm},
+           {"first_pixel_mm", vector_to_json(view.pixel_on_detector_mm(0, 0))},
+           {"right", vector_to_json(view.right())},
+           {"up", vector_to_json(view.up())}};
+  if (view.cone) {
+    out["source_axis_mm"] = view.cone->source_axis_mm;
+    out["source_detector_mm"] = view.cone->source_detector_mm;
+    out["source_mm"] = vector_to_json(view.source_mm());
+  }
+  return out;
+}
+
+void write_float_image(const ProjectionImage& image, const char* format, const std::filesystem::path& path) {
+  ImagePart part{OIIO::ImageSpec(image.view.width, image.view.height, 1, OIIO::TypeDesc::FLOAT),
+                 image.tau.data()};
+  part.spec.channelnames = {"tau"};
+  part.spec.attribute("compression", "zip");
+  const std::string view = view_to_json(image.view).dump();
+  // TIFF keeps no attributes of ours, so the description holds all of it.
+  part.spec.attribute("ImageDescription",
+                      "xraycast: optical depth tau; transmission is exp(-tau); view " + view);
+  part.spec.attribute("xraycast:view", view);
+  write_image_file(std::span(&part, 1), format, path);
+}
+
+/// One slice in space: columns along the picture's right, rows downwards, on the detector.
+void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path) {
+  static_assert(std::endian::native == std::endian::little, "the header says so");
+  const View& view = image.view;
+  const auto vector = [](const glm::dvec3& v) { return fmt::format("({},{},{})", v.x, v.y, v.z); };
+  const std::string header = fmt::format(
+      "NRRD0004\ntype: float\ndimension: 3\nspace: left-posterior-superior\nsizes: {} {} 1\n"
+      "space directions: {} {} {}\nkinds: domain domain domain\nendian: little\nencoding: raw\n"
+      "space origin: {}\n\n",
+      view.width, view.height, vector(view.pixel_mm * view.right()), vector(-view.pixel_mm * view.up()),
+      vector(-view.pixel_mm * view.towards_detector()), vector(view.pixel_on_detector_mm(0, 0)));
+  const auto voxels = std::as_bytes(std::span(image.tau));
+  write_whole_file(path, header + std::string(reinterpret_cast<const char*>(voxels.data()), voxels.size()));
+}
+
+}  // namespace
+
+bool is_picture(const std::filesystem::path& path) { return extension_of(path) == ".png"; }
+
+void check_projection_format(const std::filesystem::path& path) {
+  const std::string extension = extension_of(path);
+  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
+      extension != ".tiff")
+    throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)",
+                     path.string());
+}
+
+void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
+                      bool inverted) {
+  check_projection_format(path);
+  if (is_picture(path))
+    return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
+                     image.view.height, 1, path);
+  const std::string extension = extension_of(path);
+  if (extension == ".nrrd") return write_nrrd(image, path);
+  write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,142 @@
+#include "xraycast/casting/projector.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/opencl/device_opacity.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <array>
+#include <cmath>
+#include <string>
+
+namespace xraycast {
+namespace {
+
+static_assert(sizeof(XrcDetector) == 96);
+
+void store(const glm::dvec3& from, XRC_FLOAT (&to)[3]) {
+  for (int axis = 0; axis < 3; ++axis) to[axis] = static_cast<float>(from[axis]);
+}
+
+XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
+                        const std::optional<BodyOutline>& within) {
+  XrcDetector detector{};
+  detector.width = view.width;
+  detector.height = view.height;
+  detector.is_cone = view.cone.has_value();
+  store(volume.to_index(view.pixel_on_detector_mm(0, 0)), detector.corner);
+  store(view.right() * view.pixel_mm / volume.spacing_mm, detector.right);
+  store(-view.up() * view.pixel_mm / volume.spacing_mm, detector.down);
+  if (view.cone) {
+    store(volume.to_index(view.source_mm()), detector.source);
+  } else {
+    // Far enough to both sides for every pixel's ray to leave the scan, however the picture's plane is
+    // placed.
+    const double span_mm = glm::length(volume.upper_mm() - volume.lower_mm()) +
+                           glm::distance(view.centre_mm, 0.5 * (volume.lower_mm() + volume.upper_mm())) +
+                           view.pixel_mm * (view.width + view.height);
+    store(span_mm * view.towards_detector() / volume.spacing_mm, detector.beam);
+  }
+  store(volume.spacing_mm, detector.spacing_mm);
+  constexpr double kEverything_mm = 1e9;
+  const BodyOutline body = within.value_or(BodyOutline{{0, 0}, kEverything_mm});
+  const glm::dvec3 axis = volume.to_index({body.centre_mm, 0});
+  detector.axis[0] = static_cast<float>(axis.x);
+  detector.axis[1] = static_cast<float>(axis.y);
+  detector.radius_mm = static_cast<float>(body.radius_mm);
+  return detector;
+}
+
+/// A kernel that draws pictures, and the work-items that it takes for one.
+struct Projector {
+  std::string file, entry;
+  std::array<std::int64_t, 3> items, group;
+};
+
+/// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
+/// and vectors when there is no tilt, since their rays then meet the same voxels.
+Projector projector_for(const ResidentScan& scan, const View& view) {
+  if (scan.storage() == ScanStorage::image || scan.device().info().is_gpu)
+    return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
+  const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
+  if (view.tilt_rad == 0)
+    return {"joseph_level",
+            "project_untilted",
+            {parts(view.width, XRC_LEVEL_COLUMNS), parts(view.height, XRC_LEVEL_ROWS), 1},
+            {1, 1, 1}};
+  constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
+  return {"joseph_rows",
+          "project_rows",
+          {kTile, parts(view.height, XRC_DETECTOR_ROWS), parts(view.width, kTile)},
+          {1, 1, 1}};
+}
+
+}  // namespace
+
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                        Progress& progress, const std::optional<BodyOutline>& within) {
+  ComputeDevice& device = scan.device();
+  const DeviceOpacity device_opacity(device, opacity);
+  ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
+  const cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
+
+  const Projector projector = projector_for(scan, view);
+  cl::Kernel kernel =
+      device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
+  kernel.setArg(0, scan.voxels());
+  kernel.setArg(1, scan.layout());
+  kernel.setArg(2, detector_of(view, scan.geometry(), within));
+  kernel.setArg(3, device_opacity.parameters());
+  kernel.setArg(4, device_opacity.table());
+  kernel.setArg(5, tau);
+  progress.begin("projecting", view.height, "rows");
+  const cl::Event done = device.run(kernel, projector.items, projector.group);
+  device.download(tau, std::span(image.tau));
+  image.kernel_ms = duration_ms(done);
+  progress.advance(view.height);
+  return image;
+}
+
+std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
+                           Progress& progress) {
+  if (rays.empty()) return {};
+  ComputeDevice& device = scan.device();
+  const DeviceOpacity device_opacity(device, opacity);
+  std::vector<std::array<float, 4>> ends;  // in voxels, start and end by turns
+  for (const RaySegment& ray : rays) {
+    for (const glm::dvec3& end_mm : {ray.start_mm, ray.end_mm}) {
+      constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit voxel coordinates lose the voxel
+      if (!(glm::length(end_mm) <= kFarthest_mm))
+        throw InputError("ray {}: its ends have to lie within {:g} mm of the origin", ends.size() / 2,
+                         kFarthest_mm);
+      const glm::vec3 index(scan.geometry().to_index(end_mm));
+      ends.push_back({index.x, index.y, index.z, 0});
+    }
+  }
+  std::vector<float> depths(rays.size());
+  const cl::Buffer segments = device.upload(std::span<const std::array<float, 4>>(ends));
+  const cl::Buffer tau =
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
+  const glm::dvec3 spacing_mm = scan.geometry().spacing_mm;
+
+  cl::Kernel kernel =
+      device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
+  kernel.setArg(0, scan.voxels());
+  kernel.setArg(1, scan.layout());
+  kernel.setArg(2, cl_float4{{static_cast<float>(spacing_mm.x), static_cast<float>(spacing_mm.y),
+                              static_cast<float>(spacing_mm.z), 0}});
+  kernel.setArg(3, static_cast<int>(rays.size()));
+  kernel.setArg(4, segments);
+  kernel.setArg(5, device_opacity.parameters());
+  kernel.setArg(6, device_opacity.table());
+  kernel.setArg(7, tau);
+  const auto count = static_cast<std::int64_t>(rays.size());
+  progress.begin("projecting", count, "rays");
+  device.run(kernel, {count, 1, 1}, {64, 1, 1});
+  device.download(tau, std::span(depths));
+  progress.advance(count);
+  return depths;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,44 @@
+#pragma once
+
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/base/progress.hpp"
+#include "xraycast/casting/view.hpp"
+#include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/scan/body_outline.hpp"
+
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// A line through the scan, in LPS millimetres, from where attenuation starts to count to where it ends.
+struct RaySegment {
+  glm::dvec3 start_mm, end_mm;
+};
+
+/// A true projection: H x W optical depths of the whole lines, row 0 on top.
+struct ProjectionImage {
+  View view;
+  std::vector<float> tau;
+  double kernel_ms = 0;
+};
+
+/// Draws the true projection (a digitally reconstructed radiograph) of a resident scan by Joseph's method:
+/// the scan is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within
+/// the plane, then classified, and every sample counts for the length of ray between planes (P. M. Joseph,
+/// IEEE Trans. Med. Imaging 1982). The ray is clipped to the scan, from the first to the last voxel's centre
+/// in x and y and by whole slices in z, and every plane counts as far as the half-spacings around it lie on
+/// what is left between source and detector. Stage "projecting" of `progress`. With `within`, only what lies
+/// in the cylinder over that circle counts, which is what a map of that radius sees.
+///
+/// `view` has to be complete (see `fitted`). Throws DeviceError when the device fails.
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                        Progress& progress, const std::optional<BodyOutline>& within = {});
+
+/// The same along any lines, for detectors that are not flat: one optical depth a segment. Throws InputError
+/// when an end is not finite or farther than a kilometre.
+std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
+                           Progress& progress);
+
+}  // namespace xraycast

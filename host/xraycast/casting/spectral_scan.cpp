@@ -1,0 +1,70 @@
+#include "xraycast/casting/spectral_scan.hpp"
+
+#include "xraycast/base/stopwatch.hpp"
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+/// Calls `collect(scan, contents)` for each material with the scan that shows it, and returns what it gave.
+/// Water ends in dense bone, where the ramps that a kernel adds up cancel but for rounding; no mass is below
+/// 0.
+template <typename Collect>
+MaterialDepths depths_of(const SpectralScan& scan, std::size_t rays, const Collect& collect) {
+  const auto contents = material_contents();
+  constexpr std::size_t kWater = 0, kBone = 1, kIodine = 2;
+  MaterialDepths depths;
+  for (const std::size_t m : {kWater, kBone}) depths[m] = collect(scan.native, contents[m]);
+  depths[kIodine] = scan.contrast ? collect(*scan.contrast, contents[kIodine]) : std::vector<float>(rays);
+  for (std::vector<float>& depth : depths)
+    for (float& g_cm2 : depth) g_cm2 = std::max(g_cm2, 0.0f);
+  return depths;
+}
+
+}  // namespace
+
+SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels, OutlineFinder& finder,
+                  LoadTimings& timings, Progress& progress) {
+  check_mask_grid(vessels.geometry(), scan.geometry(), "vessel mask");
+  const Stopwatch reading;
+  Volume native = collect(scan, progress);
+  finder.add(native.hu());
+  const Volume enhancement = take_contrast(native, collect(vessels, progress));
+  timings.read_ms = reading.ms();
+  const Stopwatch uploading;
+  SpectralScan resident{upload(device, native), upload(device, enhancement)};
+  timings.upload_ms = uploading.ms();
+  return resident;
+}
+
+CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
+                Progress& progress) {
+  CastResult result;
+  result.map.geometry = geometry;
+  result.map.spectrum = spectrum;
+  const std::size_t texels = result.map.layer_size() * static_cast<std::size_t>(geometry.layers());
+  result.map.depths = depths_of(scan, texels, [&](const ResidentScan& resident, const Opacity& contents) {
+    CastResult part = cast(resident, geometry, contents, progress);
+    result.kernel_ms += part.kernel_ms;
+    return std::move(part.map.tau);
+  });
+  return result;
+}
+
+ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,
+                        Progress& progress) {
+  ProjectionImage image;
+  image.view = view;
+  const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  const MaterialDepths depths =
+      depths_of(scan, pixels, [&](const ResidentScan& resident, const Opacity& contents) {
+        ProjectionImage part = project(resident, view, contents, progress);
+        image.kernel_ms += part.kernel_ms;
+        return std::move(part.tau);
+      });
+  image.tau = SpectrumModel(spectrum).tau(depths);
+  return image;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/opencl/resident_scan.hpp"
+
+#include <optional>
+
+namespace xraycast {
+
+/// A scan in a device's memory, with the contrast agent apart when its vessels are known: CT numbers alone
+/// cannot tell iodine from bone.
+struct SpectralScan {
+  ResidentScan native;                   ///< the scan; with the enhancement taken out if that is apart
+  std::optional<ResidentScan> contrast;  ///< the enhancement in HU
+};
+
+/// Reads a scan and its vessel mask, which both are held in the host's memory meanwhile (see take_contrast).
+/// `finder` sees every slice. Stage "reading" of `progress`, twice. Throws InputError when the mask lies on
+/// another grid.
+SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels, OutlineFinder& finder,
+                  LoadTimings& timings, Progress& progress);
+
+/// A spectrum map: the masses of kMaterials along the rays of `geometry`. Otherwise as `cast` of an opacity,
+/// with a stage "casting" for each material.
+CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
+                Progress& progress);
+
+/// The true projection under a spectrum: the masses of kMaterials are summed along each ray, and the optical
+/// depth is that of all of them together. Otherwise as `project` of an opacity, with a stage "projecting" for
+/// each material.
+ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,
+                        Progress& progress);
+
+}  // namespace xraycast

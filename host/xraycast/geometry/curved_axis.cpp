@@ -1,0 +1,99 @@
+#include "xraycast/geometry/curved_axis.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+
+#include <glm/common.hpp>
+
+#include <algorithm>
+#include <charconv>
+#include <cmath>
+#include <filesystem>
+#include <fstream>
+#include <optional>
+#include <sstream>
+
+namespace xraycast {
+namespace {
+
+/// x, y and z, which start a CSV line; nothing where something else does.
+std::optional<glm::dvec3> parse_point(std::string line) {
+  std::ranges::replace_if(
+      line, [](char c) { return c == ',' || c == ';'; }, ' ');
+  std::istringstream numbers(line);
+  glm::dvec3 point;
+  return numbers >> point.x >> point.y >> point.z ? std::optional(point) : std::nullopt;
+}
+
+std::vector<glm::dvec3> read_csv(const std::string& path) {
+  std::ifstream file(path);
+  if (!file) throw InputError("{}: cannot be read", path);
+  std::vector<glm::dvec3> points_mm;
+  std::string line;
+  for (int number = 1; std::getline(file, line); ++number) {
+    if (line.find_first_not_of(" \t\r") == std::string::npos || line[0] == '#') continue;
+    const std::optional<glm::dvec3> point_mm = parse_point(line);
+    if (!point_mm && number == 1) continue;  // a heading
+    if (!point_mm) throw InputError("{}: line {} is not x,y,z in mm", path, number);
+    points_mm.push_back(*point_mm);
+  }
+  return points_mm;
+}
+
+std::vector<glm::dvec3> read_branch(const std::string& path, std::size_t branch) {
+  const VesselTree tree = read_tree(path);
+  if (branch >= tree.branches().size())
+    throw InputError("{}: there is no branch {}; they are numbered 0 to {}", path, branch,
+                     tree.branches().size() - 1);
+  std::vector<glm::dvec3> points_mm;
+  for (const VesselPoint& point : tree.branches()[branch].points) points_mm.push_back(point.position_mm);
+  return points_mm;
+}
+
+}  // namespace
+
+CurvedAxis::CurvedAxis(std::vector<glm::dvec3> points_mm, const std::string& name)
+    : points_mm_(std::move(points_mm)) {
+  if (points_mm_.size() < 2) throw InputError("{}: a centre line needs two points or more", name);
+  if (points_mm_.back().z < points_mm_.front().z) std::ranges::reverse(points_mm_);
+  for (std::size_t i = 0; i < points_mm_.size(); ++i) {
+    const glm::dvec3& p = points_mm_[i];
+    if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
+      throw InputError("{}: the centre line has a point that is not finite", name);
+    if (i > 0 && !(p.z > points_mm_[i - 1].z))
+      throw InputError("{}: the centre line turns back at z = {:g} mm; it has to rise or fall throughout",
+                       name, p.z);
+  }
+}
+
+CurvedAxis CurvedAxis::from_file(const std::string& name) {
+  const auto hash = name.rfind('#');
+  const std::string path = name.substr(0, hash);
+  const std::string extension = extension_of(path);
+  std::size_t branch = 0;
+  if (hash != std::string::npos) {
+    const char *first = name.data() + hash + 1, *last = name.data() + name.size();
+    const auto [end, error] = std::from_chars(first, last, branch);
+    if (error != std::errc{} || end != last)
+      throw InputError("{}: what follows # has to be the number of a branch", name);
+  }
+  return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
+}
+
+glm::dvec2 CurvedAxis::at_mm(double z_mm) const {
+  const auto above = std::ranges::lower_bound(points_mm_, z_mm, {}, &glm::dvec3::z);
+  if (above == points_mm_.begin()) return points_mm_.front();
+  if (above == points_mm_.end()) return points_mm_.back();
+  const glm::dvec3 &a = *std::prev(above), &b = *above;
+  return glm::dvec2(glm::mix(a, b, (z_mm - a.z) / (b.z - a.z)));
+}
+
+std::vector<glm::dvec2> CurvedAxis::centre_of_rows_mm(const VolumeGeometry& volume) const {
+  std::vector<glm::dvec2> centres_mm;
+  for (std::int64_t z = volume.size.z - 1; z >= 0; --z)
+    centres_mm.push_back(at_mm(volume.to_world_mm({0, 0, static_cast<double>(z)}).z));
+  return centres_mm;
+}
+
+}  // namespace xraycast

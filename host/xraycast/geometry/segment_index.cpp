@@ -1,0 +1,143 @@
+#include "xraycast/geometry/segment_index.hpp"
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cassert>
+#include <cmath>
+#include <limits>
+
+namespace xraycast {
+namespace {
+
+constexpr std::uint32_t kLeafSize = 4;
+
+/// Nodes still to visit. Halving 2^32 segments leaves at most 32 levels, each with one sibling waiting.
+template <typename T>
+class Stack {
+ public:
+  void push(const T& item) { items_[static_cast<std::size_t>(size_++)] = item; }
+  T pop() { return items_[static_cast<std::size_t>(--size_)]; }
+  bool empty() const { return size_ == 0; }
+
+ private:
+  std::array<T, 64> items_;
+  int size_ = 0;
+};
+
+double squared(double x) { return x * x; }
+double squared_length(const glm::dvec3& v) { return glm::dot(v, v); }
+
+double squared_distance_to_box(const glm::dvec3& point, const glm::dvec3& lower, const glm::dvec3& upper) {
+  return squared_length(point - glm::clamp(point, lower, upper));
+}
+
+/// The hull of two spheres is the union of all spheres between them. The one that reaches furthest towards
+/// the point stands off the foot of the perpendicular, towards the thick end, by the cone's slope.
+bool capsule_contains(const SegmentIndex::Segment& segment, const glm::dvec3& point) {
+  const glm::dvec3 axis = segment.end_mm - segment.start_mm;
+  const glm::dvec3 offset = point - segment.start_mm;
+  const double length = glm::length(axis);
+  const double foot = glm::dot(offset, axis) / length;
+  const double height = std::sqrt(std::max(0.0, squared_length(offset) - squared(foot)));
+  const double slope = (segment.end_radius_mm - segment.start_radius_mm) / length;
+  double along = slope > 0 ? length : 0;  // from a slope of 1 on, the thick end's sphere holds all the others
+  if (std::abs(slope) < 1)
+    along = std::clamp(foot + height * slope / std::sqrt(1 - squared(slope)), 0.0, length);
+  return squared(foot - along) + squared(height) <= squared(segment.start_radius_mm + slope * along);
+}
+
+}  // namespace
+
+SegmentIndex::SegmentIndex(std::vector<Segment> segments) : segments_(std::move(segments)) {
+  assert(!segments_.empty());
+  build(0, static_cast<std::uint32_t>(segments_.size()));
+}
+
+void SegmentIndex::build(std::uint32_t first, std::uint32_t last) {
+  constexpr double kInfinity = std::numeric_limits<double>::infinity();
+  Node node{glm::dvec3(kInfinity), glm::dvec3(-kInfinity), 0, first, last - first};
+  for (std::uint32_t i = first; i < last; ++i) {
+    const Segment& segment = segments_[i];
+    node.lower_mm = glm::min(node.lower_mm, glm::min(segment.start_mm, segment.end_mm));
+    node.upper_mm = glm::max(node.upper_mm, glm::max(segment.start_mm, segment.end_mm));
+    node.max_radius_mm = std::max({node.max_radius_mm, segment.start_radius_mm, segment.end_radius_mm});
+  }
+  const std::size_t self = nodes_.size();
+  nodes_.push_back(node);
+  if (node.count <= kLeafSize) return;
+
+  const glm::dvec3 extent = node.upper_mm - node.lower_mm;
+  const int axis = extent.x >= extent.y && extent.x >= extent.z ? 0 : extent.y >= extent.z ? 1 : 2;
+  const std::uint32_t middle = first + node.count / 2;
+  std::nth_element(segments_.begin() + first, segments_.begin() + middle, segments_.begin() + last,
+                   [axis](const Segment& a, const Segment& b) {
+                     return a.start_mm[axis] + a.end_mm[axis] < b.start_mm[axis] + b.end_mm[axis];
+                   });
+  build(first, middle);
+  nodes_[self].first = static_cast<std::uint32_t>(nodes_.size());
+  nodes_[self].count = 0;
+  build(middle, last);
+}
+
+SegmentIndex::Nearest SegmentIndex::nearest(const glm::dvec3& point_mm) const {
+  struct Candidate {
+    std::uint32_t node;
+    double squared_mm;
+  };
+  const auto candidate = [&](std::uint32_t node) -> Candidate {
+    return {node, squared_distance_to_box(point_mm, nodes_[node].lower_mm, nodes_[node].upper_mm)};
+  };
+
+  const Segment* best = &segments_.front();
+  double best_fraction = 0, best_squared_mm = squared_length(point_mm - best->start_mm);
+  Stack<Candidate> waiting;
+  waiting.push(candidate(0));
+  while (!waiting.empty()) {
+    const auto [index, squared_mm] = waiting.pop();
+    if (squared_mm >= best_squared_mm) continue;
+    const Node& node = nodes_[index];
+    if (node.count == 0) {  // the nearer child on top
+      Candidate near = candidate(index + 1), far = candidate(node.first);
+      if (far.squared_mm < near.squared_mm) std::swap(near, far);
+      waiting.push(far);
+      waiting.push(near);
+      continue;
+    }
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i) {
+      const Segment& segment = segments_[i];
+      const glm::dvec3 axis = segment.end_mm - segment.start_mm, offset = point_mm - segment.start_mm;
+      const double fraction = std::clamp(glm::dot(offset, axis) / squared_length(axis), 0.0, 1.0);
+      const double segment_squared_mm = squared_length(offset - fraction * axis);
+      if (segment_squared_mm < best_squared_mm) {
+        best = &segment;
+        best_fraction = fraction;
+        best_squared_mm = segment_squared_mm;
+      }
+    }
+  }
+  return {*best, best_fraction, std::sqrt(best_squared_mm)};
+}
+
+bool SegmentIndex::inside(const glm::dvec3& point_mm) const {
+  Stack<std::uint32_t> waiting;
+  waiting.push(0);
+  while (!waiting.empty()) {
+    const std::uint32_t index = waiting.pop();
+    const Node& node = nodes_[index];
+    if (squared_distance_to_box(point_mm, node.lower_mm, node.upper_mm) > squared(node.max_radius_mm))
+      continue;
+    if (node.count == 0) {
+      waiting.push(node.first);
+      waiting.push(index + 1);
+      continue;
+    }
+    for (std::uint32_t i = node.first; i < node.first + node.count; ++i)
+      if (capsule_contains(segments_[i], point_mm)) return true;
+  }
+  return false;
+}
+
+}  // namespace xraycast

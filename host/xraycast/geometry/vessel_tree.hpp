@@ -1,0 +1,94 @@
+#pragma once
+
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/geometry/segment_index.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <filesystem>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A point of a centreline, in LPS millimetres.
+struct VesselPoint {
+  glm::dvec3 position_mm;
+  double radius_mm;
+};
+
+/// A vessel between two bifurcations or ends, from its parent's side onwards.
+struct VesselBranch {
+  std::vector<VesselPoint> points;    ///< two or more; the first one coincides with the parent's last one
+  int parent = -1;                    ///< index of the branch it leaves; -1 for the root
+  std::vector<int> children;          ///< indices of the branches that leave its end
+  std::vector<double> arc_length_mm;  ///< from the first point, one a point, growing; filled in by VesselTree
+};
+
+/// The vasculature as a connected tree of centrelines with radii. Immutable.
+///
+/// Connected by construction: the constructor throws InputError for an empty tree, a cycle, a missing or
+/// second root, a parent that does not exist, a branch of fewer than two points, a first point that is not
+/// its parent's last (to a micrometre), a point in the place of the one before it, a radius that is not above
+/// zero, or a number that is not finite. `name` stands in front of the message.
+class VesselTree {
+ public:
+  /// `branches` need `points` and `parent` only; children and arc lengths are derived.
+  VesselTree(std::vector<VesselBranch> branches, const std::string& name);
+
+  const std::vector<VesselBranch>& branches() const { return branches_; }
+  int root() const { return root_; }
+
+  /// A place on the tree.
+  struct Location {
+    int branch = 0;
+    double arc_length_mm = 0;       ///< from the branch's first point
+    glm::dvec3 centre_mm{0, 0, 0};  ///< the nearest point of the centreline
+    double radius_mm = 0;           ///< interpolated there
+    double distance_mm = 0;         ///< from the query to centre_mm
+  };
+
+  /// The place whose centreline is nearest. About a microsecond in a tree of 20,000 points.
+  Location nearest(const glm::dvec3& point_mm) const;
+
+  /// Whether a point lies in the lumen: in a sphere around any place of the centreline with its radius there,
+  /// the radius being linear between points.
+  bool inside(const glm::dvec3& point_mm) const { return segments_.inside(point_mm); }
+
+ private:
+  std::vector<VesselBranch> branches_;
+  int root_;
+  SegmentIndex segments_;
+};
+
+/// The middle of a tree's lumen: the mean of its centrelines, weighed by their cross-sections.
+glm::dvec3 centroid_mm(const VesselTree& tree);
+
+/// Throws InputError, with `name` in front, when a point that was given for a vessel's end lies more than 50
+/// mm from `end_mm`, the nearest one: as far as one may be off who reads it from a picture.
+void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name);
+
+/// `.vtp` by VMTK's conventions, or `.json`, by the extension. Throws InputError for another one, Error when
+/// the disk is full.
+///
+/// VTP, as vmtkcenterlinemerge leaves it: one line a branch, from its parent's side onwards. Point array
+/// `MaximumInscribedSphereRadius`; cell arrays `GroupIds` (the branch), `CenterlineIds` (the first of the
+/// leaves that are reached through it), `TractIds` (how many branches lie before it), `Blanking` (0), and our
+/// own `ParentIds` (-1 for the root).
+///
+/// JSON: {"branches": [{"id", "parent" (-1 for the root), "children", "points": [[x, y, z, radius], ...]},
+/// ...]}
+void write_tree(const VesselTree& tree, const std::filesystem::path& path);
+
+/// Reads what write_tree writes, and other programs' files of the same shape; of a folder its tree.vtp. In a
+/// VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id` may be
+/// any integer from 0 on and `children` is not needed. Throws InputError, naming file and field.
+VesselTree read_tree(const std::filesystem::path& path);
+
+/// The tree's surface: each branch a closed swept tube of `sides` (3 or more) corners around, its frames
+/// carried along without twist, with round ends. The ends of a bifurcation's branches reach into each other,
+/// so that no gap is seen between them. All tubes together enclose what VesselTree::inside accepts, up to the
+/// flatness of their sides and the mitres of their bends.
+Mesh tube_mesh(const VesselTree& tree, int sides = 24);
+
+}  // namespace xraycast

@@ -1,0 +1,116 @@
+#pragma once
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <mutex>
+#include <span>
+#include <string>
+#include <vector>
+
+// The OpenCL that the project is written for; repeated nowhere else.
+#define CL_HPP_ENABLE_EXCEPTIONS
+#define CL_HPP_MINIMUM_OPENCL_VERSION 120
+#define CL_HPP_TARGET_OPENCL_VERSION 120
+#include <CL/opencl.hpp>
+
+namespace xraycast {
+
+/// One OpenCL device: its context, an in-order queue with profiling, and the programs built so far. Passed
+/// explicitly; objects that hold one keep a reference, so it has to outlive them.
+class ComputeDevice {
+ public:
+  struct Info {
+    int index = 0;  ///< what `--device` takes
+    std::string name;
+    std::string platform;
+    std::string version;
+    bool is_gpu = false;
+    bool has_images = false;
+    int compute_units = 0;
+    std::int64_t memory_B = 0;
+    std::int64_t max_allocation_B = 0;
+  };
+
+  /// All devices of all platforms, in the platforms' order; empty when no platform is installed.
+  static std::vector<Info> list();
+
+  /// Chooses by number or by part of the name, case ignored. An empty choice takes the environment's
+  /// XRAYCAST_DEVICE, and without that the first GPU or else the first device. Throws DeviceError when there
+  /// is no device, or none that fits, and names those there are.
+  explicit ComputeDevice(const std::string& choice = "");
+
+  const Info& info() const { return info_; }
+  cl::Context& context() { return context_; }
+  cl::CommandQueue& queue() { return queue_; }
+
+  /// Kernel `entry` of kernels/`file`.cl, built with `options` at first use. Throws DeviceError with the end
+  /// of the build log. Drivers keep their own cache of binaries on disk, so the first build on a machine is
+  /// the slow one.
+  cl::Kernel kernel(const std::string& file, const std::string& entry, const std::string& options = "");
+
+  /// A buffer of `bytes`, checked against the device's largest allocation first. Throws DeviceError.
+  cl::Buffer buffer(cl_mem_flags flags, std::int64_t bytes, void* host = nullptr);
+
+  /// A read-only 3-D image, and whether the device takes one of that size. Throws DeviceError.
+  cl::Image3D image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height,
+                    std::int64_t depth);
+  bool takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const;
+
+  /// Blocking copy of whole slices of a 3-D image. Throws DeviceError.
+  void write_slices(const cl::Memory& image, std::int64_t width, std::int64_t height, std::int64_t first,
+                    std::int64_t count, const void* values);
+
+  /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is
+  /// then rounded up, so kernels check their bounds. Throws DeviceError.
+  cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global,
+                std::array<std::int64_t, 3> local = {});
+
+  /// Blocking copies of whole spans. Throw DeviceError.
+  template <typename T>
+  cl::Buffer upload(std::span<const T> values, cl_mem_flags flags = CL_MEM_READ_ONLY) {
+    cl::Buffer target = buffer(flags, static_cast<std::int64_t>(values.size_bytes()));
+    write(target, values.data(), values.size_bytes());
+    return target;
+  }
+  template <typename T>
+  void download(const cl::Buffer& source, std::span<T> values) {
+    read(source, values.data(), values.size_bytes());
+  }
+
+  /// Waits until what kernels wrote to a buffer of CL_MEM_USE_HOST_PTR is in that memory; a processor's
+  /// driver writes there in the first place. Throws DeviceError.
+  void bring_to_host(const cl::Buffer& buffer);
+
+  /// Waits for all that was enqueued. Throws DeviceError.
+  void finish();
+
+  /// Writes and reads back known values through a buffer and, where the device has them, through a 3-D image.
+  struct SelfTest {
+    bool buffers = false;
+    bool images = false;  ///< false too where the device has no images
+  };
+  SelfTest self_test();
+
+ private:
+  /// Turns OpenCL's errors into DeviceError.
+  template <typename Call>
+  void guarded(const char* doing, const Call& call) const;
+  void write(const cl::Buffer& target, const void* values, std::size_t bytes);
+  void read(const cl::Buffer& source, void* values, std::size_t bytes);
+
+  Info info_;
+  cl::Device device_;
+  cl::Context context_;
+  cl::CommandQueue queue_;
+  std::mutex programs_mutex_;
+  std::map<std::string, cl::Program> programs_;  ///< by file and options
+};
+
+/// Wall time that the device spent between the start and the end of a finished, profiled command.
+double duration_ms(const cl::Event& event);
+
+/// The name of an OpenCL status such as CL_OUT_OF_RESOURCES, or its number.
+std::string status_name(cl_int status);
+
+}  // namespace xraycast

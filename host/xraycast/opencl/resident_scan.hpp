@@ -1,0 +1,80 @@
+#pragma once
+
+#include "params.h"
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/scan/volume.hpp"
+
+#include <cstdint>
+#include <span>
+#include <string>
+
+namespace xraycast {
+
+/// How a device keeps a scan.
+enum class ScanStorage {
+  bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of kernels/params.h); for processors
+  image,   ///< a 3-D image of 16-bit integers, whose cache follows rays in any direction; for GPUs
+};
+
+/// Images on a GPU that has them, passes the self-test and takes the size; bricks elsewhere.
+ScanStorage preferred_storage(ComputeDevice& device, const VolumeGeometry& geometry);
+
+/// A scan in a device's memory, where the kernels read it. Move-only.
+class ResidentScan {
+ public:
+  /// Takes the memory; throws DeviceError when the device has not enough.
+  ResidentScan(ComputeDevice& device, const VolumeGeometry& geometry, ScanStorage storage);
+  ResidentScan(ComputeDevice& device, const VolumeGeometry& geometry)
+      : ResidentScan(device, geometry, preferred_storage(device, geometry)) {}
+  ResidentScan(ResidentScan&&) = default;
+  ResidentScan& operator=(ResidentScan&&) = default;
+
+  /// The next slices, from slice 0 on. All calls but the last take a multiple of kBrickSlices. Returns when
+  /// the slices are no longer needed.
+  void append(std::span<const std::int16_t> hu);
+
+  /// Makes room for another scan in the same memory: of the same slices, and not more of them than at first.
+  void restart(const VolumeGeometry& geometry);
+
+  static constexpr std::int64_t kBrickSlices = XRC_BRICK_SLICES;
+
+  ComputeDevice& device() const { return *device_; }
+  const VolumeGeometry& geometry() const { return geometry_; }
+  const XrcScan& layout() const { return layout_; }
+  ScanStorage storage() const { return storage_; }
+
+  /// The memory object that goes with a kernel built with build_options().
+  const cl::Memory& voxels() const { return voxels_; }
+  std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
+
+  /// How many slices a work-item of the casting kernel takes at once.
+  int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
+
+ private:
+  void append_bricks(std::span<const std::int16_t> hu, int count);
+
+  ComputeDevice* device_;
+  VolumeGeometry geometry_;
+  ScanStorage storage_;
+  XrcScan layout_;
+  cl::Memory voxels_;
+  std::int64_t slices_done_ = 0;
+};
+
+/// Wall time of the two halves of `load`.
+struct LoadTimings {
+  double read_ms = 0, upload_ms = 0;
+};
+
+/// Reads a scan slab by slab into the device, never holding it whole in the host's memory. `finder` sees
+/// every slice. Stage "reading" of `progress`. Throws InputError when the source ends early.
+ResidentScan load(ComputeDevice& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,
+                  Progress& progress);
+
+/// A volume that is already there.
+ResidentScan upload(ComputeDevice& device, const Volume& volume);
+ResidentScan upload(ComputeDevice& device, const Volume& volume, ScanStorage storage);
+
+}  // namespace xraycast

@@ -1,0 +1,119 @@
+#include "xraycast/phantom/phantom.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom_bodies.hpp"
+
+#include <fmt/ranges.h>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+struct Kind {
+  const char* name;
+  Index3 size;
+  glm::dvec3 spacing_mm;
+  double noise_hu;
+  PhantomBody (*make)(bool table);
+};
+
+constexpr double kBodyNoise_hu = 10;
+
+const Kind kKinds[] = {
+    {"thorax", {512, 512, 720}, {0.78, 0.78, 1.0}, kBodyNoise_hu, make_thorax},
+    {"head", {320, 384, 416}, {0.6, 0.6, 0.6}, kBodyNoise_hu, make_head},
+    {"cylinder", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_cylinder(); }},
+    {"sphere", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_sphere(); }},
+    {"box", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_box(); }},
+    {"shepp-logan", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_shepp_logan(); }},
+};
+
+const Kind& parse_kind(const std::string& name) {
+  const auto kind = std::ranges::find_if(kKinds, [&](const Kind& k) { return k.name == name; });
+  if (kind == std::end(kKinds))
+    throw InputError("no phantom is named '{}'; there is {}", name, fmt::join(phantom_names(), ", "));
+  return *kind;
+}
+
+VolumeGeometry geometry_of(const Kind& kind, const PhantomOptions& options) {
+  VolumeGeometry geometry{kind.size, kind.spacing_mm, {0, 0, 0}};
+  const glm::dvec3 extent_mm = glm::dvec3(kind.size) * kind.spacing_mm;
+  if (options.spacing_mm) geometry.spacing_mm = glm::dvec3(*options.spacing_mm);
+  if (options.size) geometry.size = *options.size;
+  // Checked before they divide, and again once the other one has followed.
+  validate(geometry, fmt::format("phantom {}", kind.name));
+  if (options.size && !options.spacing_mm) geometry.spacing_mm = extent_mm / glm::dvec3(geometry.size);
+  if (options.spacing_mm && !options.size)
+    geometry.size = glm::max(Index3(glm::round(glm::min(extent_mm / *options.spacing_mm, 1e9))), Index3(1));
+  geometry.origin_mm = -0.5 * geometry.spacing_mm * (glm::dvec3(geometry.size) - 1.0);
+  validate(geometry, fmt::format("phantom {}", kind.name));
+  return geometry;
+}
+
+}  // namespace
+
+Phantom::Phantom(std::string name, const VolumeGeometry& geometry, std::shared_ptr<const PhantomScene> scene,
+                 std::vector<VesselBranch> vessels, double noise_hu, std::uint32_t seed)
+    : name_(std::move(name)),
+      geometry_(geometry),
+      scene_(std::move(scene)),
+      vessels_(std::move(vessels)),
+      noise_hu_(noise_hu),
+      seed_(seed) {}
+
+double Phantom::edge_mm() const {
+  const glm::dvec3& spacing = geometry_.spacing_mm;
+  return std::cbrt(spacing.x * spacing.y * spacing.z);
+}
+
+double Phantom::hu_at(const glm::dvec3& world_mm) const { return scene_->hu_at(world_mm, edge_mm()); }
+
+std::vector<std::string> phantom_names() {
+  std::vector<std::string> names;
+  for (const Kind& kind : kKinds) names.emplace_back(kind.name);
+  return names;
+}
+
+Phantom make_phantom(const std::string& name, const PhantomOptions& options) {
+  const Kind& kind = parse_kind(name);
+  const double noise_hu = options.noise_hu.value_or(kind.noise_hu);
+  if (!std::isfinite(noise_hu) || noise_hu < 0)
+    throw InputError("phantom {}: noise of {} HU has to be finite and not below zero", name, noise_hu);
+  const VolumeGeometry geometry = geometry_of(kind, options);
+  PhantomBody body = kind.make(options.table);
+  return {name,
+          geometry,
+          std::make_shared<const PhantomScene>(std::move(body.scene)),
+          std::move(body.vessels),
+          noise_hu,
+          options.seed};
+}
+
+std::vector<std::uint8_t> vessel_mask(const Phantom& phantom) {
+  const VolumeGeometry& geometry = phantom.geometry();
+  std::vector<std::uint8_t> mask(static_cast<std::size_t>(geometry.voxel_count()));
+  const auto mark = [&](const VesselPoint& a, const VesselPoint& b) {
+    const glm::dvec3 lower = glm::min(a.position_mm - a.radius_mm, b.position_mm - b.radius_mm);
+    const glm::dvec3 upper = glm::max(a.position_mm + a.radius_mm, b.position_mm + b.radius_mm);
+    const Index3 first = glm::max(Index3(glm::ceil(geometry.to_index(lower))), Index3(0));
+    const Index3 last = glm::min(Index3(glm::floor(geometry.to_index(upper))), geometry.size - Index3(1));
+    const glm::dvec3 ab = b.position_mm - a.position_mm;
+    for (std::int64_t z = first.z; z <= last.z; ++z)
+      for (std::int64_t y = first.y; y <= last.y; ++y)
+        for (std::int64_t x = first.x; x <= last.x; ++x) {
+          const glm::dvec3 ap = geometry.to_world_mm({x, y, z}) - a.position_mm;
+          const double t = std::clamp(glm::dot(ap, ab) / glm::dot(ab, ab), 0.0, 1.0);
+          if (glm::length(ap - t * ab) <= glm::mix(a.radius_mm, b.radius_mm, t))
+            mask[static_cast<std::size_t>((z * geometry.size.y + y) * geometry.size.x + x)] = 1;
+        }
+  };
+  for (const VesselBranch& branch : phantom.vessel_branches())
+    for (std::size_t i = 1; i < branch.points.size(); ++i) mark(branch.points[i - 1], branch.points[i]);
+  return mask;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,118 @@
+#pragma once
+
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/scan/volume.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+class PhantomScene;
+
+/// What to change about a phantom.
+struct PhantomOptions {
+  std::optional<Index3> size = std::nullopt;        ///< alone, the extent in mm stays and the spacing follows
+  std::optional<double> spacing_mm = std::nullopt;  ///< alone, the extent in mm stays and the size follows
+  std::optional<double> noise_hu =
+      std::nullopt;        ///< standard deviation; otherwise mild for a body, none for a geometric shape
+  bool table = false;      ///< a body lies on the scanner's table
+  std::uint32_t seed = 1;  ///< of the noise
+};
+
+/// A scan made from a description: the same shapes are painted into voxels by the device and answer for any
+/// point here, so that a test knows what a scan of it holds.
+class Phantom {
+ public:
+  /// `noise_hu` is not negative.
+  Phantom(std::string name, const VolumeGeometry& geometry, std::shared_ptr<const PhantomScene> scene,
+          std::vector<VesselBranch> vessels, double noise_hu, std::uint32_t seed);
+
+  const std::string& name() const { return name_; }
+  const VolumeGeometry& geometry() const { return geometry_; }
+  const PhantomScene& scene() const { return *scene_; }
+  double noise_hu() const { return noise_hu_; }
+  std::uint32_t seed() const { return seed_; }
+
+  /// Over this distance a surface fades from outside to inside: a voxel's size, so that a voxel holds the
+  /// mean of what is in it.
+  double edge_mm() const;
+
+  /// The value at a point in double precision, without noise: what the voxel centred there holds before
+  /// rounding.
+  double hu_at(const glm::dvec3& world_mm) const;
+
+  /// The contrast-filled vessels as they were painted, ready for VesselTree's constructor; empty for a
+  /// phantom without vessels.
+  const std::vector<VesselBranch>& vessel_branches() const { return vessels_; }
+
+ private:
+  std::string name_;
+  VolumeGeometry geometry_;
+  std::shared_ptr<const PhantomScene> scene_;
+  std::vector<VesselBranch> vessels_;
+  double noise_hu_;
+  std::uint32_t seed_;
+};
+
+/// The names that make_phantom knows.
+std::vector<std::string> phantom_names();
+
+/// Makes a phantom by name:
+/// - `thorax`: a trunk from the neck to the hips, arms raised, with contrast in the arteries;
+/// - `head`: a head and neck with contrast in the arteries and an aneurysm among them;
+/// - `cylinder` (radius 80 mm, along the whole axis), `sphere` (radius 80 mm) and `box` (half sizes 80, 60
+/// and
+///   70 mm), of water in air (-1000 HU), centred;
+/// - `shepp-logan`: see shepp_logan_ellipsoids.
+///
+/// The volume's centre is the origin. Throws InputError for another name, an invalid size or spacing, or a
+/// negative noise.
+Phantom make_phantom(const std::string& name, const PhantomOptions& options = {});
+
+/// An ellipsoid turned about z, which adds `density` to what it lies in.
+struct Ellipsoid {
+  glm::dvec3 centre_mm;
+  glm::dvec3 half_axes_mm;
+  double turn_rad;  ///< of its first axis from x towards y
+  double density;
+};
+
+/// The ten ellipsoids of the 3-D Shepp-Logan head (Kak and Slaney, Principles of Computerized Tomographic
+/// Imaging, 1988, page 102) in a cube of 256 mm; its x, y, z are ours. Density d is 1024 (d - 1) HU, so that
+/// the opacity `paper` makes it d * mu_water exactly.
+std::vector<Ellipsoid> shepp_logan_ellipsoids();
+
+/// 1 where a voxel's centre lies in a contrast-filled vessel, 0 elsewhere; x fastest.
+std::vector<std::uint8_t> vessel_mask(const Phantom& phantom);
+
+/// Paints a phantom slice by slice on a device; both have to outlive it.
+class PhantomSource final : public SliceSource {
+ public:
+  /// Throws DeviceError.
+  PhantomSource(const Phantom& phantom, ComputeDevice& device);
+
+  const VolumeGeometry& geometry() const override { return phantom_.geometry(); }
+  std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override;
+  HuRange hu_range() const override { return range_; }
+
+ private:
+  void paint(std::span<std::int16_t> slices, std::int64_t count);
+
+  const Phantom& phantom_;
+  ComputeDevice& device_;
+  cl::Kernel kernel_;
+  cl::Buffer primitives_, stations_;
+  std::int64_t next_ = 0;
+  HuRange range_;
+};
+
+/// The whole phantom. Throws DeviceError, and InputError when it does not fit in memory.
+Volume generate(const Phantom& phantom, ComputeDevice& device, Progress& progress);
+
+}  // namespace xraycast

@@ -1,0 +1,108 @@
+#include "xraycast/scan/scan.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/scan/dicom_header.hpp"
+#include "xraycast/scan/dicom_scan.hpp"
+#include "xraycast/scan/genesis_scan.hpp"
+#include "xraycast/scan/image_file_scan.hpp"
+
+#include <algorithm>
+#include <memory>
+#include <zlib.h>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+enum class Format { unknown, dicom, genesis, nifti, nifti2, nrrd, meta_image };
+
+/// The first bytes of a file, those of its content where it is gzipped.
+std::string leading_bytes(const fs::path& path) {
+  constexpr unsigned kEnough = 512;
+  const std::unique_ptr<gzFile_s, decltype(&gzclose)> file(gzopen(path.c_str(), "rb"), &gzclose);
+  if (!file) throw InputError("{}: cannot be read; check its permissions", path.string());
+  std::string bytes(kEnough, '\0');
+  const int count = gzread(file.get(), bytes.data(), kEnough);
+  bytes.resize(static_cast<std::size_t>(std::max(0, count)));
+  return bytes;
+}
+
+Format format_of(const fs::path& path) {
+  const std::string bytes = leading_bytes(path);
+  const auto has = [&](std::size_t offset, std::string_view magic) {
+    return bytes.size() >= offset + magic.size() && bytes.compare(offset, magic.size(), magic) == 0;
+  };
+  using namespace std::string_view_literals;
+  if (has(0, "IMGF")) return Format::genesis;
+  if (has(344, "n+1\0"sv) || has(344, "ni1\0"sv)) return Format::nifti;
+  if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti2;
+  if (has(0, "NRRD000")) return Format::nrrd;
+  if (is_dicom(bytes)) return Format::dicom;
+  if (is_meta_image(bytes)) return Format::meta_image;
+  return Format::unknown;
+}
+
+Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  std::vector<fs::path> dicom, genesis;
+  fs::path other;
+  bool empty = true;
+  for (const auto& entry : fs::directory_iterator(path)) {
+    empty = false;
+    if (!entry.is_regular_file()) continue;
+    progress.check();
+    switch (format_of(entry.path())) {
+      case Format::dicom:
+        dicom.push_back(entry.path());
+        break;
+      case Format::genesis:
+        genesis.push_back(entry.path());
+        break;
+      case Format::unknown:
+        break;
+      default:
+        other = entry.path();
+    }
+  }
+  if (empty) throw InputError("{}: the folder is empty", path.string());
+  // The order in which a folder lists its files is arbitrary; which of two duplicates stays must not be.
+  std::ranges::sort(dicom);
+  std::ranges::sort(genesis);
+  if (!dicom.empty()) return open_dicom(path, dicom, options, progress);
+  if (!genesis.empty()) return open_genesis(path, genesis, options, progress);
+  if (!other.empty())
+    throw InputError("{}: the folder holds no DICOM or GE Genesis slices; give the file itself, such as {}",
+                     path.string(), other.filename().string());
+  throw InputError("{}: the folder holds no images; give the one that directly holds the slices",
+                   path.string());
+}
+
+}  // namespace
+
+Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  std::error_code error;
+  const fs::file_status status = fs::status(path, error);
+  if (!fs::exists(status)) throw InputError("{}: no such file or folder", path.string());
+  if (fs::is_directory(status)) return open_folder(path, options, progress);
+  if (!fs::is_regular_file(status)) throw InputError("{}: neither a file nor a folder", path.string());
+
+  switch (format_of(path)) {
+    case Format::dicom:
+      return open_dicom(path, {path}, options, progress);
+    case Format::genesis:
+      return open_genesis(path, {path}, options, progress);
+    case Format::nifti:
+      return open_nifti(path, options, progress);
+    case Format::nrrd:
+      return open_nrrd(path, options, progress);
+    case Format::meta_image:
+      return open_meta_image(path, options, progress);
+    case Format::nifti2:
+      throw InputError("{}: NIfTI-2 is not supported; convert it to NIfTI-1 or NRRD", path.string());
+    case Format::unknown:
+      break;
+  }
+  throw InputError("{}: not a scan; DICOM, NIfTI, NRRD, MetaImage and GE Genesis are read", path.string());
+}
+
+}  // namespace xraycast

@@ -1,0 +1,170 @@
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/scan/scan.hpp"
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cstring>
+#include <optional>
+#include <string>
+#include <string_view>
+#include <utility>
+#include <zlib.h>
+
+// Written by hand rather than by ITK, whose NIfTI writer takes a full disk for success and whose MetaImage
+// writer names the voxels after the temporary header.
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+static_assert(std::endian::native == std::endian::little,
+              "the headers below say that voxels are little-endian");
+
+/// A file of bytes, gzipped or plain, that says when the disk is full.
+class OutputFile {
+ public:
+  OutputFile(const AtomicFile& file, bool gzipped)
+      // T writes plainly through the same functions.
+      : target_(file.target()), file_(gzopen(file.temporary().c_str(), gzipped ? "wb6" : "wbT")) {
+    if (!file_) fail();
+  }
+  ~OutputFile() {
+    if (file_) gzclose(file_);
+  }
+  OutputFile(const OutputFile&) = delete;
+  OutputFile& operator=(const OutputFile&) = delete;
+
+  void write(const void* bytes, std::int64_t count) {
+    // Returns the number of bytes written, and counts them with 32 bits; a slice is never that large.
+    if (count > 0 && gzwrite(file_, bytes, static_cast<unsigned>(count)) != count) fail();
+  }
+  void write(const std::string& text) { write(text.data(), std::ssize(text)); }
+
+  void close() {
+    if (gzclose(std::exchange(file_, nullptr)) != Z_OK) fail();
+  }
+
+ private:
+  [[noreturn]] void fail() const {
+    throw Error("{}: could not be written to its end; the disk may be full", target_.string());
+  }
+
+  fs::path target_;
+  gzFile file_;
+};
+
+// ---- headers -------------------------------------------------------------------------------------
+
+std::string nrrd_header(const VolumeGeometry& geometry, bool is_mask) {
+  const auto& [size, spacing, origin] = geometry;
+  return fmt::format(
+      "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {} {} {}\n"
+      "space directions: ({},0,0) (0,{},0) (0,0,{})\nkinds: domain domain domain\nendian: little\nencoding: "
+      "raw\n"
+      "space origin: ({},{},{})\n\n",
+      is_mask ? "unsigned char" : "short", size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, origin.x,
+      origin.y, origin.z);
+}
+
+std::string meta_image_header(const VolumeGeometry& geometry, bool is_mask, const std::string& data_file) {
+  const auto& [size, spacing, origin] = geometry;
+  return fmt::format(
+      "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = "
+      "False\n"
+      "TransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = {} {} {}\nCenterOfRotation = 0 0 "
+      "0\nAnatomicalOrientation = RAI\n"
+      "ElementSpacing = {} {} {}\nDimSize = {} {} {}\nElementType = {}\nElementDataFile = {}\n",
+      origin.x, origin.y, origin.z, spacing.x, spacing.y, spacing.z, size.x, size.y, size.z,
+      is_mask ? "MET_UCHAR" : "MET_SHORT", data_file);
+}
+
+/// NIfTI-1 keeps sizes as int16, spacing and origin as floats, and counts towards right-to-left and
+/// back-to-front.
+std::string nifti_header(const VolumeGeometry& geometry, bool is_mask, const fs::path& path) {
+  const auto& [size, spacing, origin] = geometry;
+  if (size.x > 32767 || size.y > 32767 || size.z > 32767)
+    throw InputError("{}: NIfTI holds at most 32767 voxels per axis; write .nrrd or .mha instead",
+                     path.string());
+  std::string header(352, '\0');
+  const auto put = [&](std::size_t offset, const auto& value) {
+    std::memcpy(&header[offset], &value, sizeof value);
+  };
+  const auto narrow = [](double value) { return static_cast<float>(value); };
+  const auto count = [](std::int64_t value) { return static_cast<std::int16_t>(value); };
+  put(0, std::int32_t{348});
+  put(40, std::array<std::int16_t, 8>{3, count(size.x), count(size.y), count(size.z), 1, 1, 1, 1});
+  put(70, std::array<std::int16_t, 2>{count(is_mask ? 2 : 4), count(is_mask ? 8 : 16)});  // datatype, bits
+  put(76, std::array<float, 8>{1, narrow(spacing.x), narrow(spacing.y), narrow(spacing.z), 0, 0, 0, 0});
+  put(108, std::array<float, 3>{352, 1, 0});    // where the voxels start, slope and intercept
+  put(123, char{2});                            // millimetres
+  put(252, std::array<std::int16_t, 2>{1, 1});  // both transforms below lead to the scanner's frame
+  // Half a turn about z, then the offset; and the same as a matrix.
+  put(256, std::array<float, 6>{0, 0, 1, narrow(-origin.x), narrow(-origin.y), narrow(origin.z)});
+  put(280, std::array<float, 12>{narrow(-spacing.x), 0, 0, narrow(-origin.x),  //
+                                 0, narrow(-spacing.y), 0, narrow(-origin.y),  //
+                                 0, 0, narrow(spacing.z), narrow(origin.z)});
+  header.replace(344, 3, "n+1");
+  return header;
+}
+
+template <typename T>
+void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::path& path,
+           Progress& progress) {
+  constexpr bool is_mask = sizeof(T) == 1;
+  check_volume_format(path);
+  AtomicFile file(path);
+  std::optional<AtomicFile> data_file;
+  std::string header;
+  if (has_extension(path, ".nrrd")) {
+    header = nrrd_header(geometry, is_mask);
+  } else if (has_extension(path, ".nii") || has_extension(path, ".nii.gz")) {
+    header = nifti_header(geometry, is_mask, path);
+  } else if (has_extension(path, ".mha")) {
+    header = meta_image_header(geometry, is_mask, "LOCAL");
+  } else {
+    data_file.emplace(fs::path(path).replace_extension(".raw"));
+    header = meta_image_header(geometry, is_mask, data_file->target().filename().string());
+  }
+
+  progress.begin("writing", geometry.size.z, "slices");
+  OutputFile output(file, has_extension(path, ".gz"));
+  output.write(header);
+  std::optional<OutputFile> data_output;
+  if (data_file) data_output.emplace(*data_file, false);
+  OutputFile& voxel_output = data_output ? *data_output : output;
+  for (std::int64_t z = 0; z < geometry.size.z; ++z) {
+    voxel_output.write(voxels.data() + z * geometry.slice_voxels(),
+                       geometry.slice_voxels() * static_cast<std::int64_t>(sizeof(T)));
+    progress.advance();
+  }
+  output.close();
+  // The voxels first: a header never names a file that is not there.
+  if (data_file) {
+    data_output->close();
+    data_file->commit();
+  }
+  file.commit();
+}
+
+}  // namespace
+
+void check_volume_format(const fs::path& path) {
+  constexpr std::string_view kKnown[] = {".nrrd", ".nii", ".nii.gz", ".mha", ".mhd"};
+  if (std::ranges::none_of(kKnown,
+                           [&](std::string_view extension) { return has_extension(path, extension); }))
+    throw InputError("{}: not a volume's name; end it in .nrrd, .nii, .nii.gz, .mha or .mhd", path.string());
+}
+
+void write_volume(const Volume& volume, const fs::path& path, Progress& progress) {
+  write(volume.geometry(), volume.hu(), path, progress);
+}
+
+void write_mask(const VolumeGeometry& geometry, std::span<const std::uint8_t> mask, const fs::path& path) {
+  Progress unheard;
+  write(geometry, mask, path, unheard);
+}
+
+}  // namespace xraycast

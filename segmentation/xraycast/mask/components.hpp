@@ -1,0 +1,46 @@
+#pragma once
+
+#include "xraycast/mask/mask.hpp"
+
+#include <cstdint>
+#include <vector>
+
+namespace xraycast {
+
+/// The connected parts of a mask, as runs of voxels along x: little memory however large the grid is.
+class Components {
+ public:
+  /// Labels the parts whose voxels share a face, an edge or a corner.
+  explicit Components(const Mask& mask);
+
+  struct Run {
+    std::int64_t first;  ///< offset of its first voxel
+    std::int32_t length;
+    std::int32_t component;  ///< 0 to count() - 1
+  };
+  const std::vector<Run>& runs() const { return runs_; }
+  int count() const { return static_cast<int>(voxels_.size()); }
+
+  /// Number of voxels of a component.
+  std::int64_t voxels(int component) const { return voxels_[static_cast<std::size_t>(component)]; }
+
+  /// The component with the most voxels; -1 without any.
+  int largest() const;
+
+  /// The component that a voxel belongs to, or -1.
+  int at(const Index3& index) const;
+
+  /// Keeps the components for which `keep[component]` is set.
+  Mask select(const std::vector<bool>& keep) const;
+
+ private:
+  VolumeGeometry geometry_;
+  std::vector<Run> runs_;
+  std::vector<std::size_t> row_ends_;  ///< where the runs of each row end
+  std::vector<std::int64_t> voxels_;
+};
+
+/// The parts of a mask but for those of less than a hundredth of the largest one.
+Mask without_specks(const Mask& mask);
+
+}  // namespace xraycast

@@ -1,0 +1,64 @@
+#pragma once
+
+#include "xraycast/scan/volume.hpp"
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace xraycast {
+
+/// A part of space on a volume's grid: 1 inside, 0 outside, x fastest. What lies beyond the grid is outside.
+struct Mask {
+  VolumeGeometry geometry;
+  std::vector<std::uint8_t> voxels;
+
+  /// An empty mask on a grid.
+  explicit Mask(const VolumeGeometry& grid)
+      : geometry(grid), voxels(static_cast<std::size_t>(grid.voxel_count())) {}
+
+  std::size_t offset(const Index3& i) const {
+    return static_cast<std::size_t>((i.z * geometry.size.y + i.y) * geometry.size.x + i.x);
+  }
+  bool contains(const Index3& i) const {
+    return i.x >= 0 && i.y >= 0 && i.z >= 0 && i.x < geometry.size.x && i.y < geometry.size.y &&
+           i.z < geometry.size.z;
+  }
+  std::uint8_t& operator[](const Index3& i) { return voxels[offset(i)]; }
+  std::uint8_t operator[](const Index3& i) const { return voxels[offset(i)]; }
+  bool at(const Index3& i) const { return contains(i) && (*this)[i] != 0; }
+
+  std::int64_t count() const;
+};
+
+/// The voxel that lies at an offset, x fastest.
+inline Index3 voxel_at(const VolumeGeometry& grid, std::int64_t offset) {
+  const Index3& size = grid.size;
+  return {offset % size.x, offset / size.x % size.y, offset / (size.x * size.y)};
+}
+
+/// Voxels from `lower` up to, but not including, `upper`.
+struct Box {
+  Index3 lower{0, 0, 0}, upper{0, 0, 0};
+  bool empty() const { return upper.x <= lower.x || upper.y <= lower.y || upper.z <= lower.z; }
+};
+
+/// Encloses all voxels of a mask; empty for an empty one.
+Box bounding_box(const Mask& mask);
+
+/// Grown by `margin` voxels, as far as the grid goes.
+Box grown(const Box& box, std::int64_t margin, const Index3& size);
+
+/// The part of a mask in a box, at the same place in space.
+Mask crop(const Mask& mask, const Box& box);
+
+/// Puts `part`, cropped from `box`, back into a mask on the whole grid.
+void paste(const Mask& part, const Box& box, Mask& whole);
+
+/// The 26 neighbours of a voxel; the first 6 share a face with it, the next 12 an edge.
+extern const std::array<Index3, 26> kNeighbours;
+
+/// Those of a voxel's neighbours that are inside.
+std::vector<Index3> neighbours_in(const Mask& mask, const Index3& voxel);
+
+}  // namespace xraycast

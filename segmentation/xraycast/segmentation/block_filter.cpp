@@ -1,0 +1,138 @@
+#include "xraycast/segmentation/block_filter.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+cl_int4 int4_of(const Index3& i) {
+  return {{static_cast<cl_int>(i.x), static_cast<cl_int>(i.y), static_cast<cl_int>(i.z), 0}};
+}
+
+/// Weights of a Gaussian at 0, 1, 2 … `reach` voxels; both sides add up to 1.
+std::vector<float> gaussian_weights(double sigma_vox, int reach) {
+  std::vector<double> weights;
+  double sum = 0;
+  for (int k = 0; k <= reach; ++k) {
+    weights.push_back(std::exp(-0.5 * k * k / (sigma_vox * sigma_vox)));
+    sum += (k == 0 ? 1 : 2) * weights.back();
+  }
+  std::vector<float> result;
+  for (const double weight : weights) result.push_back(static_cast<float>(weight / sum));
+  return result;
+}
+
+/// Directions spread evenly over a half sphere, by the golden angle.
+std::vector<cl_float4> spread_directions(int count) {
+  std::vector<cl_float4> directions;
+  for (int i = 0; i < count; ++i) {
+    const double z = (i + 0.5) / count, r = std::sqrt(1 - z * z),
+                 phi = i * std::numbers::pi * (1 + std::sqrt(5.0));
+    directions.push_back({{static_cast<float>(r * std::cos(phi)), static_cast<float>(r * std::sin(phi)),
+                           static_cast<float>(z), 0}});
+  }
+  return directions;
+}
+
+}  // namespace
+
+BlockFilter::BlockFilter(ComputeDevice& device, const Index3& size) : device_(device), size_(size) {}
+
+cl::Buffer BlockFilter::block() {
+  return device_.buffer(CL_MEM_READ_WRITE,
+                        size_.x * size_.y * size_.z * static_cast<std::int64_t>(sizeof(float)));
+}
+
+cl::Buffer BlockFilter::upload(std::span<const float> values) {
+  return device_.upload(values, CL_MEM_READ_WRITE);
+}
+
+std::vector<float> BlockFilter::download(const cl::Buffer& values) {
+  std::vector<float> result(static_cast<std::size_t>(size_.x * size_.y * size_.z));
+  device_.download(values, std::span(result));
+  return result;
+}
+
+cl::Kernel BlockFilter::kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target) {
+  cl::Kernel kernel = device_.kernel("vesselness", name);
+  kernel.setArg(0, source);
+  kernel.setArg(1, target);
+  kernel.setArg(2, int4_of(size_));
+  return kernel;
+}
+
+void BlockFilter::run(cl::Kernel& kernel) {
+  device_.run(kernel, {size_.x, size_.y, size_.z});
+  device_.finish();
+}
+
+cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox) {
+  cl::Buffer source = values;
+  for (int axis = 0; axis < 3; ++axis) {
+    const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox[axis])));
+    const std::vector<float> weights = gaussian_weights(sigma_vox[axis], reach);
+    const cl::Buffer device_weights = device_.upload(std::span(weights)), target = block();
+    cl::Kernel gaussian = kernel("gaussian", source, target);
+    gaussian.setArg(3, axis);
+    gaussian.setArg(4, device_weights);
+    gaussian.setArg(5, static_cast<cl_int>(reach));
+    run(gaussian);
+    source = target;
+  }
+  return source;
+}
+
+void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
+                                 double strength, bool is_frangi, const cl::Buffer& best) {
+  const glm::dvec3 s = spacing_mm;
+  const double scale2 = scale_mm * scale_mm;
+  const std::vector<float> per_mm2 = {
+      static_cast<float>(scale2 / (s.x * s.x)), static_cast<float>(scale2 / (s.y * s.y)),
+      static_cast<float>(scale2 / (s.z * s.z)), static_cast<float>(scale2 / (s.x * s.y)),
+      static_cast<float>(scale2 / (s.x * s.z)), static_cast<float>(scale2 / (s.y * s.z))};
+  const cl::Buffer device_per_mm2 = device_.upload(std::span(per_mm2));
+  cl::Kernel tubularity = kernel("tubularity", smoothed, best);
+  tubularity.setArg(3, device_per_mm2);
+  tubularity.setArg(4, static_cast<float>(strength));
+  tubularity.setArg(5, static_cast<cl_int>(is_frangi));
+  run(tubularity);
+}
+
+cl::Buffer BlockFilter::line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
+                                      int directions) {
+  const std::vector<float> weights = gaussian_weights(sigma_vox, reach_vox);
+  const std::vector<cl_float4> spread = spread_directions(directions);
+  const cl::Buffer device_weights = device_.upload(std::span(weights)),
+                   device_spread = device_.upload(std::span(spread));
+  cl::Buffer target = block();
+  cl::Kernel line_strength = kernel("line_strength", values, target);
+  line_strength.setArg(3, device_spread);
+  line_strength.setArg(4, static_cast<cl_int>(directions));
+  line_strength.setArg(5, device_weights);
+  line_strength.setArg(6, static_cast<cl_int>(reach_vox));
+  run(line_strength);
+  return target;
+}
+
+std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter) {
+  constexpr std::int64_t kSlabSlices = 64;  // 512 x 512 of them take 80 MB a buffer
+  const VolumeGeometry& g = volume.geometry();
+  std::vector<float> result;
+  result.reserve(static_cast<std::size_t>(g.voxel_count()));
+  for (std::int64_t first = 0; first < g.size.z; first += kSlabSlices) {
+    const std::int64_t begin = std::max<std::int64_t>(0, first - halo),
+                       last = std::min(g.size.z, first + kSlabSlices), end = std::min(g.size.z, last + halo);
+    const auto hu = volume.slices(begin, end - begin);
+    std::vector<float> values(hu.begin(), hu.end());
+    BlockFilter block(device, {g.size.x, g.size.y, end - begin});
+    values = block.download(filter(block, block.upload(values)));
+    const auto from = values.begin() + (first - begin) * g.slice_voxels();
+    result.insert(result.end(), from, from + (last - first) * g.slice_voxels());
+  }
+  return result;
+}
+
+}  // namespace xraycast

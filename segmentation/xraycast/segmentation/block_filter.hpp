@@ -1,0 +1,48 @@
+#pragma once
+
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/scan/volume.hpp"
+
+#include <functional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// A block of a scan on the device and the filters of kernels/vesselness.cl. Values are float, x fastest;
+/// beyond the block its border goes on.
+class BlockFilter {
+ public:
+  /// Throws DeviceError.
+  BlockFilter(ComputeDevice& device, const Index3& size);
+
+  cl::Buffer upload(std::span<const float> values);
+  std::vector<float> download(const cl::Buffer& values);
+
+  /// Smooths by a Gaussian of these standard deviations along x, y and z, in voxels.
+  cl::Buffer smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox);
+
+  /// Raises `best` to the tubularity of values that were smoothed to `scale_mm`, where that is larger.
+  void add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
+                      double strength, bool is_frangi, const cl::Buffer& best);
+
+  /// How strong the strongest line through each voxel is: the largest over `directions` of the weaker of its
+  /// two arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
+  cl::Buffer line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
+
+ private:
+  cl::Buffer block();
+
+  /// A kernel of vesselness.cl, whose first arguments are where it reads, where it writes, and the size.
+  cl::Kernel kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target);
+  void run(cl::Kernel& kernel);
+
+  ComputeDevice& device_;
+  Index3 size_;
+};
+
+/// Filters a whole scan slab by slab, each with `halo` slices more on either side.
+std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter);
+
+}  // namespace xraycast

@@ -1,0 +1,14 @@
+#pragma once
+
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/scan/volume.hpp"
+
+#include <optional>
+
+namespace xraycast {
+
+/// A scan smoothed by a Gaussian of 0.7 voxels, or nothing where its noise is low enough for thresholds as it
+/// is.
+std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device);
+
+}  // namespace xraycast

@@ -1,0 +1,169 @@
+#include "xraycast/segmentation/surface.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/common.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstddef>
+#include <map>
+#include <meshoptimizer.h>
+#include <numeric>
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Filter.h>
+#include <openvdb/tools/Morphology.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+namespace xraycast {
+namespace {
+
+/// Vertices at index positions become LPS millimetres; quads become two triangles.
+Mesh mesh_at(const openvdb::FloatGrid& grid, double level, const VolumeGeometry& g) {
+  std::vector<openvdb::Vec3s> points;
+  std::vector<openvdb::Vec3I> triangles;
+  std::vector<openvdb::Vec4I> quads;
+  openvdb::tools::volumeToMesh(grid, points, triangles, quads, level, 0.0);
+  Mesh mesh;
+  for (const openvdb::Vec3s& p : points) mesh.points_mm.emplace_back(g.to_world_mm({p.x(), p.y(), p.z()}));
+  for (const openvdb::Vec3I& t : triangles) mesh.triangles.push_back({t[0], t[1], t[2]});
+  for (const openvdb::Vec4I& q : quads) {
+    mesh.triangles.push_back({q[0], q[1], q[2]});
+    mesh.triangles.push_back({q[0], q[2], q[3]});
+  }
+  return mesh;
+}
+
+/// How much of each voxel is inside, smoothed; openvdb's levels are inside where below, so it is negated.
+openvdb::FloatGrid::Ptr smoothed_share(const Mask& mask) {
+  auto grid = openvdb::FloatGrid::create(1.0F);
+  auto accessor = grid->getAccessor();
+  const Index3 size = mask.geometry.size;
+  for (std::int64_t z = 0; z < size.z; ++z)
+    for (std::int64_t y = 0; y < size.y; ++y)
+      for (std::int64_t x = 0; x < size.x; ++x)
+        if (mask[{x, y, z}] != 0)
+          accessor.setValueOn({static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)}, 0.0F);
+  constexpr int kMargin = 3;  // what smoothing reaches
+  openvdb::tools::dilateActiveValues(grid->tree(), kMargin, openvdb::tools::NN_FACE_EDGE_VERTEX);
+  openvdb::tools::Filter<openvdb::FloatGrid> filter(*grid);
+  filter.gaussian(1, 1);
+  return grid;
+}
+
+/// The level whose surface encloses the mask's volume.
+Mesh volume_keeping_mesh(const openvdb::FloatGrid& grid, const Mask& mask) {
+  const glm::dvec3 s = mask.geometry.spacing_mm;
+  const double wanted_mm3 = static_cast<double>(mask.count()) * s.x * s.y * s.z;
+  double low = 0.2, high = 0.9;
+  Mesh mesh;
+  for (int pass = 0; pass < 7; ++pass) {
+    const double level = pass == 0 ? 0.5 : 0.5 * (low + high);
+    mesh = mesh_at(grid, level, mask.geometry);
+    const double mm3 = volume_mm3(mesh);
+    if (std::abs(mm3 / wanted_mm3 - 1) < 0.005) break;
+    (mm3 < wanted_mm3 ? low : high) = level;
+  }
+  return mesh;
+}
+
+/// Takes off triangles that lie upon each other face to face, as is left of what was smaller than a triangle.
+void drop_folds(std::vector<unsigned>& indices) {
+  using Triangle = std::array<unsigned, 3>;
+  std::vector<std::pair<Triangle, std::size_t>> corners;  // in ascending order, and where the triangle begins
+  for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
+    Triangle triangle{indices[i], indices[i + 1], indices[i + 2]};
+    std::ranges::sort(triangle);
+    corners.emplace_back(triangle, i);
+  }
+  std::ranges::sort(corners);
+  std::vector<unsigned> kept;
+  for (std::size_t i = 0; i < corners.size(); ++i) {
+    if (i + 1 < corners.size() && corners[i].first == corners[i + 1].first) {
+      ++i;
+      continue;
+    }
+    const auto first = indices.begin() + static_cast<std::ptrdiff_t>(corners[i].second);
+    kept.insert(kept.end(), first, first + 3);
+  }
+  indices = std::move(kept);
+}
+
+/// Gives each sheet corners of its own where two of them touch along an edge or in a point: only triangles on
+/// both sides of an edge that no others have stay joined.
+Mesh with_sheets_apart(const Mesh& mesh) {
+  std::map<std::pair<unsigned, unsigned>, std::vector<std::size_t>> sides;  // corners where an edge begins
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
+    for (std::size_t k = 0; k < 3; ++k)
+      sides[{mesh.triangles[t][k], mesh.triangles[t][(k + 1) % 3]}].push_back(3 * t + k);
+
+  std::vector<std::size_t> joined(3 * mesh.triangles.size());
+  std::iota(joined.begin(), joined.end(), std::size_t{0});
+  const auto find = [&](std::size_t corner) {
+    while (joined[corner] != corner) corner = joined[corner] = joined[joined[corner]];
+    return corner;
+  };
+  const auto next = [](std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; };
+  for (const auto& [edge, here] : sides) {
+    const auto there = sides.find({edge.second, edge.first});
+    if (here.size() != 1 || there == sides.end() || there->second.size() != 1) continue;
+    joined[find(here[0])] = find(next(there->second[0]));
+    joined[find(next(here[0]))] = find(there->second[0]);
+  }
+
+  Mesh result;
+  std::map<std::size_t, unsigned> vertex_of;
+  for (std::size_t t = 0; t < mesh.triangles.size(); ++t) {
+    result.triangles.emplace_back();
+    for (std::size_t k = 0; k < 3; ++k) {
+      const auto [vertex, is_new] =
+          vertex_of.emplace(find(3 * t + k), static_cast<unsigned>(result.points_mm.size()));
+      if (is_new) result.points_mm.push_back(mesh.points_mm[mesh.triangles[t][k]]);
+      result.triangles.back()[k] = vertex->second;
+    }
+  }
+  return result;
+}
+
+Mesh decimated(const Mesh& mesh, std::size_t triangles) {
+  std::vector<unsigned> indices;
+  for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
+  std::vector<unsigned> kept(indices.size());
+  // The error allowed is a share of the mesh's extent; half a percent of a trunk is a few millimetres, so the
+  // number of triangles is what ends it.
+  constexpr float kMost = 0.005F;
+  kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
+                               mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMost));
+  drop_folds(kept);
+  Mesh result;
+  std::vector<unsigned> remap(mesh.points_mm.size());
+  const std::size_t count =
+      meshopt_optimizeVertexFetchRemap(remap.data(), kept.data(), kept.size(), mesh.points_mm.size());
+  result.points_mm.resize(count);
+  for (std::size_t i = 0; i < remap.size(); ++i)
+    if (remap[i] != ~0U) result.points_mm[remap[i]] = mesh.points_mm[i];
+  for (std::size_t i = 0; i + 2 < kept.size(); i += 3)
+    result.triangles.push_back({remap[kept[i]], remap[kept[i + 1]], remap[kept[i + 2]]});
+  return with_sheets_apart(result);
+}
+
+}  // namespace
+
+Mesh surface_of(const Mask& mask, std::size_t triangles) {
+  openvdb::initialize();
+  const Box box = bounding_box(mask);
+  if (box.empty()) throw Error("the mask is empty, so it has no surface");
+  const Mask part = crop(mask, box);
+  Mesh whole = volume_keeping_mesh(*smoothed_share(part), part);
+  if (whole.triangles.size() <= triangles) return whole;
+  const double volume = volume_mm3(whole);
+  for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {
+    Mesh fewer = decimated(whole, target);
+    constexpr double kShrinking = 0.01;
+    if (is_watertight(fewer) && std::abs(volume_mm3(fewer) / volume - 1) < kShrinking) return fewer;
+  }
+  return whole;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,15 @@
+#pragma once
+
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/mask/mask.hpp"
+
+namespace xraycast {
+
+/// The watertight surface of a mask: a level set, smoothed by half a voxel, at the level that encloses the
+/// mask's volume; then decimated to about `triangles`. Vessels that leave the grid are closed there.
+/// OpenVDB's volume mesher and meshoptimizer's simplifier (Garland and Heckbert, Surface simplification using
+/// quadric error metrics, 1997); where decimation would open the surface it is left finer. Throws Error when
+/// the mask is empty.
+Mesh surface_of(const Mask& mask, std::size_t triangles);
+
+}  // namespace xraycast

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "xraycast/mask/mask.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+
+namespace xraycast {
+
+/// Which CT numbers are a vessel's.
+struct HuWindow {
+  double low_hu;   ///< at a vessel's edge, where voxels hold lumen and tissue
+  double core_hu;  ///< within a vessel
+  double high_hu;  ///< above is bone, calcification or metal
+};
+
+/// The edge lies halfway from tissue to vessel; the core begins at 70 % of the way, which leaves out a second
+/// filling such as a false lumen's, and ends a quarter of the way or three standard deviations of the noise
+/// above the vessels' CT number, whichever is more.
+HuWindow window_of(const Contrast& contrast);
+
+/// Voxels of the core, and those down to the edge's CT number that touch one: the rim in which lumen and
+/// tissue mix is one voxel wide.
+Mask threshold(const Volume& volume, const HuWindow& window);
+
+/// The same, but the edge's voxels count wherever they are connected to the core (hysteresis).
+Mask threshold_with_hysteresis(const Volume& volume, const HuWindow& window);
+
+/// The voxels from `low_hu` up to and including `high_hu`.
+Mask between(const Volume& volume, double low_hu, double high_hu);
+
+}  // namespace xraycast

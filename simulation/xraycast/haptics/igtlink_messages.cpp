@@ -1,0 +1,59 @@
+#include "xraycast/haptics/igtlink_messages.hpp"
+
+#include <chrono>
+#include <igtl_unit.h>
+#include <igtl_util.h>
+#include <initializer_list>
+
+namespace xraycast {
+namespace {
+
+/// A sensor of three values, in the product of the given units (protocol, unit.md). The library's igtl::Unit
+/// keeps only the last of several.
+igtl::SensorMessage::Pointer vector_sensor(const char* name, std::initializer_list<igtl_uint8> units) {
+  igtl_unit_data product;
+  igtl_unit_init(&product);
+  for (int i = 0; const igtl_uint8 unit : units) {
+    product.unit[i] = unit;
+    product.exp[i++] = 1;
+  }
+  auto message = igtl::SensorMessage::New();
+  message->SetDeviceName(name);
+  message->SetLength(3);
+  message->SetUnit(igtl_unit_pack(&product));
+  return message;
+}
+
+std::string packed(igtl::MessageBase& message) {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
+  const auto fraction = std::chrono::duration_cast<std::chrono::nanoseconds>(now - seconds);
+  message.SetTimeStamp(static_cast<unsigned>(seconds.count()),
+                       igtl_nanosec_to_frac(static_cast<igtl_uint32>(fraction.count())));
+  message.Pack();
+  return {static_cast<const char*>(message.GetPackPointer()),
+          static_cast<std::size_t>(message.GetPackSize())};
+}
+
+}  // namespace
+
+IgtlinkMessages::IgtlinkMessages()
+    : force_(vector_sensor("HubForce", {IGTL_UNIT_SI_DERIVED_NEWTON})),
+      torque_(vector_sensor("HubTorque", {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER})),
+      status_(igtl::StatusMessage::New()) {
+  status_->SetDeviceName("xraycast");
+}
+
+std::string IgtlinkMessages::load(const HubLoad& load) {
+  force_->SetValue(2, -load.force_N);
+  torque_->SetValue(2, -load.torque_Nm);
+  return packed(*force_) + packed(*torque_);
+}
+
+std::string IgtlinkMessages::status(int code, const std::string& text) {
+  status_->SetCode(code);
+  status_->SetStatusString(text.c_str());
+  return packed(*status_);
+}
+
+}  // namespace xraycast

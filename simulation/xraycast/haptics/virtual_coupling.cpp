@@ -1,0 +1,69 @@
+#include "xraycast/haptics/virtual_coupling.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+
+VirtualCoupling::VirtualCoupling(const HubPose& start, const CouplingSettings& settings)
+    : settings_(settings),
+      insertion_m_{start.insertion_mm / 1000, start.insertion_mm / 1000, 0},
+      rotation_rad_{start.rotation_rad, start.rotation_rad, 0},
+      silence_s_(settings.patience_s) {}
+
+void VirtualCoupling::stand_at(const HubPose& hub) {
+  constexpr double kRounding = 1e-9;
+  const auto stand = [](AxisState& axis, double position) {
+    if (std::abs(axis.position - position) < kRounding) return;
+    axis.position = position;
+    axis.velocity = 0;
+  };
+  stand(insertion_m_, hub.insertion_mm / 1000);
+  stand(rotation_rad_, hub.rotation_rad);
+}
+
+VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad& load, double step_s) {
+  Step result;
+  const bool finite = std::isfinite(hand.pose.insertion_mm) && std::isfinite(hand.pose.rotation_rad) &&
+                      std::isfinite(load.force_N) && std::isfinite(load.torque_Nm);
+  if (poses_come(hand.count, step_s) && finite) {
+    result.frozen = false;
+    result.felt.force_N =
+        move(insertion_m_, settings_.insertion, hand.pose.insertion_mm / 1000, load.force_N, step_s);
+    result.felt.torque_Nm =
+        move(rotation_rad_, settings_.rotation, hand.pose.rotation_rad, load.torque_Nm, step_s);
+  } else {
+    for (AxisState* const axis : {&insertion_m_, &rotation_rad_}) *axis = {axis->position, axis->position, 0};
+  }
+  result.hub = {.insertion_mm = insertion_m_.position * 1000, .rotation_rad = rotation_rad_.position};
+  return result;
+}
+
+bool VirtualCoupling::poses_come(std::uint64_t count, double step_s) {
+  silence_s_ = count != count_ ? 0 : silence_s_ + step_s;
+  count_ = count;
+  return silence_s_ < settings_.patience_s - step_s / 2;  // half a step, for the sum's rounding
+}
+
+/// Implicit Euler for spring and damper, stable whatever they are; explicit in the rod's load. Returns what
+/// the spring does to the hand.
+double VirtualCoupling::move(AxisState& state, const CouplingAxis& axis, double hand, double load,
+                             double step_s) {
+  state.led += std::clamp(hand - state.led, -axis.fastest * step_s, axis.fastest * step_s);
+
+  const double damping = 2 * std::sqrt(axis.stiffness * axis.inertia);
+  const double momentum = axis.inertia * state.velocity - load * step_s;
+  const double damped = axis.inertia + damping * step_s;
+  const auto stretch = [&](double velocity) { return state.led - state.position - velocity * step_s; };
+
+  double velocity =
+      (momentum + axis.stiffness * stretch(0) * step_s) / (damped + axis.stiffness * step_s * step_s);
+  const double spring = axis.stiffness * stretch(velocity);
+  const double limited = std::clamp(spring, -axis.largest_load, axis.largest_load);
+  if (limited != spring) velocity = (momentum + limited * step_s) / damped;
+  state.velocity = std::clamp(velocity, -axis.fastest, axis.fastest);
+  state.position += state.velocity * step_s;
+  return limited;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,116 @@
+#pragma once
+
+#include "xraycast/geometry/nurbs_curve.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/hub.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/mechanics/lumen_distance_field.hpp"
+#include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/wall_contact.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <cstddef>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// The end of a tree that lies furthest down: where a femoral puncture would lead to.
+VesselEnd most_inferior_end(const VesselTree& tree);
+
+/// The end of a branch. Throws InputError, with `name` in front, when there is no such branch or both its
+/// ends go on into others.
+VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name);
+
+/// The end nearest to a point.
+VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
+
+/// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
+/// taken, no farther than 50 mm away; for an empty text the most inferior one that the device fits into.
+/// Throws InputError.
+VesselEnd parse_entry(const VesselTree& tree, const std::string& text, const InstrumentModel& device);
+
+/// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
+/// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& device);
+
+/// Where a catheter's tip is.
+struct CatheterTip {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 direction{0, 0, 1};  ///< unit
+  int branch = 0;                 ///< of the tree
+  double arc_length_mm = 0;       ///< from the branch's first point
+};
+
+/// A point of the rod that touches a vessel's wall, and the wall's force on it.
+struct CatheterContact {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 force_N{0, 0, 0};  ///< friction included
+};
+
+/// A catheter or guide wire in a vessel tree, moved at its hub.
+///
+/// It comes in at a vessel's end through an introducer, a straight guide of 20 mm outside the tree; the rod
+/// is simulated from there to its tip and fed in and out at its far end. At an insertion of 0 the tip stands
+/// at the vessel's end.
+class Catheter {
+ public:
+  struct Options {
+    double spacing_mm = 0;  ///< of the nodes, where the device is straight; 0: see node_spacing_mm
+    double step_s = 1e-3;
+    double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
+    int iterations = 400;               ///< of Newton's method in a step, at most
+  };
+
+  // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.
+  static constexpr double kFastest_mm_s = 300, kFastest_rad_s = 30;
+
+  /// Against more than this a device buckles before the introducer or slips through the fingers: the hub
+  /// stays where it is.
+  static constexpr double kStrongestPush_N = 3;
+
+  /// Throws InputError when the device is thicker than the vessel at the entry.
+  Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry,
+           const Options& options);
+  Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry)
+      : Catheter(tree, device, entry, Options{}) {}
+
+  /// One step in time towards a pose, whose insertion is held to between 0 and longest_insertion_mm().
+  void step(const HubPose& target);
+
+  double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
+  double step_s() const { return options_.step_s; }
+  double longest_insertion_mm() const;
+
+  const HubPose& pose() const { return pose_; }  ///< where the hub is
+  bool is_held() const { return is_held_; }  ///< it was to be pushed on, but already bears kStrongestPush_N
+  HubLoad load() const;
+  CatheterTip tip() const;
+
+  /// The rod's nodes from the introducer's far end to the tip. Without allocation where `nodes_mm` has room.
+  void copy_nodes(std::vector<glm::dvec3>& nodes_mm) const;
+  void copy_contacts(std::vector<CatheterContact>& contacts) const;
+  std::size_t most_nodes() const { return rod_.most_nodes(); }
+
+  const Rod& rod() const { return rod_; }
+  const WallContact& wall() const { return *wall_; }
+
+  /// Elastic, kinetic and in the walls.
+  double energy_J() const;
+
+ private:
+  Options options_;
+  Rod rod_;
+  std::unique_ptr<WallContact> wall_;
+  HubPose pose_;
+  bool is_held_ = false;
+  long steps_ = 0;
+};
+
+/// The clamped cubic through nodes (four or more; see NurbsCurve::cubic), by progressive iteration (Lin, Bao
+/// and Wang, Totally positive bases and progressive iteration approximation, 2005).
+NurbsCurve curve_through(const std::vector<glm::dvec3>& nodes_mm);
+
+}  // namespace xraycast

@@ -1,0 +1,87 @@
+#pragma once
+
+#include <glm/vec2.hpp>
+
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A stretch of a catheter or guide wire. Values run linearly from its tip's side to its hub's side.
+struct DeviceSection {
+  struct Range {
+    double at_tip = 0, at_hub = 0;
+  };
+  double length_mm = 0;
+  Range bending_stiffness_Nmm2 = {};    ///< EI
+  Range torsional_stiffness_Nmm2 = {};  ///< GJ
+  Range curvature_per_mm = {};          ///< of the shape it takes without load
+  double plane_rad = 0;                 ///< of that curvature, about the device's axis
+};
+
+/// A catheter or guide wire, as a thin elastic rod. Lengths along it are measured from its tip. Immutable.
+class InstrumentModel {
+ public:
+  struct Properties {
+    std::string name;
+    double radius_mm = 0;                              ///< outside
+    double mass_per_length_g_mm = 0;                   ///< filled with blood, if it has a lumen
+    double axial_stiffness_N = 0;                      ///< EA
+    double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
+    std::vector<DeviceSection> sections;               ///< from the tip on
+  };
+
+  /// Throws InputError, with `origin` in front, for a number that is not finite or out of its range: no
+  /// section, a length, radius, mass or stiffness that is not above zero, friction below zero or a kinetic
+  /// one above the static one, a curvature of more than 1/(2 radius).
+  InstrumentModel(Properties properties, const std::string& origin);
+
+  /// Reads {"name", "radius_mm", "density_g_cm3", "inner_radius_mm" (0 without), "axial_stiffness_N",
+  /// "static_friction", "kinetic_friction", "sections": [{"length_mm", "bending_stiffness_Nmm2",
+  /// "torsional_stiffness_Nmm2", "curvature_per_mm" (0 without), "plane_deg" (0 without)}, ...]}; a section's
+  /// stiffnesses and curvature are a number, or two: [tip's side, hub's side]. Throws InputError naming
+  /// `origin` and the field.
+  static InstrumentModel from_json(const std::string& text, const std::string& origin);
+
+  /// A preset by its name, or a JSON file. Throws InputError.
+  static InstrumentModel named(const std::string& name_or_file);
+
+  /// The names of the presets.
+  static std::vector<std::string> preset_names();
+
+  /// A preset's JSON, the sources of its numbers in its field "sources".
+  static std::string preset_json(const std::string& name);
+
+  const std::string& name() const { return properties_.name; }
+  double length_mm() const { return length_mm_; }
+  double radius_mm() const { return properties_.radius_mm; }
+  double mass_per_length_g_mm() const { return properties_.mass_per_length_g_mm; }
+  double axial_stiffness_N() const { return properties_.axial_stiffness_N; }
+  double static_friction() const { return properties_.static_friction; }
+  double kinetic_friction() const { return properties_.kinetic_friction; }
+
+  /// At a length from the tip, which is held to the device's.
+  double bending_stiffness_Nmm2(double from_tip_mm) const;
+  double torsional_stiffness_Nmm2(double from_tip_mm) const;
+
+  /// By how much the unloaded device turns between two lengths from the tip: the integral of its curvature in
+  /// the two planes through its axis.
+  glm::dvec2 rest_turn_rad(double from_mm, double to_mm) const;
+
+  /// Where a rod's nodes stand, from the tip on: `spacing_mm` apart or closer, so that no node turns by more
+  /// than a quarter of a radian at rest and none is left alone in a short section.
+  std::vector<double> stations_mm(double spacing_mm) const;
+
+ private:
+  struct Spot {
+    const DeviceSection& section;
+    double fraction;
+  };
+  Spot spot(double from_tip_mm) const;
+
+  Properties properties_;
+  std::vector<double> starts_mm_;  ///< of the sections, from the tip
+  double length_mm_ = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,102 @@
+#include "xraycast/simulation/simulation_loop.hpp"
+
+#include "xraycast/base/stopwatch.hpp"
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <pthread.h>
+#include <sched.h>
+#include <sys/resource.h>
+#include <sys/syscall.h>
+#include <unistd.h>
+
+namespace xraycast {
+namespace {
+
+using Clock = std::chrono::steady_clock;
+
+constexpr double kBins_per_ms = 100;
+constexpr std::size_t kBins = 2000;  // the last one holds what took longer than 20 ms
+constexpr auto kLongestDelay = std::chrono::milliseconds(100);
+// Summing up the histogram takes microseconds; once in so many steps it goes unnoticed.
+constexpr std::int64_t kSummary_steps = 100;
+
+double percentile_ms(const std::vector<std::int64_t>& histogram, std::int64_t total, double part) {
+  const auto wanted = static_cast<std::int64_t>(std::ceil(part * static_cast<double>(total)));
+  std::int64_t below = 0;
+  std::size_t bin = 0;
+  while (bin + 1 < histogram.size() && (below += histogram[bin]) < wanted) ++bin;
+  return static_cast<double>(bin + 1) / kBins_per_ms;
+}
+
+/// Before other threads of this machine: a millisecond is soon missed.
+void go_first() {
+  const sched_param priority{.sched_priority = 1};
+  if (pthread_setschedparam(pthread_self(), SCHED_RR, &priority) == 0) return;
+  // Where the user may not ask for that, short turns, as whose turn is shorter waits less. Linux grants them
+  // since 6.12 and ignores them before. The kernel's struct sched_attr, which this C library has no name for:
+  struct {
+    std::uint32_t size = 48, policy = SCHED_OTHER;
+    std::uint64_t flags = 0;
+    std::int32_t nice = getpriority(PRIO_PROCESS, 0);  // as it is
+    std::uint32_t priority = 0;
+    std::uint64_t runtime_ns = 100'000, deadline_ns = 0, period_ns = 0;
+  } turns;
+  syscall(SYS_sched_setattr, 0, &turns, 0U);
+}
+
+}  // namespace
+
+SimulationLoop::SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand)
+    : catheter_(std::move(catheter)), hand_(std::move(hand)), histogram_(kBins, 0) {
+  next_.nodes_mm.reserve(catheter_->most_nodes());
+  next_.contacts.reserve(catheter_->most_nodes());
+  publish();
+  thread_ = std::thread([this] { run(); });
+}
+
+SimulationLoop::~SimulationLoop() {
+  stops_ = true;
+  thread_.join();
+}
+
+void SimulationLoop::publish() {
+  next_.time_s = catheter_->time_s();
+  next_.pose = catheter_->pose();
+  next_.load = catheter_->load();
+  next_.tip = catheter_->tip();
+  catheter_->copy_nodes(next_.nodes_mm);
+  catheter_->copy_contacts(next_.contacts);
+  snapshots_.write(next_);
+}
+
+void SimulationLoop::count(double step_ms, bool is_late) {
+  LoopTiming& timing = next_.timing;
+  ++timing.steps;
+  timing.missed += is_late;
+  sum_ms_ += step_ms;
+  timing.mean_ms = sum_ms_ / static_cast<double>(timing.steps);
+  timing.longest_ms = std::max(timing.longest_ms, step_ms);
+  ++histogram_[std::min(kBins - 1, static_cast<std::size_t>(step_ms * kBins_per_ms))];
+  if (timing.steps % kSummary_steps == 0) timing.p999_ms = percentile_ms(histogram_, timing.steps, 0.999);
+}
+
+void SimulationLoop::run() {
+  go_first();
+  const auto period =
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(catheter_->step_s()));
+  auto begin = Clock::now();
+  while (!stops_) {
+    const Stopwatch stopwatch;
+    catheter_->step(hand_(catheter_->pose(), catheter_->load(), catheter_->step_s()));
+    publish();
+    begin += period;
+    const auto now = Clock::now();
+    count(stopwatch.ms(), now > begin);
+    if (now - begin > kLongestDelay) begin = now;
+    std::this_thread::sleep_until(begin);
+  }
+}
+
+}  // namespace xraycast

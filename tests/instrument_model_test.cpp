@@ -1,0 +1,143 @@
+#include "xraycast/mechanics/instrument_model.hpp"
+
+#include "support/temporary_folder.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+#include <nlohmann/json.hpp>
+
+#include <cmath>
+#include <numbers>
+#include <ostream>
+
+namespace xraycast {
+namespace {
+
+using ::testing::HasSubstr;
+using ::testing::StartsWith;
+
+TEST(InstrumentModel, PresetsReadBackAndNameTheirSources) {
+  EXPECT_THAT(
+      InstrumentModel::preset_names(),
+      testing::ElementsAre("guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f"));
+  for (const std::string& name : InstrumentModel::preset_names()) {
+    const InstrumentModel device = InstrumentModel::named(name);
+    EXPECT_EQ(device.name(), name);
+    EXPECT_GE(device.length_mm(), 1000) << name;
+    EXPECT_GT(nlohmann::json::parse(InstrumentModel::preset_json(name)).value("sources", "").size(), 20u)
+        << name;
+    // Softest at its tip, or nobody would put it into a vessel.
+    EXPECT_LT(device.bending_stiffness_Nmm2(0), device.bending_stiffness_Nmm2(device.length_mm())) << name;
+  }
+}
+
+TEST(InstrumentModel, PresetsHaveTheDiametersOfTheirNames) {
+  // French is a third of a millimetre; an inch has 25.4 of them.
+  EXPECT_NEAR(2 * InstrumentModel::named("guidewire-035-j").radius_mm(), 0.035 * 25.4, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("cobra-5f").radius_mm(), 5 / 3.0, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("microcatheter-27f").radius_mm(), 0.9, 1e-3);
+  // Harrison et al., 2011: 9.5 GPa times pi d^4 / 64.
+  const double section_mm4 = std::numbers::pi * std::pow(0.889, 4) / 64;
+  EXPECT_NEAR(InstrumentModel::named("guidewire-035-j").bending_stiffness_Nmm2(500), 9500 * section_mm4, 5);
+}
+
+TEST(InstrumentModel, PigtailCurlsOnceAroundAndMore) {
+  const glm::dvec2 turn = InstrumentModel::named("pigtail-5f").rest_turn_rad(0, 1000);
+  EXPECT_GT(turn.x, 2 * std::numbers::pi);
+  EXPECT_EQ(turn.y, 0);
+}
+
+const char* const kDevice = R"({"name": "two parts", "radius_mm": 0.5, "density_g_cm3": 2,
+  "axial_stiffness_N": 100, "static_friction": 0.2, "kinetic_friction": 0.1, "sections": [
+  {"length_mm": 10, "bending_stiffness_Nmm2": [10, 30], "torsional_stiffness_Nmm2": 5, "curvature_per_mm": 0.1},
+  {"length_mm": 90, "bending_stiffness_Nmm2": 30, "torsional_stiffness_Nmm2": 20,
+   "curvature_per_mm": [0.02, 0], "plane_deg": 90}]})";
+
+TEST(InstrumentModel, VariesAlongItsLength) {
+  const InstrumentModel device = InstrumentModel::from_json(kDevice, "file");
+  EXPECT_DOUBLE_EQ(device.length_mm(), 100);
+  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(5), 20);
+  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(50), 30);
+  EXPECT_DOUBLE_EQ(device.torsional_stiffness_Nmm2(9.9), 5);
+  EXPECT_DOUBLE_EQ(device.torsional_stiffness_Nmm2(10.1), 20);
+  EXPECT_DOUBLE_EQ(device.rest_turn_rad(0, 10).x, 1);
+  EXPECT_NEAR(device.rest_turn_rad(5, 100).x, 0.5, 1e-12);
+  EXPECT_NEAR(device.rest_turn_rad(5, 100).y, 0.9, 1e-12);  // 90 mm of 0.01 on the mean
+  EXPECT_DOUBLE_EQ(device.mass_per_length_g_mm(), 2e-3 * std::numbers::pi * 0.25);
+}
+
+TEST(InstrumentModel, StationsEndWithTheSectionsAndFollowTheCurves) {
+  const InstrumentModel device = InstrumentModel::from_json(kDevice, "file");
+  const std::vector<double> stations = device.stations_mm(5);
+  EXPECT_EQ(stations.front(), 0);
+  EXPECT_DOUBLE_EQ(stations.back(), 100);
+  EXPECT_THAT(stations, testing::Contains(10.0));
+  for (std::size_t i = 1; i < stations.size(); ++i) {
+    EXPECT_LE(stations[i] - stations[i - 1], 5 + 1e-9);
+    EXPECT_LE(std::hypot(device.rest_turn_rad(stations[i - 1], stations[i]).x,
+                         device.rest_turn_rad(stations[i - 1], stations[i]).y),
+              0.25 + 1e-9);
+  }
+}
+
+struct BadDevice {
+  const char *name, *part, *instead, *message;
+};
+void PrintTo(const BadDevice& bad, std::ostream* out) { *out << bad.name; }
+
+class RefusedDevice : public testing::TestWithParam<BadDevice> {};
+
+TEST_P(RefusedDevice, NamesTheField) {
+  std::string json = kDevice;
+  const auto at = json.find(GetParam().part);
+  ASSERT_NE(at, std::string::npos);
+  json.replace(at, std::string(GetParam().part).size(), GetParam().instead);
+  try {
+    InstrumentModel::from_json(json, "file.json");
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), StartsWith("file.json: "));
+    EXPECT_THAT(error.what(), HasSubstr(GetParam().message));
+    EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
+  }
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    Bad, RefusedDevice,
+    testing::Values(
+        BadDevice{"NotJson", "{", "[", "not a JSON object"},
+        BadDevice{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
+        BadDevice{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
+        BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it has to be above zero"},
+        BadDevice{"Density", "\"density_g_cm3\": 2", "\"density_g_cm3\": -2", "\"density_g_cm3\" is -2"},
+        BadDevice{"Friction", "\"kinetic_friction\": 0.1", "\"kinetic_friction\": 0.3",
+                  "\"kinetic_friction\" is 0.3"},
+        BadDevice{"NoSections", "\"sections\"", "\"parts\"", "\"sections\" is missing"},
+        BadDevice{"Length", "\"length_mm\": 90", "\"length_mm\": -90", "sections[1]: \"length_mm\" is -90"},
+        BadDevice{"Stiffness", "[10, 30]", "[10, 0]", "sections[0]: \"bending_stiffness_Nmm2\" is 0"},
+        BadDevice{"ThreeStiffnesses", "[10, 30]", "[10, 20, 30]", "a number, or two"},
+        BadDevice{"Curvature", "\"curvature_per_mm\": 0.1", "\"curvature_per_mm\": 1.1",
+                  "less than its own width"},
+        BadDevice{"TooLong", "\"length_mm\": 90", "\"length_mm\": 9000", "more than 5 m"}),
+    [](const auto& bad) { return std::string(bad.param.name); });
+
+TEST(InstrumentModel, IsReadFromAFileInAnyCase) {
+  const TemporaryFolder folder;
+  write_whole_file(folder / "WIRE.JSON", kDevice);
+  EXPECT_EQ(InstrumentModel::named((folder / "WIRE.JSON").string()).radius_mm(), 0.5);
+}
+
+TEST(InstrumentModel, UnknownNameListsThePresets) {
+  try {
+    InstrumentModel::named("cobra");
+    FAIL() << "accepted";
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), HasSubstr("cobra: no such device"));
+    EXPECT_THAT(error.what(), HasSubstr("cobra-5f"));
+  }
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,17 @@
+#include "xraycast/base/pluralize.hpp"
+
+#include <gtest/gtest.h>
+
+namespace xraycast {
+namespace {
+
+TEST(Pluralize, OneThingIsSingular) {
+  EXPECT_EQ(pluralize(0, "layer"), "0 layers");
+  EXPECT_EQ(pluralize(1, "layer"), "1 layer");
+  EXPECT_EQ(pluralize(8, "layer"), "8 layers");
+  EXPECT_EQ(pluralize(1, "branch"), "1 branch");
+  EXPECT_EQ(pluralize(2, "branch"), "2 branches");
+}
+
+}  // namespace
+}  // namespace xraycast

@@ -1,0 +1,97 @@
+#include "xraycast/sampling/rectified_view.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+
+MapGeometry map() {
+  MapGeometry geometry;
+  geometry.height = 200;
+  geometry.radii_mm = {0, 60, 120};
+  geometry.centre_mm = {{12, -7}};
+  geometry.top_mm = 150;
+  geometry.row_spacing_mm = 1.5;
+  return geometry;
+}
+
+View view_at(double angle_deg, double tilt_deg, std::optional<Cone> cone) {
+  return fitted(View{.angle_rad = angle_deg * kRadians,
+                     .tilt_rad = tilt_deg * kRadians,
+                     .cone = cone,
+                     .centre_mm = {10, -5, 20},
+                     .width = 200,
+                     .height = 160},
+                bounds_of(map()));
+}
+
+class UprightViews : public testing::TestWithParam<View> {};
+
+TEST_P(UprightViews, FollowTheSameRays) {
+  const View& view = GetParam();
+  const RectifiedView upright = rectified_view(view, map());
+  for (const double i : {0.0, 50.5, 99.5, 199.0})
+    for (const double j : {0.0, 30.0, 79.5, 159.0}) {
+      const glm::dvec3 pixel = view.pixel_on_detector_mm(i, j);
+      const glm::dvec3 along = view.cone ? glm::normalize(pixel - view.source_mm()) : view.towards_detector();
+      const glm::dvec2 place = upright.of_pixel(i, j);
+      const double z = upright.top_mm - place.y * upright.row_mm;
+      for (const double s : {-100.0, 0.0, 80.0}) {
+        const glm::dvec2 xy = upright.origin_mm(place.x) + s * upright.direction(place.x);
+        const glm::dvec3 point(xy, z + s * upright.slope_at(place.x, z));
+        // Products of lengths up to 2000 mm in double precision.
+        EXPECT_LT(glm::length(glm::cross(point - pixel, along)), 1e-8) << i << ' ' << j << ' ' << s;
+      }
+    }
+}
+
+TEST_P(UprightViews, HoldAllOfTheBodyThatIsSeen) {
+  const View& view = GetParam();
+  const MapGeometry geometry = map();
+  const RectifiedView upright = rectified_view(view, geometry);
+  for (int i = 0; i < view.width; i += 3)
+    for (int j = 0; j < view.height; j += 3) {
+      const glm::dvec3 pixel = view.pixel_on_detector_mm(i, j);
+      const glm::dvec3 along = view.cone ? glm::normalize(pixel - view.source_mm()) : view.towards_detector();
+      bool meets = false;
+      for (double t = -3000; t < 3000 && !meets; t += 1) {
+        const glm::dvec3 p = pixel + t * along;
+        meets = glm::distance(glm::dvec2(p), geometry.centre_mm[0]) < 120 && p.z < geometry.z_mm(0) &&
+                p.z > geometry.z_mm(geometry.height - 1);
+      }
+      if (!meets) continue;
+      const glm::dvec2 place = upright.of_pixel(i, j);
+      EXPECT_GE(place.x, -1e-9);
+      EXPECT_LE(place.x, upright.columns - 1 + 1e-9);
+      EXPECT_GE(place.y, -1e-9);
+      EXPECT_LE(place.y, upright.rows - 1 + 1e-9) << i << ' ' << j;
+    }
+}
+
+INSTANTIATE_TEST_SUITE_P(Views, UprightViews,
+                         testing::Values(view_at(0, 0, {}), view_at(130, 0, {}), view_at(-35, 20, {}),
+                                         view_at(0, 0, Cone{1000, 1500}), view_at(70, -25, Cone{700, 1200})));
+
+TEST(RectifiedView, OfAnUntiltedParallelBeamHasTheMapsRowsAndThePixelsColumns) {
+  const RectifiedView upright = rectified_view(view_at(30, 0, {}), map());
+  EXPECT_EQ(upright.row_mm, 1.5);
+  // The first row is one of the map's, every fourth of which begins a texel.
+  EXPECT_EQ(std::remainder((150 - upright.top_mm) / 1.5, 4), 0);
+  const glm::dvec2 place = upright.of_pixel(100, 80);
+  EXPECT_NEAR(place.x, std::round(place.x), 1e-9);
+}
+
+TEST(RectifiedView, RefusesToLookAlongTheAxis) {
+  EXPECT_THROW(rectified_view(view_at(0, 85, {}), map()), InputError);
+}
+
+}  // namespace
+}  // namespace xraycast

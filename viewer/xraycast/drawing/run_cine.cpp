@@ -1,0 +1,39 @@
+#include "xraycast/drawing/run_cine.hpp"
+
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+
+namespace xraycast {
+namespace {
+
+enum : std::size_t { kCatheter, kContrast };
+
+}  // namespace
+
+RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
+                 Screen screen)
+    : options_(options), screen_(std::move(screen)), bolus_(tree), contrast_(tree), road_map_(tree) {
+  renderer_.set_map(std::move(map));
+  options_.style.window = automatic_window(renderer_, options_.view, options_.style);
+  options_.style.full_contrast = true;
+}
+
+void RunCine::see(const Catheter& catheter, double time_s) {
+  if (time_s < next_s_) return;
+  const CatheterTip tip = catheter.tip();
+  const bool injects = last_s_ >= options_.inject_from_s && last_s_ < options_.inject_to_s;
+  bolus_.step(time_s - last_s_, place_of(tip), injects ? options_.injection_ml_s : 0);
+  last_s_ = time_s;
+  next_s_ += options_.step_s;
+
+  std::vector<glm::dvec3> nodes_mm;
+  catheter.copy_nodes(nodes_mm);
+  renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().device().radius_mm()));
+  if (options_.style.look == Look::fluoro)
+    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
+  std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
+  draw_outline(road_map_.outline(options_.view), kRoadMapColour, options_.view.width, rgb);
+  screen_(std::move(rgb));
+}
+
+}  // namespace xraycast

@@ -1,0 +1,47 @@
+#pragma once
+
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/road_map.hpp"
+#include "xraycast/simulation/contrast_bolus.hpp"
+
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <vector>
+
+namespace xraycast {
+
+/// The frames of a catheter's run, as a C-arm that stands still sees it: the body, the catheter, contrast
+/// agent while it is injected, and the vessels' outline as a road map. Needs a current OpenGL context.
+class RunCine {
+ public:
+  struct Options {
+    View view;            ///< complete
+    Style style;          ///< its window is chosen by the first frame
+    double step_s = 0.1;  ///< between frames
+    double inject_from_s = 0, inject_to_s = 0;
+    double injection_ml_s = 5;
+  };
+  /// Takes a frame: 8-bit RGB, row 0 on top.
+  using Screen = std::function<void(std::vector<std::uint8_t> rgb)>;
+
+  /// The tree has to stay.
+  RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options, Screen screen);
+
+  /// To be called after every step; draws a frame when it is time for one.
+  void see(const Catheter& catheter, double time_s);
+
+ private:
+  Options options_;
+  Screen screen_;
+  Renderer renderer_;
+  ContrastBolus bolus_;
+  ContrastSurface contrast_;
+  RoadMap road_map_;
+  double last_s_ = 0, next_s_ = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,63 @@
+#pragma once
+
+#include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/casting/view.hpp"
+
+#include <optional>
+#include <string>
+
+namespace xraycast {
+
+/// Where a map's body lies: what a picture has to show of it.
+struct BodyBounds {
+  glm::dvec3 centre_mm{0, 0, 0};  ///< on the axis at mid-height
+  double radius_mm = 1;           ///< about the axis
+  double half_height_mm = 1;
+  double finest_mm = 1;  ///< the smallest distance between what the map tells apart
+
+  bool holds(const glm::dvec3& point_mm) const;
+};
+
+/// The bounds of all that a map's rays met. About a bent axis the circle encloses every row's circle.
+BodyBounds bounds_of(const MapGeometry& geometry);
+
+/// The C-arm as the person at the table moves it: its rotation about the body's axis, the table's travel
+/// along it, and the magnification; cranial and caudal tilt as an extra.
+struct Camera {
+  double angle_rad = 0;  ///< LAO is positive
+  double tilt_rad = 0;   ///< cranial is positive
+  double table_mm = 0;   ///< how far above mid-height the picture's centre lies
+  double zoom = 1;       ///< 1: the whole body fits
+  std::optional<Cone> cone{};
+
+  static constexpr double kMinZoom = 0.25, kMaxZoom = 40;
+  static constexpr double kMaxTilt_rad = 0.8726646259971648;  ///< 50 deg, farther than C-arms go
+
+  /// The left, middle and wheel of a mouse: by how many degrees, millimetres of table and times larger. The
+  /// result is held to what there is; angles stay within -180 to 180 deg.
+  void rotate(double degrees);
+  void tilt(double degrees);
+  void travel(double mm, const BodyBounds& bounds);
+  void magnify(double times);
+
+  bool operator==(const Camera&) const = default;
+};
+
+/// A view that is named in the room.
+struct CameraPreset {
+  const char* name;
+  double angle_deg;
+};
+inline constexpr CameraPreset kCameraPresets[] = {
+    {"AP", 0}, {"LAO 45", 45}, {"RAO 30", -30}, {"Lateral", 90}};
+
+/// What a camera sees of a body on a detector of that many pixels. Throws InputError as `fitted` does.
+View view_of(const Camera& camera, const BodyBounds& bounds, int width, int height);
+
+/// The view with pixel size and picture size set where they are 0, as `fitted` does for a scan.
+View fitted(View view, const BodyBounds& bounds);
+
+/// `LAO 30 / CRA 10   table +12 mm   x1.5`.
+std::string status_of(const Camera& camera);
+
+}  // namespace xraycast

@@ -1,0 +1,188 @@
+#include "xraycast/sampling/column_samples.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/sampling/shell_halves.hpp"
+#include "xraycast/sampling/shell_pieces.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+
+/// One column's rays, seen from above.
+struct Line {
+  glm::dvec2 foot_mm;  ///< from the map's axis to the nearest point of the line
+  glm::dvec2 direction;
+  double foot_s_mm;  ///< where that point is, by RectifiedView's s
+
+  glm::dvec2 at(double along_mm) const { return foot_mm + along_mm * direction; }
+  double offset_mm() const { return glm::length(foot_mm); }
+};
+
+Line line_of(const RectifiedView& upright, int column, const glm::dvec2& axis_mm) {
+  const glm::dvec2 direction = upright.direction(column), from_axis = upright.origin_mm(column) - axis_mm;
+  const double foot_s = -glm::dot(from_axis, direction);
+  return {from_axis + foot_s * direction, direction, foot_s};
+}
+
+class Sampler {
+ public:
+  Sampler(const MapGeometry& geometry, const SampleOptions& options, std::vector<ColumnSample>& out)
+      : geometry_(geometry),
+        options_(options),
+        profile_(geometry.radii_mm, options.reconstruction),
+        out_(out) {}
+
+  void follow(const Line& line) {
+    if (options_.compositing == Compositing::wall)
+      walls(line);
+    else
+      path(line);
+  }
+
+ private:
+  /// A sample at `along_mm`, which stands for the line from there to there.
+  void add(const Line& line, double along_mm, double from_mm, double to_mm, double weight,
+           RadialProfile::Place place) {
+    const glm::dvec2 p = line.at(along_mm);
+    const double turn = std::atan2(p.x, -p.y) / kTurn;
+    double column = turn * geometry_.width - 0.5;
+    if (column < 0) column += geometry_.width;
+    const double first = std::floor(column);
+    out_.push_back({static_cast<float>(place.layer * (geometry_.width + 1) + first),
+                    static_cast<float>(weight), static_cast<float>(column - first),
+                    static_cast<float>(place.share), static_cast<float>(line.foot_s_mm + along_mm),
+                    static_cast<float>(line.foot_s_mm + from_mm), static_cast<float>(line.foot_s_mm + to_mm),
+                    0});
+  }
+
+  void walls(const Line& line) {
+    const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
+    for (const int side : {-1, 1})
+      for (int k = 0; k < geometry_.layers(); ++k) {
+        const int layer = side < 0 ? geometry_.layers() - 1 - k : k;
+        const double radius = scale * geometry_.radii_mm[layer + 1], offset = line.offset_mm();
+        if (radius <= offset) continue;
+        const double along = side * std::sqrt((radius - offset) * (radius + offset));
+        add(line, along, along, along, 1, {layer, 0});
+      }
+  }
+
+  /// From where to where along a line there may be matter.
+  std::pair<double, double> within_field(const Line& line) const {
+    constexpr double kInfinity = std::numeric_limits<double>::infinity();
+    std::pair<double, double> range{-kInfinity, kInfinity};
+    for (int axis = 0; geometry_.field && axis < 2; ++axis) {
+      const double start = geometry_.centre_mm[0][axis] + line.foot_mm[axis], slope = line.direction[axis];
+      const double low = geometry_.field->lower_mm[axis] - start,
+                   high = geometry_.field->upper_mm[axis] - start;
+      if (slope == 0) {
+        if (low > 0 || high < 0) return {0, 0};
+        continue;
+      }
+      range.first = std::max(range.first, std::min(low / slope, high / slope));
+      range.second = std::min(range.second, std::max(low / slope, high / slope));
+    }
+    return range;
+  }
+
+  void path(const Line& line) {
+    const std::vector<double> knots_mm = profile_.knots_mm();
+    const double offset = line.offset_mm();
+    const auto [enters_mm, leaves_mm] = within_field(line);
+    for (ShellPiece piece : shell_pieces(knots_mm, offset)) {
+      piece.from_mm = std::max(piece.from_mm, enters_mm);
+      piece.to_mm = std::min(piece.to_mm, leaves_mm);
+      if (piece.from_mm >= piece.to_mm) continue;
+      const double turned = std::abs(std::atan2(piece.to_mm, offset) - std::atan2(piece.from_mm, offset));
+      const double texels = turned / kTurn * geometry_.width;
+      if (texels <= 0.5 * options_.texels_per_step) {
+        const double middle = 0.5 * (piece.from_mm + piece.to_mm);
+        add(line, middle, piece.from_mm, piece.to_mm, piece.length_mm(),
+            profile_.at(std::hypot(middle, offset)));
+        continue;
+      }
+      const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
+      const double step = piece.length_mm() / steps;
+      const double gauss = 0.5 * step / std::numbers::sqrt3;
+      for (int i = 0; i < steps; ++i) {
+        const double middle = piece.from_mm + (i + 0.5) * step;
+        for (const int side : {-1, 1}) {
+          const double along = middle + side * gauss, end = middle + side * 0.5 * step;
+          add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step,
+              profile_.at(std::hypot(along, offset)));
+        }
+      }
+    }
+  }
+
+  const MapGeometry& geometry_;
+  const SampleOptions& options_;
+  RadialProfile profile_;
+  std::vector<ColumnSample>& out_;
+};
+
+/// The stored pictures on both sides of the view's angle. From behind, a picture is its mirror image.
+void stored_pictures(const RectifiedView& upright, int column, const MapGeometry& geometry,
+                     std::vector<ColumnSample>& out) {
+  const double turn = std::atan2(upright.forward.x, -upright.forward.y) / std::numbers::pi;
+  const double view = (turn < 0 ? turn + 2 : turn) * geometry.views;
+  const double first = std::floor(view);
+  const double u_mm = glm::dot(upright.origin_mm(column) - geometry.centre_mm[0], upright.right);
+  if (std::abs(u_mm) > geometry.radius_mm()) return;
+  const double s_mm = glm::dot(geometry.centre_mm[0] - upright.centre_mm, upright.forward);
+  for (const int beside : {0, 1}) {
+    const int index = static_cast<int>(first) + beside;
+    const double weight = beside == 0 ? 1 - (view - first) : view - first;
+    if (weight == 0) continue;
+    const bool mirrored = index / geometry.views % 2 == 1;
+    const double texel =
+        std::clamp((mirrored ? -u_mm : u_mm) / geometry.row_spacing_mm + 0.5 * (geometry.width - 1), 0.0,
+                   geometry.width - 1.0);
+    const double left = std::min(std::floor(texel), std::max(0.0, geometry.width - 2.0));
+    out.push_back({static_cast<float>(index % geometry.views * (geometry.width + 1) + left),
+                   static_cast<float>(weight), static_cast<float>(texel - left), 0, static_cast<float>(s_mm),
+                   static_cast<float>(s_mm - geometry.radius_mm()),
+                   static_cast<float>(s_mm + geometry.radius_mm()), 0});
+  }
+}
+
+}  // namespace
+
+MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
+  MapGeometry drawn = geometry;
+  if (options.blends_layers(geometry)) drawn.radii_mm = halved_radii_mm(geometry.radii_mm);
+  return drawn;
+}
+
+ColumnSamples column_samples(const RectifiedView& upright, const MapGeometry& geometry,
+                             const SampleOptions& options) {
+  if (geometry.projection == Projection::sphere || geometry.centre_mm.size() > 1)
+    throw InputError("only maps about one straight axis have columns");
+  const bool is_rectangle = geometry.projection == Projection::rectangle;
+  if (is_rectangle && (upright.is_cone() || upright.slope != 0))
+    throw InputError("a rectangle map holds parallel pictures without tilt and can show no others");
+  ColumnSamples result;
+  Sampler sampler(geometry, options, result.samples);
+  for (int column = 0; column < upright.columns; ++column) {
+    const std::size_t first = result.samples.size();
+    if (is_rectangle)
+      stored_pictures(upright, column, geometry, result.samples);
+    else
+      sampler.follow(line_of(upright, column, geometry.centre_mm[0]));
+    const double run_mm = std::hypot(upright.source_mm, upright.column_x_mm(column));
+    result.columns.push_back({static_cast<float>(first), static_cast<float>(result.samples.size() - first),
+                              upright.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
+  }
+  return result;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,101 @@
+#include "xraycast/sampling/map_texels.hpp"
+
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/sampling/shell_halves.hpp"
+
+#include <algorithm>
+#include <cassert>
+#include <optional>
+#include <vector>
+
+namespace xraycast {
+namespace {
+
+/// Turns what the map's shells hold into what is drawn of them, a row of texels at a time.
+class RowSolver {
+ public:
+  RowSolver(const MapGeometry& geometry, const SampleOptions& options)
+      : geometry_(geometry),
+        solves_(geometry.projection != Projection::rectangle && options.compositing == Compositing::path),
+        profile_(drawn_shells(geometry, options).radii_mm, options.reconstruction) {
+    if (options.blends_layers(geometry)) halves_.emplace(geometry.radii_mm);
+    // About a straight axis all rows are alike.
+    if (solves_ && geometry.projection == Projection::cylinder && geometry.centre_mm.size() == 1)
+      common_ = system_of(0);
+  }
+
+  /// Shells a map's one is drawn as.
+  std::size_t parts() const { return halves_ ? 2 : 1; }
+
+  /// From K x width to layers of that many texels, `stride` apart.
+  void solve(int row, std::span<const float> shells, std::span<float> drawn, std::size_t stride) const {
+    const auto layers = static_cast<std::size_t>(geometry_.layers()),
+               width = static_cast<std::size_t>(geometry_.width);
+    const System own = solves_ && !common_ ? system_of(row) : System();
+    const System& system = common_ ? *common_ : own;
+    if (halves_)
+      system.split.halve(shells, drawn, stride);
+    else
+      for (std::size_t k = 0; k < layers; ++k) std::copy_n(&shells[k * width], width, &drawn[k * stride]);
+    if (solves_) system.profile.solve(drawn, stride);
+  }
+
+ private:
+  struct System {
+    ShellHalves::Split split;
+    RadialProfile::System profile;
+  };
+
+  System system_of(int row) const {
+    std::vector<double> reaches_mm;
+    for (int i = 0; i < geometry_.width; ++i) reaches_mm.push_back(geometry_.reach_mm(i, row));
+    return {halves_ ? halves_->split(reaches_mm) : ShellHalves::Split(), profile_.system(reaches_mm)};
+  }
+
+  const MapGeometry& geometry_;
+  bool solves_;
+  RadialProfile profile_;
+  std::optional<ShellHalves> halves_;
+  std::optional<System> common_;
+};
+
+}  // namespace
+
+MapTexels texels_of(const MapGeometry& drawn) {
+  return {drawn.layers(), drawn.width + 1, (drawn.height + 3) / 4};
+}
+
+void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
+                 std::span<const float> strengths, std::span<float> texels) {
+  const auto width = static_cast<std::size_t>(geometry.width),
+             height = static_cast<std::size_t>(geometry.height),
+             shells = static_cast<std::size_t>(geometry.layers());
+  const RowSolver solver(geometry, options);
+  const MapTexels lie = texels_of(drawn_shells(geometry, options));
+  const auto layers = static_cast<std::size_t>(lie.layers), run = std::size_t{4} * lie.quads;
+  assert(texels.size() == lie.values());
+
+  // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
+  constexpr std::size_t kRows = 16;
+  parallel_for(static_cast<std::int64_t>((height + kRows - 1) / kRows), [&](std::int64_t block) {
+    const std::size_t first = static_cast<std::size_t>(block) * kRows, rows = std::min(kRows, height - first);
+    const std::size_t stride = rows * width;
+    std::vector<float> drawn(layers * stride), row(shells * width);
+    for (std::size_t j = 0; j < rows; ++j) {
+      for (std::size_t k = 0; k < shells; ++k)
+        std::copy_n(&values[(k * height + first + j) * width], width, &row[k * width]);
+      solver.solve(static_cast<int>(first + j), row, std::span(drawn).subspan(j * width), stride);
+    }
+    for (std::size_t k = 0; k < layers; ++k) {
+      const float strength = strengths.empty() ? 1.0f : strengths[k / solver.parts()];
+      for (std::size_t i = 0; i <= width; ++i) {
+        float* to = &texels[(k * (width + 1) + i) * run + first];
+        const float* from = &drawn[k * stride + i % width];
+        for (std::size_t j = 0; j < rows; ++j) to[j] = strength * from[j * width];
+        std::fill(to + rows, to + std::min(kRows, run - first), 0.0f);
+      }
+    }
+  });
+}
+
+}  // namespace xraycast

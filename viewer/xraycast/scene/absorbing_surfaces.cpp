@@ -1,0 +1,265 @@
+#include "xraycast/scene/absorbing_surfaces.hpp"
+
+#include "xraycast/base/parallel.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <optional>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+constexpr double kBeside_mm = 1;  // of a cone's source
+constexpr int kBand = 32;         // rows of the picture that are made together
+
+/// A point in a view: pixels from the lower left corner, and the depth along the beam in mm, from the view's
+/// centre or a cone's source.
+struct Seen {
+  glm::dvec2 pixel;
+  double depth_mm;
+};
+
+std::vector<Seen> seen_points(const std::vector<glm::vec3>& points_mm, const View& view) {
+  const glm::dmat4 matrix = to_clip(view);
+  const glm::dvec3 origin_mm = view.cone ? view.source_mm() : view.centre_mm, along = view.towards_detector();
+  std::vector<Seen> seen;
+  seen.reserve(points_mm.size());
+  for (const glm::vec3& point_mm : points_mm) {
+    const glm::dvec3 p(point_mm);
+    const glm::dvec4 clip = matrix * glm::dvec4(p, 1);
+    seen.push_back({0.5 * (glm::dvec2(clip) / clip.w + 1.0) * glm::dvec2(view.width, view.height),
+                    glm::dot(p - origin_mm, along)});
+  }
+  return seen;
+}
+
+/// A triangle in a view.
+struct Facet {
+  std::array<glm::dvec2, 3> corners;  ///< anticlockwise
+  ScreenBox box;                      ///< of the pixels whose middles may lie within
+  /// The depth, or under a cone its reciprocal, is linear: at the first corner, and its slopes.
+  double at_corner, per_column, per_row;
+  double least, most;
+  float mu_per_mm;
+  int turns;  ///< 1 where rays enter, -1 where they leave
+};
+
+/// The part of a box's range along one axis whose pixels have their middles between two places.
+std::pair<int, int> middles_between(double low, double high, int first, int count) {
+  return {static_cast<int>(std::max<double>(first, std::ceil(low - 0.5))),
+          static_cast<int>(std::min<double>(first + count - 1, std::floor(high - 0.5)))};
+}
+
+/// A triangle of a surface that absorbs; none where no ray meets it.
+std::optional<Facet> facet_of(const std::array<Seen, 3>& corners, const ScreenBox& part, bool is_cone) {
+  auto [a, b, c] = corners;
+  double area =
+      (b.pixel.x - a.pixel.x) * (c.pixel.y - a.pixel.y) - (b.pixel.y - a.pixel.y) * (c.pixel.x - a.pixel.x);
+  if (area == 0 || (is_cone && std::min({a.depth_mm, b.depth_mm, c.depth_mm}) < kBeside_mm)) return {};
+  Facet facet;
+  facet.turns = area < 0 ? 1 : -1;  // what looks at the detector is where rays leave
+  if (area < 0) {
+    std::swap(b, c);
+    area = -area;
+  }
+  const glm::dvec2 low = glm::min(a.pixel, glm::min(b.pixel, c.pixel)),
+                   high = glm::max(a.pixel, glm::max(b.pixel, c.pixel));
+  const auto [left, right] = middles_between(low.x, high.x, part.x, part.width);
+  const auto [bottom, top] = middles_between(low.y, high.y, part.y, part.height);
+  if (left > right || bottom > top) return {};
+  facet.corners = {a.pixel, b.pixel, c.pixel};
+  facet.box = {left, bottom, right - left + 1, top - bottom + 1};
+  const auto linear = [is_cone](const Seen& s) { return is_cone ? 1 / s.depth_mm : s.depth_mm; };
+  const double at_a = linear(a), to_b = linear(b) - at_a, to_c = linear(c) - at_a;
+  facet.at_corner = at_a;
+  facet.per_column = (to_b * (c.pixel.y - a.pixel.y) - to_c * (b.pixel.y - a.pixel.y)) / area;
+  facet.per_row = (to_c * (b.pixel.x - a.pixel.x) - to_b * (c.pixel.x - a.pixel.x)) / area;
+  facet.least = at_a + std::min({0.0, to_b, to_c});
+  facet.most = at_a + std::max({0.0, to_b, to_c});
+  return facet;
+}
+
+/// The edge from a corner to the next. Two triangles that share it compute the same numbers for it, so that
+/// the middle of a pixel, even on the edge, lies within just one of them, and no ray slips through.
+class Edge {
+ public:
+  Edge(const glm::dvec2& from, const glm::dvec2& to)
+      : is_reversed_(std::pair(to.x, to.y) < std::pair(from.x, from.y)),
+        start_(is_reversed_ ? to : from),
+        along_((is_reversed_ ? from : to) - start_) {}
+
+  bool has_on_its_left(double x, double y) const {
+    const bool is_left = along_.x * (y - start_.y) >= along_.y * (x - start_.x);
+    return is_left != is_reversed_;
+  }
+
+ private:
+  bool is_reversed_;
+  glm::dvec2 start_, along_;
+};
+
+/// Where rays enter or leave a surface.
+struct Crossing {
+  float depth_mm, mu_per_mm;
+  int turns;
+  int next;  ///< of the same pixel; -1: the last
+};
+
+/// Rows of the picture with the crossings of all their rays.
+class Rows {
+ public:
+  Rows(const ScreenBox& part, bool is_cone)
+      : part_(part), is_cone_(is_cone), first_(static_cast<std::size_t>(part.width) * part.height, -1) {}
+
+  void add(const Facet& facet) {
+    const auto& [a, b, c] = facet.corners;
+    const Edge edges[] = {{a, b}, {b, c}, {c, a}};
+    const int bottom = std::max(facet.box.y, part_.y),
+              top = std::min(facet.box.y + facet.box.height, part_.y + part_.height);
+    for (int row = bottom; row < top; ++row) {
+      bool was_within = false;
+      for (int column = facet.box.x; column < facet.box.x + facet.box.width; ++column) {
+        const double x = column + 0.5, y = row + 0.5;
+        if (!edges[0].has_on_its_left(x, y) || !edges[1].has_on_its_left(x, y) ||
+            !edges[2].has_on_its_left(x, y)) {
+          if (was_within) break;
+          continue;
+        }
+        was_within = true;
+        const double linear =
+            std::clamp(facet.at_corner + facet.per_column * (x - a.x) + facet.per_row * (y - a.y),
+                       facet.least, facet.most);
+        int& first = first_[at(column, row)];
+        crossings_.push_back(
+            {static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm, facet.turns, first});
+        first = static_cast<int>(crossings_.size()) - 1;
+      }
+    }
+  }
+
+  /// What is absorbed, for a beam along the depth.
+  float tau(int column, int row) {
+    ray_.clear();
+    for (int i = first_[at(column, row)]; i >= 0; i = crossings_[static_cast<std::size_t>(i)].next)
+      ray_.push_back(crossings_[static_cast<std::size_t>(i)]);
+    std::ranges::sort(ray_, {}, &Crossing::depth_mm);
+    within_.clear();
+    double sum = 0, strongest_per_mm = 0, before_mm = 0;
+    for (const Crossing& crossing : ray_) {
+      sum += strongest_per_mm * (crossing.depth_mm - before_mm);
+      before_mm = crossing.depth_mm;
+      strongest_per_mm = cross(crossing);
+    }
+    return static_cast<float>(sum);
+  }
+
+ private:
+  std::size_t at(int column, int row) const {
+    return static_cast<std::size_t>(row - part_.y) * static_cast<std::size_t>(part_.width) +
+           static_cast<std::size_t>(column - part_.x);
+  }
+
+  /// What absorbs most beyond a crossing.
+  float cross(const Crossing& crossing) {
+    auto matter = std::ranges::find(within_, crossing.mu_per_mm, &Matter::mu_per_mm);
+    if (matter == within_.end()) matter = within_.insert(matter, {crossing.mu_per_mm, 0});
+    matter->turns += crossing.turns;
+    if (matter->turns == 0) within_.erase(matter);
+    float strongest = 0;
+    for (const auto& [mu_per_mm, turns] : within_)
+      if (turns > 0) strongest = std::max(strongest, mu_per_mm);
+    return strongest;
+  }
+
+  struct Matter {
+    float mu_per_mm;
+    int turns;  ///< entered minus left
+  };
+
+  ScreenBox part_;
+  bool is_cone_;
+  std::vector<int> first_;  ///< of every pixel, -1: none
+  std::vector<Crossing> crossings_, ray_;
+  std::vector<Matter> within_;
+};
+
+}  // namespace
+
+void AbsorbingSurfaces::set(std::span<const Surface> surfaces) {
+  parts_.clear();
+  for (const Surface& surface : surfaces) replace(parts_.size(), surface);
+}
+
+void AbsorbingSurfaces::replace(std::size_t index, const Surface& surface) {
+  if (index == parts_.size()) parts_.emplace_back();
+  Part& part = parts_.at(index);
+  part.surface = surface;
+  part.is_inside_out = volume_mm3(surface.mesh) < 0;
+  glm::vec3 lower(0), upper(0);
+  if (const auto& points_mm = surface.mesh.points_mm; !points_mm.empty()) lower = upper = points_mm[0];
+  for (const glm::vec3& point : surface.mesh.points_mm) {
+    lower = glm::min(lower, point);
+    upper = glm::max(upper, point);
+  }
+  part.lower_mm = lower;
+  part.upper_mm = upper;
+}
+
+bool AbsorbingSurfaces::empty() const {
+  return std::ranges::all_of(parts_, [](const Part& part) { return part.surface.mesh.triangles.empty(); });
+}
+
+ScreenBox AbsorbingSurfaces::box(const View& view) const {
+  ScreenBox box;
+  for (const Part& part : parts_)
+    if (!part.surface.mesh.triangles.empty())
+      box = united(box, screen_box(view, corners_mm(part.lower_mm, part.upper_mm)));
+  return box;
+}
+
+std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& part) const {
+  std::vector<float> tau(static_cast<std::size_t>(part.width) * static_cast<std::size_t>(part.height));
+  if (tau.empty()) return tau;
+
+  // What every band of the picture shows, whose rays are then followed band by band.
+  std::vector<std::vector<Facet>> bands(static_cast<std::size_t>((part.height - 1) / kBand + 1));
+  for (const auto& [surface, is_inside_out, lower_mm, upper_mm] : parts_) {
+    const std::vector<Seen> seen = seen_points(surface.mesh.points_mm, view);
+    for (const auto& [a, b, c] : surface.mesh.triangles) {
+      const float share = surface.shares.empty() ? 1 : surface.shares[a];
+      const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * share;
+      if (mu_per_mm <= 0) continue;
+      auto facet = facet_of({seen[a], seen[b], seen[c]}, part, view.cone.has_value());
+      if (!facet) continue;
+      facet->mu_per_mm = mu_per_mm;
+      if (is_inside_out) facet->turns = -facet->turns;
+      const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
+      for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
+        bands[static_cast<std::size_t>(band)].push_back(*facet);
+    }
+  }
+
+  parallel_for(static_cast<std::int64_t>(bands.size()), [&](std::int64_t band) {
+    const int bottom = part.y + kBand * static_cast<int>(band);
+    const int height = std::min(kBand, part.y + part.height - bottom);
+    Rows rows({part.x, bottom, part.width, height}, view.cone.has_value());
+    for (const Facet& facet : bands[static_cast<std::size_t>(band)]) rows.add(facet);
+    auto value = tau.begin() + static_cast<std::ptrdiff_t>(bottom - part.y) * part.width;
+    for (int row = bottom; row < bottom + height; ++row)
+      for (int column = part.x; column < part.x + part.width; ++column, ++value) {
+        *value = rows.tau(column, row);
+        if (*value == 0 || !view.cone) continue;
+        // Rays are longer than the way along the beam's middle.
+        const glm::dvec3 on_detector = view.pixel_on_detector_mm(column, view.height - 1 - row);
+        *value *=
+            static_cast<float>(glm::distance(on_detector, view.source_mm()) / view.cone->source_detector_mm);
+      }
+  });
+  return tau;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,19 @@
+#pragma once
+
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/scene/scene.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <vector>
+
+namespace xraycast {
+
+/// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
+Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
+
+/// Where contrast agent leaves a catheter.
+VesselTree::Location place_of(const CatheterTip& tip);
+
+}  // namespace xraycast

@@ -1,0 +1,74 @@
+#include "xraycast/scene/contrast_surface.hpp"
+
+#include <numbers>
+#include <numeric>
+#include <span>
+
+namespace xraycast {
+namespace {
+
+constexpr std::uint32_t kSides = 12;
+
+/// Puts a ring's outline and its centre, the last, into a mesh; the index of the first.
+std::uint32_t add_ring(const Ring& ring, Mesh& mesh) {
+  const auto first = static_cast<std::uint32_t>(mesh.points_mm.size());
+  for (std::uint32_t i = 0; i < kSides; ++i)
+    mesh.points_mm.emplace_back(ring.at_mm(2 * std::numbers::pi * i / kSides));
+  mesh.points_mm.emplace_back(ring.centre_mm);
+  return first;
+}
+
+void add_drum(const Ring& from, const Ring& to, Mesh& mesh) {
+  const std::uint32_t below = add_ring(from, mesh), above = add_ring(to, mesh);
+  for (std::uint32_t i = 0; i < kSides; ++i) {
+    const std::uint32_t next = (i + 1) % kSides;
+    mesh.triangles.push_back({below + kSides, below + next, below + i});
+    mesh.triangles.push_back({below + i, below + next, above + next});
+    mesh.triangles.push_back({below + i, above + next, above + i});
+    mesh.triangles.push_back({above + kSides, above + i, above + next});
+  }
+}
+
+/// The first stretches of drums, and the end of the last one.
+std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm) {
+  constexpr double kDrum_mm = 2;
+  std::vector<std::size_t> bounds{0};
+  for (std::size_t i = 1; i + 1 < arc_length_mm.size(); ++i)
+    if (arc_length_mm[i] - arc_length_mm[bounds.back()] >= kDrum_mm) bounds.push_back(i);
+  bounds.push_back(arc_length_mm.size() - 1);
+  return bounds;
+}
+
+}  // namespace
+
+ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_per_mm_(mu_per_mm) {
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    const VesselBranch& branch = tree.branches()[b];
+    const std::vector<Ring> rings = rings_along(branch.points);
+    const std::vector<std::size_t> bounds = divide(branch.arc_length_mm);
+    for (std::size_t d = 0; d + 1 < bounds.size(); ++d)
+      drums_.push_back(
+          {static_cast<int>(b), bounds[d], bounds[d + 1], rings[bounds[d]], rings[bounds[d + 1]]});
+  }
+}
+
+Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
+  const auto share_of = [&](const Drum& drum) {
+    const std::span stretches = std::span(iodine_mg_ml[static_cast<std::size_t>(drum.branch)])
+                                    .subspan(drum.first, drum.last - drum.first);
+    return static_cast<float>(std::accumulate(stretches.begin(), stretches.end(), 0.0) /
+                              static_cast<double>(stretches.size()));
+  };
+  constexpr float kNothing_mg_ml = 0.01f;
+  Surface surface;
+  surface.mu_per_mm = mu_per_mm_;
+  for (const Drum& drum : drums_) {
+    const float share = share_of(drum);
+    if (share <= kNothing_mg_ml) continue;
+    add_drum(drum.from, drum.to, surface.mesh);
+    surface.shares.resize(surface.mesh.points_mm.size(), share);
+  }
+  return surface;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,65 @@
+#include "xraycast/scene/same_scan.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/sampling/camera.hpp"
+
+#include <fmt/format.h>
+#include <glm/common.hpp>
+#include <glm/vector_relational.hpp>
+
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+bool is_same(const FieldOfView& a, const FieldOfView& b) {
+  constexpr double kSame_mm = 0.01;  // files of scans round coordinates to 32-bit floats or a few digits
+  return glm::all(glm::lessThan(glm::abs(a.lower_mm - b.lower_mm), glm::dvec3(kSame_mm))) &&
+         glm::all(glm::lessThan(glm::abs(a.upper_mm - b.upper_mm), glm::dvec3(kSame_mm)));
+}
+
+MapGeometry without_field(MapGeometry geometry) {
+  geometry.field.reset();
+  return geometry;
+}
+
+/// A map's rows are its scan's slices; a sphere has a centre alone. Why they are not, or nothing.
+std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
+  const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
+  if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
+    return "it lies elsewhere";
+  if (map.projection == Projection::rectangle)  // of rows of its own, over the scan's whole height
+    return std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm
+               ? "it is of another height"
+               : "";
+  if (map.projection == Projection::cylinder) {
+    if (map.height != volume.size.z)
+      return fmt::format("it has {} rows, but the scan has {} slices", map.height, volume.size.z);
+    const double slice_mm = volume.spacing_mm.z, top_mm = upper.z - 0.5 * slice_mm;
+    constexpr double kSame = 0.01;  // of a slice
+    if (std::abs(map.row_spacing_mm - slice_mm) * map.height > kSame * slice_mm ||
+        std::abs(map.top_mm - top_mm) > kSame * slice_mm)
+      return fmt::format(
+          "its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from {:.4g} mm",
+          map.row_spacing_mm, map.top_mm, slice_mm, top_mm);
+  }
+  if (map.field && !is_same(*map.field, field_of(volume))) return "it is of another field of view";
+  return "";
+}
+
+}  // namespace
+
+void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
+                     const std::string& scan) {
+  if (const std::string why = difference(map, volume); !why.empty())
+    throw InputError("{} was not cast from {}: {}", name, scan, why);
+}
+
+void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
+                     const std::string& basis_name) {
+  const bool same = map.field && basis.field ? is_same(*map.field, *basis.field)
+                                             : without_field(map) == without_field(basis);
+  if (!same) throw InputError("{} was not cast from the scan of {}: it lies elsewhere", name, basis_name);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/scan/volume.hpp"
+
+#include <string>
+
+namespace xraycast {
+
+/// Throws InputError, naming both, when a map cannot have been cast from a scan: it lies elsewhere, its rows
+/// are not the scan's slices, or its rays went through another field of view.
+void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
+                     const std::string& scan);
+
+/// The same for what a map is to be recast from: both are of one field of view, or, where a file does not
+/// tell it, of one geometry. Layers and angles may be others.
+void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
+                     const std::string& basis_name);
+
+}  // namespace xraycast

@@ -1,0 +1,181 @@
+#include "xraycast/scene/session_file.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+using Json = nlohmann::ordered_json;
+
+constexpr int kVersion = 1;
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+/// Names and places of the session's files.
+template <typename Session>
+auto files_of(Session& session) {
+  return std::array{std::pair{"map", &session.map}, std::pair{"basis", &session.basis},
+                    std::pair{"scan", &session.scan}, std::pair{"vessels", &session.vessels},
+                    std::pair{"catheter", &session.catheter}};
+}
+
+Json camera_to_json(const Camera& camera) {
+  Json json{{"angle_deg", camera.angle_rad * kDegrees},
+            {"tilt_deg", camera.tilt_rad * kDegrees},
+            {"table_mm", camera.table_mm},
+            {"zoom", camera.zoom}};
+  if (camera.cone) json["cone_mm"] = {camera.cone->source_axis_mm, camera.cone->source_detector_mm};
+  return json;
+}
+
+/// One field of an object, or an InputError that names it.
+class Fields {
+ public:
+  Fields(const Json& json, std::string name) : json_(json), name_(std::move(name)) {
+    if (!json.is_object()) throw InputError("{} is not an object", name_);
+  }
+
+  bool has(const char* field) const { return json_.contains(field); }
+  Fields at(const char* field) const { return {value(field), name_ + ": " + field}; }
+
+  template <typename Value>
+  Value get(const char* field) const {
+    try {
+      return value(field).get<Value>();
+    } catch (const nlohmann::json::exception&) {
+      throw InputError("{}: {} is not what it should be", name_, field);
+    }
+  }
+
+  double number(const char* field, double low, double high) const {
+    const auto result = get<double>(field);
+    if (!(result >= low && result <= high))
+      throw InputError("{}: {} is {}, outside {:g} to {:g}", name_, field, result, low, high);
+    return result;
+  }
+
+  const std::string& name() const { return name_; }
+  const Json& value(const char* field) const {
+    const auto found = json_.find(field);
+    if (found == json_.end()) throw InputError("{}: {} is missing", name_, field);
+    return *found;
+  }
+
+ private:
+  const Json& json_;
+  std::string name_;
+};
+
+Json steered_to_json(const SteeredCatheter& steered) {
+  Json nodes = Json::array();
+  for (const glm::dvec3& node : steered.nodes_mm) nodes.push_back({node.x, node.y, node.z});
+  return {{"nodes_mm", nodes}, {"radius_mm", steered.radius_mm}, {"road_map", steered.has_road_map}};
+}
+
+SteeredCatheter steered_of(const Fields& fields) {
+  SteeredCatheter steered;
+  for (const auto& [x, y, z] : fields.get<std::vector<std::array<double, 3>>>("nodes_mm"))
+    steered.nodes_mm.emplace_back(x, y, z);
+  steered.radius_mm = fields.number("radius_mm", 0.01, 100);
+  steered.has_road_map = fields.get<bool>("road_map");
+  return steered;
+}
+
+Camera camera_of(const Fields& fields) {
+  Camera camera;
+  camera.angle_rad = fields.number("angle_deg", -360, 360) / kDegrees;
+  camera.tilt_rad = fields.number("tilt_deg", -50.001, 50.001) / kDegrees;
+  camera.table_mm = fields.number("table_mm", -1e4, 1e4);
+  camera.zoom = fields.number("zoom", Camera::kMinZoom, Camera::kMaxZoom);
+  if (fields.has("cone_mm")) {
+    const auto cone = fields.get<std::array<double, 2>>("cone_mm");
+    camera.cone = Cone{cone[0], cone[1]};
+  }
+  return camera;
+}
+
+GreyWindow window_of(const Fields& fields) {
+  return {fields.number("scale", 1e-6, 1e6), fields.number("dark", 0, 1), fields.number("light", 0, 1),
+          fields.number("gamma", 0.1, 10), fields.get<bool>("inverted")};
+}
+
+Style style_of(const Fields& fields) {
+  Style style;
+  style.look = parse_look(fields.get<std::string>("look"));
+  style.sampling.compositing = parse_compositing(fields.get<std::string>("compositing"));
+  style.sampling.reconstruction =
+      fields.get<bool>("continuous") ? Reconstruction::linear : Reconstruction::constant;
+  if (fields.has("wall_radius_mm"))
+    style.sampling.wall_radius_mm = fields.number("wall_radius_mm", 1e-3, 1e4);
+  style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
+  style.strengths = fields.get<std::vector<float>>("strengths");
+  if (!std::ranges::all_of(style.strengths, [](float s) { return s >= 0 && s <= 100; }))
+    throw InputError("{}: strengths have to be 0 to 100", fields.name());
+  return style;
+}
+
+}  // namespace
+
+void write_session(const ViewSession& session, const fs::path& path) {
+  Json json{{"xraycast_session", kVersion}};
+  const fs::path folder = fs::absolute(path).parent_path();
+  for (const auto& [name, file] : files_of(session))
+    if (!file->empty()) json["files"][name] = fs::absolute(*file).lexically_relative(folder).string();
+  json["contrast_mg_ml"] = session.contrast_mg_ml;
+  if (session.steered) json["simulation"] = steered_to_json(*session.steered);
+  json["camera"] = camera_to_json(session.camera);
+  const Style& style = session.style;
+  json["style"] = {{"look", to_string(style.look)},
+                   {"compositing", to_string(style.sampling.compositing)},
+                   {"continuous", style.sampling.reconstruction == Reconstruction::linear},
+                   {"full_contrast", style.full_contrast},
+                   {"strengths", style.strengths}};
+  if (style.sampling.wall_radius_mm) json["style"]["wall_radius_mm"] = *style.sampling.wall_radius_mm;
+  if (session.has_window)
+    json["window"] = {{"scale", style.window.scale},
+                      {"dark", style.window.dark},
+                      {"light", style.window.light},
+                      {"gamma", style.window.gamma},
+                      {"inverted", style.window.inverted}};
+  if (session.opacity) json["opacity"] = Json::parse(session.opacity->to_json());
+  write_whole_file(path, json.dump(2) + "\n");
+}
+
+ViewSession read_session(const fs::path& path) {
+  const std::string name = path.string();
+  const Json json = Json::parse(read_whole_file(path), nullptr, false);
+  if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
+    throw InputError("{}: not a session; the viewer writes them", name);
+  const Fields fields(json, name);
+  if (const int version = fields.get<int>("xraycast_session"); version != kVersion)
+    throw InputError("{}: session of version {}, but this program reads version {}", name, version, kVersion);
+  ViewSession session;
+  if (fields.has("files")) {
+    const Fields named = fields.at("files");
+    for (const auto& [field, file] : files_of(session)) {
+      if (!named.has(field)) continue;
+      *file = (fs::absolute(path).parent_path() / named.get<std::string>(field)).lexically_normal();
+      if (!fs::exists(*file)) throw InputError("{}: its {} {} does not exist", name, field, file->string());
+    }
+  }
+  if (fields.has("contrast_mg_ml"))
+    session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMaxContrast_mg_ml);
+  if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
+  session.camera = camera_of(fields.at("camera"));
+  session.style = style_of(fields.at("style"));
+  session.has_window = fields.has("window");
+  if (session.has_window) session.style.window = window_of(fields.at("window"));
+  if (fields.has("opacity")) session.opacity = Opacity::from_json(fields.value("opacity").dump(), name);
+  return session;
+}
+
+}  // namespace xraycast

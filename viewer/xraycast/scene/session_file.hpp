@@ -1,0 +1,44 @@
+#pragma once
+
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/scene/scene.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <filesystem>
+#include <optional>
+#include <vector>
+
+namespace xraycast {
+
+/// A simulated catheter as a picture showed it. The vessels are then seen by their outline alone.
+struct SteeredCatheter {
+  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's far end to the tip; see curve_through
+  double radius_mm = 1;
+  bool has_road_map = true;
+
+  bool operator==(const SteeredCatheter&) const = default;
+};
+
+/// What the viewer shows and how: saved, and opened again. Files that are not there are empty.
+struct ViewSession {
+  std::filesystem::path map, basis, scan, vessels, catheter;
+  double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
+  std::optional<SteeredCatheter> steered{};      ///< in the place of vessels and catheter
+  Camera camera{};
+  Style style{};
+  bool has_window = false;           ///< style.window was chosen; otherwise it follows the picture
+  std::optional<Opacity> opacity{};  ///< recast from the basis; none: the map's own
+};
+
+/// Writes JSON. Files are named relative to the session's folder, so that both can move together. Throws
+/// InputError when `path` cannot be written.
+void write_session(const ViewSession& session, const std::filesystem::path& path);
+
+/// Reads what write_session wrote. Throws InputError, naming file and field, also when a file that it names
+/// does not exist.
+ViewSession read_session(const std::filesystem::path& path);
+
+}  // namespace xraycast

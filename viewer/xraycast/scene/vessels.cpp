@@ -1,0 +1,85 @@
+#include "xraycast/scene/vessels.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/scene/fluoroscopy_beam.hpp"
+
+#include <fmt/format.h>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <sstream>
+
+namespace xraycast {
+namespace {
+
+constexpr double kCatheterRadius_mm = 1, kLumenRadius_mm = 0.6;
+
+Mesh mesh_of_folder(const std::filesystem::path& folder) {
+  for (const char* name : {"surface.vtp", "surface.stl"})
+    if (std::filesystem::exists(folder / name)) return read_mesh(folder / name);
+  if (std::filesystem::exists(folder / "tree.vtp")) return tube_mesh(read_tree(folder));
+  throw InputError("{}: the folder holds neither surface.vtp, surface.stl nor tree.vtp", folder.string());
+}
+
+}  // namespace
+
+double catheter_per_mm() {
+  constexpr double kTubing_mg_ml = 1600, kFiller = 0.4, kBariumOfSulphate = 137.33 / 233.39;
+  constexpr double kLumen = kLumenRadius_mm / kCatheterRadius_mm;
+  static const double per_mm =
+      fluoroscopy_per_mm("Ba", kTubing_mg_ml * kFiller * kBariumOfSulphate) * (1 - kLumen * kLumen);
+  return per_mm;
+}
+
+Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
+  if (!std::filesystem::exists(path)) throw InputError("{}: no such file or folder", path.string());
+  Surface vessels{std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path),
+                  fluoroscopy_per_mm("I", contrast_mg_ml),
+                  {0.80, 0.16, 0.14}};
+  if (vessels.mesh.triangles.empty()) throw InputError("{}: the surface has no triangles", path.string());
+  return vessels;
+}
+
+std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
+                                        const std::string& name) {
+  const auto within =
+      std::ranges::count_if(vessels_mm, [&](const glm::vec3& point) { return bounds.holds(point); });
+  const double outside = 1 - static_cast<double>(within) / static_cast<double>(vessels_mm.size());
+  if (!(outside > 0.5)) return {};
+  return {fmt::format("{}: {:.0f} % of it lie outside the body map; are both of the same scan?", name,
+                      100 * outside)};
+}
+
+Surface read_catheter(const std::filesystem::path& path) {
+  std::istringstream lines(read_whole_file(path));
+  std::vector<glm::dvec3> points;
+  int number = 0;
+  for (std::string line; std::getline(lines, line);) {
+    ++number;
+    std::ranges::replace(line, ',', ' ');
+    std::istringstream fields(line);
+    glm::dvec3 p;
+    if (fields >> p.x >> p.y >> p.z)
+      points.push_back(p);
+    else if (number > 1 && line.find_first_not_of(" \t\r") != std::string::npos)
+      throw InputError("{}: line {} is not x, y, z", path.string(), number);
+  }
+  return {tube_mesh(NurbsCurve::cubic(points, path.string()), kCatheterRadius_mm),
+          catheter_per_mm(),
+          {0.25, 0.55, 0.95}};
+}
+
+Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point, int sides) {
+  const auto count = rings_per_point * static_cast<int>(curve.points().size());
+  VesselBranch branch;
+  for (int i = 0; i <= count; ++i) {
+    const glm::dvec3 p = curve.at_mm(static_cast<double>(i) / count);
+    if (branch.points.empty() || glm::distance(p, branch.points.back().position_mm) > 1e-6)
+      branch.points.push_back({p, radius_mm});
+  }
+  return tube_mesh(VesselTree({std::move(branch)}, "catheter"), sides);
+}
+
+}  // namespace xraycast

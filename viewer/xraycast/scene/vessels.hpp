@@ -1,0 +1,35 @@
+#pragma once
+
+#include "xraycast/geometry/nurbs_curve.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/scene.hpp"
+
+#include <filesystem>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// Vessels as a surface to draw: a mesh (.stl or .vtp), or a folder that `segment` or `phantom --truth`
+/// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. In the fluoro look
+/// they hold blood with that much iodine. Throws InputError.
+Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
+
+/// What to tell someone whose vessels lie outside a map's body for the most part, as those of another scan
+/// do; a line, or none.
+std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
+                                        const std::string& name);
+
+/// A catheter as a surface to draw, 2 mm thick: a CSV of control points x, y, z (LPS, mm) of a NURBS curve.
+/// Throws InputError, naming file and line.
+Surface read_catheter(const std::filesystem::path& path);
+
+/// Radiopaque tubing is filled with some 40 % of barium sulphate by weight, which makes its density about 1.6
+/// g/ml; the mean over wall and lumen.
+double catheter_per_mm();
+
+/// A tube around a curve, of so many rings for each control point and so many sides.
+Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point = 16, int sides = 12);
+
+}  // namespace xraycast

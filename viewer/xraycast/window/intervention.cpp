@@ -1,0 +1,93 @@
+#include "xraycast/window/intervention.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/haptics/igtlink_device.hpp"
+#include "xraycast/haptics/script_device.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <iostream>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
+  if (vessels.empty()) throw InputError("--simulate: give --vessels, a folder that `segment` wrote");
+  return std::make_shared<const VesselTree>(read_tree(vessels));
+}
+
+std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
+  if (options.haptic == "openigtlink") {
+    const ListenAddress address =
+        options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
+    return std::make_unique<IgtlinkDevice>(
+        address, [](const std::string& line) { std::cerr << "xraycast: " << line << '\n'; });
+  }
+  const std::vector<std::string> names = Intervention::haptic_names();
+  if (std::ranges::find(names, options.haptic) == names.end())
+    throw InputError("--haptic {}: has to be one of {}", options.haptic, fmt::join(names, ", "));
+  return std::make_unique<ManualDevice>(options.haptic);
+}
+
+}  // namespace
+
+std::vector<std::string> Intervention::haptic_names() {
+  return {"keyboard", "mouse", "gamepad", "openigtlink"};
+}
+
+Intervention::Intervention(const Options& options)
+    : options_(options), tree_(read_vessel_tree(options.vessels)), road_map_(*tree_) {
+  restart();
+}
+
+void Intervention::start(const fs::path& script) {
+  // What can be wrong with files is found while the old run is still there.
+  std::unique_ptr<HapticDevice> device;
+  if (!script.empty())
+    device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
+  const InstrumentModel model = InstrumentModel::named(options_.instrument_model);
+  const VesselEnd entry = parse_entry(*tree_, options_.entry, model);
+  const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
+    manual_ = dynamic_cast<ManualDevice*>(to.get());
+    run_ = std::make_unique<SimulatedRun>(tree_, model, entry, std::move(to));
+  };
+  const bool was_recording = run_ && run_->is_recording();
+  run_.reset();  // a port is free again
+  try {
+    hand_over(device ? std::move(device) : make_device(options_));
+  } catch (const Error&) {
+    hand_over(std::make_unique<ManualDevice>("keyboard"));
+    throw;
+  }
+  if (was_recording) run_->start_recording();
+  has_picture_ = false;
+}
+
+void Intervention::update(const Camera& camera, double passed_s) {
+  run_->update();
+  if (pedal_) fluoroscopy_s_ += passed_s;
+  // The first picture is for free, so that there is one.
+  if (!pedal_ && has_picture_) return;
+  camera_ = camera;
+  nodes_mm_ = run_->now().nodes_mm;
+  surfaces_ = {run_->catheter(), run_->contrast()};
+  ++exposures_;
+  has_picture_ = true;
+}
+
+std::string Intervention::caption(const Camera& now) const {
+  if (!has_picture_) return status_of(now);
+  if (pedal_ || camera_ == now) return status_of(camera_);
+  return fmt::format("held: {}; C-arm: {}", status_of(camera_), status_of(now));
+}
+
+std::span<const glm::ivec2> Intervention::road_map(const View& view) {
+  if (!has_road_map) return {};
+  return road_map_.outline(view);
+}
+
+}  // namespace xraycast

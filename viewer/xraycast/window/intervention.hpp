@@ -1,0 +1,90 @@
+#pragma once
+
+#include "xraycast/haptics/manual_device.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/scene/road_map.hpp"
+#include "xraycast/scene/session_file.hpp"
+#include "xraycast/window/simulated_run.hpp"
+
+#include <filesystem>
+#include <memory>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What is done at the table under the C-arm: a catheter is steered, seen while the pedal is down, and
+/// contrast agent is injected. All calls on one thread.
+class Intervention {
+ public:
+  struct Options {
+    std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
+    std::string instrument_model = "cobra-5f";
+    std::string entry{};              ///< see parse_entry
+    std::string haptic = "keyboard";  ///< one of haptic_names()
+    std::string listen{};             ///< openigtlink: where; empty: its default
+    std::filesystem::path script{};   ///< of the hub; steers in the place of a device
+  };
+
+  static std::vector<std::string> haptic_names();
+
+  /// Throws InputError for what is no tree, an unknown device, a device that does not fit, a port in use.
+  explicit Intervention(const Options& options);
+
+  /// Takes the newest state, and the C-arm's, into the picture while the pedal is down. Once a frame.
+  void update(const Camera& camera, double passed_s);
+
+  SimulatedRun& run() { return *run_; }
+  const SimulatedRun& run() const { return *run_; }
+
+  /// None where a script or a network steers.
+  ManualDevice* manual() { return manual_; }
+  const std::string& haptic() const { return options_.haptic; }
+
+  void press_pedal(bool is_down) { pedal_ = is_down; }
+  bool is_live() const { return pedal_; }
+  double fluoroscopy_s() const { return fluoroscopy_s_; }
+
+  /// Where the C-arm was when the picture was taken that is held now.
+  const Camera& camera() const { return camera_; }
+
+  /// What is written below the picture: where the C-arm was for it and, while another picture would be taken
+  /// now, where it stands.
+  std::string caption(const Camera& now) const;
+
+  /// The catheter and the road map in that picture.
+  SteeredCatheter catheter() const { return {nodes_mm_, run_->model().radius_mm(), has_road_map}; }
+
+  /// What absorbs in that picture. Changes with `exposures`.
+  std::span<const Surface> surfaces() const { return surfaces_; }
+  long exposures() const { return exposures_; }
+
+  bool has_road_map = true;
+  /// The vessels' outline in a view, in its pixels.
+  std::span<const glm::ivec2> road_map(const View& view);
+
+  /// Back to the entrance, with the device of the options. The recording begins anew. Throws as the
+  /// constructor; then the run goes on, or, if only the port is lost, keys hold a new one.
+  void restart() { start(options_.script); }
+
+  /// Steers by a script, once, from the entrance on. Throws InputError as `restart`.
+  void replay(const std::filesystem::path& script) { start(script); }
+
+ private:
+  void start(const std::filesystem::path& script);
+
+  Options options_;
+  std::shared_ptr<const VesselTree> tree_;
+  ManualDevice* manual_ = nullptr;
+  std::unique_ptr<SimulatedRun> run_;
+  bool pedal_ = false, has_picture_ = false;
+  double fluoroscopy_s_ = 0;
+  Camera camera_;
+  std::vector<glm::dvec3> nodes_mm_;
+  std::vector<Surface> surfaces_;
+  long exposures_ = 0;
+  RoadMap road_map_;
+};
+
+}  // namespace xraycast

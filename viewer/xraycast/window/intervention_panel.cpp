@@ -1,0 +1,110 @@
+#include "xraycast/window/intervention_panel.hpp"
+
+#include "xraycast/window/hub_input.hpp"
+#include "xraycast/window/viewer_input.hpp"
+
+#include <fmt/format.h>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <algorithm>
+#include <cfloat>
+#include <imgui.h>
+#include <numbers>
+#include <vector>
+
+namespace xraycast {
+
+const char* const kInterventionHelp =
+    "X (hold)       pedal: fluoroscopy\n"
+    "I (hold)       inject contrast agent\n"
+    "M              road map\n"
+    "Up, Down       push and pull (with Shift slowly)\n"
+    "Left, Right    rotate\n"
+    "Enter          begin a recording, and end it\n"
+    "L              replay the last recording\n"
+    "Backspace      back to the entrance";
+
+namespace {
+
+constexpr double kRadians = std::numbers::pi / 180;
+constexpr double kInjection_ml_s = 5;
+
+/// With Control held, the mouse holds the hub.
+void drag_hub(ManualDevice& hand) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.WantCaptureMouse || !io.KeyCtrl) return;
+  constexpr double kPush_mm_per_pixel = 0.5, kRotate_deg_per_pixel = 1, kPush_mm_per_notch = 3;
+  double push_mm = kPush_mm_per_notch * io.MouseWheel, rotate_deg = 0;
+  if (is_dragged(ImGuiMouseButton_Left)) {
+    push_mm -= kPush_mm_per_pixel * io.MouseDelta.y;
+    rotate_deg += kRotate_deg_per_pixel * io.MouseDelta.x;
+  }
+  hand.move_by(push_mm, kRadians * rotate_deg);
+}
+
+void strip(const char* name, const SimulatedRun& run, double HubLoad::*load, double scale, const char* unit) {
+  std::vector<float> values;
+  for (const SimulatedRun::Load& at : run.loads())
+    values.push_back(static_cast<float>(scale * (at.load.*load)));
+  float largest = 0.1f;
+  for (const float value : values) largest = std::max(largest, std::abs(value));
+  const std::string now = fmt::format("{} {:+.2f} {}", name, values.empty() ? 0.0f : values.back(), unit);
+  ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
+                   now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
+}
+
+}  // namespace
+
+void handle_intervention(Viewer& viewer, GLFWwindow* window) {
+  Intervention* intervention = viewer.intervention();
+  if (!intervention) return;
+  const bool types = ImGui::GetIO().WantTextInput;
+  const HubInput keys = held_keys([&](int key) { return !types && glfwGetKey(window, key) == GLFW_PRESS; });
+  const auto pad_state = connected_pad();
+  const HubInput pad = pad_state ? held_pad(*pad_state) : HubInput{};
+  intervention->press_pedal(keys.pedal || pad.pedal);
+  intervention->run().inject(keys.injects || pad.injects ? kInjection_ml_s : 0);
+
+  ManualDevice* hand = intervention->manual();
+  if (!hand) return;
+  if (intervention->haptic() == "mouse") drag_hub(*hand);
+  const HubInput& held = intervention->haptic() == "gamepad" && pad_state ? pad : keys;
+  hand->set_rates(held.insertion_mm_s, held.rotation_rad_s);
+}
+
+void draw_intervention_panel(Viewer& viewer) {
+  Intervention* intervention = viewer.intervention();
+  if (!intervention) return;
+  const SimulatedRun& run = intervention->run();
+  const CatheterSnapshot& now = run.now();
+  const float width = 27 * ImGui::GetFontSize();
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  ImGui::SetNextWindowPos({size.x - width - 8, 3 * ImGui::GetFontSize()}, ImGuiCond_FirstUseEver);
+  ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
+  ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
+  const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
+  line(fmt::format("{}, held by {}", run.model().name(), intervention->run().device().status()));
+  line(fmt::format("in {:.1f} mm, turned {:.0f} deg", now.pose.insertion_mm,
+                   now.pose.rotation_rad / kRadians));
+  line(fmt::format("tip in branch {}, {:.0f} mm along it", now.tip.branch, now.tip.arc_length_mm));
+  strip("force", run, &HubLoad::force_N, 1, "N");
+  strip("torque", run, &HubLoad::torque_Nm, 1000, "N mm");
+  const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
+  line(fmt::format("fluoroscopy {}:{:04.1f} min, contrast {:.0f} ml", minutes,
+                   intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
+  line(intervention->is_live() ? "X-rays on" : "last image hold: press X");
+  ImGui::Checkbox("road map", &intervention->has_road_map);
+  const LoopTiming& timing = now.timing;
+  line(fmt::format("step {:.2f} ms, 99.9 % {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
+                   100.0 * static_cast<double>(timing.missed) /
+                       static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
+  if (ImGui::Button("Restart")) viewer.restart_run();
+  ImGui::SameLine();
+  if (ImGui::Button(run.is_recording() ? "Stop recording" : "Record")) viewer.toggle_recording();
+  ImGui::SameLine();
+  if (ImGui::Button("Replay")) viewer.replay();
+  ImGui::End();
+}
+
+}  // namespace xraycast

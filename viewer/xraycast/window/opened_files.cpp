@@ -1,0 +1,96 @@
+#include "xraycast/window/opened_files.hpp"
+
+#include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/caster.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/same_scan.hpp"
+#include "xraycast/scene/vessels.hpp"
+
+namespace xraycast {
+namespace {
+
+void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
+  if (!opened.session.map.empty())
+    check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
+}
+
+/// Where a scan's body lies, and what its map is cast with.
+struct Appearance {
+  BodyOutline body;
+  Opacity opacity;
+};
+
+/// Brings the scan to a device.
+Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
+  const Scan scan = open_scan(opened.session.scan, {}, progress);
+  check_scan(opened, scan.source->geometry());
+  OutlineFinder finder(scan.source->geometry());
+  LoadTimings timings;
+  opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
+  opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
+  const bool is_subtracted = scan.source->hu_range().is_subtracted();
+  return {finder.finish(), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
+}
+
+void cast_scan(OpenedFiles& opened, const Appearance& appearance, const std::string& device,
+               Progress& progress) {
+  constexpr int kLayers = 16, kAngles = 360;  // ribs show, and a frame takes a quarter longer than one of 8
+  const ResidentScan& scan = *opened.scan->scan;
+  const auto& [body, opacity] = appearance;
+  const MapGeometry geometry =
+      cylinder_map(scan.geometry(), kAngles, shell_radii_mm(RadiiRule::equal_area, kLayers, body.radius_mm),
+                   body.centre_mm);
+  opened.map = std::make_shared<BodyMap>(cast(scan, geometry, opacity, progress).map);
+  opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(
+      device, make_basis(scan, geometry, useful_knots_hu(opacity), progress));
+}
+
+}  // namespace
+
+OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
+                       Progress& progress) {
+  OpenedFiles opened;
+  opened.session = session;
+  const ViewSession& last = before.session;
+  const bool is_same_scan = session.scan == last.scan && before.scan;
+  const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
+  if (!session.vessels.empty() && !session.steered)
+    opened.vessels =
+        session.vessels == last.vessels && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
+            ? before.vessels
+            : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
+  if (session.vessels == last.vessels && before.tree)
+    opened.tree = before.tree;
+  else if (!session.vessels.empty() &&
+           (session.steered || std::filesystem::exists(session.vessels / "tree.vtp")))
+    opened.tree = std::make_shared<VesselTree>(read_tree(session.vessels));
+  if (session.steered)
+    opened.catheter =
+        std::make_shared<Surface>(catheter_surface(session.steered->nodes_mm, session.steered->radius_mm));
+  else if (!session.catheter.empty())
+    opened.catheter = session.catheter == last.catheter && before.catheter && !last.steered
+                          ? before.catheter
+                          : std::make_shared<Surface>(read_catheter(session.catheter));
+  if (is_same_map)
+    opened.map = before.map;
+  else if (!session.map.empty())
+    opened.map = std::make_shared<BodyMap>(read_body_map(session.map));
+  if (is_same_map && session.basis == last.basis)
+    opened.recast = before.recast;
+  else if (!session.basis.empty())
+    opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(device, read_basis(session.basis));
+  if (opened.recast && !session.map.empty())
+    check_same_scan(opened.map->geometry, session.map.string(), opened.recast->basis.geometry,
+                    session.basis.string());
+  if (is_same_scan && opened.map) {
+    check_scan(opened, before.scan->scan->geometry());
+    opened.scan = before.scan;
+  } else if (!session.scan.empty()) {
+    const Appearance appearance = load_scan(opened, device, progress);
+    if (!opened.map) cast_scan(opened, appearance, device, progress);
+  }
+  return opened;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,48 @@
+#pragma once
+
+#include "xraycast/base/progress.hpp"
+#include "xraycast/casting/basis.hpp"
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/casting/recast.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/opencl/resident_scan.hpp"
+#include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/session_file.hpp"
+
+#include <memory>
+#include <string>
+
+namespace xraycast {
+
+/// What the files of a session hold. Immutable but for the recast session, which is the window thread's own.
+struct OpenedFiles {
+  /// A scan on the device that projects it.
+  struct ScanOnDevice {
+    ComputeDevice device;
+    std::optional<ResidentScan> scan;
+    explicit ScanOnDevice(const std::string& choice) : device(choice) {}
+  };
+  /// What the map is recast from, on a queue of its own, so that neither waits for a projection.
+  struct RecastOnDevice {
+    ComputeDevice device;
+    Basis basis;
+    RecastSession session;
+    RecastOnDevice(const std::string& choice, Basis of)
+        : device(choice), basis(std::move(of)), session(device, basis) {}
+  };
+
+  ViewSession session;  ///< names the files
+  std::shared_ptr<const BodyMap> map;
+  std::shared_ptr<ScanOnDevice> scan;
+  std::shared_ptr<RecastOnDevice> recast;
+  std::shared_ptr<const Surface> vessels, catheter;
+  std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
+};
+
+/// Opens what a session names, for a worker's thread; what `before` has from the same files is taken over. A
+/// scan without a map is cast with sixteen layers, and can be recast. `device` as for ComputeDevice. Throws
+/// as the readers do, and check_same_scan where basis or scan are not the map's.
+OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
+                       Progress& progress);
+
+}  // namespace xraycast

@@ -1,0 +1,133 @@
+#include "xraycast/window/viewer_input.hpp"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <algorithm>
+#include <cmath>
+#include <imgui.h>
+
+namespace xraycast {
+namespace {
+
+constexpr double kDegreesPerPixel = 0.4;
+
+/// The left button was let go where it was pressed, as nearly as hands do.
+bool is_clicked() {
+  constexpr float kStill_px = 3;
+  return ImGui::IsMouseReleased(ImGuiMouseButton_Left) &&
+         ImGui::GetIO().MouseDragMaxDistanceSqr[ImGuiMouseButton_Left] < kStill_px * kStill_px;
+}
+
+/// Sideways the window gets wider, upwards darker.
+void drag_window(GreyWindow& window, double across, double down) {
+  const double middle = 0.5 * (window.dark + window.light) + 0.001 * down;
+  const double half = std::max(0.01, 0.5 * (window.light - window.dark) * std::exp(0.005 * across));
+  window.dark = std::clamp(middle - half, 0.0, 0.98);
+  window.light = std::clamp(middle + half, window.dark + 0.02, 1.0);
+}
+
+}  // namespace
+
+const char* const kHelp =
+    "left drag      rotate (with Shift also tilt)\n"
+    "left click     name the vessel's branch\n"
+    "wheel          zoom\n"
+    "middle drag    move the table\n"
+    "right drag     window and level\n"
+    "R              reset\n"
+    "1 .. 9         layers\n"
+    "F              look: fluoro, surface\n"
+    "C              compositing: path, wall, true\n"
+    "I              invert (with a catheter: inject)\n"
+    "S              split with the true projection\n"
+    "P              picture\n"
+    "Space          cine rotation\n"
+    "Ctrl+O         open\n"
+    "Escape         cancel what takes long\n"
+    "Ctrl+S         save the session\n"
+    "Ctrl+Z, Ctrl+Y undo, redo\n"
+    "H or ?         this help";
+
+bool is_dragged(int button) { return ImGui::IsMouseDragging(button, 0) && !ImGui::IsMouseClicked(button); }
+
+void handle_mouse(Viewer& viewer) {
+  const ImGuiIO& io = ImGui::GetIO();
+  if (io.WantCaptureMouse || !viewer.map()) return;
+  Camera& camera = viewer.camera();
+  const bool holds_hub = viewer.intervention() && viewer.intervention()->haptic() == "mouse" && io.KeyCtrl;
+  if (holds_hub) return;
+  if (is_dragged(ImGuiMouseButton_Left)) {
+    camera.rotate(-kDegreesPerPixel * io.MouseDelta.x);
+    if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
+      camera.tilt(kDegreesPerPixel * io.MouseDelta.y);
+  }
+  if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);
+  if (is_dragged(ImGuiMouseButton_Middle)) {
+    const View view = viewer.view_in(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y));
+    camera.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
+  }
+  if (is_dragged(ImGuiMouseButton_Right)) {
+    drag_window(viewer.style().window, io.MouseDelta.x, io.MouseDelta.y);
+    viewer.session().has_window = true;
+  }
+  if (io.MouseWheel != 0) camera.magnify(std::pow(1.1, io.MouseWheel));
+}
+
+bool handle_key(Viewer& viewer, int key, int mods) {
+  Style& style = viewer.style();
+  if ((mods & GLFW_MOD_CONTROL) != 0) {
+    if (key == GLFW_KEY_Z) viewer.undo();
+    if (key == GLFW_KEY_Y) viewer.redo();
+    if (key == GLFW_KEY_S) viewer.save_session();
+    return key == GLFW_KEY_O;
+  }
+  if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9) viewer.toggle_layer(static_cast<std::size_t>(key - GLFW_KEY_1));
+  switch (key) {
+    case GLFW_KEY_ESCAPE:
+      viewer.cancel();
+      break;
+    case GLFW_KEY_R:
+      viewer.camera() = {};
+      break;
+    case GLFW_KEY_F:
+      viewer.set_look(style.look == Look::fluoro ? Look::surface : Look::fluoro);
+      break;
+    case GLFW_KEY_C:
+      viewer.next_drawing();
+      break;
+    case GLFW_KEY_I:  // at the table it injects
+      if (!viewer.intervention()) style.window.inverted = !style.window.inverted;
+      break;
+    case GLFW_KEY_M:
+      if (Intervention* at_table = viewer.intervention()) at_table->has_road_map = !at_table->has_road_map;
+      break;
+    case GLFW_KEY_ENTER:
+    case GLFW_KEY_KP_ENTER:
+      if (viewer.intervention()) viewer.toggle_recording();
+      break;
+    case GLFW_KEY_L:
+      if (viewer.intervention()) viewer.replay();
+      break;
+    case GLFW_KEY_BACKSPACE:
+      if (viewer.intervention()) viewer.restart_run();
+      break;
+    case GLFW_KEY_S:
+      viewer.splits = !viewer.splits;
+      break;
+    case GLFW_KEY_P:
+      viewer.save_picture();
+      break;
+    case GLFW_KEY_SPACE:
+      viewer.turns = !viewer.turns;
+      break;
+    case GLFW_KEY_H:
+    case GLFW_KEY_SLASH:
+      viewer.help = !viewer.help;
+      break;
+    default:
+      break;
+  }
+  return false;
+}
+
+}  // namespace xraycast

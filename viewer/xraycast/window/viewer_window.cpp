@@ -1,0 +1,69 @@
+#include "xraycast/window/viewer_window.hpp"
+
+#include "xraycast/window/intervention_panel.hpp"
+#include "xraycast/window/viewer.hpp"
+#include "xraycast/window/viewer_input.hpp"
+#include "xraycast/window/viewer_panel.hpp"
+#include "xraycast/window/window.hpp"
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <imgui.h>
+
+namespace xraycast {
+namespace {
+
+/// What GLFW's callbacks are given.
+struct Desk {
+  Viewer viewer;
+  ViewerPanel panel;
+};
+
+Desk& desk_of(GLFWwindow* window) { return *static_cast<Desk*>(glfwGetWindowUserPointer(window)); }
+
+void set_callbacks(GLFWwindow* window, Desk& desk) {
+  glfwSetWindowUserPointer(window, &desk);
+  glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** paths) {
+    for (int i = 0; i < count; ++i) desk_of(w).viewer.open(paths[i]);
+  });
+  glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int mods) {
+    if (action != GLFW_PRESS || desk_of(w).panel.takes_key(key)) return;
+    if (handle_key(desk_of(w).viewer, key, mods)) desk_of(w).panel.ask_for_file();
+  });
+}
+
+/// Until something happens; what Dear ImGui settles late, and progress, are drawn a few times a second, a
+/// catheter as often as a fluoroscope would.
+void wait_for_events(const Viewer& viewer) {
+  constexpr double kProgress_s = 0.05, kIdle_s = 0.25, kFluoroscope_s = 1.0 / 30, kHeld_s = 0.1;
+  if (viewer.is_busy())
+    glfwPollEvents();
+  else if (viewer.intervention())
+    glfwWaitEventsTimeout(viewer.intervention()->is_live() ? kFluoroscope_s : kHeld_s);
+  else
+    glfwWaitEventsTimeout(viewer.status() ? kProgress_s : kIdle_s);
+}
+
+}  // namespace
+
+void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
+                const std::optional<Intervention::Options>& simulation) {
+  Window window;
+  Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
+  if (simulation) desk.viewer.simulate(*simulation);
+  set_callbacks(window.handle(), desk);
+  window.attach_gui();
+  while (!glfwWindowShouldClose(window.handle()) && !progress.cancelled()) {
+    wait_for_events(desk.viewer);
+    const auto [width, height] = window.framebuffer();
+    desk.viewer.draw(width, height);
+    window.begin_gui();
+    handle_mouse(desk.viewer);
+    handle_intervention(desk.viewer, window.handle());
+    desk.panel.draw(desk.viewer);
+    draw_intervention_panel(desk.viewer);
+    window.end_gui();
+  }
+}
+
+}  // namespace xraycast

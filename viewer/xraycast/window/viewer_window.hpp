@@ -1,0 +1,19 @@
+#pragma once
+
+#include "xraycast/base/progress.hpp"
+#include "xraycast/scene/session_file.hpp"
+#include "xraycast/window/intervention.hpp"
+
+#include <optional>
+#include <string>
+
+namespace xraycast {
+
+/// The interactive viewer, until its window is closed or `progress` cancelled. `device` chooses the OpenCL
+/// device as for ComputeDevice. Files of the session are read once the window is there. Throws Error when
+/// there is no display or no OpenGL 3.3; whatever goes wrong later is a message in the window. With
+/// `simulation` a catheter is steered in it; throws as Intervention does.
+void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
+                const std::optional<Intervention::Options>& simulation = {});
+
+}  // namespace xraycast
