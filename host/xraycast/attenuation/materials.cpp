@@ -12,7 +12,6 @@
 namespace xraycast {
 namespace {
 
-constexpr double kMaxHu = 32767;
 constexpr double kBone_g_cm3 = 1.85;  // cortical, ICRP
 
 std::string text_of(const VolumeGeometry& grid) {

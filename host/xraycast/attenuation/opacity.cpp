@@ -13,7 +13,6 @@
 namespace xraycast {
 namespace {
 
-constexpr double kMaxHu = 32767;
 constexpr double kPaperWater_per_mm = 0.02;
 
 void validate(const std::string& name, const std::vector<Opacity::Knot>& knots) {
@@ -40,7 +39,7 @@ Opacity::Opacity(std::string name, std::vector<Knot> knots)
 }
 
 Opacity Opacity::paper() {
-  return {"paper", {{-1024, 0}, {kMaxHu, kPaperWater_per_mm * (kMaxHu / 1024 + 1)}}};
+  return {"paper", {{-1024, 0}, {kMaxHu, kPaperWater_per_mm * (kMaxHu / 1024.0 + 1)}}};
 }
 
 Opacity Opacity::subtracted() {

@@ -11,8 +11,6 @@
 namespace xraycast {
 namespace {
 
-constexpr double kMaxHu = 32767;
-
 /// As `weigh` of kernels/basis.cl takes them.
 struct DeviceKnot {
   float hu, per_hu;

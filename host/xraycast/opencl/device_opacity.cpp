@@ -27,7 +27,7 @@ std::vector<Ramp> ramps_of(const Opacity& opacity) {
   const auto knots = opacity.knots();
   for (std::size_t i = 0; i + 1 < knots.size(); ++i)
     bend_at(knots[i].hu, (knots[i + 1].mu_per_mm - knots[i].mu_per_mm) / (knots[i + 1].hu - knots[i].hu));
-  constexpr double kMaxHu = 32767;  // of an int16 voxel, so a bend there is never reached
+  // No voxel lies above kMaxHu, so a bend there is never reached.
   if (knots.back().hu < kMaxHu) bend_at(knots.back().hu, 0);
   return ramps;
 }

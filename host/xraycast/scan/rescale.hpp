@@ -19,8 +19,6 @@ inline void include(SliceSource::HuRange& range, const SliceSource::HuRange& oth
   range = {std::min(range.lowest, other.lowest), std::max(range.highest, other.highest)};
 }
 
-inline constexpr std::int16_t kMaxHu = std::numeric_limits<std::int16_t>::max();
-
 /// HU as they are kept: rounded, and clamped to [-1024, 32767]. Not a number reads as air.
 inline std::int16_t to_hu(double value) {
   return value > kPaddingHu ? static_cast<std::int16_t>(std::lrint(std::min<double>(value, kMaxHu)))

@@ -40,8 +40,9 @@ struct VolumeGeometry {
 /// bits), spacing and origin are finite, and spacing is positive.
 void validate(const VolumeGeometry& geometry, const std::string& name);
 
-/// CT numbers below this are padding or noise and read as air; readers clamp to it.
-inline constexpr std::int16_t kPaddingHu = -1024;
+/// The range of CT numbers as they are kept. What is lower is padding or noise and reads as air; readers clamp
+/// to both ends.
+inline constexpr std::int16_t kPaddingHu = -1024, kMaxHu = 32767;
 
 /// A scan collected whole: int16 Hounsfield units, x fastest, then y, then z. Move-only; the voxels are not
 /// initialised.

@@ -17,7 +17,7 @@ namespace {
 
 constexpr double kTissueLow_hu = -50, kTissueHigh_hu = 150;
 constexpr double kContrastLow_hu = 200, kContrastHigh_hu = 700;
-constexpr int kAir_hu = -300;
+constexpr int kBodySurface_hu = -300;  ///< halfway from air to soft tissue, or nearly
 
 /// How many voxels have each value. Voxels on an edge, where tissues mix, do not count: their neighbours
 /// along the axes differ by more than `edge_hu`.
@@ -32,7 +32,7 @@ class Histogram {
       for (std::int64_t y = 1; y + 1 < size.y; ++y)
         for (std::int64_t x = 1; x + 1 < size.x; ++x) {
           const int hu = volume.at(x, y, z);
-          if (hu > kAir_hu && edge_hu > 0 &&
+          if (hu > kBodySurface_hu && edge_hu > 0 &&
               (std::abs(volume.at(x + 1, y, z) - volume.at(x - 1, y, z)) > edge_hu ||
                std::abs(volume.at(x, y + 1, z) - volume.at(x, y - 1, z)) > edge_hu ||
                std::abs(volume.at(x, y, above) - volume.at(x, y, below)) > edge_hu))
@@ -149,11 +149,11 @@ double measure_noise_hu(const Volume& volume) {
       for (std::int64_t x = 1; x + 1 < size.x; ++x) {
         const int a = volume.at(x - 1, y, i * step), b = volume.at(x, y, i * step),
                   c = volume.at(x + 1, y, i * step);
-        const auto usable = [&](int hu) { return hu > kAir_hu && hu > range.min && hu < range.max; };
+        const auto usable = [&](int hu) { return hu > kBodySurface_hu && hu > range.min && hu < range.max; };
         if (!usable(a) || !usable(c)) continue;
         if (usable(b))
           ++here[static_cast<std::size_t>(std::min(std::abs(a - 2 * b + c), 4095))];
-        else if (b == range.min && b > kAir_hu)
+        else if (b == range.min && b > kBodySurface_hu)
           ++cut_off_here;
       }
     const std::lock_guard lock(mutex);
@@ -175,7 +175,8 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
   progress.advance();
   const Histogram all(volume, 0);
   progress.advance();
-  const double air = all.between(-32768, kAir_hu), total = air + all.between(kAir_hu + 1, 32767);
+  const double air = all.between(-32768, kBodySurface_hu),
+               total = air + all.between(kBodySurface_hu + 1, 32767);
   if (air < 0.02 * total) {
     const auto classes = two_classes_hu(all, lowest, highest);
     if (!classes) throw InputError("{}: no vessel: all voxels have about {} HU", name, lowest);
