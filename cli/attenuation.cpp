@@ -8,16 +8,15 @@ void add_attenuation_options(CLI::App& command, AttenuationOptions& options) {
   command
       .add_option(
           "--opacity", options.opacity,
-          "paper, bilinear, subtracted (for angiograms in which nothing but vessels is left), or a JSON file "
-          "of HU and mu; or spectrum: with 80, 100, 120 (kVp) or a file of keV and fluence, for beam "
-          "hardening")
+          "HU to attenuation: paper, bilinear, subtracted (for subtracted angiograms), or a JSON file of HU "
+          "and mu; spectrum: with 80, 100, 120 (kVp) or a file of keV and fluence models beam hardening")
       ->capture_default_str()
       ->type_name("NAME|FILE|spectrum:KVP|spectrum:FILE");
   command
       .add_option(
           "--iodine", options.iodine,
-          "Under a spectrum: the vessels as a mask on the scan's grid; what lies above blood in them is "
-          "iodine, not bone")
+          "Under a spectrum: a mask of the vessels on the scan's grid; voxels in it that are brighter than "
+          "blood are iodine, not bone")
       ->type_name("MASK");
 }
 
@@ -25,8 +24,7 @@ std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options) {
   const std::string prefix = "spectrum:";
   if (options.opacity.starts_with(prefix)) return Spectrum::named(options.opacity.substr(prefix.size()));
   if (!options.iodine.empty())
-    throw InputError("--iodine {}: only a spectrum tells iodine apart; give --opacity spectrum:KVP too",
-                     options.iodine);
+    throw InputError("--iodine {}: needs a spectrum; add --opacity spectrum:KVP", options.iodine);
   return Opacity::named(options.opacity);
 }
 
@@ -35,8 +33,8 @@ void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const S
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (opacity && *opacity == Opacity::paper() && hu.is_subtracted())
     session.say(
-        {"nothing lies below the value of water, as in a subtracted angiogram: --opacity subtracted shows "
-         "what lies above it"});
+        {"no voxel is below water, as in a subtracted angiogram: --opacity subtracted shows what is above "
+         "it"});
 }
 
 SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,

@@ -15,14 +15,14 @@ struct AttenuationOptions {
 
 void add_attenuation_options(CLI::App& command, AttenuationOptions& options);
 
-/// What they say. Throws InputError when they do not go together.
+/// The opacity or spectrum that the options choose. Throws InputError when they contradict each other.
 std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options);
 
-/// Where paper takes all of a scan for matter, as of a subtracted angiogram.
+/// Suggests `subtracted` for a scan that has no voxel below water.
 void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource::HuRange& hu,
                      const Session& session);
 
-/// Reads a scan into the device, with its contrast apart when --iodine names the vessels.
+/// Reads a scan into the device, with the iodine separated when --iodine gives a mask.
 SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,
                   OutlineFinder& finder, LoadTimings& timings, Progress& progress);
 

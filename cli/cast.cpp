@@ -59,21 +59,21 @@ std::optional<double> given_radius_mm(const Options& options) {
   return radius[0];
 }
 
-/// Where little of the body, such as arms beside a trunk, makes the shells much wider than the rest needs.
+/// Suggests a smaller radius where a small part of the body, such as the arms, widens all shells.
 void hint_at_radius(const Options& options, const BodyOutline& outline, const Session& session) {
-  constexpr double kMuch = 0.85;  // below it all shells get 15 % thinner or more; heads and trunks lie above
+  constexpr double kMuch = 0.85;  // shells get at least 15 % thinner; heads and trunks without arms lie above
   const bool is_free =
       options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
   if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
   const double most_mm = std::ceil(outline.most_mm);
   if (most_mm < kMuch * outline.radius_mm)
     session.say(
-        {fmt::format("99 % of the body lies within {:g} mm of the axis, the rest reaches {:.0f} mm: "
-                     "--radius {:g} leaves the rest out and shows the body more sharply",
+        {fmt::format("99 % of the body lies within {:g} mm of the axis, the rest extends to {:.0f} mm: "
+                     "--radius {:g} crops it and shows the body more sharply",
                      most_mm, outline.radius_mm, most_mm)});
 }
 
-/// The centre and radius that the user gave, the rest from the body.
+/// The centre and radius as given by the user, else from the body.
 BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder, const Session& session) {
   BodyOutline outline{};
   if (options.centre == "auto" || options.radius == "auto") outline = finder.finish();
@@ -103,17 +103,17 @@ std::vector<double> resolve_radii(const Options& options, double radius_mm) {
 
 void check_name(const std::filesystem::path& path, const char* extension) {
   if (extension_of(path) != extension)
-    throw InputError("{}: end the name in {}, which is what is written", path.string(), extension);
+    throw InputError("{}: the file name must end in {}", path.string(), extension);
   check_writable(path);
 }
 
-/// Where the basis has its knots; none where none is asked for.
+/// The knots of the basis in HU; none without --keep-basis.
 std::vector<double> resolve_knots(const Options& options,
                                   const std::variant<Opacity, Spectrum>& attenuation) {
   if (options.basis.empty()) return {};
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity || options.projection != "cylinder")
-    throw InputError("--keep-basis {}: a basis is made for cylinder maps under an opacity", options.basis);
+    throw InputError("--keep-basis {}: only cylinder maps under an opacity have a basis", options.basis);
   check_writable(options.basis);
   std::vector<double> knots_hu =
       options.knots.empty() ? useful_knots_hu(*opacity) : parse_numbers(options.knots, "--knots");
@@ -121,7 +121,7 @@ std::vector<double> resolve_knots(const Options& options,
   return knots_hu;
 }
 
-/// Rejects what the projection would drop without a word.
+/// Rejects options that have no effect on the chosen projection.
 void check_applies(const Options& options) {
   const auto check = [&](bool is_given, const char* option, std::initializer_list<const char*> projections) {
     if (is_given && std::ranges::find(projections, options.projection) == projections.end())
@@ -133,11 +133,11 @@ void check_applies(const Options& options) {
   check(options.views.has_value(), "--views", {"rectangle"});
   check(!options.centre_line.empty(), "--centre-line", {"cylinder"});
   if (!options.centre_line.empty() && options.centre != "auto")
-    throw InputError("--centre {} and --centre-line {}: give one of the two", options.centre,
+    throw InputError("--centre {} and --centre-line {}: give only one of them", options.centre,
                      options.centre_line);
 }
 
-/// Rejects what can be known to be wrong before the scan is read.
+/// Rejects wrong options before the scan is read.
 void check(const Options& options) {
   check_applies(options);
   check_name(options.output.map, ".exr");
@@ -188,7 +188,7 @@ MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volum
                                         : resolve_cylinder(options, volume, outline);
 }
 
-/// `--memory-limit` in bytes; without it, what the device allows one buffer to take.
+/// `--memory-limit` in bytes, by default the device's largest buffer.
 std::int64_t memory_limit_B(const Options& options, const ComputeDevice& device) {
   if (options.memory_limit.empty()) return device.info().max_allocation_B;
   std::size_t digits = 0;
@@ -205,7 +205,7 @@ std::int64_t memory_limit_B(const Options& options, const ComputeDevice& device)
   return static_cast<std::int64_t>(std::ldexp(number, shift));
 }
 
-/// A cast and what it took.
+/// The result of a cast, and its timings.
 struct Casting {
   CastResult result;
   LoadTimings timings;
@@ -246,16 +246,17 @@ Scan open(const Options& options, Progress& progress) {
   return scan;
 }
 
-/// Casts without holding the scan; it is read twice where the body has to be found first.
+/// Casts slab by slab; reads the scan twice if the body's outline is needed first.
 Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
                    std::int64_t limit_B, ComputeDevice& device, Session& session) {
   Progress& progress = session.progress;
   if (!options.basis.empty())
-    throw InputError("--keep-basis {}: needs the whole scan at once; raise the memory limit", options.basis);
+    throw InputError("--keep-basis {}: a basis needs the whole scan in memory; raise --memory-limit",
+                     options.basis);
   const VolumeGeometry volume = scan.source->geometry();
   const std::int64_t slices = slab_slices_within(volume, limit_B);
   const auto* opacity = std::get_if<Opacity>(&attenuation);
-  if (!opacity) throw InputError("a spectrum map needs the whole scan at once; raise the memory limit");
+  if (!opacity) throw InputError("a spectrum map needs the whole scan in memory; raise --memory-limit");
   OutlineFinder finder(volume);
   LoadTimings timings;
   if (options.centre == "auto" || options.radius == "auto") {
@@ -270,8 +271,8 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
   return {std::move(result), timings};
 }
 
-/// Whether all is known before the first slice is read, and nothing needs the scan afterwards: then slabs
-/// take less memory, and with it less time.
+/// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: then
+/// slabs take less memory, and therefore less time.
 bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const VolumeGeometry& volume) {
   return volume.size.z > kMaxSlabSlices && options.centre != "auto" && options.radius != "auto" &&
@@ -347,7 +348,10 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   add_map_output_options(*command, options->output);
-  command->add_option("--projection", options->projection, "Along which rays: cylinder, sphere or rectangle")
+  command
+      ->add_option(
+          "--projection", options->projection,
+          "How rays run: cylinder (outwards from the axis), sphere (from a point) or rectangle (parallel)")
       ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()
       ->type_name("NAME");
@@ -356,43 +360,44 @@ void add_cast(CLI::App& app, Session& session) {
       ->add_option("--radii", options->radii,
                    "equal-area (default), equal-thickness, or all edges in mm, innermost first")
       ->type_name("RULE|MM,MM,...");
-  command->add_option("--angles", options->angles, "Rays around the axis; the map's width (default 360)")
+  command
+      ->add_option("--angles", options->angles,
+                   "Rays per turn around the axis: the map's width (default 360)")
       ->type_name("N");
-  command->add_option("--views", options->views, "rectangle: pictures over 180 deg (default 36)")
+  command->add_option("--views", options->views, "rectangle: number of views over 180 deg (default 36)")
       ->type_name("N");
   command
       ->add_option("--centre", options->centre,
-                   "The axis in mm, for a sphere the point; auto: the body's centroid; vessels: that of the "
-                   "vessels that `xraycast segment` left in a folder")
+                   "Position of the axis (sphere: of the centre) in LPS mm; auto: the body's centroid; "
+                   "vessels: the centroid of the vessels in a folder of `xraycast segment`")
       ->capture_default_str()
       ->type_name("auto|vessels:DIR|X,Y[,Z]");
   command
       ->add_option("--centre-line", options->centre_line,
-                   "cylinder: a centre that follows a line, monotone in z; a CSV of x,y,z or a vessel tree")
+                   "cylinder: let the centre follow a curve, monotone in z: a CSV of x,y,z or a vessel tree")
       ->type_name("FILE[#BRANCH]");
-  command->add_option("--radius", options->radius, "The outermost radius in mm; auto: encloses the body")
+  command->add_option("--radius", options->radius, "Outermost radius in mm; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
   command
-      ->add_option(
-          "--without-vessels", options->without_vessels,
-          "Take the contrast agent out of the vessels that `xraycast segment` left in a folder: they "
-          "are drawn as a surface then, and not also in the map")
+      ->add_option("--without-vessels", options->without_vessels,
+                   "Remove the contrast agent from the vessels in a folder of `xraycast segment`, which are "
+                   "then drawn as a surface instead")
       ->type_name("DIR");
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,
-                   "Cast scans that take more than this in slabs; default: the device's largest buffer")
+                   "Cast larger scans in slabs (default: the device's largest buffer)")
       ->type_name("SIZE");
   CLI::Option* keep_basis =
       command
           ->add_option("--keep-basis", options->basis,
-                       "Also what `xraycast recast` needs to make the map under other opacities")
+                       "Also write the basis from which `xraycast recast` makes maps under other opacities")
           ->type_name("FILE");
   command
       ->add_option("--knots", options->knots,
-                   "At which HU those opacities may bend, at most 64 (default: where --opacity does, and the "
-                   "usual places)")
+                   "HU at which those opacities may bend, at most 64 (default: the knots of --opacity and a "
+                   "standard set)")
       ->needs(keep_basis)
       ->type_name("HU,HU,...");
   add_scan_options(*command, options->scan);

@@ -10,7 +10,7 @@ namespace xraycast::cli {
 void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry) {
   CLI::Option* model = command
                            .add_option("--device-model", instrument_model,
-                                       fmt::format("What is steered: {}, or FILE.json",
+                                       fmt::format("The instrument: {}, or FILE.json",
                                                    fmt::join(InstrumentModel::preset_names(), ", ")))
                            ->type_name("NAME");
   if (instrument_model.empty())
@@ -20,8 +20,8 @@ void add_catheter_options(CLI::App& command, std::string& instrument_model, std:
   command
       .add_option(
           "--entry", entry,
-          "The vessel end it enters at: a branch's number, or the one nearest to a point (default: the "
-          "most inferior one that it fits into)")
+          "Vessel end at which it enters: the number of a branch, or the end nearest to a point in LPS mm "
+          "(default: the most inferior end that it fits into)")
       ->type_name("BRANCH|X,Y,Z");
 }
 

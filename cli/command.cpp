@@ -25,7 +25,7 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-/// The whole text as a number, or not at all.
+/// Parses the whole text as a number; false if any of it is left.
 template <typename Number>
 bool parse(const std::string& text, Number& number) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -37,8 +37,7 @@ bool is_one_file(const std::string& a, const std::string& b) {
   return fs::equivalent(a, b, error) || fs::path(a).lexically_normal() == fs::path(b).lexically_normal();
 }
 
-/// A file that is written under the name of one that is read, or written too, would take its place. Throws
-/// InputError.
+/// Throws InputError when an output has the path of an input or of another output.
 void check_outputs_apart(const CLI::App& command) {
   static constexpr std::array<std::string_view, 6> kOutputs{"--output", "--preview", "--keep-basis",
                                                             "--plot",   "--cine",    "--truth"};
@@ -46,11 +45,11 @@ void check_outputs_apart(const CLI::App& command) {
   for (const CLI::Option* output : options) {
     if (output->empty() || std::ranges::find(kOutputs, output->get_name()) == kOutputs.end()) continue;
     for (const CLI::Option* other : options) {
-      // Words to choose from name no file.
+      // Options with a list of values do not name files.
       if (other == output || other->get_type_name().find('{') != std::string::npos) continue;
       for (const std::string& file : other->results())
         if (is_one_file(output->results().front(), file))
-          throw InputError("{} {}: is {} too, which it would replace; give it another name",
+          throw InputError("{} {}: is also given as {} and would overwrite it; choose another name",
                            output->get_name(), output->results().front(), other->get_name());
     }
   }
@@ -85,10 +84,10 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
       .add_option("--series", options.series,
-                  "Which DICOM series of the folder: part of its description, number or UID")
+                  "DICOM series to read: part of its description, its number or UID")
       ->type_name("TEXT");
   command.add_flag("--keep-slices", options.keep_slices,
-                   "Refuse unevenly spaced slices instead of resampling them");
+                   "Reject unevenly spaced slices instead of resampling them");
 }
 
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option) {

@@ -16,8 +16,8 @@ namespace xraycast::cli {
 
 using Json = nlohmann::ordered_json;
 
-/// What all subcommands share: the global options, the progress of the job, and the job itself, which the
-/// chosen subcommand leaves here while the arguments are parsed.
+/// State shared by all subcommands: the global options, the job's progress, and the job itself, which the
+/// chosen subcommand sets while the arguments are parsed.
 struct Session {
   std::string device;
   bool json = false;
@@ -27,13 +27,13 @@ struct Session {
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
-  /// One line on stderr each, unless --quiet.
+  /// Prints one line each on stderr, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
-  /// What was asked for, on stdout: the JSON with --json, else the text.
+  /// Prints a result on stdout: the JSON with --json, else the text.
   void answer(const Json& result, const std::string& text) const;
 
-  /// The same about files that were written; --quiet silences the text.
+  /// As answer(), for files that were written; --quiet drops the text.
   void report(const Json& result, const std::string& text) const;
 };
 
@@ -64,7 +64,7 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
 /// `12.5,-30`. Throws InputError naming `option`.
 std::vector<double> parse_numbers(const std::string& text, const std::string& option);
 
-/// Makes a folder, and those above it, where there is none. Throws InputError with `name` in front.
+/// Creates a folder and its parents unless they exist. Throws InputError with `name` in front.
 void make_folder(const std::filesystem::path& folder, const std::string& name);
 
 /// {"size", "spacing_mm", "origin_mm"}.

@@ -37,14 +37,14 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Everything the demo makes goes through here: it keeps the pictures and what each step took.
+/// Collects the demo's pictures and the time of each step.
 class Report {
  public:
   Report(fs::path folder, const Session& session) : folder_(std::move(folder)), session_(session) {}
 
   fs::path file(const std::string& name) const { return folder_ / name; }
 
-  /// Runs a step and notes its time.
+  /// Runs a step and records its time.
   template <typename Step>
   auto timed(const std::string& what, const Step& step) {
     const auto start = std::chrono::steady_clock::now();
@@ -268,7 +268,8 @@ void run_demo(const std::string& folder, Session& session) {
   report.finish();
   session.report(
       {{"folder", folder}},
-      fmt::format("Made {0}/contact-sheet.png and {0}/index.html: open either to look.\n", folder));
+      fmt::format("Wrote {0}/contact-sheet.png and {0}/index.html: open either to see the results.\n",
+                  folder));
 }
 
 }  // namespace
@@ -276,9 +277,9 @@ void run_demo(const std::string& folder, Session& session) {
 void add_demo(CLI::App& app, Session& session) {
   const auto folder = std::make_shared<std::string>("demo");
   CLI::App* command =
-      add_command(app, session, "demo", "The whole pipeline on the built-in phantom",
+      add_command(app, session, "demo", "Run the whole pipeline on the built-in phantom",
                   "  xraycast demo -o demo", [folder, &session] { run_demo(*folder, session); });
-  command->add_option("-o,--output", *folder, "Where everything goes")
+  command->add_option("-o,--output", *folder, "Folder for all results")
       ->capture_default_str()
       ->type_name("DIR");
 }

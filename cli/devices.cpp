@@ -41,7 +41,7 @@ void list_devices(const Session& session) {
 }  // namespace
 
 void add_devices(CLI::App& app, Session& session) {
-  add_command(app, session, "devices", "OpenCL devices and their self-test",
+  add_command(app, session, "devices", "List the OpenCL devices and test each",
               "  xraycast devices\n  xraycast devices --json", [&session] { list_devices(session); });
 }
 

@@ -57,7 +57,7 @@ Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometr
           {"warnings", info.warnings}};
 }
 
-/// Reads all slices for their HU range, and keeps none.
+/// Reads all slices for their HU range, without keeping them.
 SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
   const std::int64_t run = std::min<std::int64_t>(64, source.geometry().size.z);
   const auto voxels = static_cast<std::size_t>(run * source.geometry().slice_voxels());
@@ -73,7 +73,7 @@ SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
 void add_info(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = add_command(
-      app, session, "info", "What was understood of a scan",
+      app, session, "info", "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range",
       "  xraycast info scans/chest/\n"
       "  xraycast info head.nii.gz --json",
       [options, &session] {

@@ -69,7 +69,7 @@ int main(int argc, char** argv) {
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
-  app.add_flag("--quiet,-q", session.quiet, "No notes, no progress, and no word of files that were written");
+  app.add_flag("--quiet,-q", session.quiet, "No notes, no progress, no report of files written");
   cli::add_info(app, session);
   cli::add_phantom(app, session);
   cli::add_cast(app, session);

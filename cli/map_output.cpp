@@ -3,12 +3,14 @@
 namespace xraycast::cli {
 
 void add_map_output_options(CLI::App& command, MapOutput& output) {
-  command.add_option("-o,--output", output.map, "The body map, OpenEXR")->required()->type_name("MAP.exr");
-  command.add_option("--preview", output.preview, "Also a picture of the layers, innermost on top")
+  command.add_option("-o,--output", output.map, "The body map, an OpenEXR file")
+      ->required()
+      ->type_name("MAP.exr");
+  command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
       ->type_name("PNG");
   command
       .add_option("--preview-window", output.window,
-                  "auto: so that a person sees something; paper: exp(-tau), unscaled")
+                  "auto: window chosen from the map; paper: exp(-tau), unscaled")
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str()
       ->type_name("auto|paper");

@@ -68,13 +68,15 @@ void project_scan(const Options& options, Session& session) {
 void add_project(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = add_command(
-      app, session, "project", "The true projection of a scan (DRR)",
+      app, session, "project", "Draw the DRR of a scan, its true projection",
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480",
       [options, &session] { project_scan(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
-  command->add_option("-o,--output", options->output, ".exr, .tif, .nrrd hold float tau; .png what is shown")
+  command
+      ->add_option("-o,--output", options->output,
+                   ".exr, .tif and .nrrd hold float optical depths; .png the displayed picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

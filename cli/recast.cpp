@@ -23,8 +23,7 @@ struct Options {
 void recast_map(const Options& options, Session& session) {
   const Stopwatch stopwatch;
   if (options.opacity.starts_with("spectrum"))
-    throw InputError("--opacity {}: a beam that hardens cannot be recast; use `xraycast cast`",
-                     options.opacity);
+    throw InputError("--opacity {}: beam hardening cannot be recast; use `xraycast cast`", options.opacity);
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
   if (!options.output.preview.empty()) check_writable(options.output.preview);
@@ -61,17 +60,18 @@ void recast_map(const Options& options, Session& session) {
 
 void add_recast(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
-  CLI::App* command =
-      add_command(app, session, "recast", "A body map under another opacity, without the scan",
-                  "  xraycast cast scans/chest/ -o chest.exr --layers 8 --keep-basis chest.basis\n"
-                  "  xraycast recast chest.basis -o bone.exr --opacity bone.json --preview bone.png",
-                  [options, &session] { recast_map(*options, session); });
-  command->add_option("BASIS", options->basis, "What `xraycast cast --keep-basis` wrote")->required();
+  CLI::App* command = add_command(
+      app, session, "recast", "Make a body map under another opacity from a basis, without the scan",
+      "  xraycast cast scans/chest/ -o chest.exr --layers 8 --keep-basis chest.basis\n"
+      "  xraycast recast chest.basis -o bone.exr --opacity bone.json --preview bone.png",
+      [options, &session] { recast_map(*options, session); });
+  command->add_option("BASIS", options->basis, "The basis that `xraycast cast --keep-basis` wrote")
+      ->required();
   add_map_output_options(*command, options->output);
   command
       ->add_option(
           "--opacity", options->opacity,
-          "paper, bilinear, subtracted, or a JSON file of HU and mu; all HU have to be knots of the basis")
+          "paper, bilinear, subtracted, or a JSON file of HU and mu; each HU must be a knot of the basis")
       ->required()
       ->type_name("NAME|FILE");
 }

@@ -48,7 +48,7 @@ std::vector<glm::vec3> points_of(const VesselTree& tree) {
   return points_mm;
 }
 
-/// A map of a coarse scan has few pixels; in a picture of them nobody would find the catheter.
+/// The map of a coarse scan has few pixels, too few to show a catheter.
 View no_smaller(View view, const BodyBounds& bounds) {
   constexpr int kMinPixels = 600;
   const int longest = std::max(view.width, view.height);
@@ -58,7 +58,7 @@ View no_smaller(View view, const BodyBounds& bounds) {
   return fitted(view, bounds);
 }
 
-/// What a fluoroscope sees of the run, drawn while the catheter moves, into --cine.
+/// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
   Cine(const Options& options, const VesselTree& tree, const Session& session) {
@@ -86,7 +86,7 @@ class Cine {
   std::optional<RunCine> run_;
 };
 
-/// The hub's loads over a run, as often as a plot shows.
+/// Samples the hub's loads during a run, as densely as a plot shows.
 class HubPlot {
  public:
   explicit HubPlot(const Script& script)
@@ -108,7 +108,8 @@ class HubPlot {
 
 void check_cine(const Options& options) {
   if (options.cine.empty()) return;
-  if (options.map.empty()) throw InputError("--cine {}: give a body map to draw it in, --map", options.cine);
+  if (options.map.empty())
+    throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   parse_injection(options.inject);
   if (is_animation(options.cine)) return check_writable(options.cine);
   make_folder(options.cine, options.cine);
@@ -173,7 +174,7 @@ void simulate(const Options& options, Session& session) {
 void add_simulate(CLI::App& app, Session& session) {
   const auto options = std::make_shared<Options>();
   CLI::App* command = add_command(
-      app, session, "simulate", "Push and turn a catheter through a vessel tree, without a display",
+      app, session, "simulate", "Steer a catheter through a vessel tree by a script, without a display",
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"
       "  xraycast simulate vessels/tree.vtp --device-model guidewire-035-j --script push.csv -o log.csv \\\n"
       "    --entry 19 --plot forces.png\n"
@@ -185,21 +186,23 @@ void add_simulate(CLI::App& app, Session& session) {
       ->required()
       ->type_name("TREE");
   add_catheter_options(*command, options->instrument_model, options->entry);
-  command->add_option("--script", options->script, "How the hub moves; linear between rows")
+  command->add_option("--script", options->script, "Motion of the hub, linear between rows")
       ->required()
       ->type_name("CSV");
-  command->add_option("-o,--output", options->log, "The log: a row for each row of the script, SI at the hub")
+  command
+      ->add_option("-o,--output", options->log,
+                   "The log: one row for each row of the script, hub loads in N and N m")
       ->required()
       ->type_name("CSV");
-  command->add_option("--plot", options->plot, "The hub's force and torque over time")->type_name("PNG");
-  command->add_option("--map", options->map, "The body map that --cine is drawn in")->type_name("MAP.exr");
-  command->add_option("--cine", options->cine, "Ten frames a second of the run: a folder of PNGs, or .gif")
+  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
+  command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
+  command->add_option("--cine", options->cine, "Frames of the run, ten a second: a folder of PNGs, or a .gif")
       ->type_name("DIR|GIF");
-  command->add_option("--look", options->look, "--cine: the catheter absorbs, or is shaded")
+  command->add_option("--look", options->look, "--cine: the catheter absorbs (fluoro) or is shaded (surface)")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command->add_option("--inject", options->inject, "--cine: contrast agent enters at the tip, 5 ml/s")
+  command->add_option("--inject", options->inject, "--cine: inject contrast agent at the tip, 5 ml/s")
       ->type_name("FROM_S,TO_S");
   add_view_options(*command, options->view);
 }

@@ -10,7 +10,7 @@
 namespace xraycast::cli {
 namespace {
 
-/// Letters to insert, take away or replace to make one word of the other (Levenshtein).
+/// The Levenshtein distance of two words.
 std::size_t edit_distance(std::string_view a, std::string_view b) {
   std::vector<std::size_t> row(b.size() + 1);
   std::iota(row.begin(), row.end(), std::size_t{0});
@@ -26,7 +26,7 @@ std::size_t edit_distance(std::string_view a, std::string_view b) {
   return row.back();
 }
 
-/// What could have been written in the place of `word`: an option, or else a subcommand.
+/// The options that `word` may have been meant for, or else the subcommands.
 std::vector<std::string> known_words(const CLI::App& app, const CLI::App& command, const std::string& word) {
   std::vector<std::string> known;
   if (word.starts_with("--")) {
@@ -39,7 +39,7 @@ std::vector<std::string> known_words(const CLI::App& app, const CLI::App& comman
   return known;
 }
 
-/// The known word that is at most a third of its letters away, or nothing.
+/// The known word at a distance of at most a third of its length, or nothing.
 std::string closest(const std::vector<std::string>& known, const std::string& word) {
   std::string best;
   std::size_t best_distance = word.size();

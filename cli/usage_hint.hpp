@@ -6,8 +6,7 @@
 
 namespace xraycast::cli {
 
-/// What to do about arguments that did not parse: the word that was meant, where one is close to what was
-/// typed, and whose --help to read.
+/// Advice on arguments that could not be parsed: the closest known word, and which --help to read.
 std::string usage_hint(const CLI::App& app);
 
 }  // namespace xraycast::cli

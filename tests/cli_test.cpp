@@ -221,7 +221,7 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
     {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: end the name in .exr"},
     {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3, "end the name in .png"},
-    {"ProjectionOverItsScan", "project @/ct.nii -o @/./ct.nii", 3, "which it would replace"},
+    {"ProjectionOverItsScan", "project @/ct.nii -o @/./ct.nii", 3, "would overwrite it"},
     {"BasisOverItsMap", "cast @/ct.nii -o @/out.exr --keep-basis @/out.exr", 3, "is --keep-basis too"},
     {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
@@ -256,7 +256,7 @@ const BadCall kBadCalls[] = {
     {"CentreLineOfASphere", "cast @/ct.nii -o @/out.exr --projection sphere --centre-line @/l.csv", 3,
      "--centre-line does not apply"},
     {"CentreAndCentreLine", "cast @/ct.nii -o @/out.exr --centre 1,1 --centre-line @/l.csv", 3,
-     "give one of the two"},
+     "give only one of them"},
     {"MapRefusedBeforeTheScanIsRead", "cast @/nothing -o @/out.exr --centre here", 3, "--centre"},
 
     // The basis.
@@ -264,14 +264,14 @@ const BadCall kBadCalls[] = {
     {"BasisOfASpectrum", "cast @/ct.nii -o @/out.exr --opacity spectrum:80 --keep-basis @/b", 3,
      "under an opacity"},
     {"BasisOfASlab", "cast @/ct.nii -o @/out.exr --memory-limit 0.0001M --keep-basis @/b", 3,
-     "needs the whole scan"},
+     "needs the whole scan in memory"},
     {"BasisWithoutAPlace", "cast @/ct.nii -o @/out.exr --keep-basis @/missing/b", 3, "folder does not exist"},
     {"KnotsDescending", "cast @/nothing -o @/out.exr --keep-basis @/b --knots 0,-5", 3, "knot 1 at -5 HU"},
     {"KnotsWithoutABasis", "cast @/ct.nii -o @/out.exr --knots 0,5", 2, "--keep-basis"},
     {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: there is no such file"},
     {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3, "not a basis; make one with"},
     {"RecastUnderASpectrum", "recast @/nothing -o @/out.exr --opacity spectrum:80", 3,
-     "a beam that hardens cannot be recast"},
+     "beam hardening cannot be recast"},
     {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
 
     // The picture and the phantom.
@@ -569,7 +569,7 @@ TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
   // Both radii are those of the body, by a grid of 8 mm.
   EXPECT_THAT(hint("@/arm.nii --layers 8"),
               testing::ContainsRegex("within 11[0-9] mm of the axis, the rest "
-                                     "reaches 20[0-9] mm: --radius 11[0-9] leaves"));
+                                     "extends to 20[0-9] mm: --radius 11[0-9] crops"));
   for (const char* line : {"@/trunk.nii --layers 8", "@/arm.nii", "@/arm.nii --layers 8 --radius 117",
                            "@/arm.nii --layers 2 --radii 0,100,200", "@/arm.nii --projection rectangle"})
     EXPECT_EQ(hint(line), "") << line;
