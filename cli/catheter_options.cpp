@@ -1,9 +1,13 @@
 #include "catheter_options.hpp"
 
-#include "xraycast/mechanics/instrument_model.hpp"
+#include "command.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
+
+#include <cmath>
+#include <limits>
 
 namespace xraycast::cli {
 
@@ -23,6 +27,17 @@ void add_catheter_options(CLI::App& command, std::string& instrument_model, std:
           "Vessel end at which it enters: the number of a branch, or the end nearest to a point in LPS mm "
           "(default: the most inferior end that it fits into)")
       ->type_name("BRANCH|X,Y,Z");
+}
+
+EntryChoice parse_entry(const std::string& text) {
+  if (text.empty()) return {};
+  const std::string name = "--entry " + text;
+  const std::vector<double> numbers = parse_numbers(text, "--entry");
+  if (numbers.size() == 3) return {glm::dvec3(numbers[0], numbers[1], numbers[2]), name};
+  if (numbers.size() != 1 || numbers[0] != std::floor(numbers[0]) ||
+      std::abs(numbers[0]) > std::numeric_limits<int>::max())
+    throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+  return {static_cast<int>(numbers[0]), name};
 }
 
 }  // namespace xraycast::cli

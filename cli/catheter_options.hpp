@@ -1,13 +1,18 @@
 #pragma once
 
+#include "xraycast/mechanics/vessel_entry.hpp"
+
 #include <CLI/CLI.hpp>
 
 #include <string>
 
 namespace xraycast::cli {
 
-/// --device-model and --entry: what is steered, and where it comes in. The first is required unless
+/// --device-model and --entry: what is steered, and where it enters. The first is required unless
 /// `instrument_model` has a default.
 void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry);
+
+/// Of --entry: a branch's number, or X,Y,Z in mm (LPS); empty for the default. Throws InputError.
+EntryChoice parse_entry(const std::string& text);
 
 }  // namespace xraycast::cli

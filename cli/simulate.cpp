@@ -125,10 +125,11 @@ void simulate(const Options& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_plot(options.plot);
   check_cine(options);
+  const EntryChoice entry_choice = parse_entry(options.entry);
   const InstrumentModel device = InstrumentModel::named(options.instrument_model);
   const Script script = Script::read(options.script);
   const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = parse_entry(tree, options.entry, device);
+  const VesselEnd entry = find_entry(tree, entry_choice, device);
 
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;

@@ -1,6 +1,8 @@
 #include "catheter_options.hpp"
 #include "command.hpp"
 #include "scene_options.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/haptics/listen_address.hpp"
 #include "xraycast/window/viewer_window.hpp"
 
 #include <memory>
@@ -13,6 +15,7 @@ struct Options {
   std::string map, scan, basis, session;
   SceneOptions scene;
   bool simulate = false;
+  std::string entry;
   Intervention::Options simulation;
 };
 
@@ -26,12 +29,32 @@ ViewSession resolve(const Options& options) {
   return session;
 }
 
+/// Of --listen. Throws InputError.
+void check_listen_address(const std::string& text) {
+  if (text.empty()) return;
+  try {
+    parse_listen_address(text);
+  } catch (const InputError& error) {
+    throw InputError("--listen {}", error.what());
+  }
+}
+
+/// What is steered in a scene.
+Intervention::Options simulation_of(const Options& options, const ViewSession& scene) {
+  if (scene.vessels.empty())
+    throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
+  check_listen_address(options.simulation.listen);
+  Intervention::Options simulation = options.simulation;
+  simulation.vessels = scene.vessels;
+  simulation.entry = parse_entry(options.entry);
+  return simulation;
+}
+
 void view(const Options& options, const Session& session) {
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
   if (options.simulate || !options.simulation.script.empty()) {
-    simulation = options.simulation;
-    simulation->vessels = scene.vessels;
+    simulation = simulation_of(options, scene);
     // A thin catheter in a trunk is hardly seen without; a session has chosen.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
@@ -58,7 +81,7 @@ void add_view(CLI::App& app, Session& session) {
   add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
   Intervention::Options& simulation = options->simulation;
-  add_catheter_options(*command, simulation.instrument_model, simulation.entry);
+  add_catheter_options(*command, simulation.instrument_model, options->entry);
   command->add_option("--haptic", simulation.haptic, "What holds the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()

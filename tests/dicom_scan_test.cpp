@@ -237,7 +237,7 @@ TEST_F(DicomSeries, TakesTheLargestAndNamesTheOthers) {
   EXPECT_EQ(volume.geometry().size.z, 3);
   EXPECT_THAT(info.series, HasSubstr("THORAX SOFT"));
   EXPECT_THAT(info.other_series, ElementsAre(HasSubstr("THORAX BONE")));
-  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("--series")));
+  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("choose another series")));
 }
 
 TEST_F(DicomSeries, IsChosenByNumberDescriptionOrUid) {

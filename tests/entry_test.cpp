@@ -1,6 +1,7 @@
 // Where a device comes into a vessel tree.
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/mechanics/vessel_entry.hpp"
 
 #include <gmock/gmock.h>
 
@@ -20,15 +21,37 @@ VesselTree forked() {
 
 TEST(Entry, IsTheMostInferiorEndThatTheDeviceFitsInto) {
   EXPECT_EQ(most_inferior_end(forked()).branch, 1);
-  EXPECT_EQ(parse_entry(forked(), "", InstrumentModel::named("cobra-5f")).branch, 2);
-  EXPECT_EQ(parse_entry(forked(), "", InstrumentModel::named("microcatheter-27f")).branch, 1);
+  EXPECT_EQ(find_entry(forked(), {}, InstrumentModel::named("cobra-5f")).branch, 2);
+  EXPECT_EQ(find_entry(forked(), {}, InstrumentModel::named("microcatheter-27f")).branch, 1);
+}
+
+TEST(Entry, IsTheEndOfABranchOrTheNearestOneToAPoint) {
+  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+  EXPECT_TRUE(find_entry(forked(), {0}, device).at_start);
+  EXPECT_EQ(find_entry(forked(), {1}, device).branch, 1);
+  EXPECT_EQ(find_entry(forked(), {glm::dvec3(-20, 10, 0)}, device).branch, 2);
+}
+
+TEST(Entry, ThatDoesNotExistIsNamed) {
+  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+  const auto message = [&](const EntryChoice& choice) -> std::string {
+    try {
+      find_entry(forked(), choice, device);
+      return "";
+    } catch (const InputError& error) {
+      return error.what();
+    }
+  };
+  EXPECT_EQ(message({3, "field"}), "field: there is no branch 3; the tree has 0 to 2");
+  EXPECT_EQ(message({-1}), "entry: there is no branch -1; the tree has 0 to 2");
+  EXPECT_EQ(message({glm::dvec3(0, 0, 160)}), "entry: the nearest vessel end, 0,0,100, is 60 mm away");
 }
 
 TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
   const VesselTree tree = forked();
   const InstrumentModel device = InstrumentModel::named("cobra-5f");
   try {
-    const Catheter catheter(tree, device, parse_entry(tree, "1", device), {});
+    const Catheter catheter(tree, device, find_entry(tree, {1}, device), {});
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("does not fit into branch 1"));

@@ -102,7 +102,9 @@ TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
 TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
   EXPECT_THROW(Intervention({}), InputError);
   EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_model = "none"}), InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .entry = "1000"}), InputError);
+  Intervention::Options nowhere{.vessels = folder_ / ""};
+  nowhere.entry.end = 1000;
+  EXPECT_THROW(Intervention{nowhere}, InputError);
   EXPECT_THROW(Intervention({.vessels = folder_ / "", .haptic = "glove"}), InputError);
   EXPECT_THROW(Intervention({.vessels = std::filesystem::temp_directory_path()}), InputError);
 }

@@ -171,7 +171,7 @@ class Reader {
     char magic[8] = {};
     std::uint32_t version = 0;
     if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version, 4))
-      throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
+      throw InputError("{}: not a basis, as `xraycast cast` writes one beside its map", name_);
     if (version != kBasisVersion)
       throw InputError("{}: basis of version {}, but this program reads version {}", name_, version,
                        kBasisVersion);

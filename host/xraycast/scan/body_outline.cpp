@@ -107,7 +107,7 @@ BodyOutline OutlineFinder::finish() const {
   }
   if (body.empty())
     throw InputError(
-        "nothing in the scan lies above {} HU, so there is no body to centre on; give --centre and --radius",
+        "nothing in the scan lies above {} HU, so there is no body to centre on; give a centre and a radius",
         kBodyHu);
 
   const auto position_mm = [&](std::int64_t cell) {

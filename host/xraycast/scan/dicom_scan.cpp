@@ -260,8 +260,10 @@ Series choose(std::vector<Series> all, const std::string& wanted, const std::str
         throw InputError("{}: several series match '{}'; it holds {}", name, wanted, list);
     }
   } else if (all.size() > 1) {
-    info.warnings.push_back(fmt::format(
-        "{} series in the folder, the largest was taken; choose with --series: {}", all.size(), list));
+    info.warnings.push_back(
+        fmt::format("{} series in the folder, the largest was taken; choose another series by its number, "
+                    "description or UID: {}",
+                    all.size(), list));
   }
   for (auto series = all.begin(); series != all.end(); ++series)
     if (series != chosen) info.other_series.push_back(describe(*series));

@@ -271,7 +271,7 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
                     info.gaps.size(), layout.gaps_mm.size(), info.gaps.size() == 1 ? "s" : "", layout.k_mm,
                     smallest, largest);
     if (options.keep_slices)
-      throw InputError("{}: {}; without --keep-slices they are resampled to a uniform grid", stack->name,
+      throw InputError("{}: {}; keep_slices rules out resampling them to a uniform grid", stack->name,
                        uneven);
     info.warnings.push_back(uneven);
   }

@@ -194,9 +194,8 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
   const double tissue_hu = insides.mode_hu(kTissueLow_hu, kTissueHigh_hu, 10);
   const auto peak_hu = contrast_peak_hu(insides, tissue_hu);
   if (!peak_hu)
-    throw InputError(
-        "{}: no vessel: no contrast medium shows between {} and {} HU; --window LO,HI names the limits", name,
-        kContrastLow_hu, kContrastHigh_hu);
+    throw InputError("{}: no vessel: no contrast medium shows between {} and {} HU; give a window", name,
+                     kContrastLow_hu, kContrastHigh_hu);
   return {tissue_hu, *peak_hu, noise_hu};
 }
 

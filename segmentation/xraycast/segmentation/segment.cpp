@@ -81,7 +81,7 @@ HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, con
                         Progress& progress) {
   if (!options.window_hu) return window_of(measure_contrast(volume, name, progress));
   const auto [low, high] = *options.window_hu;
-  if (low >= high) throw InputError("--window: {} is not below {}", low, high);
+  if (low >= high) throw InputError("window_hu: {} is not below {}", low, high);
   return {low, low, high};
 }
 
@@ -163,9 +163,8 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   progress.begin("thresholding", 1, "scans");
   Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
   if (2 * mask.count() > volume.geometry().voxel_count())
-    throw InputError(
-        "{}: no vessel: more than half of the scan lies above {:.0f} HU; --window LO,HI names other limits",
-        name, window.low_hu);
+    throw InputError("{}: no vessel: more than half of the scan lies above {:.0f} HU; give another window",
+                     name, window.low_hu);
   if (has_air(scan)) intersect(mask, find_body(scan));
   progress.advance();
   if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())

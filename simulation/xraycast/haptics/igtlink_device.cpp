@@ -85,7 +85,7 @@ Descriptor listen_at(const ListenAddress& address) {
   addrinfo* found = nullptr;
   if (const int error =
           getaddrinfo(address.host.c_str(), std::to_string(address.port).c_str(), &hints, &found))
-    throw InputError("--listen {}: {}", text, gai_strerror(error));
+    throw InputError("{}: {}", text, gai_strerror(error));
   const std::unique_ptr<addrinfo, FreeAddresses> list(found);
 
   Descriptor listener(socket(list->ai_family, SOCK_STREAM | SOCK_NONBLOCK | SOCK_CLOEXEC, 0));
@@ -94,9 +94,8 @@ Descriptor listen_at(const ListenAddress& address) {
   setsockopt(listener.id(), SOL_SOCKET, SO_REUSEADDR, &on, sizeof on);
   if (bind(listener.id(), list->ai_addr, list->ai_addrlen) != 0 || listen(listener.id(), 4) != 0) {
     if (errno == EADDRINUSE)
-      throw InputError(
-          "--listen {}: the port is in use; end the program that listens there, or choose another", text);
-    throw InputError("--listen {}: {}", text, error_text(errno));
+      throw InputError("{}: the port is in use; end the program that listens there, or choose another", text);
+    throw InputError("{}: {}", text, error_text(errno));
   }
   return listener;
 }

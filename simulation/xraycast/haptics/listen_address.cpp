@@ -17,7 +17,7 @@ ListenAddress parse_listen_address(const std::string& text) {
   const auto [stop, error] = std::from_chars(digits, end, address.port);
   const bool host_is_good = !host.empty() && (bracketed || host.find_first_of("[]:") == std::string::npos);
   if (!host_is_good || error != std::errc() || stop != end)
-    throw InputError("--listen {}: give ADDRESS:PORT, such as 127.0.0.1:18944 or [::1]:18944", text);
+    throw InputError("{}: give ADDRESS:PORT, such as 127.0.0.1:18944 or [::1]:18944", text);
   return address;
 }
 

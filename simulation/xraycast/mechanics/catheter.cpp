@@ -1,14 +1,8 @@
 #include "xraycast/mechanics/catheter.hpp"
 
-#include "xraycast/base/error.hpp"
-
-#include <glm/geometric.hpp>
-
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <charconv>
 #include <cmath>
-#include <functional>
 
 namespace xraycast {
 namespace {
@@ -40,83 +34,12 @@ std::unique_ptr<WallContact> walls(const VesselTree& tree, const Rod& rod, const
                                        &introducer);
 }
 
-/// The ends that a device fits into, the widest first.
-std::vector<VesselEnd> ends_for(const VesselTree& tree, const InstrumentModel& device) {
-  std::vector<VesselEnd> ends = vessel_ends(tree);
-  std::erase_if(ends, [&](const VesselEnd& end) { return end.radius_mm <= device.radius_mm(); });
-  std::ranges::stable_sort(ends, std::ranges::greater{}, &VesselEnd::radius_mm);
-  return ends;
-}
-
-const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
-  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
-}
-
 const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& device) {
-  if (entry.radius_mm > device.radius_mm()) return entry;
-  constexpr std::size_t kMaxNamed = 3;
-  std::string wide_enough;
-  std::vector<VesselEnd> ends = ends_for(tree, device);
-  if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
-  for (const VesselEnd& end : ends)
-    wide_enough +=
-        fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm)", wide_enough.empty() ? "" : " or ",
-                    end.position_mm.x(), end.position_mm.y(), end.position_mm.z(), end.branch, end.radius_mm);
-  throw InputError(
-      "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
-      device.name(), device.radius_mm(), entry.branch, entry.radius_mm,
-      wide_enough.empty() ? "nor into any other: take a thinner device"
-                          : "take another --entry, such as " + wide_enough);
+  check_fits(tree, entry, device);
+  return entry;
 }
 
 }  // namespace
-
-VesselEnd most_inferior_end(const VesselTree& tree) { return most_inferior(vessel_ends(tree)); }
-
-VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
-  if (branch < 0 || branch >= static_cast<int>(tree.branches().size()))
-    throw InputError("{}: there is no branch {}; the tree has 0 to {}", name, branch,
-                     tree.branches().size() - 1);
-  for (const VesselEnd& end : vessel_ends(tree))
-    if (end.branch == branch) return end;
-  throw InputError("{}: branch {} goes on into others at both ends; a device enters at a vessel's end", name,
-                   branch);
-}
-
-VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
-  const std::vector<VesselEnd> ends = vessel_ends(tree);
-  return *std::ranges::min_element(
-      ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
-}
-
-VesselEnd parse_entry(const VesselTree& tree, const std::string& text, const InstrumentModel& device) {
-  if (text.empty()) {
-    const std::vector<VesselEnd> ends = ends_for(tree, device);
-    return ends.empty() ? most_inferior_end(tree) : most_inferior(ends);
-  }
-  const std::string name = fmt::format("--entry {}", text);
-  std::vector<double> numbers(1);
-  const char *at = text.data(), *end = at + text.size();
-  while (true) {
-    const auto [behind, error] = std::from_chars(at, end, numbers.back());
-    const bool goes_on = behind != end && *behind == ',';
-    if (error != std::errc() || (behind != end && !goes_on) || !std::isfinite(numbers.back()))
-      throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
-    if (!goes_on) break;
-    at = behind + 1;
-    numbers.push_back(0);
-  }
-  if (numbers.size() == 3) {
-    const glm::dvec3 point_mm(numbers[0], numbers[1], numbers[2]);
-    VesselEnd nearest = nearest_end(tree, point_mm);
-    check_near_end(to_glm(nearest.position_mm), point_mm, name);
-    return nearest;
-  }
-  const auto branch = static_cast<int>(std::clamp(numbers[0], -1.0, 1e9));
-  if (numbers.size() != 1 || branch != numbers[0])
-    throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
-  return end_of_branch(tree, branch, name);
-}
 
 double node_spacing_mm(const VesselTree& tree, const InstrumentModel& device) {
   constexpr double kFinest_mm = 1.5, kCoarsest_mm = 5;

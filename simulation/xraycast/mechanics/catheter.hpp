@@ -6,6 +6,7 @@
 #include "xraycast/mechanics/instrument_model.hpp"
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 #include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/vessel_entry.hpp"
 #include "xraycast/mechanics/wall_contact.hpp"
 
 #include <glm/vec3.hpp>
@@ -16,21 +17,6 @@
 #include <vector>
 
 namespace xraycast {
-
-/// The end of a tree that lies furthest down: where a femoral puncture would lead to.
-VesselEnd most_inferior_end(const VesselTree& tree);
-
-/// The end of a branch. Throws InputError, with `name` in front, when there is no such branch or both its
-/// ends go on into others.
-VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name);
-
-/// The end nearest to a point.
-VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
-
-/// The end that a text names: a branch's number, or a point X,Y,Z in mm (LPS), of which the nearest end is
-/// taken, no farther than 50 mm away; for an empty text the most inferior one that the device fits into.
-/// Throws InputError.
-VesselEnd parse_entry(const VesselTree& tree, const std::string& text, const InstrumentModel& device);
 
 /// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
 /// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.

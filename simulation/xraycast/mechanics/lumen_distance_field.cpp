@@ -46,33 +46,7 @@ std::vector<VesselPoint> evenly_spaced(const VesselBranch& branch) {
   return points;
 }
 
-/// The direction over the last stretch of about a radius, which a bent last piece does not turn.
-Vector3d outward_direction(const VesselBranch& branch, bool at_start) {
-  const auto& points = branch.points;
-  const VesselPoint& end = at_start ? points.front() : points.back();
-  const auto count = points.size();
-  std::size_t k = 1;
-  const auto inner = [&](std::size_t i) { return at_start ? points[i] : points[count - 1 - i]; };
-  while (k + 1 < count && glm::distance(inner(k).position_mm, end.position_mm) < end.radius_mm) ++k;
-  return to_eigen(end.position_mm - inner(k).position_mm).normalized();
-}
-
 }  // namespace
-
-std::vector<VesselEnd> vessel_ends(const VesselTree& tree) {
-  std::vector<VesselEnd> ends;
-  const auto add = [&](int index, bool at_start) {
-    const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(index)];
-    const VesselPoint& point = at_start ? branch.points.front() : branch.points.back();
-    ends.push_back(
-        {index, at_start, to_eigen(point.position_mm), outward_direction(branch, at_start), point.radius_mm});
-  };
-  for (int i = 0; i < static_cast<int>(tree.branches().size()); ++i) {
-    if (i == tree.root()) add(i, true);
-    if (tree.branches()[static_cast<std::size_t>(i)].children.empty()) add(i, false);
-  }
-  return ends;
-}
 
 LumenDistanceField::LumenDistanceField(const VesselTree& tree, const VesselEnd* opening,
                                        double opening_length_mm) {

@@ -1,24 +1,13 @@
 #pragma once
 
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/vessel_entry.hpp"
 
 #include <Eigen/Core>
 #include <variant>
 #include <vector>
 
 namespace xraycast {
-
-/// An end of a vessel tree through which a device can enter: the root's beginning or a leaf's end.
-struct VesselEnd {
-  int branch = 0;
-  bool at_start = false;
-  Eigen::Vector3d position_mm{0, 0, 0};
-  Eigen::Vector3d outward{0, 0, 1};  ///< unit; the vessel's direction there, out of the tree
-  double radius_mm = 0;
-};
-
-/// All ends of a tree, in the order of its branches.
-std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
 
 /// How far the wall of a branched, tapering tube is from a point within it: the union of the spheres around
 /// every place of the centrelines, smooth along a branch and blended where branches meet. Vessel ends are

@@ -16,7 +16,9 @@ namespace {
 namespace fs = std::filesystem;
 
 std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
-  if (vessels.empty()) throw InputError("--simulate: give --vessels, a folder that `segment` wrote");
+  if (vessels.empty())
+    throw InputError(
+        "vessels: missing; steering needs a vessel tree, or a folder that `xraycast segment` wrote");
   return std::make_shared<const VesselTree>(read_tree(vessels));
 }
 
@@ -29,7 +31,7 @@ std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) 
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
-    throw InputError("--haptic {}: has to be one of {}", options.haptic, fmt::join(names, ", "));
+    throw InputError("haptic {}: has to be one of {}", options.haptic, fmt::join(names, ", "));
   return std::make_unique<ManualDevice>(options.haptic);
 }
 
@@ -50,7 +52,7 @@ void Intervention::start(const fs::path& script) {
   if (!script.empty())
     device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
   const InstrumentModel model = InstrumentModel::named(options_.instrument_model);
-  const VesselEnd entry = parse_entry(*tree_, options_.entry, model);
+  const VesselEnd entry = find_entry(*tree_, options_.entry, model);
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
     run_ = std::make_unique<SimulatedRun>(tree_, model, entry, std::move(to));

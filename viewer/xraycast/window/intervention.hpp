@@ -21,7 +21,7 @@ class Intervention {
   struct Options {
     std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
     std::string instrument_model = "cobra-5f";
-    std::string entry{};              ///< see parse_entry
+    EntryChoice entry{};
     std::string haptic = "keyboard";  ///< one of haptic_names()
     std::string listen{};             ///< openigtlink: where; empty: its default
     std::filesystem::path script{};   ///< of the hub; steers in the place of a device

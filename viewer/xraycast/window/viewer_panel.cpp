@@ -186,7 +186,7 @@ void ViewerPanel::layer_controls(Viewer& viewer) {
 
 void ViewerPanel::opacity_controls(Viewer& viewer) {
   const std::string why_not =
-      viewer.can_recast() ? "" : "no basis: open one (--basis FILE),\nor a scan, to edit the opacity";
+      viewer.can_recast() ? "" : "no basis: open one,\nor a scan, to edit the opacity";
   const auto edit = curve_.draw(viewer.knots_hu(), viewer.mu_per_mm(), viewer.hu_histogram(),
                                 Basis::kHistogramBin_hu, why_not);
   if (edit.knot >= 0) {

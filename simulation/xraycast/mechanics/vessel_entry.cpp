@@ -1,0 +1,109 @@
+#include "xraycast/mechanics/vessel_entry.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <functional>
+
+namespace xraycast {
+namespace {
+
+using Eigen::Vector3d;
+
+Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+glm::dvec3 to_glm(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+/// The chord over the last stretch of about a radius, which a bent last segment does not turn.
+Vector3d outward_direction(const VesselBranch& branch, bool at_start) {
+  const auto& points = branch.points;
+  const VesselPoint& end = at_start ? points.front() : points.back();
+  const auto count = points.size();
+  std::size_t k = 1;
+  const auto inner = [&](std::size_t i) { return at_start ? points[i] : points[count - 1 - i]; };
+  while (k + 1 < count && glm::distance(inner(k).position_mm, end.position_mm) < end.radius_mm) ++k;
+  return to_eigen(end.position_mm - inner(k).position_mm).normalized();
+}
+
+bool fits(const VesselEnd& entry, const InstrumentModel& instrument) {
+  return entry.radius_mm > instrument.radius_mm();
+}
+
+/// The ends that an instrument fits into, the widest first.
+std::vector<VesselEnd> ends_for(const VesselTree& tree, const InstrumentModel& instrument) {
+  std::vector<VesselEnd> ends = vessel_ends(tree);
+  std::erase_if(ends, [&](const VesselEnd& end) { return !fits(end, instrument); });
+  std::ranges::stable_sort(ends, std::ranges::greater{}, &VesselEnd::radius_mm);
+  return ends;
+}
+
+const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
+  return *std::ranges::min_element(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+}
+
+VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
+  if (branch < 0 || branch >= static_cast<int>(tree.branches().size()))
+    throw InputError("{}: there is no branch {}; the tree has 0 to {}", name, branch,
+                     tree.branches().size() - 1);
+  for (const VesselEnd& end : vessel_ends(tree))
+    if (end.branch == branch) return end;
+  throw InputError(
+      "{}: branch {} bifurcates at its end and has a parent; choose a branch with an end of its own", name,
+      branch);
+}
+
+}  // namespace
+
+std::vector<VesselEnd> vessel_ends(const VesselTree& tree) {
+  std::vector<VesselEnd> ends;
+  const auto add = [&](int index, bool at_start) {
+    const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(index)];
+    const VesselPoint& point = at_start ? branch.points.front() : branch.points.back();
+    ends.push_back(
+        {index, at_start, to_eigen(point.position_mm), outward_direction(branch, at_start), point.radius_mm});
+  };
+  for (int i = 0; i < static_cast<int>(tree.branches().size()); ++i) {
+    if (i == tree.root()) add(i, true);
+    if (tree.branches()[static_cast<std::size_t>(i)].children.empty()) add(i, false);
+  }
+  return ends;
+}
+
+VesselEnd most_inferior_end(const VesselTree& tree) { return most_inferior(vessel_ends(tree)); }
+
+VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm) {
+  const std::vector<VesselEnd> ends = vessel_ends(tree);
+  return *std::ranges::min_element(
+      ends, {}, [&](const VesselEnd& end) { return glm::distance(to_glm(end.position_mm), point_mm); });
+}
+
+VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument) {
+  if (const int* branch = std::get_if<int>(&choice.end)) return end_of_branch(tree, *branch, choice.name);
+  if (const auto* point_mm = std::get_if<glm::dvec3>(&choice.end)) {
+    VesselEnd nearest = nearest_end(tree, *point_mm);
+    check_near_end(to_glm(nearest.position_mm), *point_mm, choice.name);
+    return nearest;
+  }
+  const std::vector<VesselEnd> ends = ends_for(tree, instrument);
+  return ends.empty() ? most_inferior_end(tree) : most_inferior(ends);
+}
+
+void check_fits(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument) {
+  if (fits(entry, instrument)) return;
+  constexpr std::size_t kMaxNamed = 3;
+  std::string wide_enough;
+  std::vector<VesselEnd> ends = ends_for(tree, instrument);
+  if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
+  for (const VesselEnd& end : ends)
+    wide_enough +=
+        fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm)", wide_enough.empty() ? "" : " or ",
+                    end.position_mm.x(), end.position_mm.y(), end.position_mm.z(), end.branch, end.radius_mm);
+  throw InputError(
+      "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
+      instrument.name(), instrument.radius_mm(), entry.branch, entry.radius_mm,
+      wide_enough.empty() ? "nor into any other: take a thinner device"
+                          : "choose another entry, such as " + wide_enough);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,50 @@
+#pragma once
+
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <Eigen/Core>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace xraycast {
+
+/// An end of a vessel tree through which an instrument can enter: the root's start or a leaf's end.
+struct VesselEnd {
+  int branch = 0;
+  bool at_start = false;
+  Eigen::Vector3d position_mm{0, 0, 0};
+  Eigen::Vector3d outward{0, 0, 1};  ///< unit; the vessel's direction there, out of the tree
+  double radius_mm = 0;
+};
+
+/// All ends of a tree, in the order of its branches.
+std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
+
+/// The end with the smallest z: where a femoral puncture leads to.
+VesselEnd most_inferior_end(const VesselTree& tree);
+
+/// The end nearest to a point.
+VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
+
+/// Which end an instrument is to enter at.
+struct EntryChoice {
+  /// A branch's index, or a point (LPS mm) whose nearest end is meant, no farther than 50 mm away. Neither:
+  /// the most inferior end that the instrument fits into.
+  std::variant<std::monostate, int, glm::dvec3> end = {};
+  std::string name = "entry";  ///< in front of messages about it
+};
+
+/// Throws InputError for a branch that does not exist or has children at its end, and for a point that is far
+/// from all ends. Where the instrument fits nowhere the default is the most inferior end of all; see
+/// check_fits.
+VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument);
+
+/// Throws InputError, which names up to three wider ends, when an instrument is as thick as the vessel at its
+/// entry or thicker.
+void check_fits(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument);
+
+}  // namespace xraycast
