@@ -1,7 +1,8 @@
 # cmake -DOUTPUT=embedded.cpp -DFILES="a.cl;b.cl" -DKIND=kernel -DHEADER=embedded_kernels.h -P EmbedFiles.cmake
 # Writes a C++ file with every file's text, `#include "header"` lines replaced by the header, so that a driver never
 # needs to find a file. The text becomes a list of bytes: string literals have a size limit. HEADER declares
-# Embedded<Kind> {name, source} and embedded_<kind>s(). A kernel's name is without its extension, a shader's with it.
+# Embedded<Kind> {name, source} and embedded_<kind>s(). The name is the file's, without .cl or .json, which say no more
+# than the kind; with the shaders' extensions, which name their stage.
 string(SUBSTRING "${KIND}" 0 1 initial)
 string(TOUPPER "${initial}" initial)
 string(SUBSTRING "${KIND}" 1 -1 rest)
@@ -10,7 +11,7 @@ set(out "#include \"${HEADER}\"\n\nnamespace xraycast {\nnamespace {\n")
 set(table "")
 foreach(file IN LISTS FILES)
   get_filename_component(name "${file}" NAME)
-  string(REGEX REPLACE "\\.cl$" "" name "${name}")
+  string(REGEX REPLACE "\\.(cl|json)$" "" name "${name}")
   string(MAKE_C_IDENTIFIER "${name}_text" variable)
   get_filename_component(dir "${file}" DIRECTORY)
   file(READ "${file}" text)

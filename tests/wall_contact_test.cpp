@@ -45,8 +45,8 @@ VesselTree hairpin() {
 /// A wire so limp that its bending hardly counts, at rest along the inner wall of the hairpin.
 InstrumentModel limp_wire(double friction) {
   const double inner_mm = kBend_mm - kTube_mm + kWire_mm;
-  DeviceSection leg{.length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
-  DeviceSection arc = leg;
+  InstrumentSection leg{.length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
+  InstrumentSection arc = leg;
   arc.length_mm = kPi * inner_mm;
   arc.curvature_per_mm = {1 / inner_mm, 1 / inner_mm};
   return InstrumentModel({.name = "wire",
@@ -213,7 +213,7 @@ TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
 // ---- the introducer -------------------------------------------------------------------------------------
 
 TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
-  const DeviceSection limp{
+  const InstrumentSection limp{
       .length_mm = 80, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
   const InstrumentModel wire({.name = "wire",
                               .radius_mm = kWire_mm,

@@ -7,15 +7,15 @@
 
 namespace xraycast {
 
-/// A stretch of a catheter or guide wire. Values run linearly from its tip's side to its hub's side.
-struct DeviceSection {
+/// A section of a catheter or guide wire. Values vary linearly from its tip's side to its hub's side.
+struct InstrumentSection {
   struct Range {
     double at_tip = 0, at_hub = 0;
   };
   double length_mm = 0;
   Range bending_stiffness_Nmm2 = {};    ///< EI
   Range torsional_stiffness_Nmm2 = {};  ///< GJ
-  Range curvature_per_mm = {};          ///< of the shape it takes without load
+  Range curvature_per_mm = {};          ///< of its rest shape
   double plane_rad = 0;                 ///< of that curvature, about the device's axis
 };
 
@@ -24,11 +24,11 @@ class InstrumentModel {
  public:
   struct Properties {
     std::string name;
-    double radius_mm = 0;                              ///< outside
+    double radius_mm = 0;                              ///< outer
     double mass_per_length_g_mm = 0;                   ///< filled with blood, if it has a lumen
     double axial_stiffness_N = 0;                      ///< EA
     double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
-    std::vector<DeviceSection> sections;               ///< from the tip on
+    std::vector<InstrumentSection> sections;           ///< from the tip on
   };
 
   /// Throws InputError, with `origin` in front, for a number that is not finite or out of its range: no
@@ -49,9 +49,6 @@ class InstrumentModel {
   /// The names of the presets.
   static std::vector<std::string> preset_names();
 
-  /// A preset's JSON, the sources of its numbers in its field "sources".
-  static std::string preset_json(const std::string& name);
-
   const std::string& name() const { return properties_.name; }
   double length_mm() const { return length_mm_; }
   double radius_mm() const { return properties_.radius_mm; }
@@ -60,24 +57,24 @@ class InstrumentModel {
   double static_friction() const { return properties_.static_friction; }
   double kinetic_friction() const { return properties_.kinetic_friction; }
 
-  /// At a length from the tip, which is held to the device's.
+  /// At a length from the tip, clamped to the instrument's.
   double bending_stiffness_Nmm2(double from_tip_mm) const;
   double torsional_stiffness_Nmm2(double from_tip_mm) const;
 
-  /// By how much the unloaded device turns between two lengths from the tip: the integral of its curvature in
-  /// the two planes through its axis.
+  /// The angle by which the rest shape bends between two lengths from the tip: the integral of its curvature
+  /// in the two planes through its axis.
   glm::dvec2 rest_turn_rad(double from_mm, double to_mm) const;
 
-  /// Where a rod's nodes stand, from the tip on: `spacing_mm` apart or closer, so that no node turns by more
-  /// than a quarter of a radian at rest and none is left alone in a short section.
+  /// Where a rod's nodes stand, from the tip on: `spacing_mm` apart or closer, so that the rest shape bends
+  /// by no more than a quarter of a radian at a node, and sections start and end at nodes.
   std::vector<double> stations_mm(double spacing_mm) const;
 
  private:
-  struct Spot {
-    const DeviceSection& section;
+  struct SectionPoint {
+    const InstrumentSection& section;
     double fraction;
   };
-  Spot spot(double from_tip_mm) const;
+  SectionPoint section_at(double from_tip_mm) const;
 
   Properties properties_;
   std::vector<double> starts_mm_;  ///< of the sections, from the tip
