@@ -118,7 +118,7 @@ void check_cine(const Options& options) {
 std::string held_note(double held_s) {
   if (held_s < 0.05) return "";
   return fmt::format("the hub was held for {:.1f} s: it is pushed with no more than {:g} N\n", held_s,
-                     Catheter::kStrongestPush_N);
+                     Catheter::kMaxPush_N);
 }
 
 void simulate(const Options& options, Session& session) {

@@ -81,7 +81,7 @@ class RandomRun {
         catheter_(tree, fitting_device(tree, entry_, random_), entry_) {
     run_.tree = name;
     run_.seed = seed;
-    run_.device = catheter_.rod().device().name();
+    run_.device = catheter_.rod().instrument().name();
   }
 
   Outcome go() {
@@ -105,9 +105,9 @@ class RandomRun {
     for (std::size_t i = 1; i < net_N_.size(); ++i)
       net_N_[i] = catheter_.rod().elastic_force_N(i) + catheter_.rod().drag_force_N(i);
     for (const WallContact::Contact& contact : catheter_.wall().contacts()) {
-      const Vector3d force_N = contact.normal_N + contact.friction_N + contact.guide_N;
-      net_N_[contact.point.edge] += contact.point.first * force_N;
-      net_N_[contact.point.edge + 1] += contact.point.last * force_N;
+      const Vector3d force_N = contact.normal_N + contact.friction_N + contact.introducer_N;
+      net_N_[contact.point.edge] += contact.point.start_weight * force_N;
+      net_N_[contact.point.edge + 1] += contact.point.end_weight * force_N;
     }
     net_N_[0].setZero();  // the clamp's
   }
@@ -118,8 +118,9 @@ class RandomRun {
     const WallContact::Contact& contact = catheter_.wall().contacts()[index];
     const LumenDistanceField::Sample& sample = contact.sample;
     const RodPoint& point = contact.point;
-    const Vector3d net_N = point.first * net_N_[point.edge] + point.last * net_N_[point.edge + 1];
-    const double narrower_mm = catheter_.rod().device().radius_mm() - sample.radius_mm;
+    const Vector3d net_N =
+        point.start_weight * net_N_[point.edge] + point.end_weight * net_N_[point.edge + 1];
+    const double narrower_mm = catheter_.rod().instrument().radius_mm() - sample.radius_mm;
     const double borne_N = catheter_.wall().wall_force_N(contact.depth_mm, index);
     return std::max(narrower_mm,
                     depth_mm(borne_N - net_N.dot(sample.gradient) / sample.gradient.squaredNorm(), index));
@@ -153,7 +154,7 @@ class RandomRun {
   /// Pushes, pulls and turns for as long as a script of two seconds, each for a while.
   void move_at_random(double time_s) {
     HubPose pose;
-    const double longest_mm = catheter_.longest_insertion_mm();
+    const double longest_mm = catheter_.max_insertion_mm();
     while (time_s > 0) {
       const double while_s = std::min(time_s, uniform(0.05, 0.5));
       const double speed_mm_s = uniform(-80, 200), turning_rad_s = uniform(-15, 15);

@@ -70,16 +70,16 @@ TEST(LumenDistanceField, GradientAndCurvatureAreLimitsOfDifferences) {
   constexpr double kStep_mm = 1e-5;
   int kinks = 0, jumps = 0, points = 0;
   for_points_around(tree, [&](const Vector3d& point) {
-    const LumenDistanceField::Place place = field.locate(point);
-    const LumenDistanceField::Sample sample = field.at(point, place);
+    const LumenDistanceField::SearchHint hint = field.locate(point);
+    const LumenDistanceField::Sample sample = field.at(point, hint);
     if (sample.clearance_mm < -2 || sample.clearance_mm > 2) return;
     Vector3d slope;
     Eigen::Matrix3d curvature;
     for (int c = 0; c < 3; ++c) {
       Vector3d step = Vector3d::Zero();
       step[c] = kStep_mm;
-      const LumenDistanceField::Sample ahead = field.at(point + step, place),
-                                       behind = field.at(point - step, place);
+      const LumenDistanceField::Sample ahead = field.at(point + step, hint),
+                                       behind = field.at(point - step, hint);
       slope[c] = (ahead.clearance_mm - behind.clearance_mm) / (2 * kStep_mm);
       curvature.col(c) = (behind.gradient - ahead.gradient) / (2 * kStep_mm);
     }
@@ -98,13 +98,13 @@ TEST(LumenDistanceField, GradientAndCurvatureAreLimitsOfDifferences) {
 TEST(LumenDistanceField, IsSmoothAcrossABifurcation) {
   // Along the crotch of a fork, from one branch into the other, the wall's normal turns without a jump.
   const LumenDistanceField field(fork());
-  LumenDistanceField::Place place = field.locate({-8, 0, 14});
-  LumenDistanceField::Sample before = field.at({-8, 0, 14}, place);
+  LumenDistanceField::SearchHint hint = field.locate({-8, 0, 14});
+  LumenDistanceField::Sample before = field.at({-8, 0, 14}, hint);
   constexpr int kSteps = 1600;
   double steepest = 0;
   for (int i = 1; i <= kSteps; ++i) {
     const Vector3d point(-8 + 16.0 * i / kSteps, 0, 14);
-    const LumenDistanceField::Sample now = field.at(point, before.place);
+    const LumenDistanceField::Sample now = field.at(point, before.hint);
     // No jump of the wall: a hundredth of a millimetre of way, and at most as much of clearance.
     EXPECT_LT(std::abs(now.clearance_mm - before.clearance_mm), 0.0105) << point.transpose();
     steepest = std::max(steepest, (now.gradient - before.gradient).norm());
@@ -158,14 +158,14 @@ TEST(LumenDistanceField, WalkingAlongGivesWhatLookingEverywhereGives) {
     for (std::size_t i = parent.points.size() / 2; i < parent.points.size(); ++i)
       way.push_back(to_eigen(parent.points[i].position_mm));
     for (const VesselPoint& point : branch.points) way.push_back(to_eigen(point.position_mm));
-    LumenDistanceField::Place place = field.locate(way.front());
+    LumenDistanceField::SearchHint hint = field.locate(way.front());
     for (const Vector3d& point : way) {
-      const LumenDistanceField::Sample sample = field.at(point, place);
-      place = sample.place;
+      const LumenDistanceField::Sample sample = field.at(point, hint);
+      hint = sample.hint;
       // The two start from different stations; what they find is the same to rounding.
       EXPECT_NEAR(sample.clearance_mm, field.at(point, field.locate(point)).clearance_mm, 1e-6);
     }
-    EXPECT_EQ(place.branch, &branch - tree.branches().data());
+    EXPECT_EQ(hint.branch, &branch - tree.branches().data());
   }
 }
 

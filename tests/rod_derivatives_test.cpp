@@ -1,4 +1,5 @@
 // The gradient and the Hessian of a step's potential against its differences.
+#include "support/tip_torque.hpp"
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 #include "xraycast/mechanics/rod.hpp"
 #include "xraycast/mechanics/wall_contact.hpp"
@@ -16,14 +17,14 @@
 namespace xraycast {
 
 /// A step's potential around a rod's state, over the unknowns in the system's order: edge 0's angle, node 1's
-/// place, edge 1's angle and so on.
+/// position, edge 1's angle and so on.
 class RodDerivatives {
  public:
-  RodDerivatives(Rod& rod, RodSurroundings* surroundings) : rod_(rod), surroundings_(surroundings) {
-    rod.begin_step(kStep_s, surroundings);
+  RodDerivatives(Rod& rod, ExternalPotential* external) : rod_(rod), external_(external) {
+    rod.begin_step(kStep_s, external);
   }
 
-  Eigen::Index size() const { return static_cast<Eigen::Index>(4 * rod_.edge_count()); }
+  Eigen::Index size() const { return static_cast<Eigen::Index>(4 * (rod_.node_count() - 1)); }
 
   void move(const Eigen::VectorXd& step) {
     potential_uJ(step);
@@ -31,27 +32,27 @@ class RodDerivatives {
   }
 
   double potential_uJ(const Eigen::VectorXd& step) {
-    std::vector<double> moves(kHeld, 0.0);
+    std::vector<double> moves(RodSystem::kClampedRows, 0.0);
     moves.insert(moves.end(), step.begin(), step.end());
-    rod_.move(rod_.state_, moves.data(), 1, rod_.trial_);
-    return rod_.potential_uJ(rod_.trial_, kStep_s, surroundings_);
+    rod_.displace(rod_.state_, moves.data(), 1, rod_.trial_);
+    return rod_.potential_uJ(rod_.trial_, kStep_s, external_);
   }
 
   struct Derivatives {
     Eigen::VectorXd gradient;
     Eigen::MatrixXd hessian;
   };
-  Derivatives exact(bool convex) {
-    if (surroundings_) surroundings_->energy_uJ(rod_.state_);
-    rod_.assemble(kStep_s, convex, surroundings_);
+  Derivatives exact(bool project_psd) {
+    if (external_) external_->energy_uJ(rod_.state_);
+    rod_.assemble(kStep_s, project_psd, external_);
     Derivatives exact{Eigen::VectorXd(size()), Eigen::MatrixXd::Zero(size(), size())};
     for (Eigen::Index c = 0; c < size(); ++c) {
-      const std::size_t row = kHeld + static_cast<std::size_t>(c);
+      const std::size_t row = RodSystem::kClampedRows + static_cast<std::size_t>(c);
       exact.gradient[c] = rod_.system_.gradient_[row];
       for (Eigen::Index r = c; r < std::min(size(), c + 1 + static_cast<Eigen::Index>(BandMatrix::kBand));
            ++r)
         exact.hessian(r, c) = exact.hessian(c, r) =
-            rod_.system_.matrix_.at(row, static_cast<std::size_t>(r - c));
+            rod_.system_.hessian_.at(row, static_cast<std::size_t>(r - c));
     }
     return exact;
   }
@@ -76,10 +77,9 @@ class RodDerivatives {
   }
 
  private:
-  static constexpr std::size_t kHeld = 8;
   static constexpr double kStep_s = 1e-3;
   Rod& rod_;
-  RodSurroundings* surroundings_;
+  ExternalPotential* external_;
 };
 
 namespace {
@@ -124,9 +124,9 @@ void expect_exact(RodDerivatives& rod) {
   EXPECT_LT((exact.gradient - differences.gradient).norm(), 1e-5 * exact.gradient.norm());
   EXPECT_LT((exact.hessian - differences.hessian).cwiseAbs().maxCoeff(),
             1e-5 * exact.hessian.cwiseAbs().maxCoeff());
-  const Eigen::VectorXd convex =
+  const Eigen::VectorXd projected =
       Eigen::SelfAdjointEigenSolver<Eigen::MatrixXd>(rod.exact(true).hessian).eigenvalues();
-  EXPECT_GT(convex[0], -1e-12 * convex[convex.size() - 1]);
+  EXPECT_GT(projected[0], -1e-12 * projected[projected.size() - 1]);
 }
 
 TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
@@ -135,9 +135,9 @@ TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
   for (int i = 0; i < 10; ++i) {
     Rod rod(device, device.stations_mm(5), {}, device.length_mm());
     rod.set_load_N(1, 0.1 * random.vector());
-    rod.set_tip_torque_Nm(1e-3);
-    rod.step(1e-3);  // it moves
-    RodDerivatives derivatives(rod, nullptr);
+    TipTorque torque(1e-3);
+    rod.step(1e-3, &torque);  // it moves
+    RodDerivatives derivatives(rod, &torque);
     // Bent and twisted by a radian or so, stretched by a fifth.
     derivatives.move(random.step(derivatives.size(), 1, 1));
     expect_exact(derivatives);
@@ -154,7 +154,7 @@ TEST(RodDerivatives, OfContactAreExact) {
   RandomSteps random;
   for (int i = 0; i < 10; ++i) {
     Rod rod(device, device.stations_mm(5), {.position_mm = {0.5, 0.5, 0}}, device.length_mm(),
-            {.iterations = 50});
+            {.max_iterations = 50});
     WallContact wall(field, rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
     rod.set_load_N(0, 0.2 * random.vector());
     for (int k = 0; k < 5; ++k) rod.step(1e-3, &wall);

@@ -45,7 +45,8 @@ VesselTree hairpin() {
 /// A wire so limp that its bending hardly counts, at rest along the inner wall of the hairpin.
 InstrumentModel limp_wire(double friction) {
   const double inner_mm = kBend_mm - kTube_mm + kWire_mm;
-  InstrumentSection leg{.length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
+  InstrumentSection leg{
+      .length_mm = 30, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}};
   InstrumentSection arc = leg;
   arc.length_mm = kPi * inner_mm;
   arc.curvature_per_mm = {1 / inner_mm, 1 / inner_mm};
@@ -63,7 +64,7 @@ TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
   constexpr double kFriction = 0.2, kTail_N = 0.5;
   const InstrumentModel wire = limp_wire(kFriction);
   Rod rod(wire, wire.stations_mm(3), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
-          {.iterations = 20});
+          {.max_iterations = 20});
   for (int i = 0; i < 200; ++i) rod.step(10);  // it takes its shape
   rod.set_load_N(0, {0, 0, -kTail_N});
   WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod,
@@ -110,7 +111,7 @@ struct LyingRod {
           // A little above the wall, into which it sinks by its weight.
           {.position_mm = {0, -(kTube_mm - 0.8), 20}},
           kLength_mm,
-          {.gravity_mm_s2 = {0, -9810, 0}, .iterations = 10}};
+          {.gravity_mm_s2 = {0, -9810, 0}, .max_iterations = 10}};
   WallContact wall{std::make_shared<LumenDistanceField>(straight_tube(200, kTube_mm)),
                    rod,
                    {.static_friction = kStatic, .kinetic_friction = kKinetic}};
@@ -146,7 +147,7 @@ TEST(WallContact, SticksBelowTheFrictionCone) {
   EXPECT_NEAR(-lying.rod.clamp_force_N().z(), held_N, 1e-3 * held_N);
   EXPECT_NEAR(lying.rod.state().nodes_mm.back().z(), before_mm, 1e-6);
   EXPECT_LT(before_mm - tip_mm, 0.5e-3);
-  for (const auto& contact : lying.wall.contacts()) EXPECT_FALSE(contact.sliding);
+  for (const auto& contact : lying.wall.contacts()) EXPECT_FALSE(contact.slips);
 }
 
 TEST(WallContact, SlidesAboveTheFrictionCone) {
@@ -171,7 +172,7 @@ TEST(WallContact, MiddlesBearAsMuchAsNodes) {
   lying.rest(1000);
   double nodes_N = 0, middles_N = 0;
   for (const auto& contact : lying.wall.contacts())
-    (contact.point.first > 0 ? middles_N : nodes_N) += contact.normal_N.y();
+    (contact.point.start_weight > 0 ? middles_N : nodes_N) += contact.normal_N.y();
   // The clamp bears what half an edge of twenty weighs; by the node behind it and by the tip the nodes bear
   // an edge's share more than the middles.
   EXPECT_NEAR(nodes_N + middles_N, LyingRod::kWeight_N, 0.05 * LyingRod::kWeight_N);
@@ -182,7 +183,7 @@ TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   // A stiff edge across a bend whose inner wall lies higher than the line between the nodes.
   const InstrumentModel wire = limp_wire(0);
   Rod rod(wire, wire.stations_mm(12), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
-          {.iterations = 20});
+          {.max_iterations = 20});
   for (int i = 0; i < 200; ++i) rod.step(10);
   rod.set_load_N(0, {0, 0, -0.5});
   WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod, {});
@@ -221,9 +222,9 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
                               .axial_stiffness_N = 500,
                               .sections = {limp}},
                              "wire");
-  Rod rod(wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.iterations = 50});
+  Rod rod(wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.max_iterations = 50});
   const WallContact::Introducer introducer{{0, 0, 0}, {0, 0, 1}};
-  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(100, 40)), rod, {}, &introducer);
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(100, 40)), rod, {}, introducer);
   // Drawn aside and then back, so hard that it bends where the introducer's hold fades out.
   rod.set_load_N(0, {2, 0, 0});
   for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
@@ -232,7 +233,7 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
   for (const Vector3d& node : rod.state().nodes_mm)
     ASSERT_LT(node.z(), 0) << "it bends beyond the introducer";
   ASSERT_LT(rod.state().nodes_mm.back().z(), -20);
-  EXPECT_EQ(wall.contacts().back().guide_N.norm(), 0);
+  EXPECT_EQ(wall.contacts().back().introducer_N.norm(), 0);
 }
 
 // ---- in a patient's vessels -----------------------------------------------------------------------------
@@ -245,7 +246,7 @@ TEST(Catheter, CurlsUpBesideItsIntroducer) {
   const Vector3d entry = catheter.rod().clamp().position_mm + 20 * catheter.rod().clamp().axis;
   const Vector3d tip = catheter.rod().state().nodes_mm.back() - entry;
   ASSERT_LT(tip.dot(catheter.rod().clamp().axis), 0) << "it does not curl back";
-  EXPECT_EQ(catheter.wall().contacts().back().guide_N.norm(), 0);
+  EXPECT_EQ(catheter.wall().contacts().back().introducer_N.norm(), 0);
 }
 
 TEST(Catheter, HubBearsContactAndFriction) {
@@ -256,7 +257,7 @@ TEST(Catheter, HubBearsContactAndFriction) {
   Vector3d walls_N = Vector3d::Zero();
   double size_N = 0;
   for (const auto& contact : catheter.wall().contacts()) {
-    walls_N += contact.normal_N + contact.friction_N + contact.guide_N;
+    walls_N += contact.normal_N + contact.friction_N + contact.introducer_N;
     size_N += contact.normal_N.norm();
   }
   EXPECT_GT(size_N, 0.05);

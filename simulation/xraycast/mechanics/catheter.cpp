@@ -17,21 +17,21 @@ Rod::Clamp clamp_at(const VesselEnd& entry) {
   const Vector3d axis = -entry.outward;
   return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
           .axis = axis,
-          .director = axis.unitOrthogonal()};
+          .m1 = axis.unitOrthogonal()};
 }
 
 std::unique_ptr<WallContact> walls(const VesselTree& tree, const Rod& rod, const VesselEnd& entry,
                                    double stiffness_N_mm2) {
   // The vessel goes on around the introducer and a little further.
   constexpr double kOpening_mm = kIntroducer_mm + 10;
-  const InstrumentModel& device = rod.device();
+  const InstrumentModel& device = rod.instrument();
   const WallContact::Introducer introducer{entry.position_mm, -entry.outward};
   return std::make_unique<WallContact>(std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm), rod,
                                        WallContact::Options{.stiffness_N_mm2 = stiffness_N_mm2,
                                                             .tangential_N_mm2 = stiffness_N_mm2,
                                                             .static_friction = device.static_friction(),
                                                             .kinetic_friction = device.kinetic_friction()},
-                                       &introducer);
+                                       introducer);
 }
 
 const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& device) {
@@ -55,20 +55,21 @@ Catheter::Catheter(const VesselTree& tree, const InstrumentModel& device, const 
     : options_(options),
       rod_(device,
            device.stations_mm(options.spacing_mm > 0 ? options.spacing_mm : node_spacing_mm(tree, device)),
-           clamp_at(checked(tree, entry, device)), kIntroducer_mm, {.iterations = options.iterations}),
+           clamp_at(checked(tree, entry, device)), kIntroducer_mm,
+           {.max_iterations = options.max_iterations}),
       wall_(walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
   // Its tip's shape comes to rest in the introducer and just before it.
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
 }
 
-double Catheter::longest_insertion_mm() const { return rod_.device().length_mm() - kIntroducer_mm; }
+double Catheter::max_insertion_mm() const { return rod_.instrument().length_mm() - kIntroducer_mm; }
 
 void Catheter::step(const HubPose& target) {
-  const double most_mm = kFastest_mm_s * options_.step_s, most_rad = kFastest_rad_s * options_.step_s;
-  const double wanted_mm = std::clamp(target.insertion_mm, 0.0, longest_insertion_mm());
+  const double most_mm = kMaxSpeed_mm_s * options_.step_s, most_rad = kMaxSpeed_rad_s * options_.step_s;
+  const double wanted_mm = std::clamp(target.insertion_mm, 0.0, max_insertion_mm());
   const double rotated_rad =
       pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad, -most_rad, most_rad);
-  is_held_ = wanted_mm > pose_.insertion_mm && load().force_N > kStrongestPush_N;
+  is_held_ = wanted_mm > pose_.insertion_mm && load().force_N > kMaxPush_N;
   pose_.insertion_mm += std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, is_held_ ? 0 : most_mm);
   if (rotated_rad != pose_.rotation_rad) rod_.rotate_to(rotated_rad);
   pose_.rotation_rad = rotated_rad;
@@ -85,7 +86,7 @@ CatheterTip Catheter::tip() const {
   const LumenDistanceField::Sample& sample = wall_->contacts().back().sample;
   return {.position_mm = to_glm(rod_.state().nodes_mm.back()),
           .direction = to_glm(rod_.state().edges.back().tangent),
-          .branch = sample.place.branch,
+          .branch = sample.hint.branch,
           .arc_length_mm = sample.arc_length_mm};
 }
 
@@ -99,7 +100,7 @@ void Catheter::copy_contacts(std::vector<CatheterContact>& contacts) const {
   for (const WallContact::Contact& contact : wall_->contacts())
     if (contact.depth_mm > 0)
       contacts.push_back(
-          {to_glm(contact.point.place_mm(rod_.state())), to_glm(contact.normal_N + contact.friction_N)});
+          {to_glm(contact.point.position_mm(rod_.state())), to_glm(contact.normal_N + contact.friction_N)});
 }
 
 double Catheter::energy_J() const {

@@ -47,15 +47,15 @@ class Catheter {
     double spacing_mm = 0;  ///< of the nodes, where the device is straight; 0: see node_spacing_mm
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    int iterations = 400;               ///< of Newton's method in a step, at most
+    int max_iterations = 400;           ///< of Newton's method in a step
   };
 
   // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.
-  static constexpr double kFastest_mm_s = 300, kFastest_rad_s = 30;
+  static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
 
   /// Against more than this a device buckles before the introducer or slips through the fingers: the hub
   /// stays where it is.
-  static constexpr double kStrongestPush_N = 3;
+  static constexpr double kMaxPush_N = 3;
 
   /// Throws InputError when the device is thicker than the vessel at the entry.
   Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry,
@@ -63,22 +63,22 @@ class Catheter {
   Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry)
       : Catheter(tree, device, entry, Options{}) {}
 
-  /// One step in time towards a pose, whose insertion is held to between 0 and longest_insertion_mm().
+  /// One step in time towards a pose, whose insertion is held to between 0 and max_insertion_mm().
   void step(const HubPose& target);
 
   double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
   double step_s() const { return options_.step_s; }
-  double longest_insertion_mm() const;
+  double max_insertion_mm() const;
 
   const HubPose& pose() const { return pose_; }  ///< where the hub is
-  bool is_held() const { return is_held_; }  ///< it was to be pushed on, but already bears kStrongestPush_N
+  bool is_held() const { return is_held_; }      ///< it was to be pushed on, but already bears kMaxPush_N
   HubLoad load() const;
   CatheterTip tip() const;
 
   /// The rod's nodes from the introducer's far end to the tip. Without allocation where `nodes_mm` has room.
   void copy_nodes(std::vector<glm::dvec3>& nodes_mm) const;
   void copy_contacts(std::vector<CatheterContact>& contacts) const;
-  std::size_t most_nodes() const { return rod_.most_nodes(); }
+  std::size_t max_nodes() const { return rod_.max_nodes(); }
 
   const Rod& rod() const { return rod_; }
   const WallContact& wall() const { return *wall_; }

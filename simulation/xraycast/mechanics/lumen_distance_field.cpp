@@ -1,7 +1,5 @@
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 
-#include <glm/geometric.hpp>
-
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -12,411 +10,488 @@ namespace {
 
 using Eigen::Matrix3d, Eigen::Vector3d;
 
-// Rounds the cone that the distance to a centreline has there; a hundredth of it is left 2 mm away.
-constexpr double kRounding_mm = 0.02;
-constexpr double kWidestBlend_mm = 0.5;
-// How far outside the lumen a point is still looked for with care.
+// Softens the cone that the distance to a centreline has there; a hundredth of it is left 2 mm away.
+constexpr double kSoftening_mm = 0.02;
+constexpr double kMaxBlend_mm = 0.5;
+// How far outside the lumen the search still looks for several local maxima.
 constexpr double kBeyondWall_mm = 1;
 // How many branches may lie within reach of one point, and how many of them around it.
-constexpr std::size_t kMaxReached = 64, kMaxHits = 16;
+constexpr std::size_t kMaxReached = 64, kMaxCandidates = 16;
+// Between stations, of the narrowest radius.
+constexpr double kMinStep_mm = 0.5, kMaxStep_mm = 1.5, kStepPerRadius = 0.5;
 
 Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-double rounded_length(const Vector3d& v) { return std::sqrt(v.squaredNorm() + kRounding_mm * kRounding_mm); }
+double softened_length(const Vector3d& v) {
+  return std::sqrt(v.squaredNorm() + kSoftening_mm * kSoftening_mm);
+}
 
-/// A branch's points at even steps, as fine as its width asks for.
-std::vector<VesselPoint> evenly_spaced(const VesselBranch& branch) {
-  double narrowest_mm = std::numeric_limits<double>::infinity();
-  for (const VesselPoint& point : branch.points) narrowest_mm = std::min(narrowest_mm, point.radius_mm);
-  const double length_mm = branch.arc_length_mm.back();
-  const double wanted_mm = std::clamp(0.5 * narrowest_mm, 0.5, 1.5);
-  const int pieces = std::max(1, static_cast<int>(std::lround(length_mm / wanted_mm)));
+}  // namespace
+
+// ---- construction ---------------------------------------------------------------------------------------
+
+LumenDistanceField::LumenDistanceField(const VesselTree& tree, const VesselEnd* opening,
+                                       double opening_length_mm) {
+  const auto& vessels = tree.branches();
+  branches_.reserve(vessels.size());
+  for (int i = 0; i < static_cast<int>(vessels.size()); ++i)
+    add_branch(vessels[static_cast<std::size_t>(i)], opening && opening->branch == i ? opening : nullptr,
+               opening_length_mm);
+  for (int i = 0; i < static_cast<int>(vessels.size()); ++i)
+    if (const auto& children = vessels[static_cast<std::size_t>(i)].children; !children.empty())
+      add_bifurcation(i, children);
+}
+
+/// A vessel's points at even steps, as fine as its radius requires.
+std::vector<VesselPoint> LumenDistanceField::resampled(const VesselBranch& vessel) {
+  double min_radius_mm = std::numeric_limits<double>::infinity();
+  for (const VesselPoint& point : vessel.points) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
+  const double length_mm = vessel.arc_length_mm.back();
+  const double step_mm = std::clamp(kStepPerRadius * min_radius_mm, kMinStep_mm, kMaxStep_mm);
+  const int pieces = std::max(1, static_cast<int>(std::lround(length_mm / step_mm)));
   std::vector<VesselPoint> points;
   std::size_t k = 0;
   for (int i = 0; i <= pieces; ++i) {
     const double arc_mm = length_mm * i / pieces;
-    while (k + 2 < branch.points.size() && branch.arc_length_mm[k + 1] < arc_mm) ++k;
+    while (k + 2 < vessel.points.size() && vessel.arc_length_mm[k + 1] < arc_mm) ++k;
     const double fraction = std::clamp(
-        (arc_mm - branch.arc_length_mm[k]) / (branch.arc_length_mm[k + 1] - branch.arc_length_mm[k]), 0.0,
+        (arc_mm - vessel.arc_length_mm[k]) / (vessel.arc_length_mm[k + 1] - vessel.arc_length_mm[k]), 0.0,
         1.0);
-    const VesselPoint &from = branch.points[k], &to = branch.points[k + 1];
+    const VesselPoint &from = vessel.points[k], &to = vessel.points[k + 1];
     points.push_back({from.position_mm + fraction * (to.position_mm - from.position_mm),
                       std::lerp(from.radius_mm, to.radius_mm, fraction)});
   }
   return points;
 }
 
-}  // namespace
-
-LumenDistanceField::LumenDistanceField(const VesselTree& tree, const VesselEnd* opening,
-                                       double opening_length_mm) {
-  const auto& vessels = tree.branches();
-  branches_.resize(vessels.size());
-  for (std::size_t i = 0; i < vessels.size(); ++i) {
-    Branch& branch = branches_[i];
-    branch.blend_mm = kWidestBlend_mm;
-    std::vector<VesselPoint> points = evenly_spaced(vessels[i]);
-    branch.arc_length_mm = vessels[i].arc_length_mm.back();
-    branch.step_mm = branch.arc_length_mm / static_cast<double>(points.size() - 1);
-    if (opening && opening->branch == static_cast<int>(i)) {
-      const int more = static_cast<int>(std::ceil(opening_length_mm / branch.step_mm));
-      const glm::dvec3 outward{opening->outward.x(), opening->outward.y(), opening->outward.z()};
-      const VesselPoint end = opening->at_start ? points.front() : points.back();
-      for (int k = 1; k <= more; ++k) {
-        const VesselPoint point{end.position_mm + branch.step_mm * k * outward, end.radius_mm};
-        points.insert(opening->at_start ? points.begin() : points.end(), point);
-      }
-      if (opening->at_start) branch.arc_offset_mm = branch.step_mm * more;
+void LumenDistanceField::add_branch(const VesselBranch& vessel, const VesselEnd* opening,
+                                    double opening_length_mm) {
+  Branch& branch = branches_.emplace_back();
+  branch.blend_mm = kMaxBlend_mm;
+  std::vector<VesselPoint> points = resampled(vessel);
+  branch.arc_length_mm = vessel.arc_length_mm.back();
+  branch.step_mm = branch.arc_length_mm / static_cast<double>(points.size() - 1);
+  if (opening) {
+    const int more = static_cast<int>(std::ceil(opening_length_mm / branch.step_mm));
+    const glm::dvec3 outward{opening->outward.x(), opening->outward.y(), opening->outward.z()};
+    const VesselPoint end = opening->at_start ? points.front() : points.back();
+    for (int k = 1; k <= more; ++k) {
+      const VesselPoint point{end.position_mm + branch.step_mm * k * outward, end.radius_mm};
+      points.insert(opening->at_start ? points.begin() : points.end(), point);
     }
-    const std::size_t last = points.size() - 1;
-    for (std::size_t k = 0; k <= last; ++k) {
-      const glm::dvec3 along =
-          points[std::min(k + 1, last)].position_mm - points[k > 0 ? k - 1 : 0].position_mm;
-      branch.stations.push_back(
-          {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm,
-           k > 0 && k < last ? 0.5 * (points[k + 1].radius_mm - points[k - 1].radius_mm) : 0});
-    }
-    mark_folds(branch);
-    branch.lower_mm = branch.upper_mm = branch.stations.front().centre_mm;
-    for (const Station& station : branch.stations) {
-      branch.lower_mm = branch.lower_mm.cwiseMin(station.centre_mm);
-      branch.upper_mm = branch.upper_mm.cwiseMax(station.centre_mm);
-      branch.widest_mm = std::max(branch.widest_mm, station.radius_mm);
-    }
+    if (opening->at_start) branch.arc_offset_mm = branch.step_mm * more;
   }
-
-  for (std::size_t i = 0; i < vessels.size(); ++i) {
-    if (vessels[i].children.empty()) continue;
-    Joint joint;
-    joint.position_mm = branches_[i].stations.back().centre_mm;
-    joint.branches.push_back(static_cast<int>(i));
-    branches_[i].end_joint = static_cast<int>(joints_.size());
-    double widest_mm = branches_[i].stations.back().radius_mm, narrowest_mm = widest_mm;
-    for (const int child : vessels[i].children) {
-      Branch& branch = branches_[static_cast<std::size_t>(child)];
-      branch.start_joint = static_cast<int>(joints_.size());
-      joint.branches.push_back(child);
-      widest_mm = std::max(widest_mm, branch.stations.front().radius_mm);
-      narrowest_mm = std::min(narrowest_mm, branch.stations.front().radius_mm);
-    }
-    // At 30 degrees two tubes of one width part at 4 radii from where their centrelines meet.
-    joint.parting_mm = 4 * widest_mm;
-    joint.reach_mm = 6 * widest_mm;
-    for (const int branch : joint.branches) {
-      double& blend_mm = branches_[static_cast<std::size_t>(branch)].blend_mm;
-      blend_mm = std::min(blend_mm, 0.25 * narrowest_mm);
-    }
-    joints_.push_back(std::move(joint));
+  const std::size_t last = points.size() - 1;
+  for (std::size_t k = 0; k <= last; ++k) {
+    const glm::dvec3 along =
+        points[std::min(k + 1, last)].position_mm - points[k > 0 ? k - 1 : 0].position_mm;
+    branch.stations.push_back(
+        {to_eigen(points[k].position_mm), to_eigen(along).normalized(), points[k].radius_mm,
+         k > 0 && k < last ? 0.5 * (points[k + 1].radius_mm - points[k - 1].radius_mm) : 0});
+  }
+  add_pieces(branch);
+  branch.lower_mm = branch.upper_mm = branch.stations.front().centre_mm;
+  for (const Station& station : branch.stations) {
+    branch.lower_mm = branch.lower_mm.cwiseMin(station.centre_mm);
+    branch.upper_mm = branch.upper_mm.cwiseMax(station.centre_mm);
+    branch.max_radius_mm = std::max(branch.max_radius_mm, station.radius_mm);
   }
 }
 
-Matrix3d LumenDistanceField::Rounding::curvature(const Vector3d& gradient) const {
-  const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
-  if (!(change < 0)) return sphere / distance_mm;  // at a bend's focus, where it has none
-  return (sphere + aside * aside.transpose() / change) / distance_mm;
+void LumenDistanceField::add_bifurcation(int parent, const std::vector<int>& children) {
+  const auto index = static_cast<int>(bifurcations_.size());
+  Branch& stem = branches_[static_cast<std::size_t>(parent)];
+  stem.end_bifurcation = index;
+  Bifurcation bifurcation;
+  bifurcation.position_mm = stem.stations.back().centre_mm;
+  bifurcation.branches.push_back(parent);
+  double max_radius_mm = stem.stations.back().radius_mm, min_radius_mm = max_radius_mm;
+  for (const int child : children) {
+    Branch& branch = branches_[static_cast<std::size_t>(child)];
+    branch.start_bifurcation = index;
+    bifurcation.branches.push_back(child);
+    max_radius_mm = std::max(max_radius_mm, branch.stations.front().radius_mm);
+    min_radius_mm = std::min(min_radius_mm, branch.stations.front().radius_mm);
+  }
+  // At 30 degrees two tubes of one width part at 4 radii from where their centrelines meet.
+  bifurcation.merge_radius_mm = 4 * max_radius_mm;
+  bifurcation.search_radius_mm = 6 * max_radius_mm;
+  for (const int branch : bifurcation.branches) {
+    double& blend_mm = branches_[static_cast<std::size_t>(branch)].blend_mm;
+    blend_mm = std::min(blend_mm, 0.25 * min_radius_mm);
+  }
+  bifurcations_.push_back(std::move(bifurcation));
 }
 
-Matrix3d LumenDistanceField::Sample::curvature() const {
-  const Rounding* one = std::get_if<Rounding>(&wall);
-  return one ? one->curvature(gradient) : std::get<Matrix3d>(wall);
-}
-
-LumenDistanceField::Piece LumenDistanceField::piece(const Branch& branch, int index) {
-  const Station &a = branch.stations[static_cast<std::size_t>(index)],
-                &b = branch.stations[static_cast<std::size_t>(index) + 1];
+LumenDistanceField::Piece LumenDistanceField::piece_from(const Branch& branch, std::size_t station) {
+  const Station &a = branch.stations[station], &b = branch.stations[station + 1];
   const Vector3d chord = b.centre_mm - a.centre_mm;
-  const double step_mm = branch.step_mm, wider = b.radius_mm - a.radius_mm;
+  const double step_mm = branch.step_mm, radius_change = b.radius_mm - a.radius_mm;
   return {a.centre_mm,
           step_mm * a.tangent,
           3 * chord - step_mm * (2 * a.tangent + b.tangent),
           step_mm * (a.tangent + b.tangent) - 2 * chord,
           a.radius_mm,
-          a.widening_mm,
-          3 * wider - 2 * a.widening_mm - b.widening_mm,
-          a.widening_mm + b.widening_mm - 2 * wider};
+          a.radius_slope_mm,
+          3 * radius_change - 2 * a.radius_slope_mm - b.radius_slope_mm,
+          a.radius_slope_mm + b.radius_slope_mm - 2 * radius_change};
 }
 
-double LumenDistanceField::growth(const Piece& piece, double t, const Vector3d& point_mm) {
-  const Vector3d offset = point_mm - piece.centre_mm(t);
-  return offset.dot(piece.along(t)) + rounded_length(offset) * piece.widening(t);
-}
-
-void LumenDistanceField::mark_folds(Branch& branch) {
-  // Into so many parts is a piece cut in which more than one place may be the best of its surroundings. Two
-  // in one part are missed still, but differ the less the shorter it is, by its third power.
-  constexpr int kParts = 16;
-  auto& stations = branch.stations;
-  const int last = static_cast<int>(stations.size()) - 1;
-  for (int k = 0; k < last; ++k) {
-    const Piece& cubic = branch.pieces.emplace_back(piece(branch, k));
-    // A derivative stays in the hull of its Bezier points, and so within these bounds all along the piece.
-    const std::array along{cubic.along(0), Vector3d(cubic.slope + cubic.bend), cubic.along(1)};
-    const std::array widenings{cubic.widening(0), cubic.start_widening + cubic.bulge, cubic.widening(1)};
-    const Vector3d forwards = (along[0] + along[1] + along[2]).normalized();
-    double turning = 0, slowest = branch.step_mm, fastest = 0, widening = 0;
-    for (const double t : {0.0, 1.0})
-      turning = std::max(turning, cubic.turning(t).norm() + std::abs(cubic.widening_change(t)));
-    for (std::size_t i = 0; i < along.size(); ++i) {
-      slowest = std::clamp(along[i].dot(forwards), 0.0, slowest);
-      fastest = std::max(fastest, along[i].norm());
-      widening = std::max(widening, std::abs(widenings[i]));
-    }
-    branch.steepest_mm = std::max(branch.steepest_mm, fastest + widening);
-    const auto index = static_cast<std::size_t>(k);
-    const double reach_mm =
-        std::max(stations[index].radius_mm, stations[index + 1].radius_mm) + kBeyondWall_mm;
-    if (turning * reach_mm < slowest * slowest - widening * widening) continue;
-    stations[index].parts = kParts;
-    // Whatever lies this side of the wall on both sides of the bend.
-    const int nearby = static_cast<int>(std::ceil(2 * reach_mm / branch.step_mm));
-    for (int i = std::max(0, k - nearby); i <= std::min(last, k + nearby); ++i) {
-      int& folded = stations[static_cast<std::size_t>(i)].folded;
-      folded = std::max(folded, 2 * nearby);
-    }
+void LumenDistanceField::add_pieces(Branch& branch) {
+  for (std::size_t k = 0; k + 1 < branch.stations.size(); ++k) {
+    branch.pieces.push_back(piece_from(branch, k));
+    mark_folds(branch, k);
   }
 }
 
-LumenDistanceField::Hit LumenDistanceField::hit(int index, int from, const Vector3d& point_mm) const {
+/// Finds out whether the clearance may have more than one local maximum along a piece.
+void LumenDistanceField::mark_folds(Branch& branch, std::size_t index) {
+  // Into so many parts such a piece is cut. Two maxima in one part are missed still, but differ the less the
+  // shorter it is, by its third power.
+  constexpr int kParts = 16;
+  auto& stations = branch.stations;
+  const Piece& piece = branch.pieces[index];
+  // A derivative stays in the hull of its Bezier points, and so within these bounds all along the piece.
+  const std::array derivatives{piece.derivative(0), Vector3d(piece.linear + piece.quadratic),
+                               piece.derivative(1)};
+  const std::array radius_slopes{piece.radius_slope(0), piece.radius_linear + piece.radius_quadratic,
+                                 piece.radius_slope(1)};
+  const Vector3d forwards = (derivatives[0] + derivatives[1] + derivatives[2]).normalized();
+  double bending = 0, min_speed = branch.step_mm, max_speed = 0, max_radius_slope = 0;
+  for (const double t : {0.0, 1.0})
+    bending = std::max(bending, piece.second_derivative(t).norm() + std::abs(piece.radius_slope_change(t)));
+  for (std::size_t i = 0; i < derivatives.size(); ++i) {
+    min_speed = std::clamp(derivatives[i].dot(forwards), 0.0, min_speed);
+    max_speed = std::max(max_speed, derivatives[i].norm());
+    max_radius_slope = std::max(max_radius_slope, std::abs(radius_slopes[i]));
+  }
+  branch.max_change_mm = std::max(branch.max_change_mm, max_speed + max_radius_slope);
+  const double reach_mm = std::max(stations[index].radius_mm, stations[index + 1].radius_mm) + kBeyondWall_mm;
+  if (bending * reach_mm < min_speed * min_speed - max_radius_slope * max_radius_slope) return;
+  stations[index].parts = kParts;
+  // Whatever lies this side of the wall on both sides of the bend.
+  const int k = static_cast<int>(index), last = static_cast<int>(stations.size()) - 1;
+  const int nearby = static_cast<int>(std::ceil(2 * reach_mm / branch.step_mm));
+  for (int i = std::max(0, k - nearby); i <= std::min(last, k + nearby); ++i) {
+    int& fold_reach = stations[static_cast<std::size_t>(i)].fold_reach;
+    fold_reach = std::max(fold_reach, 2 * nearby);
+  }
+}
+
+// ---- one branch -----------------------------------------------------------------------------------------
+
+/// Above zero where the spheres further along the branch reach further beyond the point.
+double LumenDistanceField::clearance_slope(const Branch& branch, int index, const Vector3d& point_mm) {
+  const Station& station = branch.stations[static_cast<std::size_t>(index)];
+  const Vector3d offset = point_mm - station.centre_mm;
+  const double along = offset.dot(station.tangent) * branch.step_mm;
+  return station.radius_slope_mm == 0 ? along : along + softened_length(offset) * station.radius_slope_mm;
+}
+
+double LumenDistanceField::clearance_slope(const Piece& piece, double t, const Vector3d& point_mm) {
+  const Vector3d offset = point_mm - piece.centre_mm(t);
+  return offset.dot(piece.derivative(t)) + softened_length(offset) * piece.radius_slope(t);
+}
+
+LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
+                                                           const Vector3d& point_mm) const {
   const Branch& branch = branches_[static_cast<std::size_t>(index)];
-  // Above zero where the spheres of the stations to come reach further around the point than this one's.
-  const auto ahead = [&](int i) {
-    const Station& station = branch.stations[static_cast<std::size_t>(i)];
-    const Vector3d offset = point_mm - station.centre_mm;
-    const double along = offset.dot(station.tangent) * branch.step_mm;
-    return station.widening_mm == 0 ? along : along + rounded_length(offset) * station.widening_mm;
-  };
+  // Uphill from where the search starts, to the piece on which the clearance turns round.
   const int last = static_cast<int>(branch.stations.size()) - 1;
   int i = std::clamp(from, 0, last - 1);
-  double before = ahead(i), behind = ahead(i + 1);
-  while (behind > 0 && i + 1 < last) {
+  double before = clearance_slope(branch, i, point_mm), after = clearance_slope(branch, i + 1, point_mm);
+  while (after > 0 && i + 1 < last) {
     ++i;
-    before = behind;
-    behind = ahead(i + 1);
+    before = after;
+    after = clearance_slope(branch, i + 1, point_mm);
   }
   while (before < 0 && i > 0) {
     --i;
-    behind = before;
-    before = ahead(i);
+    after = before;
+    before = clearance_slope(branch, i, point_mm);
   }
-  Hit best = before <= 0 && i == 0          ? hit_end(branch, false, point_mm)
-             : behind >= 0 && i + 1 == last ? hit_end(branch, true, point_mm)
-                                            : hit_piece(branch, i, {0, 1, before, behind}, point_mm);
-  best.place = {index, i};
-  const int nearby = branch.stations[static_cast<std::size_t>(i)].folded;
-  if (nearby > 0) {
-    // On the inner side of a sharp bend more than one place may be the best of its surroundings.
-    const auto take_if_better = [&](const Hit& other, int k) {
-      if (other.value_mm() <= best.value_mm()) return;
-      best = other;
-      best.place = {index, k};
-    };
-    const int first = std::max(0, i - nearby), end = std::min(last, i + 1 + nearby);
-    for (int k = first; k < end;) {
-      // So far that none before it is better.
-      const Station& station = branch.stations[static_cast<std::size_t>(k)];
-      const double value_mm = station.radius_mm - rounded_length(point_mm - station.centre_mm);
-      const double behind_best = (best.value_mm() - value_mm) / branch.steepest_mm;
-      if (behind_best > 1) {
-        k += static_cast<int>(std::min(behind_best, 1e6));
-        continue;
-      }
-      before = ahead(k);
-      if (k == 0 && before <= 0) take_if_better(hit_end(branch, false, point_mm), 0);
-      for (int part = 0; part < station.parts; ++part, before = behind) {
-        const double low = static_cast<double>(part) / station.parts,
-                     high = static_cast<double>(part + 1) / station.parts;
-        behind = part + 1 == station.parts
-                     ? ahead(k + 1)
-                     : growth(branch.pieces[static_cast<std::size_t>(k)], high, point_mm);
-        if (before >= 0 && behind <= 0)
-          take_if_better(hit_piece(branch, k, {low, high, before, behind}, point_mm), k);
-      }
-      ++k;
-      if (k == last && before >= 0) take_if_better(hit_end(branch, true, point_mm), last - 1);
-    }
-  }
+  Projection best = before <= 0 && i == 0 ? project_onto_end(branch, false, point_mm)
+                    : after >= 0 && i + 1 == last
+                        ? project_onto_end(branch, true, point_mm)
+                        : project_onto_piece(branch, i, {0, 1, before, after}, point_mm);
+  best.hint = {index, i};
+  search_folds(branch, i, point_mm, best);
   best.blend_mm = branch.blend_mm;
   return best;
 }
 
-LumenDistanceField::Hit LumenDistanceField::hit_end(const Branch& branch, bool is_last,
-                                                    const Vector3d& point_mm) {
+/// On the inner side of a sharp bend the clearance has several local maxima along the branch: takes the
+/// highest.
+void LumenDistanceField::search_folds(const Branch& branch, int segment, const Vector3d& point_mm,
+                                      Projection& best) {
+  const int nearby = branch.stations[static_cast<std::size_t>(segment)].fold_reach;
+  if (nearby == 0) return;
+  const int last = static_cast<int>(branch.stations.size()) - 1;
+  const auto take_if_better = [&](const Projection& other, int k) {
+    if (other.clearance_mm() <= best.clearance_mm()) return;
+    const int index = best.hint.branch;
+    best = other;
+    best.hint = {index, k};
+  };
+  const int first = std::max(0, segment - nearby), end = std::min(last, segment + 1 + nearby);
+  for (int k = first; k < end;) {
+    // So far on that none before it can be better.
+    const Station& station = branch.stations[static_cast<std::size_t>(k)];
+    const double clearance_mm = station.radius_mm - softened_length(point_mm - station.centre_mm);
+    const double skipped = (best.clearance_mm() - clearance_mm) / branch.max_change_mm;
+    if (skipped > 1) {
+      k += static_cast<int>(std::min(skipped, 1e6));
+      continue;
+    }
+    double before = clearance_slope(branch, k, point_mm);
+    if (k == 0 && before <= 0) take_if_better(project_onto_end(branch, false, point_mm), 0);
+    double after = before;
+    for (int part = 0; part < station.parts; ++part, before = after) {
+      const double low = static_cast<double>(part) / station.parts,
+                   high = static_cast<double>(part + 1) / station.parts;
+      after = part + 1 == station.parts
+                  ? clearance_slope(branch, k + 1, point_mm)
+                  : clearance_slope(branch.pieces[static_cast<std::size_t>(k)], high, point_mm);
+      if (before >= 0 && after <= 0)
+        take_if_better(project_onto_piece(branch, k, {low, high, before, after}, point_mm), k);
+    }
+    ++k;
+    if (k == last && before >= 0) take_if_better(project_onto_end(branch, true, point_mm), last - 1);
+  }
+}
+
+LumenDistanceField::Projection LumenDistanceField::project_onto_end(const Branch& branch, bool is_last,
+                                                                    const Vector3d& point_mm) {
   const Station& end = is_last ? branch.stations.back() : branch.stations.front();
   const Vector3d offset = point_mm - end.centre_mm;
-  const double distance = rounded_length(offset);
+  const double distance = softened_length(offset);
   const double arc_mm = is_last ? branch.step_mm * static_cast<double>(branch.stations.size() - 1) : 0;
   return {end.radius_mm, arc_mm, -offset / distance, {distance, Vector3d::Zero(), -1}};
 }
 
-LumenDistanceField::Hit LumenDistanceField::hit_piece(const Branch& branch, int index, const Bracket& bracket,
-                                                      const Vector3d& point_mm) {
-  const Piece& cubic = branch.pieces[static_cast<std::size_t>(index)];
-  auto [low, high, before, behind] = bracket;
-  // The sphere that reaches furthest around the point: Newton's method, kept to where it has to lie, for
-  // where the clearance no longer grows. There its gradient is that of the distance to the sphere's centre.
-  double t = low + (high - low) * (before > behind ? before / (before - behind) : 0.5);
+LumenDistanceField::Projection LumenDistanceField::project_onto_piece(const Branch& branch, int index,
+                                                                      const Bracket& bracket,
+                                                                      const Vector3d& point_mm) {
+  const Piece& piece = branch.pieces[static_cast<std::size_t>(index)];
+  auto [low, high, before, after] = bracket;
+  // The maximum of the clearance over the piece: Newton's method on its slope, safeguarded by bisection.
+  // There the gradient is that of the distance to the sphere's centre.
+  double t = low + (high - low) * (before > after ? before / (before - after) : 0.5);
   for (int k = 0;; ++k) {
-    const Vector3d offset = point_mm - cubic.centre_mm(t), along = cubic.along(t);
-    const double distance = rounded_length(offset);
-    const double lag = offset.dot(along), widening = cubic.widening(t);
-    const double change = offset.dot(cubic.turning(t)) - along.squaredNorm() +
-                          distance * cubic.widening_change(t) - lag / distance * widening;
-    const double growth = lag + distance * widening;
-    (growth > 0 ? low : high) = t;
-    double to = t - growth / change;
-    if (!(change < 0 && to >= low && to <= high)) to = 0.5 * (low + high);
-    constexpr double kClose = 1e-5;  // its square is what the clearance is off
-    constexpr int kIterations = 12;
-    if (std::abs(to - t) >= kClose && k < kIterations) {
-      t = to;
+    const Vector3d offset = point_mm - piece.centre_mm(t), derivative = piece.derivative(t);
+    const double distance = softened_length(offset);
+    const double along = offset.dot(derivative), radius_slope = piece.radius_slope(t);
+    const double slope_change = offset.dot(piece.second_derivative(t)) - derivative.squaredNorm() +
+                                distance * piece.radius_slope_change(t) - along / distance * radius_slope;
+    const double slope = along + distance * radius_slope;
+    (slope > 0 ? low : high) = t;
+    double next = t - slope / slope_change;
+    if (!(slope_change < 0 && next >= low && next <= high)) next = 0.5 * (low + high);
+    constexpr double kClose = 1e-5;  // its square is the error of the clearance
+    constexpr int kMaxIterations = 12;
+    if (std::abs(next - t) >= kClose && k < kMaxIterations) {
+      t = next;
       continue;
     }
     const Vector3d gradient = -offset / distance;
-    return {cubic.radius_mm(t),
+    return {piece.radius_mm(t),
             branch.step_mm * (index + t),
             gradient,
-            {distance, along - gradient.dot(along) * gradient, change}};
+            {distance, derivative - gradient.dot(derivative) * gradient, slope_change}};
   }
 }
 
-double LumenDistanceField::highest_value_mm(const Branch& branch, const Vector3d& point_mm) const {
-  const Vector3d nearest = point_mm.cwiseMax(branch.lower_mm).cwiseMin(branch.upper_mm);
-  return branch.widest_mm - (point_mm - nearest).norm();
-}
+// ---- several branches -----------------------------------------------------------------------------------
 
-int LumenDistanceField::guess(int index, int joint, const Vector3d& point_mm) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(index)];
-  const double away_mm = (point_mm - joints_[static_cast<std::size_t>(joint)].position_mm).norm();
-  const int steps = static_cast<int>(std::min(away_mm / branch.step_mm, 1e6));
-  return branch.start_joint == joint ? steps : static_cast<int>(branch.stations.size()) - 2 - steps;
-}
-
-LumenDistanceField::Sample LumenDistanceField::at(const Vector3d& point_mm, const Place& from) const {
-  const Hit own = hit(from.branch, from.segment, point_mm);
-  if (!near_joint(branches_[static_cast<std::size_t>(from.branch)], point_mm))
-    return sample(own.value_mm(), own.gradient, own);
-  std::array<Hit, kMaxHits> hits;
-  std::array<std::size_t, kMaxHits> reached_as;
+/// The branches that may hold a point, the one that was searched first in front.
+struct LumenDistanceField::Candidates {
+  struct Candidate {
+    Projection projection;
+    Separation separation;
+  };
+  std::array<Candidate, kMaxCandidates> list;
   std::size_t count = 0;
-  reached_as[count] = 0;
-  hits[count++] = own;
 
-  // The branches that meet it nearby, and those that meet these nearby.
+  void add(const Projection& projection, const Separation& separation) {
+    list[count] = {projection, separation};
+    list[count++].projection.separation_mm = separation.distance_mm;
+  }
+};
+
+LumenDistanceField::Sample LumenDistanceField::at(const Vector3d& point_mm, const SearchHint& from) const {
+  const Projection own = project(from.branch, from.segment, point_mm);
+  if (!near_bifurcation(branches_[static_cast<std::size_t>(from.branch)], point_mm))
+    return sample(own.clearance_mm(), own.gradient, own);
+  Candidates candidates;
+  candidates.add(own, {0, Vector3d::Zero(), Matrix3d::Zero()});
+  add_neighbours(from.branch, point_mm, candidates);
+  return blended(candidates);
+}
+
+bool LumenDistanceField::near_bifurcation(const Branch& branch, const Vector3d& point_mm) const {
+  return std::ranges::any_of(std::array{branch.start_bifurcation, branch.end_bifurcation}, [&](int index) {
+    if (index < 0) return false;
+    const Bifurcation& bifurcation = bifurcations_[static_cast<std::size_t>(index)];
+    return (point_mm - bifurcation.position_mm).squaredNorm() <
+           bifurcation.search_radius_mm * bifurcation.search_radius_mm;
+  });
+}
+
+/// Breadth first: the branches that meet the first one nearby, and those that meet these nearby.
+void LumenDistanceField::add_neighbours(int own_branch, const Vector3d& point_mm,
+                                        Candidates& candidates) const {
   struct Reached {
-    int branch, joint;
-    double wall_mm;  // the wall that lies between it and the first one
-    Vector3d wall_slope;
-    Matrix3d wall_curvature;
+    int branch, bifurcation;
+    Separation separation;
   };
   std::array<Reached, kMaxReached> reached;
-  std::size_t reached_count = 0;
-  reached[reached_count++] = {from.branch, -1, 0, Vector3d::Zero(), Matrix3d::Zero()};
-  for (std::size_t r = 0; r < reached_count; ++r) {
+  std::size_t count = 0;
+  reached[count++] = {own_branch, -1, candidates.list[0].separation};
+  for (std::size_t r = 0; r < count; ++r) {
     const Branch& branch = branches_[static_cast<std::size_t>(reached[r].branch)];
-    for (const int joint_index : {branch.start_joint, branch.end_joint}) {
-      if (joint_index < 0 || joint_index == reached[r].joint) continue;
-      const Joint& joint = joints_[static_cast<std::size_t>(joint_index)];
-      const Vector3d offset = point_mm - joint.position_mm;
-      if (offset.squaredNorm() >= joint.reach_mm * joint.reach_mm) continue;
+    for (const int index : {branch.start_bifurcation, branch.end_bifurcation}) {
+      if (index < 0 || index == reached[r].bifurcation) continue;
+      const Bifurcation& bifurcation = bifurcations_[static_cast<std::size_t>(index)];
+      if ((point_mm - bifurcation.position_mm).squaredNorm() >=
+          bifurcation.search_radius_mm * bifurcation.search_radius_mm)
+        continue;
       Reached next = reached[r];
-      next.joint = joint_index;
-      if (const double beyond_mm = offset.norm() - joint.parting_mm; beyond_mm > 0) {
-        // Without bound at the end of the joint's reach, so that no wall jumps there.
-        const double span_mm = joint.reach_mm - joint.parting_mm, t = beyond_mm / span_mm, left = 1 - t;
-        next.wall_mm += 0.5 * span_mm * t * t / left;
-        const double slope = 0.5 * t * (2 - t) / (left * left), away_mm = offset.norm();
-        const Vector3d away = offset / away_mm;
-        next.wall_slope += slope * away;
-        next.wall_curvature +=
-            slope / away_mm * Matrix3d::Identity() +
-            (1 / (span_mm * left * left * left) - slope / away_mm) * away * away.transpose();
-      }
-      for (const int other : joint.branches) {
-        if (other == reached[r].branch || reached_count == kMaxReached) continue;
+      next.bifurcation = index;
+      separate(bifurcation, point_mm, next.separation);
+      for (const int other : bifurcation.branches) {
+        if (other == reached[r].branch || count == kMaxReached) continue;
         next.branch = other;
-        reached[reached_count++] = next;
+        reached[count++] = next;
+        // Projected onto only where it can take part in the blend.
         const Branch& vessel = branches_[static_cast<std::size_t>(other)];
-        if (count == kMaxHits || highest_value_mm(vessel, point_mm) - next.wall_mm <
-                                     hits[0].value_mm() - 0.5 * (hits[0].blend_mm + vessel.blend_mm))
+        const Projection& own = candidates.list[0].projection;
+        if (candidates.count == kMaxCandidates ||
+            max_clearance_mm(vessel, point_mm) - next.separation.distance_mm <
+                own.clearance_mm() - 0.5 * (own.blend_mm + vessel.blend_mm))
           continue;
-        reached_as[count] = reached_count - 1;
-        hits[count] = hit(other, guess(other, joint_index, point_mm), point_mm);
-        hits[count++].wall_mm = next.wall_mm;
+        candidates.add(project(other, start_station(other, index, point_mm), point_mm), next.separation);
       }
     }
+  }
+}
+
+/// Adds what a bifurcation separates its branches by at a point. It grows without bound towards the end of
+/// the search radius, so that no wall jumps there.
+void LumenDistanceField::separate(const Bifurcation& bifurcation, const Vector3d& point_mm,
+                                  Separation& separation) {
+  const Vector3d offset = point_mm - bifurcation.position_mm;
+  const double away_mm = offset.norm(), beyond_mm = away_mm - bifurcation.merge_radius_mm;
+  if (!(beyond_mm > 0)) return;
+  const double span_mm = bifurcation.search_radius_mm - bifurcation.merge_radius_mm, t = beyond_mm / span_mm,
+               left = 1 - t;
+  const double slope = 0.5 * t * (2 - t) / (left * left);
+  const Vector3d direction = offset / away_mm;
+  separation.distance_mm += 0.5 * span_mm * t * t / left;
+  separation.gradient += slope * direction;
+  separation.hessian +=
+      slope / away_mm * Matrix3d::Identity() +
+      (1 / (span_mm * left * left * left) - slope / away_mm) * direction * direction.transpose();
+}
+
+/// An upper bound.
+double LumenDistanceField::max_clearance_mm(const Branch& branch, const Vector3d& point_mm) {
+  const Vector3d nearest = point_mm.cwiseMax(branch.lower_mm).cwiseMin(branch.upper_mm);
+  return branch.max_radius_mm - (point_mm - nearest).norm();
+}
+
+/// Where to start the search in a branch: as far from the bifurcation as the point is.
+int LumenDistanceField::start_station(int index, int bifurcation, const Vector3d& point_mm) const {
+  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  const double away_mm = (point_mm - bifurcations_[static_cast<std::size_t>(bifurcation)].position_mm).norm();
+  const int steps = static_cast<int>(std::min(away_mm / branch.step_mm, 1e6));
+  return branch.start_bifurcation == bifurcation ? steps
+                                                 : static_cast<int>(branch.stations.size()) - 2 - steps;
+}
+
+/// A smooth maximum where others come within a blend of the highest: the highest mean of the clearances,
+/// whose weights are penalised for being uneven. Its gradient is the gradients' mean, and does not jump where
+/// the highest changes, however many meet.
+LumenDistanceField::Sample LumenDistanceField::blended(const Candidates& candidates) const {
+  const std::size_t count = candidates.count;
+  // A candidate's weight is what its raised clearance has above a level, over its blend; the level is where
+  // the weights sum up to one.
+  std::array<double, kMaxCandidates> raised;
+  for (std::size_t c = 0; c < count; ++c) {
+    const Projection& p = candidates.list[c].projection;
+    raised[c] = p.clearance_mm() + 0.5 * p.blend_mm;
+  }
+  double level = -std::numeric_limits<double>::infinity();
+  for (bool is_settled = false; !is_settled;) {
+    double weighted_mm = -1, weights = 0;
+    for (std::size_t c = 0; c < count; ++c)
+      if (raised[c] > level) {
+        const double blend_mm = candidates.list[c].projection.blend_mm;
+        weighted_mm += raised[c] / blend_mm;
+        weights += 1 / blend_mm;
+      }
+    is_settled = !(weighted_mm / weights > level);
+    level = std::max(level, weighted_mm / weights);
   }
 
-  // A maximum that is rounded where others come within a blend of it: the highest mean of the values, whose
-  // weights pay for being uneven. Its gradient is their gradients' mean, and does not jump where the highest
-  // changes, however many meet.
-  std::array<double, kMaxHits> raised;
-  for (std::size_t h = 0; h < count; ++h) raised[h] = hits[h].value_mm() + 0.5 * hits[h].blend_mm;
-  double level = -std::numeric_limits<double>::infinity();
-  for (bool settled = false; !settled;) {
-    double sum_mm = -1, give = 0;
-    for (std::size_t h = 0; h < count; ++h)
-      if (raised[h] > level) {
-        sum_mm += raised[h] / hits[h].blend_mm;
-        give += 1 / hits[h].blend_mm;
-      }
-    settled = !(sum_mm / give > level);
-    level = std::max(level, sum_mm / give);
-  }
-  double clearance = 0, softness = 0;
+  double clearance_mm = 0, softness = 0;
   Vector3d gradient = Vector3d::Zero(), level_gradient = Vector3d::Zero();
   Matrix3d curvature = Matrix3d::Zero();
+  std::array<Vector3d, kMaxCandidates> gradients;
   std::size_t best = 0;
-  for (std::size_t h = 0; h < count; ++h) {
-    if (hits[h].value_mm() > hits[best].value_mm()) best = h;
-    if (raised[h] <= level) continue;
-    const double weight = (raised[h] - level) / hits[h].blend_mm;
-    const Reached& between = reached[reached_as[h]];
-    curvature += weight * (hits[h].rounding.curvature(hits[h].gradient) + between.wall_curvature);
-    hits[h].gradient -= between.wall_slope;
-    clearance += weight * (hits[h].value_mm() + 0.5 * hits[h].blend_mm * (1 - weight));
-    gradient += weight * hits[h].gradient;
-    softness += 1 / hits[h].blend_mm;
-    level_gradient += hits[h].gradient / hits[h].blend_mm;
+  for (std::size_t c = 0; c < count; ++c) {
+    const auto& [p, separation] = candidates.list[c];
+    if (p.clearance_mm() > candidates.list[best].projection.clearance_mm()) best = c;
+    if (raised[c] <= level) continue;
+    const double weight = (raised[c] - level) / p.blend_mm;
+    gradients[c] = p.gradient - separation.gradient;
+    clearance_mm += weight * (p.clearance_mm() + 0.5 * p.blend_mm * (1 - weight));
+    gradient += weight * gradients[c];
+    curvature += weight * (p.wall.matrix(p.gradient) + separation.hessian);
+    softness += 1 / p.blend_mm;
+    level_gradient += gradients[c] / p.blend_mm;
   }
   level_gradient /= softness;
-  for (std::size_t h = 0; h < count; ++h)
-    if (raised[h] > level) {
-      const Vector3d apart = hits[h].gradient - level_gradient;
-      curvature -= apart * apart.transpose() / hits[h].blend_mm;
+  for (std::size_t c = 0; c < count; ++c)
+    if (raised[c] > level) {
+      const Vector3d apart = gradients[c] - level_gradient;
+      curvature -= apart * apart.transpose() / candidates.list[c].projection.blend_mm;
     }
-  Sample blended = sample(clearance, gradient, hits[best]);
+  Sample blended = sample(clearance_mm, gradient, candidates.list[best].projection);
   blended.wall = curvature;
   return blended;
 }
 
 LumenDistanceField::Sample LumenDistanceField::sample(double clearance_mm, const Vector3d& gradient,
-                                                      const Hit& hit) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(hit.place.branch)];
+                                                      const Projection& projection) const {
+  const Branch& branch = branches_[static_cast<std::size_t>(projection.hint.branch)];
   return {clearance_mm,
           gradient,
-          hit.radius_mm,
-          hit.place,
-          std::clamp(hit.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm),
-          hit.rounding};
+          projection.radius_mm,
+          projection.hint,
+          std::clamp(projection.arc_mm - branch.arc_offset_mm, 0.0, branch.arc_length_mm),
+          projection.wall};
 }
 
-bool LumenDistanceField::near_joint(const Branch& branch, const Vector3d& point_mm) const {
-  return std::ranges::any_of(std::array{branch.start_joint, branch.end_joint}, [&](int index) {
-    if (index < 0) return false;
-    const Joint& joint = joints_[static_cast<std::size_t>(index)];
-    return (point_mm - joint.position_mm).squaredNorm() < joint.reach_mm * joint.reach_mm;
-  });
+Matrix3d LumenDistanceField::WallCurvature::matrix(const Vector3d& gradient) const {
+  const Matrix3d sphere = Matrix3d::Identity() - gradient * gradient.transpose();
+  if (!(slope_change < 0)) return sphere / distance_mm;  // at a bend's focus, where it has none
+  return (sphere + transverse * transverse.transpose() / slope_change) / distance_mm;
 }
 
-LumenDistanceField::Place LumenDistanceField::locate(const Vector3d& point_mm) const {
-  Place best;
-  double clearance = -std::numeric_limits<double>::infinity();
+Matrix3d LumenDistanceField::Sample::curvature() const {
+  const WallCurvature* one = std::get_if<WallCurvature>(&wall);
+  return one ? one->matrix(gradient) : std::get<Matrix3d>(wall);
+}
+
+LumenDistanceField::SearchHint LumenDistanceField::locate(const Vector3d& point_mm) const {
+  SearchHint best;
+  double clearance_mm = -std::numeric_limits<double>::infinity();
   for (std::size_t b = 0; b < branches_.size(); ++b)
     for (std::size_t k = 0; k < branches_[b].stations.size(); ++k) {
       const Station& station = branches_[b].stations[k];
-      const double here = station.radius_mm - (point_mm - station.centre_mm).norm();
-      if (here <= clearance) continue;
-      clearance = here;
+      const double here_mm = station.radius_mm - (point_mm - station.centre_mm).norm();
+      if (here_mm <= clearance_mm) continue;
+      clearance_mm = here_mm;
       best = {static_cast<int>(b), static_cast<int>(std::min(k, branches_[b].stations.size() - 2))};
     }
   return best;

@@ -69,12 +69,12 @@ void check_pace(const Script::Row& from, const Script::Row& to, const std::strin
   const double speed = std::abs(to.pose.insertion_mm - from.pose.insertion_mm) / time_s;
   const double turning = std::abs(to.pose.rotation_rad - from.pose.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
-  if (speed > Catheter::kFastest_mm_s * kRounding)
+  if (speed > Catheter::kMaxSpeed_mm_s * kRounding)
     throw InputError("{}: the hub would move at {:.4g} mm/s; {} mm/s is the most", where, speed,
-                     Catheter::kFastest_mm_s);
-  if (turning > Catheter::kFastest_rad_s * kRounding)
+                     Catheter::kMaxSpeed_mm_s);
+  if (turning > Catheter::kMaxSpeed_rad_s * kRounding)
     throw InputError("{}: the hub would turn at {:.4g} deg/s; {:.4g} deg/s is the most", where,
-                     turning / kRadians, Catheter::kFastest_rad_s / kRadians);
+                     turning / kRadians, Catheter::kMaxSpeed_rad_s / kRadians);
 }
 
 }  // namespace

@@ -50,8 +50,8 @@ void go_first() {
 
 SimulationLoop::SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand)
     : catheter_(std::move(catheter)), hand_(std::move(hand)), histogram_(kBins, 0) {
-  next_.nodes_mm.reserve(catheter_->most_nodes());
-  next_.contacts.reserve(catheter_->most_nodes());
+  next_.nodes_mm.reserve(catheter_->max_nodes());
+  next_.contacts.reserve(catheter_->max_nodes());
   publish();
   thread_ = std::thread([this] { run(); });
 }
