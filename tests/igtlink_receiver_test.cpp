@@ -163,9 +163,9 @@ const BadMessage kBadMessages[] = {
     {"TransformBeyondWhatIsKept", MessageBytes{.body = std::string(5000, 'x')}.bytes(),
      "5000 bytes, more than 4096"},
     {"OtherType", MessageBytes{.type = "IMAGE", .body = std::string(100000, '\x80')}.bytes(),
-     "sent IMAGE, which means nothing here"},
+     "sent IMAGE, which is not supported"},
     {"TypeOfTwelveCharacters", MessageBytes{.type = "TRANSFORMERS"}.bytes(),
-     "sent TRANSFORMERS, which means"},
+     "sent TRANSFORMERS, which is not supported"},
     {"Nan", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, kNan}), "not finite"},
     {"NanInTheRotation", transform_with({1, 0, 0, 0, kNan, 0, 0, 0, 1, 0, 0, 5}), "not finite"},
     {"NanBesideTheHub", transform_with({1, 0, 0, 0, 1, 0, 0, 0, 1, kNan, 0, 5}), "not finite"},
@@ -190,12 +190,12 @@ const BadMessage kBadMessages[] = {
     {"OversizedToTheLastBit", MessageBytes{.body = "x", .size_B = ~std::uint64_t{0}}.bytes(),
      "18446744073709551615 bytes", true},
     {"SizeNegativeAsInt", MessageBytes{.body = "x", .size_B = 0x80000000}.bytes(), "2147483648 bytes", true},
-    {"VersionZero", MessageBytes{.version = 0}.bytes(), "no OpenIGTLink header (version 0", true},
-    {"VersionOfTheFuture", MessageBytes{.version = 3}.bytes(), "no OpenIGTLink header (version 3", true},
-    {"NoType", MessageBytes{.type = ""}.bytes(), "no OpenIGTLink header (version 1, type '')", true},
+    {"VersionZero", MessageBytes{.version = 0}.bytes(), "invalid OpenIGTLink header (version 0", true},
+    {"VersionOfTheFuture", MessageBytes{.version = 3}.bytes(), "invalid OpenIGTLink header (version 3", true},
+    {"NoType", MessageBytes{.type = ""}.bytes(), "invalid OpenIGTLink header (version 1, type '')", true},
     {"UnprintableType", MessageBytes{.type = "TRANS\nFORM"}.bytes(), "type '')", true},
-    {"Text", std::string(200, 'G'), "no OpenIGTLink header (version 18247", true},
-    {"Zeros", std::string(200, '\0'), "no OpenIGTLink header (version 0", true},
+    {"Text", std::string(200, 'G'), "invalid OpenIGTLink header (version 18247", true},
+    {"Zeros", std::string(200, '\0'), "invalid OpenIGTLink header (version 0", true},
 };
 
 class BadMessages : public testing::TestWithParam<BadMessage> {};
@@ -229,7 +229,7 @@ void expect_sense(const std::string& bytes, std::size_t portion_B = std::string:
   const auto events = receive(receiver, bytes, portion_B);
   EXPECT_LE(events.size(), bytes.size() / IGTL_HEADER_SIZE);
   for (const HubPose& pose : poses(events)) {
-    EXPECT_LE(std::abs(pose.insertion_mm), IgtlinkReceiver::kLargestInsertion_mm);
+    EXPECT_LE(std::abs(pose.insertion_mm), IgtlinkReceiver::kMaxInsertion_mm);
     EXPECT_TRUE(std::isfinite(pose.rotation_rad));
   }
 }

@@ -363,7 +363,7 @@ TEST(OpenIGTLink, StatusGreetsAndAnswers) {
   const auto answer = client.receive("xraycast");
   ASSERT_TRUE(answer);
   EXPECT_EQ(answer->code, igtl::StatusMessage::STATUS_OK);
-  EXPECT_EQ(answer->text, "poses received: 1; the hub is wanted at 12.5 mm, 28.6 deg");
+  EXPECT_EQ(answer->text, "poses received: 1; commanded pose: 12.5 mm, 28.6 deg");
 }
 
 TEST(OpenIGTLink, SecondClientIsTurnedAway) {
@@ -377,7 +377,7 @@ TEST(OpenIGTLink, SecondClientIsTurnedAway) {
     EXPECT_EQ(busy->code, igtl::StatusMessage::STATUS_BUSY);
     EXPECT_FALSE(second.receive());
   }
-  EXPECT_TRUE(run.says("was turned away"));
+  EXPECT_TRUE(run.says("was rejected"));
   const HubLoad load = load_at_rest(run, first, 20, 0);
   EXPECT_NEAR(load.force_N, -expected_force_N(20), kSettled * expected_force_N(20));
 }
@@ -390,7 +390,7 @@ TEST(OpenIGTLink, DeadClientGivesWayToAnother) {
   std::this_thread::sleep_for(2100ms);  // more than the two seconds after which it counts as dead
   Client next(run);
   EXPECT_EQ(next.receive()->code, igtl::StatusMessage::STATUS_OK);
-  EXPECT_TRUE(run.says("gives way to another"));
+  EXPECT_TRUE(run.says("was replaced by another client"));
 }
 
 TEST(OpenIGTLink, ConnectsAgainAndAgain) {
@@ -410,13 +410,13 @@ TEST(OpenIGTLink, ConnectsAgainAndAgain) {
       ASSERT_TRUE(client.send(transform_message(1).substr(0, 70)));
     }
   }
-  EXPECT_TRUE(run.says("has gone"));
+  EXPECT_TRUE(run.says("has disconnected"));
   EXPECT_TRUE(run.says("ended after 12 of the 48 bytes of TRANSFORM"));
   Client client(run);
   const HubLoad load = load_at_rest(run, client, 39, rotation_rad, 1500);
-  EXPECT_NEAR(load.torque_Nm, -CouplingSettings{}.rotation.largest_load, 1e-12);  // 19 turns: the limit
+  EXPECT_NEAR(load.torque_Nm, -CouplingSettings{}.rotation.max_load, 1e-12);  // 19 turns: the limit
   // Where the limit holds the rod, after ten of its time constants of 0.14 s.
-  EXPECT_NEAR(run.hub().rotation_rad, CouplingSettings{}.rotation.largest_load / kRod_Nm_per_rad, 0.1);
+  EXPECT_NEAR(run.hub().rotation_rad, CouplingSettings{}.rotation.max_load / kRod_Nm_per_rad, 0.1);
 }
 
 // ---- what is bad
@@ -443,7 +443,7 @@ const BadTraffic kBadTraffic[] = {
      "announced IMAGE of 4611686018427387904 bytes"},
     {"WrongChecksum", MessageBytes{.body = transform_message(10).substr(58), .checksum = 5}.bytes(),
      "sent TRANSFORM with a wrong checksum"},
-    {"Random", random_bytes(100000), "sent no OpenIGTLink header"},
+    {"Random", random_bytes(100000), "sent an invalid OpenIGTLink header"},
     {"Nan", MessageBytes{.body = transform_body({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, std::nanf("")})}.bytes(),
      "sent TRANSFORM with values that are not finite"},
     {"AnotherType", MessageBytes{.type = "STRING", .body = "hello"}.bytes(),
@@ -596,7 +596,7 @@ TEST(OpenIGTLink, StatusLineNamesTheClientAndItsRate) {
     hold(client, 1, 0, 1500ms);
     EXPECT_THAT(run.status(), testing::MatchesRegex("OpenIGTLink at .*: 127.0.0.1:[0-9]+, [0-9]+ poses/s"));
   }
-  ASSERT_TRUE(run.says("has gone"));
+  ASSERT_TRUE(run.says("has disconnected"));
   EXPECT_EQ(run.status(), "OpenIGTLink at " + run.address() + ": no client");
 }
 

@@ -18,7 +18,7 @@ TEST(Script, IsLinearBetweenItsRows) {
   const Script script =
       Script::parse("time_s,insertion_mm,rotation_deg\n1,10,0\n2,30,180\r\n4,30,-180\n\n", "push.csv");
   ASSERT_EQ(script.rows().size(), 3u);
-  EXPECT_EQ(script.end_s(), 4);
+  EXPECT_EQ(script.rows().back().time_s, 4);
   EXPECT_DOUBLE_EQ(script.pose_at(0).insertion_mm, 10);
   EXPECT_DOUBLE_EQ(script.pose_at(1.25).insertion_mm, 15);
   EXPECT_DOUBLE_EQ(script.pose_at(1.5).rotation_rad, 0.5 * std::numbers::pi);
@@ -63,7 +63,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"MissingValue", HEAD "0,0,0\n1,,0\n", "line 3: insertion_mm is missing"},
         BadScript{"MissingLast", HEAD "0,0,0\n1,3,\n", "line 3: rotation_deg is missing"},
         BadScript{"TwoValues", HEAD "0,0\n", "line 2: 2 values"},
-        BadScript{"Gap", HEAD "0,0,0\n\n1,2,0\n", "line 3: a gap"},
+        BadScript{"Gap", HEAD "0,0,0\n\n1,2,0\n", "line 3: a blank line"},
         BadScript{"NotANumber", HEAD "0,nan,0\n", "line 2: insertion_mm is \"nan\", not a finite number"},
         BadScript{"Infinite", HEAD "0,0,inf\n", "line 2: rotation_deg is \"inf\""},
         BadScript{"Words", HEAD "0,0,left\n", "line 2: rotation_deg is \"left\""},

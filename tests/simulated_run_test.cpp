@@ -97,7 +97,7 @@ TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {
   EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, ended.pose.rotation_rad, kWritten_rad);
 
   SimulatedRun again = run_with(std::make_unique<ScriptDevice>(recorded, "recording"));
-  watch(again, recorded.end_s() + 0.3);
+  watch(again, recorded.rows().back().time_s + 0.3);
   EXPECT_NEAR(again.now().pose.insertion_mm, ended.pose.insertion_mm, kWritten_mm);
   EXPECT_NEAR(again.now().pose.rotation_rad, ended.pose.rotation_rad, kWritten_rad);
 }

@@ -57,7 +57,7 @@ Held::Rod spring(double N_per_mm, double Nm_per_rad = 0) {
 CouplingSettings unlimited() {
   CouplingSettings settings;
   for (CouplingAxis* axis : {&settings.insertion, &settings.rotation})
-    axis->fastest = axis->largest_load = std::numeric_limits<double>::infinity();
+    axis->fastest = axis->max_load = std::numeric_limits<double>::infinity();
   return settings;
 }
 
@@ -119,11 +119,11 @@ TEST(VirtualCoupling, LimitsWhatTheHandFeels) {
     largest_Nm = std::max(largest_Nm, std::abs(step.felt.torque_Nm));
     hub = step.hub;
   }
-  EXPECT_EQ(largest_N, kDefaults.insertion.largest_load);
-  EXPECT_EQ(largest_Nm, kDefaults.rotation.largest_load);
+  EXPECT_EQ(largest_N, kDefaults.insertion.max_load);
+  EXPECT_EQ(largest_Nm, kDefaults.rotation.max_load);
   // And the rod is pressed with no more: at rest, to rounding.
-  EXPECT_NEAR(10 * hub.insertion_mm, -kDefaults.insertion.largest_load, 1e-6);
-  EXPECT_NEAR(0.1 * hub.rotation_rad, -kDefaults.rotation.largest_load, 1e-8);
+  EXPECT_NEAR(10 * hub.insertion_mm, -kDefaults.insertion.max_load, 1e-6);
+  EXPECT_NEAR(0.1 * hub.rotation_rad, -kDefaults.rotation.max_load, 1e-8);
 }
 
 TEST(VirtualCoupling, WatchdogFreezesAfterATenthOfASecond) {
@@ -167,8 +167,8 @@ TEST(VirtualCoupling, ComesBackFromSilenceAtAHandsSpeed) {
     largest_N = std::max(largest_N, step.felt.force_N);
     before_mm = step.hub.insertion_mm;
   }
-  EXPECT_NEAR(before_mm, 300, 1e-9);                                         // arrived, to rounding
-  EXPECT_LE(fastest_mm_s, 1000 * kDefaults.insertion.fastest * (1 + 1e-9));  // rounding
+  EXPECT_NEAR(before_mm, 300, 1e-9);                                           // arrived, to rounding
+  EXPECT_LE(fastest_mm_s, 1000 * kDefaults.insertion.max_speed * (1 + 1e-9));  // rounding
   EXPECT_LE(largest_N, 0.5 + 1e-9);  // the damper's 2 N s/m at 0.25 m/s: no kick
 }
 
@@ -240,7 +240,7 @@ TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
   const auto hold = [&](double insertion_mm, int steps) {
     for (int i = 0; i < steps; ++i) {
       hand = {{.insertion_mm = insertion_mm}, hand.count + 1};
-      coupling.stand_at(catheter.pose());
+      coupling.synchronise(catheter.pose());
       step = coupling.step(hand, catheter.load(), kStep_s);
       catheter.step(step.hub);
     }
@@ -248,7 +248,7 @@ TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
   hold(5, 500);
   hold(-100, 1000);  // further out than it goes: an end stop, felt with no more than the limit
   EXPECT_EQ(catheter.pose().insertion_mm, 0);
-  EXPECT_EQ(step.felt.force_N, -kDefaults.insertion.largest_load);
+  EXPECT_EQ(step.felt.force_N, -kDefaults.insertion.max_load);
   // The hand comes back: the hub is at the stop still, and moves with the hand at once.
   hold(0, 500);
   EXPECT_NEAR(step.felt.force_N, 0, 0.01);  // what is left of the rod's own load

@@ -48,7 +48,7 @@ extern "C" int LLVMFuzzerTestOneInput(const std::uint8_t* data, std::size_t size
     bytes = bytes.subspan(portion.size());
     while (const auto event = receiver.next(portion)) {
       if (const auto* pose = std::get_if<HubPose>(&*event)) {
-        if (!(std::abs(pose->insertion_mm) <= IgtlinkReceiver::kLargestInsertion_mm)) std::abort();
+        if (!(std::abs(pose->insertion_mm) <= IgtlinkReceiver::kMaxInsertion_mm)) std::abort();
         if (!(std::abs(pose->rotation_rad - rotation_rad) <= 3.15)) std::abort();
         rotation_rad = pose->rotation_rad;
       } else if (const auto* complaint = std::get_if<Complaint>(&*event)) {

@@ -7,16 +7,16 @@
 
 namespace xraycast {
 
-/// What a haptic device commands, and whether it still does.
+/// The pose that a haptic device commands.
 struct HandPose {
   HubPose pose;
-  std::uint64_t count = 0;  ///< poses received so far; a device that is alive keeps counting, moved or not
+  std::uint64_t count = 0;  ///< poses received so far: grows while the device is alive, moved or not
 };
 
-/// A hand on the hub: a device that says where the hub should be and lets the hand feel what pushes back.
+/// A device that commands the hub's pose and renders the hub's load to the hand.
 ///
-/// `pose` and `feel` are called at 1 kHz by the simulation's thread; both return at once, whatever the device
-/// or a network does. `status` is for people and may be called by any other thread.
+/// `pose` and `feel` are called at 1 kHz by the simulation's thread and must not block, whatever the device
+/// or a network does. `status` may be called by any other thread.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
@@ -24,13 +24,13 @@ class HapticDevice {
   /// The newest pose.
   virtual HandPose pose() = 0;
 
-  /// From now on the hand shall feel `load`.
+  /// Renders `load` to the hand from now on.
   virtual void feel(const HubLoad& load) = 0;
 
-  /// The poses are the hub's own, as a script has them: no spring lies between.
+  /// Whether the poses are the hub's own, as a script's are, without a virtual coupling in between.
   virtual bool is_rigid() const { return false; }
 
-  /// One line: what is connected, how often it speaks.
+  /// One line for the user: what is connected, and its rate.
   virtual std::string status() const = 0;
 };
 

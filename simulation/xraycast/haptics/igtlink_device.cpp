@@ -28,15 +28,15 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-// A client hears of a load at least this often, the watchdog's zero among them.
+// A client receives a load at least this often, the watchdog's zero included.
 constexpr auto kIdle = 20ms;
-// A client that has sent nothing sensible for so long gives way to another.
+// A client that has sent nothing valid for so long is replaced by another.
 constexpr auto kSilence = 2s;
-// How long nobody is let in after the system had no room for one more connection.
+// No connection is accepted for so long after the system had no resources for one.
 constexpr auto kFull = 1s;
-// Small, so that a slow reader's loads are left out here and do not grow old in the kernel.
+// Small, so that a slow reader's loads are dropped here and do not queue in the kernel.
 constexpr int kSendBuffer_B = 4096;
-// What is read at a time.
+// Bytes read at a time.
 constexpr int kPortion_B = 16384;
 // Linux lets a socket's receive buffer grow to 6 MiB.
 constexpr int kSocket_B = 8 << 20;
@@ -115,11 +115,11 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point heard;  ///< when something sensible came
+  Clock::time_point heard;  ///< the last valid message
   Clock::time_point told;   ///< when a load was last due
-  bool status_due = true;   ///< everyone is greeted
-  bool load_due = false;    ///< messages are made once they can be sent
-  std::string unsent = {};  ///< the rest of those begun
+  bool status_due = true;   ///< also on connecting
+  bool load_due = false;    ///< serialised once it can be sent
+  std::string unsent = {};  ///< the rest of a message
   std::uint64_t poses = 0;
 };
 
@@ -148,7 +148,7 @@ class IgtlinkDevice::Server {
 
  private:
   void admit();
-  void turn_away(const Descriptor& socket, const std::string& name);
+  void reject(const Descriptor& socket, const std::string& name);
   bool receive();
   void handle(const IgtlinkReceiver::Event& event);
   void send_due();
@@ -203,15 +203,15 @@ void IgtlinkDevice::Server::admit() {
       accept4(listener_.id(), reinterpret_cast<sockaddr*>(&address), &size_B, SOCK_NONBLOCK | SOCK_CLOEXEC));
   if (socket.id() < 0) {
     if (errno == EAGAIN || errno == ECONNABORTED || errno == EINTR) return;
-    say("accept", fmt::format("no connection could be accepted: {}", error_text(errno)));
+    say("accept", fmt::format("a connection could not be accepted: {}", error_text(errno)));
     full_until_ = now_ + kFull;
     return;
   }
   const std::string name = address_text(address, size_B);
-  // Who comes back at once may have left something behind: what a socket holds is read to its end first.
+  // A client that reconnects at once may have left messages: the old socket is read to its end first.
   for (int portions = 0; client_ && portions < kSocket_B / kPortion_B && receive();) ++portions;
-  if (client_ && now_ - client_->heard < kSilence) return turn_away(socket, name);
-  if (client_) drop("silent", "gives way to another after a silence");
+  if (client_ && now_ - client_->heard < kSilence) return reject(socket, name);
+  if (client_) drop("silent", "was replaced by another client after 2 s of silence");
 
   const int on = 1;
   setsockopt(socket.id(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -226,30 +226,31 @@ void IgtlinkDevice::Server::admit() {
   say("connected", name + " has connected");
 }
 
-void IgtlinkDevice::Server::turn_away(const Descriptor& socket, const std::string& name) {
+void IgtlinkDevice::Server::reject(const Descriptor& socket, const std::string& name) {
   const std::string busy = messages_.status(igtl::StatusMessage::STATUS_BUSY, "another client is connected");
   send(socket.id(), busy.data(), busy.size(), MSG_NOSIGNAL | MSG_DONTWAIT);
-  say("refused", fmt::format("{} was turned away: {} is connected", name, client_->name));
+  say("refused", fmt::format("{} was rejected: {} is connected", name, client_->name));
 }
 
-/// False when there is no more for now, or no client any more.
+/// False when nothing more is waiting, or the client has disconnected.
 bool IgtlinkDevice::Server::receive() {
   std::array<std::byte, kPortion_B> buffer;
   const ssize_t size_B = recv(client_->socket.id(), buffer.data(), buffer.size(), MSG_DONTWAIT);
   if (size_B < 0) {
-    if (errno != EAGAIN && errno != EINTR) drop("lost", fmt::format("was lost: {}", error_text(errno)));
+    if (errno != EAGAIN && errno != EINTR)
+      drop("lost", fmt::format("was disconnected: {}", error_text(errno)));
     return false;
   }
   if (size_B == 0) {
     if (const auto complaint = client_->receiver.end())
       say(complaint->topic, client_->name + " " + complaint->text);
-    drop("gone", "has gone");
+    drop("gone", "has disconnected");
     return false;
   }
   std::span<const std::byte> bytes = std::span(buffer).first(static_cast<std::size_t>(size_B));
   while (const auto event = client_->receiver.next(bytes)) handle(*event);
   if (client_->receiver.lost()) {
-    drop("dropped", "was disconnected, since nothing after that can be understood");
+    drop("dropped", "was disconnected: the message framing is lost");
     return false;
   }
   return true;
@@ -269,10 +270,10 @@ void IgtlinkDevice::Server::handle(const IgtlinkReceiver::Event& event) {
   }
 }
 
-/// The load is read when it is sent, so that one that waits is the newest all the same.
+/// The load is read when it is sent, so that it is always the newest.
 void IgtlinkDevice::Server::load_is_due() {
   if (client_->load_due && !client_->unsent.empty())
-    say("slow", client_->name + " does not keep up; a load was left out");
+    say("slow", client_->name + " does not keep up; a load was dropped");
   client_->load_due = true;
   client_->told = now_;
 }
@@ -285,7 +286,7 @@ void IgtlinkDevice::Server::send_due() {
                                 MSG_NOSIGNAL | MSG_DONTWAIT);
     if (size_B < 0) {
       if (errno == EAGAIN || errno == EINTR) return;
-      return drop("lost", fmt::format("was lost: {}", error_text(errno)));
+      return drop("lost", fmt::format("was disconnected: {}", error_text(errno)));
     }
     client_->unsent.erase(0, static_cast<std::size_t>(size_B));
   }
@@ -295,7 +296,7 @@ std::string IgtlinkDevice::Server::next_message() {
   if (std::exchange(client_->status_due, false))
     return messages_.status(
         igtl::StatusMessage::STATUS_OK,
-        fmt::format("poses received: {}; the hub is wanted at {:.1f} mm, {:.1f} deg", newest_.count,
+        fmt::format("poses received: {}; commanded pose: {:.1f} mm, {:.1f} deg", newest_.count,
                     newest_.pose.insertion_mm, newest_.pose.rotation_rad * 180 / std::numbers::pi));
   if (std::exchange(client_->load_due, false)) return messages_.load(loads_.read());
   return {};

@@ -11,21 +11,21 @@
 
 namespace xraycast {
 
-/// A haptic device that speaks OpenIGTLink over TCP: it sends TRANSFORM, and is sent a SENSOR of force and
+/// A haptic device connected by OpenIGTLink over TCP: it sends TRANSFORM, and receives a SENSOR of force and
 /// one of torque for each, at its own rate, or every 20 ms while it is silent; docs/haptics.md has the
 /// protocol.
 ///
-/// It is served by a thread of its own. One client at a time: another is sent STATUS (busy) and turned away,
-/// unless the first has sent nothing sensible for two seconds, as after a cable was pulled. Nothing queues:
-/// loads that a client does not read in time are left out, and what it sends in excess waits in its own
+/// Its server has its own thread. One client at a time: another one receives STATUS (busy) and is rejected,
+/// unless the first has sent nothing valid for two seconds, as after a cable was pulled. Nothing queues:
+/// loads that a client does not read in time are dropped, and what it sends in excess waits in its own
 /// socket.
 class IgtlinkDevice final : public HapticDevice {
  public:
-  /// Receives one line at a time, on the server's thread: who comes and goes, what is wrong with what was
-  /// sent.
+  /// Receives one line at a time, on the server's thread: connections and invalid messages.
   using Log = std::function<void(const std::string& line)>;
 
-  /// Listens from here on. Throws InputError where the address is not this machine's or the port is in use.
+  /// Listens from construction on. Throws InputError where the address is not this machine's or the port is
+  /// in use.
   IgtlinkDevice(const ListenAddress& address, Log log);
   ~IgtlinkDevice() override;
 
@@ -33,7 +33,7 @@ class IgtlinkDevice final : public HapticDevice {
   void feel(const HubLoad& load) override { loads_.write(load); }
   std::string status() const override;
 
-  /// Where it listens, with the port that was free if it was to be any.
+  /// Where it listens, with the port chosen by the system if 0 was given.
   const ListenAddress& address() const { return address_; }
 
  private:

@@ -14,8 +14,8 @@
 namespace xraycast {
 namespace {
 
-// Devices' rotations come as floats, often through Euler angles; a matrix further off than this is no
-// rotation.
+// Devices send rotations as floats, often converted from Euler angles; a matrix further from orthonormal than
+// this is rejected.
 constexpr double kOrthonormal = 1e-3;
 
 std::size_t take(std::span<const std::byte>& from, std::span<std::byte> into) {
@@ -25,7 +25,7 @@ std::size_t take(std::span<const std::byte>& from, std::span<std::byte> into) {
   return size_B;
 }
 
-/// A type's name as sent: at most 12 characters, filled up with zeros. Empty where it is none.
+/// A type's name as sent: at most 12 characters, padded with zeros. Empty where it is not printable.
 std::string type_name(std::span<const char, IGTL_HEADER_TYPE_SIZE> field) {
   const auto end = std::ranges::find(field, '\0');
   const bool printable = std::all_of(field.begin(), end, [](char c) { return c > ' ' && c <= '~'; });
@@ -47,7 +47,7 @@ bool is_rotation(const glm::dmat3& m) {
 }
 
 /// The twist about z of a rotation that is swing * twist; nothing where it tilts z by more than 90 degrees,
-/// from where on it means less and less.
+/// where it is ill-conditioned.
 std::optional<double> twist_about_z_rad(const glm::dmat3& m) {
   // With the unit quaternion (w, x, y, z) these are 4 w z and 2 (w^2 - z^2), and the twist is 2 atan(z / w).
   const double sine = m[0][1] - m[1][0], cosine = m[0][0] + m[1][1];
@@ -105,15 +105,16 @@ std::optional<Complaint> IgtlinkReceiver::read_header() {
   checksum_ = header.crc;
   body_B_ = 0;
   if (version_ < 1 || version_ > 2 || type_.empty())
-    return lose("header", fmt::format("sent no OpenIGTLink header (version {}, type '{}')", version_, type_));
-  if (size_B_ > kLargestBody_B)
+    return lose("header",
+                fmt::format("sent an invalid OpenIGTLink header (version {}, type '{}')", version_, type_));
+  if (size_B_ > kMaxBody_B)
     return lose("oversized",
-                fmt::format("announced {} of {} bytes, more than {}", type_, size_B_, kLargestBody_B));
+                fmt::format("announced {} of {} bytes, more than {}", type_, size_B_, kMaxBody_B));
   return std::nullopt;
 }
 
-/// The message's content: the body, less what header version 2 puts around it. Nothing where sizes
-/// contradict.
+/// The message's content: the body without the extended header and the metadata of version 2. Nothing where
+/// sizes are inconsistent.
 std::optional<std::span<const std::byte>> IgtlinkReceiver::content() const {
   const auto body = std::span(body_).first(static_cast<std::size_t>(size_B_));
   if (version_ == 1) return body;
@@ -128,7 +129,7 @@ std::optional<std::span<const std::byte>> IgtlinkReceiver::content() const {
 }
 
 IgtlinkReceiver::Event IgtlinkReceiver::read_message() {
-  if (!understood()) return Complaint{"type", fmt::format("sent {}, which means nothing here", type_)};
+  if (!is_supported()) return Complaint{"type", fmt::format("sent {}, which is not supported", type_)};
   if (size_B_ > body_.size())
     return Complaint{"size", fmt::format("sent {} of {} bytes, more than {}", type_, size_B_, body_.size())};
 
@@ -152,9 +153,9 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte
   if (!std::ranges::all_of(matrix, [](float value) { return std::isfinite(value); }))
     return Complaint{"number", "sent TRANSFORM with values that are not finite"};
   const double insertion_mm = matrix[11];
-  if (std::abs(insertion_mm) > kLargestInsertion_mm)
-    return Complaint{"range", fmt::format("sent an insertion of {:g} mm, beyond {:g} mm", insertion_mm,
-                                          kLargestInsertion_mm)};
+  if (std::abs(insertion_mm) > kMaxInsertion_mm)
+    return Complaint{
+        "range", fmt::format("sent an insertion of {:g} mm, beyond {:g} mm", insertion_mm, kMaxInsertion_mm)};
   glm::dmat3 rotation;
   for (int i = 0; i < 9; ++i) rotation[i / 3][i % 3] = matrix[static_cast<std::size_t>(i)];
   if (!is_rotation(rotation)) return Complaint{"rotation", "sent TRANSFORM whose matrix is not a rotation"};

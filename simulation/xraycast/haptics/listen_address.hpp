@@ -5,17 +5,17 @@
 
 namespace xraycast {
 
-/// Where a server listens. By default the IANA port of OpenIGTLink, for programs on this machine only.
+/// Where a server listens. By default the IANA port of OpenIGTLink, reachable from this machine only.
 struct ListenAddress {
   std::string host = "127.0.0.1";  ///< numeric, IPv4 or IPv6, or a name
-  std::uint16_t port = 18944;      ///< 0 for any that is free
+  std::uint16_t port = 18944;      ///< 0: chosen by the system
 };
 
-/// Reads ADDRESS:PORT, such as "127.0.0.1:18944" or "[::1]:18944"; 0.0.0.0 is every address of this machine.
+/// Parses ADDRESS:PORT, such as "127.0.0.1:18944" or "[::1]:18944"; 0.0.0.0 is every address of this machine.
 /// Throws InputError.
 ListenAddress parse_listen_address(const std::string& text);
 
-/// The reverse.
+/// The inverse of parse_listen_address.
 std::string to_string(const ListenAddress& address);
 
 }  // namespace xraycast

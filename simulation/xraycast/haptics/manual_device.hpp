@@ -7,18 +7,18 @@
 
 namespace xraycast {
 
-/// A hand without a haptic device: keys, a mouse or a gamepad say how fast the hub moves. Feels nothing.
+/// Keys, a mouse or a gamepad set the hub's velocity. No force feedback.
 class ManualDevice final : public HapticDevice {
  public:
   explicit ManualDevice(std::string name) : name_(std::move(name)) {}
 
-  /// From now on; by one other thread.
+  /// For one other thread.
   void set_rates(double insertion_mm_s, double rotation_rad_s) {
     insertion_mm_s_.store(insertion_mm_s, std::memory_order_relaxed);
     rotation_rad_s_.store(rotation_rad_s, std::memory_order_relaxed);
   }
 
-  /// At once, as the wheel of a mouse does; by the same thread.
+  /// Immediately, as by a mouse wheel; for the same thread.
   void move_by(double insertion_mm, double rotation_rad) {
     insertion_jump_mm_.store(insertion_jump_mm_.load(std::memory_order_relaxed) + insertion_mm,
                              std::memory_order_relaxed);
@@ -31,7 +31,7 @@ class ManualDevice final : public HapticDevice {
     driven_.insertion_mm += kCall_s * insertion_mm_s_.load(std::memory_order_relaxed);
     driven_.rotation_rad += kCall_s * rotation_rad_s_.load(std::memory_order_relaxed);
     const double jump_mm = insertion_jump_mm_.load(std::memory_order_relaxed);
-    // The hub does not go out of the introducer, and what was pulled in vain does not count.
+    // The hub does not leave the introducer, and pulling any further is discarded.
     if (driven_.insertion_mm + jump_mm < 0) driven_.insertion_mm = -jump_mm;
     return {{driven_.insertion_mm + jump_mm,
              driven_.rotation_rad + rotation_jump_rad_.load(std::memory_order_relaxed)},

@@ -5,7 +5,7 @@
 namespace xraycast {
 namespace {
 
-constexpr std::chrono::seconds kQuiet{1};
+constexpr std::chrono::seconds kInterval{1};
 
 }  // namespace
 
@@ -13,21 +13,21 @@ void RateLimitedLog::add(std::string_view topic, const std::string& line, Clock:
   flush(now);
   const auto [entry, is_new] = topics_.try_emplace(topic);
   Topic& state = entry->second;
-  if (is_new || now - state.said >= kQuiet) {
-    state.said = now;
+  if (is_new || now - state.written >= kInterval) {
+    state.written = now;
     sink_(line);
   } else {
-    ++state.held_back;
+    ++state.suppressed;
     state.line = line;
   }
 }
 
 void RateLimitedLog::flush(Clock::time_point now) {
   for (auto& [topic, state] : topics_) {
-    if (state.held_back == 0 || now - state.said < kQuiet) continue;
-    state.said = now;
-    sink_(state.held_back == 1 ? state.line : fmt::format("{} ({} times)", state.line, state.held_back));
-    state.held_back = 0;
+    if (state.suppressed == 0 || now - state.written < kInterval) continue;
+    state.written = now;
+    sink_(state.suppressed == 1 ? state.line : fmt::format("{} ({} times)", state.line, state.suppressed));
+    state.suppressed = 0;
   }
 }
 

@@ -9,8 +9,8 @@
 
 namespace xraycast {
 
-/// Lines for people about what may happen a thousand times a second. Of each topic the first line appears at
-/// once; those within a second after it are counted, and the count appears when the second is over.
+/// A log for events that may happen a thousand times a second. Of each topic the first line is written at
+/// once; those within a second after it are counted, and the count is written when the second is over.
 class RateLimitedLog {
  public:
   using Clock = std::chrono::steady_clock;
@@ -18,17 +18,17 @@ class RateLimitedLog {
 
   explicit RateLimitedLog(Sink sink) : sink_(std::move(sink)) {}
 
-  /// `topic` is a literal: it is kept by reference, and there are few.
+  /// `topic` is a string literal: it is kept by reference.
   void add(std::string_view topic, const std::string& line, Clock::time_point now);
 
-  /// Says how many lines were held back, where their second is over. To be called now and then.
+  /// Writes the counts of topics whose second is over. To be called periodically.
   void flush(Clock::time_point now);
 
  private:
   struct Topic {
-    Clock::time_point said;
-    std::string line;             ///< the newest held back
-    std::uint64_t held_back = 0;  ///< since `said`
+    Clock::time_point written;
+    std::string line;              ///< the newest suppressed one
+    std::uint64_t suppressed = 0;  ///< since `written`
   };
   Sink sink_;
   std::map<std::string_view, Topic> topics_;

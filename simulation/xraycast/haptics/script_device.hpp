@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A hand that leads the hub as a script says, in real time from the first call on. Feels nothing.
+/// Replays a script in real time from the first call on. No force feedback.
 class ScriptDevice final : public HapticDevice {
  public:
   ScriptDevice(Script script, std::string name) : script_(std::move(script)), name_(std::move(name)) {}

@@ -9,24 +9,24 @@ VirtualCoupling::VirtualCoupling(const HubPose& start, const CouplingSettings& s
     : settings_(settings),
       insertion_m_{start.insertion_mm / 1000, start.insertion_mm / 1000, 0},
       rotation_rad_{start.rotation_rad, start.rotation_rad, 0},
-      silence_s_(settings.patience_s) {}
+      silence_s_(settings.timeout_s) {}
 
-void VirtualCoupling::stand_at(const HubPose& hub) {
+void VirtualCoupling::synchronise(const HubPose& hub) {
   constexpr double kRounding = 1e-9;
-  const auto stand = [](AxisState& axis, double position) {
+  const auto move_to = [](AxisState& axis, double position) {
     if (std::abs(axis.position - position) < kRounding) return;
     axis.position = position;
     axis.velocity = 0;
   };
-  stand(insertion_m_, hub.insertion_mm / 1000);
-  stand(rotation_rad_, hub.rotation_rad);
+  move_to(insertion_m_, hub.insertion_mm / 1000);
+  move_to(rotation_rad_, hub.rotation_rad);
 }
 
 VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad& load, double step_s) {
   Step result;
   const bool finite = std::isfinite(hand.pose.insertion_mm) && std::isfinite(hand.pose.rotation_rad) &&
                       std::isfinite(load.force_N) && std::isfinite(load.torque_Nm);
-  if (poses_come(hand.count, step_s) && finite) {
+  if (is_alive(hand.count, step_s) && finite) {
     result.frozen = false;
     result.felt.force_N =
         move(insertion_m_, settings_.insertion, hand.pose.insertion_mm / 1000, load.force_N, step_s);
@@ -39,29 +39,29 @@ VirtualCoupling::Step VirtualCoupling::step(const HandPose& hand, const HubLoad&
   return result;
 }
 
-bool VirtualCoupling::poses_come(std::uint64_t count, double step_s) {
+bool VirtualCoupling::is_alive(std::uint64_t count, double step_s) {
   silence_s_ = count != count_ ? 0 : silence_s_ + step_s;
   count_ = count;
-  return silence_s_ < settings_.patience_s - step_s / 2;  // half a step, for the sum's rounding
+  return silence_s_ < settings_.timeout_s - step_s / 2;  // half a step, for rounding of the sum
 }
 
-/// Implicit Euler for spring and damper, stable whatever they are; explicit in the rod's load. Returns what
-/// the spring does to the hand.
+/// Implicit Euler for spring and damper, unconditionally stable; explicit in the rod's load. Returns the
+/// spring's load on the hand.
 double VirtualCoupling::move(AxisState& state, const CouplingAxis& axis, double hand, double load,
                              double step_s) {
-  state.led += std::clamp(hand - state.led, -axis.fastest * step_s, axis.fastest * step_s);
+  state.proxy += std::clamp(hand - state.proxy, -axis.max_speed * step_s, axis.max_speed * step_s);
 
   const double damping = 2 * std::sqrt(axis.stiffness * axis.inertia);
   const double momentum = axis.inertia * state.velocity - load * step_s;
   const double damped = axis.inertia + damping * step_s;
-  const auto stretch = [&](double velocity) { return state.led - state.position - velocity * step_s; };
+  const auto stretch = [&](double velocity) { return state.proxy - state.position - velocity * step_s; };
 
   double velocity =
       (momentum + axis.stiffness * stretch(0) * step_s) / (damped + axis.stiffness * step_s * step_s);
   const double spring = axis.stiffness * stretch(velocity);
-  const double limited = std::clamp(spring, -axis.largest_load, axis.largest_load);
+  const double limited = std::clamp(spring, -axis.max_load, axis.max_load);
   if (limited != spring) velocity = (momentum + limited * step_s) / damped;
-  state.velocity = std::clamp(velocity, -axis.fastest, axis.fastest);
+  state.velocity = std::clamp(velocity, -axis.max_speed, axis.max_speed);
   state.position += state.velocity * step_s;
   return limited;
 }

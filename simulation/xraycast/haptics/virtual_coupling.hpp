@@ -9,60 +9,59 @@ namespace xraycast {
 
 /// One axis of the coupling; insertion in m, kg, N, rotation in rad, kg m2, N m.
 struct CouplingAxis {
-  double stiffness;     ///< between hand and hub, per m or rad
-  double inertia;       ///< of the hub; with the stiffness it sets the damping, 2 sqrt(stiffness * inertia)
-  double largest_load;  ///< that the hand shall feel and the hub be moved with
-  double fastest;       ///< that the hub is led along and moves, per s
+  double stiffness;  ///< between hand and hub, per m or rad
+  double inertia;    ///< of the virtual hub; critical damping: 2 sqrt(stiffness * inertia)
+  double max_load;   ///< of the spring, on the hand and on the hub
+  double max_speed;  ///< of the spring's proxy and the hub, per s
 };
 
-/// What holds the hub to the hand.
+/// Parameters of the virtual coupling between hand and hub.
 ///
-/// The defaults. A hand is told its load every T = 1 ms, and that is passive while the device's own damping
-/// exceeds stiffness * T / 2 (Colgate and Schenkel, Passivity of a class of sampled-data systems, 1994): 0.25
-/// N s/m and 1e-5 N m s/rad, about what gears and bearings have. A delay of the network counts in full on top
-/// of T / 2. The inertia is small, since the damping that goes with it drags at the hand, by 2 N s/m and 4e-5
-/// N m s/rad; and not smaller, since the rod's load reaches the hub a step late, which is stable while the
-/// rod answers a step with less than 13 N/mm and 0.2 N m/rad. The presets in the thorax phantom answer with
-/// at most 2 N/mm and 0.0024 N m/rad. 5 N and 0.05 N m are beyond what a catheter in a vessel bears, and
-/// within what two fingers hold. No hand feeds a catheter faster than 250 mm/s or turns it faster than 4
-/// turns/s.
+/// The defaults. The load is sampled every T = 1 ms, which is passive while the device's own damping exceeds
+/// stiffness * T / 2 (Colgate and Schenkel, Passivity of a class of sampled-data systems, 1994): 0.25
+/// N s/m and 1e-5 N m s/rad, about what gears and bearings have. A network delay adds to T / 2 in full. The
+/// inertia is small, since the damping that goes with it is felt as drag, 2 N s/m and 4e-5 N m s/rad; and not
+/// smaller, since the rod's load reaches the hub a step late, which is stable while the rod's stiffness at
+/// the hub is less than 13 N/mm and 0.2 N m/rad. That of the presets in the thorax phantom is at most 2 N/mm
+/// and 0.0024 N m/rad. 5 N and 0.05 N m exceed what a catheter in a vessel bears and are within what two
+/// fingers can hold. No hand feeds a catheter faster than 250 mm/s or rotates it faster than 4 turns/s.
 struct CouplingSettings {
-  CouplingAxis insertion{.stiffness = 500, .inertia = 0.002, .largest_load = 5, .fastest = 0.25};
-  CouplingAxis rotation{.stiffness = 0.02, .inertia = 2e-8, .largest_load = 0.05, .fastest = 25};
-  double patience_s = 0.1;  ///< without a pose, until the hub freezes
+  CouplingAxis insertion{.stiffness = 500, .inertia = 0.002, .max_load = 5, .max_speed = 0.25};
+  CouplingAxis rotation{.stiffness = 0.02, .inertia = 2e-8, .max_load = 0.05, .max_speed = 25};
+  double timeout_s = 0.1;  ///< of the watchdog: without a pose for so long the hub freezes
 };
 
-/// A hub on a critically damped spring whose other end the hand holds (Colgate, Stanley and Brown, Issues in
-/// the haptic display of tool use, 1995). The hand feels the spring alone, so the hub's inertia and damping,
-/// through which its motion is smooth, cannot feed energy into it.
+/// A virtual hub on a critically damped spring whose other end the hand holds (Colgate, Stanley and Brown,
+/// Issues in the haptic display of tool use, 1995). Only the spring's force is rendered, so that the virtual
+/// hub's inertia and damping, which smooth its motion, cannot feed energy into the hand.
 ///
-/// A watchdog freezes the hub, and lets the hand go, where poses stop coming. When they come again, however
-/// far off, the hub is led there no faster than a hand is.
+/// A watchdog freezes the hub and renders no load when poses stop arriving. When they resume, however far
+/// away, the hub follows at the speed limit.
 ///
-/// Deterministic: time is what the caller steps it by.
+/// Deterministic: time advances by the caller's steps.
 class VirtualCoupling {
  public:
   explicit VirtualCoupling(const HubPose& start = {}, const CouplingSettings& settings = {});
 
   struct Step {
     HubPose hub;         ///< where the hub is at the end of the step
-    HubLoad felt;        ///< what the hand shall feel
-    bool frozen = true;  ///< no pose came for `patience_s`, or none yet, or not a number
+    HubLoad felt;        ///< to be rendered to the hand
+    bool frozen = true;  ///< no pose for `timeout_s`, or none yet, or not finite
   };
 
-  /// The hub is there. Where the rod did not follow the last step, the hub stops.
-  void stand_at(const HubPose& hub);
+  /// Moves the virtual hub to the simulated one. Where the rod did not follow the last step, it stops.
+  void synchronise(const HubPose& hub);
 
-  /// A step of `step_s` under the hand's newest pose and the load that the rod puts on the hub.
+  /// A step of `step_s` under the hand's newest pose and the rod's load on the hub.
   Step step(const HandPose& hand, const HubLoad& load, double step_s);
 
  private:
   struct AxisState {
-    double led = 0;       ///< the spring's other end
+    double proxy = 0;     ///< the spring's other end, which follows the hand
     double position = 0;  ///< of the hub
     double velocity = 0;
   };
-  bool poses_come(std::uint64_t count, double step_s);
+  bool is_alive(std::uint64_t count, double step_s);
   static double move(AxisState& state, const CouplingAxis& axis, double hand, double load, double step_s);
 
   CouplingSettings settings_;

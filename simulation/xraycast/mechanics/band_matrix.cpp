@@ -38,7 +38,7 @@ void BandMatrix::solve(double* x) const {
     for (std::size_t k = 1; k <= kBand; ++k) x[j + k] -= columns_[j][k] * x[j];
   for (std::size_t k = 0; k < kBand; ++k) x[size_ + k] = 0;
   for (std::size_t j = size_; j-- > 0;) {
-    // Two sums, so that one addition need not wait for the other.
+    // Two accumulators, so that additions do not wait for each other.
     double even = x[j] / columns_[j][0], odd = 0;
     for (std::size_t k = 1; k <= kBand; k += 2) {
       even -= columns_[j][k] * x[j + k];

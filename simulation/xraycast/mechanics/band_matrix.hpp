@@ -11,13 +11,13 @@ namespace xraycast {
 /// linear in its size.
 class BandMatrix {
  public:
-  /// Of a rod: a node's bending joins the places of three nodes and the angles of two edges.
+  /// Of a rod: the strain of a node couples the positions of three nodes and the angles of two edges.
   static constexpr std::size_t kBand = 10;
 
   /// Sets the size and all entries to zero. Allocates only when it grows beyond its largest size.
   void reset(std::size_t size);
 
-  /// Room for `size` rows without allocation later.
+  /// Allocates for `size` rows.
   void reserve(std::size_t size) { columns_.reserve(size + kBand); }
 
   std::size_t size() const { return size_; }
@@ -28,21 +28,22 @@ class BandMatrix {
   /// A column's lower half: its diagonal and kBand entries below it.
   double* column(std::size_t index) { return columns_[index].data(); }
 
-  /// Takes the first unknowns out: their solution is their right-hand side, and no other one feels them.
+  /// Eliminates the first unknowns: their solution is their right-hand side, and they are decoupled from the
+  /// others.
   void fix_first(std::size_t count);
 
   /// Replaces the matrix by its factors. Returns false, and leaves it unusable, unless it is positive
   /// definite.
   bool factorise();
 
-  /// Replaces a right-hand side of size() numbers, and kBand zeros behind them, by the solution; after
+  /// Replaces a right-hand side of size() numbers, and kBand zeros after them, by the solution; after
   /// factorise().
   void solve(double* x) const;
 
  private:
-  // Padded to an even number, which vectors of two take whole.
+  // Padded to an even number, for vector instructions.
   using Column = std::array<double, kBand + 2>;
-  std::vector<Column> columns_;  ///< kBand more than the size, so that no loop needs to look for the end
+  std::vector<Column> columns_;  ///< kBand more than the size, so that no loop needs a bound check
   std::size_t size_ = 0;
 };
 

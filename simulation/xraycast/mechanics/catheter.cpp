@@ -20,59 +20,62 @@ Rod::Clamp clamp_at(const VesselEnd& entry) {
           .m1 = axis.unitOrthogonal()};
 }
 
-std::unique_ptr<WallContact> walls(const VesselTree& tree, const Rod& rod, const VesselEnd& entry,
-                                   double stiffness_N_mm2) {
+std::unique_ptr<WallContact> make_walls(const VesselTree& tree, const Rod& rod, const VesselEnd& entry,
+                                        double stiffness_N_mm2) {
   // The vessel goes on around the introducer and a little further.
   constexpr double kOpening_mm = kIntroducer_mm + 10;
-  const InstrumentModel& device = rod.instrument();
+  const InstrumentModel& instrument = rod.instrument();
   const WallContact::Introducer introducer{entry.position_mm, -entry.outward};
-  return std::make_unique<WallContact>(std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm), rod,
-                                       WallContact::Options{.stiffness_N_mm2 = stiffness_N_mm2,
-                                                            .tangential_N_mm2 = stiffness_N_mm2,
-                                                            .static_friction = device.static_friction(),
-                                                            .kinetic_friction = device.kinetic_friction()},
-                                       introducer);
+  return std::make_unique<WallContact>(
+      std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm), rod,
+      WallContact::Options{.stiffness_N_mm2 = stiffness_N_mm2,
+                           .tangential_N_mm2 = stiffness_N_mm2,
+                           .static_friction = instrument.static_friction(),
+                           .kinetic_friction = instrument.kinetic_friction()},
+      introducer);
 }
 
-const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& device) {
-  check_fits(tree, entry, device);
+const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument) {
+  check_fits(tree, entry, instrument);
   return entry;
 }
 
 }  // namespace
 
-double node_spacing_mm(const VesselTree& tree, const InstrumentModel& device) {
-  constexpr double kFinest_mm = 1.5, kCoarsest_mm = 5;
-  double narrowest_mm = kCoarsest_mm;
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument) {
+  constexpr double kMinSpacing_mm = 1.5, kMaxSpacing_mm = 5;
+  double min_radius_mm = kMaxSpacing_mm;
   for (const VesselBranch& branch : tree.branches())
     for (const VesselPoint& point : branch.points)
-      if (point.radius_mm > device.radius_mm()) narrowest_mm = std::min(narrowest_mm, point.radius_mm);
-  return std::clamp(1.5 * narrowest_mm, kFinest_mm, kCoarsest_mm);
+      if (point.radius_mm > instrument.radius_mm()) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
+  return std::clamp(1.5 * min_radius_mm, kMinSpacing_mm, kMaxSpacing_mm);
 }
 
-Catheter::Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry,
+Catheter::Catheter(const VesselTree& tree, const InstrumentModel& instrument, const VesselEnd& entry,
                    const Options& options)
     : options_(options),
-      rod_(device,
-           device.stations_mm(options.spacing_mm > 0 ? options.spacing_mm : node_spacing_mm(tree, device)),
-           clamp_at(checked(tree, entry, device)), kIntroducer_mm,
+      rod_(instrument,
+           instrument.stations_mm(options.spacing_mm > 0 ? options.spacing_mm
+                                                         : node_spacing_mm(tree, instrument)),
+           clamp_at(checked(tree, entry, instrument)), kIntroducer_mm,
            {.max_iterations = options.max_iterations}),
-      wall_(walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
-  // Its tip's shape comes to rest in the introducer and just before it.
+      wall_(make_walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
+  // The rest shape of its tip relaxes in the introducer and just outside it.
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
 }
 
 double Catheter::max_insertion_mm() const { return rod_.instrument().length_mm() - kIntroducer_mm; }
 
 void Catheter::step(const HubPose& target) {
-  const double most_mm = kMaxSpeed_mm_s * options_.step_s, most_rad = kMaxSpeed_rad_s * options_.step_s;
-  const double wanted_mm = std::clamp(target.insertion_mm, 0.0, max_insertion_mm());
-  const double rotated_rad =
-      pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad, -most_rad, most_rad);
-  is_held_ = wanted_mm > pose_.insertion_mm && load().force_N > kMaxPush_N;
-  pose_.insertion_mm += std::clamp(wanted_mm - pose_.insertion_mm, -most_mm, is_held_ ? 0 : most_mm);
-  if (rotated_rad != pose_.rotation_rad) rod_.rotate_to(rotated_rad);
-  pose_.rotation_rad = rotated_rad;
+  const double max_move_mm = kMaxSpeed_mm_s * options_.step_s,
+               max_rotation_rad = kMaxSpeed_rad_s * options_.step_s;
+  const double target_mm = std::clamp(target.insertion_mm, 0.0, max_insertion_mm());
+  const double rotation_rad = pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad,
+                                                              -max_rotation_rad, max_rotation_rad);
+  is_held_ = target_mm > pose_.insertion_mm && load().force_N > kMaxPush_N;
+  pose_.insertion_mm += std::clamp(target_mm - pose_.insertion_mm, -max_move_mm, is_held_ ? 0 : max_move_mm);
+  if (rotation_rad != pose_.rotation_rad) rod_.rotate_to(rotation_rad);
+  pose_.rotation_rad = rotation_rad;
   rod_.feed_to(kIntroducer_mm + pose_.insertion_mm, wall_.get());
   rod_.step(options_.step_s, wall_.get());
   ++steps_;
@@ -108,17 +111,18 @@ double Catheter::energy_J() const {
 }
 
 NurbsCurve curve_through(const std::vector<glm::dvec3>& nodes_mm) {
-  // Where each control point counts most: its Greville abscissa, the mean of its three inner knots.
+  // The parameter at which each control point has most weight: its Greville abscissa, the mean of its three
+  // inner knots.
   const NurbsCurve first = NurbsCurve::cubic(nodes_mm, "catheter");
-  std::vector<double> places;
+  std::vector<double> greville;
   for (std::size_t i = 0; i < nodes_mm.size(); ++i)
-    places.push_back((first.knots()[i + 1] + first.knots()[i + 2] + first.knots()[i + 3]) / 3);
+    greville.push_back((first.knots()[i + 1] + first.knots()[i + 2] + first.knots()[i + 3]) / 3);
   std::vector<glm::dvec3> controls = nodes_mm;
-  // Each round leaves a third of the distance or less.
-  constexpr int kRounds = 8;
-  for (int round = 0; round < kRounds; ++round) {
+  // Each iteration leaves a third of the distance or less.
+  constexpr int kIterations = 8;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
     const NurbsCurve curve = NurbsCurve::cubic(controls, "catheter");
-    for (std::size_t i = 0; i < controls.size(); ++i) controls[i] += nodes_mm[i] - curve.at_mm(places[i]);
+    for (std::size_t i = 0; i < controls.size(); ++i) controls[i] += nodes_mm[i] - curve.at_mm(greville[i]);
   }
   return NurbsCurve::cubic(controls, "catheter");
 }

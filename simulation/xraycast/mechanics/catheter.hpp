@@ -18,9 +18,9 @@
 
 namespace xraycast {
 
-/// How far apart nodes may stand so that the edges between them follow the vessels' bends: one and a half
-/// times the radius of the narrowest vessel that the device fits into, between 1.5 and 5 mm.
-double node_spacing_mm(const VesselTree& tree, const InstrumentModel& device);
+/// The node spacing with which the edges still follow the vessels' bends: one and a half times the radius of
+/// the narrowest vessel that the instrument fits into, between 1.5 and 5 mm.
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument);
 
 /// Where a catheter's tip is.
 struct CatheterTip {
@@ -30,7 +30,7 @@ struct CatheterTip {
   double arc_length_mm = 0;       ///< from the branch's first point
 };
 
-/// A point of the rod that touches a vessel's wall, and the wall's force on it.
+/// A point of the rod in contact with a vessel's wall, and the wall's force on it.
 struct CatheterContact {
   glm::dvec3 position_mm{0, 0, 0};
   glm::dvec3 force_N{0, 0, 0};  ///< friction included
@@ -38,32 +38,32 @@ struct CatheterContact {
 
 /// A catheter or guide wire in a vessel tree, moved at its hub.
 ///
-/// It comes in at a vessel's end through an introducer, a straight guide of 20 mm outside the tree; the rod
-/// is simulated from there to its tip and fed in and out at its far end. At an insertion of 0 the tip stands
-/// at the vessel's end.
+/// It enters at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rod is
+/// simulated from the introducer's outer end to its tip and fed in and out there. At an insertion of 0 the
+/// tip is at the vessel's end.
 class Catheter {
  public:
   struct Options {
-    double spacing_mm = 0;  ///< of the nodes, where the device is straight; 0: see node_spacing_mm
+    double spacing_mm = 0;  ///< of the nodes, where the instrument is straight; 0: see node_spacing_mm
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
     int max_iterations = 400;           ///< of Newton's method in a step
   };
 
-  // The hub moves no faster than a hand; a pose that runs ahead is followed at this speed.
+  // The hub moves no faster than a hand; a pose that runs ahead is followed at these speeds.
   static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
 
-  /// Against more than this a device buckles before the introducer or slips through the fingers: the hub
-  /// stays where it is.
+  /// Against a larger force an instrument buckles outside the introducer or slips through the fingers: the
+  /// hub does not advance.
   static constexpr double kMaxPush_N = 3;
 
-  /// Throws InputError when the device is thicker than the vessel at the entry.
-  Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry,
+  /// Throws InputError when the instrument does not fit into the vessel at the entry (see check_fits).
+  Catheter(const VesselTree& tree, const InstrumentModel& instrument, const VesselEnd& entry,
            const Options& options);
-  Catheter(const VesselTree& tree, const InstrumentModel& device, const VesselEnd& entry)
-      : Catheter(tree, device, entry, Options{}) {}
+  Catheter(const VesselTree& tree, const InstrumentModel& instrument, const VesselEnd& entry)
+      : Catheter(tree, instrument, entry, Options{}) {}
 
-  /// One step in time towards a pose, whose insertion is held to between 0 and max_insertion_mm().
+  /// One step in time towards a pose, whose insertion is clamped to 0 to max_insertion_mm().
   void step(const HubPose& target);
 
   double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
@@ -71,11 +71,12 @@ class Catheter {
   double max_insertion_mm() const;
 
   const HubPose& pose() const { return pose_; }  ///< where the hub is
-  bool is_held() const { return is_held_; }      ///< it was to be pushed on, but already bears kMaxPush_N
+  bool is_held() const { return is_held_; }      ///< the push was refused: it bears kMaxPush_N already
   HubLoad load() const;
   CatheterTip tip() const;
 
-  /// The rod's nodes from the introducer's far end to the tip. Without allocation where `nodes_mm` has room.
+  /// The rod's nodes from the introducer's outer end to the tip. Without allocation where `nodes_mm` has
+  /// room.
   void copy_nodes(std::vector<glm::dvec3>& nodes_mm) const;
   void copy_contacts(std::vector<CatheterContact>& contacts) const;
   std::size_t max_nodes() const { return rod_.max_nodes(); }
@@ -83,7 +84,7 @@ class Catheter {
   const Rod& rod() const { return rod_; }
   const WallContact& wall() const { return *wall_; }
 
-  /// Elastic, kinetic and in the walls.
+  /// Elastic, kinetic, and in the walls.
   double energy_J() const;
 
  private:

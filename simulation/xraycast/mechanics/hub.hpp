@@ -2,10 +2,10 @@
 
 namespace xraycast {
 
-/// Where the hand holds the hub, the catheter's outer end.
+/// Where the hub is, the catheter's outer end, which the hand holds.
 struct HubPose {
-  double insertion_mm = 0;  ///< length fed through the introducer; grows into the body
-  double rotation_rad = 0;  ///< about the direction of insertion, right-handed; turns add up
+  double insertion_mm = 0;  ///< length fed through the introducer; positive into the body
+  double rotation_rad = 0;  ///< about the direction of insertion, right-handed; adds up over whole turns
 };
 
 /// What the hand feels at the hub, in SI units.

@@ -16,7 +16,7 @@ struct InstrumentSection {
   Range bending_stiffness_Nmm2 = {};    ///< EI
   Range torsional_stiffness_Nmm2 = {};  ///< GJ
   Range curvature_per_mm = {};          ///< of its rest shape
-  double plane_rad = 0;                 ///< of that curvature, about the device's axis
+  double plane_rad = 0;                 ///< of that curvature, about the instrument's axis
 };
 
 /// A catheter or guide wire, as a thin elastic rod. Lengths along it are measured from its tip. Immutable.

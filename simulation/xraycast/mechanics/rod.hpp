@@ -189,11 +189,11 @@ class Rod {
     Eigen::Vector3d transverse(const Eigen::Vector3d& vector) const {
       return vector - vector.dot(start_tangent) * start_tangent;
     }
-    /// The energy of springs with the node's stiffnesses from a rest strain to a strain.
-    double strain_energy_uJ(const RodState::Strain& strain, const Eigen::Vector2d& rest_kappa_of,
-                            double rest_twist_rad) const {
-      const double twist_rad = strain.twist_rad - rest_twist_rad;
-      return 0.5 * bending_stiffness_uJ * (strain.kappa - rest_kappa_of).squaredNorm() +
+    /// The energy of springs with the node's stiffnesses from a strain of kappa0 and twist0_rad.
+    double strain_energy_uJ(const RodState::Strain& strain, const Eigen::Vector2d& kappa0,
+                            double twist0_rad) const {
+      const double twist_rad = strain.twist_rad - twist0_rad;
+      return 0.5 * bending_stiffness_uJ * (strain.kappa - kappa0).squaredNorm() +
              0.5 * torsional_stiffness_uJ * twist_rad * twist_rad;
     }
   };

@@ -1,7 +1,7 @@
 #pragma once
 
-/// Before a function: compile it for AVX2 too, and take that one where the processor has it. Not under
-/// AddressSanitizer, which is not yet there when the choice is made.
+/// Before a function: compiles it for AVX2 too and dispatches at load time. Not under AddressSanitizer, which
+/// is not yet initialised when the dispatcher runs.
 #if defined(__x86_64__) && defined(__GNUC__) && !defined(__clang__) && !defined(__SANITIZE_ADDRESS__)
 #define XRAYCAST_WIDE_VECTORS __attribute__((target_clones("arch=haswell", "default")))
 #else

@@ -41,7 +41,7 @@ std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, cons
 
   std::vector<RunRecord> records;
   long steps = 0;
-  // Steps end a little before or after their time by rounding.
+  // Times of steps and rows differ by rounding.
   constexpr double kRounding_s = 1e-9;
   progress.begin("simulating", static_cast<std::int64_t>(script.rows().size()), "rows");
   for (const Script::Row& row : script.rows()) {

@@ -10,29 +10,29 @@
 
 namespace xraycast {
 
-/// What is written down at a row of a script.
+/// What is logged at a row of a script.
 struct RunRecord {
   double time_s = 0;
   HubPose pose;
   HubLoad load;
   CatheterTip tip;
-  int contacts = 0;            ///< nodes that touch a wall
-  double contact_force_N = 0;  ///< the sum of their forces' sizes
-  double deepest_mm = 0;       ///< in the wall
+  int contacts = 0;            ///< contact points in contact with a wall
+  double contact_force_N = 0;  ///< sum of the magnitudes of their forces
+  double deepest_mm = 0;       ///< depth in the wall
 };
 
-/// The state of a catheter as a record.
+/// A record of a catheter's state.
 RunRecord record_of(const Catheter& catheter, double time_s);
 
-/// Moves a catheter as a script says, as fast as the machine can, and records it at each row. Beforehand the
-/// hub is brought to the first row's pose, unrecorded. The same records, bit for bit, on one machine. Throws
-/// InputError, with `name` in front, for an insertion beyond the device's length, Cancelled. `after_step`
-/// sees the catheter after each step, and the script's time.
+/// Runs a script on a catheter, as fast as the machine can, and records it at each row. Beforehand the hub is
+/// moved to the first row's pose, unrecorded. Deterministic: bit for bit the same on one machine. Throws
+/// InputError, with `name` in front, for an insertion beyond the instrument's length, and Cancelled.
+/// `after_step` is called after each step with the catheter and the script's time.
 std::vector<RunRecord> run_script(
     Catheter& catheter, const Script& script, const std::string& name, Progress& progress,
     const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
 
-/// CSV: the names of the columns, with their units, then a line a record.
+/// CSV: a header with the columns' names and units, then a line a record.
 std::string to_csv(const std::vector<RunRecord>& records);
 
 }  // namespace xraycast

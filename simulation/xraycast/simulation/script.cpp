@@ -33,10 +33,10 @@ std::vector<std::string> cells(const std::string& line) {
   return all;
 }
 
-/// Where each of kColumns stands.
+/// The index of each of kColumns.
 std::array<std::size_t, 3> columns(const std::string& header, const std::string& origin) {
   std::string text = header;
-  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // spreadsheets mark UTF-8 so
+  if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that spreadsheets write
   const std::vector<std::string> names = cells(text);
   std::array<std::size_t, 3> at{};
   for (std::size_t c = 0; c < kColumns.size(); ++c) {
@@ -70,10 +70,10 @@ void check_pace(const Script::Row& from, const Script::Row& to, const std::strin
   const double turning = std::abs(to.pose.rotation_rad - from.pose.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
   if (speed > Catheter::kMaxSpeed_mm_s * kRounding)
-    throw InputError("{}: the hub would move at {:.4g} mm/s; {} mm/s is the most", where, speed,
+    throw InputError("{}: the hub would move at {:.4g} mm/s; the maximum is {} mm/s", where, speed,
                      Catheter::kMaxSpeed_mm_s);
   if (turning > Catheter::kMaxSpeed_rad_s * kRounding)
-    throw InputError("{}: the hub would turn at {:.4g} deg/s; {:.4g} deg/s is the most", where,
+    throw InputError("{}: the hub would turn at {:.4g} deg/s; the maximum is {:.4g} deg/s", where,
                      turning / kRadians, Catheter::kMaxSpeed_rad_s / kRadians);
 }
 
@@ -95,7 +95,8 @@ Script Script::parse(const std::string& text, const std::string& origin) {
       if (blank_line == 0) blank_line = number_of_line;
       continue;
     }
-    if (blank_line > 0) throw InputError("{}: line {}: a gap; rows follow one another", origin, blank_line);
+    if (blank_line > 0)
+      throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
     if (values.size() != kColumns.size())
       throw InputError("{}: {}; there are {} columns", where, pluralize(values.size(), "value"),
@@ -107,7 +108,7 @@ Script Script::parse(const std::string& text, const std::string& origin) {
     row.pose.rotation_rad = kRadians * number(values[at[2]], kColumns[2], where);
     if (row.time_s < 0) throw InputError("{}: time_s {} is below zero", where, row.time_s);
     if (row.pose.insertion_mm < 0)
-      throw InputError("{}: insertion_mm {} is below zero; at 0 the tip stands at the vessel's end", where,
+      throw InputError("{}: insertion_mm {} is below zero; at 0 the tip is at the vessel's end", where,
                        row.pose.insertion_mm);
     if (!rows.empty()) check_pace(rows.back(), row, where);
     rows.push_back(row);

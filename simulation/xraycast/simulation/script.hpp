@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// What a hand does at the hub, written down: poses at times, linear in between.
+/// A recorded motion of the hub: poses at times, with linear interpolation.
 class Script {
  public:
   struct Row {
@@ -17,20 +17,19 @@ class Script {
     int line = 0;  ///< of the file, from 1
   };
 
-  /// CSV with the columns time_s,insertion_mm,rotation_deg in any order, in its first line; blank lines at
-  /// its end. Throws InputError, naming `origin` and the line, for a missing column or value, another number
-  /// of values than columns, what is not a finite number, a time below zero or not after the one before it,
-  /// an insertion below zero, a hub that would have to move faster than Catheter::kMaxSpeed_mm_s or turn
-  /// faster than Catheter::kMaxSpeed_rad_s, and for a file without rows.
+  /// CSV with the columns time_s,insertion_mm,rotation_deg in any order, named in its first line; blank lines
+  /// only at its end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong
+  /// number of values, a value that is not a finite number, a time below zero or not after the previous one,
+  /// an insertion below zero, a hub that would have to move faster than Catheter::kMaxSpeed_mm_s or rotate
+  /// faster than Catheter::kMaxSpeed_rad_s, and a file without rows.
   static Script parse(const std::string& text, const std::string& origin);
 
-  /// Of a file. Throws InputError.
+  /// Throws InputError.
   static Script read(const std::filesystem::path& path);
 
   const std::vector<Row>& rows() const { return rows_; }
-  double end_s() const { return rows_.back().time_s; }
 
-  /// Before the first row its pose, after the last one that one's.
+  /// The first row's pose before its time, the last row's after it.
   HubPose pose_at(double time_s) const;
 
  private:

@@ -17,9 +17,9 @@ namespace {
 using Clock = std::chrono::steady_clock;
 
 constexpr double kBins_per_ms = 100;
-constexpr std::size_t kBins = 2000;  // the last one holds what took longer than 20 ms
-constexpr auto kLongestDelay = std::chrono::milliseconds(100);
-// Summing up the histogram takes microseconds; once in so many steps it goes unnoticed.
+constexpr std::size_t kBins = 2000;  // the last one: longer than 20 ms
+constexpr auto kMaxDelay = std::chrono::milliseconds(100);
+// Evaluating the histogram takes microseconds, negligible once in so many steps.
 constexpr std::int64_t kSummary_steps = 100;
 
 double percentile_ms(const std::vector<std::int64_t>& histogram, std::int64_t total, double part) {
@@ -30,20 +30,20 @@ double percentile_ms(const std::vector<std::int64_t>& histogram, std::int64_t to
   return static_cast<double>(bin + 1) / kBins_per_ms;
 }
 
-/// Before other threads of this machine: a millisecond is soon missed.
-void go_first() {
+/// Real-time priority: a deadline of a millisecond is easily missed.
+void raise_priority() {
   const sched_param priority{.sched_priority = 1};
   if (pthread_setschedparam(pthread_self(), SCHED_RR, &priority) == 0) return;
-  // Where the user may not ask for that, short turns, as whose turn is shorter waits less. Linux grants them
-  // since 6.12 and ignores them before. The kernel's struct sched_attr, which this C library has no name for:
+  // Without that permission, short time slices, which are scheduled sooner. Linux honours them since 6.12 and
+  // ignores them before. The kernel's struct sched_attr, which this C library does not declare:
   struct {
     std::uint32_t size = 48, policy = SCHED_OTHER;
     std::uint64_t flags = 0;
-    std::int32_t nice = getpriority(PRIO_PROCESS, 0);  // as it is
+    std::int32_t nice = getpriority(PRIO_PROCESS, 0);  // unchanged
     std::uint32_t priority = 0;
     std::uint64_t runtime_ns = 100'000, deadline_ns = 0, period_ns = 0;
-  } turns;
-  syscall(SYS_sched_setattr, 0, &turns, 0U);
+  } attributes;
+  syscall(SYS_sched_setattr, 0, &attributes, 0U);
 }
 
 }  // namespace
@@ -83,7 +83,7 @@ void SimulationLoop::count(double step_ms, bool is_late) {
 }
 
 void SimulationLoop::run() {
-  go_first();
+  raise_priority();
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(catheter_->step_s()));
   auto begin = Clock::now();
@@ -94,7 +94,7 @@ void SimulationLoop::run() {
     begin += period;
     const auto now = Clock::now();
     count(stopwatch.ms(), now > begin);
-    if (now - begin > kLongestDelay) begin = now;
+    if (now - begin > kMaxDelay) begin = now;
     std::this_thread::sleep_until(begin);
   }
 }

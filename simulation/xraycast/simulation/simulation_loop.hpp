@@ -12,33 +12,33 @@
 
 namespace xraycast {
 
-/// How the loop keeps its time.
+/// How well the loop keeps its deadlines.
 struct LoopTiming {
   std::int64_t steps = 0;
-  std::int64_t missed = 0;  ///< steps that ended after the next one should have begun
-  double mean_ms = 0;       ///< of a step's work
-  double p999_ms = 0;       ///< 99.9 % of the steps took no longer; to a hundredth of a millisecond
+  std::int64_t missed = 0;  ///< steps that ended after the next one was due
+  double mean_ms = 0;       ///< of a step's computation
+  double p999_ms = 0;       ///< the 99.9th percentile, to a hundredth of a millisecond
   double longest_ms = 0;
 };
 
-/// A catheter at one moment.
+/// A catheter's state at one time.
 struct CatheterSnapshot {
   double time_s = 0;
   HubPose pose;
   HubLoad load;
   CatheterTip tip;
-  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's far end to the tip; see curve_through
+  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip; see curve_through
   std::vector<CatheterContact> contacts;
   LoopTiming timing;
 };
 
-/// Steps a catheter in a thread of its own, one step every step_s() of the clock, from construction to
-/// destruction. A step that comes late is made up for; after a tenth of a second of delay (a machine that
-/// slept) the clock is set anew.
+/// Steps a catheter in its own thread, one step every step_s() of the clock, from construction to
+/// destruction. A late step is caught up with; after a tenth of a second of delay (a machine that was
+/// suspended) the clock is reset.
 class SimulationLoop {
  public:
-  /// Called before each step in the loop's thread: gets where the hub is, what it feels and the length of a
-  /// step, and says where the hub should be. Returns at once.
+  /// Called before each step in the loop's thread with the hub's pose, its load and the step's duration;
+  /// returns the pose to move to. Must not block.
   using Hand = std::function<HubPose(const HubPose& hub, const HubLoad& load, double step_s)>;
 
   SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand);
@@ -46,7 +46,7 @@ class SimulationLoop {
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
 
-  /// The newest state, valid until the next call; for one reading thread, which the loop never waits for.
+  /// The newest state, valid until the next call. For one reading thread, on which the loop never waits.
   const CatheterSnapshot& snapshot() { return snapshots_.read(); }
 
  private:
@@ -59,7 +59,7 @@ class SimulationLoop {
   CatheterSnapshot next_;
   TripleBuffer<CatheterSnapshot> snapshots_;
   double sum_ms_ = 0;
-  std::vector<std::int64_t> histogram_;  ///< of the steps' times, by hundredths of a millisecond
+  std::vector<std::int64_t> histogram_;  ///< of step times, in hundredths of a millisecond
   std::atomic<bool> stops_{false};
   std::thread thread_;
 };

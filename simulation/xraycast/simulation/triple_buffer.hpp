@@ -6,8 +6,8 @@
 
 namespace xraycast {
 
-/// The newest value from one thread to one other. Neither ever waits for the other, in whatever state it was
-/// suspended: the writer owns one slot, the reader another, and the third is exchanged.
+/// Passes the newest value from one thread to another, wait-free on both sides: the writer owns one slot, the
+/// reader another, and the third is exchanged.
 template <typename T>
 class TripleBuffer {
  public:
@@ -29,7 +29,7 @@ class TripleBuffer {
   static_assert(std::atomic<std::uint8_t>::is_always_lock_free);
   std::array<T, 3> slots_{};
   std::uint8_t back_ = 0;
-  std::atomic<std::uint8_t> middle_{1};  ///< which slot, and whether it was written since it was last read
+  std::atomic<std::uint8_t> middle_{1};  ///< the slot's index, and whether it was written since the last read
   std::uint8_t front_ = 2;
 };
 

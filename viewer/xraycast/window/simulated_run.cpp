@@ -19,7 +19,7 @@ SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const Instrum
             [this](const HubPose& hub, const HubLoad& load, double step_s) {
               const HandPose hand = device_->pose();
               if (device_->is_rigid()) return hand.pose;
-              coupling_.stand_at(hub);
+              coupling_.synchronise(hub);
               const VirtualCoupling::Step step = coupling_.step(hand, load, step_s);
               device_->feel(step.felt);
               return step.hub;
