@@ -117,7 +117,7 @@ void check_cine(const Options& options) {
 
 std::string held_note(double held_s) {
   if (held_s < 0.05) return "";
-  return fmt::format("the hub was held for {:.1f} s: it is pushed with no more than {:g} N\n", held_s,
+  return fmt::format("for {:.1f} s the hub did not advance, since the push would have exceeded {:g} N\n", held_s,
                      Catheter::kMaxPush_N);
 }
 
@@ -165,7 +165,7 @@ void simulate(const Options& options, Session& session) {
          {"arc_length_mm", tip.arc_length_mm},
          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
       fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
-                  "in through the end of branch {}; the tip is in branch {}, {:.0f} mm along it\n{}",
+                  "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}",
                   options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s, times_faster,
                   entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
 }
