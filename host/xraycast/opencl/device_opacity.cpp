@@ -1,6 +1,7 @@
 #include "xraycast/opencl/device_opacity.hpp"
 
 #include "params.h"
+#include "xraycast/scan/volume.hpp"
 
 #include <fmt/format.h>
 
