@@ -60,9 +60,9 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
     return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
   const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
   if (view.tilt_rad == 0)
-    return {"joseph_level",
+    return {"joseph_untilted",
             "project_untilted",
-            {parts(view.width, XRC_LEVEL_COLUMNS), parts(view.height, XRC_LEVEL_ROWS), 1},
+            {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
             {1, 1, 1}};
   constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
   return {"joseph_rows",
