@@ -87,7 +87,7 @@ typedef struct {
 } XrcDetector;
 
 /* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several,
- * and several columns, when the detector is upright. */
+ * and several columns, when the view is not tilted. */
 #define XRC_DETECTOR_ROWS 16
 #define XRC_UNTILTED_ROWS 128
 #define XRC_UNTILTED_COLUMNS 8
