@@ -162,7 +162,7 @@ void Renderer::prepare_map(const Style& style) {
                               is_wall ? Reconstruction::constant : style.sampling.reconstruction);
   for (int i = 0; i < kLayerPlaces; ++i) {
     const auto place = profile.at((i + 0.5) / kLayerPlaces * geometry.radius_mm());
-    places.emplace_back(place.layer, place.share);
+    places.emplace_back(place.layer, place.fraction);
   }
   layer_table_.fill(floats(places), "the map's radii");
 }
