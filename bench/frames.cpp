@@ -28,7 +28,7 @@ Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width,
     constexpr int kSides = 6;  // 31,248 triangles
     Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), kSides)};
     gl_->renderer.set_surfaces(std::span(&vessels, 1));
-    style_.look = Look::surface;
+    style_.shading = ShadingMode::surface;
   }
   style_.sampling.compositing = compositing;
   style_.pixels_per_column = 2;

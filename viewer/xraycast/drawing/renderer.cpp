@@ -20,12 +20,13 @@ std::span<const float> floats(const auto& values) {
 /// Whether map_texels made for one style serve the other.
 bool same_texels(const Style& a, const Style& b) {
   return a.sampling.compositing == b.sampling.compositing &&
-         a.sampling.reconstruction == b.sampling.reconstruction && a.strengths == b.strengths;
+         a.sampling.reconstruction == b.sampling.reconstruction && a.layer_weights == b.layer_weights;
 }
 
 /// Whether a body that was drawn in one style looks the same in the other.
 bool same_body(const Style& a, const Style& b) {
-  return a.sampling == b.sampling && a.strengths == b.strengths && a.pixels_per_column == b.pixels_per_column;
+  return a.sampling == b.sampling && a.layer_weights == b.layer_weights &&
+         a.pixels_per_column == b.pixels_per_column;
 }
 
 /// Walls have hard edges, which would show.
@@ -149,7 +150,7 @@ void Renderer::prepare_map(const Style& style) {
         texels_.values(),
         [&](std::span<float> texels) {
           make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
-                      style.strengths, texels);
+                      style.layer_weights, texels);
         },
         "the body map");
   prepared_ = style;
@@ -219,23 +220,23 @@ ScreenBox Renderer::body_box(const View& view) const {
   return screen_box(view, corners_mm(bounds_of(geometry_), view));
 }
 
-void Renderer::prepare_columns(const RectifiedView& upright, const SampleOptions& options) {
-  const ColumnSamples samples = column_samples(upright, drawn_shells(geometry_, options), options);
+void Renderer::prepare_columns(const RectifiedView& rectified, const SampleOptions& options) {
+  const ColumnSamples samples = column_samples(rectified, drawn_shells(geometry_, options), options);
   column_table_.fill(floats(samples.columns), "the view's columns");
   sample_table_.fill(floats(samples.samples), "the view's samples");
 }
 
-void Renderer::set_columns(const gl::Program& program, const RectifiedView& upright) const {
+void Renderer::set_columns(const gl::Program& program, const RectifiedView& rectified) const {
   const MapGeometry& geometry = geometry_;
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
   program.set("quads", texels_.quads);
   program.set("layer_stride", texels_.layer_stride());
   program.set("map_rows", double(geometry.height));
-  program.set("first_row", (geometry.top_mm - upright.top_mm) / geometry.row_spacing_mm);
-  program.set("row_step", upright.row_mm / geometry.row_spacing_mm);
-  program.set("fall", -upright.slope / geometry.row_spacing_mm);
-  program.set("source_row", (geometry.top_mm - upright.source_z_mm) / geometry.row_spacing_mm);
+  program.set("first_row", (geometry.top_mm - rectified.top_mm) / geometry.row_spacing_mm);
+  program.set("row_step", rectified.row_mm / geometry.row_spacing_mm);
+  program.set("fall", -rectified.slope / geometry.row_spacing_mm);
+  program.set("source_row", (geometry.top_mm - rectified.source_z_mm) / geometry.row_spacing_mm);
   program.set("row_mm", geometry.row_spacing_mm);
 }
 
@@ -271,25 +272,25 @@ void Renderer::set_march(const gl::Program& program, const View& view) const {
 }
 
 Renderer::Body Renderer::draw_columns(const View& view, const Style& style) {
-  const RectifiedView upright = rectified_view(view, geometry_, pixels_per_column(style));
-  const bool is_level = !upright.is_cone() && upright.slope == 0;
+  const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
+  const bool is_level = !rectified.is_cone() && rectified.slope == 0;
   const bool is_aligned = is_level && pixels_per_column(style) == 1;
-  const double first_row = std::round((geometry_.top_mm - upright.top_mm) / geometry_.row_spacing_mm);
-  prepare_columns(upright, style.sampling);
-  const int quads = quads_of(upright.rows);
+  const double first_row = std::round((geometry_.top_mm - rectified.top_mm) / geometry_.row_spacing_mm);
+  prepare_columns(rectified, style.sampling);
+  const int quads = quads_of(rectified.rows);
   for (int channel = 0; channel < channels(); ++channel) {
     gl::Target& target = channels() > 1 ? masses_[channel] : body_;
-    target.resize(upright.columns, quads);
+    target.resize(rectified.columns, quads);
     draw_into(target);
     const gl::Program& columns =
         program("columns.frag", column_defines(style.sampling) + (is_level ? "LEVEL" : ""));
-    set_columns(columns, upright);
+    set_columns(columns, rectified);
     map_texels_[channel].bind(columns, "map_texels", 0);
     columns.set("first_quad", static_cast<int>(first_row) / 4);
-    if (upright.columns > 0 && quads > 0) cover();
+    if (rectified.columns > 0 && quads > 0) cover();
   }
-  if (channels() > 1) apply_spectrum(upright.columns, quads);
-  Body body{upright.from_pixel, body_box(view), upright.columns, upright.rows};
+  if (channels() > 1) apply_spectrum(rectified.columns, quads);
+  Body body{rectified.from_pixel, body_box(view), rectified.columns, rectified.rows};
   body.between_columns = !is_aligned;
   if (is_level) {
     body.first_row = -0.5 - first_row;
@@ -377,10 +378,10 @@ void Renderer::draw_in_front(const View& view, const Style& style) {
     const gl::Program& in_front = by_columns ? program("near_columns.frag", column_defines(style.sampling))
                                              : program("near_march.frag", march_defines(style.sampling));
     if (by_columns) {
-      const RectifiedView upright = rectified_view(view, geometry_, pixels_per_column(style));
-      set_columns(in_front, upright);
-      in_front.set("from_pixel", upright.from_pixel);
-      in_front.set("last_column", upright.columns - 1.0);
+      const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
+      set_columns(in_front, rectified);
+      in_front.set("from_pixel", rectified.from_pixel);
+      in_front.set("last_column", rectified.columns - 1.0);
     } else {
       set_march(in_front, view);
     }
@@ -457,11 +458,11 @@ void Renderer::display(const Passes& passes, const Style& style, Output output, 
 
 Renderer::Passes Renderer::draw_passes(const View& view, const Style& style) {
   Passes passes{view, draw_body(view, style), Surfaces::none};
-  if (style.look == Look::surface && !opaque_.empty()) {
+  if (style.shading == ShadingMode::surface && !opaque_.empty()) {
     passes.surfaces = Surfaces::opaque;
     draw_opaque(view);
     draw_in_front(view, style);
-  } else if (style.look == Look::fluoro && !absorbing_.empty()) {
+  } else if (style.shading == ShadingMode::fluoro && !absorbing_.empty()) {
     passes.surfaces = Surfaces::absorbing;
     draw_absorption(view);
   }

@@ -22,7 +22,7 @@ namespace xraycast {
 /// Draws a body map, or a true projection in its place, with surfaces within it. Needs an OpenGL 3.3 context
 /// (HeadlessContext or a window's), the same for all calls.
 ///
-/// A frame is made in passes: the body's optical depth, for maps about a straight axis on the columns of an
+/// A frame is made in passes: the body's optical depth, for maps about a straight axis on the columns of a
 /// RectifiedView, otherwise pixel by pixel; the surfaces; what lies in front of opaque ones; and the display,
 /// which looks all of these up and turns them into grey. The body is drawn anew only for another map, view or
 /// style: under a C-arm that stands still a catheter's frames cost no more than the catheter. Optical depths
@@ -92,7 +92,7 @@ class Renderer {
   bool has_columns() const;
   int channels() const { return map_ && map_->spectrum ? 3 : 1; }
   void prepare_map(const Style& style);
-  void prepare_columns(const RectifiedView& upright, const SampleOptions& options);
+  void prepare_columns(const RectifiedView& rectified, const SampleOptions& options);
   ScreenBox body_box(const View& view) const;
   Passes draw_passes(const View& view, const Style& style);
   Passes draw_passes(const ProjectionImage& truth);
@@ -108,7 +108,7 @@ class Renderer {
   void display(const Passes& passes, const Style& style, Output output, glm::ivec2 corner);
   std::vector<float> read_tau(const Passes& passes, const Style& style);
   void draw_own(const Passes& passes, const Style& style, Output output);
-  void set_columns(const gl::Program& program, const RectifiedView& upright) const;
+  void set_columns(const gl::Program& program, const RectifiedView& rectified) const;
   void set_march(const gl::Program& program, const View& view) const;
   void draw_into(const gl::Target& target);
   void attach_depth();

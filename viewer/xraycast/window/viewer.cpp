@@ -294,37 +294,37 @@ void Viewer::pick(const glm::dvec2& place, float width, float height) {
 
 // ---- how it is shown ------------------------------------------------------------------------------
 
-Drawing Viewer::drawing() const {
-  if (truth_ && has_scan()) return Drawing::truth;
-  return session_.style.sampling.compositing == Compositing::path ? Drawing::path : Drawing::wall;
+BodySource Viewer::drawing() const {
+  if (truth_ && has_scan()) return BodySource::truth;
+  return session_.style.sampling.compositing == Compositing::path ? BodySource::path : BodySource::wall;
 }
 
-void Viewer::set_drawing(Drawing drawing) {
-  truth_ = drawing == Drawing::truth && has_scan();
-  session_.style.sampling.compositing = drawing == Drawing::wall ? Compositing::wall : Compositing::path;
+void Viewer::set_drawing(BodySource drawing) {
+  truth_ = drawing == BodySource::truth && has_scan();
+  session_.style.sampling.compositing = drawing == BodySource::wall ? Compositing::wall : Compositing::path;
 }
 
 void Viewer::next_drawing() {
   switch (drawing()) {
-    case Drawing::path:
-      return set_drawing(Drawing::wall);
-    case Drawing::wall:
-      return set_drawing(has_scan() ? Drawing::truth : Drawing::path);
-    case Drawing::truth:
-      return set_drawing(Drawing::path);
+    case BodySource::path:
+      return set_drawing(BodySource::wall);
+    case BodySource::wall:
+      return set_drawing(has_scan() ? BodySource::truth : BodySource::path);
+    case BodySource::truth:
+      return set_drawing(BodySource::path);
   }
 }
 
-void Viewer::set_look(Look look) {
-  session_.style.look = look;
-  session_.style.window.inverted = look == Look::surface;
+void Viewer::set_shading_mode(ShadingMode shading) {
+  session_.style.shading = shading;
+  session_.style.window.inverted = shading == ShadingMode::surface;
 }
 
 void Viewer::toggle_layer(std::size_t layer) {
-  std::vector<float>& strengths = session_.style.strengths;
-  if (layer >= strengths.size()) return;
+  std::vector<float>& layer_weights = session_.style.layer_weights;
+  if (layer >= layer_weights.size()) return;
   remember();
-  strengths[layer] = strengths[layer] > 0 ? 0.0f : 1.0f;
+  layer_weights[layer] = layer_weights[layer] > 0 ? 0.0f : 1.0f;
 }
 
 void Viewer::use_map(std::shared_ptr<const BodyMap> map) {
@@ -334,7 +334,7 @@ void Viewer::use_map(std::shared_ptr<const BodyMap> map) {
   bounds_ = bounds_of(shown_->geometry);
   Style& style = session_.style;
   const auto layers = static_cast<std::size_t>(shown_->geometry.layers());
-  if (style.strengths.size() != layers) style.strengths.assign(layers, 1.0f);
+  if (style.layer_weights.size() != layers) style.layer_weights.assign(layers, 1.0f);
 }
 
 // ---- the opacity ----------------------------------------------------------------------------------
@@ -359,7 +359,7 @@ void Viewer::set_opacity(std::span<const double> mu_per_mm) {
 }
 
 void Viewer::remember() {
-  undo_.push_back({session_.opacity, session_.style.strengths});
+  undo_.push_back({session_.opacity, session_.style.layer_weights});
   redo_.clear();
 }
 
@@ -367,8 +367,8 @@ void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
   if (from.empty()) return;
   Edit edit = std::move(from.back());
   from.pop_back();
-  to.push_back({session_.opacity, session_.style.strengths});
-  session_.style.strengths = std::move(edit.strengths);
+  to.push_back({session_.opacity, session_.style.layer_weights});
+  session_.style.layer_weights = std::move(edit.layer_weights);
   if (!opened_.recast || edit.opacity == session_.opacity) return;
   const Opacity& opacity = edit.opacity ? *edit.opacity : opened_.map->opacity;
   std::vector<double> mu;
@@ -394,7 +394,7 @@ View Viewer::view_in(int width, int height) const {
 }
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
-  const bool is_truth = drawing() == Drawing::truth;
+  const bool is_truth = drawing() == BodySource::truth;
   if (!splits || !has_scan() || width < 2) return {{0, width, height, is_truth}};
   const int half = width / 2;
   return {{0, half, height, false}, {half, width - half, height, true}};

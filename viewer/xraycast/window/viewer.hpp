@@ -22,7 +22,7 @@
 namespace xraycast {
 
 /// What pictures of the body are made from: the map, in either way, or the scan itself.
-enum class Drawing { path, wall, truth };
+enum class BodySource { path, wall, truth };
 
 /// What the viewer shows and what can be done with it, without the window, the mouse and the panels: these
 /// call its verbs. It lives on the thread of the current OpenGL context. Reading, casting and true
@@ -64,10 +64,10 @@ class Viewer {
   const Camera& camera() const { return session_.camera; }
   std::string caption() const;  ///< of the picture
   Style& style() { return session_.style; }
-  Drawing drawing() const;
-  void set_drawing(Drawing drawing);
+  BodySource drawing() const;
+  void set_drawing(BodySource drawing);
   void next_drawing();
-  void set_look(Look look);
+  void set_shading_mode(ShadingMode shading);
   void toggle_layer(std::size_t layer);
   bool turns = false;   ///< cine rotation
   bool splits = false;  ///< the true projection beside the map
@@ -123,7 +123,7 @@ class Viewer {
   };
   struct Edit {  ///< of what can be undone
     std::optional<Opacity> opacity;
-    std::vector<float> strengths;
+    std::vector<float> layer_weights;
   };
   struct Cine {
     CineWriter pictures, animation;

@@ -90,7 +90,8 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       viewer.camera() = {};
       break;
     case GLFW_KEY_F:
-      viewer.set_look(style.look == Look::fluoro ? Look::surface : Look::fluoro);
+      viewer.set_shading_mode(style.shading == ShadingMode::fluoro ? ShadingMode::surface
+                                                                   : ShadingMode::fluoro);
       break;
     case GLFW_KEY_C:
       viewer.next_drawing();

@@ -146,12 +146,12 @@ void ViewerPanel::look_controls(Viewer& viewer) {
     ImGui::SameLine();
   }
   if (ImGui::Button("Reset")) viewer.camera() = {};
-  int look = style.look == Look::fluoro ? 0 : 1;
+  int look = style.shading == ShadingMode::fluoro ? 0 : 1;
   if (ImGui::Combo("look", &look, "fluoro\0surface\0"))
-    viewer.set_look(look == 0 ? Look::fluoro : Look::surface);
+    viewer.set_shading_mode(look == 0 ? ShadingMode::fluoro : ShadingMode::surface);
   int drawing = static_cast<int>(viewer.drawing());
   if (ImGui::Combo("compositing", &drawing, viewer.has_scan() ? "path\0wall\0true\0" : "path\0wall\0"))
-    viewer.set_drawing(static_cast<Drawing>(drawing));
+    viewer.set_drawing(static_cast<BodySource>(drawing));
   bool is_continuous = style.sampling.reconstruction == Reconstruction::linear;
   if (ImGui::Checkbox("continuous between layers", &is_continuous))
     style.sampling.reconstruction = is_continuous ? Reconstruction::linear : Reconstruction::constant;
@@ -159,7 +159,7 @@ void ViewerPanel::look_controls(Viewer& viewer) {
   ImGui::SameLine();
   bool is_automatic = !viewer.session().has_window;
   if (ImGui::Checkbox("automatic brightness", &is_automatic)) viewer.session().has_window = !is_automatic;
-  if (style.look == Look::fluoro)
+  if (style.shading == ShadingMode::fluoro)
     ImGui::Checkbox("vessels and catheter at full contrast", &style.full_contrast);
   if (viewer.has_scan())
     ImGui::Checkbox("split with the true projection", &viewer.splits);
@@ -170,16 +170,16 @@ void ViewerPanel::look_controls(Viewer& viewer) {
 }
 
 void ViewerPanel::layer_controls(Viewer& viewer) {
-  auto& strengths = viewer.style().strengths;
+  auto& layer_weights = viewer.style().layer_weights;
   const auto& radii_mm = viewer.map()->geometry.radii_mm;
-  for (std::size_t k = 0; k < strengths.size(); ++k) {
+  for (std::size_t k = 0; k < layer_weights.size(); ++k) {
     ImGui::PushID(static_cast<int>(k));
-    float strength = strengths[k];
+    float strength = layer_weights[k];
     const std::string format =
         fmt::format("layer {}: {:.0f}-{:.0f} mm  %.2f", k + 1, radii_mm[k], radii_mm[k + 1]);
     const bool changed = ImGui::SliderFloat("##strength", &strength, 0, 2, format.c_str());
     if (ImGui::IsItemActivated()) viewer.remember();
-    if (changed) strengths[k] = strength;
+    if (changed) layer_weights[k] = strength;
     ImGui::PopID();
   }
 }
