@@ -30,28 +30,17 @@ void cast_from_file(Bench& bench) {
   write_body_map(result.map, fs::path(bench.file).replace_extension(".exr"));
 }
 
-/// A session over `layers` layers on the knots of `opacity`.
-std::shared_ptr<RecastSession> recast_session(Bench& bench, int layers, const Opacity& opacity) {
-  std::vector<double> knots_hu;
-  for (const Opacity::Knot& knot : opacity.knots()) knots_hu.push_back(knot.hu);
-  return std::make_shared<RecastSession>(bench.device,
-                                         make_basis(bench.scan, bench.map(layers), knots_hu, bench.progress));
-}
-
 /// Recasts under another opacity at every call.
 void add_recast(Bench& bench, const std::string& name, int layers, int knots) {
   const Opacity opacity = many_knots(knots);
-  const auto session = recast_session(bench, layers, opacity);
+  std::vector<double> knots_hu;
+  for (const Opacity::Knot& knot : opacity.knots()) knots_hu.push_back(knot.hu);
+  const auto session = std::make_shared<RecastSession>(
+      bench.device, make_basis(bench.scan, bench.map(layers), knots_hu, bench.progress));
   std::vector<Opacity::Knot> brighter(opacity.knots().begin(), opacity.knots().end());
   for (Opacity::Knot& knot : brighter) knot.mu_per_mm *= 1.5;
   const std::array opacities{opacity, Opacity("brighter", brighter)};
   add(name, [session, opacities, next = 0]() mutable { session->recast(opacities[next ^= 1]); });
-}
-
-void add_knot_move(Bench& bench, const std::string& name, int layers, int knots) {
-  const auto session = recast_session(bench, layers, many_knots(knots));
-  session->recast(many_knots(knots));
-  add(name, [session, moves = 0]() mutable { session->set_knot(13, 0.01 + 0.001 * (++moves % 10)); });
 }
 
 void add_series_reader(Bench& bench) {
@@ -79,7 +68,6 @@ std::vector<Row> add_casting(Bench& bench) {
   add("cast_64knots_1", [&bench] { return kernel_ms(bench, 1, many_knots(64)); });
   add_recast(bench, "recast_1", 1, 64);
   add_recast(bench, "recast_8", 8, 32);
-  add_knot_move(bench, "recast_knot_8", 8, 32);
   add("cast_from_file_1", [&bench] { cast_from_file(bench); });
   add("phantom_720", [&bench] { generate(make_phantom("thorax"), bench.device, bench.progress); });
   add_series_reader(bench);
@@ -91,7 +79,6 @@ std::vector<Row> add_casting(Bench& bench) {
           {"cast_from_file_1", "file read", at_most, 2},
           {"recast_1", "cast_resident_1", at_most, 0.08},
           {"recast_8", "cast_resident_8", at_most, 0.3},
-          {"recast_knot_8", "cast_resident_8", at_most, 0.1},
           {"read_dicom_275", "ITK series reader", at_least, 1.6},
           {"cast_vs_opencv", "OpenCV warpPolar", at_least, 10},
           {"phantom_720", "all-core read", reported, 0}};

@@ -30,7 +30,7 @@ std::vector<Row> add_drawing(Bench& bench) {
   add("frame_rectangle_640", [pictures] { return pictures->next_ms(); });
   auto recast = std::make_shared<OpacityFrames>(bench.scan, bench.map(8), 640, 480);
   add("opacity_to_frame_8_640", [recast] { return recast->next_ms(); });
-  add("frame_true_640", [&bench, angle_deg = 0.0]() mutable {
+  add("frame_drr_640", [&bench, angle_deg = 0.0]() mutable {
     const View view = c_arm(angle_deg += 5, 0);
     return wall_ms([&] { project(bench.scan, view, Opacity::paper(), bench.progress); });
   });
@@ -47,7 +47,7 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
           {"frame_rectangle_640", "frame_8_640", reported, 0},
           {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
-          {"frame_true_640", "VTK frame", at_least, 12}};
+          {"frame_drr_640", "VTK frame", at_least, 12}};
 }
 
 }  // namespace xraycast::bench

@@ -28,7 +28,7 @@ Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width,
     constexpr int kSides = 6;  // 31,248 triangles
     Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), kSides)};
     gl_->renderer.set_surfaces(std::span(&vessels, 1));
-    style_.look = Look::surface;
+    style_.shading = ShadingMode::surface;
   }
   style_.sampling.compositing = compositing;
   style_.pixels_per_column = 2;
@@ -57,13 +57,13 @@ OpacityFrames::OpacityFrames(const ResidentScan& scan, const MapGeometry& geomet
         return make_basis(scan, geometry, useful_knots_hu(Opacity::paper()), progress);
       }()),
       session_(scan.device(), basis_) {
-  session_.set_knot(basis_.knots_hu.size() / 2, 0.02);
+  for (const double hu : basis_.knots_hu) knots_.push_back({hu, Opacity::paper().mu_per_mm(hu)});
 }
 
 double OpacityFrames::next_ms() {
   const Stopwatch stopwatch;
-  const double mu = 0.02 + 0.001 * (++moves_ % 10);
-  renderer().set_map(std::make_shared<BodyMap>(session_.set_knot(basis_.knots_hu.size() / 2, mu)));
+  knots_[knots_.size() / 2].mu_per_mm = 0.02 + 0.001 * (++moves_ % 10);
+  renderer().set_map(std::make_shared<BodyMap>(session_.recast(Opacity("edited", knots_))));
   Frames::next_ms();
   return stopwatch.ms();
 }

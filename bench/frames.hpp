@@ -7,6 +7,7 @@
 #include <cstdio>
 #include <filesystem>
 #include <memory>
+#include <vector>
 
 namespace xraycast::bench {
 
@@ -41,6 +42,7 @@ class OpacityFrames : public Frames {
  private:
   Basis basis_;
   RecastSession session_;
+  std::vector<Opacity::Knot> knots_;
   int moves_ = 0;
 };
 

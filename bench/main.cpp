@@ -28,7 +28,7 @@ class Collector final : public benchmark::ConsoleReporter {
  private:
   void keep(const Run& run) {
     times[run.run_name.function_name] = run.GetAdjustedRealTime();
-    // A baseline that was measured by turns with its value.
+    // A baseline that was measured interleaved with its value.
     const auto rtk = run.counters.find("rtk_ms");
     if (rtk != run.counters.end()) times["RTK, " + run.run_name.function_name] = rtk->second.value;
   }

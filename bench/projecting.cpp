@@ -1,4 +1,4 @@
-// True projections.
+// DRRs.
 #include "rtk.hpp"
 #include "suite.hpp"
 #include "xraycast/casting/projector.hpp"
@@ -22,7 +22,7 @@ std::shared_ptr<RtkProjector> make_rtk(const Bench& bench) {
 }
 
 /// Registers a picture under a cone, from the opacity in the host's memory to the picture there: median over
-/// five angles, ours and RTK's by turns.
+/// five angles, ours and RTK's interleaved.
 void add_projection(Bench& bench, const std::shared_ptr<RtkProjector>& rtk, const std::string& name,
                     double tilt_deg, const Opacity& opacity) {
   const auto run = [&bench, rtk, tilt_deg, opacity](benchmark::State& state) {

@@ -33,30 +33,30 @@ struct Options {
   int views = 12;
 };
 
-/// The true projection of the matter that the map covers, and which pixels' rays meet it.
-struct Truth {
+/// The DRR of the part of the scan that the map covers, and which pixels' rays cross that.
+struct Drr {
   std::vector<float> tau;
   std::vector<std::uint8_t> counts;
 };
 
-Truth truth_of(const ResidentScan& scan, const View& view, const BodyMap& map, Progress& progress) {
+Drr drr_of(const ResidentScan& scan, const View& view, const BodyMap& map, Progress& progress) {
   const auto rays = rays_within(view, map.geometry);
   std::vector<RaySegment> segments;
   for (const auto& ray : rays)
     if (ray) segments.push_back(*ray);
   const std::vector<float> depths = project(scan, segments, map.opacity, progress);
-  Truth truth{std::vector<float>(rays.size()), std::vector<std::uint8_t>(rays.size())};
+  Drr drr{std::vector<float>(rays.size()), std::vector<std::uint8_t>(rays.size())};
   std::size_t next = 0;
   for (std::size_t i = 0; i < rays.size(); ++i) {
     if (!rays[i]) continue;
-    truth.tau[i] = depths[next++];
-    truth.counts[i] = 1;
+    drr.tau[i] = depths[next++];
+    drr.counts[i] = 1;
   }
-  return truth;
+  return drr;
 }
 
-Json to_json(const Likeness& likeness) {
-  return {{"psnr_db", likeness.psnr_db}, {"ssim", likeness.ssim}, {"rmse", likeness.rmse}};
+Json to_json(const ImageSimilarity& similarity) {
+  return {{"psnr_db", similarity.psnr_db}, {"ssim", similarity.ssim}, {"rmse", similarity.rmse}};
 }
 
 std::shared_ptr<const BodyMap> read_map(const std::string& path) {
@@ -69,12 +69,13 @@ std::shared_ptr<const BodyMap> read_map(const std::string& path) {
 /// What --plot shows of the frames, and how its axis is labelled.
 struct Measure {
   const char *name, *label;
-  double (*of)(const Likeness&);
+  double (*of)(const ImageSimilarity&);
 };
 constexpr Measure kMeasures[] = {
-    {"psnr", "PSNR (dB)", [](const Likeness& likeness) { return likeness.psnr_db; }},
-    {"ssim", "SSIM", [](const Likeness& likeness) { return likeness.ssim; }},
-    {"rmse", "RMSE of tau (% of its maximum)", [](const Likeness& likeness) { return 100 * likeness.rmse; }}};
+    {"psnr", "PSNR (dB)", [](const ImageSimilarity& similarity) { return similarity.psnr_db; }},
+    {"ssim", "SSIM", [](const ImageSimilarity& similarity) { return similarity.ssim; }},
+    {"rmse", "RMSE of tau (% of its maximum)",
+     [](const ImageSimilarity& similarity) { return 100 * similarity.rmse; }}};
 
 const Measure& parse_measure(const std::string& name) {
   return *std::ranges::find(kMeasures, name,
@@ -121,42 +122,60 @@ struct Comparison {
   Curve curve;
 };
 
+/// The frame of a map at an angle, and the DRR that it should be.
+struct Pair {
+  View view;
+  std::vector<float> frame;
+  Drr drr;
+  ImageSimilarity similarity;
+};
+
+Pair compare_view(const BodyMap& map, Renderer& renderer, const Style& style, const ResidentScan& scan,
+                  double angle_deg, const std::optional<Cone>& cone, Progress& progress) {
+  const BodyBounds bounds = bounds_of(map.geometry);
+  const View view = fitted(
+      View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
+      bounds);
+  Pair pair{view, renderer.tau(view, style), drr_of(scan, view, map, progress), {}};
+  pair.similarity = compare(pair.frame, pair.drr.tau, pair.drr.counts, view.width, view.height);
+  return pair;
+}
+
+void write_pictures(const Pair& pair, double angle_deg, const std::string& title, const std::string& map,
+                    const Options& options) {
+  write_comparison_picture(
+      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title, label(pair.view), pair.similarity.psnr_db,
+                  pair.similarity.ssim),
+      pair.frame, pair.drr.tau, pair.view.width,
+      std::filesystem::path(options.pictures) /
+          fmt::format("{}-{:03g}.png", std::filesystem::path(map).stem().string(), angle_deg));
+}
+
 Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
                        const ResidentScan& scan, const Options& options, Progress& progress) {
   const std::optional<Cone> cone = parse_cone(options.cone);
   const std::vector<double> angles_deg = resolve_angles_deg(options);
   const Measure& plotted = parse_measure(options.plotted);
   Json views = Json::array();
-  Likeness sum{0, 0, 0};
+  ImageSimilarity sum{0, 0, 0};
   double lowest_db = 1e9;
   Curve curve{fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents_of(map.geometry)),
               {}};
   for (const double angle_deg : angles_deg) {
-    const BodyBounds bounds = bounds_of(map.geometry);
-    const View view = fitted(
-        View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
-        bounds);
-    const Truth truth = truth_of(scan, view, map, progress);
-    const std::vector<float> frame = renderer.tau(view, style);
-    const Likeness likeness = compare(frame, truth.tau, truth.counts, view.width, view.height);
-    if (!options.pictures.empty())
-      write_comparison_picture(
-          fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", curve.name, label(view), likeness.psnr_db,
-                      likeness.ssim),
-          frame, truth.tau, view.width,
-          std::filesystem::path(options.pictures) /
-              fmt::format("{}-{:03g}.png", std::filesystem::path(name).stem().string(), angle_deg));
+    const Pair pair = compare_view(map, renderer, style, scan, angle_deg, cone, progress);
+    if (!options.pictures.empty()) write_pictures(pair, angle_deg, curve.name, name, options);
+    const ImageSimilarity& similarity = pair.similarity;
     Json row{{"angle_deg", angle_deg}};
-    row.update(to_json(likeness));
+    row.update(to_json(similarity));
     views.push_back(row);
-    curve.points.emplace_back(angle_deg, plotted.of(likeness));
-    sum.psnr_db += likeness.psnr_db;
-    sum.ssim += likeness.ssim;
-    sum.rmse += likeness.rmse;
-    lowest_db = std::min(lowest_db, likeness.psnr_db);
+    curve.points.emplace_back(angle_deg, plotted.of(similarity));
+    sum.psnr_db += similarity.psnr_db;
+    sum.ssim += similarity.ssim;
+    sum.rmse += similarity.rmse;
+    lowest_db = std::min(lowest_db, similarity.psnr_db);
   }
   const auto count = static_cast<double>(angles_deg.size());
-  const Likeness mean{sum.psnr_db / count, sum.ssim / count, sum.rmse / count};
+  const ImageSimilarity mean{sum.psnr_db / count, sum.ssim / count, sum.rmse / count};
   return {{{"map", name}, {"mean", to_json(mean)}, {"views", views}},
           fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
                       "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum\n",

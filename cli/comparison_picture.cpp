@@ -15,13 +15,13 @@ namespace xraycast::cli {
 namespace {
 
 namespace Algo = OIIO::ImageBufAlgo;
-constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kMinWidth = 240, kStrength = 4;
+constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kMinWidth = 240, kGain = 4;
 
 std::vector<std::uint8_t> difference(const std::vector<std::uint8_t>& frame,
-                                     const std::vector<std::uint8_t>& truth) {
+                                     const std::vector<std::uint8_t>& drr) {
   std::vector<std::uint8_t> greys(frame.size());
-  std::ranges::transform(frame, truth, greys.begin(), [](int a, int b) {
-    return static_cast<std::uint8_t>(std::clamp(128 + kStrength * (a - b), 0, 255));
+  std::ranges::transform(frame, drr, greys.begin(), [](int a, int b) {
+    return static_cast<std::uint8_t>(std::clamp(128 + kGain * (a - b), 0, 255));
   });
   return greys;
 }
@@ -33,14 +33,13 @@ void text(OIIO::ImageBuf& sheet, int x, int y, const std::string& words) {
 }  // namespace
 
 void write_comparison_picture(const std::string& title, std::span<const float> frame_tau,
-                              std::span<const float> true_tau, int width, const std::filesystem::path& path) {
-  const GreyWindow window = automatic_window(true_tau);
-  const std::vector<std::uint8_t> frame = windowed(frame_tau, window), truth = windowed(true_tau, window);
-  const std::array<std::vector<std::uint8_t>, 3> pictures{frame, truth, difference(frame, truth)};
-  const std::array<std::string, 3> captions{"map", "true projection",
-                                            fmt::format("difference x {}", kStrength)};
+                              std::span<const float> drr_tau, int width, const std::filesystem::path& path) {
+  const GreyWindow window = automatic_window(drr_tau);
+  const std::vector<std::uint8_t> frame = windowed(frame_tau, window), drr = windowed(drr_tau, window);
+  const std::array<std::vector<std::uint8_t>, 3> pictures{frame, drr, difference(frame, drr)};
+  const std::array<std::string, 3> captions{"map", "true projection", fmt::format("difference x {}", kGain)};
 
-  const int height = static_cast<int>(truth.size()) / width, pitch = std::max(width, kMinWidth) + kMargin;
+  const int height = static_cast<int>(drr.size()) / width, pitch = std::max(width, kMinWidth) + kMargin;
   OIIO::ImageBuf sheet(
       OIIO::ImageSpec(kMargin + 3 * pitch, kTop + height + kCaption, 1, OIIO::TypeDesc::UINT8));
   Algo::fill(sheet, {0.11F});

@@ -137,21 +137,21 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
   vessels.mu_per_mm = 0.01;
   renderer.set_surfaces(std::span(&vessels, 1));
   Camera camera{.table_mm = 70, .zoom = 1.3};
-  for (const Look look : {Look::fluoro, Look::surface})
+  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface})
     for (const double angle_deg : kAngles_deg) {
       camera.angle_rad = angle_deg * std::numbers::pi / 180;
       Style style;
-      style.look = look;
-      style.window.inverted = look == Look::surface;
+      style.shading = shading;
+      style.window.inverted = shading == ShadingMode::surface;
       const View view = view_of(camera, bounds_of(map->geometry), 480, 600);
       style.window = automatic_window(renderer, view, style);
-      const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(look), angle_deg);
+      const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(shading), angle_deg);
       const std::vector<std::uint8_t> rgb =
-          report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
+          report.timed(fmt::format("frame, {}, {}", to_string(shading), label(view)),
                        [&] { return renderer.picture(view, style); });
       write_png(rgb, view.width, view.height, 3, report.file(name));
-      report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(), to_string(look),
-                                       label(view)));
+      report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(),
+                                       to_string(shading), label(view)));
     }
 }
 
@@ -207,10 +207,10 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   std::vector<std::unique_ptr<CineWriter>> writers;
   std::vector<std::unique_ptr<RunCine>> cines;
   std::map<fs::path, std::vector<std::uint8_t>> last_frames;
-  for (const Look look : {Look::fluoro, Look::surface}) {
-    options.style.look = look;
-    options.style.window.inverted = look == Look::surface;
-    const fs::path name = report.file(fmt::format("run-{}", to_string(look)));
+  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface}) {
+    options.style.shading = shading;
+    options.style.window.inverted = shading == ShadingMode::surface;
+    const fs::path name = report.file(fmt::format("run-{}", to_string(shading)));
     CineWriter& writer = *writers.emplace_back(
         std::make_unique<CineWriter>(name.string() + ".gif", options.view.width, options.view.height));
     cines.push_back(std::make_unique<RunCine>(map, tree, options,

@@ -34,9 +34,10 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
+constexpr const char* kOldSpelling = "";  // options of no group are accepted, but not in --help
 
 struct Options {
-  std::string map, output, session, cine, strengths;
+  std::string map, output, session, cine, layer_weights;
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
   std::optional<double> wall_radius_mm;
@@ -45,48 +46,53 @@ struct Options {
   GreyOptions grey;
 };
 
-/// The session, where there is one, with what the other options say.
+void apply_sampling(const Options& options, SampleOptions& sampling) {
+  if (options.compositing) sampling.compositing = parse_compositing(*options.compositing);
+  if (options.reconstruction)
+    sampling.reconstruction =
+        *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
+  if (!options.wall_radius_mm) return;
+  if (sampling.compositing != Compositing::wall)
+    throw InputError("--wall-radius {}: moves the walls of --compositing wall; give that too",
+                     *options.wall_radius_mm);
+  sampling.wall_radius_mm = options.wall_radius_mm;
+}
+
+void apply_style(const Options& options, Style& style) {
+  if (options.look) style.shading = parse_shading_mode(*options.look);
+  apply_sampling(options, style.sampling);
+  if (!options.layer_weights.empty()) {
+    const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
+    style.layer_weights.assign(weights.begin(), weights.end());
+  }
+  if (options.full_contrast) {
+    if (style.shading != ShadingMode::fluoro)
+      throw InputError("--full-contrast does not apply to --look surface; leave it out");
+    style.full_contrast = true;
+  }
+  if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
+  if (options.grey.inverted) style.window.inverted = true;
+}
+
+/// The session, where there is one, overridden by the other options.
 ViewSession resolve(const Options& options) {
   ViewSession scene;
   if (!options.session.empty()) scene = read_session(options.session);
   if (!options.map.empty()) scene.map = options.map;
   apply(options.scene, scene);
   if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
-  Style& style = scene.style;
-  if (options.look) style.look = parse_look(*options.look);
-  if (options.compositing) style.sampling.compositing = parse_compositing(*options.compositing);
-  if (options.reconstruction)
-    style.sampling.reconstruction =
-        *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
-  if (options.wall_radius_mm) {
-    if (style.sampling.compositing != Compositing::wall)
-      throw InputError("--wall-radius {}: moves the walls of --compositing wall; give that too",
-                       *options.wall_radius_mm);
-    style.sampling.wall_radius_mm = options.wall_radius_mm;
-  }
-  if (!options.strengths.empty()) {
-    style.strengths.clear();
-    for (const double strength : parse_numbers(options.strengths, "--strengths"))
-      style.strengths.push_back(static_cast<float>(strength));
-  }
-  if (options.full_contrast) {
-    if (style.look != Look::fluoro)
-      throw InputError("--full-contrast does not apply to --look surface; leave it out");
-    style.full_contrast = true;
-  }
+  apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
-  if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
-  if (options.grey.inverted) style.window.inverted = true;
   return scene;
 }
 
 /// The body map, recast when the session says so.
 std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session& session) {
   auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
-  const auto& strengths = scene.style.strengths;
-  if (!strengths.empty() && strengths.size() != static_cast<std::size_t>(map->geometry.layers()))
-    throw InputError("{} for the {} of {}", pluralize(strengths.size(), "strength"),
+  const auto& weights = scene.style.layer_weights;
+  if (!weights.empty() && weights.size() != static_cast<std::size_t>(map->geometry.layers()))
+    throw InputError("{} for the {} of {}", pluralize(weights.size(), "layer weight"),
                      pluralize(map->geometry.layers(), "layer"), scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
   ComputeDevice device(session.device);
@@ -101,7 +107,7 @@ void check_output(const Options& options) {
     check_projection_format(options.output);
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
-    check_shown(options.annotations, "--furniture", options.output);
+    check_shown(options.annotations, "--annotations", options.output);
     check_writable(options.output);
   } else if (is_animation(options.output)) {
     check_writable(options.output);
@@ -113,17 +119,85 @@ void check_output(const Options& options) {
   }
 }
 
-/// A frame in the session's window, or one for what is seen.
-std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const ViewSession& scene,
-                               const BodyBounds& bounds, bool with_annotations) {
-  Style style = scene.style;
-  if (!scene.has_window) style.window = automatic_window(renderer, view, style);
-  std::vector<std::uint8_t> rgb = renderer.picture(view, style);
-  const glm::dvec3 half(0, 0, bounds.half_height_mm);
-  if (with_annotations)
-    draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
-                     label(view));
-  return rgb;
+/// Vessels and catheter of the session.
+std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& bounds, Session& session) {
+  std::vector<Surface> surfaces;
+  if (!scene.vessels.empty() && !scene.steered) {
+    surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
+    session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
+  }
+  if (scene.steered)
+    surfaces.push_back(catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm));
+  else if (!scene.catheter.empty())
+    surfaces.push_back(read_catheter(scene.catheter));
+  return surfaces;
+}
+
+/// The session's camera, unless a pixel size is given; without a session, the whole body.
+View resolve_view(const Options& options, const ViewSession& scene, const BodyBounds& bounds) {
+  View view = parse_view(options.view);
+  if (!options.session.empty() && options.view.pixel_mm == 0) {
+    if (view.width == 0) view.width = 640, view.height = 480;
+    return view_of(scene.camera, bounds, view.width, view.height);
+  }
+  view.centre_mm = bounds.centre_mm;
+  return fitted(view, bounds);
+}
+
+/// Draws frames of a session with a context of its own.
+class FrameRenderer {
+ public:
+  FrameRenderer(const ViewSession& scene, const std::shared_ptr<const BodyMap>& map, const BodyBounds& bounds,
+                std::span<const Surface> surfaces, bool with_annotations)
+      : scene_(scene), bounds_(bounds), with_annotations_(with_annotations) {
+    renderer_.set_map(map);
+    renderer_.set_surfaces(surfaces);
+    if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
+      road_map_.emplace(read_tree(scene.vessels));
+  }
+
+  /// What is shown: in the session's grey window, or in one that is adapted to the view.
+  std::vector<std::uint8_t> picture(const View& view) {
+    Style style = scene_.style;
+    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
+    std::vector<std::uint8_t> rgb = renderer_.picture(view, style);
+    const glm::dvec3 half(0, 0, bounds_.half_height_mm);
+    if (with_annotations_)
+      draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
+                       label(view));
+    if (road_map_) draw_outline(road_map_->outline(view), kRoadMapColour, view.width, rgb);
+    return rgb;
+  }
+
+  std::vector<float> tau(const View& view) { return renderer_.tau(view, scene_.style); }
+  std::size_t texture_B() const { return renderer_.texture_B(); }
+
+ private:
+  const ViewSession& scene_;
+  BodyBounds bounds_;
+  bool with_annotations_;
+  HeadlessContext context_;
+  Renderer renderer_;
+  std::optional<RoadMap> road_map_;
+};
+
+void write_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
+                const std::string& output, Progress& progress) {
+  CineWriter writer(output, view.width, view.height);
+  progress.begin("drawing", static_cast<std::int64_t>(angles_deg.size()), "frames");
+  for (const double angle_deg : angles_deg) {
+    view.angle_rad = angle_deg * kRadians;
+    writer.add(frames.picture(view));
+    progress.advance();
+  }
+  writer.finish();
+}
+
+void write_frame(FrameRenderer& frames, const View& view, const std::string& output) {
+  if (is_picture(output))
+    write_png(frames.picture(view), view.width, view.height, 3, output);
+  else
+    write_projection({view, frames.tau(view), 0}, output);
 }
 
 void render(const Options& options, Session& session) {
@@ -132,58 +206,22 @@ void render(const Options& options, Session& session) {
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
-  std::vector<Surface> surfaces;
-  const bool has_vessels = !scene.vessels.empty() && !scene.steered;
-  if (has_vessels) surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
-  if (scene.steered)
-    surfaces.push_back(catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm));
-  else if (!scene.catheter.empty())
-    surfaces.push_back(read_catheter(scene.catheter));
-
   const BodyBounds bounds = bounds_of(map->geometry);
-  if (has_vessels)
-    session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
-  View view = parse_view(options.view);
-  if (!options.session.empty() && options.view.pixel_mm == 0) {
-    if (view.width == 0) view.width = 640, view.height = 480;
-    view = view_of(scene.camera, bounds, view.width, view.height);
-  } else {
-    view.centre_mm = bounds.centre_mm;
-    view = fitted(view, bounds);
-  }
+  const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
+  const View view = resolve_view(options, scene, bounds);
 
-  const HeadlessContext context;
-  Renderer renderer;
-  renderer.set_map(map);
-  renderer.set_surfaces(surfaces);
-  std::optional<RoadMap> road_map;
-  if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
-    road_map.emplace(read_tree(scene.vessels));
-  const auto frame = [&] {
-    std::vector<std::uint8_t> rgb = draw(renderer, view, scene, bounds, options.annotations);
-    if (road_map) draw_outline(road_map->outline(view), kRoadMapColour, view.width, rgb);
-    return rgb;
-  };
+  FrameRenderer frames(scene, map, bounds, surfaces, options.annotations);
   const Stopwatch stopwatch;
-  if (!cine_deg.empty()) {
-    CineWriter writer(options.output, view.width, view.height);
-    session.progress.begin("drawing", static_cast<std::int64_t>(cine_deg.size()), "frames");
-    for (const double angle_deg : cine_deg) {
-      view.angle_rad = angle_deg * kRadians;
-      writer.add(frame());
-      session.progress.advance();
-    }
-    writer.finish();
-  } else if (is_picture(options.output)) {
-    write_png(frame(), view.width, view.height, 3, options.output);
-  } else {
-    write_projection({view, renderer.tau(view, scene.style), 0}, options.output);
-  }
+  if (cine_deg.empty())
+    write_frame(frames, view, options.output);
+  else
+    write_cine(frames, view, cine_deg, options.output, session.progress);
   const double draw_ms = stopwatch.ms();
+
   Json result{{"map", scene.map.string()},
               {"image", to_json(view)},
               {"device", gl_device_name()},
-              {"texture_B", renderer.texture_B()},
+              {"texture_B", frames.texture_B()},
               {"frames", std::max<std::size_t>(1, cine_deg.size())}};
   std::string angles = label(view);
   if (!cine_deg.empty()) {
@@ -195,7 +233,7 @@ void render(const Options& options, Session& session) {
   session.report(result,
                  fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
                              options.output, angles, view.width, view.height, view.pixel_mm,
-                             static_cast<double>(renderer.texture_B()) / 1e6, draw_ms));
+                             static_cast<double>(frames.texture_B()) / 1e6, draw_ms));
 }
 
 }  // namespace
@@ -220,13 +258,13 @@ void add_render(CLI::App& app, Session& session) {
   command
       ->add_option(
           "--look", options->look,
-          "fluoro (default): vessels absorb too; surface: shaded and opaque; a float file then holds the "
+          "fluoro (default): vessels attenuate too; surface: shaded and opaque; a float file then holds the "
           "optical depth in front of them")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->type_name("NAME");
   command
       ->add_option("--compositing", options->compositing,
-                   "path (default): by the length of the way through each shell; wall: the paper's")
+                   "path (default): by the path length through each shell; wall: the paper's")
       ->check(CLI::IsMember({"path", "wall"}))
       ->type_name("NAME");
   command
@@ -237,22 +275,24 @@ void add_render(CLI::App& app, Session& session) {
   command->add_option("--wall-radius", options->wall_radius_mm, "wall: where the outermost wall stands")
       ->check(CLI::PositiveNumber)
       ->type_name("MM");
-  command->add_option("--strengths", options->strengths, "One factor a layer, innermost first; 0 hides it")
-      ->type_name("S,S,...");
+  constexpr const char* kWeights = "One weight a layer, innermost first; 0 hides it";
+  command->add_option("--layer-weights", options->layer_weights, kWeights)->type_name("W,W,...");
+  command->add_option("--strengths", options->layer_weights, kWeights)->group(kOldSpelling);
   add_grey_options(*command, options->grey);
   command->add_flag(
       "--full-contrast", options->full_contrast,
-      "fluoro: vessels and catheter keep the contrast that the grey takes from the body's range");
-  command->add_flag("--furniture", options->annotations,
-                    "Letters where the patient's sides are (R L A P S I), the axis, and a scale bar");
+      "fluoro: vessels and catheter keep the contrast that the grey window takes from the body's range");
+  constexpr const char* kAnnotations = "Orientation letters (R L A P S I), the axis, and a scale bar";
+  command->add_flag("--annotations", options->annotations, kAnnotations);
+  command->add_flag("--furniture", options->annotations, kAnnotations)->group(kOldSpelling);
   command
       ->add_option(
           "--cine", options->cine,
-          "A turn around the body instead of one frame; a longer one's frames in the folder are removed")
+          "A rotation around the body instead of one frame; surplus frames of an earlier one are removed")
       ->type_name("FROM:TO:STEP");
   command
       ->add_option("--session", options->session,
-                   "What a session of the viewer shows; other options go first")
+                   "The scene of a viewer session (Ctrl+S); other options override it")
       ->type_name("FILE");
 }
 

@@ -71,8 +71,8 @@ class Cine {
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.style.look = parse_look(options.look);
-    cine.style.window.inverted = cine.style.look == Look::surface;
+    cine.style.shading = parse_shading_mode(options.look);
+    cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
     run_.emplace(map, tree, cine, [this](std::vector<std::uint8_t> rgb) { writer_->add(std::move(rgb)); });

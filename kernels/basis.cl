@@ -21,7 +21,7 @@ static void weigh(const float hu, const float length_mm, global const float2* kn
  * The running sum over the knots is rounded, not each weight: so the error does not add up, and that of an
  * optical depth is at most half a unit times the opacity's total variation over the knots; a constant opacity
  * is exact. */
-kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder map, global const float2* centres,
+kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder, global const float2* centres,
                         global const float2* directions, constant const XrcShell* shells,
                         global const float2* knots, global const uchar* below, const int count,
                         const long first_tile, const int tiles, global ulong* touched,
@@ -29,9 +29,9 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder map, 
   const int item = (int)get_global_id(0);
   if (item >= tiles) return;
   const long tile = first_tile + item;
-  const int column = (int)(tile % map.width);
-  const XrcShell shell = shells[tile / map.width % map.layers];
-  const int brick = (int)(tile / map.width / map.layers);
+  const int column = (int)(tile % cylinder.map.width);
+  const XrcShell shell = shells[tile / cylinder.map.width % cylinder.map.layers];
+  const int brick = (int)(tile / cylinder.map.width / cylinder.map.layers);
 
   float weights_mm[(XRC_MAX_KNOTS + 1) * XRC_BRICK_SLICES];
   for (int i = 0; i < (count + 1) * XRC_BRICK_SLICES; ++i) weights_mm[i] = 0.0f;
@@ -40,11 +40,11 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder map, 
   for (int start = 0; start < XRC_BRICK_SLICES; start += SLICES) {
     const int run = (brick * XRC_BRICK_SLICES + start) / SLICES;
     if (run * SLICES >= scan.size_z) break;
-    const Ray ray = ray_along(centres[run * SLICES], directions[column], &map, &scan);
+    const Ray ray = ray_along(centres[run * SLICES], directions[column], run, &cylinder, &scan);
     for (int i = first; i < last; ++i) {
-      const float length_mm = i < shell.first ? shell.head_mm : i < shell.last ? map.step_mm : shell.tail_mm;
+      const float length_mm = i < shell.first ? shell.head_mm : i < shell.last ? cylinder.map.step_mm : shell.tail_mm;
       float hu[SLICES];
-      store(i < ray.inside ? hu_along(voxels, &scan, &ray, run, i) : (Slices)XRC_PADDING_HU, hu);
+      store(i < ray.inside ? hu_along(voxels, &scan, &ray, i) : (Slices)XRC_PADDING_HU, hu);
       for (int s = 0; s < SLICES; ++s) weigh(hu[s], length_mm, knots, below, weights_mm + start + s);
     }
   }

@@ -3,18 +3,12 @@
 #include "params.h"
 
 #if SLICES == 1
-#define mu_of_slices mu_of
-#else
-#define mu_of_slices mu_of16
-#endif
-
-#if SLICES == 1
 
 /* The sum of mu at samples [first, last), which lie within the slice. */
-static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,
-                        const int last, constant const XrcOpacity* opacity, global const float2* table) {
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+                        constant const XrcOpacity* opacity, global const float2* table) {
   Slices sum = 0.0f;
-  for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, run, i), opacity, table);
+  for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, i), opacity, table);
   return sum;
 }
 
@@ -47,10 +41,10 @@ static void fetch_pixels(SCAN row) { /* two neighbours, which may lie in two cac
   prefetch_line(row + 2 * XRC_BRICK_SLICES - 1);
 }
 
-static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int first,
-                        const int last, constant const XrcOpacity* opacity, global const float2* table) {
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+                        constant const XrcOpacity* opacity, global const float2* table) {
   const long row_step = (long)scan->pitch_x * XRC_BRICK_SLICES;
-  SCAN brick = voxels + brick_pixel(scan, run, 0, 0) * XRC_BRICK_SLICES;
+  SCAN brick = voxels + brick_pixel(scan, ray->run, 0, 0) * XRC_BRICK_SLICES;
   Slices sum = 0.0f;
   Strip strip = strip_from(first, ray, scan);
   for (int from = first; from < last; from += STRIP) {
@@ -70,40 +64,17 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
 
 #endif
 
+#include "shell_loop.h"
+
 /* One work-item follows the rays of one angle through SLICES slices and writes their texel of every layer.
- * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle. All layers
- * share one sample grid; a sample that straddles a shell's edge is taken once and split by length. Samples
- * beyond the slice are air. */
-kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder map,
+ * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle. */
+kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
                           global const float2* centres, global const float2* directions,
                           constant const XrcShell* shells, constant const XrcOpacity* opacity,
                           global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), run = (int)get_global_id(1);
-  if (column >= map.width || run * SLICES >= scan.size_z) return;
-  const Ray ray = ray_along(centres[run * SLICES], directions[column], &map, &scan);
-  const float air_mu = mu_of(XRC_PADDING_HU, opacity, table);
-
-#define MU_AT(i) mu_of_slices(hu_along(voxels, &scan, &ray, run, i), opacity, table)
-
-  Slices edge_mu = air_mu;
-  if (shells[0].head_mm > 0.0f && shells[0].first - 1 < ray.inside) edge_mu = MU_AT(shells[0].first - 1);
-  for (int k = 0; k < map.layers; ++k) {
-    const XrcShell shell = shells[k];
-    const int last_inside = min(shell.last, ray.inside);
-    Slices sum = (float)max(0, shell.last - max(shell.first, ray.inside)) * air_mu;
-    sum += sum_of_mu(voxels, &scan, &ray, run, shell.first, last_inside, opacity, table);
-    Slices layer_tau = fma(sum, (Slices)map.step_mm, edge_mu * shell.head_mm);
-    if (shell.tail_mm > 0.0f) {
-      edge_mu = air_mu;
-      if (shell.last < ray.inside) edge_mu = MU_AT(shell.last);
-      layer_tau = fma(edge_mu, (Slices)shell.tail_mm, layer_tau);
-    }
-    float texels[SLICES];
-    store(layer_tau, texels);
-    for (int s = 0; s < SLICES; ++s) {
-      const int row = scan.size_z - 1 - (run * SLICES + s); /* row 0 is the most superior slice */
-      if (row >= 0) tau[((long)k * map.height + row) * map.width + column] = texels[s];
-    }
-  }
-#undef MU_AT
+  if (column >= cylinder.map.width || run * SLICES >= scan.size_z) return;
+  const Ray ray = ray_along(centres[run * SLICES], directions[column], run, &cylinder, &scan);
+  const int row = scan.size_z - 1 - run * SLICES; /* row 0 is the most superior slice */
+  cast_shells(voxels, &scan, &ray, &cylinder.map, column, row, shells, opacity, table, tau);
 }

@@ -48,30 +48,33 @@ static void store(const Slices value, float* values) { vstore16(value, 0, values
 
 #endif
 
-/* In voxels. The first `inside` samples lie within the slice; those beyond are air. */
+/* In voxels, through run `run` of SLICES slices. The first `inside` samples lie within the slice; those beyond
+ * are air. */
 typedef struct {
   float2 centre;
   float dx, dy;
-  int inside;
+  int inside, run;
 } Ray;
 
 /* The ray from `centre` at the angle whose sine and cosine are `direction`. */
-static Ray ray_along(const float2 centre, const float2 direction, const XrcCylinder* map,
+static Ray ray_along(const float2 centre, const float2 direction, const int run, const XrcCylinder* cylinder,
                      const XrcScan* scan) {
+  const int samples = cylinder->map.samples;
   Ray ray;
   ray.centre = centre;
-  ray.dx = direction.x * map->step_x;
-  ray.dy = -direction.y * map->step_y;
-  ray.inside = min(samples_within(centre.x, ray.dx, 0.0f, (float)(scan->size_x - 1), map->samples),
-                   samples_within(centre.y, ray.dy, 0.0f, (float)(scan->size_y - 1), map->samples));
+  ray.dx = direction.x * cylinder->step_x;
+  ray.dy = -direction.y * cylinder->step_y;
+  ray.inside = min(samples_within(centre.x, ray.dx, 0.0f, (float)(scan->size_x - 1), samples),
+                   samples_within(centre.y, ray.dy, 0.0f, (float)(scan->size_y - 1), samples));
+  ray.run = run;
   return ray;
 }
 
-/* Sample i < inside, in run `run` of SLICES slices. Rounding may carry the first or last sample a hair beyond
+/* HU of sample i < inside. Rounding may carry the first or last sample a hair beyond
  * the slice; the clamp keeps its address inside. */
-static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int run, const int i) {
+static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
   const float at = (float)i + 0.5f;
-  return sample(voxels, scan, run, clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
+  return sample(voxels, scan, ray->run, clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
                 clamp(fma(at, ray->dy, ray->centre.y), 0.0f, (float)(scan->size_y - 1)));
 }
 

@@ -38,17 +38,20 @@ typedef struct {
   XRC_FLOAT head_mm, tail_mm;
 } XrcShell;
 
+/* A map of rays that run outwards through shells. */
 typedef struct {
-  XRC_INT width, height, layers;
-  XRC_INT samples; /* of a whole ray */
+  XRC_INT width, height, layers; /* texels */
+  XRC_INT samples;               /* of a whole ray */
   XRC_FLOAT step_mm;
+} XrcMap;
+
+typedef struct {
+  XrcMap map;
   XRC_FLOAT step_x, step_y; /* voxels along x and y for step_mm */
 } XrcCylinder;
 
 typedef struct {
-  XRC_INT width, height, layers;
-  XRC_INT samples; /* of a whole ray */
-  XRC_FLOAT step_mm;
+  XrcMap map;
   XRC_FLOAT centre[3]; /* voxels */
   XRC_FLOAT step[3];   /* voxels along x, y and z for step_mm */
 } XrcSphere;
@@ -84,10 +87,10 @@ typedef struct {
 } XrcDetector;
 
 /* Rows of a column that a work-item takes when it does not take one pixel: those of a vector, or of several,
- * and several columns, when the detector is upright. */
+ * and several columns, when the view is not tilted. */
 #define XRC_DETECTOR_ROWS 16
-#define XRC_LEVEL_ROWS 128
-#define XRC_LEVEL_COLUMNS 8
+#define XRC_UNTILTED_ROWS 128
+#define XRC_UNTILTED_COLUMNS 8
 
 /* Phantoms: shapes, painted in order. What the members mean for each kind:
  *   solid    a = centre, b and c = two unit axes (the third is b x c), size = half axes, exponents = in the

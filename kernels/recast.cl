@@ -18,7 +18,7 @@ static TilePlace place_of(const long tile, const int width, const int height, co
 /* tau = sum over the knots of mu * weight. */
 kernel void recast(global const ulong* touched, global const uint* first_row, global const ushort* weights,
                    const long tiles, const int run, const int width, const int height, const int layers,
-                   constant const float* unit_mm, global float* tau, constant const float* mu) {
+                   constant const float* unit_mm, constant const float* mu, global float* tau) {
   const long first = (long)get_global_id(0) * run;
   for (long tile = first; tile < min(first + run, tiles); ++tile) {
     float16 sum = 0.0f;
@@ -34,27 +34,5 @@ kernel void recast(global const ulong* touched, global const uint* first_row, gl
     global float* texel = tau + ((long)place.layer * height + place.row) * width + place.column;
     const int slices = min(XRC_BRICK_SLICES, place.row + 1);
     for (int s = 0; s < slices; ++s) texel[-(long)s * width] = texels[s];
-  }
-}
-
-/* tau += change of one knot's mu * its weight. What rounding leaves below zero is nothing. */
-kernel void move_knot(global const ulong* touched, global const uint* first_row, global const ushort* weights,
-                      const long tiles, const int run, const int width, const int height, const int layers,
-                      constant const float* unit_mm, global float* tau, const int knot,
-                      const float mu_change) {
-  const long first = (long)get_global_id(0) * run;
-  const ulong bit = (ulong)1 << knot;
-  for (long tile = first; tile < min(first + run, tiles); ++tile) {
-    const ulong mask = touched[tile];
-    if ((mask & bit) == 0) continue;
-    const TilePlace place = place_of(tile, width, height, layers);
-    global const ushort* row =
-        weights + ((long)first_row[tile] + (long)popcount(mask & (bit - 1))) * XRC_BRICK_SLICES;
-    float change[XRC_BRICK_SLICES];
-    vstore16(convert_float16(vload16(0, row)) * (mu_change * unit_mm[place.layer]), 0, change);
-    global float* texel = tau + ((long)place.layer * height + place.row) * width + place.column;
-    const int slices = min(XRC_BRICK_SLICES, place.row + 1);
-    for (int s = 0; s < slices; ++s)
-      texel[-(long)s * width] = fmax(texel[-(long)s * width] + change[s], 0.0f);
   }
 }

@@ -3,6 +3,15 @@
 #include "rays.h"
 #include "scan_access.h"
 
+#define SLICES 1
+typedef float Slices;
+
+/* In voxels. The first `inside` samples lie within the scan; those beyond are air. */
+typedef struct {
+  float3 centre, step;
+  int inside;
+} Ray;
+
 /* Trilinear, held at the border voxels' centres. */
 static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
   const float3 last =
@@ -19,38 +28,44 @@ static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
   return mix(lower, upper, fz);
 }
 
+/* HU of sample i < inside. */
+static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
+  return sample(voxels, scan, fma((float3)((float)i + 0.5f), ray->step, ray->centre));
+}
+
+/* The sum of mu at samples [first, last), which lie within the scan. */
+static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+                        constant const XrcOpacity* opacity, global const float2* table) {
+  Slices sum = 0.0f;
+  for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, i), opacity, table);
+  return sum;
+}
+
+static void store(const Slices value, float* values) { *values = value; }
+
+#include "shell_loop.h"
+
+/* The ray at the angles whose sine and cosine are `azimuth` and `polar`. */
+static Ray ray_along(const float2 azimuth, const float2 polar, const XrcSphere* sphere, const XrcScan* scan) {
+  const int samples = sphere->map.samples;
+  Ray ray;
+  ray.centre = (float3)(sphere->centre[0], sphere->centre[1], sphere->centre[2]);
+  ray.step = (float3)(polar.x * azimuth.x * sphere->step[0], -polar.x * azimuth.y * sphere->step[1],
+                      polar.y * sphere->step[2]);
+  ray.inside =
+      min(min(samples_within(ray.centre.x, ray.step.x, 0.0f, (float)(scan->size_x - 1), samples),
+              samples_within(ray.centre.y, ray.step.y, 0.0f, (float)(scan->size_y - 1), samples)),
+          samples_within(ray.centre.z, ray.step.z, -0.5f, (float)scan->size_z - 0.5f, samples));
+  return ray;
+}
+
 /* One work-item follows one ray and writes its texel of every layer, as in cast_cylinder. `azimuths` and
  * `polars` hold the sine and cosine of every column's phi and every row's theta. */
-kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere map, global const float2* polars,
+kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere sphere, global const float2* polars,
                         global const float2* azimuths, constant const XrcShell* shells,
                         constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), row = (int)get_global_id(1);
-  if (column >= map.width || row >= map.height) return;
-  const float2 azimuth = azimuths[column], polar = polars[row];
-  const float3 centre = (float3)(map.centre[0], map.centre[1], map.centre[2]);
-  const float3 step =
-      (float3)(polar.x * azimuth.x * map.step[0], -polar.x * azimuth.y * map.step[1], polar.y * map.step[2]);
-  const int inside = min(min(samples_within(centre.x, step.x, 0.0f, (float)(scan.size_x - 1), map.samples),
-                             samples_within(centre.y, step.y, 0.0f, (float)(scan.size_y - 1), map.samples)),
-                         samples_within(centre.z, step.z, -0.5f, (float)scan.size_z - 0.5f, map.samples));
-  const float air_mu = mu_of(XRC_PADDING_HU, opacity, table);
-
-#define MU_AT(i) mu_of(sample(voxels, &scan, fma((float3)((float)(i) + 0.5f), step, centre)), opacity, table)
-
-  float edge_mu = air_mu;
-  if (shells[0].head_mm > 0.0f && shells[0].first - 1 < inside) edge_mu = MU_AT(shells[0].first - 1);
-  for (int k = 0; k < map.layers; ++k) {
-    const XrcShell shell = shells[k];
-    const int last_inside = min(shell.last, inside);
-    float sum = (float)max(0, shell.last - max(shell.first, inside)) * air_mu;
-    for (int i = shell.first; i < last_inside; ++i) sum += MU_AT(i);
-    float layer_tau = fma(sum, map.step_mm, edge_mu * shell.head_mm);
-    if (shell.tail_mm > 0.0f) {
-      edge_mu = air_mu;
-      if (shell.last < inside) edge_mu = MU_AT(shell.last);
-      layer_tau = fma(edge_mu, shell.tail_mm, layer_tau);
-    }
-    tau[((long)k * map.height + row) * map.width + column] = layer_tau;
-  }
-#undef MU_AT
+  if (column >= sphere.map.width || row >= sphere.map.height) return;
+  const Ray ray = ray_along(azimuths[column], polars[row], &sphere, &scan);
+  cast_shells(voxels, &scan, &ray, &sphere.map, column, row, shells, opacity, table, tau);
 }

@@ -107,7 +107,7 @@ TEST(BodyBounds, NoticeVesselsOfAnotherScan) {
   const std::vector<glm::vec3> points{{170, 20, 300}, {10, 20, 510}, {10, 160, 300}, {10, 20, 110}};
   EXPECT_TRUE(notes_on_place(points, kBody, "vessels").empty());
   EXPECT_THAT(notes_on_place(std::span(points).first(3), kBody, "vessels"),
-              testing::ElementsAre(testing::StartsWith("vessels: 67 % of it lie outside")));
+              testing::ElementsAre(testing::StartsWith("vessels: 67 % of it lies outside")));
 }
 
 }  // namespace

@@ -287,8 +287,10 @@ const BadCall kBadCalls[] = {
      "which holds optical depths; leave it out or write a .png"},
     {"RenderDepthsOfFullContrast", "render @/map.exr -o @/out.exr --full-contrast", 3,
      "--full-contrast does not apply to"},
-    {"RenderDepthsWithFurniture", "render @/map.exr -o @/out.exr --furniture", 3,
-     "--furniture does not apply to"},
+    {"RenderDepthsWithAnnotations", "render @/map.exr -o @/out.exr --annotations", 3,
+     "--annotations does not apply to"},
+    {"RenderWithWeightsOfOtherLayers", "render @/map.exr -o @/out.png --layer-weights 1,0,1", 3,
+     "3 layer weights for the 1 layer of", write_small_map},
     {"RenderSurfacesInFullContrast", "render @/map.exr -o @/out.png --look surface --full-contrast", 3,
      "--full-contrast does not apply to --look surface"},
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
@@ -661,8 +663,23 @@ TEST_F(Cli, RendersTheSameFrameTwice) {
   output_of("-q phantom head --size 48x48x40 -o @/ct.nrrd");
   output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
   for (const char* file : {"a.png", "b.PNG"})
-    output_of("-q render @/map.exr -o @/" + std::string(file) + " --angle 12 --cone 900,1200 --furniture");
+    output_of("-q render @/map.exr -o @/" + std::string(file) + " --angle 12 --cone 900,1200 --annotations");
   EXPECT_EQ(read_bytes(folder_ / "a.png"), read_bytes(folder_ / "b.PNG"));
+}
+
+TEST_F(Cli, RenderTakesOldSpellingsOfOptions) {
+  output_of("-q phantom head --size 48x48x40 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --layers 4 --angles 90");
+  output_of("-q render @/map.exr -o @/old.png --furniture --strengths 1,0,1,0.5");
+  output_of("-q render @/map.exr -o @/new.png --annotations --layer-weights 1,0,1,0.5");
+  output_of("-q render @/map.exr -o @/without.png");
+  EXPECT_EQ(read_bytes(folder_ / "old.png"), read_bytes(folder_ / "new.png"));
+  EXPECT_NE(read_bytes(folder_ / "old.png"), read_bytes(folder_ / "without.png"));
+  const std::string help = output_of("render --help");
+  EXPECT_THAT(help, HasSubstr("--annotations"));
+  EXPECT_THAT(help, HasSubstr("--layer-weights"));
+  EXPECT_THAT(help, testing::Not(HasSubstr("--furniture")));
+  EXPECT_THAT(help, testing::Not(HasSubstr("--strengths")));
 }
 
 TEST_F(Cli, RendersACineIntoAFolderOrAnAnimation) {

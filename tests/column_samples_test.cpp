@@ -35,20 +35,20 @@ std::span<const ColumnSample> samples_of(const ColumnSamples& all, int column) {
 }
 
 /// How far a column's rays pass from the map's axis.
-double offset_mm(const RectifiedView& upright, const MapGeometry& geometry, int column) {
-  const glm::dvec2 direction = upright.direction(column),
-                   from_axis = upright.origin_mm(column) - geometry.centre_mm[0];
+double offset_mm(const RectifiedView& rectified, const MapGeometry& geometry, int column) {
+  const glm::dvec2 direction = rectified.direction(column),
+                   from_axis = rectified.origin_mm(column) - geometry.centre_mm[0];
   return std::abs(from_axis.x * direction.y - from_axis.y * direction.x);
 }
 
 TEST(ColumnSamples, WeightsAddUpToTheChord) {
   const MapGeometry geometry = map({0, 30, 50, 100});
   for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{600, 900})}) {
-    const RectifiedView upright = view_of_map(geometry, cone);
-    const ColumnSamples samples = column_samples(upright, geometry, {});
-    ASSERT_EQ(samples.columns.size(), static_cast<std::size_t>(upright.columns));
-    for (int column = 0; column < upright.columns; ++column) {
-      const double offset = offset_mm(upright, geometry, column);
+    const RectifiedView rectified = view_of_map(geometry, cone);
+    const ColumnSamples samples = column_samples(rectified, geometry, {});
+    ASSERT_EQ(samples.columns.size(), static_cast<std::size_t>(rectified.columns));
+    for (int column = 0; column < rectified.columns; ++column) {
+      const double offset = offset_mm(rectified, geometry, column);
       double sum = 0;
       for (const ColumnSample& sample : samples_of(samples, column)) sum += sample.weight;
       // A hundred weights rounded to 32-bit floats.
@@ -61,11 +61,11 @@ TEST(ColumnSamples, EndWhereTheScanDoes) {
   MapGeometry geometry = map({0, 30, 50, 100}, {0, 0});
   geometry.field = FieldOfView{{-60, -200, 0}, {40, 70, 100}};
   View view{.centre_mm = {0, 0, 6}};
-  const RectifiedView upright = rectified_view(fitted(view, bounds_of(geometry)), geometry);
-  const ColumnSamples samples = column_samples(upright, geometry, {});
-  for (int column = 0; column < upright.columns; ++column) {
+  const RectifiedView rectified = rectified_view(fitted(view, bounds_of(geometry)), geometry);
+  const ColumnSamples samples = column_samples(rectified, geometry, {});
+  for (int column = 0; column < rectified.columns; ++column) {
     // Rays along y at this x: within the circle, and up to y = 70 of the scan.
-    const double x = upright.origin_mm(column).x,
+    const double x = rectified.origin_mm(column).x,
                  half_chord = std::sqrt(std::max(0.0, (100 - x) * (100 + x)));
     double sum = 0;
     for (const ColumnSample& sample : samples_of(samples, column)) sum += sample.weight;
@@ -84,12 +84,12 @@ std::vector<double> drawn(const ColumnSamples& samples, const MapGeometry& geome
       const auto at = static_cast<int>(s.texel), width = geometry.width + 1;
       const auto between = [&](int layer) {
         const int texel = at % width;
-        return texels[layer * geometry.width + texel % geometry.width] * (1 - s.column_share) +
-               texels[layer * geometry.width + (texel + 1) % geometry.width] * s.column_share;
+        return texels[layer * geometry.width + texel % geometry.width] * (1 - s.column_fraction) +
+               texels[layer * geometry.width + (texel + 1) % geometry.width] * s.column_fraction;
       };
       const int layer = at / width;
-      sum += s.weight * (between(layer) * (1 - s.layer_share) +
-                         (s.layer_share > 0 ? between(layer + 1) * s.layer_share : 0));
+      sum += s.weight * (between(layer) * (1 - s.layer_fraction) +
+                         (s.layer_fraction > 0 ? between(layer + 1) * s.layer_fraction : 0));
     }
     tau.push_back(sum);
   }
@@ -103,21 +103,21 @@ TEST(ColumnSamples, IntegrateAMapThatVariesWithRadiusAndAngle) {
   for (int k = 0; k < geometry.layers(); ++k)
     for (int i = 0; i < geometry.width; ++i)
       texels.push_back(0.01 * (k + 1) + 0.01 * std::sin(3 * geometry.phi_rad(i) + k));
-  const RectifiedView upright = view_of_map(geometry, Cone{600, 900});
-  const std::vector<double> tau = drawn(column_samples(upright, geometry, {}), geometry, texels);
-  for (int column = 0; column < upright.columns; column += 7) {
+  const RectifiedView rectified = view_of_map(geometry, Cone{600, 900});
+  const std::vector<double> tau = drawn(column_samples(rectified, geometry, {}), geometry, texels);
+  for (int column = 0; column < rectified.columns; column += 7) {
     // The definition: mu at evenly spaced points of the ray, with the angle's sine instead of texels.
     double expected = 0;
     constexpr double kStep_mm = 0.01;
-    const glm::dvec2 origin = upright.origin_mm(column) - geometry.centre_mm[0];
+    const glm::dvec2 origin = rectified.origin_mm(column) - geometry.centre_mm[0];
     for (double s = -150; s < 150; s += kStep_mm) {
-      const glm::dvec2 p = origin + s * upright.direction(column);
+      const glm::dvec2 p = origin + s * rectified.direction(column);
       const double radius = glm::length(p);
       if (radius > 100) continue;
       const auto place = profile.at(radius);
       const double phi = std::atan2(p.x, -p.y);
       const auto mu = [&](int k) { return 0.01 * (k + 1) + 0.01 * std::sin(3 * phi + k); };
-      expected += kStep_mm * (mu(place.layer) * (1 - place.share) + mu(place.layer + 1) * place.share);
+      expected += kStep_mm * (mu(place.layer) * (1 - place.fraction) + mu(place.layer + 1) * place.fraction);
     }
     // Texels of a degree show a sine of three periods to (3 deg)^2 / 8 = 3e-4 of its amplitude, which adds
     // up to 6e-4 over 200 mm. Ways h of up to 1.5 texels, 1.3 mm at a radius of 50 mm, that are taken by
@@ -131,23 +131,23 @@ TEST(ColumnSamples, IntegrateAMapThatVariesWithRadiusAndAngle) {
 TEST(ColumnSamples, GoFromFarToNear) {
   const MapGeometry geometry = map({0, 30, 50, 100});
   for (const Compositing compositing : {Compositing::wall, Compositing::path}) {
-    const RectifiedView upright = view_of_map(geometry);
+    const RectifiedView rectified = view_of_map(geometry);
     SampleOptions options;
     options.compositing = compositing;
-    const ColumnSamples all = column_samples(upright, geometry, options);
-    for (int column = 0; column < upright.columns; ++column)
+    const ColumnSamples all = column_samples(rectified, geometry, options);
+    for (int column = 0; column < rectified.columns; ++column)
       EXPECT_TRUE(std::ranges::is_sorted(samples_of(all, column), {}, &ColumnSample::s_mm)) << column;
   }
 }
 
 TEST(ColumnSamples, WallsStandWhereTheyAreCrossed) {
   const MapGeometry geometry = map({0, 40, 80}, {10, -5});
-  const RectifiedView upright = view_of_map(geometry, {}, 0);
+  const RectifiedView rectified = view_of_map(geometry, {}, 0);
   SampleOptions options{.compositing = Compositing::wall};
   options.wall_radius_mm = 100;  // moves both out
-  const ColumnSamples all = column_samples(upright, geometry, options);
-  for (int column = 0; column < upright.columns; ++column) {
-    const double offset = offset_mm(upright, geometry, column);
+  const ColumnSamples all = column_samples(rectified, geometry, options);
+  for (int column = 0; column < rectified.columns; ++column) {
+    const double offset = offset_mm(rectified, geometry, column);
     const auto samples = samples_of(all, column);
     ASSERT_EQ(samples.size(), offset < 50 ? 4u : offset < 100 ? 2u : 0u);
     if (samples.empty()) continue;
@@ -177,7 +177,7 @@ TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
   const RectifiedView front = view_of_map(geometry, {}, 0), back = view_of_map(geometry, {}, 180);
   const ColumnSamples seen = column_samples(front, geometry, {}),
                       mirrored = column_samples(back, geometry, {});
-  const auto place = [](const ColumnSample& s) { return s.texel + s.column_share; };
+  const auto place = [](const ColumnSample& s) { return s.texel + s.column_fraction; };
   EXPECT_NEAR(place(samples_of(seen, 20)[0]) + place(samples_of(mirrored, 20)[0]), 99, 1e-3);
   EXPECT_THROW(column_samples(view_of_map(geometry, Cone{600, 900}), geometry, {}), InputError);
 }

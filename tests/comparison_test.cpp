@@ -21,20 +21,20 @@ std::vector<float> picture() {
 }
 
 TEST(Comparison, EqualPicturesAreEqual) {
-  const Likeness likeness = compare(picture(), picture(), kAll, kWidth, kHeight);
-  EXPECT_EQ(likeness.psnr_db, 120);
-  EXPECT_EQ(likeness.rmse, 0);
-  EXPECT_NEAR(likeness.ssim, 1, 1e-12);
+  const ImageSimilarity similarity = compare(picture(), picture(), kAll, kWidth, kHeight);
+  EXPECT_EQ(similarity.psnr_db, 120);
+  EXPECT_EQ(similarity.rmse, 0);
+  EXPECT_NEAR(similarity.ssim, 1, 1e-12);
 }
 
 TEST(Comparison, ErrorsAreThoseOfTransmissionAndDepth) {
   const std::vector<float> a(kWidth * kHeight, 0.5f), b(kWidth * kHeight, 2.0f);
-  const Likeness likeness = compare(a, b, kAll, kWidth, kHeight);
-  EXPECT_NEAR(likeness.psnr_db, -20 * std::log10(std::exp(-0.5) - std::exp(-2.0)), 1e-9);
-  EXPECT_NEAR(likeness.rmse, 0.75, 1e-9);
+  const ImageSimilarity similarity = compare(a, b, kAll, kWidth, kHeight);
+  EXPECT_NEAR(similarity.psnr_db, -20 * std::log10(std::exp(-0.5) - std::exp(-2.0)), 1e-9);
+  EXPECT_NEAR(similarity.rmse, 0.75, 1e-9);
   // Flat pictures have no structure: what is left is (2 m n + C1) / (m^2 + n^2 + C1).
   const double m = 1 - std::exp(-0.5 / 2.2), n = 1 - std::exp(-2 / 2.2);
-  EXPECT_NEAR(likeness.ssim, (2 * m * n + 1e-4) / (m * m + n * n + 1e-4), 1e-9);
+  EXPECT_NEAR(similarity.ssim, (2 * m * n + 1e-4) / (m * m + n * n + 1e-4), 1e-9);
 }
 
 TEST(Comparison, NoiseLowersTheSimilarity) {

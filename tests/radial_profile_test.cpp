@@ -18,7 +18,7 @@ const std::vector<double> kRadii{0, 30, 42, 52, 60, 75};
 double mu_at(const RadialProfile& profile, const std::vector<float>& mu, double radius_mm) {
   const auto place = profile.at(radius_mm);
   const auto next = std::min<std::size_t>(place.layer + 1, mu.size() - 1);
-  return mu[place.layer] * (1 - place.share) + mu[next] * place.share;
+  return mu[place.layer] * (1 - place.fraction) + mu[next] * place.fraction;
 }
 
 /// The same for one texel.
@@ -65,7 +65,7 @@ TEST(RadialProfile, ConstantShellsAreTheirMeans) {
   EXPECT_EQ(profile.at(29.9).layer, 0);
   EXPECT_EQ(profile.at(30.1).layer, 1);
   EXPECT_EQ(profile.at(75).layer, 4);
-  EXPECT_EQ(profile.at(75).share, 0);
+  EXPECT_EQ(profile.at(75).fraction, 0);
 }
 
 TEST(RadialProfile, KeepsTheSumsOfARayThatEndsBeforeTheLastEdge) {
@@ -107,11 +107,11 @@ TEST(RadialProfile, OfWhatIsConstantUpToWhereTheRayEndsIsConstant) {
 TEST(RadialProfile, PlacesRadiiBetweenTheMiddlesOfShells) {
   const RadialProfile profile(kRadii, Reconstruction::linear);
   EXPECT_EQ(profile.at(3).layer, 0);
-  EXPECT_EQ(profile.at(3).share, 0);
+  EXPECT_EQ(profile.at(3).fraction, 0);
   EXPECT_EQ(profile.at(41.5).layer, 1);  // middles at 15, 36, 47
-  EXPECT_DOUBLE_EQ(profile.at(41.5).share, 0.5);
+  EXPECT_DOUBLE_EQ(profile.at(41.5).fraction, 0.5);
   EXPECT_EQ(profile.at(75).layer, 3);
-  EXPECT_EQ(profile.at(75).share, 1);
+  EXPECT_EQ(profile.at(75).fraction, 1);
   EXPECT_EQ(RadialProfile(std::vector<double>{0, 10}, Reconstruction::linear).at(7).layer, 0);
 }
 

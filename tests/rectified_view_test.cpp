@@ -33,30 +33,42 @@ View view_at(double angle_deg, double tilt_deg, std::optional<Cone> cone) {
                 bounds_of(map()));
 }
 
-class UprightViews : public testing::TestWithParam<View> {};
+/// The column and row of a pixel's ray.
+glm::dvec2 place_of_pixel(const RectifiedView& rectified, double i, double j) {
+  const glm::dvec3 place = rectified.from_pixel * glm::dvec3(i + 0.5, j + 0.5, 1);
+  return glm::dvec2(place) / place.z;
+}
 
-TEST_P(UprightViews, FollowTheSameRays) {
+/// Rise over run of a column's ray that crosses the plane at a height.
+double slope_at(const RectifiedView& rectified, double column, double z_mm) {
+  if (!rectified.is_cone()) return rectified.slope;
+  return (z_mm - rectified.source_z_mm) / std::hypot(rectified.source_mm, rectified.column_x_mm(column));
+}
+
+class RectifiedViews : public testing::TestWithParam<View> {};
+
+TEST_P(RectifiedViews, FollowTheSameRays) {
   const View& view = GetParam();
-  const RectifiedView upright = rectified_view(view, map());
+  const RectifiedView rectified = rectified_view(view, map());
   for (const double i : {0.0, 50.5, 99.5, 199.0})
     for (const double j : {0.0, 30.0, 79.5, 159.0}) {
       const glm::dvec3 pixel = view.pixel_on_detector_mm(i, j);
       const glm::dvec3 along = view.cone ? glm::normalize(pixel - view.source_mm()) : view.towards_detector();
-      const glm::dvec2 place = upright.of_pixel(i, j);
-      const double z = upright.top_mm - place.y * upright.row_mm;
+      const glm::dvec2 place = place_of_pixel(rectified, i, j);
+      const double z = rectified.top_mm - place.y * rectified.row_mm;
       for (const double s : {-100.0, 0.0, 80.0}) {
-        const glm::dvec2 xy = upright.origin_mm(place.x) + s * upright.direction(place.x);
-        const glm::dvec3 point(xy, z + s * upright.slope_at(place.x, z));
+        const glm::dvec2 xy = rectified.origin_mm(place.x) + s * rectified.direction(place.x);
+        const glm::dvec3 point(xy, z + s * slope_at(rectified, place.x, z));
         // Products of lengths up to 2000 mm in double precision.
         EXPECT_LT(glm::length(glm::cross(point - pixel, along)), 1e-8) << i << ' ' << j << ' ' << s;
       }
     }
 }
 
-TEST_P(UprightViews, HoldAllOfTheBodyThatIsSeen) {
+TEST_P(RectifiedViews, HoldAllOfTheBodyThatIsSeen) {
   const View& view = GetParam();
   const MapGeometry geometry = map();
-  const RectifiedView upright = rectified_view(view, geometry);
+  const RectifiedView rectified = rectified_view(view, geometry);
   for (int i = 0; i < view.width; i += 3)
     for (int j = 0; j < view.height; j += 3) {
       const glm::dvec3 pixel = view.pixel_on_detector_mm(i, j);
@@ -68,24 +80,24 @@ TEST_P(UprightViews, HoldAllOfTheBodyThatIsSeen) {
                 p.z > geometry.z_mm(geometry.height - 1);
       }
       if (!meets) continue;
-      const glm::dvec2 place = upright.of_pixel(i, j);
+      const glm::dvec2 place = place_of_pixel(rectified, i, j);
       EXPECT_GE(place.x, -1e-9);
-      EXPECT_LE(place.x, upright.columns - 1 + 1e-9);
+      EXPECT_LE(place.x, rectified.columns - 1 + 1e-9);
       EXPECT_GE(place.y, -1e-9);
-      EXPECT_LE(place.y, upright.rows - 1 + 1e-9) << i << ' ' << j;
+      EXPECT_LE(place.y, rectified.rows - 1 + 1e-9) << i << ' ' << j;
     }
 }
 
-INSTANTIATE_TEST_SUITE_P(Views, UprightViews,
+INSTANTIATE_TEST_SUITE_P(Views, RectifiedViews,
                          testing::Values(view_at(0, 0, {}), view_at(130, 0, {}), view_at(-35, 20, {}),
                                          view_at(0, 0, Cone{1000, 1500}), view_at(70, -25, Cone{700, 1200})));
 
 TEST(RectifiedView, OfAnUntiltedParallelBeamHasTheMapsRowsAndThePixelsColumns) {
-  const RectifiedView upright = rectified_view(view_at(30, 0, {}), map());
-  EXPECT_EQ(upright.row_mm, 1.5);
+  const RectifiedView rectified = rectified_view(view_at(30, 0, {}), map());
+  EXPECT_EQ(rectified.row_mm, 1.5);
   // The first row is one of the map's, every fourth of which begins a texel.
-  EXPECT_EQ(std::remainder((150 - upright.top_mm) / 1.5, 4), 0);
-  const glm::dvec2 place = upright.of_pixel(100, 80);
+  EXPECT_EQ(std::remainder((150 - rectified.top_mm) / 1.5, 4), 0);
+  const glm::dvec2 place = place_of_pixel(rectified, 100, 80);
   EXPECT_NEAR(place.x, std::round(place.x), 1e-9);
 }
 

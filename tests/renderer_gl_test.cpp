@@ -29,26 +29,30 @@ constexpr double kRadians = std::numbers::pi / 180;
 
 struct StoredFrame {
   Compositing compositing;
-  Look look;
+  ShadingMode shading;
   std::array<int, 64> pixels;
 };
 const StoredFrame kStoredFrames[] = {
-    {Compositing::path, Look::fluoro, {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 36, 36, 35, 35,
-                                       30,  30,  22, 22, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75,
-                                       123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 18, 18, 13, 13,
-                                       11,  11,  11, 11, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75}},
-    {Compositing::path, Look::surface, {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 36, 36, 35, 35,
-                                        30,  30,  22, 22, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75,
-                                        123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 68, 8,  93, 12,
-                                        93,  12,  56, 7,  18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75}},
-    {Compositing::wall, Look::fluoro, {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35,
-                                       35, 35, 35, 35, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35,
-                                       94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 18, 18, 13, 13,
-                                       13, 13, 18, 18, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
-    {Compositing::wall, Look::surface, {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35,
-                                        35, 35, 35, 35, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35,
-                                        94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 56, 7,  73, 9,
-                                        73, 9,  56, 7,  13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
+    {Compositing::path,
+     ShadingMode::fluoro,
+     {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38,  38,  36, 36, 35, 35, 30, 30, 22, 22, 18, 18,
+      15,  15,  13, 13, 16, 16, 29, 29, 75, 75, 123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38,
+      18,  18,  13, 13, 11, 11, 11, 11, 18, 18, 15,  15,  13, 13, 16, 16, 29, 29, 75, 75}},
+    {Compositing::path,
+     ShadingMode::surface,
+     {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38,  38,  36, 36, 35, 35, 30, 30, 22, 22, 18, 18,
+      15,  15,  13, 13, 16, 16, 29, 29, 75, 75, 123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38,
+      68,  8,   93, 12, 93, 12, 56, 7,  18, 18, 15,  15,  13, 13, 16, 16, 29, 29, 75, 75}},
+    {Compositing::wall,
+     ShadingMode::fluoro,
+     {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 13, 13,
+      13, 13, 94, 94, 35, 35, 35, 35, 35, 35, 94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35,
+      18, 18, 13, 13, 13, 13, 18, 18, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
+    {Compositing::wall,
+     ShadingMode::surface,
+     {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 13, 13,
+      13, 13, 94, 94, 35, 35, 35, 35, 35, 35, 94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35,
+      56, 7,  73, 9,  73, 9,  56, 7,  13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
 };
 
 class RendererTest : public testing::Test {
@@ -148,7 +152,7 @@ TEST_F(RendererTest, StrengthsHideAndWeakenLayers) {
   renderer.set_map(map);
   Style style;
   style.sampling.reconstruction = Reconstruction::constant;
-  style.strengths = {0, 0.5f};
+  style.layer_weights = {0, 0.5f};
   const View view = view_of_map(*map, 0);
   // 50 mm of the outer shell on each side at half of 0.01/mm.
   EXPECT_NEAR(renderer.tau(view, style)[60 * view.width + 80], 0.5, 1e-5);
@@ -223,7 +227,7 @@ TEST_F(RendererTest, OpaqueSurfacesHideWhatLiesBehindThem) {
   Renderer renderer;
   renderer.set_map(map);
   Style style;
-  style.look = Look::surface;
+  style.shading = ShadingMode::surface;
   for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})})
     for (const double angle_deg : {0.0, 140.0}) {
       const View view = view_of_map(*map, angle_deg, 0, cone);
@@ -248,7 +252,7 @@ TEST_F(RendererTest, SurfacesBesideTheBodyAreSeenWhole) {
     renderer.set_map(map);
     renderer.set_surfaces(std::vector<Surface>{{mesh, 0.05, {1, 1, 1}}});
     Style style;
-    style.look = Look::surface;
+    style.shading = ShadingMode::surface;
     const std::vector<std::uint8_t> picture = renderer.picture(view, style);
     // 94 and 114 mm from the axis: 11 mm left and 9 mm right of the ball's middle.
     const int row = 60 * view.width, within = row + 80 + 47, beside = row + 80 + 57;
@@ -281,7 +285,7 @@ TEST_F(RendererTest, NearerSurfacesHideFartherOnesAtEveryAngle) {
   const glm::dvec3 centre(20, -30, 0), colours[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const auto map = homogeneous(1);
   Style style;
-  style.look = Look::surface;
+  style.shading = ShadingMode::surface;
   for (std::array order : {std::array{0, 1, 2}, std::array{2, 1, 0}, std::array{1, 2, 0}}) {
     std::vector<Surface> balls;
     for (const int k : order)
@@ -312,10 +316,10 @@ TEST_F(RendererTest, FramesLookAsTheyDid) {
   renderer.set_surfaces(
       std::vector<Surface>{{ball(bounds_of(map->geometry).centre_mm, 25), 0.02, {0.8, 0.2, 0.1}}});
   const View view = view_of_map(*map, 20);
-  const auto frame = [&](Compositing compositing, Look look) {
+  const auto frame = [&](Compositing compositing, ShadingMode shading) {
     Style style;
     style.sampling.compositing = compositing;
-    style.look = look;
+    style.shading = shading;
     const auto picture = renderer.picture(view, style);
     std::vector<int> seen;
     for (const int row : {25, 60})
@@ -324,7 +328,7 @@ TEST_F(RendererTest, FramesLookAsTheyDid) {
     return seen;
   };
   for (const auto& stored : kStoredFrames) {
-    const std::vector<int> seen = frame(stored.compositing, stored.look);
+    const std::vector<int> seen = frame(stored.compositing, stored.shading);
     double sum = 0;
     int largest = 0;
     for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -348,7 +352,7 @@ TEST_F(RendererTest, DetectorIsTheNearSide) {
   renderer.set_map(map);
   renderer.set_surfaces(std::vector<Surface>{{ball(bounds_of(map->geometry).centre_mm, 15), 0, {1, 0, 0}}});
   Style style;
-  style.look = Look::surface;
+  style.shading = ShadingMode::surface;
   for (const Compositing compositing : {Compositing::wall, Compositing::path})
     for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})}) {
       style.sampling.compositing = compositing;
@@ -514,10 +518,10 @@ TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
   renderer.set_map(map);
   const BodyBounds bounds = bounds_of(geometry);
   renderer.set_surfaces(std::vector<Surface>{{ball(bounds.centre_mm, 25), 0.02, {1, 0, 0}}});
-  for (const Look look : {Look::fluoro, Look::surface})
+  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface})
     for (const double zoom : {1.0, 3.0}) {
       Style full, half;
-      full.look = look;
+      full.shading = shading;
       Camera camera;
       camera.zoom = zoom;
       const View view = view_of(camera, bounds, 640, 480);
@@ -605,8 +609,8 @@ TEST_F(RendererTest, WhatWasDrawnBeforeLeavesNoTrace) {
   const Surface near{ball(bounds_of(map->geometry).centre_mm + glm::dvec3(0, -40, 0), 20), 0.05, {}};
   const View view = view_of_map(*map, 0), turned = view_of_map(*map, 50);
   ProjectionImage truth{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height, 0.5f)};
-  Style surface{.look = Look::surface}, weak, wall, coarse;
-  weak.strengths = {0.5f, 1};
+  Style surface{.shading = ShadingMode::surface}, weak, wall, coarse;
+  weak.layer_weights = {0.5f, 1};
   wall.sampling.compositing = Compositing::wall;
   coarse.pixels_per_column = 2;
   const std::tuple<std::shared_ptr<BodyMap>, View, Style> frames[] = {

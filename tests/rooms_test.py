@@ -78,6 +78,11 @@ class Rooms(unittest.TestCase):
                         library = HEADERS[name][0].split("/")[0]
                         self.assertEqual(room.split("/")[0], library, f"{file.relative_to(ROOT)} includes {name}")
 
+    def test_sampling_and_scene_are_free_of_opengl(self):
+        for room in ("viewer/xraycast/sampling", "viewer/xraycast/scene"):
+            for file in sources(room):
+                self.assertNotRegex(file.read_text(), "#include <(epoxy|GL|GLFW|EGL|imgui)", file.relative_to(ROOT))
+
     def test_private_headers_exist(self):
         for room, private in ROOMS.items():
             for name in private:

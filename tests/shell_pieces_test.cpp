@@ -19,7 +19,7 @@ TEST(ShellPieces, ThroughTheAxisAreTheShellsThemselves) {
   const double edges[] = {-100, -50, -30, 0, 30, 50, 100};
   for (int i = 0; i < 6; ++i) {
     EXPECT_EQ(pieces[i].shell, shells[i]);
-    EXPECT_EQ(pieces[i].is_near(), i >= 3);
+    EXPECT_EQ(pieces[i].from_mm >= 0, i >= 3);
     EXPECT_NEAR(pieces[i].from_mm, edges[i], kRounding);
     EXPECT_NEAR(pieces[i].to_mm, edges[i + 1], kRounding);
   }

@@ -60,10 +60,10 @@ TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
   EXPECT_NEAR(run.injected_ml(), 1.5, 0.3) << "0.3 s, to a frame or two of a busy machine";
   const Surface catheter = run.catheter(), contrast = run.contrast();
   EXPECT_GT(volume_mm3(catheter.mesh), 0);
-  ASSERT_FALSE(contrast.shares.empty());
+  ASSERT_FALSE(contrast.mu_weights.empty());
   // 350 mg/ml, diluted by blood.
-  EXPECT_GT(std::ranges::max(contrast.shares), 10);
-  EXPECT_LT(std::ranges::max(contrast.shares), 350);
+  EXPECT_GT(std::ranges::max(contrast.mu_weights), 10);
+  EXPECT_LT(std::ranges::max(contrast.mu_weights), 350);
   EXPECT_GT(run.loads().size(), 10u);
 }
 

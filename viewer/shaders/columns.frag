@@ -1,5 +1,5 @@
-// Optical depth of the upright picture: a texel holds four rows of a column. Variant LEVEL: the picture's rows
-// are the map's.
+// Optical depth of a rectified view: a texel holds four rows of a column. Variant MAP_ROWS: the view's rows are the
+// map's own.
 #include "columns.glsl"
 uniform int first_quad;
 out vec4 tau;
@@ -9,7 +9,7 @@ void main() {
   vec4 column = texelFetch(column_table, int(gl_FragCoord.x));
   int first = int(column.x), end = first + int(column.y);
   vec4 sum = vec4(0.0);
-#ifdef LEVEL
+#ifdef MAP_ROWS
   for (int i = first; i < end; ++i) {
     vec4 sample_ = texelFetch(sample_table, 2 * i);
     sum += sample_.y * quad_of(sample_, quad + first_quad);
@@ -17,12 +17,12 @@ void main() {
   tau = sum;
 #else
   vec4 row = first_row + row_step * (float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0));
-  vec4 falls = fall_of(row, column.z);
+  vec4 slopes = slope_of(row, column.z);
   for (int i = first; i < end; ++i) {
     vec4 sample_ = texelFetch(sample_table, 2 * i);
     float s_mm = texelFetch(sample_table, 2 * i + 1).x;
-    sum += sample_.y * rows_of(sample_, row + falls * s_mm);
+    sum += sample_.y * rows_of(sample_, row + slopes * s_mm);
   }
-  tau = sum * lengthening(falls);
+  tau = sum * secant(slopes);
 #endif
 }

@@ -1,4 +1,4 @@
-// The map along the rays of an upright view's columns (column_samples.hpp). Variants: BLENDS_LAYERS where samples
+// The map along the rays of a rectified view's columns (column_samples.hpp). Variants: BLENDS_LAYERS where samples
 // lie between two layers, PATH where they stand for a length.
 uniform samplerBuffer map_texels;    // four rows a texel (map_texels.hpp)
 uniform samplerBuffer column_table;  // ColumnSamples::Column
@@ -6,13 +6,13 @@ uniform samplerBuffer sample_table;  // ColumnSample, two texels each
 uniform int quads, layer_stride;     // of the map, in texels
 uniform float map_rows;
 
-// The map row in which rays cross the upright plane is first_row + row_step * row of the picture.
+// The map row in which rays cross the rectified plane is first_row + row_step * row of the picture.
 uniform float first_row, row_step;
-uniform float fall;        // of a parallel beam: map rows per mm towards the detector
+uniform float slope;       // of a parallel beam: map rows per mm of s
 uniform float source_row;  // of a cone
 uniform float row_mm;
 
-// Four rows of the map, between its columns and layers as a sample asks.
+// Four rows of the map, interpolated between the columns and layers of a sample.
 vec4 quad_of(vec4 sample_, int quad) {
   int at = int(sample_.x) * quads + quad;
   vec4 values = mix(texelFetch(map_texels, at), texelFetch(map_texels, at + quads), sample_.z);
@@ -24,26 +24,26 @@ vec4 quad_of(vec4 sample_, int quad) {
   return values;
 }
 
-// Map rows that a ray falls per mm of s, from the row in which it crosses the plane.
-vec4 fall_of(vec4 row, float per_run_mm) { return fall + (row - source_row) * per_run_mm; }
+// Map rows per mm of s of the rays that cross the rectified plane in these rows.
+vec4 slope_of(vec4 row, float per_run_mm) { return slope + (row - source_row) * per_run_mm; }
 
-// A mm of the ray's shadow in mm of the ray.
-vec4 lengthening(vec4 fall_per_mm) {
+// Length of the ray per mm of s: the secant of its elevation.
+vec4 secant(vec4 rows_per_mm) {
 #ifdef PATH
-  vec4 slope = fall_per_mm * row_mm;
-  return sqrt(1.0 + slope * slope);
+  vec4 rise = rows_per_mm * row_mm;
+  return sqrt(1.0 + rise * rise);
 #else
   return vec4(1.0);
 #endif
 }
 
-// The map in four rows of a sample, downwards and no farther apart than the map's.
+// The map of a sample in four rows, which ascend and are no farther apart than the map's.
 vec4 rows_of(vec4 sample_, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   int quad = int(within.x) / 4;
   vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, quads - 1));
 
-  // Five of the map's rows, from the one above the first.
+  // Five consecutive rows of the map, from the one above the first.
   float above = floor(within.x - float(4 * quad));
   bool by_two = above >= 2.0, by_one = above == 1.0 || above == 3.0;
   vec4 here = by_two ? vec4(upper.zw, lower.xy) : upper;
@@ -51,12 +51,12 @@ vec4 rows_of(vec4 sample_, vec4 row) {
   vec4 five = by_one ? vec4(here.yzw, next.x) : here;
   float fifth = by_one ? next.y : next.x;
 
-  // From one to the next, as far as each row has come.
+  // Piecewise linear interpolation as the sum of clamped steps.
   vec4 change = vec4(five.yzw, fifth) - five, from = within - float(4 * quad) - above;
   vec4 values = five.x + change.x * min(from, 1.0);
   values.yzw += change.y * clamp(from.yzw - 1.0, 0.0, 1.0);
   values.zw += change.z * clamp(from.zw - 2.0, 0.0, 1.0);
   values.w += change.w * clamp(from.w - 3.0, 0.0, 1.0);
-  // A row reaches half its height beyond its middle.
+  // The outermost rows reach half a row beyond their centres; beyond that there is nothing.
   return values * step(-0.5, row) * step(row, vec4(map_rows - 0.5));
 }

@@ -1,15 +1,15 @@
-// The body's picture looked up, surfaces that absorb, and grey. Variants: TAU (optical depth instead of grey),
-// ABSORBING, BETWEEN_COLUMNS, GAMMA.
+// Adds the optical depths of the body and of absorbing surfaces and applies the grey window. Variants: TAU (optical
+// depth instead of grey), ABSORBING, RESAMPLED (columns are interpolated), GAMMA.
 uniform sampler2D body;  // four rows a texel
 uniform mat3 from_pixel;
 uniform float view_height;
 uniform vec2 origin;  // of the view within the framebuffer
 uniform vec2 body_size;    // columns and rows
 uniform float last_quad;
-uniform vec2 row_limits;   // between which there is a body
+uniform vec2 row_limits;   // the first and last row of the body
 #ifdef ABSORBING
 uniform sampler2D absorbed;
-uniform float weight;  // of it
+uniform float weight;
 #endif
 #ifdef TAU
 out float result;
@@ -20,7 +20,7 @@ uniform bool inverted;
 out vec4 result;
 #endif
 
-// Between two of a column's rows.
+// A column, interpolated between its rows.
 float body_column(float column, float row) {
   float quad = floor(0.25 * row), from_quad = row - 4.0 * quad;
   vec4 upper = texelFetch(body, ivec2(column, quad), 0);
@@ -32,7 +32,7 @@ float body_column(float column, float row) {
 float body_tau(vec2 place) {
   vec2 last = body_size - 1.0;
   vec2 within = clamp(place, vec2(0.0), last);
-#ifdef BETWEEN_COLUMNS
+#ifdef RESAMPLED
   float left = floor(within.x);
   float tau = mix(body_column(left, within.y), body_column(min(left + 1.0, last.x), within.y), within.x - left);
 #else

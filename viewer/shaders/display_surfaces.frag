@@ -1,4 +1,4 @@
-// Opaque surfaces, seen through what lies in front of them. Variants: TAU (its optical depth), SPECTRUM.
+// Opaque surfaces, attenuated by the body in front of them. Variants: TAU (that body's optical depth), SPECTRUM.
 uniform sampler2D shade, near_tau;
 uniform float scale;
 uniform bool inverted;

@@ -1,4 +1,4 @@
-// Optical depth pixel by pixel: a texel holds four rows of a column.
+// Optical depth by ray marching, pixel by pixel: a texel holds four rows of a column.
 #include "march.glsl"
 uniform float pixels_per_column;
 out vec4 tau;

@@ -1,17 +1,17 @@
-// The map along any ray, step by step: spheres, and cylinders about a bent axis. Variants: SPHERE, WALL.
+// Ray marching through a map: spheres, and cylinders about a bent axis. Variants: SPHERE, WALL.
 uniform samplerBuffer map_texels;      // four rows a texel (map_texels.hpp)
-uniform samplerBuffer axis_table;      // x, y of the axis in every row; of a sphere one
-uniform samplerBuffer layer_table;     // layer and share of the next, for evenly spaced radii
+uniform samplerBuffer axis_table;      // x, y of the axis in every row; one entry for a sphere
+uniform samplerBuffer layer_table;     // layer and weight of the next one, for evenly spaced radii
 uniform int quads, layer_stride, layer_places, layers;
 uniform float map_rows, map_columns;
-uniform vec3 body_centre_mm;           // of what encloses the map, and of a sphere
+uniform vec3 body_centre_mm;           // of the cylinder or sphere that bounds the map
 uniform float body_radius_mm, body_half_height_mm, radius_mm;
 uniform float top_mm, row_mm;
 uniform float step_mm;
-uniform vec3 field_lower_mm, field_upper_mm;  // beyond which there is nothing
+uniform vec3 field_lower_mm, field_upper_mm;  // of the scan, beyond which there is nothing
 
 // The view's rays: through a point of the detector, along the beam or from the source.
-uniform vec3 corner_mm, right_mm, down_mm;  // a pixel's worth each
+uniform vec3 corner_mm, right_mm, down_mm;  // the detector's corner and the edges of a pixel
 uniform vec3 source_mm, beam;
 uniform bool is_cone;
 
@@ -22,14 +22,14 @@ struct Ray {
   vec3 start_mm, direction;
 };
 
-// (i + 1/2, j + 1/2) of a pixel. Distances along a ray count from the source, or from the plane of the picture.
+// The ray of a pixel (i + 1/2, j + 1/2). Its parameter is 0 at the source, or on the detector's plane.
 Ray ray_of(vec2 pixel) {
   vec3 on_detector = corner_mm + pixel.x * right_mm + pixel.y * down_mm;
   return is_cone ? Ray(source_mm, normalize(on_detector - source_mm)) : Ray(on_detector, beam);
 }
 
-// From where to where a ray is in the body's sphere or cylinder; empty when it misses.
-vec2 within_body(Ray ray) {
+// The interval of a ray within the bounds of the map and the scan; empty when it misses them.
+vec2 within_bounds(Ray ray) {
   vec3 from_centre = ray.start_mm - body_centre_mm, along = ray.direction;
 #ifdef SPHERE
   float a = 1.0, b = dot(from_centre, along), c = dot(from_centre, from_centre) - body_radius_mm * body_radius_mm;
@@ -37,9 +37,9 @@ vec2 within_body(Ray ray) {
   float a = max(dot(along.xy, along.xy), 1e-12), b = dot(from_centre.xy, along.xy);
   float c = dot(from_centre.xy, from_centre.xy) - body_radius_mm * body_radius_mm;
 #endif
-  float inside = b * b - a * c;
-  if (inside <= 0.0) return vec2(0.0);
-  vec2 range = (vec2(-1.0, 1.0) * sqrt(inside) - b) / a;
+  float discriminant = b * b - a * c;
+  if (discriminant <= 0.0) return vec2(0.0);
+  vec2 range = (vec2(-1.0, 1.0) * sqrt(discriminant) - b) / a;
 #ifndef SPHERE
   if (abs(along.z) > 1e-6) {
     vec2 ends = (vec2(-body_half_height_mm, body_half_height_mm) - from_centre.z) / along.z;
@@ -58,8 +58,8 @@ vec2 within_body(Ray ray) {
   return range;
 }
 
-// Where a point lies in the map: column, row and radius in mm.
-vec3 place_of(vec3 point) {
+// A point's coordinates in the map: column, row and radius in mm.
+vec3 map_coordinates(vec3 point) {
 #ifdef SPHERE
   vec3 p = point - body_centre_mm;
   float radius = length(p);
@@ -80,39 +80,39 @@ float texel(int layer, int column, int row) {
   return texelFetch(map_texels, at)[row % 4];
 }
 
-// One layer between its columns and rows.
+// One layer, bilinear.
 float layer_at(int layer, vec2 place) {
   float column = place.x < 0.0 ? place.x + map_columns : place.x;
   int left = int(column), upper = int(place.y), lower = min(upper + 1, int(map_rows) - 1);
-  vec2 share = vec2(column - float(left), place.y - float(upper));
-  return mix(mix(texel(layer, left, upper), texel(layer, left + 1, upper), share.x),
-             mix(texel(layer, left, lower), texel(layer, left + 1, lower), share.x), share.y);
+  vec2 weight = vec2(column - float(left), place.y - float(upper));
+  return mix(mix(texel(layer, left, upper), texel(layer, left + 1, upper), weight.x),
+             mix(texel(layer, left, lower), texel(layer, left + 1, lower), weight.x), weight.y);
 }
 
 vec2 layer_of(float radius) {
   return texelFetch(layer_table, clamp(int(radius / radius_mm * float(layer_places)), 0, layer_places - 1)).xy;
 }
 
-// Optical depth of a ray beyond `behind`.
+// Optical depth of a ray from parameter `behind` on.
 float march(Ray ray, float behind) {
-  vec2 range = within_body(ray);
+  vec2 range = within_bounds(ray);
   range.x = max(range.x, behind);
   int steps = min(int(ceil((range.y - range.x) / step_mm)), kMaxSteps);
   if (steps < 1) return 0.0;
   float step_ = (range.y - range.x) / float(steps), sum = 0.0;
 #ifdef WALL
-  // A wall is where the layer changes. The outermost is entered from outside, where there is none.
-  vec3 before = place_of(ray.start_mm + range.x * ray.direction);
+  // A wall is crossed where the layer changes; outside the outermost one the layer counts as `layers`.
+  vec3 before = map_coordinates(ray.start_mm + range.x * ray.direction);
   int layer_before = before.z < radius_mm * 0.999 ? int(layer_of(before.z).x) : layers;
   for (int i = 1; i <= steps; ++i) {
-    vec3 place = place_of(ray.start_mm + (range.x + float(i) * step_) * ray.direction);
+    vec3 place = map_coordinates(ray.start_mm + (range.x + float(i) * step_) * ray.direction);
     int layer = place.z < radius_mm * 0.999 ? int(layer_of(place.z).x) : layers;
     for (int k = min(layer, layer_before); k < max(layer, layer_before); ++k) sum += layer_at(k, place.xy);
     layer_before = layer;
   }
 #else
   for (int i = 0; i < steps; ++i) {
-    vec3 place = place_of(ray.start_mm + (range.x + (float(i) + 0.5) * step_) * ray.direction);
+    vec3 place = map_coordinates(ray.start_mm + (range.x + (float(i) + 0.5) * step_) * ray.direction);
     if (place.z >= radius_mm) continue;
     vec2 layer = layer_of(place.z);
     float here = layer_at(int(layer.x), place.xy);

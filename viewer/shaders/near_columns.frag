@@ -1,4 +1,4 @@
-// Optical depth between an opaque surface and the detector, for the pixels that see a surface.
+// Optical depth between an opaque surface and the detector, by the columns of a rectified view.
 #include "columns.glsl"
 uniform sampler2D surface_depth;  // s of the surface; under a cone, its horizontal distance from the source
 uniform mat3 from_pixel;
@@ -10,7 +10,7 @@ void main() {
   place.xy /= place.z;
   vec4 column = texelFetch(column_table, int(clamp(floor(place.x + 0.5), 0.0, last_column)));
   float row = first_row + row_step * place.y;
-  vec4 falls = fall_of(vec4(row), column.z);
+  vec4 slopes = slope_of(vec4(row), column.z);
   float depth = texelFetch(surface_depth, ivec2(gl_FragCoord.xy), 0).x;
   if (column.z > 0.0) depth -= 1.0 / column.z;
 
@@ -18,9 +18,9 @@ void main() {
   int first = int(column.x);
   for (int i = first + int(column.y) - 1; i >= first; --i) {
     vec4 sample_ = texelFetch(sample_table, 2 * i), where = texelFetch(sample_table, 2 * i + 1);
-    if (where.z <= depth) break;  // this one and all before it lie behind the surface
+    if (where.z <= depth) break;  // this sample and all before it lie behind the surface
     float share = min(1.0, (where.z - depth) / max(where.z - where.y, 1e-6));
-    sum += share * sample_.y * rows_of(sample_, vec4(row) + falls * where.x).x;
+    sum += share * sample_.y * rows_of(sample_, vec4(row) + slopes * where.x).x;
   }
-  tau = vec4(sum * lengthening(falls).x);
+  tau = vec4(sum * secant(slopes).x);
 }

@@ -1,4 +1,4 @@
-// Optical depth between an opaque surface and the detector, for the pixels that see a surface.
+// Optical depth between an opaque surface and the detector, by ray marching.
 #include "march.glsl"
 uniform sampler2D surface_depth;  // along the ray
 uniform float view_height;

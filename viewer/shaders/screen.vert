@@ -1,4 +1,4 @@
-// A triangle over the whole target, for passes that draw every pixel. Behind all surfaces.
+// A triangle that covers the whole target, on the far plane.
 void main() {
   vec2 corner = vec2(gl_VertexID == 1 ? 3.0 : -1.0, gl_VertexID == 2 ? 3.0 : -1.0);
   gl_Position = vec4(corner, 1.0, 1.0);

@@ -1,4 +1,4 @@
-// From the masses of three materials along the rays to optical depth; a texel holds four rows.
+// Optical depth from the masses of three materials along the rays; a texel holds four rows.
 #include "spectrum.glsl"
 uniform sampler2D water, bone, iodine;
 out vec4 tau;

@@ -1,16 +1,16 @@
-// Opaque surfaces: what colour is seen, and how far along the ray it is.
+// Opaque surfaces: their shaded colour, and their depth along the ray.
 in vec3 position_mm;
 in vec3 normal;
 uniform vec3 colour, towards_detector;
 uniform bool is_cone;
 uniform vec3 origin_mm;     // a cone's source, or the view's centre
-uniform vec3 along;         // of a parallel beam: the direction in which depth is counted
+uniform vec3 along;         // of a parallel beam: the direction in which depth is measured
 uniform vec3 counted_axes;  // 1 where an axis counts for the distance from a source
 layout(location = 0) out vec4 shade;
 layout(location = 1) out float depth;
 
 void main() {
-  // A headlamp beside the detector, and light from all around.
+  // Lambertian, lit by a headlight at the detector, with an ambient term.
   float lambert = abs(dot(normalize(normal), towards_detector));
   shade = vec4(colour * (0.25 + 0.75 * lambert), 1.0);
   vec3 offset = position_mm - origin_mm;

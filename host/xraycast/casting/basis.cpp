@@ -42,10 +42,7 @@ std::vector<std::int64_t> count_hu(const ResidentScan& scan) {
                                        0);
   const cl::Buffer counts = device.upload(std::span<const std::uint32_t>(of_bricks), CL_MEM_READ_WRITE);
   cl::Kernel kernel = device.kernel("basis", "count_hu", scan.build_options());
-  kernel.setArg(0, scan.voxels());
-  kernel.setArg(1, scan.layout());
-  kernel.setArg(2, Basis::kHistogramStride);
-  kernel.setArg(3, counts);
+  set_args(kernel, scan.voxels(), scan.layout(), Basis::kHistogramStride, counts);
   const int rows = (scan.layout().size_y + Basis::kHistogramStride - 1) / Basis::kHistogramStride;
   device.run(kernel, {rows, scan.layout().bricks, 1}, {1, 1, 1});
   device.download(counts, std::span(of_bricks));
@@ -113,21 +110,11 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
   const cl::Buffer knots = device.upload(std::span<const DeviceKnot>(knot_list));
   const cl::Buffer below = device.upload(std::span<const std::uint8_t>(knots_below(knot_list)));
   cl::Kernel kernel = device.kernel("basis", "weigh_tiles", rays.build_options());
-  kernel.setArg(0, scan.voxels());
-  kernel.setArg(1, scan.layout());
-  kernel.setArg(2, rays.cylinder());
-  kernel.setArg(3, rays.centres());
-  kernel.setArg(4, rays.azimuths());
-  kernel.setArg(5, rays.shells());
-  kernel.setArg(6, knots);
-  kernel.setArg(7, below);
-  kernel.setArg(8, static_cast<int>(basis.knots_hu.size()));
-  kernel.setArg(11, touched);
-  kernel.setArg(12, weights);
   for (std::int64_t first = 0; first < tiles; first += step) {
     const std::int64_t count = std::min(step, tiles - first);
-    kernel.setArg(9, static_cast<cl_long>(first));
-    kernel.setArg(10, static_cast<int>(count));
+    set_args(kernel, scan.voxels(), scan.layout(), rays.cylinder(), rays.centres(), rays.azimuths(),
+             rays.shells(), knots, below, static_cast<cl_int>(basis.knots_hu.size()),
+             static_cast<cl_long>(first), static_cast<cl_int>(count), touched, weights);
     device.run(kernel, {count, 1, 1}, {device.info().is_gpu ? 64 : 1, 1, 1});
     const std::span masks = std::span(basis.touched).subspan(first, count);
     device.download(touched, masks);

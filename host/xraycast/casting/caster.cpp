@@ -22,20 +22,14 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
   cl::Kernel kernel =
       device.kernel(is_sphere ? "sphere" : "cylinder", is_sphere ? "cast_sphere" : "cast_cylinder",
                     device_opacity.build_options() + rays.build_options());
-  kernel.setArg(0, scan.voxels());
-  kernel.setArg(1, scan.layout());
-  if (is_sphere) {
-    kernel.setArg(2, rays.sphere());
-    kernel.setArg(3, rays.polars());
-  } else {
-    kernel.setArg(2, rays.cylinder());
-    kernel.setArg(3, rays.centres());
-  }
-  kernel.setArg(4, rays.azimuths());
-  kernel.setArg(5, rays.shells());
-  kernel.setArg(6, device_opacity.parameters());
-  kernel.setArg(7, device_opacity.table());
-  kernel.setArg(8, tau);
+  const auto set = [&](const auto& map, const cl::Buffer& of_rows) {
+    set_args(kernel, scan.voxels(), scan.layout(), map, of_rows, rays.azimuths(), rays.shells(),
+             device_opacity.parameters(), device_opacity.table(), tau);
+  };
+  if (is_sphere)
+    set(rays.sphere(), rays.polars());
+  else
+    set(rays.cylinder(), rays.centres());
   progress.begin("casting", geometry.height, "rows");
   const int slices = rays.slices_per_item();
   // On a processor, vectors run along the slices and a group of one item is best.

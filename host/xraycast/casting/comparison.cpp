@@ -65,12 +65,12 @@ std::vector<double> displayed(std::span<const float> tau) {
 
 }  // namespace
 
-Likeness compare(std::span<const float> tau, std::span<const float> truth,
-                 std::span<const std::uint8_t> counts, int width, int height) {
+ImageSimilarity compare(std::span<const float> tau, std::span<const float> drr,
+                        std::span<const std::uint8_t> counts, int width, int height) {
   double transmission = 0, depth = 0, count = 0, deepest = 0;
   for (std::size_t i = 0; i < tau.size(); ++i) {
     if (!counts[i]) continue;
-    const double a = tau[i], b = truth[i], difference = std::exp(-a) - std::exp(-b);
+    const double a = tau[i], b = drr[i], difference = std::exp(-a) - std::exp(-b);
     transmission += difference * difference;
     depth += (a - b) * (a - b);
     deepest = std::max(deepest, b);
@@ -79,7 +79,7 @@ Likeness compare(std::span<const float> tau, std::span<const float> truth,
   if (count == 0) return {0, 1, 0};
   constexpr double kLeast = 1e-12;  // pictures that are equal have 120 dB
   return {-10 * std::log10(std::max(kLeast, transmission / count)),
-          ssim(displayed(tau), displayed(truth), counts, width, height),
+          ssim(displayed(tau), displayed(drr), counts, width, height),
           deepest > 0 ? std::sqrt(depth / count) / deepest : 0};
 }
 

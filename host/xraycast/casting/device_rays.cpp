@@ -62,8 +62,9 @@ std::vector<XrcShell> shells_of(const MapGeometry& geometry) {
   return shells;
 }
 
-int samples_of(const MapGeometry& geometry) {
-  return static_cast<int>(std::ceil(on_grid(geometry.radius_mm() / geometry.step_mm)));
+XrcMap map_of(const MapGeometry& geometry) {
+  const auto samples = static_cast<int>(std::ceil(on_grid(geometry.radius_mm() / geometry.step_mm)));
+  return {geometry.width, geometry.height, geometry.layers(), samples, static_cast<float>(geometry.step_mm)};
 }
 
 }  // namespace
@@ -85,26 +86,13 @@ DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
 }
 
 XrcCylinder DeviceRays::cylinder() const {
-  const glm::dvec3 step = geometry_.step_mm / scan_.geometry().spacing_mm;
-  XrcCylinder parameters{};
-  parameters.width = geometry_.width;
-  parameters.height = geometry_.height;
-  parameters.layers = geometry_.layers();
-  parameters.samples = samples_of(geometry_);
-  parameters.step_mm = static_cast<float>(geometry_.step_mm);
-  parameters.step_x = static_cast<float>(step.x);
-  parameters.step_y = static_cast<float>(step.y);
-  return parameters;
+  const glm::vec2 step(geometry_.step_mm / glm::dvec2(scan_.geometry().spacing_mm));
+  return {map_of(geometry_), step.x, step.y};
 }
 
 XrcSphere DeviceRays::sphere() const {
   const glm::dvec3 centre = scan_.geometry().to_index({geometry_.centre_mm[0], geometry_.centre_z_mm});
-  XrcSphere parameters{};
-  parameters.width = geometry_.width;
-  parameters.height = geometry_.height;
-  parameters.layers = geometry_.layers();
-  parameters.samples = samples_of(geometry_);
-  parameters.step_mm = static_cast<float>(geometry_.step_mm);
+  XrcSphere parameters{map_of(geometry_), {}, {}};
   for (int axis = 0; axis < 3; ++axis) {
     parameters.centre[axis] = static_cast<float>(centre[axis]);
     parameters.step[axis] = static_cast<float>(geometry_.step_mm / scan_.geometry().spacing_mm[axis]);

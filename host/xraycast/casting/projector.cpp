@@ -60,9 +60,9 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
     return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
   const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
   if (view.tilt_rad == 0)
-    return {"joseph_level",
+    return {"joseph_untilted",
             "project_untilted",
-            {parts(view.width, XRC_LEVEL_COLUMNS), parts(view.height, XRC_LEVEL_ROWS), 1},
+            {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
             {1, 1, 1}};
   constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
   return {"joseph_rows",
@@ -84,12 +84,8 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
   const Projector projector = projector_for(scan, view);
   cl::Kernel kernel =
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
-  kernel.setArg(0, scan.voxels());
-  kernel.setArg(1, scan.layout());
-  kernel.setArg(2, detector_of(view, scan.geometry(), within));
-  kernel.setArg(3, device_opacity.parameters());
-  kernel.setArg(4, device_opacity.table());
-  kernel.setArg(5, tau);
+  set_args(kernel, scan.voxels(), scan.layout(), detector_of(view, scan.geometry(), within),
+           device_opacity.parameters(), device_opacity.table(), tau);
   progress.begin("projecting", view.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);
   device.download(tau, std::span(image.tau));
@@ -103,7 +99,7 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
   if (rays.empty()) return {};
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
-  std::vector<std::array<float, 4>> ends;  // in voxels, start and end by turns
+  std::vector<std::array<float, 4>> ends;  // in voxels, start and end interleaved
   for (const RaySegment& ray : rays) {
     for (const glm::dvec3& end_mm : {ray.start_mm, ray.end_mm}) {
       constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit voxel coordinates lose the voxel
@@ -118,19 +114,13 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
   const cl::Buffer segments = device.upload(std::span<const std::array<float, 4>>(ends));
   const cl::Buffer tau =
       device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
-  const glm::dvec3 spacing_mm = scan.geometry().spacing_mm;
+  const glm::vec3 spacing_mm(scan.geometry().spacing_mm);
 
   cl::Kernel kernel =
       device.kernel("joseph", "project_rays", device_opacity.build_options() + scan.build_options());
-  kernel.setArg(0, scan.voxels());
-  kernel.setArg(1, scan.layout());
-  kernel.setArg(2, cl_float4{{static_cast<float>(spacing_mm.x), static_cast<float>(spacing_mm.y),
-                              static_cast<float>(spacing_mm.z), 0}});
-  kernel.setArg(3, static_cast<int>(rays.size()));
-  kernel.setArg(4, segments);
-  kernel.setArg(5, device_opacity.parameters());
-  kernel.setArg(6, device_opacity.table());
-  kernel.setArg(7, tau);
+  set_args(kernel, scan.voxels(), scan.layout(), cl_float4{{spacing_mm.x, spacing_mm.y, spacing_mm.z, 0}},
+           static_cast<cl_int>(rays.size()), segments, device_opacity.parameters(), device_opacity.table(),
+           tau);
   const auto count = static_cast<std::int64_t>(rays.size());
   progress.begin("projecting", count, "rays");
   device.run(kernel, {count, 1, 1}, {64, 1, 1});

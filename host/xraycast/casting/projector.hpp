@@ -17,14 +17,15 @@ struct RaySegment {
   glm::dvec3 start_mm, end_mm;
 };
 
-/// A true projection: H x W optical depths of the whole lines, row 0 on top.
+/// A digitally reconstructed radiograph (DRR), the true projection of a scan: H x W optical depths of the
+/// whole lines, row 0 on top.
 struct ProjectionImage {
   View view;
   std::vector<float> tau;
   double kernel_ms = 0;
 };
 
-/// Draws the true projection (a digitally reconstructed radiograph) of a resident scan by Joseph's method:
+/// Projects a resident scan to a DRR by Joseph's method:
 /// the scan is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within
 /// the plane, then classified, and every sample counts for the length of ray between planes (P. M. Joseph,
 /// IEEE Trans. Med. Imaging 1982). The ray is clipped to the scan, from the first to the last voxel's centre

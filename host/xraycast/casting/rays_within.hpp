@@ -10,7 +10,7 @@ namespace xraycast {
 
 /// The part of each of a view's rays (row by row) that lies in what a map covers: the cylinder of its radius
 /// from the first row's upper edge to the last one's lower edge, or the sphere; nothing where a ray misses
-/// it. Along these a true projection sees the same matter as the map. Throws InputError for a bent axis,
+/// it. A DRR along these integrates the same matter as the map. Throws InputError for a bent axis,
 /// whose body is no cylinder.
 std::vector<std::optional<RaySegment>> rays_within(const View& view, const MapGeometry& geometry);
 

@@ -97,7 +97,7 @@ CastResult cast_by_slabs(ComputeDevice& device, SliceSource& source, const MapGe
 
   VolumeGeometry part = volume;
   part.size.z = size_at(0);
-  // Memory that is taken anew costs more time than what is done in it.
+  // Reallocating it for every slab would take longer than the work on it.
   ResidentScan scan(device, part);
 
   progress.begin("casting", volume.size.z, "slices");

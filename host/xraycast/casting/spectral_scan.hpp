@@ -27,7 +27,7 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
                 Progress& progress);
 
-/// The true projection under a spectrum: the masses of kMaterials are summed along each ray, and the optical
+/// The DRR under a spectrum: the masses of kMaterials are summed along each ray, and the optical
 /// depth is that of all of them together. Otherwise as `project` of an opacity, with a stage "projecting" for
 /// each material.
 ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,

@@ -237,9 +237,7 @@ ComputeDevice::SelfTest ComputeDevice::self_test() {
     cl::Buffer in_buffer = buffer(CL_MEM_READ_ONLY | CL_MEM_COPY_HOST_PTR, n * sizeof(float), in.data());
     cl::Buffer out_buffer = buffer(CL_MEM_WRITE_ONLY, n * sizeof(float));
     cl::Kernel run = kernel("selftest", "selftest_buffer");
-    run.setArg(0, in_buffer);
-    run.setArg(1, out_buffer);
-    run.setArg(2, n);
+    set_args(run, in_buffer, out_buffer, n);
     queue_.enqueueNDRangeKernel(run, cl::NullRange, cl::NDRange(1024));
     queue_.enqueueReadBuffer(out_buffer, CL_TRUE, 0, n * sizeof(float), out.data());
     result.buffers = true;
@@ -257,8 +255,7 @@ ComputeDevice::SelfTest ComputeDevice::self_test() {
                       h, d, 0, 0, in.data());
     cl::Buffer out_buffer = buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(out.size() * sizeof(float)));
     cl::Kernel run = kernel("selftest", "selftest_image");
-    run.setArg(0, image);
-    run.setArg(1, out_buffer);
+    set_args(run, image, out_buffer);
     queue_.enqueueNDRangeKernel(run, cl::NullRange, cl::NDRange(8, 8, 4));
     queue_.enqueueReadBuffer(out_buffer, CL_TRUE, 0, out.size() * sizeof(float), out.data());
     result.images = in == out;

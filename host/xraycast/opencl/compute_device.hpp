@@ -107,6 +107,14 @@ class ComputeDevice {
   std::map<std::string, cl::Program> programs_;  ///< by file and options
 };
 
+/// Sets all of a kernel's arguments, in the order of its declaration. Their types have to be the kernel's own
+/// (cl_int for int, cl_long for long); buffers have to outlive the run.
+template <typename... Arguments>
+void set_args(cl::Kernel& kernel, const Arguments&... arguments) {
+  cl_uint index = 0;
+  (kernel.setArg(index++, arguments), ...);
+}
+
 /// Wall time that the device spent between the start and the end of a finished, profiled command.
 double duration_ms(const cl::Event& event);
 

@@ -74,11 +74,7 @@ void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {
       device_->buffer(CL_MEM_READ_ONLY | CL_MEM_USE_HOST_PTR, static_cast<std::int64_t>(hu.size_bytes()),
                       const_cast<std::int16_t*>(hu.data()));
   cl::Kernel pack = device_->kernel("scan", "pack_bricks");
-  pack.setArg(0, slices);
-  pack.setArg(1, voxels_);
-  pack.setArg(2, layout_);
-  pack.setArg(3, static_cast<int>(slices_done_ / XRC_BRICK_SLICES));
-  pack.setArg(4, count);
+  set_args(pack, slices, voxels_, layout_, static_cast<cl_int>(slices_done_ / XRC_BRICK_SLICES), count);
   device_->run(pack, {layout_.pitch_x, layout_.pitch_y, bricks});
   device_->finish();
 }

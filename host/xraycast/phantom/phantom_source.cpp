@@ -104,13 +104,7 @@ void PhantomSource::paint(std::span<std::int16_t> slices, std::int64_t count) {
     const cl::Buffer first = constant_buffer<cl_int>(device_, bricks.first);
     const cl::Buffer list = constant_buffer<cl_int>(device_, bricks.list);
     const cl::Buffer out = device_.buffer(CL_MEM_WRITE_ONLY, bytes);
-    kernel_.setArg(0, sizeof slab, &slab);
-    kernel_.setArg(1, primitives_);
-    kernel_.setArg(2, stations_);
-    kernel_.setArg(3, base_hu);
-    kernel_.setArg(4, first);
-    kernel_.setArg(5, list);
-    kernel_.setArg(6, out);
+    set_args(kernel_, slab, primitives_, stations_, base_hu, first, list, out);
     // A work-group is a brick: its rows run through the same list.
     const cl::NDRange range(static_cast<cl::size_type>(slab.bricks_x),
                             static_cast<cl::size_type>(bricks_for(geometry.size.y) * kBrick),

@@ -55,15 +55,11 @@ std::vector<float> BlockFilter::download(const cl::Buffer& values) {
   return result;
 }
 
-cl::Kernel BlockFilter::kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target) {
+template <typename... Arguments>
+void BlockFilter::run(const char* name, const cl::Buffer& source, const cl::Buffer& target,
+                      const Arguments&... arguments) {
   cl::Kernel kernel = device_.kernel("vesselness", name);
-  kernel.setArg(0, source);
-  kernel.setArg(1, target);
-  kernel.setArg(2, int4_of(size_));
-  return kernel;
-}
-
-void BlockFilter::run(cl::Kernel& kernel) {
+  set_args(kernel, source, target, int4_of(size_), arguments...);
   device_.run(kernel, {size_.x, size_.y, size_.z});
   device_.finish();
 }
@@ -74,11 +70,7 @@ cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma
     const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox[axis])));
     const std::vector<float> weights = gaussian_weights(sigma_vox[axis], reach);
     const cl::Buffer device_weights = device_.upload(std::span(weights)), target = block();
-    cl::Kernel gaussian = kernel("gaussian", source, target);
-    gaussian.setArg(3, axis);
-    gaussian.setArg(4, device_weights);
-    gaussian.setArg(5, static_cast<cl_int>(reach));
-    run(gaussian);
+    run("gaussian", source, target, axis, device_weights, static_cast<cl_int>(reach));
     source = target;
   }
   return source;
@@ -93,11 +85,8 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
       static_cast<float>(scale2 / (s.z * s.z)), static_cast<float>(scale2 / (s.x * s.y)),
       static_cast<float>(scale2 / (s.x * s.z)), static_cast<float>(scale2 / (s.y * s.z))};
   const cl::Buffer device_per_mm2 = device_.upload(std::span(per_mm2));
-  cl::Kernel tubularity = kernel("tubularity", smoothed, best);
-  tubularity.setArg(3, device_per_mm2);
-  tubularity.setArg(4, static_cast<float>(strength));
-  tubularity.setArg(5, static_cast<cl_int>(is_frangi));
-  run(tubularity);
+  run("tubularity", smoothed, best, device_per_mm2, static_cast<cl_float>(strength),
+      static_cast<cl_int>(is_frangi));
 }
 
 cl::Buffer BlockFilter::line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
@@ -107,12 +96,8 @@ cl::Buffer BlockFilter::line_strength(const cl::Buffer& values, double sigma_vox
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
   cl::Buffer target = block();
-  cl::Kernel line_strength = kernel("line_strength", values, target);
-  line_strength.setArg(3, device_spread);
-  line_strength.setArg(4, static_cast<cl_int>(directions));
-  line_strength.setArg(5, device_weights);
-  line_strength.setArg(6, static_cast<cl_int>(reach_vox));
-  run(line_strength);
+  run("line_strength", values, target, device_spread, static_cast<cl_int>(directions), device_weights,
+      static_cast<cl_int>(reach_vox));
   return target;
 }
 

@@ -33,9 +33,11 @@ class BlockFilter {
  private:
   cl::Buffer block();
 
-  /// A kernel of vesselness.cl, whose first arguments are where it reads, where it writes, and the size.
-  cl::Kernel kernel(const char* name, const cl::Buffer& source, const cl::Buffer& target);
-  void run(cl::Kernel& kernel);
+  /// Runs a kernel of vesselness.cl over the block. Its first arguments are where it reads, where it writes
+  /// and the size; `arguments` are the rest.
+  template <typename... Arguments>
+  void run(const char* name, const cl::Buffer& source, const cl::Buffer& target,
+           const Arguments&... arguments);
 
   ComputeDevice& device_;
   Index3 size_;

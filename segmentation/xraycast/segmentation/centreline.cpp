@@ -5,6 +5,7 @@
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
+#include "xraycast/mask/trilinear.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -64,15 +65,7 @@ class Lumen {
     const glm::dvec3 at =
         glm::clamp(mask_.geometry.to_index(world_mm), glm::dvec3(0), glm::dvec3(size - Index3(1)));
     const Index3 low(glm::min(glm::floor(at), glm::dvec3(glm::max(size - Index3(2), Index3(0)))));
-    const glm::dvec3 f = at - glm::dvec3(low);
-    double sum = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Index3 step(corner & 1, corner >> 1 & 1, corner >> 2);
-      const glm::dvec3 w = glm::mix(1.0 - f, f, glm::dvec3(step));
-      const double weight = w.x * w.y * w.z;
-      if (weight > 0) sum += weight * static_cast<double>(values[mask_.offset(low + step)]);
-    }
-    return sum;
+    return trilinear(mask_, values, low, at - glm::dvec3(low));
   }
 
   const Mask& mask_;

@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/line_ends.hpp"
 
 #include "xraycast/mask/thinning.hpp"
+#include "xraycast/mask/trilinear.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -109,14 +110,7 @@ class Follower {
   std::optional<double> rise_at(const glm::dvec3& p) const {
     const Index3 low(glm::floor(p));
     if (!taken_.contains(low) || !taken_.contains(low + Index3(1))) return std::nullopt;
-    const glm::dvec3 f = p - glm::dvec3(low);
-    double sum = 0;
-    for (int corner = 0; corner < 8; ++corner) {
-      const Index3 step(corner & 1, corner >> 1 & 1, corner >> 2);
-      const glm::dvec3 w = glm::mix(1.0 - f, f, glm::dvec3(step));
-      sum += w.x * w.y * w.z * static_cast<double>(rise_[taken_.offset(low + step)]);
-    }
-    return sum;
+    return trilinear(taken_, rise_, low, p - glm::dvec3(low));
   }
 
   const std::vector<float>& rise_;

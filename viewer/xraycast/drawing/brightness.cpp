@@ -5,7 +5,7 @@
 namespace xraycast {
 
 GreyWindow automatic_window(Renderer& renderer, const View& view, const Style& style) {
-  constexpr int kEnough = 160;  // pixels a side, of which shares of a thousandth are still twenty
+  constexpr int kEnough = 160;  // pixels a side, a thousandth of which are still twenty
   const int every = std::max(1, std::max(view.width, view.height) / kEnough);
   View coarse = view;
   coarse.width = std::max(1, view.width / every);

@@ -4,8 +4,8 @@
 
 namespace xraycast {
 
-/// The grey window for what a view shows, as a C-arm's automatic brightness control sets it by what reaches
-/// the detector: from the optical depths of the picture, of which every few pixels are drawn. Gamma and
+/// The grey window for a view's picture, chosen from its optical depths as a C-arm's automatic brightness
+/// control does from the dose at the detector. The picture is drawn at a lower resolution for that. Gamma and
 /// inversion stay the style's.
 GreyWindow automatic_window(Renderer& renderer, const View& view, const Style& style);
 

@@ -33,7 +33,7 @@ void CineWriter::finish() const {
     std::error_code error;
     for (int number = count_; std::filesystem::is_regular_file(frame(number), error); ++number)
       if (!std::filesystem::remove(frame(number), error))
-        throw InputError("{}: a longer cine's frame cannot be removed: {}", frame(number).string(),
+        throw InputError("{}: a frame of an earlier cine cannot be removed: {}", frame(number).string(),
                          error.message());
     return;
   }

@@ -6,12 +6,12 @@
 
 namespace xraycast {
 
-/// Whether a cine's name asks for an animation (.gif) and not for a folder of PNGs.
+/// Whether a cine's name is that of an animation (.gif) and not of a folder of PNGs.
 bool is_animation(const std::filesystem::path& path);
 
-/// Frames of a turn around the body, all of one size: PNGs in a folder, which has to exist, as they come, or
-/// one animation in the end, of 20 frames a second. A folder's frames are those of one cine: those that
-/// a longer one left, numbered on from the last, are removed.
+/// Writes the frames of a cine, all of one size: as PNGs into a folder, which has to exist, one by one, or as
+/// an animation of 20 frames a second at the end. A folder holds one cine: surplus frames of an earlier one,
+/// numbered on from the last, are removed.
 class CineWriter {
  public:
   CineWriter(std::filesystem::path output, int width, int height);

@@ -45,7 +45,7 @@ GLuint compiled(GLenum stage, const std::string& name, const std::string& define
   return id;
 }
 
-/// Whether what was asked for just now was too much.
+/// Whether the last allocation failed.
 bool is_out_of_memory() { return glGetError() == GL_OUT_OF_MEMORY; }
 
 [[noreturn]] void throw_no_memory(const std::string& what, std::size_t size_B) {
@@ -104,11 +104,11 @@ void Program::set(const char* name, const glm::dmat4& value) const {
 
 void Table::allocate(std::size_t count, const float* values, const std::string& what) {
   const std::size_t channels = format_ == GL_R32F ? 1 : format_ == GL_RG32F ? 2 : 4;
-  GLint most = 0;
-  glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &most);
-  if (count / channels > static_cast<std::size_t>(most))
+  GLint limit = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &limit);
+  if (count / channels > static_cast<std::size_t>(limit))
     throw InputError("{}: {} texels, but this OpenGL takes {} in one texture; cast fewer layers or angles",
-                     what, count / channels, most);
+                     what, count / channels, limit);
   size_B_ = count * sizeof(float);
   glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
   glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values, GL_DYNAMIC_DRAW);
@@ -148,12 +148,11 @@ void Target::resize(int width, int height) {
   width = std::max(1, width);
   height = std::max(1, height);
   if (width == width_ && height == height_) return;
-  GLint most = 0;
-  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &most);
-  if (width > most || height > most)
-    throw InputError(
-        "a picture of {} x {} texels is larger than this OpenGL draws, {} a side; make it smaller", width,
-        height, most);
+  GLint limit = 0;
+  glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
+  if (width > limit || height > limit)
+    throw InputError("a picture of {} x {} texels exceeds this OpenGL's limit of {} a side; make it smaller",
+                     width, height, limit);
   width_ = width;
   height_ = height;
   glBindTexture(GL_TEXTURE_2D, texture_.id());
@@ -178,11 +177,6 @@ void Target::bind(const Program& program, const char* name, int unit) const {
   glActiveTexture(GL_TEXTURE0 + static_cast<GLenum>(unit));
   glBindTexture(GL_TEXTURE_2D, texture_.id());
   program.set(name, unit);
-}
-
-std::size_t Target::size_B() const {
-  const std::size_t pixel_B = format_ == GL_RGBA32F ? 16 : 4;
-  return pixel_B * static_cast<std::size_t>(width_) * static_cast<std::size_t>(height_);
 }
 
 Scissor::Scissor(int x, int y, int width, int height) {

@@ -13,7 +13,7 @@
 /// they are made, used and destroyed.
 namespace xraycast::gl {
 
-/// How many objects exist now, of all kinds; for those who look for leaks.
+/// The number of OpenGL objects of all kinds that exist now; for leak tests.
 int objects_alive();
 
 namespace detail {
@@ -82,7 +82,7 @@ class Program {
     return *this;
   }
 
-  /// Makes it the current one, to which the following values go.
+  /// Makes it the current program, whose uniforms the following calls set.
   void use() const { glUseProgram(id_); }
   void set(const char* name, int value) const { glUniform1i(at(name), value); }
   void set(const char* name, bool value) const { glUniform1i(at(name), value ? 1 : 0); }
@@ -107,17 +107,17 @@ class Table {
   /// Throws InputError, naming `what`, when it has more texels than the driver takes, or has memory for.
   void fill(std::span<const float> values, const std::string& what);
 
-  /// The same with `count` values, at least one, that `write` puts where the driver has them, in any order
-  /// and from any thread; what it finds there is undefined.
+  /// The same with `count` values, at least one, that `write` puts into the mapped buffer, in any order and
+  /// from any thread; its former contents are undefined.
   void fill(std::size_t count, const std::function<void(std::span<float>)>& write, const std::string& what);
 
-  /// Makes it what sampler `name` of the current program reads, through texture unit `unit`.
+  /// Binds it to texture unit `unit` and sampler `name` of the current program.
   void bind(const Program& program, const char* name, int unit) const;
 
   std::size_t size_B() const { return size_B_; }
 
  private:
-  /// Makes the buffer that large and holds it bound.
+  /// Reallocates the buffer and leaves it bound.
   void allocate(std::size_t count, const float* values, const std::string& what);
 
   GLenum format_;
@@ -126,23 +126,22 @@ class Table {
   Texture texture_;
 };
 
-/// A picture to draw into and read from by texelFetch.
+/// A texture that is attached to a framebuffer, drawn into, and read by texelFetch.
 class Target {
  public:
   explicit Target(GLenum format) : format_(format) {}
 
-  /// Makes it `width` x `height`, at least 1 x 1; its contents are lost when that changes something. Throws
-  /// InputError when it is larger than the driver draws, or has memory for.
+  /// Reallocates it as `width` x `height`, at least 1 x 1; its contents are lost where the size changes.
+  /// Throws InputError when it is larger than the driver draws, or has memory for.
   void resize(int width, int height);
 
-  /// The pixels of a rectangle from (x, y) on, the bottom row first.
+  /// Uploads a rectangle of pixels at (x, y), the bottom row first.
   void fill(std::span<const float> values, int x, int y, int width, int height);
 
   void bind(const Program& program, const char* name, int unit) const;
   GLuint texture() const { return texture_.id(); }
   int width() const { return width_; }
   int height() const { return height_; }
-  std::size_t size_B() const;
 
  private:
   GLenum format_;
@@ -150,7 +149,7 @@ class Target {
   Texture texture_;
 };
 
-/// Nothing is drawn or cleared outside of a rectangle of the framebuffer, for as long as this lives.
+/// Restricts drawing and clearing to a rectangle of the framebuffer during its lifetime.
 class Scissor {
  public:
   Scissor(int x, int y, int width, int height);
@@ -159,8 +158,8 @@ class Scissor {
   Scissor& operator=(const Scissor&) = delete;
 };
 
-/// Only pixels are drawn that compare so to the depth buffer, which stays as it is, for as long as this
-/// lives.
+/// Restricts drawing to pixels that pass this comparison with the depth buffer, which is not written, during
+/// its lifetime.
 class DepthTest {
  public:
   explicit DepthTest(GLenum comparison);

@@ -24,7 +24,7 @@ bool draws_in_software(EGLDeviceEXT device) {
          std::string_view(extensions).find("EGL_MESA_device_software") != std::string_view::npos;
 }
 
-/// What can draw without a display, the best first: every GPU, then what Mesa takes of itself.
+/// The displays that need no screen, the best first: every GPU, then Mesa's surfaceless platform.
 std::vector<EGLDisplay> displays() {
   std::vector<EGLDisplay> found;
   if (has_client_extension("EGL_EXT_platform_device") && has_client_extension("EGL_EXT_device_enumeration") &&

@@ -29,7 +29,7 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   std::vector<glm::dvec3> nodes_mm;
   catheter.copy_nodes(nodes_mm);
   renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
-  if (options_.style.look == Look::fluoro)
+  if (options_.style.shading == ShadingMode::fluoro)
     renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
   draw_outline(road_map_.outline(options_.view), kRoadMapColour, options_.view.width, rgb);

@@ -2,6 +2,7 @@
 
 #include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <cmath>
 
 namespace xraycast {
@@ -11,7 +12,7 @@ struct Vertex {
   glm::vec3 point_mm, normal;
 };
 
-/// Points with the mean normal of their triangles, by area.
+/// Points with the area-weighted mean of their triangles' normals.
 std::vector<Vertex> vertices_of(const Mesh& mesh) {
   std::vector<Vertex> vertices;
   for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0)});
@@ -37,14 +38,13 @@ void SurfaceLayer::set(std::span<const Surface> surfaces) {
 void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   if (index == parts_.size()) parts_.emplace_back();
   const Mesh nothing;
-  const Mesh& mesh = surface.shares.empty() ? surface.mesh : nothing;
+  const Mesh& mesh = surface.mu_weights.empty() ? surface.mesh : nothing;
   const std::vector<Vertex> vertices = vertices_of(mesh);
   Part& part = parts_.at(index);
   part.colour = surface.colour;
   part.is_closed = is_watertight(mesh);
   part.front_faces = volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
   part.indices = static_cast<GLsizei>(3 * mesh.triangles.size());
-  part.size_B = vertices.size() * sizeof(Vertex) + mesh.triangles.size() * sizeof(mesh.triangles[0]);
   glm::vec3 lower(0), upper(0);
   if (!vertices.empty()) lower = upper = vertices[0].point_mm;
   for (const Vertex& vertex : vertices) {
@@ -70,25 +70,15 @@ void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   glBindVertexArray(0);
 }
 
-bool SurfaceLayer::empty() const { return triangles() == 0; }
+bool SurfaceLayer::empty() const {
+  return std::ranges::all_of(parts_, [](const Part& part) { return part.indices == 0; });
+}
 
 ScreenBox SurfaceLayer::box(const View& view) const {
   ScreenBox box;
   for (const Part& part : parts_)
     if (part.indices > 0) box = united(box, screen_box(view, corners_mm(part.lower_mm, part.upper_mm)));
   return box;
-}
-
-std::size_t SurfaceLayer::triangles() const {
-  std::size_t count = 0;
-  for (const Part& part : parts_) count += static_cast<std::size_t>(part.indices) / 3;
-  return count;
-}
-
-std::size_t SurfaceLayer::size_B() const {
-  std::size_t size = 0;
-  for (const Part& part : parts_) size += part.size_B;
-  return size;
 }
 
 void SurfaceLayer::draw(const Part& part) const {

@@ -74,9 +74,9 @@ View view_of(const Camera& camera, const BodyBounds& bounds, int width, int heig
             .width = width,
             .height = height};
   // The magnification is that of the untilted picture: tilting does not change it.
-  View upright = view;
-  upright.tilt_rad = 0;
-  view.pixel_mm = fitted(upright, bounds).pixel_mm / camera.zoom;
+  View untilted = view;
+  untilted.tilt_rad = 0;
+  view.pixel_mm = fitted(untilted, bounds).pixel_mm / camera.zoom;
   view.centre_mm.z += camera.table_mm;
   return fitted(view, bounds);
 }

@@ -8,21 +8,21 @@
 
 namespace xraycast {
 
-/// Where a map's body lies: what a picture has to show of it.
+/// The upright cylinder that bounds a map's body.
 struct BodyBounds {
   glm::dvec3 centre_mm{0, 0, 0};  ///< on the axis at mid-height
   double radius_mm = 1;           ///< about the axis
   double half_height_mm = 1;
-  double finest_mm = 1;  ///< the smallest distance between what the map tells apart
+  double finest_mm = 1;  ///< the map's resolution
 
   bool holds(const glm::dvec3& point_mm) const;
 };
 
-/// The bounds of all that a map's rays met. About a bent axis the circle encloses every row's circle.
+/// The bounds of a map's rays. About a bent axis the circle encloses every row's circle.
 BodyBounds bounds_of(const MapGeometry& geometry);
 
-/// The C-arm as the person at the table moves it: its rotation about the body's axis, the table's travel
-/// along it, and the magnification; cranial and caudal tilt as an extra.
+/// The pose of C-arm and table: rotation about the body's axis, cranial or caudal tilt, the table's travel
+/// along the axis, and the magnification.
 struct Camera {
   double angle_rad = 0;  ///< LAO is positive
   double tilt_rad = 0;   ///< cranial is positive
@@ -33,8 +33,7 @@ struct Camera {
   static constexpr double kMinZoom = 0.25, kMaxZoom = 40;
   static constexpr double kMaxTilt_rad = 0.8726646259971648;  ///< 50 deg, farther than C-arms go
 
-  /// The left, middle and wheel of a mouse: by how many degrees, millimetres of table and times larger. The
-  /// result is held to what there is; angles stay within -180 to 180 deg.
+  /// Relative moves, clamped to the limits above and to the body; the angle wraps around at 180 deg.
   void rotate(double degrees);
   void tilt(double degrees);
   void travel(double mm, const BodyBounds& bounds);
@@ -43,7 +42,7 @@ struct Camera {
   bool operator==(const Camera&) const = default;
 };
 
-/// A view that is named in the room.
+/// A projection that has a name.
 struct CameraPreset {
   const char* name;
   double angle_deg;

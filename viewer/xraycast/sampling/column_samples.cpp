@@ -21,14 +21,14 @@ constexpr double kTurn = 2 * std::numbers::pi;
 struct Line {
   glm::dvec2 foot_mm;  ///< from the map's axis to the nearest point of the line
   glm::dvec2 direction;
-  double foot_s_mm;  ///< where that point is, by RectifiedView's s
+  double foot_s_mm;  ///< that point's s (RectifiedView)
 
   glm::dvec2 at(double along_mm) const { return foot_mm + along_mm * direction; }
   double offset_mm() const { return glm::length(foot_mm); }
 };
 
-Line line_of(const RectifiedView& upright, int column, const glm::dvec2& axis_mm) {
-  const glm::dvec2 direction = upright.direction(column), from_axis = upright.origin_mm(column) - axis_mm;
+Line line_of(const RectifiedView& rectified, int column, const glm::dvec2& axis_mm) {
+  const glm::dvec2 direction = rectified.direction(column), from_axis = rectified.origin_mm(column) - axis_mm;
   const double foot_s = -glm::dot(from_axis, direction);
   return {from_axis + foot_s * direction, direction, foot_s};
 }
@@ -41,30 +41,30 @@ class Sampler {
         profile_(geometry.radii_mm, options.reconstruction),
         out_(out) {}
 
-  void follow(const Line& line) {
+  void sample(const Line& line) {
     if (options_.compositing == Compositing::wall)
-      walls(line);
+      sample_walls(line);
     else
-      path(line);
+      sample_path(line);
   }
 
  private:
-  /// A sample at `along_mm`, which stands for the line from there to there.
+  /// A sample at `along_mm` that integrates the interval [from_mm, to_mm] of the line.
   void add(const Line& line, double along_mm, double from_mm, double to_mm, double weight,
-           RadialProfile::Place place) {
+           RadialProfile::LayerPosition position) {
     const glm::dvec2 p = line.at(along_mm);
     const double turn = std::atan2(p.x, -p.y) / kTurn;
     double column = turn * geometry_.width - 0.5;
     if (column < 0) column += geometry_.width;
     const double first = std::floor(column);
-    out_.push_back({static_cast<float>(place.layer * (geometry_.width + 1) + first),
+    out_.push_back({static_cast<float>(position.layer * (geometry_.width + 1) + first),
                     static_cast<float>(weight), static_cast<float>(column - first),
-                    static_cast<float>(place.share), static_cast<float>(line.foot_s_mm + along_mm),
+                    static_cast<float>(position.fraction), static_cast<float>(line.foot_s_mm + along_mm),
                     static_cast<float>(line.foot_s_mm + from_mm), static_cast<float>(line.foot_s_mm + to_mm),
                     0});
   }
 
-  void walls(const Line& line) {
+  void sample_walls(const Line& line) {
     const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
     for (const int side : {-1, 1})
       for (int k = 0; k < geometry_.layers(); ++k) {
@@ -76,7 +76,7 @@ class Sampler {
       }
   }
 
-  /// From where to where along a line there may be matter.
+  /// The interval of a line within the scan's field of view.
   std::pair<double, double> within_field(const Line& line) const {
     constexpr double kInfinity = std::numeric_limits<double>::infinity();
     std::pair<double, double> range{-kInfinity, kInfinity};
@@ -94,7 +94,7 @@ class Sampler {
     return range;
   }
 
-  void path(const Line& line) {
+  void sample_path(const Line& line) {
     const std::vector<double> knots_mm = profile_.knots_mm();
     const double offset = line.offset_mm();
     const auto [enters_mm, leaves_mm] = within_field(line);
@@ -130,15 +130,15 @@ class Sampler {
   std::vector<ColumnSample>& out_;
 };
 
-/// The stored pictures on both sides of the view's angle. From behind, a picture is its mirror image.
-void stored_pictures(const RectifiedView& upright, int column, const MapGeometry& geometry,
-                     std::vector<ColumnSample>& out) {
-  const double turn = std::atan2(upright.forward.x, -upright.forward.y) / std::numbers::pi;
+/// The stored projections on both sides of the view's angle. Seen from behind, a projection is mirrored.
+void sample_projections(const RectifiedView& rectified, int column, const MapGeometry& geometry,
+                        std::vector<ColumnSample>& out) {
+  const double turn = std::atan2(rectified.forward.x, -rectified.forward.y) / std::numbers::pi;
   const double view = (turn < 0 ? turn + 2 : turn) * geometry.views;
   const double first = std::floor(view);
-  const double u_mm = glm::dot(upright.origin_mm(column) - geometry.centre_mm[0], upright.right);
+  const double u_mm = glm::dot(rectified.origin_mm(column) - geometry.centre_mm[0], rectified.right);
   if (std::abs(u_mm) > geometry.radius_mm()) return;
-  const double s_mm = glm::dot(geometry.centre_mm[0] - upright.centre_mm, upright.forward);
+  const double s_mm = glm::dot(geometry.centre_mm[0] - rectified.centre_mm, rectified.forward);
   for (const int beside : {0, 1}) {
     const int index = static_cast<int>(first) + beside;
     const double weight = beside == 0 ? 1 - (view - first) : view - first;
@@ -163,24 +163,24 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
   return drawn;
 }
 
-ColumnSamples column_samples(const RectifiedView& upright, const MapGeometry& geometry,
+ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options) {
   if (geometry.projection == Projection::sphere || geometry.centre_mm.size() > 1)
-    throw InputError("only maps about one straight axis have columns");
+    throw InputError("column sampling takes maps about one straight axis only");
   const bool is_rectangle = geometry.projection == Projection::rectangle;
-  if (is_rectangle && (upright.is_cone() || upright.slope != 0))
-    throw InputError("a rectangle map holds parallel pictures without tilt and can show no others");
+  if (is_rectangle && (rectified.is_cone() || rectified.slope != 0))
+    throw InputError("a rectangle map holds untilted parallel projections and can show no other views");
   ColumnSamples result;
   Sampler sampler(geometry, options, result.samples);
-  for (int column = 0; column < upright.columns; ++column) {
+  for (int column = 0; column < rectified.columns; ++column) {
     const std::size_t first = result.samples.size();
     if (is_rectangle)
-      stored_pictures(upright, column, geometry, result.samples);
+      sample_projections(rectified, column, geometry, result.samples);
     else
-      sampler.follow(line_of(upright, column, geometry.centre_mm[0]));
-    const double run_mm = std::hypot(upright.source_mm, upright.column_x_mm(column));
+      sampler.sample(line_of(rectified, column, geometry.centre_mm[0]));
+    const double run_mm = std::hypot(rectified.source_mm, rectified.column_x_mm(column));
     result.columns.push_back({static_cast<float>(first), static_cast<float>(result.samples.size() - first),
-                              upright.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
+                              rectified.is_cone() ? static_cast<float>(1 / run_mm) : 0.0f, 0});
   }
   return result;
 }

@@ -15,40 +15,40 @@ enum class Compositing {
   path,  ///< every shell counts with the length that the ray takes through it
 };
 
-/// One place where a column's rays look the map up: between two texel columns and between two layers. As the
-/// shaders read it.
+/// One sample of the map by a column's rays, interpolated between two texel columns and two layers. In the
+/// layout that the shaders read.
 struct ColumnSample {
-  float texel;           ///< layer * (map width + 1) + column of the first texel; a whole number below 2^24
-  float weight;          ///< mm of the ray's shadow that the sample stands for (path), or 1 (wall)
-  float column_share;    ///< of the next texel column
-  float layer_share;     ///< of the next layer
-  float s_mm;            ///< where: see RectifiedView
-  float from_mm, to_mm;  ///< what of s the sample stands for; nothing for a wall
+  float texel;            ///< layer * (map width + 1) + column of the first texel; a whole number below 2^24
+  float weight;           ///< of the quadrature: mm of s (path), or 1 (wall)
+  float column_fraction;  ///< of the next texel column
+  float layer_fraction;   ///< of the next layer
+  float s_mm;             ///< its place along the ray: see RectifiedView
+  float from_mm, to_mm;   ///< the interval of s that it integrates; empty for a wall
   float unused;
 };
 static_assert(sizeof(ColumnSample) == 32);
 
-/// The samples of all columns of an upright picture.
+/// The samples of all columns of a rectified picture.
 struct ColumnSamples {
-  /// For each column: its first sample, how many there are, 1 / the run from a cone's source to the plane (or
-  /// 0), and nothing.
+  /// Of each column: its first sample, their number, and 1 / the horizontal distance from a cone's source to
+  /// the plane, or 0.
   struct Column {
     float first, count, per_run_mm, unused;
   };
   static_assert(sizeof(Column) == 16);
 
   std::vector<Column> columns;
-  std::vector<ColumnSample> samples;  ///< of a column from far to near
+  std::vector<ColumnSample> samples;  ///< of a column in depth order, the farthest first
 };
 
-/// What to draw of a map's shells, and how finely.
+/// How rays sample a map's shells.
 struct SampleOptions {
   Compositing compositing = Compositing::path;
   Reconstruction reconstruction = Reconstruction::linear;
   std::optional<double> wall_radius_mm{};  ///< wall: the outermost wall stands here, the others in proportion
-  double texels_per_step = 3;              ///< path: a quadrature of two points spans no more texel columns
+  double texels_per_step = 3;              ///< path: texel columns spanned by a two-point quadrature, at most
 
-  /// Whether samples lie between layers; if not, all their layer_share are 0.
+  /// Whether samples are interpolated between layers; otherwise every layer_fraction is 0.
   bool blends_layers(const MapGeometry& geometry) const {
     return compositing == Compositing::path && reconstruction == Reconstruction::linear &&
            geometry.projection != Projection::rectangle && geometry.layers() > 1;
@@ -56,21 +56,21 @@ struct SampleOptions {
   bool operator==(const SampleOptions&) const = default;
 };
 
-/// The shells that are drawn of a map: its own, or their halves where they are blended (ShellHalves).
+/// The shells that are drawn of a map: its own, or their halves where layers are blended (ShellHalves).
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options);
 
-/// Follows every column's rays through a map: a picture is the sum over a column's samples of weight times
-/// the map between its texels, at the heights that the rays have there.
+/// Samples a map along every column's rays: the optical depth of a picture is the sum over a column's samples
+/// of weight times the interpolated map, at the heights that the rays have there.
 ///
-/// path: between the places where mu bends along the radius, Gauss-Legendre quadrature of two points on steps
-/// that turn by a few texels at most, and of one where the whole way turns by half of that; the sum of a
-/// column's weights is the length of its rays' shadow within the map and the field of its scan. wall: each
-/// wall where the ray crosses it, far and near. Rectangle maps: the two stored pictures beside the view, in
-/// proportion; they have no depth, and stand for the whole chord.
+/// path: between the radii at which the slope of mu changes, two-point Gauss-Legendre quadrature on steps
+/// that span a few texel columns at most, and one point where the whole interval spans half of that; a
+/// column's weights add up to the horizontal length of its rays within the map and the field of its scan.
+/// wall: one sample at every crossing of a wall, far and near. Rectangle maps: the two stored projections
+/// beside the view, interpolated linearly; they have no depth, and stand for the whole chord.
 ///
 /// `geometry` is of the drawn shells. Throws InputError for a map whose axis is bent, a sphere, and a
 /// rectangle map under a cone or tilt.
-ColumnSamples column_samples(const RectifiedView& upright, const MapGeometry& geometry,
+ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options);
 
 }  // namespace xraycast

@@ -11,7 +11,7 @@
 namespace xraycast {
 namespace {
 
-/// Turns what the map's shells hold into what is drawn of them, a row of texels at a time.
+/// From the optical depths of a map's shells to the values of the drawn ones, a row of texels at a time.
 class RowSolver {
  public:
   RowSolver(const MapGeometry& geometry, const SampleOptions& options)
@@ -24,7 +24,7 @@ class RowSolver {
       common_ = system_of(0);
   }
 
-  /// Shells a map's one is drawn as.
+  /// Drawn shells to one of the map's.
   std::size_t parts() const { return halves_ ? 2 : 1; }
 
   /// From K x width to layers of that many texels, `stride` apart.
@@ -66,14 +66,14 @@ MapTexels texels_of(const MapGeometry& drawn) {
 }
 
 void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
-                 std::span<const float> strengths, std::span<float> texels) {
+                 std::span<const float> layer_weights, std::span<float> texels) {
   const auto width = static_cast<std::size_t>(geometry.width),
              height = static_cast<std::size_t>(geometry.height),
              shells = static_cast<std::size_t>(geometry.layers());
   const RowSolver solver(geometry, options);
-  const MapTexels lie = texels_of(drawn_shells(geometry, options));
-  const auto layers = static_cast<std::size_t>(lie.layers), run = std::size_t{4} * lie.quads;
-  assert(texels.size() == lie.values());
+  const MapTexels layout = texels_of(drawn_shells(geometry, options));
+  const auto layers = static_cast<std::size_t>(layout.layers), run = std::size_t{4} * layout.quads;
+  assert(texels.size() == layout.values());
 
   // Blocks of rows that fit the cache: each is solved along the layers, then transposed.
   constexpr std::size_t kRows = 16;
@@ -87,11 +87,11 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
       solver.solve(static_cast<int>(first + j), row, std::span(drawn).subspan(j * width), stride);
     }
     for (std::size_t k = 0; k < layers; ++k) {
-      const float strength = strengths.empty() ? 1.0f : strengths[k / solver.parts()];
+      const float weight = layer_weights.empty() ? 1.0f : layer_weights[k / solver.parts()];
       for (std::size_t i = 0; i <= width; ++i) {
         float* to = &texels[(k * (width + 1) + i) * run + first];
         const float* from = &drawn[k * stride + i % width];
-        for (std::size_t j = 0; j < rows; ++j) to[j] = strength * from[j * width];
+        for (std::size_t j = 0; j < rows; ++j) to[j] = weight * from[j * width];
         std::fill(to + rows, to + std::min(kRows, run - first), 0.0f);
       }
     }

@@ -7,9 +7,9 @@
 
 namespace xraycast {
 
-/// How a map's values lie as the shaders read them: one run of rows, padded to a multiple of four, for each
-/// texel column; layers x (width + 1) x rows, the last column of a layer repeating its first, so that two
-/// neighbours are always beside each other.
+/// The layout of a map's values as the shaders read them: layers x (width + 1) x rows, the rows of a texel
+/// column contiguous and padded to a multiple of four. The last column of a layer repeats its first, so that
+/// every column has a neighbour behind it.
 struct MapTexels {
   int layers = 0;
   int columns = 0;  ///< of a layer
@@ -22,11 +22,11 @@ struct MapTexels {
 /// Of a map that is drawn in these shells (see drawn_shells).
 MapTexels texels_of(const MapGeometry& drawn);
 
-/// Prepares one channel of a map (K x H x W, as in BodyMap): what the compositing sums up, the optical depth
-/// of a wall or mu in the middles of the drawn shells (see drawn_shells, RadialProfile), each layer times its
-/// strength. Rectangle maps are taken as they are. `strengths` is empty, for 1 everywhere, or has one a
-/// layer. `texels` holds as many values as texels_of says; they are written and never read.
+/// Converts one channel of a map (K x H x W, as in BodyMap) to what the compositing sums up: the optical
+/// depth of a wall, or mu in the middles of the drawn shells (see drawn_shells, RadialProfile), each layer
+/// times its weight. Rectangle maps are copied. `layer_weights` is empty, for 1 everywhere, or has one weight
+/// a layer. `texels` holds as many values as texels_of says; they are written and never read.
 void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
-                 std::span<const float> strengths, std::span<float> texels);
+                 std::span<const float> layer_weights, std::span<float> texels);
 
 }  // namespace xraycast

@@ -80,7 +80,7 @@ void RadialProfile::System::solve(std::span<float> values, std::size_t layer_str
   }
 }
 
-RadialProfile::Place RadialProfile::at(double radius_mm) const {
+RadialProfile::LayerPosition RadialProfile::at(double radius_mm) const {
   const int last = layers() - 1;
   if (reconstruction_ == Reconstruction::constant || last == 0) {
     const auto edge = std::upper_bound(edges_mm_.begin(), edges_mm_.end(), radius_mm);
@@ -89,8 +89,8 @@ RadialProfile::Place RadialProfile::at(double radius_mm) const {
   }
   const auto above = std::upper_bound(middles_mm_.begin(), middles_mm_.end(), radius_mm);
   const int layer = std::clamp(static_cast<int>(above - middles_mm_.begin()) - 1, 0, last - 1);
-  const double share = (radius_mm - middles_mm_[layer]) / (middles_mm_[layer + 1] - middles_mm_[layer]);
-  return {layer, std::clamp(share, 0.0, 1.0)};
+  const double fraction = (radius_mm - middles_mm_[layer]) / (middles_mm_[layer + 1] - middles_mm_[layer]);
+  return {layer, std::clamp(fraction, 0.0, 1.0)};
 }
 
 }  // namespace xraycast

@@ -5,16 +5,16 @@
 
 namespace xraycast {
 
-/// How mu runs along a radius between the shells of a map, of which only the sums are known.
+/// The model of mu along a radius, of which a map knows only the shells' integrals.
 enum class Reconstruction {
   linear,    ///< linear between the middles of the shells, with each shell's sum as the map has it
   constant,  ///< constant within each shell; its edges show as bands
 };
 
-/// Turns what each shell holds, its optical depth from the inner to the outer edge, into mu (1/mm) in the
-/// middle of each shell, such that mu drawn linearly between the middles, and constantly beyond the first and
-/// last, sums up to the same optical depths. Without that, each shell would be blurred into its neighbours:
-/// on a head with 16 layers it is worth 3 dB.
+/// Deconvolves the optical depths of the shells into mu (1/mm) in the middle of each, such that mu
+/// interpolated linearly between the middles, and constant beyond the first and last, has the same integrals.
+/// Otherwise interpolation would blur each shell into its neighbours: on a head with 16 layers that costs 3
+/// dB.
 ///
 /// A tridiagonal, diagonally dominant system for each map texel.
 class RadialProfile {
@@ -25,8 +25,8 @@ class RadialProfile {
   int layers() const { return static_cast<int>(thickness_mm_.size()); }
 
   /// For texels whose rays end at these radii (MapGeometry::reach_mm), beyond which there is nothing: the
-  /// shell in which a ray ends keeps its sum up to there, and farther out mu stays as it is, for lines that
-  /// end elsewhere.
+  /// shell in which a ray ends keeps its integral up to there. Farther out mu is extrapolated constantly, for
+  /// lines that end elsewhere.
   class System {
    public:
     /// In place, for as many texels: layer k of texel i is at values[k * layer_stride + i].
@@ -39,16 +39,17 @@ class RadialProfile {
   };
   System system(std::span<const double> reaches_mm) const;
 
-  /// Where mu bends: 0 or the inner edge, the middles, the outer edge; or all edges for constant shells.
+  /// The radii at which the slope of mu changes: the inner edge, the middles, the outer edge; or all edges
+  /// for constant shells.
   std::vector<double> knots_mm() const { return knots_mm_; }
 
-  /// Between which two layers a radius within the edges lies, and how far from the first to the second: 0 to
-  /// 1, and always 0 where mu is constant in a shell. Where it is not, there is a second layer.
-  struct Place {
+  /// The layer to interpolate from at a radius within the edges, and the weight of the next one: 0 to 1, and
+  /// always 0 where mu is constant in a shell. Where it is not, there is a next layer.
+  struct LayerPosition {
     int layer;
-    double share;
+    double fraction;
   };
-  Place at(double radius_mm) const;
+  LayerPosition at(double radius_mm) const;
 
  private:
   /// The mean of mu over shell k up to where a ray ends, which is its sum * per_mm: `below` of the layer

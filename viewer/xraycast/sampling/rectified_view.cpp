@@ -5,7 +5,6 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -25,52 +24,36 @@ struct Range {
   }
 };
 
-/// The view's ray through picture coordinates (a, b), counted in pixels from the upper left corner, as
-/// homogeneous (x, z, w) on the upright plane: linear in a and b.
-glm::dvec3 upright_point(const View& view, const RectifiedView& upright, double a, double b) {
-  const glm::dvec3 on_detector = view.pixel_on_detector_mm(a - 0.5, b - 0.5);
-  const glm::dvec3 right(upright.right, 0), forward(upright.forward, 0);
-  if (!view.cone) {
-    const glm::dvec3 offset = on_detector - view.centre_mm;
-    return {glm::dot(offset, right), view.centre_mm.z + glm::dot(offset, view.up()) / std::cos(view.tilt_rad),
-            1};
-  }
-  const glm::dvec3 ray = on_detector - view.source_mm();
-  const double ahead = glm::dot(ray, forward);
-  return {upright.source_mm * glm::dot(ray, right), upright.source_z_mm * ahead + upright.source_mm * ray.z,
-          ahead};
-}
-
-/// Where a body's circle lies on the upright plane, seen along the rays.
-Range body_columns_mm(const RectifiedView& upright, const BodyBounds& bounds) {
-  const glm::dvec2 offset = glm::dvec2(bounds.centre_mm) - upright.centre_mm;
-  const double across = glm::dot(offset, upright.right);
-  if (!upright.is_cone()) return {across - bounds.radius_mm, across + bounds.radius_mm};
-  const double ahead = upright.source_mm + glm::dot(offset, upright.forward);
+/// The part of the rectified plane, along its rows, that the body's circle is projected to.
+Range body_columns_mm(const RectifiedView& rectified, const BodyBounds& bounds) {
+  const glm::dvec2 offset = glm::dvec2(bounds.centre_mm) - rectified.centre_mm;
+  const double across = glm::dot(offset, rectified.right);
+  if (!rectified.is_cone()) return {across - bounds.radius_mm, across + bounds.radius_mm};
+  const double ahead = rectified.source_mm + glm::dot(offset, rectified.forward);
   const double distance = std::hypot(across, ahead);
   if (distance <= bounds.radius_mm)
     return {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
   const double middle = std::atan2(across, ahead), half = std::asin(bounds.radius_mm / distance);
   const auto edge = [&](double angle, double beyond) {
-    return std::abs(angle) < 0.49 * std::numbers::pi ? upright.source_mm * std::tan(angle) : beyond;
+    return std::abs(angle) < 0.49 * std::numbers::pi ? rectified.source_mm * std::tan(angle) : beyond;
   };
   return {edge(middle - half, -std::numeric_limits<double>::infinity()),
           edge(middle + half, std::numeric_limits<double>::infinity())};
 }
 
-/// At which heights rays cross the plane that meet the body.
-Range body_rows_mm(const RectifiedView& upright, const BodyBounds& bounds) {
-  const double ahead = glm::dot(glm::dvec2(bounds.centre_mm) - upright.centre_mm, upright.forward);
+/// The heights at which the rays that meet the body cross the plane.
+Range body_rows_mm(const RectifiedView& rectified, const BodyBounds& bounds) {
+  const double ahead = glm::dot(glm::dvec2(bounds.centre_mm) - rectified.centre_mm, rectified.forward);
   Range range;
   for (const double side : {-1.0, 1.0})
     for (const double end : {-1.0, 1.0}) {
       const double s = ahead + side * bounds.radius_mm;
       const double z = bounds.centre_mm.z + end * bounds.half_height_mm;
-      if (!upright.is_cone()) {
-        range.include(z - s * upright.slope);
-      } else if (const double run = upright.source_mm + s; run > 0.02 * upright.source_mm) {
-        // Columns to the side of the middle have longer runs, which stay between this and the plane.
-        range.include(upright.source_z_mm + (z - upright.source_z_mm) * upright.source_mm / run);
+      if (!rectified.is_cone()) {
+        range.include(z - s * rectified.slope);
+      } else if (const double run = rectified.source_mm + s; run > 0.02 * rectified.source_mm) {
+        // Columns beside the middle have longer runs, whose heights lie between this one and the plane's.
+        range.include(rectified.source_z_mm + (z - rectified.source_z_mm) * rectified.source_mm / run);
       } else {
         return {-std::numeric_limits<double>::infinity(), std::numeric_limits<double>::infinity()};
       }
@@ -89,91 +72,141 @@ void check_steepness(const View& view) {
                      view.tilt_rad * 180 / std::numbers::pi);
 }
 
+/// The plane through the view's centre, and the rays that cross it; without columns and rows yet.
+RectifiedView plane_of(const View& view) {
+  RectifiedView plane{};
+  plane.centre_mm = glm::dvec2(view.centre_mm);
+  plane.right = glm::dvec2(view.right());
+  plane.forward = {std::sin(view.angle_rad), -std::cos(view.angle_rad)};
+  if (view.cone) {
+    plane.source_mm = view.cone->source_axis_mm * std::cos(view.tilt_rad);
+    plane.source_z_mm = view.source_mm().z;
+  } else {
+    plane.slope = std::tan(view.tilt_rad);
+  }
+  return plane;
+}
+
+/// The homography from the view's pixels, counted from the upper left corner, to (x, z) on the plane.
+class Homography {
+ public:
+  Homography(const View& view, const RectifiedView& plane) {
+    const glm::dvec3 origin = image_of(view, plane, 0, 0);
+    matrix_ = {image_of(view, plane, 1, 0) - origin, image_of(view, plane, 0, 1) - origin, origin};
+  }
+
+  glm::dvec2 at(double a, double b) const {
+    const glm::dvec3 p = matrix_[2] + a * matrix_[0] + b * matrix_[1];
+    return glm::dvec2(p) / p.z;
+  }
+  const glm::dmat3& matrix() const { return matrix_; }
+
+ private:
+  /// Where the ray through a pixel crosses the plane, as homogeneous (x, z, w): linear in a and b.
+  static glm::dvec3 image_of(const View& view, const RectifiedView& plane, double a, double b) {
+    const glm::dvec3 on_detector = view.pixel_on_detector_mm(a - 0.5, b - 0.5);
+    const glm::dvec3 right(plane.right, 0), forward(plane.forward, 0);
+    if (!view.cone) {
+      const glm::dvec3 offset = on_detector - view.centre_mm;
+      return {glm::dot(offset, right),
+              view.centre_mm.z + glm::dot(offset, view.up()) / std::cos(view.tilt_rad), 1};
+    }
+    const glm::dvec3 ray = on_detector - view.source_mm();
+    const double ahead = glm::dot(ray, forward);
+    return {plane.source_mm * glm::dot(ray, right), plane.source_z_mm * ahead + plane.source_mm * ray.z,
+            ahead};
+  }
+
+  glm::dmat3 matrix_{1};
+};
+
+/// What the picture shows of the plane, and the body takes of that.
+struct VisibleBody {
+  Range x_mm, z_mm;
+  bool is_seen() const { return x_mm.low < x_mm.high && z_mm.low <= z_mm.high; }
+};
+
+VisibleBody visible_body(const View& view, const RectifiedView& plane, const Homography& to_plane,
+                         const BodyBounds& bounds) {
+  VisibleBody body;
+  for (const double a : {0.0, 1.0 * view.width})
+    for (const double b : {0.0, 1.0 * view.height}) {
+      const glm::dvec2 corner = to_plane.at(a, b);
+      body.x_mm.include(corner.x);
+      body.z_mm.include(corner.y);
+    }
+  body.x_mm.intersect(body_columns_mm(plane, bounds));
+  body.z_mm.intersect(body_rows_mm(plane, bounds));
+  return body;
+}
+
+/// The pixels' size in the middle of the plane.
+glm::dvec2 pixel_mm(const View& view, const Homography& to_plane) {
+  const double a = 0.5 * view.width, b = 0.5 * view.height;
+  const glm::dvec2 middle = to_plane.at(a, b);
+  return {to_plane.at(a + 1, b).x - middle.x, middle.y - to_plane.at(a, b + 1).y};
+}
+
+constexpr double kMaxSize = 1 << 24;  // more than any OpenGL draws into, which then says so
+
+/// Columns that pass through the pixels' centres where the plane is parallel to the detector.
+void set_columns(RectifiedView& rectified, const View& view, const Homography& to_plane,
+                 const VisibleBody& body, int pixels_per_column) {
+  const double pixel_x_mm = pixel_mm(view, to_plane).x;
+  rectified.column_mm = pixel_x_mm * pixels_per_column;
+  const double phase =
+      to_plane.at(0.5 * view.width, 0.5 * view.height).x + (view.width % 2 == 0 ? 0.5 : 0.0) * pixel_x_mm;
+  const auto column_at = [&](double x) { return (x - phase) / rectified.column_mm; };
+  const double first = std::floor(column_at(body.x_mm.low)), last = std::ceil(column_at(body.x_mm.high));
+  rectified.left_mm = phase + first * rectified.column_mm;
+  if (body.is_seen()) rectified.columns = static_cast<int>(std::clamp(last - first + 1, 0.0, kMaxSize));
+}
+
+/// The map's own rows for untilted parallel views; otherwise rows that are no coarser anywhere along a ray.
+void set_rows(RectifiedView& rectified, const View& view, const Homography& to_plane,
+              const MapGeometry& geometry, VisibleBody body, int pixels_per_column) {
+  if (!view.cone && rectified.slope == 0) {
+    rectified.row_mm = geometry.row_spacing_mm;
+    body.z_mm.intersect({geometry.z_mm(geometry.height - 1), geometry.z_mm(0)});
+    const double first = std::max(0.0, std::floor((geometry.top_mm - body.z_mm.high) / rectified.row_mm));
+    rectified.top_mm = geometry.z_mm(4 * std::floor(first / 4));
+  } else {
+    const BodyBounds bounds = bounds_of(geometry);
+    const double spread =
+        view.cone
+            ? 1 + (bounds.radius_mm + glm::distance(rectified.centre_mm, glm::dvec2(bounds.centre_mm))) /
+                      rectified.source_mm
+            : 1;
+    rectified.row_mm =
+        std::min(geometry.row_spacing_mm / spread, pixels_per_column * std::abs(pixel_mm(view, to_plane).y));
+    rectified.top_mm = body.z_mm.high;
+  }
+  const double rows = std::ceil((rectified.top_mm - body.z_mm.low) / rectified.row_mm - 1e-9) + 1;
+  if (body.is_seen()) rectified.rows = static_cast<int>(std::clamp(rows, 0.0, kMaxSize));
+}
+
+/// From (x, z, w) on the plane to (column, row, w).
+glm::dmat3 to_grid(const RectifiedView& rectified) {
+  return glm::dmat3(1 / rectified.column_mm, 0, 0,  //
+                    0, -1 / rectified.row_mm, 0,    //
+                    -rectified.left_mm / rectified.column_mm, rectified.top_mm / rectified.row_mm, 1);
+}
+
 }  // namespace
 
 glm::dvec2 RectifiedView::direction(double column) const {
   return is_cone() ? glm::normalize(source_mm * forward + column_x_mm(column) * right) : forward;
 }
 
-double RectifiedView::slope_at(double column, double z_mm) const {
-  return is_cone() ? (z_mm - source_z_mm) / std::hypot(source_mm, column_x_mm(column)) : slope;
-}
-
-glm::dvec2 RectifiedView::of_pixel(double i, double j) const {
-  const glm::dvec3 place = from_pixel * glm::dvec3(i + 0.5, j + 0.5, 1);
-  return glm::dvec2(place) / place.z;
-}
-
 RectifiedView rectified_view(const View& view, const MapGeometry& geometry, int pixels_per_column) {
   check_steepness(view);
-  const BodyBounds bounds = bounds_of(geometry);
-  RectifiedView upright{};
-  upright.centre_mm = glm::dvec2(view.centre_mm);
-  upright.right = glm::dvec2(view.right());
-  upright.forward = {std::sin(view.angle_rad), -std::cos(view.angle_rad)};
-  if (view.cone) {
-    upright.source_mm = view.cone->source_axis_mm * std::cos(view.tilt_rad);
-    upright.source_z_mm = view.source_mm().z;
-  } else {
-    upright.slope = std::tan(view.tilt_rad);
-  }
-
-  // What the picture shows of the plane, and what the body takes of that.
-  const std::array<glm::dvec3, 3> basis{upright_point(view, upright, 0, 0),
-                                        upright_point(view, upright, 1, 0),
-                                        upright_point(view, upright, 0, 1)};
-  const auto point = [&](double a, double b) {
-    const glm::dvec3 p = basis[0] + a * (basis[1] - basis[0]) + b * (basis[2] - basis[0]);
-    return glm::dvec2(p) / p.z;
-  };
-  Range x_mm, z_mm;
-  for (const double a : {0.0, 1.0 * view.width})
-    for (const double b : {0.0, 1.0 * view.height}) {
-      x_mm.include(point(a, b).x);
-      z_mm.include(point(a, b).y);
-    }
-  x_mm.intersect(body_columns_mm(upright, bounds));
-  z_mm.intersect(body_rows_mm(upright, bounds));
-
-  // Columns lie on the pixels' middles where those lie on the plane's.
-  const glm::dvec2 middle = point(0.5 * view.width, 0.5 * view.height),
-                   beside = point(0.5 * view.width + 1, 0.5 * view.height),
-                   below = point(0.5 * view.width, 0.5 * view.height + 1);
-  const double pixel_x_mm = beside.x - middle.x, pixel_z_mm = middle.y - below.y;
-  upright.column_mm = pixel_x_mm * pixels_per_column;
-  const double phase = middle.x + (view.width % 2 == 0 ? 0.5 : 0.0) * pixel_x_mm;
-  const auto aligned = [&](double x) { return (x - phase) / upright.column_mm; };
-  const double first_column = std::floor(aligned(x_mm.low)), last_column = std::ceil(aligned(x_mm.high));
-  upright.left_mm = phase + first_column * upright.column_mm;
-
-  // Rows: the map's own, or no coarser anywhere along a ray.
-  if (!view.cone && upright.slope == 0) {
-    upright.row_mm = geometry.row_spacing_mm;
-    z_mm.intersect({geometry.z_mm(geometry.height - 1), geometry.z_mm(0)});
-    const double first = std::max(0.0, std::floor((geometry.top_mm - z_mm.high) / upright.row_mm));
-    upright.top_mm = geometry.z_mm(4 * std::floor(first / 4));
-  } else {
-    const double spread =
-        view.cone ? 1 + (bounds.radius_mm + glm::distance(upright.centre_mm, glm::dvec2(bounds.centre_mm))) /
-                            upright.source_mm
-                  : 1;
-    upright.row_mm = std::min(geometry.row_spacing_mm / spread, pixels_per_column * std::abs(pixel_z_mm));
-    upright.top_mm = z_mm.high;
-  }
-  const double rows = std::ceil((upright.top_mm - z_mm.low) / upright.row_mm - 1e-9) + 1;
-  constexpr double kMost = 1 << 24;  // more than any OpenGL draws into, which then says so
-  if (x_mm.low < x_mm.high && z_mm.low <= z_mm.high) {
-    upright.columns = static_cast<int>(std::clamp(last_column - first_column + 1, 0.0, kMost));
-    upright.rows = static_cast<int>(std::clamp(rows, 0.0, kMost));
-  }
-
-  // (a, b, 1) -> (x, z, w) -> (column, row, w).
-  const glm::dmat3 to_plane(basis[1] - basis[0], basis[2] - basis[0], basis[0]);
-  const glm::dmat3 to_grid(1 / upright.column_mm, 0, 0,  //
-                           0, -1 / upright.row_mm, 0,    //
-                           -upright.left_mm / upright.column_mm, upright.top_mm / upright.row_mm, 1);
-  upright.from_pixel = to_grid * to_plane;
-  return upright;
+  RectifiedView rectified = plane_of(view);
+  const Homography to_plane(view, rectified);
+  const VisibleBody body = visible_body(view, rectified, to_plane, bounds_of(geometry));
+  set_columns(rectified, view, to_plane, body, pixels_per_column);
+  set_rows(rectified, view, to_plane, geometry, body, pixels_per_column);
+  rectified.from_pixel = to_grid(rectified) * to_plane.matrix();
+  return rectified;
 }
 
 }  // namespace xraycast

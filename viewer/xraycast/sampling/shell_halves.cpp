@@ -7,8 +7,8 @@
 namespace xraycast {
 namespace {
 
-/// How the slope at 0 of the polynomial through the running sum depends on the means of four cells beside
-/// each other, two on either side of 0. Lagrange's, from the ends of the cells.
+/// The coefficients of the means of four adjacent cells, two on either side of 0, in the slope at 0 of the
+/// polynomial through their running sum (Lagrange's, through the ends of the cells).
 std::array<float, 4> slope_of_sum(const std::array<double, 4>& cells_mm) {
   const std::array<double, 5> ends{-cells_mm[0] - cells_mm[1], -cells_mm[1], 0, cells_mm[2],
                                    cells_mm[2] + cells_mm[3]};
@@ -76,8 +76,8 @@ ShellHalves::Split ShellHalves::split(std::span<const double> reaches_mm) const 
 
 void ShellHalves::Split::halve(std::span<const float> shells, std::span<float> halves,
                                std::size_t stride) const {
-  // mu in the mean over each shell, with two more on either side: towards the axis it goes on as it comes,
-  // and beyond where a ray ends it stays.
+  // The mean of mu over each shell, with two ghost shells on either side: extrapolated linearly towards the
+  // axis, and constantly beyond the end of a ray.
   std::vector<float> means((layers_ + 4) * texels_), edges(2 * texels_);
   const auto mean = [&](std::size_t k) { return &means[(k + 2) * texels_]; };
   for (std::size_t k = 0; k < layers_; ++k) {
@@ -93,7 +93,7 @@ void ShellHalves::Split::halve(std::span<const float> shells, std::span<float> h
   }
 
   const auto estimate = [&](std::size_t edge, float* at_edge) {
-    constexpr float kEven = 1e-7f;  // per mm: where nothing changes on either side both count alike
+    constexpr float kEven = 1e-7f;  // per mm: where mu is flat on both sides, both count alike
     const auto [c0, c1, c2, c3] = smooth_[edge];
     const float* m = &means[edge * texels_];  // of the second shell before the edge
     for (std::size_t i = 0; i < texels_; ++i) {
@@ -107,13 +107,13 @@ void ShellHalves::Split::halve(std::span<const float> shells, std::span<float> h
   estimate(0, at_inner);
   for (std::size_t k = 0; k < layers_; ++k) {
     estimate(k + 1, at_outer);
-    const float *its = mean(k), *in_inner = &inner_mm_[k * texels_], *in_outer = &outer_mm_[k * texels_],
+    const float *mu = mean(k), *in_inner = &inner_mm_[k * texels_], *in_outer = &outer_mm_[k * texels_],
                 *gain = &gain_mm_[k * texels_];
     float *inner = &halves[2 * k * stride], *outer = inner + stride;
     // One output a loop, or there are too many to vectorise it.
     for (std::size_t i = 0; i < texels_; ++i) at_inner[i] = gain[i] * (at_outer[i] - at_inner[i]);
-    for (std::size_t i = 0; i < texels_; ++i) inner[i] = in_inner[i] * its[i] - at_inner[i];
-    for (std::size_t i = 0; i < texels_; ++i) outer[i] = in_outer[i] * its[i] + at_inner[i];
+    for (std::size_t i = 0; i < texels_; ++i) inner[i] = in_inner[i] * mu[i] - at_inner[i];
+    for (std::size_t i = 0; i < texels_; ++i) outer[i] = in_outer[i] * mu[i] + at_inner[i];
     std::swap(at_inner, at_outer);
   }
 }

@@ -13,78 +13,78 @@
 namespace xraycast {
 namespace {
 
-constexpr double kBeside_mm = 1;  // of a cone's source
-constexpr int kBand = 32;         // rows of the picture that are made together
+constexpr double kMinDepth_mm = 1;  // from a cone's source
+constexpr int kBand = 32;           // rows of the picture that are rasterised together
 
-/// A point in a view: pixels from the lower left corner, and the depth along the beam in mm, from the view's
-/// centre or a cone's source.
-struct Seen {
+/// A projected point: pixels from the lower left corner, and the depth along the beam's axis in mm, from the
+/// view's centre or a cone's source.
+struct Projected {
   glm::dvec2 pixel;
   double depth_mm;
 };
 
-std::vector<Seen> seen_points(const std::vector<glm::vec3>& points_mm, const View& view) {
+std::vector<Projected> project_points(const std::vector<glm::vec3>& points_mm, const View& view) {
   const glm::dmat4 matrix = to_clip(view);
   const glm::dvec3 origin_mm = view.cone ? view.source_mm() : view.centre_mm, along = view.towards_detector();
-  std::vector<Seen> seen;
-  seen.reserve(points_mm.size());
+  std::vector<Projected> projected;
+  projected.reserve(points_mm.size());
   for (const glm::vec3& point_mm : points_mm) {
     const glm::dvec3 p(point_mm);
     const glm::dvec4 clip = matrix * glm::dvec4(p, 1);
-    seen.push_back({0.5 * (glm::dvec2(clip) / clip.w + 1.0) * glm::dvec2(view.width, view.height),
-                    glm::dot(p - origin_mm, along)});
+    projected.push_back({0.5 * (glm::dvec2(clip) / clip.w + 1.0) * glm::dvec2(view.width, view.height),
+                         glm::dot(p - origin_mm, along)});
   }
-  return seen;
+  return projected;
 }
 
-/// A triangle in a view.
+/// A triangle in a view, as it is rasterised.
 struct Facet {
   std::array<glm::dvec2, 3> corners;  ///< anticlockwise
-  ScreenBox box;                      ///< of the pixels whose middles may lie within
-  /// The depth, or under a cone its reciprocal, is linear: at the first corner, and its slopes.
+  ScreenBox box;                      ///< of the pixels whose centres may lie within
+  /// The depth, or under a cone its reciprocal, is linear: its value at the first corner, slopes and limits.
   double at_corner, per_column, per_row;
-  double least, most;
+  double lowest, highest;
   float mu_per_mm;
-  int turns;  ///< 1 where rays enter, -1 where they leave
+  int winding;  ///< 1 where rays enter, -1 where they leave
 };
 
-/// The part of a box's range along one axis whose pixels have their middles between two places.
-std::pair<int, int> middles_between(double low, double high, int first, int count) {
+/// The pixels of a range along one axis whose centres lie between two positions.
+std::pair<int, int> centres_between(double low, double high, int first, int count) {
   return {static_cast<int>(std::max<double>(first, std::ceil(low - 0.5))),
           static_cast<int>(std::min<double>(first + count - 1, std::floor(high - 0.5)))};
 }
 
-/// A triangle of a surface that absorbs; none where no ray meets it.
-std::optional<Facet> facet_of(const std::array<Seen, 3>& corners, const ScreenBox& part, bool is_cone) {
+/// None where no pixel's centre can lie in the triangle.
+std::optional<Facet> facet_of(const std::array<Projected, 3>& corners, const ScreenBox& part, bool is_cone) {
   auto [a, b, c] = corners;
   double area =
       (b.pixel.x - a.pixel.x) * (c.pixel.y - a.pixel.y) - (b.pixel.y - a.pixel.y) * (c.pixel.x - a.pixel.x);
-  if (area == 0 || (is_cone && std::min({a.depth_mm, b.depth_mm, c.depth_mm}) < kBeside_mm)) return {};
+  if (area == 0 || (is_cone && std::min({a.depth_mm, b.depth_mm, c.depth_mm}) < kMinDepth_mm)) return {};
   Facet facet;
-  facet.turns = area < 0 ? 1 : -1;  // what looks at the detector is where rays leave
+  facet.winding = area < 0 ? 1 : -1;  // rays leave through what faces the detector
   if (area < 0) {
     std::swap(b, c);
     area = -area;
   }
   const glm::dvec2 low = glm::min(a.pixel, glm::min(b.pixel, c.pixel)),
                    high = glm::max(a.pixel, glm::max(b.pixel, c.pixel));
-  const auto [left, right] = middles_between(low.x, high.x, part.x, part.width);
-  const auto [bottom, top] = middles_between(low.y, high.y, part.y, part.height);
+  const auto [left, right] = centres_between(low.x, high.x, part.x, part.width);
+  const auto [bottom, top] = centres_between(low.y, high.y, part.y, part.height);
   if (left > right || bottom > top) return {};
   facet.corners = {a.pixel, b.pixel, c.pixel};
   facet.box = {left, bottom, right - left + 1, top - bottom + 1};
-  const auto linear = [is_cone](const Seen& s) { return is_cone ? 1 / s.depth_mm : s.depth_mm; };
+  const auto linear = [is_cone](const Projected& s) { return is_cone ? 1 / s.depth_mm : s.depth_mm; };
   const double at_a = linear(a), to_b = linear(b) - at_a, to_c = linear(c) - at_a;
   facet.at_corner = at_a;
   facet.per_column = (to_b * (c.pixel.y - a.pixel.y) - to_c * (b.pixel.y - a.pixel.y)) / area;
   facet.per_row = (to_c * (b.pixel.x - a.pixel.x) - to_b * (c.pixel.x - a.pixel.x)) / area;
-  facet.least = at_a + std::min({0.0, to_b, to_c});
-  facet.most = at_a + std::max({0.0, to_b, to_c});
+  facet.lowest = at_a + std::min({0.0, to_b, to_c});
+  facet.highest = at_a + std::max({0.0, to_b, to_c});
   return facet;
 }
 
-/// The edge from a corner to the next. Two triangles that share it compute the same numbers for it, so that
-/// the middle of a pixel, even on the edge, lies within just one of them, and no ray slips through.
+/// The edge from a corner to the next, watertight: two triangles that share it evaluate it alike, so that a
+/// pixel's centre, even on the edge, lies within exactly one of them.
 class Edge {
  public:
   Edge(const glm::dvec2& from, const glm::dvec2& to)
@@ -105,7 +105,7 @@ class Edge {
 /// Where rays enter or leave a surface.
 struct Crossing {
   float depth_mm, mu_per_mm;
-  int turns;
+  int winding;
   int next;  ///< of the same pixel; -1: the last
 };
 
@@ -132,16 +132,16 @@ class Rows {
         was_within = true;
         const double linear =
             std::clamp(facet.at_corner + facet.per_column * (x - a.x) + facet.per_row * (y - a.y),
-                       facet.least, facet.most);
+                       facet.lowest, facet.highest);
         int& first = first_[at(column, row)];
         crossings_.push_back(
-            {static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm, facet.turns, first});
+            {static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm, facet.winding, first});
         first = static_cast<int>(crossings_.size()) - 1;
       }
     }
   }
 
-  /// What is absorbed, for a beam along the depth.
+  /// The optical depth of a pixel's ray, if it ran along the depth axis.
   float tau(int column, int row) {
     ray_.clear();
     for (int i = first_[at(column, row)]; i >= 0; i = crossings_[static_cast<std::size_t>(i)].next)
@@ -163,21 +163,21 @@ class Rows {
            static_cast<std::size_t>(column - part_.x);
   }
 
-  /// What absorbs most beyond a crossing.
+  /// The largest mu beyond a crossing.
   float cross(const Crossing& crossing) {
     auto matter = std::ranges::find(within_, crossing.mu_per_mm, &Matter::mu_per_mm);
     if (matter == within_.end()) matter = within_.insert(matter, {crossing.mu_per_mm, 0});
-    matter->turns += crossing.turns;
-    if (matter->turns == 0) within_.erase(matter);
+    matter->winding += crossing.winding;
+    if (matter->winding == 0) within_.erase(matter);
     float strongest = 0;
-    for (const auto& [mu_per_mm, turns] : within_)
-      if (turns > 0) strongest = std::max(strongest, mu_per_mm);
+    for (const auto& [mu_per_mm, winding] : within_)
+      if (winding > 0) strongest = std::max(strongest, mu_per_mm);
     return strongest;
   }
 
   struct Matter {
     float mu_per_mm;
-    int turns;  ///< entered minus left
+    int winding;  ///< entries minus exits
   };
 
   ScreenBox part_;
@@ -225,18 +225,18 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
   std::vector<float> tau(static_cast<std::size_t>(part.width) * static_cast<std::size_t>(part.height));
   if (tau.empty()) return tau;
 
-  // What every band of the picture shows, whose rays are then followed band by band.
+  // Binned by bands of the picture, which are then rasterised in parallel.
   std::vector<std::vector<Facet>> bands(static_cast<std::size_t>((part.height - 1) / kBand + 1));
   for (const auto& [surface, is_inside_out, lower_mm, upper_mm] : parts_) {
-    const std::vector<Seen> seen = seen_points(surface.mesh.points_mm, view);
+    const std::vector<Projected> projected = project_points(surface.mesh.points_mm, view);
     for (const auto& [a, b, c] : surface.mesh.triangles) {
-      const float share = surface.shares.empty() ? 1 : surface.shares[a];
-      const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * share;
+      const float weight = surface.mu_weights.empty() ? 1 : surface.mu_weights[a];
+      const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * weight;
       if (mu_per_mm <= 0) continue;
-      auto facet = facet_of({seen[a], seen[b], seen[c]}, part, view.cone.has_value());
+      auto facet = facet_of({projected[a], projected[b], projected[c]}, part, view.cone.has_value());
       if (!facet) continue;
       facet->mu_per_mm = mu_per_mm;
-      if (is_inside_out) facet->turns = -facet->turns;
+      if (is_inside_out) facet->winding = -facet->winding;
       const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
       for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
         bands[static_cast<std::size_t>(band)].push_back(*facet);
@@ -253,7 +253,7 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
       for (int column = part.x; column < part.x + part.width; ++column, ++value) {
         *value = rows.tau(column, row);
         if (*value == 0 || !view.cone) continue;
-        // Rays are longer than the way along the beam's middle.
+        // A ray is longer than its part along the beam's axis.
         const glm::dvec3 on_detector = view.pixel_on_detector_mm(column, view.height - 1 - row);
         *value *=
             static_cast<float>(glm::distance(on_detector, view.source_mm()) / view.cone->source_detector_mm);

@@ -14,30 +14,30 @@
 namespace xraycast {
 namespace {
 
-/// 1, 2 or 5 times a power of ten, the largest that is not longer.
-double round_length(double most) {
-  const double decade = std::pow(10, std::floor(std::log10(most)));
+/// The largest of 1, 2 or 5 times a power of ten that does not exceed `limit`.
+double round_length(double limit) {
+  const double decade = std::pow(10, std::floor(std::log10(limit)));
   for (const double times : {5.0, 2.0})
-    if (times * decade <= most) return times * decade;
+    if (times * decade <= limit) return times * decade;
   return decade;
 }
 
 }  // namespace
 
 std::string orientation_label(const glm::dvec3& direction) {
-  struct Share {
+  struct Component {
     double size;
     char letter;
   };
   const glm::dvec3 along = glm::normalize(direction);
-  std::array<Share, 3> shares{{{std::abs(along.x), along.x > 0 ? 'L' : 'R'},
-                               {std::abs(along.y), along.y > 0 ? 'P' : 'A'},
-                               {std::abs(along.z), along.z > 0 ? 'S' : 'I'}}};
-  std::ranges::sort(shares, std::greater{}, &Share::size);
+  std::array<Component, 3> components{{{std::abs(along.x), along.x > 0 ? 'L' : 'R'},
+                                       {std::abs(along.y), along.y > 0 ? 'P' : 'A'},
+                                       {std::abs(along.z), along.z > 0 ? 'S' : 'I'}}};
+  std::ranges::sort(components, std::greater{}, &Component::size);
   std::string label;
-  constexpr double kTold = 0.26;  // the sine of 15 deg
-  for (const Share& share : shares)
-    if (share.size > kTold) label += share.letter;
+  constexpr double kMinComponent = 0.26;  // the sine of 15 deg
+  for (const Component& component : components)
+    if (component.size > kMinComponent) label += component.letter;
   return label;
 }
 
@@ -50,8 +50,8 @@ Annotations annotations_of(const View& view, const glm::dvec3& axis_top_mm,
   annotations.bottom = orientation_label(-view.up());
   annotations.axis_top = pixel_of(view, axis_top_mm);
   annotations.axis_bottom = pixel_of(view, axis_bottom_mm);
-  const double enlarged = view.cone ? view.cone->source_detector_mm / view.cone->source_axis_mm : 1;
-  const double at_axis_mm = view.pixel_mm / enlarged;
+  const double magnification = view.cone ? view.cone->source_detector_mm / view.cone->source_axis_mm : 1;
+  const double at_axis_mm = view.pixel_mm / magnification;
   annotations.bar_mm = round_length(0.25 * view.width * at_axis_mm);
   annotations.bar_px = annotations.bar_mm / at_axis_mm;
   return annotations;
@@ -84,7 +84,7 @@ void draw_annotations(std::span<std::uint8_t> rgb, const View& view, const Annot
   line(bar_x - annotations.bar_px, bar_y - 0.3 * font, bar_x - annotations.bar_px, bar_y + 0.3 * font);
   line(bar_x, bar_y - 0.3 * font, bar_x, bar_y + 0.3 * font);
   text(bar_x, bar_y - 0.5 * font, fmt::format("{:g} mm", annotations.bar_mm), Right);
-  // The axis is marked at the body's ends alone, so that it hides nothing.
+  // Ticks at the body's ends alone, so that the axis occludes nothing.
   const glm::dvec2 along = glm::normalize(annotations.axis_bottom - annotations.axis_top);
   const auto is_seen = [&](const glm::dvec2& p) { return p.x >= 0 && p.x < w && p.y >= 0 && p.y < h; };
   for (const auto& [end, tick] : {std::pair(annotations.axis_top, double(font) * along),

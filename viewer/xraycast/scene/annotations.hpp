@@ -14,8 +14,8 @@ namespace xraycast {
 /// anterior, the larger share first; R L A P S I.
 std::string orientation_label(const glm::dvec3& direction);
 
-/// What bounds a picture and says where one is, in pixels of the picture, row 0 on top: letters at its edges,
-/// the body's axis, and a bar of a round number of millimetres in the plane of the axis.
+/// The annotations of a picture, in its pixels, row 0 on top: orientation letters at its edges, the body's
+/// axis, and a scale bar of a round number of millimetres in the plane of the axis.
 struct Annotations {
   std::string left, right, top, bottom;
   glm::dvec2 axis_top, axis_bottom;
@@ -25,7 +25,7 @@ struct Annotations {
 /// `axis_top_mm` and `axis_bottom_mm` are the ends of the body's axis.
 Annotations annotations_of(const View& view, const glm::dvec3& axis_top_mm, const glm::dvec3& axis_bottom_mm);
 
-/// Draws it into an 8-bit RGB picture of the view's size, with a caption below on the left.
+/// Draws them into an 8-bit RGB picture of the view's size, with a caption below on the left.
 void draw_annotations(std::span<std::uint8_t> rgb, const View& view, const Annotations& annotations,
                       const std::string& caption);
 

@@ -7,7 +7,7 @@ namespace xraycast {
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm) {
   constexpr std::size_t kFewest = 4;  // of a cubic
   if (nodes_mm.size() < kFewest) return {};
-  // As smooth as is seen at the thickness of a catheter, and no more: it is made anew for every frame.
+  // No smoother than is seen at a catheter's width: the mesh is rebuilt for every frame.
   constexpr int kRingsPerNode = 3, kSides = 8;
   return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides),
           catheter_per_mm(),

@@ -53,7 +53,7 @@ ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_
 }
 
 Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
-  const auto share_of = [&](const Drum& drum) {
+  const auto concentration_of = [&](const Drum& drum) {
     const std::span stretches = std::span(iodine_mg_ml[static_cast<std::size_t>(drum.branch)])
                                     .subspan(drum.first, drum.last - drum.first);
     return static_cast<float>(std::accumulate(stretches.begin(), stretches.end(), 0.0) /
@@ -63,10 +63,10 @@ Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_m
   Surface surface;
   surface.mu_per_mm = mu_per_mm_;
   for (const Drum& drum : drums_) {
-    const float share = share_of(drum);
-    if (share <= kNothing_mg_ml) continue;
+    const float mg_ml = concentration_of(drum);
+    if (mg_ml <= kNothing_mg_ml) continue;
     add_drum(drum.from, drum.to, surface.mesh);
-    surface.shares.resize(surface.mesh.points_mm.size(), share);
+    surface.mu_weights.resize(surface.mesh.points_mm.size(), mg_ml);
   }
   return surface;
 }

@@ -9,13 +9,13 @@
 
 namespace xraycast {
 
-/// Vessels filled unevenly with contrast agent, as a surface to draw in the fluoro look: of every branch a
-/// row of drums, each closed and with its own absorption. Where branches meet their drums overlap, and what
-/// absorbs most counts.
+/// Vessels filled unevenly with contrast agent, as a surface for fluoro: a row of drums along every branch,
+/// each closed and with its own attenuation. Where branches meet their drums overlap, and the largest mu
+/// counts.
 class ContrastSurface {
  public:
-  /// Takes drums of about two millimetres, made of whole stretches of the tree; `mu_per_mm` is what one mg/ml
-  /// of iodine absorbs.
+  /// Divides the tree into drums of about two millimetres, made of whole stretches; `mu_per_mm` is that of
+  /// one mg/ml of iodine.
   explicit ContrastSurface(const VesselTree& tree, double mu_per_mm = fluoroscopy_per_mm("I", 1));
 
   /// The surface for concentrations of iodine in every branch's stretches, one fewer than its points, in

@@ -6,7 +6,7 @@ namespace xraycast {
 
 /// What a dissolved element adds to mu in a fluoroscopy beam: 80 kVp, hardened by 20 cm of water, which is
 /// about a trunk at mid-depth. Relative to water in the same beam and on the scale of body maps, where water
-/// has 0.02/mm, so that vessels stand out of the body as they do there. `element` is a symbol, coefficients
+/// has 0.02/mm, so that vessels have the contrast that they have there. `element` is a symbol, coefficients
 /// are xraylib's.
 double fluoroscopy_per_mm(const std::string& element, double mg_ml);
 

@@ -13,8 +13,8 @@
 
 namespace xraycast {
 
-/// The outline of vessels in a picture of their optical depth alone (height x width, row 0 on top): pixels
-/// that absorb beside ones that do not.
+/// The outline of vessels in a picture of their optical depth alone (height x width, row 0 on top):
+/// attenuating pixels with a 4-neighbour that does not attenuate.
 std::vector<glm::ivec2> outline_of(std::span<const float> tau, int width, int height);
 
 /// A vessel tree's outline in a view, over which a catheter is steered.
@@ -22,7 +22,7 @@ class RoadMap {
  public:
   explicit RoadMap(const VesselTree& tree);
 
-  /// In the view's pixels, row 0 on top; computed anew where the view is another one than before.
+  /// In the view's pixels, row 0 on top; recomputed when the view changes.
   std::span<const glm::ivec2> outline(const View& view);
 
  private:

@@ -23,14 +23,15 @@ MapGeometry without_field(MapGeometry geometry) {
   return geometry;
 }
 
-/// A map's rows are its scan's slices; a sphere has a centre alone. Why they are not, or nothing.
+/// Why a map cannot be of a scan, or nothing. A cylinder's rows are the scan's slices; of a sphere only the
+/// centre is compared.
 std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
   const glm::dvec3 centre_mm = bounds_of(map).centre_mm, lower = volume.lower_mm(), upper = volume.upper_mm();
   if (glm::any(glm::lessThan(centre_mm, lower)) || glm::any(glm::greaterThan(centre_mm, upper)))
-    return "it lies elsewhere";
+    return "it lies outside the scan";
   if (map.projection == Projection::rectangle)  // of rows of its own, over the scan's whole height
     return std::abs(map.row_spacing_mm * map.height - (upper.z - lower.z)) > 2 * map.row_spacing_mm
-               ? "it is of another height"
+               ? "its height differs"
                : "";
   if (map.projection == Projection::cylinder) {
     if (map.height != volume.size.z)
@@ -43,7 +44,7 @@ std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
           "its rows are {:.4g} mm apart from {:.4g} mm downwards, the scan's slices {:.4g} mm from {:.4g} mm",
           map.row_spacing_mm, map.top_mm, slice_mm, top_mm);
   }
-  if (map.field && !is_same(*map.field, field_of(volume))) return "it is of another field of view";
+  if (map.field && !is_same(*map.field, field_of(volume))) return "its field of view differs";
   return "";
 }
 
@@ -59,7 +60,8 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const MapG
                      const std::string& basis_name) {
   const bool same = map.field && basis.field ? is_same(*map.field, *basis.field)
                                              : without_field(map) == without_field(basis);
-  if (!same) throw InputError("{} was not cast from the scan of {}: it lies elsewhere", name, basis_name);
+  if (!same)
+    throw InputError("{} was not cast from the scan of {}: their geometry differs", name, basis_name);
 }
 
 }  // namespace xraycast

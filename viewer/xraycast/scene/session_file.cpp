@@ -52,7 +52,7 @@ class Fields {
     try {
       return value(field).get<Value>();
     } catch (const nlohmann::json::exception&) {
-      throw InputError("{}: {} is not what it should be", name_, field);
+      throw InputError("{}: {} has the wrong type", name_, field);
     }
   }
 
@@ -110,15 +110,15 @@ GreyWindow window_of(const Fields& fields) {
 
 Style style_of(const Fields& fields) {
   Style style;
-  style.look = parse_look(fields.get<std::string>("look"));
+  style.shading = parse_shading_mode(fields.get<std::string>("look"));
   style.sampling.compositing = parse_compositing(fields.get<std::string>("compositing"));
   style.sampling.reconstruction =
       fields.get<bool>("continuous") ? Reconstruction::linear : Reconstruction::constant;
   if (fields.has("wall_radius_mm"))
     style.sampling.wall_radius_mm = fields.number("wall_radius_mm", 1e-3, 1e4);
   style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
-  style.strengths = fields.get<std::vector<float>>("strengths");
-  if (!std::ranges::all_of(style.strengths, [](float s) { return s >= 0 && s <= 100; }))
+  style.layer_weights = fields.get<std::vector<float>>("strengths");
+  if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= 100; }))
     throw InputError("{}: strengths have to be 0 to 100", fields.name());
   return style;
 }
@@ -134,11 +134,11 @@ void write_session(const ViewSession& session, const fs::path& path) {
   if (session.steered) json["simulation"] = steered_to_json(*session.steered);
   json["camera"] = camera_to_json(session.camera);
   const Style& style = session.style;
-  json["style"] = {{"look", to_string(style.look)},
+  json["style"] = {{"look", to_string(style.shading)},
                    {"compositing", to_string(style.sampling.compositing)},
                    {"continuous", style.sampling.reconstruction == Reconstruction::linear},
                    {"full_contrast", style.full_contrast},
-                   {"strengths", style.strengths}};
+                   {"strengths", style.layer_weights}};
   if (style.sampling.wall_radius_mm) json["style"]["wall_radius_mm"] = *style.sampling.wall_radius_mm;
   if (session.has_window)
     json["window"] = {{"scale", style.window.scale},

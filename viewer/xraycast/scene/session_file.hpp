@@ -22,11 +22,11 @@ struct SteeredCatheter {
   bool operator==(const SteeredCatheter&) const = default;
 };
 
-/// What the viewer shows and how: saved, and opened again. Files that are not there are empty.
+/// A viewer's scene and how it is shown, as it is saved and opened again. Absent files are empty paths.
 struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
   double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
-  std::optional<SteeredCatheter> steered{};      ///< in the place of vessels and catheter
+  std::optional<SteeredCatheter> steered{};      ///< instead of vessels and catheter
   Camera camera{};
   Style style{};
   bool has_window = false;           ///< style.window was chosen; otherwise it follows the picture

@@ -12,12 +12,11 @@
 namespace xraycast {
 
 /// Vessels as a surface to draw: a mesh (.stl or .vtp), or a folder that `segment` or `phantom --truth`
-/// wrote, with surface.vtp or surface.stl, or else tree.vtp, of which the tubes are taken. In the fluoro look
+/// wrote, with surface.vtp or surface.stl, or else tree.vtp, which is meshed as tubes. In fluoro
 /// they hold blood with that much iodine. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
-/// What to tell someone whose vessels lie outside a map's body for the most part, as those of another scan
-/// do; a line, or none.
+/// A line of warning when most of the vessels lie outside a map's body, as those of another scan do; or none.
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
                                         const std::string& name);
 

@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kPush_mm_s = 40, kRotate_rad_s = 120 * std::numbers::pi / 180, kSlowly = 0.2;
 
-/// Of a stick's axis, -1 to 1. Sticks do not come back to the very middle.
+/// A stick's axis, -1 to 1, without its dead zone: released sticks do not return to the very centre.
 double beyond_dead_zone(double axis) {
   constexpr double kDead = 0.15;
   return std::copysign(std::max(0.0, std::abs(axis) - kDead) / (1 - kDead), axis);

@@ -7,17 +7,17 @@ struct GLFWgamepadstate;
 
 namespace xraycast {
 
-/// What hands and feet hold down at the table.
+/// The operator's input: the hub's velocity, the fluoroscopy pedal, the injector.
 struct HubInput {
-  double insertion_mm_s = 0, rotation_rad_s = 0;  ///< how fast the hub is moved
+  double insertion_mm_s = 0, rotation_rad_s = 0;  ///< velocity of the hub
   bool pedal = false, injects = false;
 };
 
 /// By keys of GLFW: arrows move the hub (with Shift slowly), X is the pedal, I injects.
 HubInput held_keys(const std::function<bool(int key)>& is_down);
 
-/// By a gamepad: the left stick moves the hub, the faster the farther it is held, and not at all within a
-/// seventh of its way; A is the pedal, B injects.
+/// By a gamepad: the left stick sets the hub's velocity, with a dead zone of a seventh; A is the pedal, B
+/// injects.
 HubInput held_pad(const GLFWgamepadstate& pad);
 
 /// The first gamepad that is connected.

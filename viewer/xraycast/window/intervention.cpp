@@ -47,7 +47,7 @@ Intervention::Intervention(const Options& options)
 }
 
 void Intervention::start(const fs::path& script) {
-  // What can be wrong with files is found while the old run is still there.
+  // Files are read first: where they are invalid the old run goes on.
   std::unique_ptr<HapticDevice> device;
   if (!script.empty())
     device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
@@ -72,7 +72,7 @@ void Intervention::start(const fs::path& script) {
 void Intervention::update(const Camera& camera, double passed_s) {
   run_->update();
   if (pedal_) fluoroscopy_s_ += passed_s;
-  // The first picture is for free, so that there is one.
+  // The first exposure needs no pedal, so that there is a picture to hold.
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
   nodes_mm_ = run_->now().nodes_mm;

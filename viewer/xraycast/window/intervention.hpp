@@ -14,8 +14,8 @@
 
 namespace xraycast {
 
-/// What is done at the table under the C-arm: a catheter is steered, seen while the pedal is down, and
-/// contrast agent is injected. All calls on one thread.
+/// A simulated intervention under the C-arm: a catheter is steered, with fluoroscopy while the pedal is down
+/// and last image hold after, and contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
@@ -24,21 +24,21 @@ class Intervention {
     EntryChoice entry{};
     std::string haptic = "keyboard";  ///< one of haptic_names()
     std::string listen{};             ///< openigtlink: where; empty: its default
-    std::filesystem::path script{};   ///< of the hub; steers in the place of a device
+    std::filesystem::path script{};   ///< of the hub; steers instead of a device
   };
 
   static std::vector<std::string> haptic_names();
 
-  /// Throws InputError for what is no tree, an unknown device, a device that does not fit, a port in use.
+  /// Throws InputError for a missing tree, an unknown device, a device that does not fit, a port in use.
   explicit Intervention(const Options& options);
 
-  /// Takes the newest state, and the C-arm's, into the picture while the pedal is down. Once a frame.
+  /// Exposes a picture of the newest state while the pedal is down. Once a frame.
   void update(const Camera& camera, double passed_s);
 
   SimulatedRun& run() { return *run_; }
   const SimulatedRun& run() const { return *run_; }
 
-  /// None where a script or a network steers.
+  /// Null where a script or a network steers.
   ManualDevice* manual() { return manual_; }
   const std::string& haptic() const { return options_.haptic; }
 
@@ -46,17 +46,17 @@ class Intervention {
   bool is_live() const { return pedal_; }
   double fluoroscopy_s() const { return fluoroscopy_s_; }
 
-  /// Where the C-arm was when the picture was taken that is held now.
+  /// The C-arm's pose at the last exposure, whose picture is held.
   const Camera& camera() const { return camera_; }
 
-  /// What is written below the picture: where the C-arm was for it and, while another picture would be taken
-  /// now, where it stands.
+  /// The picture's caption: the C-arm's pose at the last exposure and, where it has moved since, its present
+  /// pose.
   std::string caption(const Camera& now) const;
 
   /// The catheter and the road map in that picture.
   SteeredCatheter catheter() const { return {nodes_mm_, run_->model().radius_mm(), has_road_map}; }
 
-  /// What absorbs in that picture. Changes with `exposures`.
+  /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }
 
@@ -64,11 +64,11 @@ class Intervention {
   /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
-  /// Back to the entrance, with the device of the options. The recording begins anew. Throws as the
-  /// constructor; then the run goes on, or, if only the port is lost, keys hold a new one.
+  /// Starts again at the entry, with the device of the options. A recording restarts. Throws as the
+  /// constructor; the run then goes on, or, if only the port is lost, a new one is steered by keys.
   void restart() { start(options_.script); }
 
-  /// Steers by a script, once, from the entrance on. Throws InputError as `restart`.
+  /// Steers by a script, once, from the entry on. Throws InputError as `restart`.
   void replay(const std::filesystem::path& script) { start(script); }
 
  private:

@@ -6,13 +6,13 @@ struct GLFWwindow;
 
 namespace xraycast {
 
-/// What keys, mouse and gamepad do at the table, as lines of help.
+/// Help on the keys of an intervention, a line each.
 extern const char* const kInterventionHelp;
 
-/// Moves the hub by what keys, mouse or gamepad hold down, steps on the pedal and injects. Once a frame.
+/// Applies the held keys, mouse or gamepad to hub, pedal and injector. Once a frame.
 void handle_intervention(Viewer& viewer, GLFWwindow* window);
 
-/// The loads at the hub, where the tip is, and what has been used of X-rays and contrast agent. Once a frame.
+/// Shows the loads at the hub, the tip's location, fluoroscopy time and contrast agent used. Once a frame.
 void draw_intervention_panel(Viewer& viewer);
 
 }  // namespace xraycast

@@ -10,16 +10,16 @@
 
 namespace xraycast {
 
-/// Does the latest of a stream of requests beside the window: a request that has not been begun when the next
-/// one comes is forgotten. For pictures that follow a moving camera.
+/// Serves the latest of a stream of requests on a thread of its own: a request that is still waiting when the
+/// next one comes is dropped. For pictures that follow a moving camera.
 template <typename Request, typename Result>
 class LatestWorker {
  public:
   using Work = std::function<Result(const Request&)>;
 
-  /// `done` is called on the worker's thread when there is something to take.
-  LatestWorker(Work work, std::function<void()> done)
-      : work_(std::move(work)), done_(std::move(done)), thread_([this] { run(); }) {}
+  /// `notify` is called on the worker's thread when there is something to take.
+  LatestWorker(Work work, std::function<void()> notify)
+      : work_(std::move(work)), notify_(std::move(notify)), thread_([this] { run(); }) {}
   ~LatestWorker() {
     {
       const std::lock_guard lock(mutex_);
@@ -39,7 +39,7 @@ class LatestWorker {
     changed_.notify_one();
   }
 
-  /// What was made since the last call. Throws what the work threw.
+  /// The result since the last call, if any. Throws what the work threw.
   std::optional<Result> take() {
     const std::lock_guard lock(mutex_);
     if (const std::exception_ptr error = std::exchange(error_, nullptr)) std::rethrow_exception(error);
@@ -65,13 +65,13 @@ class LatestWorker {
       result_ = std::move(result);
       error_ = error;
       lock.unlock();
-      done_();
+      notify_();
     }
   }
 
   Work work_;
-  std::function<void()> done_;
-  std::mutex mutex_;  ///< of what follows
+  std::function<void()> notify_;
+  std::mutex mutex_;  ///< guards the following members
   std::condition_variable changed_;
   bool ends_ = false;
   std::optional<Request> request_;

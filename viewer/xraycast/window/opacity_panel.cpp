@@ -10,7 +10,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kLeast_hu = -1024, kMost_hu = 2000, kMost_per_mm = 0.08;
+constexpr double kMin_hu = -1024, kMax_hu = 2000, kMax_per_mm = 0.08;
 
 Opacity preset(const std::string& name) {
   if (name == "paper") return Opacity::paper();
@@ -40,18 +40,19 @@ OpacityPanel::Edit OpacityPanel::draw(std::span<const double> knots_hu, std::spa
   const bool is_held = ImGui::IsItemActive(), is_over = ImGui::IsItemHovered();
   ImDrawList& draw = *ImGui::GetWindowDrawList();
   const auto at = [&](double hu, double mu) {
-    return ImVec2(origin.x + static_cast<float>((hu - kLeast_hu) / (kMost_hu - kLeast_hu)) * size.x,
-                  origin.y + size.y * static_cast<float>(1 - std::min(1.0, mu / kMost_per_mm)));
+    return ImVec2(origin.x + static_cast<float>((hu - kMin_hu) / (kMax_hu - kMin_hu)) * size.x,
+                  origin.y + size.y * static_cast<float>(1 - std::min(1.0, mu / kMax_per_mm)));
   };
   draw.AddRectFilled(origin, {origin.x + size.x, origin.y + size.y}, IM_COL32(24, 26, 31, 255));
-  // Counts on a logarithm, or air and water would hide all else.
-  double most = 1;
-  for (const std::int64_t count : histogram) most = std::max(most, std::log1p(static_cast<double>(count)));
+  // On a logarithmic scale, or air and water would dwarf all else.
+  double highest = 1;
+  for (const std::int64_t count : histogram)
+    highest = std::max(highest, std::log1p(static_cast<double>(count)));
   for (std::size_t bin = 0; bin < histogram.size(); ++bin) {
-    const double hu = kLeast_hu + static_cast<double>(bin) * bin_hu;
-    if (hu > kMost_hu) break;
-    const double share = std::log1p(static_cast<double>(histogram[bin])) / most;
-    draw.AddRectFilled(at(hu, share * kMost_per_mm), {at(hu + bin_hu, 0).x, origin.y + size.y},
+    const double hu = kMin_hu + static_cast<double>(bin) * bin_hu;
+    if (hu > kMax_hu) break;
+    const double height = std::log1p(static_cast<double>(histogram[bin])) / highest;
+    draw.AddRectFilled(at(hu, height * kMax_per_mm), {at(hu + bin_hu, 0).x, origin.y + size.y},
                        IM_COL32(70, 78, 95, 255));
   }
   if (!why_not.empty()) {
@@ -65,7 +66,7 @@ OpacityPanel::Edit OpacityPanel::draw(std::span<const double> knots_hu, std::spa
   int nearest = -1;
   float distance = reach * reach;
   for (std::size_t i = 0; i < knots_hu.size(); ++i) {
-    if (knots_hu[i] > kMost_hu) continue;
+    if (knots_hu[i] > kMax_hu) continue;
     const ImVec2 p = at(knots_hu[i], mu_per_mm[i]);
     const float d = (p.x - mouse.x) * (p.x - mouse.x) + (p.y - mouse.y) * (p.y - mouse.y);
     if (d < distance) {
@@ -76,7 +77,7 @@ OpacityPanel::Edit OpacityPanel::draw(std::span<const double> knots_hu, std::spa
   const bool began = is_held && ImGui::IsMouseClicked(ImGuiMouseButton_Left) && nearest >= 0;
   if (began) dragged_ = nearest;
   for (std::size_t i = 0; i < knots_hu.size(); ++i) {
-    const ImVec2 p = at(std::min(knots_hu[i], kMost_hu), mu_per_mm[i]);
+    const ImVec2 p = at(std::min(knots_hu[i], kMax_hu), mu_per_mm[i]);
     if (i > 0) draw.AddLine(at(knots_hu[i - 1], mu_per_mm[i - 1]), p, IM_COL32(255, 190, 90, 255), 1.5f);
     const bool is_marked = static_cast<int>(i) == dragged_ || (is_over && static_cast<int>(i) == nearest);
     draw.AddCircleFilled(p, is_marked ? 5.0f : 3.0f, IM_COL32(255, 220, 150, 255));
@@ -84,7 +85,7 @@ OpacityPanel::Edit OpacityPanel::draw(std::span<const double> knots_hu, std::spa
   if (dragged_ < 0) return {};
   const int knot = dragged_;
   const double mu =
-      std::clamp(kMost_per_mm * (1 - (mouse.y - origin.y) / static_cast<double>(size.y)), 0.0, kMost_per_mm);
+      std::clamp(kMax_per_mm * (1 - (mouse.y - origin.y) / static_cast<double>(size.y)), 0.0, kMax_per_mm);
   ImGui::SetTooltip("%.0f HU: %.4f /mm", knots_hu[knot], mu);
   if (is_held) return {knot, mu, began};
   dragged_ = -1;

@@ -7,18 +7,18 @@
 
 namespace xraycast {
 
-/// An opacity's curve over a scan's HU histogram, to be dragged by its knots.
+/// The transfer function: an opacity's curve over a scan's HU histogram, edited by dragging its knots.
 class OpacityPanel {
  public:
-  /// What the mouse did in this frame.
+  /// What the mouse has edited in this frame.
   struct Edit {
     int knot = -1;  ///< -1: nothing
     double mu_per_mm = 0;
-    bool began = false;  ///< the drag starts here
+    bool began = false;  ///< the drag starts in this frame
   };
 
-  /// Draws the panel within the current ImGui window. `why_not` says why nothing can be dragged; empty: it
-  /// can. The histogram's bins are `bin_hu` wide, from -1024 HU on.
+  /// Draws the panel within the current ImGui window. `why_not` says why the curve cannot be edited; empty:
+  /// it can. The histogram's bins are `bin_hu` wide, from -1024 HU on.
   Edit draw(std::span<const double> knots_hu, std::span<const double> mu_per_mm,
             std::span<const std::int64_t> histogram, int bin_hu, const std::string& why_not);
 

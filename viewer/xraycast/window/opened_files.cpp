@@ -15,14 +15,14 @@ void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
     check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
 }
 
-/// Where a scan's body lies, and what its map is cast with.
-struct Appearance {
+/// The parameters of a map of a scan: the body's outline, and the opacity.
+struct CastParameters {
   BodyOutline body;
   Opacity opacity;
 };
 
-/// Brings the scan to a device.
-Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
+/// Uploads the scan to a device.
+CastParameters load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
   check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry());
@@ -33,11 +33,11 @@ Appearance load_scan(OpenedFiles& opened, const std::string& device, Progress& p
   return {finder.finish(), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
 }
 
-void cast_scan(OpenedFiles& opened, const Appearance& appearance, const std::string& device,
+void cast_scan(OpenedFiles& opened, const CastParameters& parameters, const std::string& device,
                Progress& progress) {
   constexpr int kLayers = 16, kAngles = 360;  // ribs show, and a frame takes a quarter longer than one of 8
   const ResidentScan& scan = *opened.scan->scan;
-  const auto& [body, opacity] = appearance;
+  const auto& [body, opacity] = parameters;
   const MapGeometry geometry =
       cylinder_map(scan.geometry(), kAngles, shell_radii_mm(RadiiRule::equal_area, kLayers, body.radius_mm),
                    body.centre_mm);
@@ -46,25 +46,22 @@ void cast_scan(OpenedFiles& opened, const Appearance& appearance, const std::str
       device, make_basis(scan, geometry, useful_knots_hu(opacity), progress));
 }
 
-}  // namespace
-
-OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
-                       Progress& progress) {
-  OpenedFiles opened;
-  opened.session = session;
-  const ViewSession& last = before.session;
-  const bool is_same_scan = session.scan == last.scan && before.scan;
-  const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
+void open_vessels(OpenedFiles& opened, const OpenedFiles& before) {
+  const ViewSession &session = opened.session, &last = before.session;
+  const bool is_same = session.vessels == last.vessels;
   if (!session.vessels.empty() && !session.steered)
-    opened.vessels =
-        session.vessels == last.vessels && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
-            ? before.vessels
-            : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
-  if (session.vessels == last.vessels && before.tree)
+    opened.vessels = is_same && session.contrast_mg_ml == last.contrast_mg_ml && before.vessels
+                         ? before.vessels
+                         : std::make_shared<Surface>(read_vessels(session.vessels, session.contrast_mg_ml));
+  if (is_same && before.tree)
     opened.tree = before.tree;
   else if (!session.vessels.empty() &&
            (session.steered || std::filesystem::exists(session.vessels / "tree.vtp")))
     opened.tree = std::make_shared<VesselTree>(read_tree(session.vessels));
+}
+
+void open_catheter(OpenedFiles& opened, const OpenedFiles& before) {
+  const ViewSession &session = opened.session, &last = before.session;
   if (session.steered)
     opened.catheter =
         std::make_shared<Surface>(catheter_surface(session.steered->nodes_mm, session.steered->radius_mm));
@@ -72,6 +69,12 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
     opened.catheter = session.catheter == last.catheter && before.catheter && !last.steered
                           ? before.catheter
                           : std::make_shared<Surface>(read_catheter(session.catheter));
+}
+
+void open_map_and_basis(OpenedFiles& opened, const OpenedFiles& before, bool is_same_scan,
+                        const std::string& device) {
+  const ViewSession &session = opened.session, &last = before.session;
+  const bool is_same_map = session.map == last.map && before.map && (!session.map.empty() || is_same_scan);
   if (is_same_map)
     opened.map = before.map;
   else if (!session.map.empty())
@@ -83,12 +86,24 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
   if (opened.recast && !session.map.empty())
     check_same_scan(opened.map->geometry, session.map.string(), opened.recast->basis.geometry,
                     session.basis.string());
+}
+
+}  // namespace
+
+OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
+                       Progress& progress) {
+  OpenedFiles opened;
+  opened.session = session;
+  const bool is_same_scan = session.scan == before.session.scan && before.scan;
+  open_vessels(opened, before);
+  open_catheter(opened, before);
+  open_map_and_basis(opened, before, is_same_scan, device);
   if (is_same_scan && opened.map) {
     check_scan(opened, before.scan->scan->geometry());
     opened.scan = before.scan;
   } else if (!session.scan.empty()) {
-    const Appearance appearance = load_scan(opened, device, progress);
-    if (!opened.map) cast_scan(opened, appearance, device, progress);
+    const CastParameters parameters = load_scan(opened, device, progress);
+    if (!opened.map) cast_scan(opened, parameters, device, progress);
   }
   return opened;
 }

@@ -14,15 +14,17 @@
 
 namespace xraycast {
 
-/// What the files of a session hold. Immutable but for the recast session, which is the window thread's own.
+/// The contents of a session's files. Immutable but for the recast session, which belongs to the window's
+/// thread.
 struct OpenedFiles {
-  /// A scan on the device that projects it.
+  /// The scan, and the device that projects it.
   struct ScanOnDevice {
     ComputeDevice device;
     std::optional<ResidentScan> scan;
     explicit ScanOnDevice(const std::string& choice) : device(choice) {}
   };
-  /// What the map is recast from, on a queue of its own, so that neither waits for a projection.
+  /// The basis that the map is recast from, on a queue of its own, so that recasting never waits for a
+  /// projection.
   struct RecastOnDevice {
     ComputeDevice device;
     Basis basis;
@@ -39,9 +41,9 @@ struct OpenedFiles {
   std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
 };
 
-/// Opens what a session names, for a worker's thread; what `before` has from the same files is taken over. A
+/// Opens the files of a session, on a worker's thread; what `before` has from the same files is reused. A
 /// scan without a map is cast with sixteen layers, and can be recast. `device` as for ComputeDevice. Throws
-/// as the readers do, and check_same_scan where basis or scan are not the map's.
+/// as the readers do, and as check_same_scan where basis or scan are not the map's.
 OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
                        Progress& progress);
 

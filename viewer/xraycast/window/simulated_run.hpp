@@ -15,16 +15,16 @@
 
 namespace xraycast {
 
-/// A catheter that is steered in real time, as those see it who stand at the table: its shape and loads, the
-/// contrast agent injected through it, and a recording of the hub. All calls on one thread; the simulation
-/// has its own, which never waits for it.
+/// A catheter that is steered in real time, as the operator meets it: its shape and loads, the contrast agent
+/// injected through it, and a recording of the hub. All calls on one thread; the simulation has its own,
+/// which never waits for it.
 class SimulatedRun {
  public:
   /// Throws InputError when the device does not fit into the vessel at the entry.
   SimulatedRun(std::shared_ptr<const VesselTree> tree, const InstrumentModel& model, const VesselEnd& entry,
                std::unique_ptr<HapticDevice> device);
 
-  /// Takes the newest state, and lets contrast move on by the time that has passed in it. Once a frame.
+  /// Takes the newest state of the simulation and advances the contrast agent to its time. Once a frame.
   void update();
 
   const CatheterSnapshot& now() const { return *now_; }
@@ -32,7 +32,7 @@ class SimulatedRun {
   HapticDevice& device() { return *device_; }
   const InstrumentModel& model() const { return model_; }
 
-  /// Contrast agent (350 mg iodine a millilitre) enters at the tip from now on; 0 ends it.
+  /// Injects contrast agent (350 mg iodine a millilitre) at the tip at this rate from now on; 0 stops.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
   double injected_ml() const { return injected_ml_; }
 
@@ -47,11 +47,11 @@ class SimulatedRun {
   static constexpr double kKept_s = 10;
   const std::deque<Load>& loads() const { return loads_; }
 
-  /// Writes down where the hub is, now and at every update.
+  /// Records the hub's pose, now and at every update.
   void start_recording();
   bool is_recording() const { return is_recording_; }
 
-  /// Ends the recording where the hub is by now: a script (see Script) that begins at 0 s.
+  /// Ends the recording with the hub's present pose. Returns a script (see Script) that begins at 0 s.
   std::string stop_recording();
 
  private:

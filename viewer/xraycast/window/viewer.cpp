@@ -4,7 +4,6 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/casting/comparison.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
@@ -21,8 +20,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr int kCineFrames = 72, kCineWidth = 640, kCineHeight = 480;
-
 /// `xraycast-001.png`, or the first number that is free.
 fs::path unused(const std::string& stem, const std::string& extension) {
   fs::path path;
@@ -31,9 +28,9 @@ fs::path unused(const std::string& stem, const std::string& extension) {
   return path;
 }
 
-/// A view's picture with letters and scale.
-void furnish(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bounds,
-             const std::string& caption) {
+/// Draws orientation letters, axis and scale bar into a view's picture.
+void annotate(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bounds,
+              const std::string& caption) {
   const glm::dvec3 half(0, 0, bounds.half_height_mm);
   draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
                    caption);
@@ -70,22 +67,8 @@ ViewSession with_file(ViewSession session, const fs::path& path) {
 
 }  // namespace
 
-Viewer::Viewer(ViewSession session, std::string device, const std::function<void()>& wake)
-    : device_(std::move(device)),
-      projecting_(
-          [](const TruthRequest& request) {
-            Progress progress;
-            return std::make_shared<const ProjectionImage>(
-                project(*request.scan->scan, request.view, request.opacity, progress));
-          },
-          wake),
-      comparing_(
-          [](const LikenessRequest& request) {
-            const View& view = request.truth->view;
-            const std::vector<std::uint8_t> all(request.tau.size(), 1);
-            return compare(request.tau, request.truth->tau, all, view.width, view.height).psnr_db;
-          },
-          wake) {
+Viewer::Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw)
+    : device_(std::move(device)), drrs_(request_redraw) {
   load(std::move(session), true);
 }
 
@@ -115,7 +98,6 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
 /// Only what could be opened becomes part of the session.
 void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   is_first_ = false;
-  const bool is_other_map = opened.map != opened_.map || opened.recast != opened_.recast;
   opened_ = std::move(opened);
   const Camera camera = session_.camera;
   const Style style = session_.style;
@@ -125,30 +107,19 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
     session_.style = style;
   }
   road_map_.reset();
-  latest_truth_.reset();
-  asked_view_.reset();
+  drrs_.reset();
+  shown_exposures_ = -1;
+  adapted_to_.reset();
+  picked_.reset();
   std::vector<Surface> surfaces;
   for (const auto& surface : {opened_.vessels, opened_.catheter})
     if (surface && !intervention_) surfaces.push_back(*surface);
   renderer_.set_surfaces(surfaces);
-  shown_exposures_ = -1;
-  adapted_to_.reset();
-  picked_.reset();
-  if (!opened_.map) return;
-  if (opened_.vessels)
+  if (opened_.map && opened_.vessels)
     for (const std::string& note : notes_on_place(
              opened_.vessels->mesh.points_mm, bounds_of(opened_.map->geometry), session_.vessels.string()))
       message_ = note;
-  if (is_other_map) {
-    undo_.clear();
-    redo_.clear();
-    use_map(opened_.map);
-  }
-  if (!opened_.recast) return;
-  const Opacity start = session_.opacity.value_or(opened_.map->opacity);
-  mu_per_mm_.clear();
-  for (const double hu : knots_hu()) mu_per_mm_.push_back(start.mu_per_mm(hu));
-  if (session_.opacity) set_opacity(mu_per_mm_);
+  opacity_.open(opened_.map, opened_.recast);
 }
 
 void Viewer::open(const fs::path& path) {
@@ -177,13 +148,8 @@ void Viewer::save_picture() {
     const int width = width_, height = height_;
     std::vector<std::uint8_t> rgb(static_cast<std::size_t>(3) * width * height);
     for (const Pane& pane : panes(width, height)) {
-      const View view = view_in(pane.width, pane.height);
-      const bool is_truth = pane.is_truth && latest_truth_;
-      std::vector<std::uint8_t> part = is_truth ? renderer_.picture(*latest_truth_, session_.style)
-                                                : renderer_.picture(view, session_.style);
-      const View& drawn = is_truth ? latest_truth_->view : view;
-      furnish(part, drawn, bounds_, status_of(picture_camera()));
-      draw_outline(road_map(drawn), kRoadMapColour, drawn.width, part);
+      View drawn;
+      const std::vector<std::uint8_t> part = annotated_picture(pane, drawn);
       const std::size_t row = std::size_t{3} * drawn.width;
       for (int j = 0; j < std::min(height, drawn.height); ++j)
         std::copy_n(&part[j * row], std::min(row, std::size_t{3} * pane.width),
@@ -198,26 +164,35 @@ void Viewer::save_picture() {
   });
 }
 
+/// What a pane shows, and the view that it was drawn for.
+std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& drawn) {
+  const ProjectionImage* drr = pane.is_drr ? drrs_.latest() : nullptr;
+  drawn = drr ? drr->view : view_in(pane.width, pane.height);
+  std::vector<std::uint8_t> rgb =
+      drr ? renderer_.picture(*drr, session_.style) : renderer_.picture(drawn, session_.style);
+  annotate(rgb, drawn, bounds_, status_of(picture_camera()));
+  draw_outline(road_map(drawn), kRoadMapColour, drawn.width, rgb);
+  return rgb;
+}
+
 void Viewer::save_cine() {
   attempt([&] {
     if (!shown_) throw InputError("there is no picture to save yet");
-    const fs::path folder = unused("xraycast-cine", "");
-    fs::create_directories(folder);
-    cine_.emplace(Cine{CineWriter(folder, kCineWidth, kCineHeight),
-                       CineWriter(folder / "turn.gif", kCineWidth, kCineHeight), folder, session_.camera});
+    cine_.emplace(unused("xraycast-cine", ""), session_.camera);
   });
 }
 
-void Viewer::next_cine_frame() {
-  const View view = view_of(cine_->camera, bounds_, kCineWidth, kCineHeight);
-  std::vector<std::uint8_t> rgb = renderer_.picture(view, session_.style);
-  furnish(rgb, view, bounds_, status_of(cine_->camera));
-  cine_->pictures.add(rgb);
-  cine_->animation.add(std::move(rgb));
-  cine_->camera.rotate(360.0 / kCineFrames);
-  if (++cine_->frame < kCineFrames) return;
-  message_ = fmt::format("saved {} frames in {}", kCineFrames, fs::absolute(cine_->folder).string());
-  writing_.start("Saving", [animation = std::move(cine_->animation)](Progress&) -> Worker::Delivery {
+void Viewer::export_cine_frame() {
+  cine_->export_frame([this](const Camera& camera) {
+    const View view = view_of(camera, bounds_, CineExporter::kWidth, CineExporter::kHeight);
+    std::vector<std::uint8_t> rgb = renderer_.picture(view, session_.style);
+    annotate(rgb, view, bounds_, status_of(camera));
+    return rgb;
+  });
+  if (!cine_->is_complete()) return;
+  message_ =
+      fmt::format("saved {} frames in {}", CineExporter::kFrames, fs::absolute(cine_->folder()).string());
+  writing_.start("Saving", [animation = cine_->take_animation()](Progress&) -> Worker::Delivery {
     animation.finish();
     return {};
   });
@@ -231,16 +206,16 @@ void Viewer::cancel() {
   message_ = "cancelled";
 }
 
-bool Viewer::is_busy() const { return turns || cine_; }
+bool Viewer::is_animating() const { return is_rotating || cine_; }
 
 std::optional<Worker::Status> Viewer::status() const {
-  if (cine_) return Worker::Status{"Cine", "drawing", static_cast<double>(cine_->frame) / kCineFrames};
+  if (cine_) return Worker::Status{"Cine", "drawing", cine_->fraction()};
   return opening_.status();
 }
 
 // ---- the catheter ---------------------------------------------------------------------------------
 
-/// What the last exposure saw of it.
+/// As it was in the last exposure.
 void Viewer::show_catheter() {
   intervention_->update(session_.camera, since_frame_.ms() / 1000);
   if (intervention_->exposures() == shown_exposures_) return;
@@ -284,99 +259,48 @@ const VesselTree* Viewer::tree() const {
   return intervention_ ? &intervention_->run().tree() : opened_.tree.get();
 }
 
-void Viewer::pick(const glm::dvec2& place, float width, float height) {
+void Viewer::pick(const glm::dvec2& position, float width, float height) {
   picked_.reset();
   if (!tree() || !shown_) return;
   for (const Pane& pane : panes(static_cast<int>(width), static_cast<int>(height)))
-    if (place.x >= pane.x && place.x < pane.x + pane.width)
-      picked_ = vessel_at(*tree(), view_in(pane.width, pane.height), place - glm::dvec2(pane.x, 0));
+    if (position.x >= pane.x && position.x < pane.x + pane.width)
+      picked_ = vessel_at(*tree(), view_in(pane.width, pane.height), position - glm::dvec2(pane.x, 0));
 }
 
 // ---- how it is shown ------------------------------------------------------------------------------
 
-Drawing Viewer::drawing() const {
-  if (truth_ && has_scan()) return Drawing::truth;
-  return session_.style.sampling.compositing == Compositing::path ? Drawing::path : Drawing::wall;
+BodySource Viewer::source() const {
+  if (shows_drr_ && has_scan()) return BodySource::drr;
+  return session_.style.sampling.compositing == Compositing::path ? BodySource::path : BodySource::wall;
 }
 
-void Viewer::set_drawing(Drawing drawing) {
-  truth_ = drawing == Drawing::truth && has_scan();
-  session_.style.sampling.compositing = drawing == Drawing::wall ? Compositing::wall : Compositing::path;
+void Viewer::set_source(BodySource source) {
+  shows_drr_ = source == BodySource::drr && has_scan();
+  session_.style.sampling.compositing = source == BodySource::wall ? Compositing::wall : Compositing::path;
 }
 
-void Viewer::next_drawing() {
-  switch (drawing()) {
-    case Drawing::path:
-      return set_drawing(Drawing::wall);
-    case Drawing::wall:
-      return set_drawing(has_scan() ? Drawing::truth : Drawing::path);
-    case Drawing::truth:
-      return set_drawing(Drawing::path);
+void Viewer::next_source() {
+  switch (source()) {
+    case BodySource::path:
+      return set_source(BodySource::wall);
+    case BodySource::wall:
+      return set_source(has_scan() ? BodySource::drr : BodySource::path);
+    case BodySource::drr:
+      return set_source(BodySource::path);
   }
 }
 
-void Viewer::set_look(Look look) {
-  session_.style.look = look;
-  session_.style.window.inverted = look == Look::surface;
+void Viewer::set_shading_mode(ShadingMode shading) {
+  session_.style.shading = shading;
+  session_.style.window.inverted = shading == ShadingMode::surface;
 }
 
-void Viewer::toggle_layer(std::size_t layer) {
-  std::vector<float>& strengths = session_.style.strengths;
-  if (layer >= strengths.size()) return;
-  remember();
-  strengths[layer] = strengths[layer] > 0 ? 0.0f : 1.0f;
-}
-
-void Viewer::use_map(std::shared_ptr<const BodyMap> map) {
+void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
+  if (!map || map == shown_) return;
   if (!shown_ || shown_->geometry != map->geometry) adapted_to_.reset();
   shown_ = std::move(map);
   renderer_.set_map(shown_);
   bounds_ = bounds_of(shown_->geometry);
-  Style& style = session_.style;
-  const auto layers = static_cast<std::size_t>(shown_->geometry.layers());
-  if (style.strengths.size() != layers) style.strengths.assign(layers, 1.0f);
-}
-
-// ---- the opacity ----------------------------------------------------------------------------------
-
-std::span<const double> Viewer::knots_hu() const {
-  if (!opened_.recast) return {};
-  return opened_.recast->basis.knots_hu;
-}
-
-std::span<const std::int64_t> Viewer::hu_histogram() const {
-  if (!opened_.recast) return {};
-  return opened_.recast->basis.hu_histogram;
-}
-
-void Viewer::set_opacity(std::span<const double> mu_per_mm) {
-  if (!opened_.recast) return;
-  std::vector<Opacity::Knot> knots;
-  for (std::size_t i = 0; i < mu_per_mm.size(); ++i) knots.push_back({knots_hu()[i], mu_per_mm[i]});
-  session_.opacity = Opacity("edited", std::move(knots));
-  mu_per_mm_.assign(mu_per_mm.begin(), mu_per_mm.end());
-  use_map(std::make_shared<BodyMap>(opened_.recast->session.recast(*session_.opacity)));
-}
-
-void Viewer::remember() {
-  undo_.push_back({session_.opacity, session_.style.strengths});
-  redo_.clear();
-}
-
-void Viewer::step(std::vector<Edit>& from, std::vector<Edit>& to) {
-  if (from.empty()) return;
-  Edit edit = std::move(from.back());
-  from.pop_back();
-  to.push_back({session_.opacity, session_.style.strengths});
-  session_.style.strengths = std::move(edit.strengths);
-  if (!opened_.recast || edit.opacity == session_.opacity) return;
-  const Opacity& opacity = edit.opacity ? *edit.opacity : opened_.map->opacity;
-  std::vector<double> mu;
-  for (const double hu : knots_hu()) mu.push_back(opacity.mu_per_mm(hu));
-  if (edit.opacity) return attempt([&] { set_opacity(mu); });
-  mu_per_mm_ = std::move(mu);
-  session_.opacity.reset();
-  use_map(opened_.map);
 }
 
 // ---- the picture ----------------------------------------------------------------------------------
@@ -394,25 +318,27 @@ View Viewer::view_in(int width, int height) const {
 }
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
-  const bool is_truth = drawing() == Drawing::truth;
-  if (!splits || !has_scan() || width < 2) return {{0, width, height, is_truth}};
+  const bool is_drr = source() == BodySource::drr;
+  if (!is_split || !has_scan() || width < 2) return {{0, width, height, is_drr}};
   const int half = width / 2;
   return {{0, half, height, false}, {half, width - half, height, true}};
 }
 
-/// The latest picture that was made; the next is asked for when something has changed.
-void Viewer::draw_truth(const Pane& pane) {
-  const View view = view_in(pane.width, pane.height);
-  const Opacity& opacity = session_.opacity ? *session_.opacity : shown_->opacity;
-  if (asked_view_ != view || asked_opacity_ != opacity) {
-    projecting_.ask({view, opacity, opened_.scan});
-    asked_view_ = view;
-    asked_opacity_ = opacity;
-  }
-  if (!latest_truth_) return;
-  const View& drawn = latest_truth_->view;
-  if (drawn.width == pane.width && drawn.height == pane.height)
-    renderer_.draw(*latest_truth_, session_.style, pane.x, 0);
+void Viewer::draw_pane(const Pane& pane) {
+  glBindFramebuffer(GL_FRAMEBUFFER, 0);
+  glViewport(pane.x, 0, pane.width, pane.height);
+  if (pane.is_drr)
+    draw_drr(pane);
+  else
+    renderer_.draw(view_in(pane.width, pane.height), session_.style, pane.x, 0);
+}
+
+/// The latest DRR that was projected; another one is requested when something has changed.
+void Viewer::draw_drr(const Pane& pane) {
+  drrs_.request(view_in(pane.width, pane.height), shown_->opacity, opened_.scan);
+  const ProjectionImage* drr = drrs_.latest();
+  if (drr && drr->view.width == pane.width && drr->view.height == pane.height)
+    renderer_.draw(*drr, session_.style, pane.x, 0);
 }
 
 /// The grey window follows the C-arm and the table, until one is chosen by hand. What moves or is edited in a
@@ -431,12 +357,9 @@ void Viewer::take_results() {
     attempt([&] { opening_.poll(); });
   attempt([&] { writing_.poll(); });
   attempt([&] {
-    if (const auto psnr = comparing_.take()) psnr_db_ = *psnr;
-    auto truth = projecting_.take();
-    if (!truth) return;
-    latest_truth_ = std::move(*truth);
-    if (!splits || !shown_) return;
-    comparing_.ask({renderer_.body_tau(latest_truth_->view, session_.style), latest_truth_});
+    show_map(opacity_.map());
+    if (drrs_.take_results() && is_split && shown_)
+      drrs_.compare(renderer_.body_tau(drrs_.latest()->view, session_.style));
   });
 }
 
@@ -449,21 +372,15 @@ void Viewer::draw(int width, int height) {
   glClearColor(0.05f, 0.05f, 0.06f, 1);
   glClear(GL_COLOR_BUFFER_BIT);
   if (!shown_ || width <= 0 || height <= 0) return;
-  if (turns) session_.camera.rotate(360.0 / kCineFrames / 2);
+  constexpr double kRotation_deg = 2.5;
+  if (is_rotating) session_.camera.rotate(kRotation_deg);
   if (intervention_) attempt([&] { show_catheter(); });
   since_frame_ = {};
-  if (cine_) attempt([&] { next_cine_frame(); });
+  if (cine_) attempt([&] { export_cine_frame(); });
   attempt([&] {
     const Pane first = panes(width, height).front();
     adapt_brightness(view_in(first.width, first.height));
-    for (const Pane& pane : panes(width, height)) {
-      glBindFramebuffer(GL_FRAMEBUFFER, 0);
-      glViewport(pane.x, 0, pane.width, pane.height);
-      if (pane.is_truth)
-        draw_truth(pane);
-      else
-        renderer_.draw(view_in(pane.width, pane.height), session_.style, pane.x, 0);
-    }
+    for (const Pane& pane : panes(width, height)) draw_pane(pane);
   });
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, width, height);

@@ -1,13 +1,12 @@
 #pragma once
 
 #include "xraycast/base/stopwatch.hpp"
-#include "xraycast/casting/projector.hpp"
-#include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/sampling/camera.hpp"
+#include "xraycast/window/cine_exporter.hpp"
+#include "xraycast/window/drr_comparison.hpp"
 #include "xraycast/window/intervention.hpp"
-#include "xraycast/window/latest_worker.hpp"
-#include "xraycast/window/opacity_panel.hpp"
+#include "xraycast/window/opacity_editor.hpp"
 #include "xraycast/window/opened_files.hpp"
 #include "xraycast/window/worker.hpp"
 
@@ -21,16 +20,17 @@
 
 namespace xraycast {
 
-/// What pictures of the body are made from: the map, in either way, or the scan itself.
-enum class Drawing { path, wall, truth };
+/// What the body is drawn from: the map, by either compositing, or DRRs of the scan.
+enum class BodySource { path, wall, drr };
 
-/// What the viewer shows and what can be done with it, without the window, the mouse and the panels: these
-/// call its verbs. It lives on the thread of the current OpenGL context. Reading, casting and true
-/// projections are done beside it; what goes wrong becomes its message.
+/// The viewer's state and commands, without the window, the mouse and the panels, which call them. It lives
+/// on the thread of the current OpenGL context. Reading, casting and projecting run on other threads; their
+/// errors become its message.
 class Viewer {
  public:
-  /// `device` as for ComputeDevice; `wake` is called on other threads when there is something new to draw.
-  Viewer(ViewSession session, std::string device, const std::function<void()>& wake);
+  /// `device` as for ComputeDevice; `request_redraw` is called on other threads when there is something new
+  /// to draw.
+  Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw);
 
   // ---- files
   void open(const std::filesystem::path& path);
@@ -54,8 +54,8 @@ class Viewer {
   /// Of the folder of vessels, or that in which the catheter is steered; none: there is just a surface.
   const VesselTree* tree() const;
 
-  /// Looks for a vessel at a place of a window of that size, in pixels from its upper left corner.
-  void pick(const glm::dvec2& place, float width, float height);
+  /// Picks the vessel at a position in a window of that size, in pixels from its upper left corner.
+  void pick(const glm::dvec2& position, float width, float height);
   const std::optional<VesselTree::Location>& picked() const { return picked_; }
 
   // ---- how it is shown
@@ -64,26 +64,16 @@ class Viewer {
   const Camera& camera() const { return session_.camera; }
   std::string caption() const;  ///< of the picture
   Style& style() { return session_.style; }
-  Drawing drawing() const;
-  void set_drawing(Drawing drawing);
-  void next_drawing();
-  void set_look(Look look);
-  void toggle_layer(std::size_t layer);
-  bool turns = false;   ///< cine rotation
-  bool splits = false;  ///< the true projection beside the map
-  bool help = false;
+  BodySource source() const;
+  void set_source(BodySource source);
+  void next_source();
+  void set_shading_mode(ShadingMode shading);
+  bool is_rotating = false;  ///< the C-arm, as a cine loop
+  bool is_split = false;     ///< a DRR beside the map
+  bool shows_help = false;
 
-  // ---- the opacity
-  bool can_recast() const { return opened_.recast != nullptr; }
-  std::span<const double> knots_hu() const;
-  std::span<const double> mu_per_mm() const { return mu_per_mm_; }
-  std::span<const std::int64_t> hu_histogram() const;
-  void set_opacity(std::span<const double> mu_per_mm);
-
-  /// To be called before opacity or layers change.
-  void remember();
-  void undo() { step(undo_, redo_); }
-  void redo() { step(redo_, undo_); }
+  /// Opacity and layers, with undo. What it throws is for `attempt`.
+  OpacityEditor& opacity() { return opacity_; }
 
   // ---- what there is
   const BodyMap* map() const { return shown_.get(); }
@@ -92,53 +82,34 @@ class Viewer {
   View view_in(int width, int height) const;
   const std::string& message() const { return message_; }
   std::optional<Worker::Status> status() const;
-  bool is_busy() const;  ///< every frame is another one
-  std::optional<double> psnr_db() const { return psnr_db_; }
+  bool is_animating() const;  ///< every frame differs from the last
+  std::optional<double> psnr_db() const { return drrs_.psnr_db(); }
   std::size_t texture_B() const { return renderer_.texture_B(); }
   double frame_ms() const { return frame_ms_; }
 
   /// A part of the framebuffer that shows one view, from its lower left corner on.
   struct Pane {
     int x, width, height;
-    bool is_truth;
+    bool is_drr;
   };
   std::vector<Pane> panes(int width, int height) const;
 
-  /// Takes in what workers have done and draws the picture on the bound framebuffer. Throws as open_files
-  /// where the session that the viewer was made with cannot be opened.
+  /// Takes the workers' results and draws the picture on the default framebuffer. Throws as open_files where
+  /// the session that the viewer was made with cannot be opened.
   void draw(int width, int height);
 
   /// Errors become the message.
   void attempt(const std::function<void()>& action);
 
  private:
-  struct TruthRequest {
-    View view;
-    Opacity opacity;
-    std::shared_ptr<OpenedFiles::ScanOnDevice> scan;
-  };
-  struct LikenessRequest {
-    std::vector<float> tau;
-    std::shared_ptr<const ProjectionImage> truth;
-  };
-  struct Edit {  ///< of what can be undone
-    std::optional<Opacity> opacity;
-    std::vector<float> strengths;
-  };
-  struct Cine {
-    CineWriter pictures, animation;
-    std::filesystem::path folder;
-    Camera camera;
-    int frame = 0;
-  };
-
   void load(ViewSession wanted, bool takes_view);
   void deliver(OpenedFiles opened, bool takes_view);
-  void use_map(std::shared_ptr<const BodyMap> map);
-  void step(std::vector<Edit>& from, std::vector<Edit>& to);
-  void draw_truth(const Pane& pane);
+  void show_map(std::shared_ptr<const BodyMap> map);
+  void draw_pane(const Pane& pane);
+  void draw_drr(const Pane& pane);
+  std::vector<std::uint8_t> annotated_picture(const Pane& pane, View& drawn);
   void take_results();
-  void next_cine_frame();
+  void export_cine_frame();
   void show_catheter();
   void adapt_brightness(const View& view);
   const Camera& picture_camera() const;
@@ -147,19 +118,15 @@ class Viewer {
   std::string device_;
   Renderer renderer_;
   OpenedFiles opened_;
-  std::shared_ptr<const BodyMap> shown_;  ///< the opened map, or as it was recast
-  std::vector<double> mu_per_mm_;         ///< at the basis' knots
+  OpacityEditor opacity_{session_};
+  std::shared_ptr<const BodyMap> shown_;  ///< the editor's, as the renderer has it
   BodyBounds bounds_;
-  bool truth_ = false;
+  bool shows_drr_ = false;
   bool is_first_ = true;  ///< nothing but the session that the viewer was made with was to be opened yet
 
-  std::vector<Edit> undo_, redo_;
   std::string message_;
-  std::shared_ptr<const ProjectionImage> latest_truth_;
-  std::optional<View> asked_view_;
-  std::optional<Opacity> asked_opacity_;
-  std::optional<double> psnr_db_;
-  std::optional<Cine> cine_;
+  DrrComparison drrs_;
+  std::optional<CineExporter> cine_;
   std::optional<Intervention> intervention_;
   std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
   Stopwatch since_frame_;
@@ -171,8 +138,6 @@ class Viewer {
   double frame_ms_ = 0;
 
   Worker opening_, writing_;
-  LatestWorker<TruthRequest, std::shared_ptr<const ProjectionImage>> projecting_;
-  LatestWorker<LikenessRequest, double> comparing_;
 };
 
 }  // namespace xraycast

@@ -11,14 +11,14 @@ namespace {
 
 constexpr double kDegreesPerPixel = 0.4;
 
-/// The left button was let go where it was pressed, as nearly as hands do.
+/// The left button was released where it was pressed, within what hands move.
 bool is_clicked() {
   constexpr float kStill_px = 3;
   return ImGui::IsMouseReleased(ImGuiMouseButton_Left) &&
          ImGui::GetIO().MouseDragMaxDistanceSqr[ImGuiMouseButton_Left] < kStill_px * kStill_px;
 }
 
-/// Sideways the window gets wider, upwards darker.
+/// Dragging across changes the window's width, down its level.
 void drag_window(GreyWindow& window, double across, double down) {
   const double middle = 0.5 * (window.dark + window.light) + 0.001 * down;
   const double half = std::max(0.01, 0.5 * (window.light - window.dark) * std::exp(0.005 * across));
@@ -30,20 +30,20 @@ void drag_window(GreyWindow& window, double across, double down) {
 
 const char* const kHelp =
     "left drag      rotate (with Shift also tilt)\n"
-    "left click     name the vessel's branch\n"
+    "left click     identify a vessel branch\n"
     "wheel          zoom\n"
     "middle drag    move the table\n"
     "right drag     window and level\n"
     "R              reset\n"
-    "1 .. 9         layers\n"
+    "1 .. 9         show or hide a layer\n"
     "F              look: fluoro, surface\n"
     "C              compositing: path, wall, true\n"
     "I              invert (with a catheter: inject)\n"
     "S              split with the true projection\n"
-    "P              picture\n"
+    "P              save a picture\n"
     "Space          cine rotation\n"
     "Ctrl+O         open\n"
-    "Escape         cancel what takes long\n"
+    "Escape         cancel reading or casting\n"
     "Ctrl+S         save the session\n"
     "Ctrl+Z, Ctrl+Y undo, redo\n"
     "H or ?         this help";
@@ -76,12 +76,13 @@ void handle_mouse(Viewer& viewer) {
 bool handle_key(Viewer& viewer, int key, int mods) {
   Style& style = viewer.style();
   if ((mods & GLFW_MOD_CONTROL) != 0) {
-    if (key == GLFW_KEY_Z) viewer.undo();
-    if (key == GLFW_KEY_Y) viewer.redo();
+    if (key == GLFW_KEY_Z) viewer.attempt([&] { viewer.opacity().undo(); });
+    if (key == GLFW_KEY_Y) viewer.attempt([&] { viewer.opacity().redo(); });
     if (key == GLFW_KEY_S) viewer.save_session();
     return key == GLFW_KEY_O;
   }
-  if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9) viewer.toggle_layer(static_cast<std::size_t>(key - GLFW_KEY_1));
+  if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9)
+    viewer.opacity().toggle_layer(static_cast<std::size_t>(key - GLFW_KEY_1));
   switch (key) {
     case GLFW_KEY_ESCAPE:
       viewer.cancel();
@@ -90,10 +91,11 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       viewer.camera() = {};
       break;
     case GLFW_KEY_F:
-      viewer.set_look(style.look == Look::fluoro ? Look::surface : Look::fluoro);
+      viewer.set_shading_mode(style.shading == ShadingMode::fluoro ? ShadingMode::surface
+                                                                   : ShadingMode::fluoro);
       break;
     case GLFW_KEY_C:
-      viewer.next_drawing();
+      viewer.next_source();
       break;
     case GLFW_KEY_I:  // at the table it injects
       if (!viewer.intervention()) style.window.inverted = !style.window.inverted;
@@ -112,17 +114,17 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       if (viewer.intervention()) viewer.restart_run();
       break;
     case GLFW_KEY_S:
-      viewer.splits = !viewer.splits;
+      viewer.is_split = !viewer.is_split;
       break;
     case GLFW_KEY_P:
       viewer.save_picture();
       break;
     case GLFW_KEY_SPACE:
-      viewer.turns = !viewer.turns;
+      viewer.is_rotating = !viewer.is_rotating;
       break;
     case GLFW_KEY_H:
     case GLFW_KEY_SLASH:
-      viewer.help = !viewer.help;
+      viewer.shows_help = !viewer.shows_help;
       break;
     default:
       break;

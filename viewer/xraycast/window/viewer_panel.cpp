@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 
 constexpr ImU32 kInk = IM_COL32(255, 210, 90, 255);
 
-/// Words that can be read on any grey; (x, y) is their upper left corner.
+/// Text that can be read on any grey; (x, y) is its upper left corner.
 void write(float x, float y, const std::string& words) {
   ImDrawList& draw = *ImGui::GetBackgroundDrawList();
   draw.AddText({x + 1, y + 1}, IM_COL32(0, 0, 0, 255), words.c_str());
@@ -34,8 +34,8 @@ void write(float x, float y, const std::string& words) {
 
 float width_of(const std::string& words) { return ImGui::CalcTextSize(words.c_str()).x; }
 
-/// Letters, axis and scale of a part of the window that begins at `left`.
-void furnish(const Viewer& viewer, float left, float width, float height) {
+/// Orientation letters, axis and scale bar of a part of the window that begins at `left`.
+void annotate(const Viewer& viewer, float left, float width, float height) {
   const View view = viewer.view_in(static_cast<int>(width), static_cast<int>(height));
   const glm::dvec3 half(0, 0, viewer.bounds().half_height_mm);
   const Annotations annotations =
@@ -56,7 +56,7 @@ void furnish(const Viewer& viewer, float left, float width, float height) {
   draw.AddLine({left + bottom.x, bottom.y}, {left + bottom.x, bottom.y - line}, kInk);
 }
 
-/// The vessels' outline over the picture, a line a run of pixels.
+/// The vessels' outline over the picture, one rectangle for every run of pixels.
 void draw_road_map(Viewer& viewer, const ImVec2& size) {
   if (!viewer.map()) return;
   ImDrawList& draw = *ImGui::GetBackgroundDrawList();
@@ -74,7 +74,7 @@ void draw_road_map(Viewer& viewer, const ImVec2& size) {
   }
 }
 
-/// What was clicked at, in every view.
+/// Marks the picked vessel in every pane.
 void draw_picked(const Viewer& viewer, const ImVec2& size) {
   const auto& picked = viewer.picked();
   if (!viewer.map() || !viewer.tree() || !picked) return;
@@ -100,11 +100,11 @@ void overlays(Viewer& viewer) {
     const auto panes = viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y));
     for (const Viewer::Pane& pane : panes) {
       const auto left = static_cast<float>(pane.x), width = static_cast<float>(pane.width);
-      furnish(viewer, left, width, size.y);
+      annotate(viewer, left, width, size.y);
       if (panes.size() < 2) continue;
       std::string title = "body map";
-      if (pane.is_truth) title = "true projection";
-      if (pane.is_truth && viewer.psnr_db()) title += fmt::format(", PSNR {:.1f} dB", *viewer.psnr_db());
+      if (pane.is_drr) title = "true projection";
+      if (pane.is_drr && viewer.psnr_db()) title += fmt::format(", PSNR {:.1f} dB", *viewer.psnr_db());
       write(left + width - line - width_of(title), line / 2, title);
     }
   } else if (!viewer.status()) {
@@ -114,9 +114,9 @@ void overlays(Viewer& viewer) {
   write(line, size.y - 1.4f * line, status_line(viewer, size));
   draw_road_map(viewer, size);
   draw_picked(viewer, size);
-  if (!viewer.help) return;
+  if (!viewer.shows_help) return;
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
-  ImGui::Begin("Help", &viewer.help, ImGuiWindowFlags_AlwaysAutoResize);
+  ImGui::Begin("Help", &viewer.shows_help, ImGuiWindowFlags_AlwaysAutoResize);
   ImGui::TextUnformatted(kHelp);
   if (viewer.intervention()) ImGui::TextUnformatted(kInterventionHelp);
   ImGui::End();
@@ -130,7 +130,7 @@ void ViewerPanel::draw(Viewer& viewer) {
   const float panel_width = 27 * ImGui::GetFontSize();
   ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, FLT_MAX});
   ImGui::Begin("xraycast", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
-  look_controls(viewer);
+  style_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader("Layers")) layer_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader("Opacity", ImGuiTreeNodeFlags_DefaultOpen))
     opacity_controls(viewer);
@@ -139,19 +139,19 @@ void ViewerPanel::draw(Viewer& viewer) {
   open_dialogue(viewer);
 }
 
-void ViewerPanel::look_controls(Viewer& viewer) {
+void ViewerPanel::style_controls(Viewer& viewer) {
   Style& style = viewer.style();
   for (const CameraPreset& preset : kCameraPresets) {
     if (ImGui::Button(preset.name)) viewer.camera().angle_rad = preset.angle_deg * std::numbers::pi / 180;
     ImGui::SameLine();
   }
   if (ImGui::Button("Reset")) viewer.camera() = {};
-  int look = style.look == Look::fluoro ? 0 : 1;
+  int look = style.shading == ShadingMode::fluoro ? 0 : 1;
   if (ImGui::Combo("look", &look, "fluoro\0surface\0"))
-    viewer.set_look(look == 0 ? Look::fluoro : Look::surface);
-  int drawing = static_cast<int>(viewer.drawing());
-  if (ImGui::Combo("compositing", &drawing, viewer.has_scan() ? "path\0wall\0true\0" : "path\0wall\0"))
-    viewer.set_drawing(static_cast<Drawing>(drawing));
+    viewer.set_shading_mode(look == 0 ? ShadingMode::fluoro : ShadingMode::surface);
+  int source = static_cast<int>(viewer.source());
+  if (ImGui::Combo("compositing", &source, viewer.has_scan() ? "path\0wall\0true\0" : "path\0wall\0"))
+    viewer.set_source(static_cast<BodySource>(source));
   bool is_continuous = style.sampling.reconstruction == Reconstruction::linear;
   if (ImGui::Checkbox("continuous between layers", &is_continuous))
     style.sampling.reconstruction = is_continuous ? Reconstruction::linear : Reconstruction::constant;
@@ -159,10 +159,10 @@ void ViewerPanel::look_controls(Viewer& viewer) {
   ImGui::SameLine();
   bool is_automatic = !viewer.session().has_window;
   if (ImGui::Checkbox("automatic brightness", &is_automatic)) viewer.session().has_window = !is_automatic;
-  if (style.look == Look::fluoro)
+  if (style.shading == ShadingMode::fluoro)
     ImGui::Checkbox("vessels and catheter at full contrast", &style.full_contrast);
   if (viewer.has_scan())
-    ImGui::Checkbox("split with the true projection", &viewer.splits);
+    ImGui::Checkbox("split with the true projection", &viewer.is_split);
   else
     ImGui::TextDisabled("(open a scan for true projections)");
   auto gamma = static_cast<float>(style.window.gamma);
@@ -170,36 +170,35 @@ void ViewerPanel::look_controls(Viewer& viewer) {
 }
 
 void ViewerPanel::layer_controls(Viewer& viewer) {
-  auto& strengths = viewer.style().strengths;
+  auto& weights = viewer.style().layer_weights;
   const auto& radii_mm = viewer.map()->geometry.radii_mm;
-  for (std::size_t k = 0; k < strengths.size(); ++k) {
+  for (std::size_t k = 0; k < weights.size(); ++k) {
     ImGui::PushID(static_cast<int>(k));
-    float strength = strengths[k];
+    float weight = weights[k];
     const std::string format =
         fmt::format("layer {}: {:.0f}-{:.0f} mm  %.2f", k + 1, radii_mm[k], radii_mm[k + 1]);
-    const bool changed = ImGui::SliderFloat("##strength", &strength, 0, 2, format.c_str());
-    if (ImGui::IsItemActivated()) viewer.remember();
-    if (changed) strengths[k] = strength;
+    const bool changed = ImGui::SliderFloat("##weight", &weight, 0, 2, format.c_str());
+    if (ImGui::IsItemActivated()) viewer.opacity().begin_edit();
+    if (changed) weights[k] = weight;
     ImGui::PopID();
   }
 }
 
 void ViewerPanel::opacity_controls(Viewer& viewer) {
+  OpacityEditor& opacity = viewer.opacity();
   const std::string why_not =
-      viewer.can_recast() ? "" : "no basis: open one,\nor a scan, to edit the opacity";
-  const auto edit = curve_.draw(viewer.knots_hu(), viewer.mu_per_mm(), viewer.hu_histogram(),
+      opacity.can_recast() ? "" : "no basis: open one,\nor a scan, to edit the opacity";
+  const auto edit = curve_.draw(opacity.knots_hu(), opacity.mu_per_mm(), opacity.hu_histogram(),
                                 Basis::kHistogramBin_hu, why_not);
   if (edit.knot >= 0) {
-    if (edit.began) viewer.remember();
-    std::vector<double> mu(viewer.mu_per_mm().begin(), viewer.mu_per_mm().end());
-    mu[static_cast<std::size_t>(edit.knot)] = edit.mu_per_mm;
-    viewer.attempt([&] { viewer.set_opacity(mu); });
+    if (edit.began) opacity.begin_edit();
+    viewer.attempt([&] { opacity.set_knot(static_cast<std::size_t>(edit.knot), edit.mu_per_mm); });
   }
-  if (!viewer.can_recast()) return;
+  if (!opacity.can_recast()) return;
   for (const char* preset : kOpacityPresets) {
     if (ImGui::Button(preset)) {
-      viewer.remember();
-      viewer.attempt([&] { viewer.set_opacity(preset_mu_per_mm(preset, viewer.knots_hu())); });
+      opacity.begin_edit();
+      viewer.attempt([&] { opacity.set_opacity(preset_mu_per_mm(preset, opacity.knots_hu())); });
     }
     ImGui::SameLine();
   }
@@ -213,9 +212,9 @@ void ViewerPanel::file_controls(Viewer& viewer) {
   ImGui::SameLine();
   if (ImGui::Button("Cine")) viewer.save_cine();
   ImGui::SameLine();
-  if (ImGui::Button("Undo")) viewer.undo();
+  if (ImGui::Button("Undo")) viewer.attempt([&] { viewer.opacity().undo(); });
   ImGui::SameLine();
-  if (ImGui::Button("Redo")) viewer.redo();
+  if (ImGui::Button("Redo")) viewer.attempt([&] { viewer.opacity().redo(); });
   if (const auto status = viewer.status()) {
     ImGui::ProgressBar(static_cast<float>(status->fraction), {-1, 0},
                        fmt::format("{}: {}", status->name, status->stage).c_str());
@@ -228,7 +227,7 @@ bool ViewerPanel::takes_key(int key) {
   if (!is_asking_) return ImGui::GetIO().WantTextInput && !has_asked_;
   accepts_ = key == GLFW_KEY_ENTER || key == GLFW_KEY_KP_ENTER;
   declines_ = key == GLFW_KEY_ESCAPE;
-  has_asked_ = accepts_ || declines_;  // the next key is not the question's any more
+  has_asked_ = accepts_ || declines_;  // the next key no longer belongs to the dialogue
   is_asking_ = !has_asked_;
   return true;
 }

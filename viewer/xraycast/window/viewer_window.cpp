@@ -13,7 +13,7 @@
 namespace xraycast {
 namespace {
 
-/// What GLFW's callbacks are given.
+/// The user data of GLFW's callbacks.
 struct Desk {
   Viewer viewer;
   ViewerPanel panel;
@@ -32,11 +32,11 @@ void set_callbacks(GLFWwindow* window, Desk& desk) {
   });
 }
 
-/// Until something happens; what Dear ImGui settles late, and progress, are drawn a few times a second, a
-/// catheter as often as a fluoroscope would.
+/// Waits for the next event. Without one, progress and what Dear ImGui settles late are drawn a few times a
+/// second, and a catheter at a fluoroscope's frame rate.
 void wait_for_events(const Viewer& viewer) {
   constexpr double kProgress_s = 0.05, kIdle_s = 0.25, kFluoroscope_s = 1.0 / 30, kHeld_s = 0.1;
-  if (viewer.is_busy())
+  if (viewer.is_animating())
     glfwPollEvents();
   else if (viewer.intervention())
     glfwWaitEventsTimeout(viewer.intervention()->is_live() ? kFluoroscope_s : kHeld_s);

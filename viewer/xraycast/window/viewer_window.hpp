@@ -10,8 +10,8 @@
 namespace xraycast {
 
 /// The interactive viewer, until its window is closed or `progress` cancelled. `device` chooses the OpenCL
-/// device as for ComputeDevice. Files of the session are read once the window is there. Throws Error when
-/// there is no display or no OpenGL 3.3; whatever goes wrong later is a message in the window. With
+/// device as for ComputeDevice. Files of the session are read once the window is open. Throws Error when
+/// there is no display or no OpenGL 3.3; later errors are messages in the window. With
 /// `simulation` a catheter is steered in it; throws as Intervention does.
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
                 const std::optional<Intervention::Options>& simulation = {});

@@ -8,7 +8,7 @@ namespace xraycast {
 /// time.
 class Window {
  public:
-  /// Throws Error, saying what does without, when there is no display or no OpenGL 3.3 on it.
+  /// Throws Error, naming the command that needs neither, when there is no display or no OpenGL 3.3 on it.
   Window();
   ~Window();
   Window(const Window&) = delete;
@@ -16,7 +16,7 @@ class Window {
 
   GLFWwindow* handle() const { return window_; }
 
-  /// To be called once our own callbacks are set, which Dear ImGui then calls.
+  /// To be called after our own callbacks are set: Dear ImGui chains to them.
   void attach_gui();
 
   /// The framebuffer's size in pixels; 0 x 0 while the window is an icon.

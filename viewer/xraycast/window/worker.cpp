@@ -29,7 +29,7 @@ void Worker::start(std::string name, Job job) {
     std::exception_ptr error;
     try {
       delivery = job(*progress_);
-      progress_->check();  // a job that was cancelled in its last step is not wanted either
+      progress_->check();  // a job that was cancelled in its last step has no result either
     } catch (const Cancelled&) {
     } catch (...) {
       error = std::current_exception();

@@ -12,8 +12,8 @@
 
 namespace xraycast {
 
-/// One long job at a time beside the window: reading, casting. The job returns what has to be done with its
-/// result on the window's thread.
+/// Runs one long job at a time on a thread of its own, such as reading or casting. The job returns a function
+/// that delivers its result on the window's thread.
 class Worker {
  public:
   using Delivery = std::function<void()>;
@@ -21,16 +21,16 @@ class Worker {
 
   ~Worker();
 
-  /// Starts a job; one that still runs is cancelled and waited for first.
+  /// Starts a job; a running one is cancelled and joined first.
   void start(std::string name, Job job);
 
   void cancel();
 
-  /// Delivers a finished job's result. Throws what the job threw; a cancelled job is silent. To be called
-  /// often, on the window's thread.
+  /// Delivers a finished job's result. Throws what the job threw; a cancelled job has no result. To be polled
+  /// on the window's thread.
   void poll();
 
-  /// What the running job is doing; none when there is none.
+  /// The running job's progress; none when there is no job.
   struct Status {
     std::string name, stage;
     double fraction;
@@ -41,7 +41,7 @@ class Worker {
   std::string name_;
   std::unique_ptr<Progress> progress_;
   std::thread thread_;
-  mutable std::mutex mutex_;  ///< of what follows
+  mutable std::mutex mutex_;  ///< guards the following members
   Progress::State state_;
   bool running_ = false, finished_ = false;
   Delivery delivery_;

@@ -8,7 +8,7 @@
  * and y, so that in every plane one column of voxels, interpolated across, serves all of them. Along z they
  * lie in the order of their rows, so that the first and the last of a column enclose the others. */
 
-#define GROUPS (XRC_LEVEL_ROWS / ROWS) /* to a detector column */
+#define GROUPS (XRC_UNTILTED_ROWS / ROWS) /* to a detector column */
 
 #ifdef HAS_PERMUTE
 
@@ -132,13 +132,13 @@ static inline void add_planes(SCAN voxels, DetectorColumn* column, const int k, 
 kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector detector,
                              constant const XrcOpacity* opacity, global const float2* table,
                              global float* tau) {
-  const int first_column = XRC_LEVEL_COLUMNS * (int)get_global_id(0),
-            first_row = XRC_LEVEL_ROWS * (int)get_global_id(1);
+  const int first_column = XRC_UNTILTED_COLUMNS * (int)get_global_id(0),
+            first_row = XRC_UNTILTED_ROWS * (int)get_global_id(1);
   if (first_column >= detector.width || first_row >= detector.height) return;
-  const int count = min(XRC_LEVEL_COLUMNS, detector.width - first_column);
+  const int count = min(XRC_UNTILTED_COLUMNS, detector.width - first_column);
   const int groups = min(GROUPS, (detector.height - first_row + ROWS - 1) / ROWS);
 #ifdef HAS_PERMUTE
-  DetectorColumn detector_columns[XRC_LEVEL_COLUMNS];
+  DetectorColumn detector_columns[XRC_UNTILTED_COLUMNS];
   int alike = 1;
   for (int c = 0; c < count; ++c)
     alike &= prepare_column(&detector_columns[c], &scan, &detector, first_column + c, first_row, groups);

@@ -1,0 +1,344 @@
+#include "xraycast/drawing/body_pass.hpp"
+
+#include "params.h"
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/sampling/camera.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+constexpr int kLayerPlaces = 4096;
+
+std::span<const float> floats(const auto& values) {
+  return {reinterpret_cast<const float*>(values.data()), values.size() * sizeof(values[0]) / sizeof(float)};
+}
+
+/// Whether the map's texels that were made for one style serve the other.
+bool same_texels(const Style& a, const Style& b) {
+  return a.sampling.compositing == b.sampling.compositing &&
+         a.sampling.reconstruction == b.sampling.reconstruction && a.layer_weights == b.layer_weights;
+}
+
+/// Whether a body that was drawn in one style looks the same in the other.
+bool same_body(const Style& a, const Style& b) {
+  return a.sampling == b.sampling && a.layer_weights == b.layer_weights &&
+         a.pixels_per_column == b.pixels_per_column;
+}
+
+/// Walls have hard edges, at which fewer columns would be seen.
+int pixels_per_column(const Style& style) {
+  return style.sampling.compositing == Compositing::wall ? kFullResolution : style.pixels_per_column;
+}
+
+int quads_of(int rows) { return (rows + 3) / 4; }
+
+/// From pixels to the columns and rows of a picture that has a column at every so many of them.
+glm::dmat3 scaled_down(int pixels_per_column) {
+  return {1.0 / pixels_per_column, 0, 0, 0, 1, 0, -0.5 / pixels_per_column, -0.5, 1};
+}
+
+std::string column_defines(const MapGeometry& geometry, const SampleOptions& options) {
+  std::string defines;
+  if (options.blends_layers(geometry)) defines += "BLENDS_LAYERS ";
+  if (options.compositing == Compositing::path && geometry.projection == Projection::cylinder)
+    defines += "PATH ";
+  return defines;
+}
+
+std::string march_defines(const MapGeometry& geometry, const SampleOptions& options) {
+  std::string defines;
+  if (geometry.projection == Projection::sphere) defines += "SPHERE ";
+  if (options.compositing == Compositing::wall) defines += "WALL ";
+  return defines;
+}
+
+/// The texture's rows are indexed by 32-bit floats (ColumnSample).
+void check_columns(const MapGeometry& drawn) {
+  constexpr std::int64_t kMaxColumns = 1 << 24;
+  if (const std::int64_t columns = std::int64_t{drawn.layers()} * (drawn.width + 1); columns > kMaxColumns)
+    throw InputError(
+        "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
+        drawn.layers(), kMaxColumns);
+}
+
+/// Four rows of a picture to a texel.
+std::vector<float> packed_quads(const ProjectionImage& image) {
+  const int width = image.view.width, height = image.view.height;
+  std::vector<float> quads(static_cast<std::size_t>(4) * width * quads_of(height));
+  for (int j = 0; j < height; ++j)
+    for (int i = 0; i < width; ++i)
+      quads[4 * (static_cast<std::size_t>(j / 4) * width + i) + j % 4] =
+          image.tau[static_cast<std::size_t>(j) * width + i];
+  return quads;
+}
+
+}  // namespace
+
+BodyPass::BodyPass(FullscreenPass& screen)
+    : screen_(screen),
+      column_table_(GL_RGBA32F),
+      sample_table_(GL_RGBA32F),
+      axis_table_(GL_RG32F),
+      layer_table_(GL_RG32F),
+      spectrum_table_(GL_RGBA32F),
+      body_(GL_RGBA32F),
+      masses_{gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F)},
+      near_(GL_R32F),
+      near_masses_(GL_RGBA32F) {}
+
+// ---- the map --------------------------------------------------------------------------------------
+
+void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
+  map_ = std::move(map);
+  prepared_.reset();
+  drawn_.reset();
+  if (!map_) return;
+  geometry_ = map_->geometry;
+  // Where air absorbs, rays met more of it beyond the scan.
+  if (!map_->spectrum && map_->opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry_.field.reset();
+  if (!map_->spectrum) return;
+  const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
+  spectrum_bins_ = static_cast<int>(bins.size());
+  spectrum_table_.fill(floats(bins), "spectrum");
+}
+
+std::size_t BodyPass::texture_B() const {
+  std::size_t size = 0;
+  for (const gl::Table& texels : map_texels_) size += texels.size_B();
+  return size;
+}
+
+bool BodyPass::has_columns() const {
+  return geometry_.projection != Projection::sphere && geometry_.centre_mm.size() == 1;
+}
+
+DepthMeasure BodyPass::depth_measure() const {
+  return map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray;
+}
+
+ScreenBox BodyPass::body_box(const View& view) const {
+  return screen_box(view, corners_mm(bounds_of(geometry_), view));
+}
+
+void BodyPass::prepare(const Style& style) {
+  if (prepared_ && same_texels(*prepared_, style)) return;
+  prepared_.reset();  // should preparing fail
+  const MapGeometry drawn = drawn_shells(geometry_, style.sampling);
+  check_columns(drawn);
+  upload_map(drawn, style);
+  if (!has_columns()) upload_march_tables(drawn, style.sampling);
+  prepared_ = style;
+}
+
+void BodyPass::upload_map(const MapGeometry& drawn, const Style& style) {
+  texels_ = texels_of(drawn);
+  while (map_texels_.size() > static_cast<std::size_t>(channels())) map_texels_.pop_back();
+  while (map_texels_.size() < static_cast<std::size_t>(channels())) map_texels_.emplace_back(GL_RGBA32F);
+  for (int channel = 0; channel < channels(); ++channel)
+    map_texels_[channel].fill(
+        texels_.values(),
+        [&](std::span<float> texels) {
+          make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
+                      style.layer_weights, texels);
+        },
+        "the body map");
+}
+
+void BodyPass::upload_march_tables(const MapGeometry& drawn, const SampleOptions& options) {
+  std::vector<glm::vec2> axis, places;
+  for (const glm::dvec2& centre : drawn.centre_mm) axis.emplace_back(centre);
+  axis_table_.fill(floats(axis), "the map's axis");
+  const bool is_wall = options.compositing == Compositing::wall;
+  const RadialProfile profile(drawn.radii_mm, is_wall ? Reconstruction::constant : options.reconstruction);
+  for (int i = 0; i < kLayerPlaces; ++i) {
+    const auto place = profile.at((i + 0.5) / kLayerPlaces * drawn.radius_mm());
+    places.emplace_back(place.layer, place.fraction);
+  }
+  layer_table_.fill(floats(places), "the map's radii");
+}
+
+void BodyPass::upload_samples(const RectifiedView& rectified, const SampleOptions& options) {
+  const ColumnSamples samples = column_samples(rectified, drawn_shells(geometry_, options), options);
+  column_table_.fill(floats(samples.columns), "the view's columns");
+  sample_table_.fill(floats(samples.samples), "the view's samples");
+}
+
+// ---- shaders --------------------------------------------------------------------------------------
+
+const gl::Program& BodyPass::use_columns(const std::string& fragment, const std::string& defines,
+                                         const RectifiedView& rectified, const SampleOptions& options) {
+  const MapGeometry& geometry = geometry_;
+  const gl::Program& program = screen_.use(fragment, column_defines(geometry, options) + defines);
+  column_table_.bind(program, "column_table", 1);
+  sample_table_.bind(program, "sample_table", 2);
+  program.set("quads", texels_.quads);
+  program.set("layer_stride", texels_.layer_stride());
+  program.set("map_rows", double(geometry.height));
+  program.set("first_row", (geometry.top_mm - rectified.top_mm) / geometry.row_spacing_mm);
+  program.set("row_step", rectified.row_mm / geometry.row_spacing_mm);
+  program.set("slope", -rectified.slope / geometry.row_spacing_mm);
+  program.set("source_row", (geometry.top_mm - rectified.source_z_mm) / geometry.row_spacing_mm);
+  program.set("row_mm", geometry.row_spacing_mm);
+  return program;
+}
+
+const gl::Program& BodyPass::use_march(const std::string& fragment, const View& view,
+                                       const SampleOptions& options) {
+  const MapGeometry& geometry = geometry_;
+  const BodyBounds bounds = bounds_of(geometry);
+  const gl::Program& program = screen_.use(fragment, march_defines(geometry, options));
+  axis_table_.bind(program, "axis_table", 1);
+  layer_table_.bind(program, "layer_table", 2);
+  program.set("quads", texels_.quads);
+  program.set("layer_stride", texels_.layer_stride());
+  program.set("layer_places", kLayerPlaces);
+  program.set("layers", texels_.layers);
+  program.set("map_rows", double(geometry.height));
+  program.set("map_columns", double(geometry.width));
+  program.set("body_centre_mm", bounds.centre_mm);
+  program.set("body_radius_mm", bounds.radius_mm);
+  program.set("body_half_height_mm", bounds.half_height_mm);
+  program.set("radius_mm", geometry.radius_mm());
+  program.set("top_mm", geometry.top_mm);
+  program.set("row_mm", geometry.row_spacing_mm);
+  program.set("step_mm", geometry.step_mm);
+  constexpr double kEverywhere_mm = 1e6;
+  const FieldOfView field =
+      geometry.field.value_or(FieldOfView{glm::dvec3(-kEverywhere_mm), glm::dvec3(kEverywhere_mm)});
+  program.set("field_lower_mm", field.lower_mm);
+  program.set("field_upper_mm", field.upper_mm);
+  program.set("corner_mm", view.pixel_on_detector_mm(-0.5, -0.5));
+  program.set("right_mm", view.pixel_mm * view.right());
+  program.set("down_mm", -view.pixel_mm * view.up());
+  program.set("is_cone", view.cone.has_value());
+  program.set("source_mm", view.cone ? view.source_mm() : glm::dvec3(0));
+  program.set("beam", view.towards_detector());
+  return program;
+}
+
+void BodyPass::bind_spectrum(const gl::Program& program, int unit) const {
+  spectrum_table_.bind(program, "spectrum_table", unit);
+  program.set("spectrum_bins", spectrum_bins_);
+}
+
+// ---- the whole body -------------------------------------------------------------------------------
+
+BodyPicture BodyPass::draw(const View& view, const Style& style) {
+  if (!map_) {
+    body_.resize(1, 1);
+    return {};
+  }
+  if (drawn_ && drawn_->view == view && same_body(drawn_->style, style)) return drawn_->picture;
+  drawn_.reset();  // should drawing fail
+  prepare(style);
+  drawn_ = {view, style, has_columns() ? draw_columns(view, style) : draw_march(view, style)};
+  return drawn_->picture;
+}
+
+BodyPicture BodyPass::draw(const ProjectionImage& drr) {
+  const View& view = drr.view;
+  drawn_.reset();
+  body_.resize(view.width, quads_of(view.height));
+  body_.fill(packed_quads(drr), 0, 0, body_.width(), body_.height());
+  return {scaled_down(1), {0, 0, view.width, view.height}, view.width, view.height};
+}
+
+/// Draws every channel of the map by `draw_channel`, and applies the spectrum where there is one.
+template <typename Draw>
+void BodyPass::draw_channels(int columns, int rows, const Draw& draw_channel) {
+  body_.resize(columns, quads_of(rows));
+  for (int channel = 0; channel < channels(); ++channel) {
+    gl::Target& target = has_spectrum() ? masses_[static_cast<std::size_t>(channel)] : body_;
+    target.resize(columns, quads_of(rows));
+    screen_.draw_into(target);
+    draw_channel(map_texels_[static_cast<std::size_t>(channel)]);
+  }
+  if (has_spectrum()) apply_spectrum();
+}
+
+BodyPicture BodyPass::draw_columns(const View& view, const Style& style) {
+  const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
+  const bool has_map_rows = !rectified.is_cone() && rectified.slope == 0;
+  const double first_row = std::round((geometry_.top_mm - rectified.top_mm) / geometry_.row_spacing_mm);
+  upload_samples(rectified, style.sampling);
+  draw_channels(rectified.columns, rectified.rows, [&](const gl::Table& map) {
+    const gl::Program& program =
+        use_columns("columns.frag", has_map_rows ? "MAP_ROWS" : "", rectified, style.sampling);
+    map.bind(program, "map_texels", 0);
+    program.set("first_quad", static_cast<int>(first_row) / 4);
+    if (rectified.columns > 0 && rectified.rows > 0) screen_.draw();
+  });
+  BodyPicture picture{rectified.from_pixel, body_box(view), rectified.columns, rectified.rows};
+  picture.is_resampled = !has_map_rows || pixels_per_column(style) > 1;
+  if (has_map_rows) {
+    picture.first_row = -0.5 - first_row;
+    picture.last_row = geometry_.height - 0.5 - first_row;
+  }
+  return picture;
+}
+
+BodyPicture BodyPass::draw_march(const View& view, const Style& style) {
+  const int columns = (view.width - 1) / pixels_per_column(style) + 2;
+  draw_channels(columns, view.height, [&](const gl::Table& map) {
+    const gl::Program& program = use_march("march.frag", view, style.sampling);
+    map.bind(program, "map_texels", 0);
+    program.set("pixels_per_column", double(pixels_per_column(style)));
+    screen_.draw();
+  });
+  BodyPicture picture{scaled_down(pixels_per_column(style)), body_box(view), columns, view.height};
+  picture.is_resampled = pixels_per_column(style) > 1;
+  return picture;
+}
+
+void BodyPass::apply_spectrum() {
+  screen_.draw_into(body_);
+  const gl::Program& program = screen_.use("spectrum.frag", "");
+  masses_[0].bind(program, "water", 0);
+  masses_[1].bind(program, "bone", 1);
+  masses_[2].bind(program, "iodine", 2);
+  bind_spectrum(program, 3);
+  screen_.draw();
+}
+
+// ---- what lies in front of surfaces ---------------------------------------------------------------
+
+void BodyPass::draw_in_front(const View& view, const Style& style, const gl::Target& surface_depth,
+                             const gl::Target& depth, const ScreenBox& box) {
+  gl::Target& target = has_spectrum() ? near_masses_ : near_;
+  target.resize(view.width, view.height);
+  screen_.draw_into(target);
+  screen_.attach_depth(depth);
+  constexpr float kNothing[4] = {};
+  if (!map_) return glClearBufferfv(GL_COLOR, 0, kNothing);
+  const gl::DepthTest test(FullscreenPass::kOnSurfaces);
+  for (int channel = 0; channel < channels(); ++channel) {
+    if (has_spectrum()) glColorMask(channel == 0, channel == 1, channel == 2, GL_FALSE);
+    const auto shade = [&](const gl::Program& program) {
+      map_texels_[static_cast<std::size_t>(channel)].bind(program, "map_texels", 0);
+      surface_depth.bind(program, "surface_depth", 3);
+      program.set("view_height", double(view.height));
+      screen_.draw(box);
+    };
+    if (has_columns()) {
+      const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
+      const gl::Program& program = use_columns("near_columns.frag", "", rectified, style.sampling);
+      program.set("from_pixel", rectified.from_pixel);
+      program.set("last_column", rectified.columns - 1.0);
+      shade(program);
+    } else {
+      shade(use_march("near_march.frag", view, style.sampling));
+    }
+  }
+  glColorMask(GL_TRUE, GL_TRUE, GL_TRUE, GL_TRUE);
+}
+
+void BodyPass::bind_in_front(const gl::Program& program, const char* name, int unit) const {
+  (has_spectrum() ? near_masses_ : near_).bind(program, name, unit);
+  if (has_spectrum()) bind_spectrum(program, unit + 1);
+}
+
+}  // namespace xraycast

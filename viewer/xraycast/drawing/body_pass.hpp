@@ -1,0 +1,106 @@
+#pragma once
+
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/casting/projector.hpp"
+#include "xraycast/drawing/fullscreen_pass.hpp"
+#include "xraycast/drawing/surface_layer.hpp"
+#include "xraycast/sampling/map_texels.hpp"
+#include "xraycast/sampling/rectified_view.hpp"
+#include "xraycast/scene/scene.hpp"
+
+#include <array>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// Where a view's pixels find the body in the texture that a BodyPass has drawn.
+struct BodyPicture {
+  glm::dmat3 from_pixel{1};  ///< (i + 1/2, j + 1/2, 1) of the view to homogeneous (column, row)
+  ScreenBox box{};           ///< outside of it there is no body
+  int columns = 0, rows = 0;
+  double first_row = -1e9, last_row = 1e9;  ///< between which there is a body
+  bool is_resampled = false;                ///< pixels lie between columns, which are interpolated
+};
+
+/// Draws the body's optical depth into a texture of its own: for maps about a straight axis on the columns of
+/// a RectifiedView, whose rays sample the map at the same places of its circles, and otherwise by ray
+/// marching, pixel by pixel. Four rows of a column share a texel. Under a spectrum the masses of the
+/// materials are drawn first, one texture each, and the spectrum is applied to their sums.
+///
+/// The texture is kept: it is drawn again only for another map, view or style.
+class BodyPass {
+ public:
+  /// `screen` has to outlive the pass.
+  explicit BodyPass(FullscreenPass& screen);
+
+  /// None: no body.
+  void set_map(std::shared_ptr<const BodyMap> map);
+  bool has_spectrum() const { return map_ && map_->spectrum; }
+
+  /// Of the map, as it lies in the GPU's memory.
+  std::size_t texture_B() const;
+
+  /// The view has to be complete. Throws InputError when the map cannot be drawn so.
+  BodyPicture draw(const View& view, const Style& style);
+
+  /// A DRR in the place of the map.
+  BodyPicture draw(const ProjectionImage& drr);
+
+  /// Binds what `draw` has drawn.
+  void bind(const gl::Program& program, const char* name, int unit) const { body_.bind(program, name, unit); }
+
+  /// How surfaces have to measure their depth for draw_in_front.
+  DepthMeasure depth_measure() const;
+
+  /// Draws what of the body lies between opaque surfaces and the detector into a second texture, in the
+  /// pixels of `box` that `depth` has surfaces in: the optical depth, or under a spectrum the masses of the
+  /// materials. `surface_depth` is by depth_measure().
+  void draw_in_front(const View& view, const Style& style, const gl::Target& surface_depth,
+                     const gl::Target& depth, const ScreenBox& box);
+
+  /// Binds what draw_in_front has drawn and, from `unit + 1` on, the spectrum where there is one.
+  void bind_in_front(const gl::Program& program, const char* name, int unit) const;
+
+ private:
+  /// What lies in `body_`, and what it was drawn for.
+  struct Drawn {
+    View view;
+    Style style;
+    BodyPicture picture;
+  };
+
+  bool has_columns() const;
+  int channels() const { return has_spectrum() ? 3 : 1; }
+  void prepare(const Style& style);
+  void upload_map(const MapGeometry& drawn, const Style& style);
+  void upload_march_tables(const MapGeometry& drawn, const SampleOptions& options);
+  void upload_samples(const RectifiedView& rectified, const SampleOptions& options);
+  template <typename Draw>
+  void draw_channels(int columns, int rows, const Draw& draw_channel);
+  BodyPicture draw_columns(const View& view, const Style& style);
+  BodyPicture draw_march(const View& view, const Style& style);
+  void apply_spectrum();
+  void bind_spectrum(const gl::Program& program, int unit) const;
+  ScreenBox body_box(const View& view) const;
+  const gl::Program& use_columns(const std::string& fragment, const std::string& defines,
+                                 const RectifiedView& rectified, const SampleOptions& options);
+  const gl::Program& use_march(const std::string& fragment, const View& view, const SampleOptions& options);
+
+  FullscreenPass& screen_;
+  std::shared_ptr<const BodyMap> map_;
+  MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
+  std::optional<Style> prepared_;  ///< the style that the map's texels are made for
+  MapTexels texels_;               ///< of each channel
+  std::vector<gl::Table> map_texels_;
+  gl::Table column_table_, sample_table_, axis_table_, layer_table_, spectrum_table_;
+  int spectrum_bins_ = 0;
+  std::optional<Drawn> drawn_;
+  gl::Target body_;
+  std::array<gl::Target, 3> masses_;  ///< of the materials, under a spectrum
+  gl::Target near_, near_masses_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,23 @@
+#include "xraycast/window/cine_exporter.hpp"
+
+#include <utility>
+
+namespace xraycast {
+
+CineExporter::CineExporter(const std::filesystem::path& folder, const Camera& start)
+    : folder_(folder),
+      pictures_(folder, kWidth, kHeight),
+      animation_(folder / "turn.gif", kWidth, kHeight),
+      camera_(start) {
+  std::filesystem::create_directories(folder);
+}
+
+void CineExporter::export_frame(const Draw& draw) {
+  std::vector<std::uint8_t> rgb = draw(camera_);
+  pictures_.add(rgb);
+  animation_.add(std::move(rgb));
+  camera_.rotate(360.0 / kFrames);
+  ++frame_;
+}
+
+}  // namespace xraycast
