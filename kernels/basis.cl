@@ -1,5 +1,5 @@
 #include "cylinder_ray.h"
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* Adds the length of a sample to the two knots beside its HU; beyond the end knots, to the end knot. A knot
  * is its HU and 1 / the distance to the next, which is 0 for the last; behind it stands an infinite one.

@@ -1,7 +1,7 @@
 #include "classify.h"
-#include "params.h"
 #include "rays.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 /* Trilinear, held at the border voxels' centres. */
 static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {

@@ -1,8 +1,8 @@
 #include "xraycast/opencl/compute_device.hpp"
 
-#include "embedded_kernels.h"
 #include "xraycast/base/device_choice.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/kernels/embedded_kernels.h"
 
 #include <algorithm>
 #include <array>

@@ -1,8 +1,8 @@
 #include "xraycast/drawing/renderer.hpp"
 
-#include "params.h"
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/kernels/params.h"
 #include "xraycast/sampling/camera.hpp"
 
 #include <algorithm>
