@@ -35,7 +35,7 @@ namespace {
 namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
 
-struct Options {
+struct RenderArguments {
   std::string map, output, session, cine, strengths;
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
@@ -46,7 +46,7 @@ struct Options {
 };
 
 /// The session, where there is one, with what the other options say.
-ViewSession resolve(const Options& options) {
+ViewSession resolve(const RenderArguments& options) {
   ViewSession scene;
   if (!options.session.empty()) scene = read_session(options.session);
   if (!options.map.empty()) scene.map = options.map;
@@ -96,7 +96,7 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
 }
 
-void check_output(const Options& options) {
+void check_output(const RenderArguments& options) {
   if (options.cine.empty()) {
     check_projection_format(options.output);
     check_shown(options.grey, options.output);
@@ -126,7 +126,7 @@ std::vector<std::uint8_t> draw(Renderer& renderer, const View& view, const ViewS
   return rgb;
 }
 
-void render(const Options& options, Session& session) {
+void render(const RenderArguments& options, Session& session) {
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
@@ -201,7 +201,7 @@ void render(const Options& options, Session& session) {
 }  // namespace
 
 void add_render(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RenderArguments>();
   CLI::App* command = add_command(
       app, session, "render", "A frame of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"

@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct SimulateArguments {
   std::string tree, instrument_model, script, log, plot, entry;
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
@@ -61,7 +61,7 @@ View no_smaller(View view, const BodyBounds& bounds) {
 /// What a fluoroscope sees of the run, drawn while the catheter moves, into --cine.
 class Cine {
  public:
-  Cine(const Options& options, const VesselTree& tree, const Session& session) {
+  Cine(const SimulateArguments& options, const VesselTree& tree, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
     cine.view = parse_view(options.view);
@@ -106,7 +106,7 @@ class HubPlot {
   std::vector<RunRecord> records_;
 };
 
-void check_cine(const Options& options) {
+void check_cine(const SimulateArguments& options) {
   if (options.cine.empty()) return;
   if (options.map.empty()) throw InputError("--cine {}: give a body map to draw it in, --map", options.cine);
   parse_injection(options.inject);
@@ -120,7 +120,7 @@ std::string held_note(double held_s) {
                      Catheter::kStrongestPush_N);
 }
 
-void simulate(const Options& options, Session& session) {
+void simulate(const SimulateArguments& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_plot(options.plot);
   check_cine(options);
@@ -171,7 +171,7 @@ void simulate(const Options& options, Session& session) {
 }  // namespace
 
 void add_simulate(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<SimulateArguments>();
   CLI::App* command = add_command(
       app, session, "simulate", "Push and turn a catheter through a vessel tree, without a display",
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"

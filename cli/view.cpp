@@ -9,14 +9,14 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct ViewArguments {
   std::string map, scan, basis, session;
   SceneOptions scene;
   bool simulate = false;
   Intervention::Options simulation;
 };
 
-ViewSession resolve(const Options& options) {
+ViewSession resolve(const ViewArguments& options) {
   ViewSession session;
   if (!options.session.empty()) session = read_session(options.session);
   replace_file(session.map, options.map);
@@ -26,7 +26,7 @@ ViewSession resolve(const Options& options) {
   return session;
 }
 
-void view(const Options& options, const Session& session) {
+void view(const ViewArguments& options, const Session& session) {
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
   if (options.simulate || !options.simulation.script.empty()) {
@@ -41,7 +41,7 @@ void view(const Options& options, const Session& session) {
 }  // namespace
 
 void add_view(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ViewArguments>();
   CLI::App* command =
       add_command(app, session, "view", "The interactive viewer",
                   "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
