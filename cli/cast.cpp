@@ -26,7 +26,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct CastArguments {
   std::string input, basis, knots;
   MapOutput output;
   ScanOptions scan;
@@ -40,7 +40,7 @@ struct Options {
 constexpr int kAngles = 360, kViews = 36;
 
 /// --centre vessels:DIR, X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
-glm::dvec3 parse_centre(const Options& options, double z_mm) {
+glm::dvec3 parse_centre(const CastArguments& options, double z_mm) {
   const std::string vessels = "vessels:";
   if (options.centre.starts_with(vessels))
     return centroid_mm(read_tree(std::filesystem::path(options.centre.substr(vessels.size())) / "tree.vtp"));
@@ -52,7 +52,7 @@ glm::dvec3 parse_centre(const Options& options, double z_mm) {
   return {centre[0], centre[1], has_z ? centre[2] : z_mm};
 }
 
-std::optional<double> given_radius_mm(const Options& options) {
+std::optional<double> given_radius_mm(const CastArguments& options) {
   if (options.radius == "auto") return std::nullopt;
   const std::vector<double> radius = parse_numbers(options.radius, "--radius");
   if (radius.size() != 1) throw InputError("--radius {}: has to be auto or one number in mm", options.radius);
@@ -60,7 +60,7 @@ std::optional<double> given_radius_mm(const Options& options) {
 }
 
 /// Suggests a smaller radius where a small part of the body, such as the arms, widens all shells.
-void hint_at_radius(const Options& options, const BodyOutline& outline, const Session& session) {
+void hint_at_radius(const CastArguments& options, const BodyOutline& outline, const Session& session) {
   constexpr double kMuch = 0.85;  // shells get at least 15 % thinner; heads and trunks without arms lie above
   const bool is_free =
       options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
@@ -74,7 +74,8 @@ void hint_at_radius(const Options& options, const BodyOutline& outline, const Se
 }
 
 /// The centre and radius as given by the user, else from the body.
-BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder, const Session& session) {
+BodyOutline resolve_outline(const CastArguments& options, const OutlineFinder& finder,
+                            const Session& session) {
   BodyOutline outline{};
   if (options.centre == "auto" || options.radius == "auto") outline = finder.finish();
   hint_at_radius(options, outline, session);
@@ -83,7 +84,7 @@ BodyOutline resolve_outline(const Options& options, const OutlineFinder& finder,
   return outline;
 }
 
-std::vector<double> resolve_radii(const Options& options, double radius_mm) {
+std::vector<double> resolve_radii(const CastArguments& options, double radius_mm) {
   const int layers = options.layers.value_or(1);
   const std::string rule = options.radii.value_or("equal-area");
   if (rule == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
@@ -108,7 +109,7 @@ void check_name(const std::filesystem::path& path, const char* extension) {
 }
 
 /// The knots of the basis in HU; none without --keep-basis.
-std::vector<double> resolve_knots(const Options& options,
+std::vector<double> resolve_knots(const CastArguments& options,
                                   const std::variant<Opacity, Spectrum>& attenuation) {
   if (options.basis.empty()) return {};
   const auto* opacity = std::get_if<Opacity>(&attenuation);
@@ -122,7 +123,7 @@ std::vector<double> resolve_knots(const Options& options,
 }
 
 /// Rejects options that have no effect on the chosen projection.
-void check_applies(const Options& options) {
+void check_applies(const CastArguments& options) {
   const auto check = [&](bool is_given, const char* option, std::initializer_list<const char*> projections) {
     if (is_given && std::ranges::find(projections, options.projection) == projections.end())
       throw InputError("{} does not apply to --projection {}; leave it out", option, options.projection);
@@ -138,7 +139,7 @@ void check_applies(const Options& options) {
 }
 
 /// Rejects wrong options before the scan is read.
-void check(const Options& options) {
+void check(const CastArguments& options) {
   check_applies(options);
   check_name(options.output.map, ".exr");
   if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
@@ -152,7 +153,8 @@ void check(const Options& options) {
   validate(of_one_row, "map");
 }
 
-MapGeometry resolve_sphere(const Options& options, const VolumeGeometry& volume, const BodyOutline& outline) {
+MapGeometry resolve_sphere(const CastArguments& options, const VolumeGeometry& volume,
+                           const BodyOutline& outline) {
   const double middle_mm = 0.5 * (volume.lower_mm().z + volume.upper_mm().z);
   const glm::dvec3 centre_mm =
       options.centre == "auto" ? glm::dvec3(outline.centre_mm, middle_mm) : parse_centre(options, middle_mm);
@@ -163,7 +165,7 @@ MapGeometry resolve_sphere(const Options& options, const VolumeGeometry& volume,
   return sphere_map(volume, options.angles.value_or(kAngles), resolve_radii(options, radius_mm), centre_mm);
 }
 
-MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volume,
+MapGeometry resolve_cylinder(const CastArguments& options, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
   const int angles = options.angles.value_or(kAngles);
   if (options.centre_line.empty())
@@ -180,7 +182,7 @@ MapGeometry resolve_cylinder(const Options& options, const VolumeGeometry& volum
   return cylinder_map(volume, angles, resolve_radii(options, radius_mm), centre_mm);
 }
 
-MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volume,
+MapGeometry resolve_geometry(const CastArguments& options, const VolumeGeometry& volume,
                              const BodyOutline& outline) {
   if (options.projection == "rectangle")
     return rectangle_map(volume, options.views.value_or(kViews), outline.radius_mm, outline.centre_mm);
@@ -189,7 +191,7 @@ MapGeometry resolve_geometry(const Options& options, const VolumeGeometry& volum
 }
 
 /// `--memory-limit` in bytes, by default the device's largest buffer.
-std::int64_t memory_limit_B(const Options& options, const ComputeDevice& device) {
+std::int64_t memory_limit_B(const CastArguments& options, const ComputeDevice& device) {
   if (options.memory_limit.empty()) return device.info().max_allocation_B;
   std::size_t digits = 0;
   double number = 0;
@@ -213,7 +215,7 @@ struct Casting {
   double basis_ms = 0;
 };
 
-Casting cast_resident(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
+Casting cast_resident(const CastArguments& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const std::vector<double>& knots_hu, const Scan& scan, ComputeDevice& device,
                       Session& session) {
   Progress& progress = session.progress;
@@ -236,7 +238,7 @@ Casting cast_resident(const Options& options, const std::variant<Opacity, Spectr
 }
 
 /// The scan, without the vessels that --without-vessels names.
-Scan open(const Options& options, Progress& progress) {
+Scan open(const CastArguments& options, Progress& progress) {
   Scan scan = open_scan(options.input, options.scan, progress);
   if (options.without_vessels.empty()) return scan;
   const std::filesystem::path file = std::filesystem::path(options.without_vessels) / "mask.nrrd";
@@ -247,8 +249,8 @@ Scan open(const Options& options, Progress& progress) {
 }
 
 /// Casts slab by slab; reads the scan twice if the body's outline is needed first.
-Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation, Scan scan,
-                   std::int64_t limit_B, ComputeDevice& device, Session& session) {
+Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spectrum>& attenuation,
+                   Scan scan, std::int64_t limit_B, ComputeDevice& device, Session& session) {
   Progress& progress = session.progress;
   if (!options.basis.empty())
     throw InputError("--keep-basis {}: a basis needs the whole scan in memory; raise --memory-limit",
@@ -273,14 +275,14 @@ Casting cast_slabs(const Options& options, const std::variant<Opacity, Spectrum>
 
 /// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: then
 /// slabs take less memory, and therefore less time.
-bool is_best_by_slabs(const Options& options, const std::variant<Opacity, Spectrum>& attenuation,
+bool is_best_by_slabs(const CastArguments& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const VolumeGeometry& volume) {
   return volume.size.z > kMaxSlabSlices && options.centre != "auto" && options.radius != "auto" &&
          options.centre_line.empty() && options.basis.empty() && options.projection == "cylinder" &&
          std::holds_alternative<Opacity>(attenuation);
 }
 
-void cast_map(const Options& options, Session& session) {
+void cast_map(const CastArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check(options);
@@ -336,7 +338,7 @@ void cast_map(const Options& options, Session& session) {
 }  // namespace
 
 void add_cast(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CastArguments>();
   CLI::App* command =
       add_command(app, session, "cast", "Cast a scan into a body map",
                   "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"

@@ -25,7 +25,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct CompareArguments {
   std::string input, angles, pictures, plot, plotted = "psnr", cone, compositing = "path",
                                              reconstruction = "linear";
   std::vector<std::string> maps;
@@ -83,7 +83,7 @@ const Measure& parse_measure(const std::string& name) {
 }
 
 /// At which C-arm angles frames are compared.
-std::vector<double> resolve_angles_deg(const Options& options) {
+std::vector<double> resolve_angles_deg(const CompareArguments& options) {
   if (!options.angles.empty()) return parse_angles_deg(options.angles, "--angles");
   if (options.views < 1 || options.views > 3600)
     throw InputError("--views {}: has to be 1 to 3600", options.views);
@@ -98,7 +98,7 @@ std::string contents_of(const MapGeometry& geometry) {
 }
 
 /// Throws InputError where --pictures cannot be a folder, in which each map's pictures go by its own name.
-void check_pictures(const Options& options) {
+void check_pictures(const CompareArguments& options) {
   namespace fs = std::filesystem;
   if (fs::exists(options.pictures) && !fs::is_directory(options.pictures))
     throw InputError("--pictures {}: is a file; name a folder", options.pictures);
@@ -110,7 +110,7 @@ void check_pictures(const Options& options) {
                      options.pictures, *twice);
 }
 
-void make_picture_folder(const Options& options) {
+void make_picture_folder(const CompareArguments& options) {
   make_folder(options.pictures, "--pictures " + options.pictures);
   check_writable(std::filesystem::path(options.pictures) / "picture.png");
 }
@@ -152,7 +152,7 @@ void write_pictures(const Pair& pair, double angle_deg, const std::string& title
 }
 
 Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
-                       const ResidentScan& scan, const Options& options, Progress& progress) {
+                       const ResidentScan& scan, const CompareArguments& options, Progress& progress) {
   const std::optional<Cone> cone = parse_cone(options.cone);
   const std::vector<double> angles_deg = resolve_angles_deg(options);
   const Measure& plotted = parse_measure(options.plotted);
@@ -184,7 +184,7 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
           curve};
 }
 
-void compare_maps(const Options& options, Session& session) {
+void compare_maps(const CompareArguments& options, Session& session) {
   resolve_angles_deg(options);
   parse_cone(options.cone);
   Style style;
@@ -232,7 +232,7 @@ void compare_maps(const Options& options, Session& session) {
 }  // namespace
 
 void add_compare(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<CompareArguments>();
   CLI::App* command = add_command(
       app, session, "compare", "How close frames of a map are to true projections of its scan",
       "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"

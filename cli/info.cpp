@@ -8,7 +8,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct InfoArguments {
   std::string input;
   ScanOptions scan;
 };
@@ -71,7 +71,7 @@ SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
 }  // namespace
 
 void add_info(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<InfoArguments>();
   CLI::App* command = add_command(
       app, session, "info", "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range",
       "  xraycast info scans/chest/\n"

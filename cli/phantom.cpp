@@ -14,7 +14,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct PhantomArguments {
   std::string name, output, size, truth;
   PhantomOptions phantom;
 };
@@ -34,7 +34,7 @@ void check_truth_folder(const Phantom& phantom, const std::string& folder) {
   check_writable(std::filesystem::path(folder) / "tree.vtp");
 }
 
-void make(Options options, Session& session) {
+void make(PhantomArguments options, Session& session) {
   if (!options.size.empty()) {
     const auto size = parse_sizes(options.size, 3, "--size");
     options.phantom.size = Index3(size[0], size[1], size[2]);
@@ -57,7 +57,7 @@ void make(Options options, Session& session) {
 }  // namespace
 
 void add_phantom(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<PhantomArguments>();
   CLI::App* command = add_command(app, session, "phantom", "Make a procedural scan",
                                   "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
                                   "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"

@@ -13,7 +13,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct ProjectArguments {
   std::string input, output;
   ScanOptions scan;
   AttenuationOptions attenuation;
@@ -21,7 +21,7 @@ struct Options {
   GreyOptions grey;
 };
 
-void project_scan(const Options& options, Session& session) {
+void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
@@ -66,7 +66,7 @@ void project_scan(const Options& options, Session& session) {
 }  // namespace
 
 void add_project(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ProjectArguments>();
   CLI::App* command = add_command(
       app, session, "project", "Draw the DRR of a scan, its true projection",
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"

@@ -15,12 +15,12 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct RecastArguments {
   std::string basis, opacity;
   MapOutput output;
 };
 
-void recast_map(const Options& options, Session& session) {
+void recast_map(const RecastArguments& options, Session& session) {
   const Stopwatch stopwatch;
   if (options.opacity.starts_with("spectrum"))
     throw InputError("--opacity {}: beam hardening cannot be recast; use `xraycast cast`", options.opacity);
@@ -59,7 +59,7 @@ void recast_map(const Options& options, Session& session) {
 }  // namespace
 
 void add_recast(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RecastArguments>();
   CLI::App* command = add_command(
       app, session, "recast", "Make a body map under another opacity from a basis, without the scan",
       "  xraycast cast scans/chest/ -o chest.exr --layers 8 --keep-basis chest.basis\n"

@@ -36,7 +36,7 @@ namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
 constexpr const char* kOldSpelling = "";  // options of no group are accepted, but not in --help
 
-struct Options {
+struct RenderArguments {
   std::string map, output, session, cine, layer_weights;
   SceneOptions scene;
   std::optional<std::string> look, compositing, reconstruction;
@@ -46,7 +46,7 @@ struct Options {
   GreyOptions grey;
 };
 
-void apply_sampling(const Options& options, SampleOptions& sampling) {
+void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
   if (options.compositing) sampling.compositing = parse_compositing(*options.compositing);
   if (options.reconstruction)
     sampling.reconstruction =
@@ -58,7 +58,7 @@ void apply_sampling(const Options& options, SampleOptions& sampling) {
   sampling.wall_radius_mm = options.wall_radius_mm;
 }
 
-void apply_style(const Options& options, Style& style) {
+void apply_style(const RenderArguments& options, Style& style) {
   if (options.look) style.shading = parse_shading_mode(*options.look);
   apply_sampling(options, style.sampling);
   if (!options.layer_weights.empty()) {
@@ -75,7 +75,7 @@ void apply_style(const Options& options, Style& style) {
 }
 
 /// The session, where there is one, overridden by the other options.
-ViewSession resolve(const Options& options) {
+ViewSession resolve(const RenderArguments& options) {
   ViewSession scene;
   if (!options.session.empty()) scene = read_session(options.session);
   if (!options.map.empty()) scene.map = options.map;
@@ -102,7 +102,7 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
 }
 
-void check_output(const Options& options) {
+void check_output(const RenderArguments& options) {
   if (options.cine.empty()) {
     check_projection_format(options.output);
     check_shown(options.grey, options.output);
@@ -134,7 +134,7 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
 }
 
 /// The session's camera, unless a pixel size is given; without a session, the whole body.
-View resolve_view(const Options& options, const ViewSession& scene, const BodyBounds& bounds) {
+View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
   View view = parse_view(options.view);
   if (!options.session.empty() && options.view.pixel_mm == 0) {
     if (view.width == 0) view.width = 640, view.height = 480;
@@ -200,7 +200,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
     write_projection({view, frames.tau(view), 0}, output);
 }
 
-void render(const Options& options, Session& session) {
+void render(const RenderArguments& options, Session& session) {
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
@@ -239,7 +239,7 @@ void render(const Options& options, Session& session) {
 }  // namespace
 
 void add_render(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<RenderArguments>();
   CLI::App* command = add_command(
       app, session, "render", "A frame of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"

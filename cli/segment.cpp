@@ -23,7 +23,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct SegmentArguments {
   std::string input, folder, from_mask, window = "auto", surface = "level-set", root;
   std::vector<std::string> seeds, not_vessels;
   ScanOptions scan;
@@ -41,7 +41,7 @@ std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, cons
   return points_mm;
 }
 
-SegmentOptions parsed(const Options& options) {
+SegmentOptions parsed(const SegmentArguments& options) {
   SegmentOptions segment = options.segment;
   segment.markers.vessels_mm = parse_points(options.seeds, "--seed");
   segment.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
@@ -96,7 +96,7 @@ fs::path made_folder(const std::string& folder) {
   return folder;
 }
 
-void segment(const Options& options, Session& session) {
+void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
   std::optional<glm::dvec3> root_mm;
@@ -150,7 +150,7 @@ void segment(const Options& options, Session& session) {
 }  // namespace
 
 void add_segment(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<SegmentArguments>();
   CLI::App* command =
       add_command(app, session, "segment", "Find the vessels of a CT angiography: mask, tree and surface",
                   "  xraycast segment cta.nii.gz -o vessels\n"

@@ -26,7 +26,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-struct Options {
+struct SimulateArguments {
   std::string tree, instrument_model, script, log, plot, entry;
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
@@ -61,7 +61,7 @@ View no_smaller(View view, const BodyBounds& bounds) {
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
-  Cine(const Options& options, const VesselTree& tree, const Session& session) {
+  Cine(const SimulateArguments& options, const VesselTree& tree, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
     cine.view = parse_view(options.view);
@@ -106,7 +106,7 @@ class HubPlot {
   std::vector<RunRecord> records_;
 };
 
-void check_cine(const Options& options) {
+void check_cine(const SimulateArguments& options) {
   if (options.cine.empty()) return;
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
@@ -117,11 +117,11 @@ void check_cine(const Options& options) {
 
 std::string held_note(double held_s) {
   if (held_s < 0.05) return "";
-  return fmt::format("for {:.1f} s the hub did not advance, since the push would have exceeded {:g} N\n", held_s,
-                     Catheter::kMaxPush_N);
+  return fmt::format("for {:.1f} s the hub did not advance, since the push would have exceeded {:g} N\n",
+                     held_s, Catheter::kMaxPush_N);
 }
 
-void simulate(const Options& options, Session& session) {
+void simulate(const SimulateArguments& options, Session& session) {
   check_writable(options.log);
   if (!options.plot.empty()) check_plot(options.plot);
   check_cine(options);
@@ -151,29 +151,28 @@ void simulate(const Options& options, Session& session) {
 
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
-  session.report(
-      {{"tree", options.tree},
-       {"device_model", device.name()},
-       {"entry_branch", entry.branch},
-       {"held_s", held_s},
-       {"log", options.log},
-       {"rows", records.size()},
-       {"simulated_s", catheter.time_s()},
-       {"wall_s", wall_s},
-       {"tip",
-        {{"branch", tip.branch},
-         {"arc_length_mm", tip.arc_length_mm},
-         {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
-      fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
-                  "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}",
-                  options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s, times_faster,
-                  entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
+  session.report({{"tree", options.tree},
+                  {"device_model", device.name()},
+                  {"entry_branch", entry.branch},
+                  {"held_s", held_s},
+                  {"log", options.log},
+                  {"rows", records.size()},
+                  {"simulated_s", catheter.time_s()},
+                  {"wall_s", wall_s},
+                  {"tip",
+                   {{"branch", tip.branch},
+                    {"arc_length_mm", tip.arc_length_mm},
+                    {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
+                 fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+                             "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}",
+                             options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
+                             times_faster, entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
 }
 
 }  // namespace
 
 void add_simulate(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<SimulateArguments>();
   CLI::App* command = add_command(
       app, session, "simulate", "Steer a catheter through a vessel tree by a script, without a display",
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"

@@ -11,7 +11,7 @@
 namespace xraycast::cli {
 namespace {
 
-struct Options {
+struct ViewArguments {
   std::string map, scan, basis, session;
   SceneOptions scene;
   bool simulate = false;
@@ -19,7 +19,7 @@ struct Options {
   Intervention::Options simulation;
 };
 
-ViewSession resolve(const Options& options) {
+ViewSession resolve(const ViewArguments& options) {
   ViewSession session;
   if (!options.session.empty()) session = read_session(options.session);
   replace_file(session.map, options.map);
@@ -40,7 +40,7 @@ void check_listen_address(const std::string& text) {
 }
 
 /// What is steered in a scene.
-Intervention::Options simulation_of(const Options& options, const ViewSession& scene) {
+Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene) {
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
   check_listen_address(options.simulation.listen);
@@ -50,7 +50,7 @@ Intervention::Options simulation_of(const Options& options, const ViewSession& s
   return simulation;
 }
 
-void view(const Options& options, const Session& session) {
+void view(const ViewArguments& options, const Session& session) {
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
   if (options.simulate || !options.simulation.script.empty()) {
@@ -64,7 +64,7 @@ void view(const Options& options, const Session& session) {
 }  // namespace
 
 void add_view(CLI::App& app, Session& session) {
-  const auto options = std::make_shared<Options>();
+  const auto options = std::make_shared<ViewArguments>();
   CLI::App* command =
       add_command(app, session, "view", "The interactive viewer",
                   "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"

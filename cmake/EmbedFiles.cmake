@@ -1,4 +1,4 @@
-# cmake -DOUTPUT=embedded.cpp -DFILES="a.cl;b.cl" -DKIND=kernel -DHEADER=embedded_kernels.h -P EmbedFiles.cmake
+# cmake -DOUTPUT=embedded.cpp -DFILES="a.cl;b.cl" -DKIND=kernel -DHEADER=xraycast/kernels/embedded_kernels.h -P EmbedFiles.cmake
 # Writes a C++ file with every file's text, `#include "header"` lines replaced by the header, so that a driver never
 # needs to find a file. The text becomes a list of bytes: string literals have a size limit. HEADER declares
 # Embedded<Kind> {name, source} and embedded_<kind>s(). The name is the file's, without .cl or .json, which say no more
@@ -16,7 +16,7 @@ foreach(file IN LISTS FILES)
   get_filename_component(dir "${file}" DIRECTORY)
   file(READ "${file}" text)
   # Headers include headers; their guards make repeats harmless.
-  while(text MATCHES "#include \"([a-z_]+\\.(h|glsl))\"")
+  while(text MATCHES "#include \"([a-z_/]+\\.(h|glsl))\"")
     set(line "${CMAKE_MATCH_0}")
     file(READ "${dir}/${CMAKE_MATCH_1}" header)
     string(REPLACE "${line}" "${header}" text "${text}")

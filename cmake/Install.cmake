@@ -1,14 +1,21 @@
-# `cmake --install build/release --prefix P` puts the program under P, and the library as a package that
-# find_package(xraycast) finds; tests/consumer uses it.
+# `cmake --install build/release --prefix P` puts the program under P, and beside it the libraries as a package that
+# find_package(xraycast COMPONENTS ...) finds; examples/ use it. The installation's components are Debian's packages.
 include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
+install(TARGETS xraycast COMPONENT program)
+
 set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/xraycast")
-install(TARGETS xraycast)
-install(TARGETS xraycast_host xraycast_kernels EXPORT xraycastTargets)
-install(DIRECTORY host/xraycast TYPE INCLUDE FILES_MATCHING PATTERN "*.hpp")
-install(FILES kernels/embedded_kernels.h kernels/params.h DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/xraycast/kernels")
-install(EXPORT xraycastTargets NAMESPACE xraycast:: DESTINATION "${package_dir}")
+install(TARGETS xraycast_kernels xraycast_host EXPORT xraycast-host ARCHIVE COMPONENT dev)
+install(TARGETS xraycast_segmentation EXPORT xraycast-segmentation ARCHIVE COMPONENT dev)
+install(TARGETS xraycast_simulation EXPORT xraycast-simulation ARCHIVE COMPONENT dev)
+install(TARGETS xraycast_viewer EXPORT xraycast-viewer ARCHIVE COMPONENT dev)
+foreach(library IN ITEMS kernels host segmentation simulation viewer)
+  xraycast_install_headers(${library})
+endforeach()
+foreach(component IN ITEMS host segmentation simulation viewer)
+  install(EXPORT xraycast-${component} NAMESPACE xraycast:: DESTINATION "${package_dir}" COMPONENT dev)
+endforeach()
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
 install(FILES cmake/xraycastConfig.cmake "${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake"
-  DESTINATION "${package_dir}")
+  DESTINATION "${package_dir}" COMPONENT dev)

@@ -1,5 +1,5 @@
 #include "cylinder_ray.h"
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* Adds the length of a sample to the two knots beside its HU; beyond the end knots, to the end knot. A knot
  * is its HU and 1 / the distance to the next, which is 0 for the last; behind it stands an infinite one.
@@ -21,11 +21,11 @@ static void weigh(const float hu, const float length_mm, global const float2* kn
  * The running sum over the knots is rounded, not each weight: so the error does not add up, and that of an
  * optical depth is at most half a unit times the opacity's total variation over the knots; a constant opacity
  * is exact. */
-kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder, global const float2* centres,
-                        global const float2* directions, constant const XrcShell* shells,
-                        global const float2* knots, global const uchar* below, const int count,
-                        const long first_tile, const int tiles, global ulong* touched,
-                        global ushort* weights) {
+kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
+                        global const float2* centres, global const float2* directions,
+                        constant const XrcShell* shells, global const float2* knots,
+                        global const uchar* below, const int count, const long first_tile, const int tiles,
+                        global ulong* touched, global ushort* weights) {
   const int item = (int)get_global_id(0);
   if (item >= tiles) return;
   const long tile = first_tile + item;
@@ -42,7 +42,9 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylin
     if (run * SLICES >= scan.size_z) break;
     const Ray ray = ray_along(centres[run * SLICES], directions[column], run, &cylinder, &scan);
     for (int i = first; i < last; ++i) {
-      const float length_mm = i < shell.first ? shell.head_mm : i < shell.last ? cylinder.map.step_mm : shell.tail_mm;
+      const float length_mm = i < shell.first  ? shell.head_mm
+                              : i < shell.last ? cylinder.map.step_mm
+                                               : shell.tail_mm;
       float hu[SLICES];
       store(i < ray.inside ? hu_along(voxels, &scan, &ray, i) : (Slices)XRC_PADDING_HU, hu);
       for (int s = 0; s < SLICES; ++s) weigh(hu[s], length_mm, knots, below, weights_mm + start + s);

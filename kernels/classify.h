@@ -3,7 +3,7 @@
 #ifndef XRAYCAST_CLASSIFY_H
 #define XRAYCAST_CLASSIFY_H
 
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 #if RAMPS > 0
 

@@ -1,6 +1,6 @@
 #include "classify.h"
 #include "cylinder_ray.h"
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 #if SLICES == 1
 

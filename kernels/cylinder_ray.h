@@ -48,8 +48,8 @@ static void store(const Slices value, float* values) { vstore16(value, 0, values
 
 #endif
 
-/* In voxels, through run `run` of SLICES slices. The first `inside` samples lie within the slice; those beyond
- * are air. */
+/* In voxels, through run `run` of SLICES slices. The first `inside` samples lie within the slice; those
+ * beyond are air. */
 typedef struct {
   float2 centre;
   float dx, dy;
@@ -74,7 +74,8 @@ static Ray ray_along(const float2 centre, const float2 direction, const int run,
  * the slice; the clamp keeps its address inside. */
 static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
   const float at = (float)i + 0.5f;
-  return sample(voxels, scan, ray->run, clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
+  return sample(voxels, scan, ray->run,
+                clamp(fma(at, ray->dx, ray->centre.x), 0.0f, (float)(scan->size_x - 1)),
                 clamp(fma(at, ray->dy, ray->centre.y), 0.0f, (float)(scan->size_y - 1)));
 }
 

@@ -1,7 +1,7 @@
 #include "classify.h"
 #include "joseph_ray.h"
-#include "params.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 /* The picture of a flat detector: one work-item a pixel. */
 kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector detector,

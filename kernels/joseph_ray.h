@@ -3,8 +3,8 @@
 #define XRAYCAST_JOSEPH_RAY_H
 
 #include "classify.h"
-#include "params.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 static inline float3 float3_of(const XRC_FLOAT* v) { return (float3)(v[0], v[1], v[2]); }
 

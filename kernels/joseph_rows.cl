@@ -1,6 +1,6 @@
 #include "joseph_rows.h"
-#include "params.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 #ifndef SCAN_IMAGE
 

@@ -6,8 +6,8 @@
 
 #include "classify.h"
 #include "joseph_ray.h"
-#include "params.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 #ifndef SCAN_IMAGE
 

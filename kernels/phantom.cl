@@ -1,4 +1,4 @@
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* Every distance below is signed, in millimetres, negative inside, and exact only near the surface: that is
  * where the coverage of a voxel depends on it. host/xraycast/phantom_scene.cpp says the same in double

@@ -1,4 +1,4 @@
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* See params.h for tiles. A work-item takes `run` tiles of one brick and layer, one column after the other,
  * so that neighbouring texels are written together. */

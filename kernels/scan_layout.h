@@ -3,7 +3,7 @@
 #ifndef XRAYCAST_SCAN_LAYOUT_H
 #define XRAYCAST_SCAN_LAYOUT_H
 
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* The place of pixel (x, y) of a brick, in pixels of 16 slices. */
 static inline XRC_LONG brick_pixel(const XrcScan* scan, const XRC_INT brick, const XRC_INT x,

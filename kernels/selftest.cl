@@ -1,4 +1,4 @@
-#include "params.h"
+#include "xraycast/kernels/params.h"
 
 /* A known value for every element, so that a device that computes or copies wrongly is caught. */
 kernel void selftest_buffer(global const float* in, global float* out, const int n) {

@@ -1,4 +1,5 @@
-/* The loop over the shells that a ray crosses, for maps of any rays. A file that includes this one has defined:
+/* The loop over the shells that a ray crosses, for maps of any rays. A file that includes this one has
+ * defined:
  *
  *   Ray       a ray in voxels, whose first `inside` samples lie within the scan; those beyond are air
  *   Slices    values of the SLICES slices that a work-item takes at once, which `store` writes to an array
@@ -9,8 +10,8 @@
 #define XRAYCAST_SHELL_LOOP_H
 
 #include "classify.h"
-#include "params.h"
 #include "scan_access.h"
+#include "xraycast/kernels/params.h"
 
 #if SLICES == 1
 #define mu_of_slices mu_of
@@ -18,8 +19,9 @@
 #define mu_of_slices mu_of16
 #endif
 
-/* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above. All
- * layers share one sample grid; a sample that straddles a shell's edge is taken once and split by length. */
+/* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above.
+ * All layers share one sample grid; a sample that straddles a shell's edge is taken once and split by length.
+ */
 static void cast_shells(SCAN voxels, const XrcScan* scan, const Ray* ray, const XrcMap* map, const int column,
                         const int row, constant const XrcShell* shells, constant const XrcOpacity* opacity,
                         global const float2* table, global float* tau) {

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "params.h"
 #include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/kernels/params.h"
 #include "xraycast/opencl/resident_scan.hpp"
 
 #include <string>

@@ -15,7 +15,9 @@ namespace {
 
 constexpr int kMaxDegree = 9;
 
-bool is_finite(const glm::dvec3& p) { return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z); }
+bool all_finite(const glm::dvec3& p) {
+  return std::isfinite(p.x) && std::isfinite(p.y) && std::isfinite(p.z);
+}
 
 /// The degree + 1 B-spline functions of `degree` that are not 0 in the span of knots (A2.2).
 std::vector<double> spline_functions(const std::vector<double>& knots, int span, double t, int degree) {
@@ -56,7 +58,7 @@ NurbsCurve::NurbsCurve(int degree, std::vector<ControlPoint> points, std::vector
     throw InputError("{}: {} control points, but a curve of degree {} needs at least {}", name,
                      points_.size(), degree, order);
   for (std::size_t i = 0; i < points_.size(); ++i)
-    if (!is_finite(points_[i].position_mm) || !(points_[i].weight > 0) || !std::isfinite(points_[i].weight))
+    if (!all_finite(points_[i].position_mm) || !(points_[i].weight > 0) || !std::isfinite(points_[i].weight))
       throw InputError("{}: control point {} is not finite, or its weight not above 0", name, i);
   if (knots_.size() != points_.size() + order)
     throw InputError("{}: {} knots, but {} points of degree {} need {}", name, knots_.size(), points_.size(),

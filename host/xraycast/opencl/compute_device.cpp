@@ -1,14 +1,17 @@
 #include "xraycast/opencl/compute_device.hpp"
 
-#include "embedded_kernels.h"
 #include "xraycast/base/device_choice.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/kernels/embedded_kernels.h"
 
 #include <algorithm>
 #include <array>
 #include <cctype>
 #include <cstdlib>
+#include <filesystem>
 #include <numeric>
+#include <sstream>
+#include <unistd.h>
 
 namespace xraycast {
 namespace {
@@ -76,6 +79,22 @@ const Candidate& choose(const std::vector<Candidate>& found, const std::string& 
   return *fits;
 }
 
+bool is_in_path(const std::string& program) {
+  const char* path = std::getenv("PATH");
+  std::istringstream folders(path ? path : "");
+  for (std::string folder; std::getline(folders, folder, ':');)
+    if (access((std::filesystem::path(folder) / program).c_str(), X_OK) == 0) return true;
+  return false;
+}
+
+/// PoCL links a kernel when it first runs and ends the process where that fails.
+void check_linker(const ComputeDevice::Info& info) {
+  if (info.platform == "Portable Computing Language" && !is_in_path("ld"))
+    throw DeviceError(
+        "{} links kernels with the program ld, which is not in PATH: install Debian's package binutils",
+        info.name);
+}
+
 std::string_view source_of(const std::string& file) {
   for (const EmbeddedKernel& kernel : embedded_kernels())
     if (kernel.name == file) return kernel.source;
@@ -103,6 +122,7 @@ ComputeDevice::ComputeDevice(const std::string& choice) {
   const char* environment = std::getenv("XRAYCAST_DEVICE");
   const auto found = candidates();
   const Candidate& chosen = choose(found, choice.empty() && environment ? environment : choice);
+  check_linker(chosen.info);
   try {
     device_ = chosen.device;
     info_ = chosen.info;

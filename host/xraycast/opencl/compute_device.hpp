@@ -37,7 +37,8 @@ class ComputeDevice {
 
   /// Chooses by number or by part of the name, case ignored. An empty choice takes the environment's
   /// XRAYCAST_DEVICE, and without that the first GPU or else the first device. Throws DeviceError when there
-  /// is no device, or none that fits, and names those there are.
+  /// is no device, or none that fits, and names those there are; and when what the driver links kernels with
+  /// is missing.
   explicit ComputeDevice(const std::string& choice = "");
 
   const Info& info() const { return info_; }

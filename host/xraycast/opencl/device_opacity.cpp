@@ -1,6 +1,6 @@
 #include "xraycast/opencl/device_opacity.hpp"
 
-#include "params.h"
+#include "xraycast/kernels/params.h"
 #include "xraycast/scan/volume.hpp"
 
 #include <fmt/format.h>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "params.h"
+#include "xraycast/kernels/params.h"
 #include "xraycast/opencl/compute_device.hpp"
 #include "xraycast/scan/body_outline.hpp"
 #include "xraycast/scan/slice_source.hpp"
@@ -14,7 +14,7 @@ namespace xraycast {
 
 /// How a device keeps a scan.
 enum class ScanStorage {
-  bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of kernels/params.h); for processors
+  bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of xraycast/kernels/params.h); for processors
   image,   ///< a 3-D image of 16-bit integers, whose cache follows rays in any direction; for GPUs
 };
 

@@ -353,7 +353,7 @@ void neck_bones(PhantomScene& scene) {
 /// One tree, so the circle of Willis is open, as it is in many people: no communicating arteries, and the
 /// right vertebral artery ends in the cerebellum without reaching the basilar. What joins the four supplies
 /// is an aortic arch below the scan.
-VesselGrower arteries() {
+VesselGrower head_arteries() {
   VesselGrower vessels;
   const std::vector<int> arch = vessels.grow(VesselGrower::kRoot, 0,
                                              {{{-30, -30, -215}, 11},
@@ -461,7 +461,7 @@ PhantomBody make_head(bool table) {
   sinuses(scene);
   neck_bones(scene);
   jaw_and_teeth(scene);
-  const VesselGrower vessels = arteries();
+  const VesselGrower vessels = head_arteries();
   scene.paint(kContrast_hu);
   for (const VesselBranch& branch : vessels.branches()) scene.tube(branch.points);
   return {std::move(scene), vessels.branches()};

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "params.h"
 #include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/kernels/params.h"
 
 #include <glm/vec3.hpp>
 

@@ -21,7 +21,7 @@ struct BrickLists {
   std::vector<cl_int> list;
 };
 
-glm::dvec3 load(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
+glm::dvec3 corner(const float (&v)[3]) { return {v[0], v[1], v[2]}; }
 
 std::int64_t bricks_for(std::int64_t voxels) { return (voxels + kBrick - 1) / kBrick; }
 
@@ -38,8 +38,8 @@ BrickLists list_bricks(const Phantom& phantom, std::int64_t first_slice, std::in
   std::vector<std::vector<cl_int>> lists(base_hu.size());
   for (std::size_t i = 0; i < scene.primitives().size(); ++i) {
     const XrcPrimitive& shape = scene.primitives()[i];
-    const glm::dvec3 lower = glm::floor((load(shape.lower_mm) - edge - origin) / brick_mm);
-    const glm::dvec3 upper = glm::floor((load(shape.upper_mm) + edge - origin) / brick_mm);
+    const glm::dvec3 lower = glm::floor((corner(shape.lower_mm) - edge - origin) / brick_mm);
+    const glm::dvec3 upper = glm::floor((corner(shape.upper_mm) + edge - origin) / brick_mm);
     if (lower.z > 0 || upper.z < 0) continue;
     const auto within = [](double index, std::int64_t bricks) {
       return static_cast<std::int64_t>(std::clamp(index, -1.0, static_cast<double>(bricks)));

@@ -620,7 +620,7 @@ void table_top(PhantomScene& scene) {
 
 // ---- arteries -------------------------------------------------------------------------------------
 
-VesselGrower arteries() {
+VesselGrower thorax_arteries() {
   VesselGrower vessels;
   // Aorta: root, arch with its three branches, descending, with its abdominal branches, bifurcation.
   const std::vector<int> aorta = vessels.grow(VesselGrower::kRoot, 0,
@@ -726,7 +726,7 @@ PhantomBody make_thorax(bool table) {
   sternum(scene);
   for (const double side : kSides) shoulder(scene, side);
   pelvis(scene);
-  VesselGrower vessels = arteries();
+  VesselGrower vessels = thorax_arteries();
   scene.paint(kContrast_hu);
   for (const VesselBranch& branch : vessels.branches()) scene.tube(branch.points);
   return {std::move(scene), vessels.branches()};

@@ -40,8 +40,8 @@ struct VolumeGeometry {
 /// bits), spacing and origin are finite, and spacing is positive.
 void validate(const VolumeGeometry& geometry, const std::string& name);
 
-/// The range of CT numbers as they are kept. What is lower is padding or noise and reads as air; readers clamp
-/// to both ends.
+/// The range of CT numbers as they are kept. What is lower is padding or noise and reads as air; readers
+/// clamp to both ends.
 inline constexpr std::int16_t kPaddingHu = -1024, kMaxHu = 32767;
 
 /// A scan collected whole: int16 Hounsfield units, x fastest, then y, then z. Move-only; the voxels are not

@@ -8,8 +8,8 @@
 
 namespace xraycast {
 
-/// Trilinear interpolation of the values of `grid`'s voxels, x fastest, at `low` + `fraction` (0 to 1 along each
-/// axis). Voxels of weight 0 are not read and may lie beyond the grid.
+/// Trilinear interpolation of the values of `grid`'s voxels, x fastest, at `low` + `fraction` (0 to 1 along
+/// each axis). Voxels of weight 0 are not read and may lie beyond the grid.
 template <typename Value>
 double trilinear(const Mask& grid, const std::vector<Value>& values, const Index3& low,
                  const glm::dvec3& fraction) {

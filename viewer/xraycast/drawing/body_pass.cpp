@@ -1,8 +1,8 @@
 #include "xraycast/drawing/body_pass.hpp"
 
-#include "params.h"
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/kernels/params.h"
 #include "xraycast/sampling/camera.hpp"
 
 #include <algorithm>

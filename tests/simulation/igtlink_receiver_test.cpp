@@ -247,7 +247,8 @@ RC_GTEST_PROP(IgtlinkReceiver, SurvivesDamagedMessages, ()) {
 
 TEST(IgtlinkReceiver, SurvivesTheFuzzersCorpus) {
   std::size_t files = 0;
-  for (const auto& entry : std::filesystem::directory_iterator(XRAYCAST_FUZZ_CORPUS)) {
+  for (const auto& entry :
+       std::filesystem::directory_iterator(XRAYCAST_SOURCE_DIR "/tests/fuzz/corpus/igtlink_receiver")) {
     SCOPED_TRACE(entry.path());
     std::ifstream file(entry.path(), std::ios::binary);
     const std::string bytes{std::istreambuf_iterator<char>(file), {}};

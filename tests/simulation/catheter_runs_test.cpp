@@ -264,10 +264,11 @@ CatheterTip end_of_run(const VesselTree& tree, const Script& script) {
 TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
   const VesselTree tree = phantom_tree("thorax");
   const int carotid = nearest_end(tree, {28, -5, 357}).branch;
-  std::ifstream file(XRAYCAST_LEFT_CAROTID);
+  std::ifstream file(XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv");
   const std::string recorded{std::istreambuf_iterator<char>(file), {}};
 
-  const CatheterTip tip = end_of_run(tree, Script::parse(recorded, XRAYCAST_LEFT_CAROTID));
+  const CatheterTip tip =
+      end_of_run(tree, Script::parse(recorded, XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv"));
   EXPECT_EQ(tip.branch, carotid);
   // It begins on the aorta's centreline, 13 mm from the aorta's wall, and ends 44 mm beyond that.
   EXPECT_GT(tip.arc_length_mm, 40);

@@ -364,6 +364,15 @@ TEST_F(Cli, SaysWhatToInstallWithoutAnOpenClDriver) {
   }
 }
 
+// PoCL links what it compiles and ends the process without `ld`.
+TEST_F(Cli, SaysWhatToInstallWithoutALinker) {
+  Command box = command("phantom box -o @/box.nrrd --size 8x8x8");
+  box.environment["PATH"] = folder_ / "";
+  const Finished done = run_process(box);
+  EXPECT_EQ(done.status, 4);
+  expect_one_line(done.err, "install Debian's package binutils");
+}
+
 TEST_F(Cli, SaysHowMuchTheDeviceLacks) {
   // A file of holes: 300 MiB of voxels, of which PoCL, told to have 1 GiB in all, takes 256 at once.
   write_bytes(folder_ / "large.nrrd",

@@ -27,7 +27,13 @@ class VtkFiles : public testing::Test {
   }
 
   static void run_script(const std::string& arguments) {
-    ASSERT_EQ(std::system((kPython + VTK_FILES_SCRIPT " " + arguments).c_str()), 0) << arguments;
+    ASSERT_EQ(std::system((kPython +
+                           XRAYCAST_SOURCE_DIR "/tests/host/vtk_files.py"
+                                               " " +
+                           arguments)
+                              .c_str()),
+              0)
+        << arguments;
   }
 
   nlohmann::json describe(const std::string& file) const {

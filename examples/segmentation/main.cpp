@@ -1,0 +1,18 @@
+// Finds the vessels of a phantom and writes their tree for ParaView or 3D Slicer.
+#include <iostream>
+#include <xraycast/phantom/phantom.hpp>
+#include <xraycast/segmentation/centreline.hpp>
+#include <xraycast/segmentation/segment.hpp>
+
+int main() {
+  xraycast::ComputeDevice device;
+  xraycast::Progress progress;
+  const xraycast::Phantom thorax =
+      xraycast::make_phantom("thorax", {.size = xraycast::Index3(192, 192, 160)});
+  const xraycast::Volume volume = xraycast::generate(thorax, device, progress);
+
+  const xraycast::Mask mask = xraycast::segment_mask(volume, {}, "thorax", device, progress);
+  const xraycast::VesselTree tree = xraycast::find_centrelines(mask, "thorax").tree;
+  xraycast::write_tree(tree, "tree.vtp");
+  std::cout << "found " << tree.branches().size() << " branches\n";
+}

@@ -1,0 +1,27 @@
+// Draws a frame of a body map without a display and writes it as PNG.
+#include <iostream>
+#include <xraycast/base/image.hpp>
+#include <xraycast/casting/caster.hpp>
+#include <xraycast/drawing/headless_context.hpp>
+#include <xraycast/drawing/renderer.hpp>
+#include <xraycast/phantom/phantom.hpp>
+#include <xraycast/sampling/camera.hpp>
+
+int main() {
+  xraycast::ComputeDevice device;
+  xraycast::Progress progress;
+  const xraycast::Phantom thorax = xraycast::make_phantom("thorax", {.size = xraycast::Index3(96, 96, 64)});
+  const xraycast::Volume volume = xraycast::generate(thorax, device, progress);
+  const auto radii_mm = xraycast::shell_radii_mm(xraycast::RadiiRule::equal_area, 16, 200);
+  const xraycast::MapGeometry geometry = xraycast::cylinder_map(volume.geometry(), 360, radii_mm, {0, 0});
+  const auto map = std::make_shared<xraycast::BodyMap>(
+      xraycast::cast(xraycast::upload(device, volume), geometry, xraycast::Opacity::paper(), progress).map);
+
+  const xraycast::HeadlessContext context;
+  xraycast::Renderer renderer;
+  renderer.set_map(map);
+  const xraycast::Camera camera{.angle_rad = 0.5};
+  const xraycast::View view = xraycast::view_of(camera, xraycast::bounds_of(geometry), 480, 640);
+  xraycast::write_png(renderer.picture(view, {}), view.width, view.height, 3, "frame.png");
+  std::cout << "drew " << view.width << " x " << view.height << " pixels\n";
+}

@@ -1,0 +1,23 @@
+# cmake -DBUILD=build -DPREFIX=prefix -DROOMS=rooms.txt -P install_test.cmake: a fresh installation, which has the public
+# headers of rooms.txt and no private ones.
+file(REMOVE_RECURSE "${PREFIX}")
+execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${PREFIX}" OUTPUT_QUIET
+  COMMAND_ERROR_IS_FATAL ANY)
+file(STRINGS "${ROOMS}" rooms REGEX "^[a-z]+/xraycast/")
+cmake_path(GET ROOMS PARENT_PATH source)
+foreach(line IN LISTS rooms)
+  string(REGEX MATCH "^([^:]+):? *(.*)$" _ "${line}")
+  set(room "${CMAKE_MATCH_1}")
+  separate_arguments(private UNIX_COMMAND "${CMAKE_MATCH_2}")
+  file(GLOB headers RELATIVE "${source}/${room}" "${source}/${room}/*.h" "${source}/${room}/*.hpp")
+  cmake_path(GET room FILENAME folder)
+  foreach(header IN LISTS headers)
+    cmake_path(GET header STEM name)
+    set(installed "${PREFIX}/include/xraycast/${folder}/${header}")
+    if(name IN_LIST private AND EXISTS "${installed}")
+      message(SEND_ERROR "${installed}: private, but installed")
+    elseif(NOT name IN_LIST private AND NOT EXISTS "${installed}")
+      message(SEND_ERROR "${installed}: public, but not installed")
+    endif()
+  endforeach()
+endforeach()

@@ -1,0 +1,46 @@
+#!/usr/bin/env bash
+# packages.sh, as root: installs the packages of `./dev package` in a bare Debian 12, where `xraycast demo` has to work
+# without a compiler, and each example of libxraycast-dev has to be built and run. Takes the network and about 4 GB.
+set -euo pipefail
+cd "$(dirname "$0")/../.."
+
+root=$(mktemp -d /var/tmp/xraycast-bare.XXXXXX)
+clean() {
+  for folder in proc sys dev; do mountpoint -q "$root/$folder" && umount -lR "$root/$folder"; done
+  rm -rf --one-file-system "$root"
+}
+trap clean EXIT
+
+within() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive "$@"; }
+
+debootstrap --variant=minbase bookworm "$root" >/dev/null
+mount -t proc proc "$root/proc"
+mount --rbind /sys "$root/sys"
+mount --make-rslave "$root/sys"
+mount --rbind /dev "$root/dev"
+mount --make-rslave "$root/dev"
+cp out/packages/*.deb "$root/root/"
+
+echo "== xraycast"
+within bash -c 'apt-get update -qq && apt-get install -y -qq --no-install-recommends /root/xraycast_*.deb' >/dev/null
+if within bash -c 'command -v g++ cc make'; then
+  echo "the program's package brings a compiler" >&2
+  exit 1
+fi
+within bash -c 'time xraycast demo -o /root/demo && ls -l /root/demo/contact-sheet.png'
+within bash -c 'test -s /usr/share/man/man1/xraycast.1 || test -s /usr/share/man/man1/xraycast.1.gz'
+
+echo "== without ld"
+mv "$root/usr/bin/ld" "$root/usr/bin/ld.away"
+said=$(within bash -c 'xraycast devices 2>&1' && exit 1 || true)
+mv "$root/usr/bin/ld.away" "$root/usr/bin/ld"
+echo "$said"
+[[ $(wc -l <<<"$said") = 1 && $said == *binutils* ]]
+
+echo "== libxraycast-dev"
+within bash -c 'apt-get install -y -qq --no-install-recommends cmake g++ make /root/libxraycast-dev_*.deb' >/dev/null
+for example in host segmentation simulation viewer; do
+  within bash -c "cp -r /usr/share/doc/libxraycast-dev/examples/$example /root/ && cd /root/$example &&
+    cmake -S . -B build -DCMAKE_BUILD_TYPE=Release >/dev/null && cmake --build build >/dev/null && ./build/example"
+done
+echo "the packages serve a bare Debian 12"
