@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/comparison.hpp"
@@ -213,14 +214,11 @@ void Viewer::next_cine_frame() {
   std::vector<std::uint8_t> rgb = renderer_.picture(view, session_.style);
   furnish(rgb, view, bounds_, status_of(cine_->camera));
   cine_->pictures.add(rgb);
-  cine_->animation.add(std::move(rgb));
+  cine_->animation.add(rgb);
   cine_->camera.rotate(360.0 / kCineFrames);
   if (++cine_->frame < kCineFrames) return;
+  cine_->animation.finish();
   message_ = fmt::format("saved {} frames in {}", kCineFrames, fs::absolute(cine_->folder).string());
-  writing_.start("Saving", [animation = std::move(cine_->animation)](Progress&) -> Worker::Delivery {
-    animation.finish();
-    return {};
-  });
   cine_.reset();
 }
 
