@@ -1,10 +1,10 @@
 # `cmake --install build/release --prefix P` puts the program under P, and the library as a package that
 # find_package(xraycast) finds; tests/consumer uses it.
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 set(package_dir "${CMAKE_INSTALL_LIBDIR}/cmake/xraycast")
 install(TARGETS xraycast)
+install(TARGETS xraycast_level_set LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}/xraycast")
 install(TARGETS xraycast_host xraycast_kernels EXPORT xraycastTargets)
 install(DIRECTORY host/xraycast TYPE INCLUDE FILES_MATCHING PATTERN "*.hpp")
 install(FILES kernels/embedded_kernels.h kernels/params.h DESTINATION "${CMAKE_INSTALL_INCLUDEDIR}/xraycast/kernels")
