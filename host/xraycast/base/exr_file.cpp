@@ -12,12 +12,14 @@
 #include <ImfPartType.h>
 #include <ImfStdIO.h>
 #include <ImfStringAttribute.h>
+#include <ImfThreading.h>
 #include <algorithm>
 #include <array>
 #include <cerrno>
 #include <cstring>
 #include <fstream>
 #include <openexr.h>
+#include <thread>
 
 namespace xraycast {
 namespace {
@@ -48,6 +50,17 @@ Imf::FrameBuffer frame_buffer_of(const ExrPart& part) {
   return buffer;
 }
 
+/// OpenEXR deflates in a pool of threads that the whole process shares, at first of none. A program that has
+/// set it up keeps it.
+void use_all_cores() {
+  static const bool once = [] {
+    if (Imf::globalThreadCount() == 0)
+      Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
+    return true;
+  }();
+  static_cast<void>(once);
+}
+
 }  // namespace
 
 void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path) {
@@ -57,6 +70,7 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
   try {
     std::vector<Imf::Header> headers;
     for (const ExrPart& part : parts) headers.push_back(header_of(part));
+    use_all_cores();
     Imf::StdOFStream stream(out, path.c_str());
     Imf::MultiPartOutputFile exr(stream, headers.data(), static_cast<int>(headers.size()));
     for (std::size_t k = 0; k < parts.size(); ++k) {
