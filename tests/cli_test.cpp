@@ -277,7 +277,7 @@ const BadCall kBadCalls[] = {
     // The picture and the phantom.
     {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
-    {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map, or damaged"},
+    {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
     {"RenderSurfacesOfNothing", "render @/map.exr -o @/out.exr --look surface", 3,
      "--look surface: there is nothing to shade; give --vessels or --catheter", write_small_map},
