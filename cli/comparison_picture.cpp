@@ -1,9 +1,9 @@
 #include "comparison_picture.hpp"
 
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/scene/canvas.hpp"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -14,8 +14,8 @@
 namespace xraycast::cli {
 namespace {
 
-namespace Algo = OIIO::ImageBufAlgo;
 constexpr int kMargin = 12, kTop = 32, kCaption = 28, kFont = 15, kMinWidth = 240, kGain = 4;
+constexpr Colour kInk{0.9, 0.9, 0.9};
 
 std::vector<std::uint8_t> difference(const std::vector<std::uint8_t>& frame,
                                      const std::vector<std::uint8_t>& drr) {
@@ -26,8 +26,18 @@ std::vector<std::uint8_t> difference(const std::vector<std::uint8_t>& frame,
   return greys;
 }
 
-void text(OIIO::ImageBuf& sheet, int x, int y, const std::string& words) {
-  Algo::render_text(sheet, x, y, words, kFont, "DejaVuSans", {0.9F});
+/// Grey as RGB, which a canvas takes.
+std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
+  std::vector<std::uint8_t> rgb;
+  for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+  return rgb;
+}
+
+/// One channel of a picture in which all are the same.
+std::vector<std::uint8_t> greys_of(const std::vector<std::uint8_t>& rgb) {
+  std::vector<std::uint8_t> greys(rgb.size() / 3);
+  for (std::size_t i = 0; i < greys.size(); ++i) greys[i] = rgb[3 * i];
+  return greys;
 }
 
 }  // namespace
@@ -40,20 +50,14 @@ void write_comparison_picture(const std::string& title, std::span<const float> f
   const std::array<std::string, 3> captions{"map", "true projection", fmt::format("difference x {}", kGain)};
 
   const int height = static_cast<int>(drr.size()) / width, pitch = std::max(width, kMinWidth) + kMargin;
-  OIIO::ImageBuf sheet(
-      OIIO::ImageSpec(kMargin + 3 * pitch, kTop + height + kCaption, 1, OIIO::TypeDesc::UINT8));
-  Algo::fill(sheet, {0.11F});
-  text(sheet, kMargin, kTop - 10, title);
+  Canvas sheet(kMargin + 3 * pitch, kTop + height + kCaption, {0.11, 0.11, 0.11});
+  sheet.text({kMargin, kTop - 10}, title, kFont, kInk);
   for (int i = 0; i < 3; ++i) {
-    OIIO::ImageBuf picture(OIIO::ImageSpec(width, height, 1, OIIO::TypeDesc::UINT8));
-    picture.set_pixels(picture.roi(), OIIO::TypeDesc::UINT8, pictures[i].data());
-    const int x = kMargin + i * pitch;
-    Algo::paste(sheet, x, kTop, 0, 0, picture);
-    text(sheet, x, kTop + height + kCaption - 9, captions[i]);
+    const double x = kMargin + i * pitch;
+    sheet.picture(rgb_of(pictures[i]), width, height, {x, kTop, double(width), double(height)});
+    sheet.text({x, kTop + height + kCaption - 9}, captions[i], kFont, kInk);
   }
-  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(sheet.spec().image_pixels()));
-  sheet.get_pixels(sheet.roi(), OIIO::TypeDesc::UINT8, pixels.data());
-  write_png(pixels, sheet.spec().width, sheet.spec().height, 1, path);
+  write_png(greys_of(sheet.rgb()), sheet.width(), sheet.height(), 1, path);
 }
 
 }  // namespace xraycast::cli

@@ -2,30 +2,15 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/image.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/scene/canvas.hpp"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
-
-#include <algorithm>
 #include <fstream>
 
 namespace xraycast::cli {
 namespace {
 
-constexpr int kCellWidth = 400, kCellHeight = 520, kMargin = 12, kCaptionHeight = 26, kFontHeight = 17;
-
-/// The picture as RGB, scaled to fit a cell and not enlarged beyond it.
-OIIO::ImageBuf fitted_to_cell(const std::filesystem::path& file) {
-  OIIO::ImageBuf image(file.string());
-  if (!image.read(0, 0, true, OIIO::TypeDesc::UINT8)) throw Error("{}: {}", file.string(), image.geterror());
-  if (image.nchannels() < 3) image = OIIO::ImageBufAlgo::channels(image, 3, {0, 0, 0});
-  const auto& spec = image.spec();
-  const double scale = std::min(double{kCellWidth} / spec.width, double{kCellHeight} / spec.height);
-  const OIIO::ROI roi(0, std::max(1, static_cast<int>(spec.width * scale)), 0,
-                      std::max(1, static_cast<int>(spec.height * scale)), 0, 1, 0, 3);
-  return OIIO::ImageBufAlgo::resize(image, "", 0.0f, roi);
-}
+constexpr int kCellWidth = 400, kCellHeight = 520, kMargin = 12, kCaptionHeight = 26, kFont = 17;
 
 std::string escaped(const std::string& text) {
   std::string html;
@@ -40,21 +25,13 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
                          const std::filesystem::path& path) {
   const int count = static_cast<int>(pictures.size()), rows = (count + columns - 1) / columns;
   const int pitch_x = kCellWidth + kMargin, pitch_y = kCellHeight + kCaptionHeight + kMargin;
-  OIIO::ImageBuf sheet(
-      OIIO::ImageSpec(columns * pitch_x + kMargin, rows * pitch_y + kMargin, 3, OIIO::TypeDesc::UINT8));
-  OIIO::ImageBufAlgo::fill(sheet, {0.10f, 0.11f, 0.13f});
+  Canvas sheet(columns * pitch_x + kMargin, rows * pitch_y + kMargin, {0.10, 0.11, 0.13});
   for (int i = 0; i < count; ++i) {
-    const OIIO::ImageBuf image = fitted_to_cell(pictures[i].file);
-    const int x = kMargin + i % columns * pitch_x, y = kMargin + i / columns * pitch_y;
-    OIIO::ImageBufAlgo::paste(sheet, x + (kCellWidth - image.spec().width) / 2,
-                              y + (kCellHeight - image.spec().height) / 2, 0, 0, image);
-    OIIO::ImageBufAlgo::render_text(sheet, x, y + kCellHeight + kFontHeight + 2, pictures[i].caption,
-                                    kFontHeight, "DejaVuSans", {0.9f, 0.9f, 0.9f});
+    const double x = kMargin + i % columns * pitch_x, y = kMargin + i / columns * pitch_y;
+    sheet.png(pictures[i].file, {x, y, kCellWidth, kCellHeight});
+    sheet.text({x, y + kCellHeight + kFont + 2}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
-  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(sheet.spec().image_pixels()) * 3);
-  if (!sheet.get_pixels(sheet.roi(), OIIO::TypeDesc::UINT8, pixels.data()))
-    throw Error("{}: {}", path.string(), sheet.geterror());
-  write_png(pixels, sheet.spec().width, sheet.spec().height, 3, path);
+  write_png(sheet.rgb(), sheet.width(), sheet.height(), 3, path);
 }
 
 void write_index_page(const std::string& title, const std::vector<Picture>& pictures,

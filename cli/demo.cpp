@@ -6,6 +6,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -215,8 +216,8 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
         std::make_unique<CineWriter>(name.string() + ".gif", options.view.width, options.view.height));
     cines.push_back(std::make_unique<RunCine>(map, tree, options,
                                               [&writer, &last_frames, name](std::vector<std::uint8_t> rgb) {
-                                                last_frames[name.string() + ".png"] = rgb;
-                                                writer.add(std::move(rgb));
+                                                writer.add(rgb);
+                                                last_frames[name.string() + ".png"] = std::move(rgb);
                                               }));
   }
 

@@ -3,10 +3,9 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
-#include "xraycast/base/image.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/scene/canvas.hpp"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -17,18 +16,15 @@
 namespace xraycast::cli {
 namespace {
 
-namespace Algo = OIIO::ImageBufAlgo;
-
 constexpr int kWidth = 900, kHeight = 560, kLeft = 80, kRight = 24, kTop = 48, kBottom = 60;
 constexpr int kFont = 15;
-using Colour = std::array<float, 3>;
-constexpr Colour kInk{0.15f, 0.15f, 0.18f}, kGrid{0.87f, 0.87f, 0.89f};
-constexpr std::array<Colour, 6> kColours{{{0.12f, 0.40f, 0.75f},
-                                          {0.85f, 0.37f, 0.10f},
-                                          {0.16f, 0.55f, 0.24f},
-                                          {0.60f, 0.20f, 0.60f},
-                                          {0.45f, 0.45f, 0.10f},
-                                          {0.10f, 0.55f, 0.60f}}};
+constexpr Colour kPaper{1, 1, 1}, kInk{0.15, 0.15, 0.18}, kGrid{0.87, 0.87, 0.89};
+constexpr std::array<Colour, 6> kColours{{{0.12, 0.40, 0.75},
+                                          {0.85, 0.37, 0.10},
+                                          {0.16, 0.55, 0.24},
+                                          {0.60, 0.20, 0.60},
+                                          {0.45, 0.45, 0.10},
+                                          {0.10, 0.55, 0.60}}};
 
 /// What an axis shows, its ends moved out to round numbers.
 struct Axis {
@@ -55,14 +51,15 @@ struct Axis {
   }
 };
 
-void line(OIIO::ImageBuf& image, double x1, double y1, double x2, double y2, const Colour& colour) {
-  Algo::render_line(image, static_cast<int>(std::lround(x1)), static_cast<int>(std::lround(y1)),
-                    static_cast<int>(std::lround(x2)), static_cast<int>(std::lround(y2)), colour);
+/// A line of one pixel along or across, through the middles of pixels.
+void ruled(Canvas& canvas, double x1, double y1, double x2, double y2, const Colour& colour) {
+  const auto crisp = [](double at) { return std::floor(at) + 0.5; };
+  canvas.line(std::array{glm::dvec2(crisp(x1), crisp(y1)), glm::dvec2(crisp(x2), crisp(y2))}, colour);
 }
 
-void text(OIIO::ImageBuf& image, int x, int y, const std::string& words, const Colour& colour = kInk,
-          Algo::TextAlignX align = Algo::TextAlignX::Left) {
-  Algo::render_text(image, x, y, words, kFont, "DejaVuSans", colour, align);
+void text(Canvas& canvas, double x, double y, const std::string& words, const Colour& colour = kInk,
+          Align align = Align::left) {
+  canvas.text({x, y}, words, kFont, colour, align);
 }
 
 }  // namespace
@@ -90,37 +87,28 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     return kHeight - kBottom - (y - y_axis.low) / (y_axis.high - y_axis.low) * (kHeight - kTop - kBottom);
   };
 
-  OIIO::ImageBuf image(OIIO::ImageSpec(kWidth, kHeight, 3, OIIO::TypeDesc::UINT8));
-  Algo::fill(image, {1.0f, 1.0f, 1.0f});
+  Canvas canvas(kWidth, kHeight, kPaper);
   for (double x = x_axis.low; x <= x_axis.high + 0.5 * x_axis.step; x += x_axis.step) {
-    line(image, at_x(x), kTop, at_x(x), kHeight - kBottom, kGrid);
-    text(image, static_cast<int>(at_x(x)), kHeight - kBottom + 20, fmt::format("{:g}", x), kInk,
-         Algo::TextAlignX::Center);
+    ruled(canvas, at_x(x), kTop, at_x(x), kHeight - kBottom, kGrid);
+    text(canvas, at_x(x), kHeight - kBottom + 20, fmt::format("{:g}", x), kInk, Align::centre);
   }
   for (double y = y_axis.low; y <= y_axis.high + 0.5 * y_axis.step; y += y_axis.step) {
-    line(image, kLeft, at_y(y), kWidth - kRight, at_y(y), kGrid);
-    text(image, kLeft - 8, static_cast<int>(at_y(y)) + 5, fmt::format("{:g}", std::round(y * 1e6) / 1e6),
-         kInk, Algo::TextAlignX::Right);
+    ruled(canvas, kLeft, at_y(y), kWidth - kRight, at_y(y), kGrid);
+    text(canvas, kLeft - 8, at_y(y) + 5, fmt::format("{:g}", std::round(y * 1e6) / 1e6), kInk, Align::right);
   }
-  line(image, kLeft, kTop, kLeft, kHeight - kBottom, kInk);
-  line(image, kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, kInk);
-  text(image, kLeft, 20, title);
-  text(image, kLeft - 60, kTop - 10, y_label);
-  text(image, kWidth - kRight, kHeight - 14, x_label, kInk, Algo::TextAlignX::Right);
+  ruled(canvas, kLeft, kTop, kLeft, kHeight - kBottom, kInk);
+  ruled(canvas, kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, kInk);
+  text(canvas, kLeft, 20, title);
+  text(canvas, kLeft - 60, kTop - 10, y_label);
+  text(canvas, kWidth - kRight, kHeight - 14, x_label, kInk, Align::right);
 
   for (std::size_t c = 0; c < curves.size(); ++c) {
     const Colour& colour = kColours[c % kColours.size()];
-    const auto& points = curves[c].points;
-    const bool has_spots = points.size() < 50;  // more run into each other
-    for (std::size_t i = 0; i < points.size(); ++i) {
-      const double x = at_x(points[i].first), y = at_y(points[i].second);
-      for (int spot = -2; has_spots && spot <= 2; ++spot)
-        line(image, x - 2, y + spot, x + 2, y + spot, colour);
-      if (i == 0) continue;
-      const double x0 = at_x(points[i - 1].first), y0 = at_y(points[i - 1].second);
-      line(image, x0, y0, x, y, colour);
-      line(image, x0, y0 + 1, x, y + 1, colour);
-    }
+    std::vector<glm::dvec2> points;
+    for (const auto& [x, y] : curves[c].points) points.emplace_back(at_x(x), at_y(y));
+    canvas.line(points, colour, 2);
+    if (points.size() < 50)  // more spots run into each other
+      for (const glm::dvec2& point : points) canvas.spot(point, 3, colour);
   }
   // The legend stands in the upper corner where there are fewer points.
   int on_right = 0;
@@ -129,15 +117,13 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
       if (at_y(y) < kTop + 20 * (static_cast<int>(curves.size()) + 1))
         on_right += 2 * at_x(x) > kLeft + kWidth - kRight ? 1 : -1;
   for (std::size_t c = 0; curves.size() > 1 && c < curves.size(); ++c) {
-    const int y = kTop + 20 + 20 * static_cast<int>(c);
-    const int width = Algo::text_size(curves[c].name, kFont, "DejaVuSans").width();
-    const int left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
-    Algo::fill(image, {1.0f, 1.0f, 1.0f}, OIIO::ROI(left - 4, left + width + 4, y - kFont, y + 5));
-    text(image, left, y, curves[c].name, kColours[c % kColours.size()]);
+    const double y = kTop + 20 + 20.0 * static_cast<double>(c);
+    const double width = canvas.text_width(curves[c].name, kFont);
+    const double left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
+    canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
+    text(canvas, left, y, curves[c].name, kColours[c % kColours.size()]);
   }
-  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(3) * kWidth * kHeight);
-  image.get_pixels(image.roi(), OIIO::TypeDesc::UINT8, pixels.data());
-  write_png(pixels, kWidth, kHeight, 3, path);
+  write_png(canvas.rgb(), kWidth, kHeight, 3, path);
 }
 
 }  // namespace xraycast::cli

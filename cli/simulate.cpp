@@ -75,10 +75,10 @@ class Cine {
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
-    run_.emplace(map, tree, cine, [this](std::vector<std::uint8_t> rgb) { writer_->add(std::move(rgb)); });
+    run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
   void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
-  void finish() const { writer_->finish(); }
+  void finish() { writer_->finish(); }
 
  private:
   HeadlessContext context_;

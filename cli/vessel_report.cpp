@@ -1,11 +1,10 @@
 #include "vessel_report.hpp"
 
-#include "xraycast/base/image.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/scene/canvas.hpp"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
 #include <fmt/format.h>
 #include <glm/common.hpp>
 
@@ -18,19 +17,17 @@
 namespace xraycast::cli {
 namespace {
 
-namespace Algo = OIIO::ImageBufAlgo;
-using Colour = std::array<float, 3>;
 constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kPanelWidth = 510, kPanelHeight = 760;
 constexpr int kFont = 15, kLine = 22, kTableLeft = kMargin + 2 * (kPanelWidth + kMargin);
 constexpr std::size_t kRows = (kHeight - kTop) / kLine - 4;  ///< branches that the table lists
-constexpr Colour kPaper{0.10F, 0.11F, 0.13F}, kInk{0.9F, 0.9F, 0.9F}, kFaint{0.6F, 0.62F, 0.65F};
+constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9}, kFaint{0.6, 0.62, 0.65};
 
 /// The scan along one axis as grey, with the mask over it in red: row 0 is the most superior slice.
 struct Projection {
   int axis;           ///< along which it looks: 0 from the left, 1 from the front
   int width, height;  ///< voxels
   double width_mm, height_mm;
-  std::vector<float> rgb;
+  std::vector<std::uint8_t> rgb;
 };
 
 Projection project(const Volume& volume, const Mask& mask, int axis) {
@@ -65,14 +62,15 @@ Projection project(const Volume& volume, const Mask& mask, int axis) {
   for (std::size_t i = 0; i < mean.size(); ++i) {
     const float grey = 0.85F * mean[i] / lightest,
                 share = vessel[i] > 0 ? 0.35F + 0.4F * std::min(1.0F, vessel[i] / kSolid_mm) : 0;
-    for (const float red : {0.95F, 0.18F, 0.15F}) picture.rgb.push_back(grey + share * (red - grey));
+    for (const float red : {0.95F, 0.18F, 0.15F})
+      picture.rgb.push_back(static_cast<std::uint8_t>(std::lround(255 * (grey + share * (red - grey)))));
   }
   return picture;
 }
 
-void text(OIIO::ImageBuf& sheet, int x, int y, const std::string& words, const Colour& colour = kInk,
-          Algo::TextAlignX align = Algo::TextAlignX::Left) {
-  Algo::render_text(sheet, x, y, words, kFont, "DejaVuSans", colour, align);
+void text(Canvas& sheet, double x, double y, const std::string& words, const Colour& colour = kInk,
+          Align align = Align::left) {
+  sheet.text({x, y}, words, kFont, colour, align);
 }
 
 /// The indices of the branches that the table lists, the longest first.
@@ -89,59 +87,53 @@ std::vector<std::size_t> listed(const VesselTree& tree) {
 /// another.
 class Labels {
  public:
-  explicit Labels(OIIO::ImageBuf& sheet) : sheet_(sheet) {}
+  explicit Labels(Canvas& sheet) : sheet_(sheet) {}
 
-  void add(std::size_t branch, int x, int y) {
-    constexpr int kSmall = 13, kOutline = 2;
+  void add(std::size_t branch, const glm::dvec2& at) {
+    constexpr double kSmall = 13, kRim = 2, kDigit = 0.73 * kSmall;  // a digit's height
     const std::string words = fmt::format("{}", branch);
-    const OIIO::ROI size = Algo::text_size(words, kSmall, "DejaVuSans");
-    const int right = size.width() / 2 + kOutline, down = size.height() / 2 + kOutline;
-    const OIIO::ROI box(x - right, x + right, y - down, y + down);
-    if (std::ranges::any_of(taken_, [&](const OIIO::ROI& other) {
-          return box.xbegin < other.xend && other.xbegin < box.xend && box.ybegin < other.yend &&
-                 other.ybegin < box.yend;
+    const glm::dvec2 size = glm::dvec2(sheet_.text_width(words, kSmall), kDigit) + 2 * kRim;
+    const PixelBox box{at.x - 0.5 * size.x, at.y - 0.5 * size.y, size.x, size.y};
+    if (std::ranges::any_of(taken_, [&](const PixelBox& other) {
+          return box.left < other.left + other.width && other.left < box.left + box.width &&
+                 box.top < other.top + other.height && other.top < box.top + box.height;
         }))
       return;
     taken_.push_back(box);
-    Algo::render_text(sheet_, x, y, words, kSmall, "DejaVuSans", kInk, Algo::TextAlignX::Center,
-                      Algo::TextAlignY::Center, kOutline);
+    sheet_.rimmed_text({at.x, at.y + 0.5 * kDigit}, words, kSmall, kInk, kRim, Align::centre);
   }
 
  private:
-  OIIO::ImageBuf& sheet_;
-  std::vector<OIIO::ROI> taken_;
+  Canvas& sheet_;
+  std::vector<PixelBox> taken_;
 };
 
 /// Draws a projection, the tree's centrelines over it and the listed branches' numbers into a panel whose
 /// left edge is at `left`.
-void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const VolumeGeometry& g,
+void draw(Canvas& sheet, int left, const Projection& picture, const VolumeGeometry& g,
           const VesselTree& tree) {
   const double pixels_per_mm = std::min(kPanelWidth / picture.width_mm, kPanelHeight / picture.height_mm);
-  const OIIO::ROI roi(0, std::max(1, static_cast<int>(picture.width_mm * pixels_per_mm)), 0,
-                      std::max(1, static_cast<int>(picture.height_mm * pixels_per_mm)), 0, 1, 0, 3);
-  const OIIO::ImageBuf source(OIIO::ImageSpec(picture.width, picture.height, 3, OIIO::TypeDesc::FLOAT),
-                              const_cast<float*>(picture.rgb.data()));
-  const int x0 = left + (kPanelWidth - roi.width()) / 2, y0 = kTop + (kPanelHeight - roi.height()) / 2;
-  Algo::paste(sheet, x0, y0, 0, 0, Algo::resize(source, "", 0.0F, roi));
+  const double width = std::max(1.0, std::floor(picture.width_mm * pixels_per_mm)),
+               height = std::max(1.0, std::floor(picture.height_mm * pixels_per_mm));
+  const double x0 = left + std::floor(0.5 * (kPanelWidth - width)),
+               y0 = kTop + std::floor(0.5 * (kPanelHeight - height));
+  sheet.picture(picture.rgb, picture.width, picture.height, {x0, y0, width, height});
   const int across = picture.axis == 0 ? 1 : 0;
   const auto pixel = [&](const glm::dvec3& p) {
     const glm::dvec3 mm = (g.to_index(p) + 0.5) * g.spacing_mm;
-    return std::pair(x0 + static_cast<int>(mm[across] * pixels_per_mm),
-                     y0 + static_cast<int>((picture.height_mm - mm.z) * pixels_per_mm));
+    return glm::dvec2(x0 + mm[across] * pixels_per_mm, y0 + (picture.height_mm - mm.z) * pixels_per_mm);
   };
-  for (const VesselBranch& branch : tree.branches())
-    for (std::size_t i = 1; i < branch.points.size(); ++i) {
-      const auto [ax, ay] = pixel(branch.points[i - 1].position_mm);
-      const auto [bx, by] = pixel(branch.points[i].position_mm);
-      Algo::render_line(sheet, ax, ay, bx, by, Colour{1.0F, 0.85F, 0.25F}, true);
-    }
+  for (const VesselBranch& branch : tree.branches()) {
+    std::vector<glm::dvec2> line;
+    for (const VesselPoint& point : branch.points) line.push_back(pixel(point.position_mm));
+    sheet.line(line, {1, 0.85, 0.25});
+  }
   Labels labels(sheet);
   for (const std::size_t i : listed(tree)) {
     const VesselBranch& branch = tree.branches()[i];
     const auto middle = std::ranges::lower_bound(branch.arc_length_mm, 0.5 * branch.arc_length_mm.back()) -
                         branch.arc_length_mm.begin();
-    const auto [x, y] = pixel(branch.points[static_cast<std::size_t>(middle)].position_mm);
-    labels.add(i, x, y);
+    labels.add(i, pixel(branch.points[static_cast<std::size_t>(middle)].position_mm));
   }
   text(sheet, left, kTop + kPanelHeight + 24,
        picture.axis == 0 ? "from the left: anterior is on the left"
@@ -149,12 +141,11 @@ void draw(OIIO::ImageBuf& sheet, int left, const Projection& picture, const Volu
        kFaint);
 }
 
-void draw_table(OIIO::ImageBuf& sheet, const VesselTree& tree, const std::vector<BranchFacts>& facts) {
+void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchFacts>& facts) {
   const auto row = [&](int line, const std::array<std::string, 5>& cells, const Colour& colour) {
     constexpr std::array kRight{60, 130, 230, 335, 400};
     for (std::size_t i = 0; i < cells.size(); ++i)
-      text(sheet, kTableLeft + kRight[i], kTop + kFont + line * kLine, cells[i], colour,
-           Algo::TextAlignX::Right);
+      text(sheet, kTableLeft + kRight[i], kTop + kFont + line * kLine, cells[i], colour, Align::right);
   };
   row(0, {"branch", "parent", "length mm", "radius mm", "HU"}, kFaint);
   int line = 1;
@@ -193,15 +184,12 @@ std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volu
 
 void write_vessel_report(const std::string& title, const Volume& volume, const Mask& mask,
                          const VesselTree& tree, const std::filesystem::path& path) {
-  OIIO::ImageBuf sheet(OIIO::ImageSpec(kWidth, kHeight, 3, OIIO::TypeDesc::FLOAT));
-  Algo::fill(sheet, kPaper);
+  Canvas sheet(kWidth, kHeight, kPaper);
   text(sheet, kMargin, 30, title);
   draw(sheet, kMargin, project(volume, mask, 1), volume.geometry(), tree);
   draw(sheet, kMargin + kPanelWidth + kMargin, project(volume, mask, 0), volume.geometry(), tree);
   draw_table(sheet, tree, branch_facts(tree, volume));
-  std::vector<std::uint8_t> pixels(static_cast<std::size_t>(3) * kWidth * kHeight);
-  sheet.get_pixels(sheet.roi(), OIIO::TypeDesc::UINT8, pixels.data());
-  write_png(pixels, kWidth, kHeight, 3, path);
+  write_png(sheet.rgb(), kWidth, kHeight, 3, path);
 }
 
 }  // namespace xraycast::cli

@@ -1,6 +1,5 @@
 # `cmake --install build/release --prefix P` puts the program under P, and beside it the libraries as a package that
 # find_package(xraycast COMPONENTS ...) finds; examples/ use it. The installation's components are Debian's packages.
-include(GNUInstallDirs)
 include(CMakePackageConfigHelpers)
 
 install(TARGETS xraycast COMPONENT program)
@@ -16,6 +15,7 @@ endforeach()
 foreach(component IN ITEMS host segmentation simulation viewer)
   install(EXPORT xraycast-${component} NAMESPACE xraycast:: DESTINATION "${package_dir}" COMPONENT dev)
 endforeach()
+install(TARGETS xraycast_level_set LIBRARY DESTINATION "${CMAKE_INSTALL_LIBDIR}/xraycast" COMPONENT program)
 write_basic_package_version_file("${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake" COMPATIBILITY SameMinorVersion)
 install(FILES cmake/xraycastConfig.cmake "${PROJECT_BINARY_DIR}/xraycastConfigVersion.cmake"
   DESTINATION "${package_dir}" COMPONENT dev)

@@ -1,14 +1,26 @@
 #include "xraycast/casting/body_map.hpp"
 
+#include "support/pictures.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/whole_file.hpp"
 
-#include <OpenImageIO/imageio.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <ImfChannelList.h>
+#include <ImfFrameBuffer.h>
+#include <ImfHeader.h>
+#include <ImfIntAttribute.h>
+#include <ImfMultiPartInputFile.h>
+#include <ImfMultiPartOutputFile.h>
+#include <ImfOutputPart.h>
+#include <ImfPartType.h>
+#include <ImfStringAttribute.h>
 #include <fstream>
 #include <random>
+#include <sys/resource.h>
 
 namespace xraycast {
 namespace {
@@ -63,27 +75,76 @@ TEST(BodyMapFile, OfASpectrumReadsBackTheSame) {
   }
 }
 
+/// A file's headers, by OpenEXR's C++ library.
+std::vector<Imf::Header> headers_of(const std::filesystem::path& path) {
+  const Imf::MultiPartInputFile file(path.c_str());
+  std::vector<Imf::Header> headers;
+  for (int k = 0; k < file.parts(); ++k) headers.push_back(file.header(k));
+  return headers;
+}
+
+template <typename T>
+T attribute(const Imf::Header& header, const std::string& name) {
+  return header.typedAttribute<Imf::TypedAttribute<T>>("xraycast:" + name).value();
+}
+
+std::vector<std::string> channels_of(const Imf::Header& header) {
+  std::vector<std::string> names;
+  for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
+    EXPECT_EQ(channel.channel().type, Imf::FLOAT);
+    names.emplace_back(channel.name());
+  }
+  return names;
+}
+
 TEST(BodyMapFile, VersionSaysWhetherItIsOfASpectrum) {
   const TemporaryFolder folder;
-  const auto spec_of = [&](const BodyMap& map) {
-    write_body_map(map, folder / "map.exr");
-    return OIIO::ImageInput::open((folder / "map.exr").string())->spec();
-  };
-  EXPECT_EQ(spec_of(make_map(2)).get_int_attribute("xraycast:version"), 1);
-  const OIIO::ImageSpec spec = spec_of(make_spectrum_map(2));
-  EXPECT_EQ(spec.get_int_attribute("xraycast:version"), 2);
-  EXPECT_THAT(spec.channelnames, testing::UnorderedElementsAre("water", "bone", "iodine"));
+  write_body_map(make_map(2), folder / "tau.exr");
+  EXPECT_EQ(attribute<int>(headers_of(folder / "tau.exr")[0], "version"), 1);
+  write_body_map(make_spectrum_map(2), folder / "spectrum.exr");
+  const Imf::Header header = headers_of(folder / "spectrum.exr")[0];
+  EXPECT_EQ(attribute<int>(header, "version"), 2);
+  EXPECT_THAT(channels_of(header), testing::UnorderedElementsAre("water", "bone", "iodine"));
 }
 
 TEST(BodyMapFile, IsAMultiPartExrThatOthersRead) {
   const TemporaryFolder folder;
-  write_body_map(make_map(3), folder / "map.exr");
-  const auto in = OIIO::ImageInput::open((folder / "map.exr").string());
-  ASSERT_TRUE(in);
-  EXPECT_STREQ(in->format_name(), "openexr");
-  EXPECT_EQ(in->spec().get_int_attribute("oiio:subimages"), 3);
-  EXPECT_EQ(in->spec().channelnames, std::vector<std::string>{"tau"});
-  EXPECT_EQ(in->spec().get_string_attribute("xraycast:projection"), "cylinder");
+  const BodyMap map = make_map(3);
+  write_body_map(map, folder / "map.exr");
+  const std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  ASSERT_EQ(headers.size(), 3u);
+  for (int k = 0; k < 3; ++k) {
+    EXPECT_EQ(headers[k].name(), fmt::format("layer {}", k));
+    EXPECT_EQ(headers[k].compression(), Imf::ZIPS_COMPRESSION);
+    EXPECT_EQ(channels_of(headers[k]), std::vector<std::string>{"tau"});
+    EXPECT_EQ(attribute<int>(headers[k], "layer"), k);
+    EXPECT_EQ(attribute<std::string>(headers[k], "projection"), "cylinder");
+  }
+  EXPECT_THAT(map.layer(0), testing::ElementsAreArray(read_exr(folder / "map.exr", "tau")));
+}
+
+/// What reading a file is refused with; empty when it is read.
+std::string refusal_of(const std::filesystem::path& path) {
+  try {
+    read_body_map(path);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
+}
+
+/// A file with these headers and values of 0.
+void write_layers(const std::filesystem::path& path, std::vector<Imf::Header> headers) {
+  for (Imf::Header& header : headers) {
+    header.setType(Imf::SCANLINEIMAGE);
+    header.erase("chunkCount");
+  }
+  Imf::MultiPartOutputFile file(path.c_str(), headers.data(), static_cast<int>(headers.size()));
+  for (int k = 0; k < file.parts(); ++k) {
+    Imf::OutputPart part(file, k);
+    part.setFrameBuffer({});  // fills with zeros
+    part.writePixels(headers[k].dataWindow().size().y + 1);
+  }
 }
 
 TEST(BodyMapFile, DamageIsFound) {
@@ -100,16 +161,80 @@ TEST(BodyMapFile, DamageIsFound) {
 
 TEST(BodyMapFile, ForeignImagesAreToldApart) {
   const TemporaryFolder folder;
-  const auto out = OIIO::ImageOutput::create("exr");
-  const OIIO::ImageSpec spec(4, 4, 1, OIIO::TypeDesc::FLOAT);
-  const std::vector<float> pixels(16);
-  ASSERT_TRUE(out->open((folder / "foreign.exr").string(), spec) &&
-              out->write_image(OIIO::TypeDesc::FLOAT, pixels.data()) && out->close());
-  try {
-    read_body_map(folder / "foreign.exr");
-    FAIL() << "accepted";
-  } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("not a body map"));
+  Imf::Header header(4, 4);
+  header.channels().insert("Y", Imf::Channel(Imf::FLOAT));
+  write_layers(folder / "foreign.exr", {header});
+  write_png(std::vector<std::uint8_t>(16), 4, 4, 1, folder / "picture.png");
+  write_whole_file(folder / "empty.exr", "");
+  for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
+    EXPECT_EQ(refusal_of(folder / name),
+              (folder / name).string() + ": not a body map; make one with `xraycast cast`");
+  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("No such file or directory"));
+}
+
+TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
+  const TemporaryFolder folder;
+  write_body_map(make_map(3), folder / "map.exr");
+  const std::vector<Imf::Header> good = headers_of(folder / "map.exr");
+  const auto refusal_with = [&](const std::vector<Imf::Header>& headers) {
+    write_layers(folder / "odd.exr", headers);
+    return refusal_of(folder / "odd.exr");
+  };
+  EXPECT_EQ(refusal_with(good), "");
+  EXPECT_THAT(refusal_with({good[0], good[1]}), testing::EndsWith(": layer 2 of 3 is missing"));
+
+  std::vector<Imf::Header> headers = good;
+  headers[1].dataWindow().max.x -= 1;
+  EXPECT_THAT(refusal_with(headers), testing::EndsWith(": layer 1 has another size than layer 0"));
+
+  headers = good;
+  headers[2].channels() = {};
+  headers[2].channels().insert("Y", Imf::Channel(Imf::FLOAT));
+  EXPECT_THAT(refusal_with(headers), testing::HasSubstr("layer 2 has a channel Y that does not belong"));
+  headers[2].channels() = {};
+  headers[2].channels().insert("tau", Imf::Channel(Imf::HALF));
+  EXPECT_THAT(refusal_with(headers), testing::HasSubstr("layer 2 has a channel tau that does not belong"));
+}
+
+TEST(BodyMapFile, ClaimsBeyondTheFilesSizeAreRefusedBeforeMemoryIsTaken) {
+  const TemporaryFolder folder;
+  write_body_map(make_map(1), folder / "map.exr");
+  const std::string bytes = read_whole_file(folder / "map.exr");
+  const auto refusal_with = [&](const std::string& before, std::size_t offset, std::uint32_t claim) {
+    std::string changed = bytes;
+    const std::size_t at = changed.find(before) + before.size() + offset;
+    changed.replace(at, sizeof claim, reinterpret_cast<const char*>(&claim), sizeof claim);
+    write_whole_file(folder / "claim.exr", changed);
+    // Reading a claim of gigabytes would fail here, and not with an InputError.
+    rlimit before_limit{};
+    getrlimit(RLIMIT_AS, &before_limit);
+    const rlimit limit{std::size_t{1} << 30, before_limit.rlim_max};
+    setrlimit(RLIMIT_AS, &limit);
+    const std::string said = refusal_of(folder / "claim.exr");
+    setrlimit(RLIMIT_AS, &before_limit);
+    return said;
+  };
+  const std::string window("dataWindow\0box2i\0", 17);
+  const std::string source("xraycast:source\0string\0", 23);
+  // The attribute's length, then xMin, yMin, xMax and yMax.
+  EXPECT_THAT(refusal_with(window, 16, 60000), testing::HasSubstr("damaged: a file of"));
+  EXPECT_THAT(refusal_with(window, 12, 1'000'000'000), testing::HasSubstr("damaged"));
+  EXPECT_THAT(refusal_with(window, 16, 1'000'000'000), testing::HasSubstr("damaged"));
+  EXPECT_THAT(refusal_with(source, 0, 2'000'000'000), testing::HasSubstr("damaged"));
+}
+
+TEST(BodyMapFile, AnyChangedByteIsRefusedOrHarmless) {
+  const TemporaryFolder folder;
+  write_body_map(make_map(2), folder / "map.exr");
+  const std::string bytes = read_whole_file(folder / "map.exr");
+  std::mt19937 random(3);
+  for (int i = 0; i < 500; ++i) {
+    std::string changed = bytes;
+    // Half of them in the headers.
+    const std::size_t end = i % 2 == 0 ? 3000 : bytes.size();
+    changed[random() % end] = static_cast<char>(random());
+    write_whole_file(folder / "changed.exr", changed);
+    EXPECT_NO_THROW(refusal_of(folder / "changed.exr"));
   }
 }
 
@@ -119,15 +244,12 @@ TEST(Preview, StacksLayersFromTheInnermostDown) {
   std::ranges::fill(map.tau, 0.0f);
   std::fill(map.tau.begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.tau.end(), 20.0f);
   write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const auto in = OIIO::ImageInput::open((folder / "map.png").string());
-  ASSERT_TRUE(in);
-  ASSERT_EQ(in->spec().width, 90);
-  ASSERT_EQ(in->spec().height, 40);
-  ASSERT_EQ(in->spec().nchannels, 3);
-  std::vector<std::uint8_t> pixels(90 * 40 * 3);
-  ASSERT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, pixels.data()));
-  EXPECT_EQ(pixels.front(), 255);  // exp(-0)
-  EXPECT_EQ(pixels.back(), 0);     // exp(-20), below half a grey level
+  const Png png = read_png(folder / "map.png");
+  EXPECT_EQ(png.width, 90);
+  EXPECT_EQ(png.height, 40);
+  EXPECT_EQ(png.channels, 3);
+  EXPECT_EQ(png.values.front(), 255);  // exp(-0)
+  EXPECT_EQ(png.values.back(), 0);     // exp(-20), below half a grey level
 }
 
 TEST(Preview, AppliesTheSpectrumToEachLayer) {
@@ -141,10 +263,7 @@ TEST(Preview, AppliesTheSpectrumToEachLayer) {
   std::fill(map.depths[0].begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.depths[0].end(),
             2 * half_g_cm2);
   write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const auto in = OIIO::ImageInput::open((folder / "map.png").string());
-  ASSERT_TRUE(in);
-  std::vector<std::uint8_t> pixels(90 * 40 * 3);
-  ASSERT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, pixels.data()));
+  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
   EXPECT_NEAR(pixels.front(), 127.5, 1);  // a grey level
   EXPECT_NEAR(pixels.back(), 63.75, 1);
 }
@@ -152,10 +271,7 @@ TEST(Preview, AppliesTheSpectrumToEachLayer) {
 TEST(Preview, WindowUsesMostOfTheRangeOfGrey) {
   const TemporaryFolder folder;
   write_preview(make_map(1), PreviewWindow::automatic, folder / "map.png");
-  const auto in = OIIO::ImageInput::open((folder / "map.png").string());
-  ASSERT_TRUE(in);
-  std::vector<std::uint8_t> pixels(90 * 20 * 3);
-  ASSERT_TRUE(in->read_image(0, 0, 0, 3, OIIO::TypeDesc::UINT8, pixels.data()));
+  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
   EXPECT_LT(*std::ranges::min_element(pixels), 40);
   EXPECT_EQ(*std::ranges::max_element(pixels), 255);
 }

@@ -1,7 +1,5 @@
 #include "xraycast/base/image.hpp"
 
-#include "xraycast/base/image_output.hpp"
-
 #include <algorithm>
 #include <cmath>
 
@@ -58,12 +56,6 @@ std::vector<std::uint8_t> plain_transmission(std::span<const float> tau) {
   std::vector<std::uint8_t> greys(tau.size());
   std::ranges::transform(tau, greys.begin(), [](float t) { return grey(std::exp(-t)); });
   return greys;
-}
-
-void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
-               const std::filesystem::path& path) {
-  const ImagePart part{OIIO::ImageSpec(width, height, channels, OIIO::TypeDesc::UINT8), pixels.data()};
-  write_image_file(std::span(&part, 1), "png", path);
 }
 
 }  // namespace xraycast

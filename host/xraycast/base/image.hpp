@@ -1,7 +1,6 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
 #include <span>
 #include <vector>
 
@@ -36,10 +35,5 @@ std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow&
 
 /// Grey 0 to 255 of exp(-tau), unscaled.
 std::vector<std::uint8_t> plain_transmission(std::span<const float> tau);
-
-/// 8-bit PNG with `channels` 1 (grey) or 3 (RGB) interleaved; row 0 on top. Throws InputError when `path`
-/// cannot be written, Error when the disk is full.
-void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
-               const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -1,8 +1,10 @@
 #include "xraycast/casting/body_map.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
-#include "xraycast/base/image_output.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/base/png_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -38,56 +40,60 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
 }
 
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
-OIIO::ImageSpec spec_of_layer(const BodyMap& map, int layer) {
+ExrPart part_of_layer(const BodyMap& map, int layer) {
   const MapGeometry& geometry = map.geometry;
-  const auto channels = channels_of(map);
-  OIIO::ImageSpec spec(geometry.width, geometry.height, static_cast<int>(channels.size()),
-                       OIIO::TypeDesc::FLOAT);
-  spec.channelnames.clear();
-  for (const auto& [name, values] : channels) spec.channelnames.emplace_back(name);
-  spec.attribute("oiio:subimagename", fmt::format("layer {}", layer));
-  spec.attribute("compression", "zips");
-  spec.attribute("xraycast:version", map.spectrum ? kSpectrumVersion : kTauVersion);
-  spec.attribute("xraycast:projection", to_string(geometry.projection));
-  spec.attribute("xraycast:radii_mm", json(geometry.radii_mm).dump());
-  spec.attribute("xraycast:centre_mm", centres_to_json(geometry.centre_mm).dump());
-  if (geometry.projection == Projection::sphere)
-    spec.attribute("xraycast:centre_z_mm", json(geometry.centre_z_mm).dump());
-  if (geometry.projection == Projection::rectangle)
-    spec.attribute("xraycast:views", json(geometry.views).dump());
-  spec.attribute("xraycast:top_mm", json(geometry.top_mm).dump());
-  spec.attribute("xraycast:row_spacing_mm", json(geometry.row_spacing_mm).dump());
-  spec.attribute("xraycast:step_mm", json(geometry.step_mm).dump());
-  if (geometry.field) spec.attribute("xraycast:field_mm", json(geometry.field->corners_mm()).dump());
+  ExrPart part{.name = fmt::format("layer {}", layer),
+               .width = geometry.width,
+               .height = geometry.height,
+               .compression = ExrCompression::zips};
+  for (const auto& [name, values] : channels_of(map))
+    part.channels.push_back({name, std::span(*values).subspan(layer * map.layer_size(), map.layer_size())});
+  const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
+    part.attributes["xraycast:" + name] = std::move(value);
+  };
+  set("version", map.spectrum ? kSpectrumVersion : kTauVersion);
+  set("projection", to_string(geometry.projection));
+  set("radii_mm", json(geometry.radii_mm).dump());
+  set("centre_mm", centres_to_json(geometry.centre_mm).dump());
+  if (geometry.projection == Projection::sphere) set("centre_z_mm", json(geometry.centre_z_mm).dump());
+  if (geometry.projection == Projection::rectangle) set("views", json(geometry.views).dump());
+  set("top_mm", json(geometry.top_mm).dump());
+  set("row_spacing_mm", json(geometry.row_spacing_mm).dump());
+  set("step_mm", json(geometry.step_mm).dump());
+  if (geometry.field) set("field_mm", json(geometry.field->corners_mm()).dump());
   if (map.spectrum)
-    spec.attribute("xraycast:spectrum", map.spectrum->to_json());
+    set("spectrum", map.spectrum->to_json());
   else
-    spec.attribute("xraycast:opacity", map.opacity.to_json());
-  spec.attribute("xraycast:source", map.source);
-  spec.attribute("xraycast:layer", layer);
-  return spec;
+    set("opacity", map.opacity.to_json());
+  set("source", map.source);
+  set("layer", layer);
+  return part;
+}
+
+/// One of our attributes as text; empty when it is missing.
+std::string text_attribute(const ExrReader& file, const std::string& name) {
+  return file.text("xraycast:" + name).value_or("");
 }
 
 /// One of our attributes as JSON, or an InputError that names it.
-json attribute(const OIIO::ImageSpec& spec, const std::string& name, const std::string& path) {
-  const std::string text = spec.get_string_attribute("xraycast:" + name);
-  json value = json::parse(text, nullptr, false);
+json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
+  json value = json::parse(text_attribute(file, name), nullptr, false);
   if (value.is_discarded()) throw InputError("{}: attribute xraycast:{} is missing or damaged", path, name);
   return value;
 }
 
-MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
+MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(spec.get_string_attribute("xraycast:projection"));
+    geometry.projection = parse_projection(text_attribute(file, "projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
-  geometry.width = spec.width;
-  geometry.height = spec.height;
+  geometry.width = file.width(0);
+  geometry.height = file.height(0);
   const auto read = [&](const char* name, auto& value) {
     try {
-      attribute(spec, name, path).get_to(value);
+      attribute(file, name, path).get_to(value);
     } catch (const json::exception&) {
       throw InputError("{}: attribute xraycast:{} is not what it should be", path, name);
     }
@@ -101,7 +107,7 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   if (geometry.projection == Projection::sphere) read("centre_z_mm", geometry.centre_z_mm);
   if (geometry.projection == Projection::rectangle) read("views", geometry.views);
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
-  if (spec.find_attribute("xraycast:field_mm")) {
+  if (file.text("xraycast:field_mm")) {
     FieldOfView::Corners corners_mm{};
     read("field_mm", corners_mm);
     geometry.field = FieldOfView::between(corners_mm);
@@ -110,68 +116,47 @@ MapGeometry geometry_of(const OIIO::ImageSpec& spec, const std::string& path) {
   return geometry;
 }
 
-/// The pixels of a layer, channel by channel in each.
-std::vector<float> pixels_of_layer(const BodyMap& map, int layer) {
-  const auto channels = channels_of(map);
-  std::vector<float> pixels(channels.size() * map.layer_size());
-  for (std::size_t c = 0; c < channels.size(); ++c)
-    for (std::size_t i = 0; i < map.layer_size(); ++i)
-      pixels[i * channels.size() + c] = (*channels[c].second)[layer * map.layer_size() + i];
-  return pixels;
-}
-
 }  // namespace
 
 void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
-  std::vector<std::vector<float>> pixels;
-  std::vector<ImagePart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) {
-    pixels.push_back(pixels_of_layer(map, k));
-    parts.push_back({spec_of_layer(map, k), pixels.back().data()});
-  }
-  write_image_file(parts, "openexr", path);
+  std::vector<ExrPart> parts;
+  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, k));
+  write_exr(parts, path);
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {
   const std::string name = path.string();
-  const auto in = OIIO::ImageInput::open(name);
-  if (!in) {
-    OIIO::geterror();  // speaks of formats, and would be kept for the next call
-    if (!std::filesystem::exists(path)) throw InputError("{}: no such file", name);
-    throw InputError("{}: not a body map, or damaged; make one with `xraycast cast`", name);
-  }
-  const OIIO::ImageSpec& first = in->spec();
-  const int version = first.get_int_attribute("xraycast:version", 0);
+  if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
+  const ExrReader file(path);
+  const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version != kTauVersion && version != kSpectrumVersion)
     throw InputError("{}: body map of version {}, but this program reads versions up to {}", name, version,
                      kSpectrumVersion);
 
   BodyMap map;
-  map.geometry = geometry_of(first, name);
+  map.geometry = geometry_of(file, name);
   if (version == kSpectrumVersion)
-    map.spectrum = Spectrum::from_json(first.get_string_attribute("xraycast:spectrum"),
-                                       name + ": attribute xraycast:spectrum");
+    map.spectrum =
+        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
   else
-    map.opacity = Opacity::from_json(first.get_string_attribute("xraycast:opacity"),
-                                     name + ": attribute xraycast:opacity");
-  map.source = first.get_string_attribute("xraycast:source");
-  for (int k = 0; k < map.geometry.layers(); ++k) {
-    if (!in->seek_subimage(k, 0))
-      throw InputError("{}: layer {} of {} is missing", name, k, map.geometry.layers());
-    const OIIO::ImageSpec& spec = in->spec();
-    if (spec.width != map.geometry.width || spec.height != map.geometry.height)
+    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
+  map.source = text_attribute(file, "source");
+  const int layers = map.geometry.layers();
+  if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
+  for (int k = 0; k < layers; ++k)
+    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
       throw InputError("{}: layer {} has another size than layer 0", name, k);
-    for (const auto& [channel, values] : channels_of(map)) {
-      const int index = spec.channelindex(channel);
-      if (index < 0) throw InputError("{}: layer {} has no channel {}", name, k, channel);
-      values->resize((k + 1) * map.layer_size());
-      if (!in->read_image(k, 0, index, index + 1, OIIO::TypeDesc::FLOAT,
-                          values->data() + k * map.layer_size()))
-        throw InputError("{}: layer {} is damaged: {}", name, k, in->geterror());
-    }
-  }
-  for (const auto& [channel, values] : channels_of(map))
+
+  const auto channels = channels_of(map);
+  for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
+  parallel_for(layers, [&](std::int64_t k) {
+    std::vector<ExrTarget> targets;
+    for (const auto& [channel, values] : channels)
+      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size())});
+    file.read(static_cast<int>(k), targets);
+  });
+  for (const auto& [channel, values] : channels)
     if (!std::ranges::all_of(*values, [](float v) { return std::isfinite(v) && v >= 0; }))
       throw InputError("{}: {} has values that are negative or not finite", name, channel);
   return map;

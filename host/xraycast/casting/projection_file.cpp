@@ -1,9 +1,11 @@
 #include "xraycast/casting/projection_file.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/image.hpp"
-#include "xraycast/base/image_output.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/tiff_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
@@ -34,17 +36,17 @@ json view_to_json(const View& view) {
   return out;
 }
 
-void write_float_image(const ProjectionImage& image, const char* format, const std::filesystem::path& path) {
-  ImagePart part{OIIO::ImageSpec(image.view.width, image.view.height, 1, OIIO::TypeDesc::FLOAT),
-                 image.tau.data()};
-  part.spec.channelnames = {"tau"};
-  part.spec.attribute("compression", "zip");
+void write_float_image(const ProjectionImage& image, const std::filesystem::path& path) {
   const std::string view = view_to_json(image.view).dump();
   // TIFF keeps no attributes of ours, so the description holds all of it.
-  part.spec.attribute("ImageDescription",
-                      "xraycast: optical depth tau; transmission is exp(-tau); view " + view);
-  part.spec.attribute("xraycast:view", view);
-  write_image_file(std::span(&part, 1), format, path);
+  const std::string description = "xraycast: optical depth tau; transmission is exp(-tau); view " + view;
+  if (extension_of(path) != ".exr")
+    return write_tiff(image.tau, image.view.width, image.view.height, description, path);
+  const ExrPart part{.width = image.view.width,
+                     .height = image.view.height,
+                     .channels = {{"tau", image.tau}},
+                     .attributes = {{"comments", description}, {"xraycast:view", view}}};
+  write_exr(std::span(&part, 1), path);
 }
 
 /// One slice in space: columns along the picture's right, rows downwards, on the detector.
@@ -80,9 +82,8 @@ void write_projection(const ProjectionImage& image, const std::filesystem::path&
   if (is_picture(path))
     return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
                      image.view.height, 1, path);
-  const std::string extension = extension_of(path);
-  if (extension == ".nrrd") return write_nrrd(image, path);
-  write_float_image(image, extension == ".exr" ? "openexr" : "tiff", path);
+  if (extension_of(path) == ".nrrd") return write_nrrd(image, path);
+  write_float_image(image, path);
 }
 
 }  // namespace xraycast

@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/surface.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/segmentation/level_set.hpp"
 
 #include <glm/common.hpp>
 
@@ -11,56 +12,19 @@
 #include <map>
 #include <meshoptimizer.h>
 #include <numeric>
-#include <openvdb/openvdb.h>
-#include <openvdb/tools/Filter.h>
-#include <openvdb/tools/Morphology.h>
-#include <openvdb/tools/VolumeToMesh.h>
 
 namespace xraycast {
 namespace {
 
-/// Vertices at index positions become LPS millimetres; quads become two triangles.
-Mesh mesh_at(const openvdb::FloatGrid& grid, double level, const VolumeGeometry& g) {
-  std::vector<openvdb::Vec3s> points;
-  std::vector<openvdb::Vec3I> triangles;
-  std::vector<openvdb::Vec4I> quads;
-  openvdb::tools::volumeToMesh(grid, points, triangles, quads, level, 0.0);
-  Mesh mesh;
-  for (const openvdb::Vec3s& p : points) mesh.points_mm.emplace_back(g.to_world_mm({p.x(), p.y(), p.z()}));
-  for (const openvdb::Vec3I& t : triangles) mesh.triangles.push_back({t[0], t[1], t[2]});
-  for (const openvdb::Vec4I& q : quads) {
-    mesh.triangles.push_back({q[0], q[1], q[2]});
-    mesh.triangles.push_back({q[0], q[2], q[3]});
-  }
-  return mesh;
-}
-
-/// How much of each voxel is inside, smoothed; openvdb's levels are inside where below, so it is negated.
-openvdb::FloatGrid::Ptr smoothed_share(const Mask& mask) {
-  auto grid = openvdb::FloatGrid::create(1.0F);
-  auto accessor = grid->getAccessor();
-  const Index3 size = mask.geometry.size;
-  for (std::int64_t z = 0; z < size.z; ++z)
-    for (std::int64_t y = 0; y < size.y; ++y)
-      for (std::int64_t x = 0; x < size.x; ++x)
-        if (mask[{x, y, z}] != 0)
-          accessor.setValueOn({static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)}, 0.0F);
-  constexpr int kMargin = 3;  // what smoothing reaches
-  openvdb::tools::dilateActiveValues(grid->tree(), kMargin, openvdb::tools::NN_FACE_EDGE_VERTEX);
-  openvdb::tools::Filter<openvdb::FloatGrid> filter(*grid);
-  filter.gaussian(1, 1);
-  return grid;
-}
-
 /// The level whose surface encloses the mask's volume.
-Mesh volume_keeping_mesh(const openvdb::FloatGrid& grid, const Mask& mask) {
+Mesh volume_keeping_mesh(const LevelSet& smoothed, const Mask& mask) {
   const glm::dvec3 s = mask.geometry.spacing_mm;
   const double wanted_mm3 = static_cast<double>(mask.count()) * s.x * s.y * s.z;
   double low = 0.2, high = 0.9;
   Mesh mesh;
   for (int pass = 0; pass < 7; ++pass) {
     const double level = pass == 0 ? 0.5 : 0.5 * (low + high);
-    mesh = mesh_at(grid, level, mask.geometry);
+    mesh = smoothed.mesh_at(level);
     const double mm3 = volume_mm3(mesh);
     if (std::abs(mm3 / wanted_mm3 - 1) < 0.005) break;
     (mm3 < wanted_mm3 ? low : high) = level;
@@ -151,11 +115,10 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
 }  // namespace
 
 Mesh surface_of(const Mask& mask, std::size_t triangles) {
-  openvdb::initialize();
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  Mesh whole = volume_keeping_mesh(*smoothed_share(part), part);
+  Mesh whole = volume_keeping_mesh(*level_set_of(part), part);
   if (whole.triangles.size() <= triangles) return whole;
   const double volume = volume_mm3(whole);
   for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {

@@ -2,32 +2,37 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <vector>
+#include <memory>
+#include <span>
 
 namespace xraycast {
+
+class GifFile;
 
 /// Whether a cine's name is that of an animation (.gif) and not of a folder of PNGs.
 bool is_animation(const std::filesystem::path& path);
 
-/// Writes the frames of a cine, all of one size: as PNGs into a folder, which has to exist, one by one, or as
-/// an animation of 20 frames a second at the end. A folder holds one cine: surplus frames of an earlier one,
-/// numbered on from the last, are removed.
+/// Writes the frames of a cine, all of one size, as they come: PNGs into a folder, which has to exist, or one
+/// animation of 20 frames a second, which appears once it is finished. A folder holds one cine: surplus frames
+/// of an earlier one, numbered on from the last, are removed.
 class CineWriter {
  public:
   CineWriter(std::filesystem::path output, int width, int height);
+  CineWriter(CineWriter&&) noexcept;
+  ~CineWriter();
 
-  /// 8-bit RGB, row 0 on top. Throws InputError when the file cannot be written.
-  void add(std::vector<std::uint8_t> rgb);
+  /// 8-bit RGB, row 0 on top. Throws InputError when the file cannot be written, Error when the disk is full.
+  void add(std::span<const std::uint8_t> rgb);
 
-  /// Throws as `add`.
-  void finish() const;
+  /// Once, in the end. An animation without frames is not written. Throws as `add`.
+  void finish();
 
  private:
   std::filesystem::path frame(int number) const;
 
   std::filesystem::path output_;
   int width_, height_, count_ = 0;
-  std::vector<std::vector<std::uint8_t>> frames_;  ///< of an animation
+  std::unique_ptr<GifFile> animation_;  ///< from its first frame on
 };
 
 }  // namespace xraycast

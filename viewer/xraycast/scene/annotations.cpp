@@ -1,9 +1,8 @@
 #include "xraycast/scene/annotations.hpp"
 
 #include "xraycast/sampling/clip_space.hpp"
+#include "xraycast/scene/canvas.hpp"
 
-#include <OpenImageIO/imagebuf.h>
-#include <OpenImageIO/imagebufalgo.h>
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 
@@ -59,37 +58,41 @@ Annotations annotations_of(const View& view, const glm::dvec3& axis_top_mm,
 
 void draw_annotations(std::span<std::uint8_t> rgb, const View& view, const Annotations& annotations,
                       const std::string& caption) {
-  namespace Algo = OIIO::ImageBufAlgo;
-  OIIO::ImageBuf image(OIIO::ImageSpec(view.width, view.height, 3, OIIO::TypeDesc::UINT8), rgb.data());
+  Canvas canvas(rgb, view.width, view.height);
   const int font = std::clamp(view.height / 30, 10, 40), margin = font / 2;
-  constexpr std::array<float, 3> kInk{1.0f, 0.82f, 0.35f};
-  const auto line = [&](double x1, double y1, double x2, double y2) {
-    Algo::render_line(image, static_cast<int>(x1), static_cast<int>(y1), static_cast<int>(x2),
-                      static_cast<int>(y2), kInk);
+  constexpr Colour kInk{1, 0.82, 0.35};
+  const double thickness = std::max(1, font / 10);
+  const double rim = std::max(1, font / 12);  // black, which sets all of it off from light ground
+  using Line = std::array<glm::dvec2, 2>;
+  const auto draw = [&](std::initializer_list<Line> lines) {
+    for (const Line& line : lines) canvas.line(line, {0, 0, 0}, thickness + 2 * rim);
+    for (const Line& line : lines) canvas.line(line, kInk, thickness);
   };
-  const auto text = [&](double x, double y, const std::string& words, Algo::TextAlignX align) {
-    Algo::render_text(image, static_cast<int>(x), static_cast<int>(y), words, font, "DejaVuSans", kInk, align,
-                      Algo::TextAlignY::Baseline, std::max(1, font / 12));
+  const auto text = [&](double x, double y, const std::string& words, Align align) {
+    canvas.rimmed_text({x, y}, words, font, kInk, rim, align);
   };
-  using enum Algo::TextAlignX;
+  using enum Align;
   const double w = view.width, h = view.height;
-  text(margin, 0.5 * h, annotations.left, Left);
-  text(w - margin, 0.5 * h, annotations.right, Right);
-  text(0.5 * w + margin, margin + font, annotations.top, Left);
-  text(0.5 * w + margin, h - margin, annotations.bottom, Left);
-  text(margin, h - margin, caption, Left);
-  const double bar_y = h - 2 * font - margin, bar_x = w - margin;
-  for (int thick = 0; thick < std::max(1, font / 10); ++thick)
-    line(bar_x - annotations.bar_px, bar_y + thick, bar_x, bar_y + thick);
-  line(bar_x - annotations.bar_px, bar_y - 0.3 * font, bar_x - annotations.bar_px, bar_y + 0.3 * font);
-  line(bar_x, bar_y - 0.3 * font, bar_x, bar_y + 0.3 * font);
-  text(bar_x, bar_y - 0.5 * font, fmt::format("{:g} mm", annotations.bar_mm), Right);
-  // Ticks at the body's ends alone, so that the axis occludes nothing.
+  text(margin, 0.5 * h, annotations.left, left);
+  text(w - margin, 0.5 * h, annotations.right, right);
+  text(0.5 * w + margin, margin + font, annotations.top, left);
+  text(0.5 * w + margin, h - margin, annotations.bottom, left);
+  text(margin, h - margin, caption, left);
+  // Crisp where the thickness is odd: a line of one pixel runs through pixels' middles.
+  const double bar_y = h - 2 * font - margin + 0.5 * thickness, bar_x = w - margin - 0.5 * thickness,
+               bar_left = std::floor(bar_x - annotations.bar_px) + 0.5 * thickness,
+               tick = std::round(0.3 * font);
+  const glm::dvec2 left_end(bar_left, bar_y), right_end(bar_x, bar_y), half(0, tick);
+  draw({Line{left_end, right_end}, Line{left_end - half, left_end + half},
+        Line{right_end - half, right_end + half}});
+  text(w - margin, bar_y - 0.5 * font, fmt::format("{:g} mm", annotations.bar_mm), right);
+  // The axis is marked at the body's ends alone, so that it hides nothing.
   const glm::dvec2 along = glm::normalize(annotations.axis_bottom - annotations.axis_top);
   const auto is_seen = [&](const glm::dvec2& p) { return p.x >= 0 && p.x < w && p.y >= 0 && p.y < h; };
-  for (const auto& [end, tick] : {std::pair(annotations.axis_top, double(font) * along),
+  for (const auto& [end, mark] : {std::pair(annotations.axis_top, double(font) * along),
                                   std::pair(annotations.axis_bottom, -double(font) * along)})
-    if (is_seen(end) && is_seen(end + tick)) line(end.x, end.y, end.x + tick.x, end.y + tick.y);
+    if (is_seen(end) && is_seen(end + mark)) draw({Line{end, end + mark}});
+  std::ranges::copy(canvas.rgb(), rgb.begin());
 }
 
 }  // namespace xraycast

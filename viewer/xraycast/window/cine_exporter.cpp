@@ -1,7 +1,5 @@
 #include "xraycast/window/cine_exporter.hpp"
 
-#include <utility>
-
 namespace xraycast {
 
 CineExporter::CineExporter(const std::filesystem::path& folder, const Camera& start)
@@ -13,11 +11,13 @@ CineExporter::CineExporter(const std::filesystem::path& folder, const Camera& st
 }
 
 void CineExporter::export_frame(const Draw& draw) {
-  std::vector<std::uint8_t> rgb = draw(camera_);
+  const std::vector<std::uint8_t> rgb = draw(camera_);
   pictures_.add(rgb);
-  animation_.add(std::move(rgb));
+  animation_.add(rgb);
   camera_.rotate(360.0 / kFrames);
-  ++frame_;
+  if (++frame_ < kFrames) return;
+  pictures_.finish();
+  animation_.finish();
 }
 
 }  // namespace xraycast

@@ -6,7 +6,6 @@
 #include <cstdint>
 #include <filesystem>
 #include <functional>
-#include <utility>
 #include <vector>
 
 namespace xraycast {
@@ -23,15 +22,13 @@ class CineExporter {
   /// Makes the folder. Throws when it cannot be made.
   CineExporter(const std::filesystem::path& folder, const Camera& start);
 
-  /// Draws and writes the next frame. Throws what `draw` throws, and as CineWriter.
+  /// Draws and writes the next frame; the last one completes the animation. Throws what `draw` throws, and as
+  /// CineWriter.
   void export_frame(const Draw& draw);
 
   bool is_complete() const { return frame_ == kFrames; }
   double fraction() const { return static_cast<double>(frame_) / kFrames; }
   const std::filesystem::path& folder() const { return folder_; }
-
-  /// The animation of a complete cine, which takes a while to write (CineWriter::finish).
-  CineWriter take_animation() { return std::move(animation_); }
 
  private:
   std::filesystem::path folder_;

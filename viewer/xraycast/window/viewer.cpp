@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -192,10 +193,6 @@ void Viewer::export_cine_frame() {
   if (!cine_->is_complete()) return;
   message_ =
       fmt::format("saved {} frames in {}", CineExporter::kFrames, fs::absolute(cine_->folder()).string());
-  writing_.start("Saving", [animation = cine_->take_animation()](Progress&) -> Worker::Delivery {
-    animation.finish();
-    return {};
-  });
   cine_.reset();
 }
 

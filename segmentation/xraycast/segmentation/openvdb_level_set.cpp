@@ -1,0 +1,61 @@
+// A module of its own, which level_set.cpp loads. It uses of this project only what headers hold.
+
+#include "xraycast/segmentation/level_set.hpp"
+
+#include <openvdb/openvdb.h>
+#include <openvdb/tools/Filter.h>
+#include <openvdb/tools/Morphology.h>
+#include <openvdb/tools/VolumeToMesh.h>
+
+namespace xraycast {
+namespace {
+
+/// OpenVDB's levels are inside where below, so the share inside is negated: 0 inside, 1 outside.
+openvdb::FloatGrid::Ptr smoothed_share(const Mask& mask) {
+  auto grid = openvdb::FloatGrid::create(1.0F);
+  auto accessor = grid->getAccessor();
+  const Index3 size = mask.geometry.size;
+  for (std::int64_t z = 0; z < size.z; ++z)
+    for (std::int64_t y = 0; y < size.y; ++y)
+      for (std::int64_t x = 0; x < size.x; ++x)
+        if (mask[{x, y, z}] != 0)
+          accessor.setValueOn({static_cast<int>(x), static_cast<int>(y), static_cast<int>(z)}, 0.0F);
+  constexpr int kMargin = 3;  // what smoothing reaches
+  openvdb::tools::dilateActiveValues(grid->tree(), kMargin, openvdb::tools::NN_FACE_EDGE_VERTEX);
+  openvdb::tools::Filter<openvdb::FloatGrid> filter(*grid);
+  filter.gaussian(1, 1);
+  return grid;
+}
+
+class OpenVdbLevelSet : public LevelSet {
+ public:
+  explicit OpenVdbLevelSet(const Mask& mask) : geometry_(mask.geometry), grid_(smoothed_share(mask)) {}
+
+  Mesh mesh_at(double level) const override {
+    std::vector<openvdb::Vec3s> points;
+    std::vector<openvdb::Vec3I> triangles;
+    std::vector<openvdb::Vec4I> quads;
+    openvdb::tools::volumeToMesh(*grid_, points, triangles, quads, level, 0.0);
+    Mesh mesh;
+    for (const openvdb::Vec3s& p : points)
+      mesh.points_mm.emplace_back(geometry_.to_world_mm({p.x(), p.y(), p.z()}));
+    for (const openvdb::Vec3I& t : triangles) mesh.triangles.push_back({t[0], t[1], t[2]});
+    for (const openvdb::Vec4I& q : quads) {
+      mesh.triangles.push_back({q[0], q[1], q[2]});
+      mesh.triangles.push_back({q[0], q[2], q[3]});
+    }
+    return mesh;
+  }
+
+ private:
+  VolumeGeometry geometry_;
+  openvdb::FloatGrid::Ptr grid_;
+};
+
+}  // namespace
+}  // namespace xraycast
+
+extern "C" xraycast::LevelSet* xraycast_level_set(const xraycast::Mask& mask) {
+  openvdb::initialize();
+  return new xraycast::OpenVdbLevelSet(mask);
+}
