@@ -42,6 +42,8 @@ if("simulation" IN_LIST xraycast_components)
 endif()
 
 if("viewer" IN_LIST xraycast_components)
+  find_dependency(GIF)
+  pkg_check_modules(cairo REQUIRED QUIET IMPORTED_TARGET cairo)
   pkg_check_modules(epoxy REQUIRED QUIET IMPORTED_TARGET epoxy)
   pkg_check_modules(glfw REQUIRED QUIET IMPORTED_TARGET glfw3)
   pkg_check_modules(imgui REQUIRED QUIET IMPORTED_TARGET imgui)

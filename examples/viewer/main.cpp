@@ -1,6 +1,6 @@
 // Draws a frame of a body map without a display and writes it as PNG.
 #include <iostream>
-#include <xraycast/base/image.hpp>
+#include <xraycast/base/png_file.hpp>
 #include <xraycast/casting/caster.hpp>
 #include <xraycast/drawing/headless_context.hpp>
 #include <xraycast/drawing/renderer.hpp>
