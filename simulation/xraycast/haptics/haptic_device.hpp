@@ -21,7 +21,7 @@ class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
 
-  /// The newest pose.
+  /// The newest pose. Throws what ended the thread that serves the device, if it has one of its own.
   virtual HandPose pose() = 0;
 
   /// From now on the hand shall feel `load`.

@@ -30,8 +30,8 @@ using Clock = std::chrono::steady_clock;
 
 // A client hears of a load at least this often, the watchdog's zero among them.
 constexpr auto kIdle = 20ms;
-// A client that has sent nothing sensible for so long gives way to another.
-constexpr auto kSilence = 2s;
+// A client that has sent no pose for so long gives way to another.
+constexpr auto kRest = 2s;
 // How long nobody is let in after the system had no room for one more connection.
 constexpr auto kFull = 1s;
 // Small, so that a slow reader's loads are left out here and do not grow old in the kernel.
@@ -116,7 +116,7 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point heard;  ///< when something sensible came
+  Clock::time_point posed;  ///< when its last pose came, or before one itself
   Clock::time_point told;   ///< when a load was last due
   bool status_due = true;   ///< everyone is greeted
   bool load_due = false;    ///< messages are made once they can be sent
@@ -211,8 +211,8 @@ void IgtlinkDevice::Server::admit() {
   const std::string name = address_text(address, size_B);
   // Who comes back at once may have left something behind: what a socket holds is read to its end first.
   for (int portions = 0; client_ && portions < kSocket_B / kPortion_B && receive();) ++portions;
-  if (client_ && now_ - client_->heard < kSilence) return turn_away(socket, name);
-  if (client_) drop("silent", "gives way to another after a silence");
+  if (client_ && now_ - client_->posed < kRest) return turn_away(socket, name);
+  if (client_) drop("silent", "gives way to another, as it sends no poses");
 
   const int on = 1;
   setsockopt(socket.id(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -220,7 +220,7 @@ void IgtlinkDevice::Server::admit() {
   client_.emplace(Client{.socket = std::move(socket),
                          .name = name,
                          .receiver = IgtlinkReceiver(newest_.pose.rotation_rad),
-                         .heard = now_,
+                         .posed = now_,
                          .told = now_});
   rate_since_ = now_;
   set_status(name + " has connected");
@@ -259,8 +259,8 @@ bool IgtlinkDevice::Server::receive() {
 void IgtlinkDevice::Server::handle(const IgtlinkReceiver::Event& event) {
   if (const auto* complaint = std::get_if<Complaint>(&event))
     return say(complaint->topic, client_->name + " " + complaint->text);
-  client_->heard = now_;
   if (const auto* pose = std::get_if<HubPose>(&event)) {
+    client_->posed = now_;
     newest_ = {*pose, newest_.count + 1};
     poses_.write(newest_);
     ++client_->poses;
@@ -321,7 +321,16 @@ IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log) : address_(a
   Descriptor listener = listen_at(address);
   address_.port = port_of(listener);
   server_ = std::make_unique<Server>(std::move(listener), address_, poses_, loads_, std::move(log));
-  thread_ = std::thread([this] { server_->run(); });
+  thread_ = std::thread([this] { serve(); });
+}
+
+void IgtlinkDevice::serve() {
+  try {
+    server_->run();
+  } catch (...) {
+    failure_ = std::current_exception();
+    failed_ = true;
+  }
 }
 
 IgtlinkDevice::~IgtlinkDevice() {
