@@ -264,7 +264,7 @@ Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spe
   if (options.centre == "auto" || options.radius == "auto") {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
-    scan = open_scan(options.input, options.scan, progress);
+    scan = open(options, progress);
     timings.read_ms = looking.ms();
   }
   const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder, session));

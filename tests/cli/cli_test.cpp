@@ -870,6 +870,26 @@ TEST_F(Cli, SegmentedVesselsServeTheRest) {
   output_of("render @/map.exr -o @/frame.png --vessels @/vessels --look surface --size 64x64 -q");
 }
 
+TEST_F(Cli, CastsWithoutVesselsBySlabsToo) {
+  NiftiFile scan = water(64);
+  std::vector<std::uint8_t> mask(8 * 8 * 64);
+  for (std::size_t z = 0; z < 64; ++z) {
+    const std::size_t voxel = 3 + 8 * (4 + 8 * z);
+    scan.voxels[2 * voxel + 1] = 2;  // 512 HU
+    mask[voxel] = 1;
+  }
+  write_bytes(folder_ / "ct.nii", scan.bytes());
+  fs::create_directory(folder_ / "vessels");
+  write_mask({{8, 8, 64}, {1, 1, 1}, {0, 0, 0}}, mask, folder_ / "vessels" / "mask.nrrd");
+  const auto tau = [&](const std::string& more) {
+    output_of("cast @/ct.nii -o @/map.exr -q --opacity bilinear " + more);
+    return read_body_map(folder_ / "map.exr").tau;
+  };
+  const auto whole = tau("--without-vessels @/vessels");
+  EXPECT_NE(whole, tau(""));
+  EXPECT_EQ(whole, tau("--without-vessels @/vessels --memory-limit 0.008M"));
+}
+
 TEST_F(Cli, SegmentCountsOneBranch) {
   NiftiFile scan = water(40), mask = scan;
   for (int z = 4; z < 36; ++z)

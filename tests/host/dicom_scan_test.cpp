@@ -12,6 +12,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <random>
 
 namespace xraycast {
 namespace {
@@ -277,29 +278,92 @@ TEST(DicomScan, IgnoresBitsAboveTheHighBit) {
   EXPECT_THAT(read_scan(folder / "signed").volume.hu(), ElementsAre(10, -1));
 }
 
-TEST(DicomScan, DecodesJpeg2000) {
-  const TemporaryFolder folder;
-  for (int k = 0; k < 3; ++k) {
-    const std::string plain = (folder / "plain").string();
-    slice_at({0, 0, 1.0 * k}, {1, 0, 0}, {0, 1, 0}, 32, 32).write(plain);
-    gdcm::ImageReader reader;
-    reader.SetFileName(plain.c_str());
-    ASSERT_TRUE(reader.Read());
-    gdcm::ImageChangeTransferSyntax compression;
-    compression.SetTransferSyntax(gdcm::TransferSyntax::JPEG2000Lossless);
-    compression.SetInput(reader.GetImage());
-    ASSERT_TRUE(compression.Change());
-    gdcm::ImageWriter writer;
-    writer.SetFile(reader.GetFile());
-    writer.SetImage(compression.GetOutput());
-    const std::string compressed = (folder / ("slice" + std::to_string(k))).string();
-    writer.SetFileName(compressed.c_str());
-    ASSERT_TRUE(writer.Write());
-    std::filesystem::remove(plain);
+/// Writes a slice compressed by GDCM.
+void write_compressed(const DicomFile& slice, const std::filesystem::path& path,
+                      const gdcm::TransferSyntax& syntax) {
+  const std::string plain = path.string() + ".plain";
+  slice.write(plain);
+  gdcm::ImageReader reader;
+  reader.SetFileName(plain.c_str());
+  ASSERT_TRUE(reader.Read());
+  gdcm::ImageChangeTransferSyntax compression;
+  compression.SetTransferSyntax(syntax);
+  compression.SetInput(reader.GetImage());
+  ASSERT_TRUE(compression.Change());
+  gdcm::ImageWriter writer;
+  writer.SetFile(reader.GetFile());
+  writer.SetImage(compression.GetOutput());
+  writer.SetFileName(path.c_str());
+  ASSERT_TRUE(writer.Write());
+  std::filesystem::remove(plain);
+}
+
+const DicomFile kSlice32 = slice_at({0, 0, 0}, {1, 0, 0}, {0, 1, 0}, 32, 32);
+
+TEST(DicomScan, DecodesWhatIsCompressedWithoutLoss) {
+  using Syntax = gdcm::TransferSyntax;
+  for (const Syntax syntax : {Syntax::JPEG2000Lossless, Syntax::JPEGLosslessProcess14_1,
+                              Syntax::JPEGLSLossless, Syntax::RLELossless}) {
+    SCOPED_TRACE(syntax.GetString());
+    const TemporaryFolder folder;
+    for (int k = 0; k < 3; ++k)
+      write_compressed(slice_at({0, 0, 1.0 * k}, {1, 0, 0}, {0, 1, 0}, 32, 32),
+                       folder / ("slice" + std::to_string(k)), syntax);
+    const auto [info, volume, hu_range] = read_scan(folder / "");
+    EXPECT_EQ(volume.geometry().size, Index3(32, 32, 3));
+    EXPECT_EQ(deviation_hu(volume), 0);
   }
-  const auto [info, volume, hu_range] = read_scan(folder / "");
-  EXPECT_EQ(volume.geometry().size, Index3(32, 32, 3));
-  EXPECT_EQ(deviation_hu(volume), 0);
+}
+
+TEST(DicomScan, SurvivesDamagedCodecsData) {
+  using Syntax = gdcm::TransferSyntax;
+  std::mt19937 random(1);
+  int refused = 0;
+  for (const Syntax syntax : {Syntax::JPEG2000Lossless, Syntax::JPEGLosslessProcess14_1,
+                              Syntax::JPEGLSLossless, Syntax::RLELossless}) {
+    SCOPED_TRACE(syntax.GetString());
+    const TemporaryFolder folder;
+    write_compressed(kSlice32, folder / "whole", syntax);
+    const std::string whole = read_bytes(folder / "whole");
+    const std::size_t pixels_B = whole.rfind(std::string("\xe0\x7f\x10\x00", 4));
+    ASSERT_NE(pixels_B, std::string::npos);
+    for (int i = 0; i < 40; ++i) {
+      std::string damaged = whole;
+      for (int k = 0; k < 4; ++k)
+        damaged[pixels_B + 32 + random() % (whole.size() - pixels_B - 32)] = static_cast<char>(random());
+      write_bytes(folder / "damaged", damaged);
+      try {
+        read_scan(folder / "damaged");
+      } catch (const InputError& error) {
+        EXPECT_THAT(error.what(), HasSubstr((folder / "damaged").string()));
+        ++refused;
+      }
+    }
+  }
+  EXPECT_GT(refused, 0);
+}
+
+TEST(DicomScan, RefusesCompressedSlicesThatClaimGigabytes) {
+  const TemporaryFolder folder;
+  write_compressed(kSlice32, folder / "slice", gdcm::TransferSyntax::JPEG2000Lossless);
+  std::string bytes = read_bytes(folder / "slice");
+  for (const char element : {'\x10', '\x11'}) {  // (0028,0010) and (0028,0011), Rows and Columns
+    const std::string head = std::string("\x28\x00", 2) + element + std::string("\x00US\x02\x00", 5);
+    const auto at = bytes.find(head);
+    ASSERT_NE(at, std::string::npos);
+    bytes.replace(at + head.size(), 2, "\xff\xff");
+  }
+  write_bytes(folder / "slice", bytes);
+  EXPECT_THAT(
+      [&] { read_scan(folder / "slice"); },
+      testing::ThrowsMessage<InputError>(HasSubstr("65535 x 65535 pixels (Columns, Rows) cannot come")));
+}
+
+TEST(DicomScan, TakesOtherModalitiesWithoutRescaling) {
+  const TemporaryFolder folder;
+  const std::int16_t pixels[] = {1, 2};
+  DicomFile(2, 1, pixels).text(kModality, "CS", "MR").erase(kSlope).erase(kIntercept).write(folder / "slice");
+  EXPECT_THAT(read_scan(folder / "slice").volume.hu(), ElementsAre(1, 2));
 }
 
 TEST(DicomScan, WarnsOfAnotherModality) {

@@ -89,6 +89,28 @@ TEST(NiftiScan, AppliesTheScaleSlopeAndWarnsOfMissingOrientation) {
   EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("neither qform nor sform")));
 }
 
+TEST(NiftiScan, ReadsGzipAndPairs) {
+  const TemporaryFolder folder;
+  NiftiFile file;
+  file.dim = {3, 3, 4, 5, 1, 1, 1, 1};
+  file.pixdim = {1, 1, 2, 3, 1, 1, 1, 1};
+  file.sform = {1, 0, 0, -12, 0, 2, 0, 14, 0, 0, 3, 30};
+  file.voxels = kRas.voxels();
+  write_bytes(folder / "scan.nii.gz", gzipped(file.bytes()));
+  file.voxels.clear();
+  std::string header = file.bytes();
+  header[345] = 'i';
+  header.replace(108, 4, 4, '\0');
+  write_bytes(folder / "plain.hdr", header);
+  write_bytes(folder / "plain.img", kRas.voxels());
+  write_bytes(folder / "packed.hdr", header);
+  write_bytes(folder / "packed.img.gz", gzipped(kRas.voxels()));
+  for (const char* name : {"scan.nii.gz", "plain.hdr", "packed.hdr"}) {
+    SCOPED_TRACE(name);
+    expect_markers(read_scan(folder / name).volume);
+  }
+}
+
 std::string nrrd(const std::string& space, const std::string& directions, const std::string& origin,
                  const std::string& voxels) {
   return "NRRD0004\ntype: short\ndimension: 3\nspace: " + space +
@@ -110,6 +132,26 @@ TEST(NrrdScan, KnowsLeftAnteriorAndSuperiorInItsSpaces) {
     expect_markers(volume);
     EXPECT_EQ(info.format, "NRRD");
     EXPECT_THAT(info.warnings, IsEmpty());
+  }
+}
+
+TEST(NrrdScan, ReadsGzip) {
+  const TemporaryFolder folder;
+  std::string header = nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", "");
+  header.replace(header.find("raw"), 3, "gzip");
+  // Two members, as programs write that pack by several cores.
+  const std::string voxels = kLps.voxels();
+  write_bytes(folder / "scan.nrrd", header + gzipped(voxels.substr(0, 50)) + gzipped(voxels.substr(50)));
+  expect_markers(read_scan(folder / "scan.nrrd").volume);
+}
+
+TEST(NrrdScan, SkipsBytes) {
+  const TemporaryFolder folder;
+  for (const auto& [skip, before] : {std::pair{"-1", "any"}, std::pair{"5", "12345"}}) {
+    std::string header = nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", "");
+    header.replace(header.find("endian"), 0, "byte skip: " + std::string(skip) + "\n");
+    write_bytes(folder / "scan.nrrd", header + before + kLps.voxels());
+    expect_markers(read_scan(folder / "scan.nrrd").volume);
   }
 }
 
@@ -184,6 +226,41 @@ TEST(MetaImageScan, KnowsLeftAnteriorAndSuperior) {
     expect_markers(volume);
     EXPECT_EQ(info.format, "MetaImage");
   }
+}
+
+TEST(MetaImageScan, ReadsCompressedVoxels) {
+  const TemporaryFolder folder;
+  std::string header = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL");
+  header.replace(header.find("TransformMatrix"), 0, "CompressedData = True\n");
+  write_bytes(folder / "scan.mha", header + deflated(kLps.voxels()));
+  expect_markers(read_scan(folder / "scan.mha").volume);
+}
+
+TEST(MetaImageScan, ReadsOneFileASlice) {
+  const TemporaryFolder folder;
+  const std::string voxels = kLps.voxels();
+  std::string list = "LIST";
+  for (std::size_t k = 0; k < 5; ++k) {
+    const std::string name = "slice0" + std::to_string(2 * k) + ".raw";
+    write_bytes(folder / name, voxels.substr(24 * k, 24));
+    list += "\n" + name;
+  }
+  write_bytes(folder / "list.mhd", meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", list));
+  write_bytes(folder / "pattern.mhd", meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "slice%02d.raw 0 8 2"));
+  for (const char* name : {"list.mhd", "pattern.mhd"}) expect_markers(read_scan(folder / name).volume);
+}
+
+TEST(MetaImageScan, TakesRowsOfTheMatrixForItsAxes) {
+  const TemporaryFolder folder;
+  // Voxels run along y, z and x.
+  write_bytes(folder / "scan.mha",
+              "NDims = 3\nDimSize = 2 1 1\nElementSpacing = 2 3 4\nTransformMatrix = 0 1 0 0 0 1 1 0 0\n"
+              "Offset = 5 6 7\nElementType = MET_SHORT\nHeaderSize = -1\nElementDataFile = LOCAL\nany" +
+                  bytes_of(std::array<std::int16_t, 2>{10, 20}));
+  const auto [info, volume, hu_range] = read_scan(folder / "scan.mha");
+  EXPECT_EQ(info.orientation, "PSL");
+  EXPECT_EQ(volume.geometry(), (VolumeGeometry{{1, 2, 1}, {4, 2, 3}, {5, 6, 7}}));
+  EXPECT_THAT(volume.hu(), ElementsAre(10, 20));
 }
 
 TEST(MetaImageScan, ReadsEveryByteOrder) {

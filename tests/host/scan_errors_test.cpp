@@ -7,6 +7,8 @@
 #include <gtest/gtest.h>
 
 #include <fstream>
+#include <limits>
+#include <sys/stat.h>
 
 namespace xraycast {
 namespace {
@@ -33,6 +35,14 @@ NiftiFile nifti(std::size_t field, std::int16_t dim) {
   return file;
 }
 
+/// More than zlib unpacks at once.
+NiftiFile large_nifti() {
+  NiftiFile file = nifti();
+  file.dim = {3, 40, 30, 20, 1, 1, 1, 1};
+  for (int i = 0; i < 2 * 40 * 30 * 20; ++i) file.voxels.push_back(static_cast<char>(i * i));
+  return file;
+}
+
 NiftiFile nifti_spacing(float mm) {
   NiftiFile file = nifti();
   file.pixdim[2] = mm;
@@ -44,9 +54,20 @@ std::string nrrd(const std::string& fields, int dimension = 3, const std::string
          "\nencoding: raw\nendian: little\n" + fields + "\n" + kVoxels;
 }
 
-std::string meta_image(const std::string& fields, const std::string& size = "4 3 1", int dimensions = 3) {
+std::string nrrd_encoded(const std::string& encoding, const std::string& voxels) {
+  return "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 1\nspacings: 1 1 1\nendian: little\nencoding: " +
+         encoding + "\n\n" + voxels;
+}
+
+/// A header of two slices whose voxels lie elsewhere.
+std::string meta_image_in(const std::string& data_file) {
+  return "NDims = 3\nDimSize = 3 2 2\nElementType = MET_SHORT\nElementDataFile = " + data_file + "\n";
+}
+
+std::string meta_image(const std::string& fields, const std::string& size = "4 3 1", int dimensions = 3,
+                       const std::string& voxels = kVoxels) {
   return "ObjectType = Image\nNDims = " + std::to_string(dimensions) + "\nDimSize = " + size + "\n" + fields +
-         "ElementType = MET_SHORT\nElementDataFile = LOCAL\n" + kVoxels;
+         "ElementType = MET_SHORT\nElementDataFile = LOCAL\n" + voxels;
 }
 
 std::string without_last(std::string bytes, std::size_t count) {
@@ -100,6 +121,22 @@ const BadScan kBadScans[] = {
     {"DicomWithPixelSpacingZero",
      [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "0\\1").write(f / "a"); }, "a",
      "PixelSpacing (0028,0030) is 0 x 1 mm"},
+    {"DicomCtWithoutIntercept", [](const TemporaryFolder& f) { dicom().erase(0x00281052).write(f / "a"); },
+     "a", "RescaleIntercept (0028,1052) is missing"},
+    {"DicomCtWithoutSlope", [](const TemporaryFolder& f) { dicom().erase(0x00281053).write(f / "a"); }, "a",
+     "RescaleSlope (0028,1053) is missing"},
+    {"DicomWithInterceptOfWords",
+     [](const TemporaryFolder& f) { dicom().text(0x00281052, "DS", "abc").write(f / "a"); }, "a",
+     "RescaleIntercept (0028,1052) is 'abc'"},
+    {"DicomWithInterceptNan",
+     [](const TemporaryFolder& f) { dicom().text(0x00281052, "DS", "nan").write(f / "a"); }, "a",
+     "RescaleIntercept (0028,1052) is 'nan'"},
+    {"DicomWithHalfASlope",
+     [](const TemporaryFolder& f) { dicom().text(0x00281053, "DS", "1x").write(f / "a"); }, "a",
+     "RescaleSlope (0028,1053) is '1x'"},
+    {"DicomWithSlopeZero",
+     [](const TemporaryFolder& f) { dicom().text(0x00281053, "DS", "0").write(f / "a"); }, "a",
+     "RescaleSlope (0028,1053) is '0'"},
     {"DicomWithPixelSpacingNan",
      [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "nan\\1").write(f / "a"); }, "a",
      "PixelSpacing (0028,0030) is missing or damaged"},
@@ -140,6 +177,49 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.nii.gz", without_last(read_bytes(f / "a.nii.gz"), 20));
      },
      "a.nii.gz", "truncated"},
+    {"NiftiGzippedWithAFlippedBit",
+     [](const TemporaryFolder& f) {
+       std::string bytes = gzipped(large_nifti().bytes());
+       bytes[bytes.size() - 7] ^= 1;  // of the checksum
+       write_bytes(f / "a.nii.gz", bytes);
+     },
+     "a.nii.gz", "a.nii.gz: damaged: its checksum does not match; copy it again"},
+    {"NiftiGzippedOfAnotherLength",
+     [](const TemporaryFolder& f) {
+       std::string bytes = gzipped(large_nifti().bytes());
+       bytes[bytes.size() - 4] ^= 1;
+       write_bytes(f / "a.nii.gz", bytes);
+     },
+     "a.nii.gz", "its checksum does not match"},
+    {"NiftiGzippedThatClaimsGigabytes",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.dim = {3, 2000, 2000, 1200, 1, 1, 1, 1};
+       write_bytes(f / "a.nii.gz", gzipped(file.bytes()));
+     },
+     "a.nii.gz", "cannot hold 9600000000 bytes of voxels"},
+    {"NiftiWithSformNan",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.sform[5] = std::nanf("");
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "sform holds nan"},
+    {"NiftiWithQformInfinite",
+     [](const TemporaryFolder& f) {
+       std::string bytes = nifti().bytes();
+       bytes[252] = 1;                                                           // qform_code
+       bytes.replace(268, 4, bytes_of(std::numeric_limits<float>::infinity()));  // qoffset_x
+       write_bytes(f / "a.nii", bytes);
+     },
+     "a.nii", "qform holds inf"},
+    {"NiftiWithoutItsVoxels",
+     [](const TemporaryFolder& f) {
+       std::string bytes = nifti().bytes();
+       bytes[345] = 'i';
+       write_bytes(f / "a.hdr", bytes);
+     },
+     "a.hdr", "its data file a.img"},
     {"NiftiCutInItsHeader",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", nifti().bytes().substr(0, 347)); }, "a.nii",
      "not a scan"},
@@ -195,6 +275,50 @@ const BadScan kBadScans[] = {
     {"NrrdCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", without_last(nrrd("spacings: 1 1 1\n"), 5)); },
      "a.nrrd", "truncated, 19 of 24 bytes"},
+    {"NrrdAsText",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd_encoded("ascii", std::string(500, '1')));
+     },
+     "a.nrrd", "encoding ascii is not supported; save the file as raw or gzip"},
+    {"NrrdAsHex",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_encoded("hex", std::string(500, 'f'))); },
+     "a.nrrd", "encoding hex is not supported"},
+    {"NrrdByAWidePattern",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nhdr", nrrd("data file: %999999d.raw 1 3 1\nspacings: 1 1 1\n"));
+     },
+     "a.nhdr", "stands for several files"},
+    {"NrrdByAList",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nhdr", nrrd("Data File: LIST\nspacings: 1 1 1\n")); },
+     "a.nhdr", "stands for several files"},
+    {"NrrdWithoutByteOrder",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 1\nencoding: gzip\n\n");
+     },
+     "a.nrrd", "the header is damaged"},
+    {"NrrdGzippedWithAFlippedBit",
+     [](const TemporaryFolder& f) {
+       std::string packed = gzipped(kVoxels);
+       packed[packed.size() - 7] ^= 1;
+       write_bytes(f / "a.nrrd", nrrd_encoded("gzip", packed));
+     },
+     "a.nrrd", "its checksum does not match"},
+    {"NrrdGzippedAndCut",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd_encoded("gzip", without_last(gzipped(kVoxels), 9)));
+     },
+     "a.nrrd", "truncated"},
+    {"NrrdGzippedOfFewerVoxels",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd_encoded("gzip", gzipped(without_last(kVoxels, 2))));
+     },
+     "a.nrrd", "truncated, 22 of 24 bytes"},
+    {"NrrdWithAPipeForItsDataFile",
+     [](const TemporaryFolder& f) {
+       mkfifo((f / "b.raw").c_str(), 0600);
+       write_bytes(f / "a.nhdr", nrrd("data file: b.raw\nspacings: 1 1 1\n"));
+     },
+     "a.nhdr", "its data file b.raw is missing"},
     {"NrrdWithoutItsDataFile",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nhdr", nrrd("data file: b.raw\nspacings: 1 1 1\n")); },
      "a.nhdr", "its data file b.raw is missing"},
@@ -226,6 +350,74 @@ const BadScan kBadScans[] = {
     {"MetaImageCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mha", without_last(meta_image(""), 5)); }, "a.mha",
      "truncated, 19 of 24 bytes"},
+    {"MetaImageOfNoDimensions",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "4", 0)); }, "a.mha",
+     "NDims is 0"},
+    {"MetaImageOfDimensionsBelowZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "4", -1)); }, "a.mha",
+     "NDims is -1"},
+    {"MetaImageOfTwoSizes", [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("", "4 3")); },
+     "a.mha", "DimSize holds 2 numbers instead of 3"},
+    {"MetaImageByAFormatString",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mhd", meta_image_in("%n%n%n.raw 0 1 1")); }, "a.mhd",
+     "is not a pattern such as"},
+    {"MetaImageByAPatternOfMissingFiles",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "0.raw", kVoxels.substr(0, 12));
+       write_bytes(f / "a.mhd", meta_image_in("%d.raw 0 1 1"));
+     },
+     "a.mhd", "its data file 1.raw is missing"},
+    {"MetaImageByAPatternOfTooFewFiles",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mhd", meta_image_in("%d.raw 0 2 1")); }, "a.mhd",
+     "does not name 2 files"},
+    {"MetaImageListsTooFewFiles",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "0.raw", kVoxels);
+       write_bytes(f / "a.mhd", meta_image_in("LIST\n0.raw"));
+     },
+     "a.mhd", "lists 1 files, but there are 2 slices"},
+    {"MetaImageListsAFileThatIsShort",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "0.raw", kVoxels.substr(0, 12));
+       write_bytes(f / "1.raw", kVoxels.substr(0, 11));
+       write_bytes(f / "a.mhd", meta_image_in("LIST\n0.raw\n1.raw"));
+     },
+     "a.mhd", "truncated, 11 of 12 bytes"},
+    {"MetaImageAsText",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("BinaryData = False\n")); }, "a.mha",
+     "voxels as text are not supported"},
+    {"MetaImageWithOriginNan",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("Offset = 0 nan 0\n")); }, "a.mha",
+     "Offset holds nan"},
+    {"MetaImageOfAnotherType",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha",
+                   "NDims = 3\nDimSize = 4 3 1\nElementType = MET_STRING\nElementDataFile = LOCAL\n");
+     },
+     "a.mha", "ElementType 'MET_STRING' is not supported"},
+    {"MetaImageThatDoesNotEnd",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", "ObjectType = Image\nNDims = 3\n"); }, "a.mha",
+     "ElementDataFile is missing"},
+    {"MetaImageCompressedWithAFlippedBit",
+     [](const TemporaryFolder& f) {
+       std::string packed = deflated(kVoxels);
+       packed.back() ^= 1;
+       write_bytes(f / "a.mha", meta_image("CompressedData = True\n", "4 3 1", 3, packed));
+     },
+     "a.mha", "damaged: its checksum does not match"},
+    {"MetaImageOfHalfAZlibStream",
+     [](const TemporaryFolder& f) {
+       const std::string packed = deflated(kVoxels);
+       write_bytes(f / "a.mha",
+                   meta_image("CompressedData = True\n", "4 3 1", 3, packed.substr(0, packed.size() / 2)));
+     },
+     "a.mha", "truncated"},
+    {"MetaImageThatClaimsGigabytes",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha",
+                   meta_image("CompressedData = True\n", "2000 2000 1200", 3, deflated(kVoxels)));
+     },
+     "a.mha", "cannot hold 9600000000 bytes of voxels"},
     {"MetaImageCompressedAndCut",
      [](const TemporaryFolder& f) {
        write_bytes(f / "a.mha", meta_image("CompressedData = True\nCompressedDataSize = 50\n"));

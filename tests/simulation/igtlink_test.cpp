@@ -393,6 +393,31 @@ TEST(OpenIGTLink, DeadClientGivesWayToAnother) {
   EXPECT_TRUE(run.says("was replaced by another client"));
 }
 
+TEST(OpenIGTLink, ClientThatOnlyLooksOnGivesWayToAnother) {
+  RunningLoop run;
+  RawClient onlooker(run);
+  for (int i = 0; i < 22; ++i) {  // more than the two seconds that a client may go without a pose
+    ASSERT_TRUE(onlooker.send(MessageBytes{.type = "GET_STATUS"}.bytes()));
+    std::this_thread::sleep_for(100ms);
+  }
+  Client next(run);
+  EXPECT_EQ(next.receive()->code, igtl::StatusMessage::STATUS_OK);
+  EXPECT_TRUE(run.says("gives way to another"));
+}
+
+TEST(OpenIGTLink, ReportsWhatEndsItsThread) {
+  IgtlinkDevice device({.port = 0}, [](const std::string&) { throw std::runtime_error("no more lines"); });
+  const auto socket = igtl::ClientSocket::New();
+  ASSERT_EQ(socket->ConnectToServer("127.0.0.1", device.address().port), 0);
+  EXPECT_THAT(
+      [&] {
+        for (const auto end = Clock::now() + 30s; Clock::now() < end; std::this_thread::sleep_for(2ms))
+          device.pose();
+      },
+      testing::ThrowsMessage<std::runtime_error>("no more lines"));
+  socket->CloseSocket();
+}
+
 TEST(OpenIGTLink, ConnectsAgainAndAgain) {
   RunningLoop run;
   double rotation_rad = 0;

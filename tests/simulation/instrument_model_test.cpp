@@ -115,6 +115,7 @@ INSTANTIATE_TEST_SUITE_P(
     Bad, RefusedDevice,
     testing::Values(
         BadDevice{"NotJson", "{", "[", "not a JSON object"},
+        BadDevice{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
         BadDevice{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
         BadDevice{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
         BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it has to be above zero"},

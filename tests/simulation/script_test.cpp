@@ -69,6 +69,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"Words", HEAD "0,0,left\n", "line 2: rotation_deg is \"left\""},
         BadScript{"HalfANumber", HEAD "0,0,1x\n", "line 2: rotation_deg is \"1x\""},
         BadScript{"BeforeTheStart", HEAD "-1,0,0\n", "line 2: time_s -1 is below zero"},
+        BadScript{"LongerThanADay", HEAD "0,0,0\n1e9,5,0\n", "line 3: time_s 1e+09 is more than a day"},
         BadScript{"DrawnOut", HEAD "0,-5,0\n", "line 2: insertion_mm -5 is below zero"},
         BadScript{"TooFast", HEAD "0,0,0\n1,301,0\n", "line 3: the hub would move at 301 mm/s"},
         BadScript{"TooQuickATurn", HEAD "0,0,0\n1,0,2000\n", "line 3: the hub would turn at 2000 deg/s"}),

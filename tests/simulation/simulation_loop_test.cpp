@@ -3,10 +3,12 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
 #include <cmath>
+#include <stdexcept>
 #include <thread>
 
 namespace xraycast {
@@ -54,6 +56,17 @@ TEST(SimulationLoop, GoesOnWhileNobodyReads) {
   EXPECT_GT(now.timing.mean_ms, 0);
   EXPECT_GE(now.timing.p999_ms, now.timing.mean_ms);
   EXPECT_LE(now.timing.missed, now.timing.steps);
+}
+
+TEST(SimulationLoop, HandsOnWhatItsThreadThrew) {
+  SimulationLoop loop(catheter(), [](const HubPose&, const HubLoad&, double) -> HubPose {
+    throw std::runtime_error("the hand let go");
+  });
+  EXPECT_THAT(
+      [&] {
+        for (const Stopwatch waiting; waiting.ms() < 30e3; std::this_thread::sleep_for(1ms)) loop.snapshot();
+      },
+      testing::ThrowsMessage<std::runtime_error>("the hand let go"));
 }
 
 }  // namespace

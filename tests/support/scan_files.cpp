@@ -6,6 +6,7 @@
 #include <bit>
 #include <fstream>
 #include <iterator>
+#include <zlib.h>
 
 namespace xraycast {
 namespace {
@@ -22,6 +23,21 @@ void put_big_endian(std::string& bytes, std::size_t offset, const T& value) {
   std::ranges::reverse_copy(bytes_of(value), bytes.begin() + static_cast<std::ptrdiff_t>(offset));
 }
 
+std::string packed(const std::string& bytes, int window_bits) {
+  z_stream zlib{};
+  deflateInit2(&zlib, Z_DEFAULT_COMPRESSION, Z_DEFLATED, window_bits, 8, Z_DEFAULT_STRATEGY);
+  std::string result(deflateBound(&zlib, bytes.size()), '\0');
+  std::string input = bytes;
+  zlib.next_in = reinterpret_cast<Bytef*>(input.data());
+  zlib.avail_in = static_cast<uInt>(input.size());
+  zlib.next_out = reinterpret_cast<Bytef*>(result.data());
+  zlib.avail_out = static_cast<uInt>(result.size());
+  deflate(&zlib, Z_FINISH);
+  result.resize(zlib.total_out);
+  deflateEnd(&zlib);
+  return result;
+}
+
 }  // namespace
 
 void write_bytes(const std::filesystem::path& path, const std::string& bytes) {
@@ -32,6 +48,9 @@ std::string read_bytes(const std::filesystem::path& path) {
   std::ifstream stream(path, std::ios::binary);
   return {std::istreambuf_iterator<char>(stream), {}};
 }
+
+std::string gzipped(const std::string& bytes) { return packed(bytes, MAX_WBITS + 16); }
+std::string deflated(const std::string& bytes) { return packed(bytes, MAX_WBITS); }
 
 DicomFile::DicomFile(int columns, int rows, std::span<const std::int16_t> pixels) {
   text(0x00080016, "UI", "1.2.840.10008.5.1.4.1.1.2");

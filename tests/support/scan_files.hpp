@@ -31,6 +31,10 @@ std::string bytes_of(const T& value) {
   return {reinterpret_cast<const char*>(&value), sizeof value};
 }
 
+/// Packed as gzip and zlib do it, each with its checksum.
+std::string gzipped(const std::string& bytes);
+std::string deflated(const std::string& bytes);
+
 /// A DICOM file, element by element: tests change or erase what they are about. Starts as an axial CT slice
 /// of 1 mm pixels at the origin, with slope 1 and intercept -1024.
 class DicomFile {

@@ -40,5 +40,11 @@ TEST(SessionFile, RefusesASteeredCatheterThatIsNone) {
   EXPECT_THROW(read_session(folder / "s.json"), InputError);
 }
 
+TEST(SessionFile, RefusesDeepJson) {
+  const TemporaryFolder folder;
+  write_whole_file(folder / "s.json", R"({"xraycast_session": 1, "opacity": )" + std::string(200'000, '['));
+  EXPECT_THROW(read_session(folder / "s.json"), InputError);
+}
+
 }  // namespace
 }  // namespace xraycast

@@ -1,14 +1,15 @@
 #include "xraycast/attenuation/opacity.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/json_text.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/scan/volume.hpp"
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <fstream>
-#include <iterator>
+#include <filesystem>
 
 namespace xraycast {
 namespace {
@@ -53,7 +54,7 @@ Opacity Opacity::bilinear() {
 }
 
 Opacity Opacity::from_json(const std::string& text, const std::string& origin) {
-  const auto json = nlohmann::json::parse(text, nullptr, false);
+  const auto json = parse_json(text, origin);
   if (!json.is_object()) throw InputError("{}: not a JSON object, so not an opacity", origin);
   if (const auto unit = json.find("unit"); unit != json.end() && *unit != "1/mm")
     throw InputError("{}: unit is {}, but has to be \"1/mm\"", origin, unit->dump());
@@ -75,11 +76,10 @@ Opacity Opacity::named(const std::string& name_or_file) {
   if (name_or_file == "paper") return paper();
   if (name_or_file == "bilinear") return bilinear();
   if (name_or_file == "subtracted") return subtracted();
-  std::ifstream file(name_or_file);
-  if (!file)
+  if (!std::filesystem::is_regular_file(name_or_file))
     throw InputError("{}: neither an opacity (paper, bilinear, subtracted) nor a file that can be read",
                      name_or_file);
-  return from_json({std::istreambuf_iterator<char>(file), {}}, name_or_file);
+  return from_json(read_whole_file(name_or_file), name_or_file);
 }
 
 std::string Opacity::to_json() const {

@@ -1,6 +1,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/whole_file.hpp"
 
@@ -150,7 +151,7 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
 
 Spectrum Spectrum::from_json(const std::string& text, const std::string& origin) {
   try {
-    const auto json = nlohmann::json::parse(text);
+    const auto json = parse_json(text, origin);
     std::vector<Bin> bins;
     for (const auto& [energy_kev, fluence] : json.at("bins").get<std::vector<std::array<double, 2>>>())
       bins.push_back({energy_kev, fluence});

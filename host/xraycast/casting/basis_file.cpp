@@ -2,6 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/json_text.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -68,7 +69,7 @@ std::string header_of(const Basis& basis) {
 class HeaderReader {
  public:
   HeaderReader(std::span<const char> text, std::string file)
-      : file_(std::move(file)), header_(json::parse(text.begin(), text.end(), nullptr, false)) {
+      : file_(std::move(file)), header_(parse_json({text.data(), text.size()}, file_)) {
     if (!header_.is_object()) throw InputError("{}: its header is not a JSON object", file_);
   }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 
 #include <glm/common.hpp>
@@ -9,8 +10,6 @@
 #include <algorithm>
 #include <charconv>
 #include <cmath>
-#include <filesystem>
-#include <fstream>
 #include <optional>
 #include <sstream>
 
@@ -27,8 +26,7 @@ std::optional<glm::dvec3> parse_point(std::string line) {
 }
 
 std::vector<glm::dvec3> read_csv(const std::string& path) {
-  std::ifstream file(path);
-  if (!file) throw InputError("{}: cannot be read", path);
+  std::istringstream file(read_whole_file(path));
   std::vector<glm::dvec3> points_mm;
   std::string line;
   for (int number = 1; std::getline(file, line); ++number) {

@@ -2,10 +2,12 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/json_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/vtp.hpp"
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
@@ -75,10 +77,18 @@ void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
     if (point.radius_mm <= 0)
       throw InputError("{}: branch {}: point {}: the radius {} mm is not above zero", name, index, k,
                        point.radius_mm);
+    if (point.radius_mm > VesselTree::kLargestRadius_mm)
+      throw InputError("{}: branch {}: point {}: the radius {:g} mm is more than {:g}; lengths are in mm",
+                       name, index, k, point.radius_mm, VesselTree::kLargestRadius_mm);
+    const glm::dvec3 away_mm = glm::abs(point.position_mm);
+    if (const double farthest_mm = std::max({away_mm.x, away_mm.y, away_mm.z});
+        farthest_mm > VesselTree::kFarthest_mm)
+      throw InputError(
+          "{}: branch {}: point {} lies {:g} mm from the origin, more than {:g}; lengths are in mm", name,
+          index, k, farthest_mm, VesselTree::kFarthest_mm);
     if (k == 0) continue;
     const double before = branch.arc_length_mm.back();
     const double length = before + glm::distance(branch.points[k - 1].position_mm, point.position_mm);
-    if (!std::isfinite(length)) throw InputError("{}: branch {}: its length is not finite", name, index);
     if (length <= before)
       throw InputError("{}: branch {}: point {} is in the place of the one before it", name, index, k);
     branch.arc_length_mm.push_back(length);
@@ -227,12 +237,8 @@ std::int64_t integer(const nlohmann::json& object, const char* key, const std::s
 
 VesselTree read_json(const std::filesystem::path& path) {
   const std::string name = path.string();
-  nlohmann::json document;
-  try {
-    document = nlohmann::json::parse(read_whole_file(path));
-  } catch (const nlohmann::json::exception& error) {
-    throw InputError("{}: not JSON: {}", name, error.what());
-  }
+  const nlohmann::json document = parse_json(read_whole_file(path), name);
+  if (document.is_discarded()) throw InputError("{}: not JSON; write it again", name);
 
   const nlohmann::json& list = member(document, "branches", name);
   if (!list.is_array()) throw InputError("{}: \"branches\" is not a list", name);

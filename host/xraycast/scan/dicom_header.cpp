@@ -191,7 +191,8 @@ std::vector<double> DicomHeader::numbers(DicomTag tag) const {
   for (const char* at = value.data(); at < last;) {
     const char* const end = std::find(at, last, '\\');
     at = std::find_if(at, end, [](char c) { return c != ' ' && c != '+'; });
-    if (std::from_chars(at, end, result.emplace_back()).ec != std::errc{}) return {};
+    const auto [rest, error] = std::from_chars(at, end, result.emplace_back());
+    if (error != std::errc{} || std::find_if(rest, end, [](char c) { return c != ' '; }) != end) return {};
     at = end + 1;
   }
   return result;

@@ -1,5 +1,6 @@
 #include "xraycast/scan/dicom_scan.hpp"
 
+#include "xraycast/base/child_process.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -12,9 +13,11 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <fstream>
 #include <map>
+#include <new>
 #include <optional>
 
 namespace xraycast {
@@ -41,6 +44,7 @@ struct DicomSlice {
   bool is_signed = false;
   /// Where the pixels start if they are plain 16-bit little-endian words; otherwise GDCM decodes them.
   std::optional<std::int64_t> plain_pixels_B;
+  const char* coding = "";  ///< what GDCM has to decode, for messages
 };
 
 // ---- one file's header ---------------------------------------------------------------------------
@@ -52,6 +56,36 @@ std::vector<double> numbers(const DicomHeader& header, DicomTag tag, std::size_t
     throw InputError("{}: {} ({:04x},{:04x}) is missing or damaged, so {}; export the series again with it",
                      file.string(), name, tag >> 16, tag & 0xffff, consequence);
   return result;
+}
+
+/// How the pixels of a transfer syntax are coded.
+const char* coding_of(const std::string& transfer_syntax) {
+  // DICOM PS3.6, annex A: the numbers behind 1.2.840.10008.1.2, of which the last ones choose a profile.
+  struct Coding {
+    const char *prefix, *name;
+  };
+  constexpr Coding kCodings[] = {{"1.2.840.10008.1.2.4.5", "JPEG"},
+                                 {"1.2.840.10008.1.2.4.7", "JPEG"},
+                                 {"1.2.840.10008.1.2.4.8", "JPEG-LS"},
+                                 {"1.2.840.10008.1.2.4.9", "JPEG 2000"},
+                                 {"1.2.840.10008.1.2.5", "RLE"}};
+  for (const auto& [prefix, name] : kCodings)
+    if (transfer_syntax.starts_with(prefix)) return name;
+  return "pixel";
+}
+
+/// What turns stored values into Hounsfield units. A CT slice has to say it (Type 1 of CT Image Storage):
+/// taken as 1 and 0, most would be off by 1024 HU.
+double rescale_number(const DicomHeader& header, DicomTag tag, const char* name, double of_others,
+                      const fs::path& file) {
+  const std::string text = header.text(tag);
+  if (text.empty() && header.text(kModality) != "CT") return of_others;
+  const std::vector<double> number = header.numbers(tag);
+  if (number.size() != 1 || !std::isfinite(number[0]) || (tag == kRescaleSlope && number[0] == 0))
+    throw InputError(
+        "{}: {} ({:04x},{:04x}) is {}, so its Hounsfield units are unknown; export the series again",
+        file.string(), name, tag >> 16, tag & 0xffff, text.empty() ? "missing" : "'" + text + "'");
+  return number[0];
 }
 
 double number_or(const DicomHeader& header, DicomTag tag, double fallback) {
@@ -106,8 +140,9 @@ std::optional<DicomSlice> read_slice_header(const fs::path& file) {
   slice.series_number = header.text(kSeriesNumber);
   slice.plane = read_plane(header, file);
   slice.thickness_mm = number_or(header, kSliceThickness, 0);
-  slice.slope = number_or(header, kRescaleSlope, 1);
-  slice.intercept = number_or(header, kRescaleIntercept, 0);
+  slice.slope = rescale_number(header, kRescaleSlope, "RescaleSlope", 1, file);
+  slice.intercept = rescale_number(header, kRescaleIntercept, "RescaleIntercept", 0, file);
+  slice.coding = coding_of(header.transfer_syntax());
   const int bits_allocated = header.unsigned_short(kBitsAllocated).value_or(16);
   slice.bits_stored = header.unsigned_short(kBitsStored).value_or(static_cast<std::uint16_t>(bits_allocated));
   slice.high_bit =
@@ -119,6 +154,12 @@ std::optional<DicomSlice> read_slice_header(const fs::path& file) {
   if (!pixels.encapsulated && pixels.length_B < needed_B)
     throw InputError("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
                      file.string(), pixels.length_B, needed_B);
+  // The best a codec does is an empty slice of 512 x 512 pixels in some 100 bytes.
+  constexpr std::int64_t kMaxPacked = 20000;
+  if (pixels.encapsulated && needed_B / kMaxPacked > pixels.length_B)
+    throw InputError(
+        "{}: {} x {} pixels (Columns, Rows) cannot come from {} bytes of {} data; copy the file again",
+        file.string(), slice.columns, slice.rows, pixels.length_B, slice.coding);
   const bool little_endian =
       header.transfer_syntax() == "1.2.840.10008.1.2" || header.transfer_syntax() == "1.2.840.10008.1.2.1";
   if (little_endian && !pixels.encapsulated && bits_allocated == 16 && slice.high_bit < 16 &&
@@ -152,23 +193,12 @@ SliceSource::HuRange read_plain(const DicomSlice& slice, std::span<std::int16_t>
   return slice.is_signed ? rescale_as(std::int16_t{}) : rescale_as(std::uint16_t{});
 }
 
-SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
-  gdcm::ImageReader reader;
-  reader.SetFileName(slice.file.c_str());
-  std::vector<char> buffer;
-  bool decoded = false;
-  try {
-    if (reader.Read()) {
-      buffer.resize(reader.GetImage().GetBufferLength());
-      decoded = reader.GetImage().GetBuffer(buffer.data());
-    }
-  } catch (const std::exception&) {  // what GDCM says then is about its own code
-  }
-  if (!decoded)
-    throw InputError(
-        "{}: the pixel data could not be decoded; the file is damaged or its compression unknown",
-        slice.file.string());
-
+SliceSource::HuRange rescale_decoded(const DicomSlice& slice, const gdcm::Image& image,
+                                     std::span<std::int16_t> hu) {
+  std::vector<char> buffer(image.GetBufferLength());
+  if (!image.GetBuffer(buffer.data()))
+    throw InputError("{}: its {} data could not be decoded; the file is damaged or its compression unknown",
+                     slice.file.string(), slice.coding);
   const auto rescale_as = [&]<typename T>(T) {
     if (buffer.size() < hu.size() * sizeof(T))
       throw InputError("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
@@ -176,7 +206,7 @@ SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_
     return rescale(std::span(reinterpret_cast<const T*>(buffer.data()), hu.size()), slice.slope,
                    slice.intercept, hu);
   };
-  switch (reader.GetImage().GetPixelFormat().GetScalarType()) {
+  switch (image.GetPixelFormat().GetScalarType()) {
     case gdcm::PixelFormat::UINT8:
       return rescale_as(std::uint8_t{});
     case gdcm::PixelFormat::INT8:
@@ -193,8 +223,48 @@ SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_
       return rescale_as(std::int32_t{});
     default:
       throw InputError("{}: pixels of type {} are not supported", slice.file.string(),
-                       reader.GetImage().GetPixelFormat().GetScalarTypeAsString());
+                       image.GetPixelFormat().GetScalarTypeAsString());
   }
+}
+
+SliceSource::HuRange decode_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
+  gdcm::ImageReader reader;
+  reader.SetFileName(slice.file.c_str());
+  if (!reader.Read())
+    throw InputError("{}: its {} data could not be decoded; the file is damaged or its compression unknown",
+                     slice.file.string(), slice.coding);
+  return rescale_decoded(slice, reader.GetImage(), hu);
+}
+
+/// What the process that decodes a slice leaves, in front of its HU.
+struct DecodedSlice {
+  SliceSource::HuRange range;
+  std::array<char, 1000> error;  ///< why it could not, ended by a zero
+};
+
+/// GDCM and the codecs under it write past their memory for some damaged files, or abort.
+SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
+  const SharedMemory shared(sizeof(DecodedSlice) + hu.size_bytes());
+  auto* const decoded = new (shared.bytes().data()) DecodedSlice{};
+  auto* const shared_hu = reinterpret_cast<std::int16_t*>(shared.bytes().data() + sizeof(DecodedSlice));
+  // A codec holds a slice several times, in wider words.
+  constexpr std::int64_t kCopies = 32, kLibraries_B = std::int64_t{256} << 20;
+  const ChildLimits limits{.memory_B = kCopies * static_cast<std::int64_t>(hu.size_bytes()) + kLibraries_B};
+  const bool ended_well = run_in_child(
+      [&] {
+        try {
+          decoded->range = decode_by_gdcm(slice, {shared_hu, hu.size()});
+        } catch (const InputError& error) {
+          std::string(error.what()).copy(decoded->error.data(), decoded->error.size() - 1);
+        }
+      },
+      limits);
+  if (decoded->error[0] != 0) throw InputError("{}", decoded->error.data());
+  if (!ended_well)
+    throw InputError("{}: its {} data are damaged; copy it again or take it away", slice.file.string(),
+                     slice.coding);
+  std::copy_n(shared_hu, hu.size(), hu.begin());
+  return decoded->range;
 }
 
 class DicomStack final : public SliceStack {

@@ -1,13 +1,10 @@
 #include "xraycast/scan/image_file_scan.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/parallel.hpp"
-#include "xraycast/scan/raw_voxels.hpp"
-#include "xraycast/scan/rescale.hpp"
-#include "xraycast/scan/slice_stack.hpp"
+#include "xraycast/scan/image_file_stack.hpp"
+#include "xraycast/scan/text_header.hpp"
 
 #include <glm/geometric.hpp>
-#include <itkMetaImageIO.h>
 #include <itkNiftiImageIO.h>
 #include <itkNrrdImageIO.h>
 
@@ -16,300 +13,54 @@
 #include <bit>
 #include <charconv>
 #include <cmath>
-#include <cstring>
 #include <fstream>
-#include <iostream>
 #include <map>
 #include <optional>
 #include <sstream>
 #include <zlib.h>
 
+// ITK reads the headers, once they are checked for what it would not survive or not notice: it replaces
+// spacings that are not numbers by 1, does not come back from some matrices that are none, and writes past
+// its memory for some encodings. The voxels are read here: ITK does not look at checksums, and fills what a
+// truncated file lacks with zeros.
 namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
 
-/// ITK's MetaIO writes its complaints to std::cerr before it fails; ours say more.
-class QuietCerr {
- public:
-  QuietCerr() : buffer_(std::cerr.rdbuf(nullptr)) {}
-  ~QuietCerr() { std::cerr.rdbuf(buffer_); }
-  QuietCerr(const QuietCerr&) = delete;
-  QuietCerr& operator=(const QuietCerr&) = delete;
-
- private:
-  std::streambuf* buffer_;
-};
-
-// ---- what ITK would not notice -------------------------------------------------------------------
-// ITK replaces spacings that are not numbers by 1, and fills what a truncated file lacks with zeros.
-
-/// Where a header says that the voxels are, one after the other.
-struct StoredVoxels {
-  fs::path file;
-  std::int64_t offset_B = 0;
-  /// Not set where the header spells it in a way that only ITK knows, which then reads them.
-  std::optional<bool> is_big_endian{};
-};
-
-/// A file of at least so many bytes behind an offset, or an InputError.
-void require_size(const StoredVoxels& voxels, std::int64_t needed_B) {
-  RawVoxels(voxels.file, voxels.offset_B, needed_B);
+std::optional<VoxelType> voxel_type(itk::IOComponentEnum component) {
+  using enum itk::IOComponentEnum;
+  static const std::map<itk::IOComponentEnum, VoxelType> kTypes{
+      {CHAR, VoxelType::int8},        {UCHAR, VoxelType::uint8},    {SHORT, VoxelType::int16},
+      {USHORT, VoxelType::uint16},    {INT, VoxelType::int32},      {UINT, VoxelType::uint32},
+      {LONG, VoxelType::int64},       {LONGLONG, VoxelType::int64}, {ULONG, VoxelType::uint64},
+      {ULONGLONG, VoxelType::uint64}, {FLOAT, VoxelType::float32},  {DOUBLE, VoxelType::float64}};
+  const auto found = kTypes.find(component);
+  return found == kTypes.end() ? std::nullopt : std::optional(found->second);
 }
 
-/// The data file that a header names.
-fs::path beside(const fs::path& path, const std::string& data_file) {
-  const fs::path file = path.parent_path() / data_file;
-  if (!fs::is_regular_file(file))
-    throw InputError("{}: its data file {} is missing; put it beside the header", path.string(), data_file);
-  return file;
-}
-
-void require_spacing(const fs::path& path, const char* field, std::span<const double> spacing_mm) {
-  for (const double mm : spacing_mm)
-    if (!std::isfinite(mm) || mm <= 0)
-      throw InputError("{}: {} holds {}; spacing has to be finite and above zero", path.string(), field, mm);
-}
-
-/// The numbers of a text, whatever stands between them.
-std::vector<double> numbers(const std::string& text) {
-  std::string plain = text;
-  std::ranges::replace_if(
-      plain, [](char c) { return std::strchr("(),\t", c) != nullptr; }, ' ');
-  std::istringstream words(plain);
-  std::vector<double> result;
-  // Not read as doubles: streams refuse `nan`, which has to be noticed.
-  for (std::string word; words >> word;) {
-    double value = 0;
-    if (std::from_chars(word.data(), word.data() + word.size(), value).ec == std::errc{})
-      result.push_back(value);
+/// A header's sizes and place, as ITK reads them.
+ImageHeader read_by_itk(itk::ImageIOBase& io, const fs::path& path) {
+  try {
+    itk::Object::GlobalWarningDisplayOff();
+    io.SetFileName(path.string());
+    io.ReadImageInformation();
+  } catch (const std::exception&) {
+    throw InputError("{}: the header is damaged; export the file again", path.string());
   }
-  return result;
-}
-
-std::string trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  return first == std::string::npos ? "" : text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
-/// The fields of a text header, and the offset of what follows it.
-struct TextHeader {
-  std::map<std::string, std::string> fields;
-  std::int64_t end_B = 0;
-
-  std::string get(const std::string& name) const {
-    const auto field = fields.find(name);
-    return field == fields.end() ? "" : field->second;
-  }
-};
-
-/// Up to an empty line or the field `last`.
-TextHeader read_text_header(const fs::path& path, char separator, const std::string& last) {
-  std::ifstream stream(path, std::ios::binary);
-  TextHeader header;
-  for (std::string line; std::getline(stream, line) && !trimmed(line).empty();) {
-    const auto at = line.find(separator);
-    if (at == std::string::npos) continue;
-    const std::string name = trimmed(line.substr(0, at));
-    header.fields[name] = trimmed(line.substr(at + 1));
-    if (name == last) break;
-  }
-  if (stream) header.end_B = stream.tellg();
-  return header;
-}
-
-// ---- the stack -----------------------------------------------------------------------------------
-
-void swap_bytes(std::span<char> bytes, std::size_t component_B) {
-  for (std::size_t i = 0; i + component_B <= bytes.size(); i += component_B)
-    std::reverse(bytes.data() + i, bytes.data() + i + component_B);
-}
-
-template <typename T>
-SliceSource::HuRange rescale_bytes(const char* bytes, std::span<std::int16_t> hu) {
-  return rescale(std::span(reinterpret_cast<const T*>(bytes), hu.size()), 1, 0, hu);
-}
-
-class ImageFileStack final : public SliceStack {
- public:
-  ImageFileStack(itk::ImageIOBase::Pointer io, const fs::path& path) : io_(std::move(io)) {
-    try {
-      const QuietCerr quiet;
-      itk::Object::GlobalWarningDisplayOff();
-      io_->SetFileName(path.string());
-      io_->ReadImageInformation();
-    } catch (const std::exception&) {
-      throw InputError("{}: the header is damaged; export the file again", path.string());
-    }
-    name = path.string();
-    const unsigned dimensions = io_->GetNumberOfDimensions();
-    for (unsigned d = 3; d < dimensions; ++d)
-      if (io_->GetDimensions(d) > 1)
-        throw InputError("{}: {} dimensions; a scan has three, so take one volume out of it", name,
-                         dimensions);
-    if (io_->GetPixelType() != itk::IOPixelEnum::SCALAR || io_->GetNumberOfComponents() != 1)
-      throw InputError("{}: {} numbers a voxel (colours or vectors); a CT scan has one", name,
-                       io_->GetNumberOfComponents());
-    constexpr std::size_t kMaxSize = 65536;
-    for (unsigned d = 0; d < dimensions; ++d)
-      if (io_->GetDimensions(d) < 1 || io_->GetDimensions(d) > kMaxSize)
-        throw InputError("{}: {} voxels along axis {} are outside 1 to {}", name, io_->GetDimensions(d),
-                         d + 1, kMaxSize);
-
-    columns = static_cast<std::int64_t>(io_->GetDimensions(0));
-    rows = dimensions > 1 ? static_cast<std::int64_t>(io_->GetDimensions(1)) : 1;
-    slices_ = dimensions > 2 ? static_cast<std::int64_t>(io_->GetDimensions(2)) : 1;
-    const glm::dvec3 i = step_mm(0), j = step_mm(1), k = dimensions > 2 ? step_mm(2) : glm::dvec3(0);
-    // Three dimensions span a volume, two leave the thickness open.
-    if (dimensions > 2 &&
-        !(std::abs(glm::dot(glm::cross(i, j), k)) > 1e-6 * glm::length(i) * glm::length(j) * glm::length(k)))
-      throw InputError("{}: the direction matrix is singular; export the file again with its orientation",
-                       name);
-    thickness_mm = glm::length(k);
-    glm::dvec3 origin_mm(0);
+  ImageHeader header;
+  header.path = path;
+  header.numbers_per_voxel = io.GetNumberOfComponents();
+  const unsigned dimensions = io.GetNumberOfDimensions();
+  for (unsigned d = 0; d < dimensions; ++d)
+    header.size.push_back(static_cast<std::int64_t>(io.GetDimensions(d)));
+  for (unsigned axis = 0; axis < std::min(3U, dimensions); ++axis) {
+    const std::vector<double> direction = io.GetDirection(axis);
     for (unsigned d = 0; d < std::min(3U, dimensions); ++d)
-      origin_mm[static_cast<int>(d)] = io_->GetOrigin(d);
-    reversed_ = glm::dot(k, upward(glm::cross(i, j))) < 0;
-    for (std::int64_t s = 0; s < slices_; ++s)
-      planes.push_back({origin_mm + static_cast<double>(reversed_ ? slices_ - 1 - s : s) * k, i, j});
+      header.step_mm[axis][static_cast<int>(d)] = direction[d] * io.GetSpacing(axis);
+    header.origin_mm[static_cast<int>(axis)] = io.GetOrigin(axis);
   }
-
-  std::string orientation() const {
-    return {side(step_mm(0)), side(step_mm(1)),
-            slices_ > 1 || thickness_mm > 0 ? side(step_mm(2)) : side(glm::cross(step_mm(0), step_mm(1)))};
-  }
-
-  /// Reads the voxels from here rather than through ITK, which takes one core, and for NRRD the whole volume.
-  void read_from(const StoredVoxels& voxels) {
-    RawVoxels raw(voxels.file, voxels.offset_B, slice_B() * slices_);
-    if (!voxels.is_big_endian) return;
-    raw_.emplace(std::move(raw));
-    swapped_ = *voxels.is_big_endian == (std::endian::native == std::endian::little);
-  }
-
-  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> destinations) override {
-    return raw_ ? decode_raw(first, destinations) : decode_by_itk(first, destinations);
-  }
-
- private:
-  std::int64_t slice_B() const { return columns * rows * static_cast<std::int64_t>(io_->GetComponentSize()); }
-
-  SliceSource::HuRange decode_raw(std::int64_t first, std::span<std::int16_t* const> destinations) {
-    std::vector<SliceSource::HuRange> ranges(destinations.size());
-    parallel_for(std::ssize(destinations), [&](std::int64_t s) {
-      const std::span hu(destinations[static_cast<std::size_t>(s)], static_cast<std::size_t>(columns * rows));
-      // 16-bit voxels become HU where they are.
-      std::vector<char> wider(io_->GetComponentSize() == sizeof(std::int16_t) ? 0 : slice_B());
-      const std::span bytes =
-          wider.empty() ? std::span(reinterpret_cast<char*>(hu.data()), hu.size_bytes()) : std::span(wider);
-      raw_->read((reversed_ ? slices_ - 1 - first - s : first + s) * slice_B(), bytes);
-      if (swapped_) swap_bytes(bytes, io_->GetComponentSize());
-      ranges[static_cast<std::size_t>(s)] = rescale_slice(bytes.data(), hu);
-    });
-    SliceSource::HuRange range = kNoHu;
-    for (const SliceSource::HuRange& one : ranges) include(range, one);
-    return range;
-  }
-
-  SliceSource::HuRange decode_by_itk(std::int64_t first, std::span<std::int16_t* const> destinations) {
-    const std::int64_t count = std::ssize(destinations);
-    const std::int64_t first_stored = reversed_ ? slices_ - first - count : first;
-    // Formats that cannot be read in parts are read whole, once.
-    if (io_->CanStreamRead())
-      read(first_stored, count);
-    else if (voxels_.empty())
-      read(0, slices_);
-
-    SliceSource::HuRange range = kNoHu;
-    for (std::int64_t s = 0; s < count; ++s) {
-      const std::int64_t stored = first_stored + (reversed_ ? count - 1 - s : s);
-      const std::span hu(destinations[static_cast<std::size_t>(s)], static_cast<std::size_t>(columns * rows));
-      include(range, rescale_slice(voxels_.data() + (stored - first_voxel_slice_) * slice_B(), hu));
-    }
-    return range;
-  }
-
-  glm::dvec3 step_mm(unsigned axis) const {
-    const std::vector<double> direction = io_->GetDirection(axis);
-    glm::dvec3 step(0);
-    for (unsigned d = 0; d < std::min(3U, io_->GetNumberOfDimensions()); ++d)
-      step[static_cast<int>(d)] = direction[d] * io_->GetSpacing(axis);
-    return step;
-  }
-
-  void read(std::int64_t first, std::int64_t count) {
-    const unsigned dimensions = io_->GetNumberOfDimensions();
-    itk::ImageIORegion region(dimensions);
-    for (unsigned d = 0; d < dimensions; ++d) {
-      region.SetIndex(d, d == 2 ? first : 0);
-      region.SetSize(d, d == 2 ? static_cast<std::size_t>(count) : io_->GetDimensions(d));
-    }
-    first_voxel_slice_ = first;
-    try {
-      const QuietCerr quiet;
-      voxels_.resize(static_cast<std::size_t>(count * slice_B()));
-      io_->SetIORegion(region);
-      io_->Read(voxels_.data());
-    } catch (const std::exception&) {
-      throw InputError("{}: the voxels could not be read; the file is damaged or truncated, copy it again",
-                       name);
-    }
-  }
-
-  SliceSource::HuRange rescale_slice(const char* bytes, std::span<std::int16_t> hu) const {
-    using Type = itk::IOComponentEnum;
-    switch (io_->GetComponentType()) {
-      case Type::UCHAR:
-        return rescale_bytes<unsigned char>(bytes, hu);
-      case Type::CHAR:
-        return rescale_bytes<signed char>(bytes, hu);
-      case Type::USHORT:
-        return rescale_bytes<unsigned short>(bytes, hu);
-      case Type::SHORT:
-        return rescale_bytes<short>(bytes, hu);
-      case Type::UINT:
-        return rescale_bytes<unsigned int>(bytes, hu);
-      case Type::INT:
-        return rescale_bytes<int>(bytes, hu);
-      case Type::ULONG:
-        return rescale_bytes<unsigned long>(bytes, hu);
-      case Type::LONG:
-        return rescale_bytes<long>(bytes, hu);
-      case Type::ULONGLONG:
-        return rescale_bytes<unsigned long long>(bytes, hu);
-      case Type::LONGLONG:
-        return rescale_bytes<long long>(bytes, hu);
-      case Type::FLOAT:
-        return rescale_bytes<float>(bytes, hu);
-      case Type::DOUBLE:
-        return rescale_bytes<double>(bytes, hu);
-      default:
-        throw InputError("{}: voxels of type {} are not supported", name,
-                         itk::ImageIOBase::GetComponentTypeAsString(io_->GetComponentType()));
-    }
-  }
-
-  itk::ImageIOBase::Pointer io_;
-  std::int64_t slices_ = 1;
-  bool reversed_ = false;
-  std::optional<RawVoxels> raw_;
-  bool swapped_ = false;      ///< raw_'s bytes
-  std::vector<char> voxels_;  ///< as stored, from slice first_voxel_slice_ on
-  std::int64_t first_voxel_slice_ = 0;
-};
-
-Scan open_image(std::unique_ptr<ImageFileStack> stack, const char* format, std::vector<std::string> warnings,
-                const ScanOptions& options) {
-  ScanInfo info;
-  info.format = format;
-  info.orientation = stack->orientation();
-  info.warnings = std::move(warnings);
-  return deliver(std::move(stack), std::move(info), options);
-}
-
-std::string unknown_orientation(const char* field, const std::string& orientation) {
-  return fmt::format("the file does not say how the patient lies ({}); its axes are taken as {}", field,
-                     orientation);
+  return header;
 }
 
 // ---- NIfTI ---------------------------------------------------------------------------------------
@@ -333,8 +84,16 @@ class NiftiHeader {
     return std::bit_cast<T>(bytes);
   }
 
+  /// `count` floats in a row.
+  std::vector<double> floats(std::size_t offset, std::size_t count) const {
+    std::vector<double> values;
+    for (std::size_t i = 0; i < count; ++i) values.push_back(get<float>(offset + 4 * i));
+    return values;
+  }
+
   /// `n+1` holds the voxels too, `ni1` has them in an .img beside it.
   bool is_pair() const { return bytes_[345] == 'i'; }
+  bool is_big_endian() const { return swapped_ == (std::endian::native == std::endian::little); }
 
  private:
   static constexpr int kSize = 348;
@@ -342,7 +101,14 @@ class NiftiHeader {
   bool swapped_ = false;
 };
 
-void require_sizes_and_directions(const fs::path& path, const NiftiHeader& header) {
+void require_finite(const fs::path& path, const char* field, const std::vector<double>& values) {
+  for (const double value : values)
+    if (!std::isfinite(value))
+      throw InputError("{}: {} holds {}; export the file again with its orientation", path.string(), field,
+                       value);
+}
+
+void check_nifti(const fs::path& path, const NiftiHeader& header) {
   const int dimensions = header.get<std::int16_t>(40);
   if (dimensions < 1 || dimensions > 7)
     throw InputError("{}: dim holds {} as the number of dimensions; the header is damaged", path.string(),
@@ -350,41 +116,20 @@ void require_sizes_and_directions(const fs::path& path, const NiftiHeader& heade
   for (int d = 1; d <= dimensions; ++d)
     if (const auto size = header.get<std::int16_t>(40 + 2 * static_cast<std::size_t>(d)); size < 1)
       throw InputError("{}: dim holds {}; sizes have to be above zero", path.string(), size);
-  std::array<double, 3> spacing_mm{1, 1, 1};
-  for (int d = 1; d <= std::min(dimensions, 3); ++d)
-    spacing_mm[static_cast<std::size_t>(d - 1)] = header.get<float>(76 + 4 * static_cast<std::size_t>(d));
-  require_spacing(path, "pixdim", spacing_mm);
+  require_spacing(path, "pixdim", header.floats(80, static_cast<std::size_t>(std::min(dimensions, 3))));
+  require_finite(path, "pixdim", header.floats(76, 4));
 
   const bool has_qform = header.get<std::int16_t>(252) > 0, has_sform = header.get<std::int16_t>(254) > 0;
-  std::array<glm::dvec3, 3> row;
-  for (std::size_t r = 0; r < 3; ++r)
-    row[r] = {header.get<float>(280 + 16 * r), header.get<float>(284 + 16 * r),
-              header.get<float>(288 + 16 * r)};
-  if (has_sform && !has_qform && glm::dot(glm::cross(row[0], row[1]), row[2]) == 0)
+  if (has_qform) require_finite(path, "qform", header.floats(256, 6));
+  if (!has_sform) return;
+  const std::vector<double> sform = header.floats(280, 12);
+  require_finite(path, "sform", sform);
+  const auto row = [&](std::size_t r) {
+    return glm::dvec3(sform[4 * r], sform[4 * r + 1], sform[4 * r + 2]);
+  };
+  if (!has_qform && glm::dot(glm::cross(row(0), row(1)), row(2)) == 0)
     throw InputError("{}: sform is a singular matrix; export the file again with its orientation",
                      path.string());
-}
-
-/// Whether a gzip file unpacks to so many bytes.
-bool unpacks_to(const fs::path& path, std::int64_t bytes) {
-  // It ends with its unpacked size modulo 2^32; where that fits the file is whole.
-  std::ifstream stream(path, std::ios::binary);
-  std::array<unsigned char, 4> tail{};
-  stream.seekg(-4, std::ios::end);
-  stream.read(reinterpret_cast<char*>(tail.data()), tail.size());
-  const std::uint32_t size =
-      tail[0] | tail[1] << 8 | tail[2] << 16 | static_cast<std::uint32_t>(tail[3]) << 24;
-  if (size == static_cast<std::uint32_t>(bytes)) return true;
-
-  // It may also be packed in several members, or hold more than we need: then only unpacking tells.
-  const std::unique_ptr<gzFile_s, decltype(&gzclose)> file(gzopen(path.c_str(), "rb"), &gzclose);
-  std::vector<char> buffer(1 << 20);
-  while (bytes > 0) {
-    const int count = gzread(file.get(), buffer.data(), static_cast<unsigned>(buffer.size()));
-    if (count <= 0) return false;
-    bytes -= count;
-  }
-  return true;
 }
 
 bool is_gzipped(const fs::path& path) {
@@ -392,123 +137,144 @@ bool is_gzipped(const fs::path& path) {
   return stream.get() == 0x1f && stream.get() == 0x8b;
 }
 
-void require_nifti_voxels(const fs::path& path, const NiftiHeader& header) {
-  std::int64_t needed_B = header.get<std::int16_t>(72) / 8;
-  for (std::size_t d = 1; d <= 3; ++d)
-    needed_B *= d <= static_cast<std::size_t>(header.get<std::int16_t>(40))
-                    ? header.get<std::int16_t>(40 + 2 * d)
-                    : 1;
-  const auto offset_B = static_cast<std::int64_t>(header.get<float>(108));
-  if (header.is_pair()) {
-    fs::path voxels = path;
-    // ITK also takes a packed .img.gz, which then says itself that it is cut off.
-    if (fs::exists(voxels.replace_extension(".img"))) require_size({voxels, offset_B}, needed_B);
-  } else if (!is_gzipped(path)) {
-    require_size({path, offset_B}, needed_B);
-  } else if (!unpacks_to(path, offset_B + needed_B)) {
-    throw InputError("{}: truncated, it does not unpack to {} bytes of voxels; copy the file again",
-                     path.string(), needed_B);
-  }
+/// The file with a pair's voxels.
+fs::path voxels_beside(const fs::path& header) {
+  const fs::path stem =
+      fs::path(header).replace_extension(header.extension() == ".gz" ? "" : header.extension());
+  fs::path plain = fs::path(stem).replace_extension(".img"), packed = plain;
+  packed += ".gz";
+  std::error_code error;
+  return data_file_beside(header, (fs::is_regular_file(plain, error) ? plain : packed).filename().string());
+}
+
+StoredVoxels nifti_voxels(const fs::path& path, const NiftiHeader& header) {
+  // In a single file they start behind the header, whatever it says.
+  const double stated_B = header.get<float>(108), least_B = header.is_pair() ? 0 : 348;
+  if (!(std::abs(stated_B) < 1e9))
+    throw InputError("{}: vox_offset is {}; the header is damaged", path.string(), stated_B);
+  const auto offset_B = static_cast<std::int64_t>(std::max(stated_B, least_B));
+  const fs::path file = header.is_pair() ? voxels_beside(path) : path;
+  if (is_gzipped(file)) return PackedVoxels{file, 0, offset_B};
+  return PlainVoxels{{file}, offset_B};
+}
+
+VoxelType nifti_type(const fs::path& path, const NiftiHeader& header) {
+  static const std::map<int, VoxelType> kTypes{
+      {2, VoxelType::uint8},    {4, VoxelType::int16},    {8, VoxelType::int32},    {16, VoxelType::float32},
+      {64, VoxelType::float64}, {256, VoxelType::int8},   {512, VoxelType::uint16}, {768, VoxelType::uint32},
+      {1024, VoxelType::int64}, {1280, VoxelType::uint64}};
+  const auto found = kTypes.find(header.get<std::int16_t>(70));
+  if (found == kTypes.end())
+    throw InputError("{}: datatype is {}; integers and floats of 8 to 64 bits are read", path.string(),
+                     header.get<std::int16_t>(70));
+  return found->second;
 }
 
 // ---- NRRD ----------------------------------------------------------------------------------------
 
-/// Nothing where it takes more than one file, or ITK to decode them.
-std::optional<StoredVoxels> nrrd_voxels(const fs::path& path, const TextHeader& header) {
-  std::string data_file = header.get("data file");
-  if (data_file.empty()) data_file = header.get("datafile");
-  const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
-  const bool skips = !header.get("line skip").empty() || !header.get("lineskip").empty() ||
-                     !header.get("byte skip").empty() || !header.get("byteskip").empty();
-  if (header.get("encoding") != "raw" || several_files || skips) return std::nullopt;
-  const std::string endian = header.get("endian");
-  std::optional<bool> is_big_endian;
-  if (endian == "little" || endian == "big") is_big_endian = endian == "big";
-  if (data_file.empty()) return StoredVoxels{path, header.end_B, is_big_endian};
-  return StoredVoxels{beside(path, data_file), 0, is_big_endian};
+/// Of a field that may be missing.
+std::int64_t nrrd_number(const fs::path& path, const TextHeader& header, const char* field) {
+  const std::string& text = header.get(field);
+  if (text.empty()) return 0;
+  std::int64_t number = 0;
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  if (error != std::errc{} || end != text.data() + text.size())
+    throw InputError("{}: {} is '{}', not a whole number", path.string(), field, text);
+  return number;
 }
 
-// ---- MetaImage -----------------------------------------------------------------------------------
+void check_nrrd(const fs::path& path, const TextHeader& header) {
+  const std::int64_t dimension = nrrd_number(path, header, "dimension");
+  constexpr std::int64_t kMaxDimensions = 16;
+  if (dimension < 1 || dimension > kMaxDimensions)
+    throw InputError("{}: dimension is missing or not 1 to {}, so the header is damaged", path.string(),
+                     kMaxDimensions);
+  std::vector<double> spacing_mm;
+  std::istringstream words(header.get("spacings"));
+  // Not read as doubles: streams refuse `nan`, which has to be noticed.
+  for (std::string word; words >> word;)
+    if (double mm = 0; std::from_chars(word.data(), word.data() + word.size(), mm).ec == std::errc{})
+      spacing_mm.push_back(mm);
+  require_spacing(path, "spacings", spacing_mm);
+}
 
-/// Nothing where it takes more than one file, or ITK to find them.
-std::optional<StoredVoxels> meta_image_voxels(const fs::path& path, const TextHeader& header) {
-  const std::string data_file = header.get("ElementDataFile"), header_size = header.get("HeaderSize");
-  const bool several_files = data_file.starts_with("LIST") || data_file.find('%') != std::string::npos;
-  const bool simple = header.get("BinaryData") != "False" && (header_size.empty() || header_size == "0");
-  if (!simple || several_files || data_file.empty()) return std::nullopt;
-  std::optional<bool> is_big_endian;
-  const std::string order = header.get("BinaryDataByteOrderMSB") + header.get("ElementByteOrderMSB");
-  if (header.get("BinaryData") == "True" && (order == "True" || order == "False"))
-    is_big_endian = order == "True";
-  if (data_file == "LOCAL" || data_file == "Local" || data_file == "local")
-    return StoredVoxels{path, header.end_B, is_big_endian};
-  return StoredVoxels{beside(path, data_file), 0, is_big_endian};
+StoredVoxels nrrd_voxels(const fs::path& path, const TextHeader& header) {
+  const std::string& encoding = header.get("encoding");
+  const bool is_packed = encoding == "gzip" || encoding == "gz";
+  const std::string data_file = header.get("data file") + header.get("datafile");
+  const fs::path file = data_file.empty() ? path : data_file_beside(path, data_file);
+  const std::int64_t start_B = data_file.empty() ? header.end_B : 0;
+  const std::int64_t skipped_B =
+      nrrd_number(path, header, header.get("byte skip").empty() ? "byteskip" : "byte skip");
+  constexpr std::int64_t kMaxSkip_B = std::int64_t{1} << 40;
+  if (skipped_B < -1 || skipped_B > kMaxSkip_B || (skipped_B < 0 && is_packed))
+    throw InputError("{}: byte skip is {}; save the file again without", path.string(), skipped_B);
+  if (is_packed) return PackedVoxels{file, start_B, skipped_B};
+  return PlainVoxels{{file}, skipped_B < 0 ? PlainVoxels::kAtTheEnd : start_B + skipped_B};
+}
+
+/// Refuses what ITK would not survive.
+void check_nrrd_encoding(const fs::path& path, const TextHeader& header) {
+  const std::string& encoding = header.get("encoding");
+  if (encoding.empty())
+    throw InputError("{}: encoding is missing, so the header is damaged; export the file again",
+                     path.string());
+  if (encoding != "raw" && encoding != "gzip" && encoding != "gz")
+    throw InputError("{}: encoding {} is not supported; save the file as raw or gzip", path.string(),
+                     encoding);
+  const std::string data_file = header.get("data file") + header.get("datafile");
+  if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos)
+    throw InputError("{}: data file '{}' stands for several files; save the scan as one", path.string(),
+                     data_file);
+  if (nrrd_number(path, header, "line skip") != 0 || nrrd_number(path, header, "lineskip") != 0)
+    throw InputError("{}: line skip is not supported; save the file again without", path.string());
 }
 
 }  // namespace
 
 Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
-  const NiftiHeader header(path);
-  require_sizes_and_directions(path, header);
-
+  const NiftiHeader nifti(path);
+  check_nifti(path, nifti);
   auto io = itk::NiftiImageIO::New();
   if (!io->CanReadFile(path.c_str()))
     throw InputError("{}: NIfTI by its content, but {}", path.string(),
                      is_gzipped(path) ? "damaged or not named .nii.gz; rename it"
                                       : "damaged or not named .nii; rename it");
-  auto stack = std::make_unique<ImageFileStack>(io.GetPointer(), path);
-  require_nifti_voxels(path, header);
-
+  ImageHeader header = read_by_itk(*io, path);
+  if (header.numbers_per_voxel == 1) header.type = nifti_type(path, nifti);
+  header.is_big_endian = nifti.is_big_endian();
+  // A slope of zero, or none, says that the voxels are not scaled.
+  if (const double slope = nifti.get<float>(112); std::isfinite(slope) && slope != 0) {
+    header.slope = slope;
+    const double intercept = nifti.get<float>(116);
+    header.intercept = std::isfinite(intercept) ? intercept : 0;
+  }
   std::vector<std::string> warnings;
-  if (header.get<std::int16_t>(252) == 0 && header.get<std::int16_t>(254) == 0)
-    warnings.push_back(unknown_orientation("neither qform nor sform", stack->orientation()));
+  if (nifti.get<std::int16_t>(252) == 0 && nifti.get<std::int16_t>(254) == 0)
+    warnings.push_back(unknown_orientation("neither qform nor sform", header));
   progress.advance();
-  return open_image(std::move(stack), "NIfTI", std::move(warnings), options);
+  StoredVoxels voxels = nifti_voxels(path, nifti);
+  return deliver_image(std::move(header), std::move(voxels), "NIfTI", std::move(warnings), options);
 }
 
 Scan open_nrrd(const fs::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
-  const TextHeader header = read_text_header(path, ':', "");
-  require_spacing(path, "spacings", numbers(header.get("spacings")));
-
-  const std::optional<StoredVoxels> voxels = nrrd_voxels(path, header);
-  auto stack = std::make_unique<ImageFileStack>(itk::NrrdImageIO::New().GetPointer(), path);
-  if (voxels) stack->read_from(*voxels);
+  const TextHeader nrrd = read_nrrd_header(path);
+  check_nrrd_encoding(path, nrrd);
+  check_nrrd(path, nrrd);
+  StoredVoxels voxels = nrrd_voxels(path, nrrd);
+  const auto io = itk::NrrdImageIO::New();
+  ImageHeader header = read_by_itk(*io, path);
+  const std::optional<VoxelType> type = voxel_type(io->GetComponentType());
+  if (!type) throw InputError("{}: voxels of type '{}' are not supported", path.string(), nrrd.get("type"));
+  header.type = *type;
+  header.is_big_endian = lower_case(nrrd.get("endian")) == "big";
 
   std::vector<std::string> warnings;
-  if (header.get("space").empty())
-    warnings.push_back(unknown_orientation("no `space`", stack->orientation()));
+  if (nrrd.get("space").empty()) warnings.push_back(unknown_orientation("no `space`", header));
   progress.advance();
-  return open_image(std::move(stack), "NRRD", std::move(warnings), options);
-}
-
-Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress& progress) {
-  progress.begin("opening", 1, "files");
-  const TextHeader header = read_text_header(path, '=', "ElementDataFile");
-  require_spacing(path, "ElementSpacing", numbers(header.get("ElementSpacing")));
-
-  auto stack = std::make_unique<ImageFileStack>(itk::MetaImageIO::New().GetPointer(), path);
-  const std::string packed = header.get("CompressedData");
-  const bool compressed = !packed.empty() && packed != "False";
-  const std::vector<double> compressed_B = numbers(header.get("CompressedDataSize"));
-  const std::optional<StoredVoxels> voxels = meta_image_voxels(path, header);
-  if (voxels && !compressed)
-    stack->read_from(*voxels);
-  else if (voxels && !compressed_B.empty())
-    require_size(*voxels, static_cast<std::int64_t>(compressed_B.front()));
-  progress.advance();
-  return open_image(std::move(stack), "MetaImage", {}, options);
-}
-
-bool is_meta_image(const std::string& leading_bytes) {
-  const auto line_end = leading_bytes.find('\n');
-  const auto equals = leading_bytes.find('=');
-  if (line_end == std::string::npos || equals == std::string::npos || equals > line_end) return false;
-  const std::string key = trimmed(leading_bytes.substr(0, equals));
-  constexpr std::array kFirstKeys{"ObjectType", "NDims", "Comment", "ObjectSubType", "Name", "ID"};
-  return std::ranges::find(kFirstKeys, key) != kFirstKeys.end() &&
-         leading_bytes.find("NDims") != std::string::npos;
+  return deliver_image(std::move(header), std::move(voxels), "NRRD", std::move(warnings), options);
 }
 
 }  // namespace xraycast

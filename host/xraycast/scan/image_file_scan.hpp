@@ -7,7 +7,7 @@
 
 namespace xraycast {
 
-/// One file (or header with a data file beside it) that holds a whole volume, read by ITK.
+/// One file (or header with a data file beside it) that holds a whole volume.
 Scan open_nifti(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 Scan open_nrrd(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 Scan open_meta_image(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);

@@ -13,7 +13,9 @@ namespace xraycast {
 
 RawVoxels::RawVoxels(const std::filesystem::path& file, std::int64_t offset_B, std::int64_t needed_B)
     : path_(file), offset_B_(offset_B) {
-  const auto size_B = static_cast<std::int64_t>(std::filesystem::file_size(file));
+  std::error_code error;
+  const auto size_B = static_cast<std::int64_t>(std::filesystem::file_size(file, error));
+  if (error) throw InputError("{}: cannot be opened: {}", file.string(), error.message());
   if (size_B - offset_B < needed_B)
     throw InputError("{}: truncated, {} of {} bytes of voxels are there; copy the file again", file.string(),
                      std::max<std::int64_t>(0, size_B - offset_B), needed_B);

@@ -21,7 +21,7 @@ class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
 
-  /// The newest pose.
+  /// The newest pose. Throws what ended the thread that serves the device, if it has one of its own.
   virtual HandPose pose() = 0;
 
   /// Renders `load` to the hand from now on.

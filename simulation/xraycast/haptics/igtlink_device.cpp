@@ -30,7 +30,7 @@ using Clock = std::chrono::steady_clock;
 
 // A client receives a load at least this often, the watchdog's zero included.
 constexpr auto kIdle = 20ms;
-// A client that has sent nothing valid for so long is replaced by another.
+// A client that has sent no pose for so long is replaced by another.
 constexpr auto kSilence = 2s;
 // No connection is accepted for so long after the system had no resources for one.
 constexpr auto kFull = 1s;
@@ -115,11 +115,11 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point heard;  ///< the last valid message
-  Clock::time_point told;   ///< when a load was last due
-  bool status_due = true;   ///< also on connecting
-  bool load_due = false;    ///< serialised once it can be sent
-  std::string unsent = {};  ///< the rest of a message
+  Clock::time_point last_pose;  ///< or, before the first, when it connected
+  Clock::time_point told;       ///< when a load was last due
+  bool status_due = true;       ///< also on connecting
+  bool load_due = false;        ///< serialised once it can be sent
+  std::string unsent = {};      ///< the rest of a message
   std::uint64_t poses = 0;
 };
 
@@ -210,8 +210,8 @@ void IgtlinkDevice::Server::admit() {
   const std::string name = address_text(address, size_B);
   // A client that reconnects at once may have left messages: the old socket is read to its end first.
   for (int portions = 0; client_ && portions < kSocket_B / kPortion_B && receive();) ++portions;
-  if (client_ && now_ - client_->heard < kSilence) return reject(socket, name);
-  if (client_) drop("silent", "was replaced by another client after 2 s of silence");
+  if (client_ && now_ - client_->last_pose < kSilence) return reject(socket, name);
+  if (client_) drop("silent", "was replaced by another client after 2 s without a pose");
 
   const int on = 1;
   setsockopt(socket.id(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
@@ -219,7 +219,7 @@ void IgtlinkDevice::Server::admit() {
   client_.emplace(Client{.socket = std::move(socket),
                          .name = name,
                          .receiver = IgtlinkReceiver(newest_.pose.rotation_rad),
-                         .heard = now_,
+                         .last_pose = now_,
                          .told = now_});
   rate_since_ = now_;
   set_status(name + " has connected");
@@ -259,8 +259,8 @@ bool IgtlinkDevice::Server::receive() {
 void IgtlinkDevice::Server::handle(const IgtlinkReceiver::Event& event) {
   if (const auto* complaint = std::get_if<Complaint>(&event))
     return say(complaint->topic, client_->name + " " + complaint->text);
-  client_->heard = now_;
   if (const auto* pose = std::get_if<HubPose>(&event)) {
+    client_->last_pose = now_;
     newest_ = {*pose, newest_.count + 1};
     poses_.write(newest_);
     ++client_->poses;
@@ -321,7 +321,16 @@ IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log) : address_(a
   Descriptor listener = listen_at(address);
   address_.port = port_of(listener);
   server_ = std::make_unique<Server>(std::move(listener), address_, poses_, loads_, std::move(log));
-  thread_ = std::thread([this] { server_->run(); });
+  thread_ = std::thread([this] { serve(); });
+}
+
+void IgtlinkDevice::serve() {
+  try {
+    server_->run();
+  } catch (...) {
+    failure_ = std::current_exception();
+    failed_ = true;
+  }
 }
 
 IgtlinkDevice::~IgtlinkDevice() {

@@ -4,6 +4,8 @@
 #include "xraycast/haptics/listen_address.hpp"
 #include "xraycast/simulation/triple_buffer.hpp"
 
+#include <atomic>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <string>
@@ -16,9 +18,9 @@ namespace xraycast {
 /// protocol.
 ///
 /// Its server has its own thread. One client at a time: another one receives STATUS (busy) and is rejected,
-/// unless the first has sent nothing valid for two seconds, as after a cable was pulled. Nothing queues:
-/// loads that a client does not read in time are dropped, and what it sends in excess waits in its own
-/// socket.
+/// unless the first has sent no pose for two seconds, as after a cable was pulled, or when it only watches.
+/// Nothing queues: loads that a client does not read in time are dropped, and what it sends in excess waits
+/// in its own socket.
 class IgtlinkDevice final : public HapticDevice {
  public:
   /// Receives one line at a time, on the server's thread: connections and invalid messages.
@@ -29,7 +31,10 @@ class IgtlinkDevice final : public HapticDevice {
   IgtlinkDevice(const ListenAddress& address, Log log);
   ~IgtlinkDevice() override;
 
-  HandPose pose() override { return poses_.read(); }
+  HandPose pose() override {
+    if (failed_) std::rethrow_exception(failure_);
+    return poses_.read();
+  }
   void feel(const HubLoad& load) override { loads_.write(load); }
   std::string status() const override;
 
@@ -39,10 +44,14 @@ class IgtlinkDevice final : public HapticDevice {
  private:
   class Server;
 
+  void serve();
+
   TripleBuffer<HandPose> poses_;  ///< from the server's thread to the simulation's
   TripleBuffer<HubLoad> loads_;   ///< and back
   ListenAddress address_;
   std::unique_ptr<Server> server_;
+  std::exception_ptr failure_;  ///< of the server's thread; written before `failed_` is set
+  std::atomic<bool> failed_{false};
   std::thread thread_;
 };
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/json_text.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/mechanics/embedded_instruments.hpp"
 
@@ -84,7 +85,7 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
 }
 
 InstrumentModel InstrumentModel::from_json(const std::string& text, const std::string& origin) {
-  const Json json = Json::parse(text, nullptr, false);
+  const Json json = parse_json(text, origin);
   if (!json.is_object()) throw InputError("{}: not a JSON object; a device model is one", origin);
   Properties p;
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;

@@ -83,6 +83,15 @@ void SimulationLoop::count(double step_ms, bool is_late) {
 }
 
 void SimulationLoop::run() {
+  try {
+    step_until_stopped();
+  } catch (...) {
+    failure_ = std::current_exception();
+    failed_ = true;
+  }
+}
+
+void SimulationLoop::step_until_stopped() {
   raise_priority();
   const auto period =
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(catheter_->step_s()));

@@ -5,6 +5,7 @@
 
 #include <atomic>
 #include <cstdint>
+#include <exception>
 #include <functional>
 #include <memory>
 #include <thread>
@@ -47,10 +48,15 @@ class SimulationLoop {
   SimulationLoop& operator=(const SimulationLoop&) = delete;
 
   /// The newest state, valid until the next call. For one reading thread, on which the loop never waits.
-  const CatheterSnapshot& snapshot() { return snapshots_.read(); }
+  /// Rethrows the exception that ended the loop, if any.
+  const CatheterSnapshot& snapshot() {
+    if (failed_) std::rethrow_exception(failure_);
+    return snapshots_.read();
+  }
 
  private:
   void run();
+  void step_until_stopped();
   void publish();
   void count(double step_ms, bool is_late);
 
@@ -61,6 +67,8 @@ class SimulationLoop {
   double sum_ms_ = 0;
   std::vector<std::int64_t> histogram_;  ///< of step times, in hundredths of a millisecond
   std::atomic<bool> stops_{false};
+  std::exception_ptr failure_;  ///< written before `failed_` is set
+  std::atomic<bool> failed_{false};
   std::thread thread_;
 };
 

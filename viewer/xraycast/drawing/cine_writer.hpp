@@ -13,8 +13,8 @@ class GifFile;
 bool is_animation(const std::filesystem::path& path);
 
 /// Writes the frames of a cine, all of one size, as they come: PNGs into a folder, which has to exist, or one
-/// animation of 20 frames a second, which appears once it is finished. A folder holds one cine: surplus frames
-/// of an earlier one, numbered on from the last, are removed.
+/// animation of 20 frames a second, which appears once it is finished. A folder holds one cine: surplus
+/// frames of an earlier one, numbered on from the last, are removed.
 class CineWriter {
  public:
   CineWriter(std::filesystem::path output, int width, int height);

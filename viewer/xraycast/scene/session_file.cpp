@@ -1,6 +1,7 @@
 #include "xraycast/scene/session_file.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/json_text.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
@@ -40,7 +41,7 @@ Json camera_to_json(const Camera& camera) {
 /// One field of an object, or an InputError that names it.
 class Fields {
  public:
-  Fields(const Json& json, std::string name) : json_(json), name_(std::move(name)) {
+  Fields(const nlohmann::json& json, std::string name) : json_(json), name_(std::move(name)) {
     if (!json.is_object()) throw InputError("{} is not an object", name_);
   }
 
@@ -64,14 +65,14 @@ class Fields {
   }
 
   const std::string& name() const { return name_; }
-  const Json& value(const char* field) const {
+  const nlohmann::json& value(const char* field) const {
     const auto found = json_.find(field);
     if (found == json_.end()) throw InputError("{}: {} is missing", name_, field);
     return *found;
   }
 
  private:
-  const Json& json_;
+  const nlohmann::json& json_;
   std::string name_;
 };
 
@@ -152,7 +153,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
 
 ViewSession read_session(const fs::path& path) {
   const std::string name = path.string();
-  const Json json = Json::parse(read_whole_file(path), nullptr, false);
+  const nlohmann::json json = parse_json(read_whole_file(path), name);
   if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
     throw InputError("{}: not a session; the viewer writes them", name);
   const Fields fields(json, name);
