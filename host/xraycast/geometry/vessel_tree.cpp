@@ -230,8 +230,8 @@ VesselTree read_json(const std::filesystem::path& path) {
   nlohmann::json document;
   try {
     document = nlohmann::json::parse(read_whole_file(path));
-  } catch (const nlohmann::json::exception& error) {
-    throw InputError("{}: not JSON: {}", name, error.what());
+  } catch (const nlohmann::json::parse_error& error) {
+    throw InputError("{}: not JSON from byte {} on", name, error.byte);
   }
 
   const nlohmann::json& list = member(document, "branches", name);
