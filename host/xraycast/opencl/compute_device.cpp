@@ -7,8 +7,10 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
+#include <csignal>
 #include <cstdlib>
 #include <numeric>
+#include <unistd.h>
 
 namespace xraycast {
 namespace {
@@ -62,6 +64,9 @@ std::string names_of(const std::vector<Candidate>& found) {
 }
 
 const Candidate& choose(const std::vector<Candidate>& found, const std::string& choice) {
+  if (const char* cache = std::getenv("POCL_CACHE_DIR"); found.empty() && cache && access(cache, W_OK) != 0)
+    throw DeviceError("no OpenCL device: PoCL keeps kernels in POCL_CACHE_DIR={}, which cannot be written to",
+                      cache);
   if (found.empty())
     throw DeviceError(
         "no OpenCL device: install a driver, such as Debian's pocl-opencl-icd, which runs on any processor");
@@ -81,6 +86,25 @@ std::string_view source_of(const std::string& file) {
     if (kernel.name == file) return kernel.source;
   throw DeviceError("no kernel file '{}' is embedded", file);
 }
+
+/// Holds back the signals that end a program while a driver compiles: they would cut off its reading of files
+/// and end the linker that it starts, and the driver would say that the program is wrong. Other threads take
+/// them meanwhile.
+class SignalsHeldBack {
+ public:
+  SignalsHeldBack() {
+    sigset_t ending;
+    sigemptyset(&ending);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
+    pthread_sigmask(SIG_BLOCK, &ending, &before_);
+  }
+  ~SignalsHeldBack() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsHeldBack(const SignalsHeldBack&) = delete;
+  SignalsHeldBack& operator=(const SignalsHeldBack&) = delete;
+
+ private:
+  sigset_t before_{};
+};
 
 /// The last lines of a build log, on one line: the error message has to fit one.
 std::string tail(std::string log) {
@@ -121,6 +145,7 @@ cl::Kernel ComputeDevice::kernel(const std::string& file, const std::string& ent
   auto known = programs_.find(key);
   if (known == programs_.end()) {
     cl::Program program(context_, std::string(source_of(file)));
+    const SignalsHeldBack signals;
     try {
       program.build(device_, ("-cl-std=CL1.2 " + options).c_str());
     } catch (const cl::BuildError& error) {
@@ -190,6 +215,7 @@ cl::Event ComputeDevice::run(const cl::Kernel& kernel, std::array<std::int64_t, 
     for (int i = 0; i < 3; ++i) global[i] = (global[i] + local[i] - 1) / local[i] * local[i];
   const auto range = [](const std::array<std::int64_t, 3>& n) { return cl::NDRange(n[0], n[1], n[2]); };
   cl::Event done;
+  const SignalsHeldBack signals;  // some drivers compile only now
   guarded("running a kernel", [&] {
     queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global),
                                 local[0] > 0 ? range(local) : cl::NullRange, nullptr, &done);
