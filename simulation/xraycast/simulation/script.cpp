@@ -105,6 +105,9 @@ Script Script::parse(const std::string& text, const std::string& origin) {
     row.time_s = number(values[at[0]], kColumns[0], where);
     row.pose.insertion_mm = number(values[at[1]], kColumns[1], where);
     row.pose.rotation_rad = kRadians * number(values[at[2]], kColumns[2], where);
+    if (row.time_s > Script::kLongest_s)
+      throw InputError("{}: time_s {:g} is beyond {:g}; a run takes a day at most", where, row.time_s,
+                       Script::kLongest_s);
     if (row.time_s < 0) throw InputError("{}: time_s {} is below zero", where, row.time_s);
     if (row.pose.insertion_mm < 0)
       throw InputError("{}: insertion_mm {} is below zero; at 0 the tip stands at the vessel's end", where,
