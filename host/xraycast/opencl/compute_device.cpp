@@ -15,6 +15,25 @@
 namespace xraycast {
 namespace {
 
+/// Holds back the signals that end a program while a driver starts its threads, which inherit that, and while
+/// it compiles: LLVM would remove the files that it is writing, and say that the program is wrong, and the
+/// linker that PoCL starts would end.
+class SignalsHeldBack {
+ public:
+  SignalsHeldBack() {
+    sigset_t ending;
+    sigemptyset(&ending);
+    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
+    pthread_sigmask(SIG_BLOCK, &ending, &before_);
+  }
+  ~SignalsHeldBack() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
+  SignalsHeldBack(const SignalsHeldBack&) = delete;
+  SignalsHeldBack& operator=(const SignalsHeldBack&) = delete;
+
+ private:
+  sigset_t before_{};
+};
+
 struct Candidate {
   cl::Device device;
   ComputeDevice::Info info;
@@ -35,6 +54,7 @@ ComputeDevice::Info describe(const cl::Device& device, const std::string& platfo
 }
 
 std::vector<Candidate> candidates() {
+  const SignalsHeldBack signals;
   std::vector<Candidate> found;
   std::vector<cl::Platform> platforms;
   try {
@@ -87,25 +107,6 @@ std::string_view source_of(const std::string& file) {
   throw DeviceError("no kernel file '{}' is embedded", file);
 }
 
-/// Holds back the signals that end a program while a driver compiles: they would cut off its reading of files
-/// and end the linker that it starts, and the driver would say that the program is wrong. Other threads take
-/// them meanwhile.
-class SignalsHeldBack {
- public:
-  SignalsHeldBack() {
-    sigset_t ending;
-    sigemptyset(&ending);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
-    pthread_sigmask(SIG_BLOCK, &ending, &before_);
-  }
-  ~SignalsHeldBack() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsHeldBack(const SignalsHeldBack&) = delete;
-  SignalsHeldBack& operator=(const SignalsHeldBack&) = delete;
-
- private:
-  sigset_t before_{};
-};
-
 /// The last lines of a build log, on one line: the error message has to fit one.
 std::string tail(std::string log) {
   while (!log.empty() && std::isspace(static_cast<unsigned char>(log.back()))) log.pop_back();
@@ -125,6 +126,7 @@ std::vector<ComputeDevice::Info> ComputeDevice::list() {
 
 ComputeDevice::ComputeDevice(const std::string& choice) {
   const char* environment = std::getenv("XRAYCAST_DEVICE");
+  const SignalsHeldBack signals;
   const auto found = candidates();
   const Candidate& chosen = choose(found, choice.empty() && environment ? environment : choice);
   try {
