@@ -150,7 +150,7 @@ const BadCall kBadCalls[] = {
     {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: has to be X,Y,Z"},
     {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
     {"SegmentIntoAFile", "segment @/nothing -o @/ct.nii/vessels", 3,
-     "-o @/ct.nii/vessels: the folder cannot be"},
+     "ct.nii/vessels: the folder cannot be made: "},
     {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
 
     // The catheter. A tube of one branch, 1 mm wide.
