@@ -304,11 +304,13 @@ void cast_map(const CastArguments& options, Session& session) {
   const MapGeometry& geometry = result.map.geometry;
 
   const Stopwatch writing;
+  OutputSet outputs;
   write_map(result.map, options.output);
   if (basis) {
     basis->source = source;
     write_basis(*basis, options.basis);
   }
+  outputs.commit();
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
 
   Json json{{"input", options.input},

@@ -1,14 +1,19 @@
 #include "command.hpp"
 
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/printable.hpp"
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <charconv>
 #include <cmath>
+#include <cstring>
 #include <filesystem>
 #include <iostream>
 #include <string_view>
+#include <unistd.h>
 
 namespace xraycast::cli {
 namespace {
@@ -59,11 +64,13 @@ void check_outputs_apart(const CLI::App& command) {
 
 void Session::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
-  for (const std::string& line : lines) std::cerr << "xraycast: " << line << '\n';
+  for (const std::string& line : lines) std::cerr << "xraycast: " << printable_line(line) << '\n';
 }
 
 void Session::answer(const Json& result, const std::string& text) const {
-  std::cout << (json ? result.dump(2) + '\n' : text) << std::flush;
+  // What scans say of themselves and names of files need not be UTF-8, which JSON has to be.
+  std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))
+            << std::flush;
 }
 
 void Session::report(const Json& result, const std::string& text) const { answer(result, quiet ? "" : text); }
@@ -118,6 +125,22 @@ void make_folder(const std::filesystem::path& folder, const std::string& name) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
   if (error) throw InputError("{}: the folder cannot be made: {}", name, error.message());
+}
+
+void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
+                  const std::string& name) {
+  std::error_code error;
+  if (fs::is_directory(folder, error)) {
+    for (const char* file : files) check_writable(folder / file);
+    return;
+  }
+  fs::path above = fs::absolute(folder);
+  while (!fs::exists(fs::symlink_status(above, error)) && above.has_relative_path())
+    above = above.parent_path();
+  if (!fs::is_directory(above, error))
+    throw InputError("{}: the folder cannot be made: {} is no folder", name, above.string());
+  if (access(above.c_str(), W_OK | X_OK) != 0)
+    throw InputError("{}: the folder cannot be made in {}: {}", name, above.string(), std::strerror(errno));
 }
 
 Json to_json(const VolumeGeometry& geometry) {

@@ -9,6 +9,7 @@
 
 #include <filesystem>
 #include <functional>
+#include <initializer_list>
 #include <string>
 #include <vector>
 
@@ -66,6 +67,11 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 
 /// Creates a folder and its parents unless they exist. Throws InputError with `name` in front.
 void make_folder(const std::filesystem::path& folder, const std::string& name);
+
+/// Called before long work whose results go into `folder`: throws InputError, with `name` in front, when the
+/// folder cannot be made, and as check_writable when one of the files cannot be written. Makes nothing.
+void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
+                  const std::string& name);
 
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);

@@ -1,11 +1,11 @@
 #include "contact_sheet.hpp"
 
-#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
-#include <fstream>
+#include <sstream>
 
 namespace xraycast::cli {
 namespace {
@@ -37,8 +37,7 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
 void write_index_page(const std::string& title, const std::vector<Picture>& pictures,
                       const std::vector<std::pair<std::string, std::string>>& facts,
                       const std::filesystem::path& path) {
-  AtomicFile file(path);
-  std::ofstream out(file.temporary());
+  std::ostringstream out;
   out << "<!doctype html>\n<html lang=\"en\"><meta charset=\"utf-8\"><title>" << escaped(title)
       << "</title>\n"
       << "<style>body{background:#1a1c21;color:#e6e6e6;font:16px/1.5 sans-serif;margin:2em "
@@ -55,9 +54,7 @@ void write_index_page(const std::string& title, const std::vector<Picture>& pict
   for (const auto& [name, value] : facts)
     out << "<tr><td>" << escaped(name) << "</td><td>" << escaped(value) << "</td></tr>\n";
   out << "</table>\n<p>Not for clinical use.</p>\n</html>\n";
-  out.close();
-  if (!out) throw Error("{}: could not be written", path.string());
-  file.commit();
+  write_whole_file(path, std::move(out).str());
 }
 
 }  // namespace xraycast::cli

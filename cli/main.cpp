@@ -1,36 +1,81 @@
 #include "command.hpp"
 #include "progress_bar.hpp"
 #include "usage_hint.hpp"
+#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/opencl/kernel_cache.hpp"
 
 #include <csignal>
 #include <exception>
 #include <iostream>
 #include <new>
+#include <poll.h>
+#include <unistd.h>
 
 namespace {
 
 using namespace xraycast;
 
-// Exit statuses; scripts rely on them.
-enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4, kInterrupted = 130 };
+// Exit statuses; scripts rely on them. What a signal ended has 128 + its number, as in a shell.
+enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4, kSignalled = 128 };
 
+// What the signal handler knows.
 Progress* interruptible = nullptr;
+volatile std::sig_atomic_t caught = 0;
 
-/// The first Ctrl-C lets the job clean up; a second one ends the process at once.
-void interrupt(int) {
-  if (interruptible) interruptible->cancel();
-  std::signal(SIGINT, SIG_DFL);
+/// The first signal lets the job clean up; a second one ends the process at once.
+void interrupt(int signal) {
+  if (caught != 0) {
+    remove_temporary_files();
+    _exit(kSignalled + signal);
+  }
+  caught = signal;
+  interruptible->cancel();
+}
+
+void handle_signals(Progress& progress) {
+  interruptible = &progress;
+  std::signal(SIGINT, interrupt);
+  std::signal(SIGTERM, interrupt);
+  if (std::signal(SIGHUP, interrupt) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // started by nohup
+  // A reader that has gone and a file beyond the limit are told by what writes to them.
+  std::signal(SIGPIPE, SIG_IGN);
+  std::signal(SIGXFSZ, SIG_IGN);
 }
 
 /// One line, whatever the message holds.
-int report(const std::string& what, Status status) {
-  std::string line = "xraycast: " + what;
-  for (char& c : line)
-    if (c == '\n' || c == '\r') c = ' ';
-  std::cerr << line << '\n';
+int report(const std::string& what, int status) {
+  std::cerr << "xraycast: " << printable_line(what) << '\n';
   return status;
+}
+
+int report_cancelled() {
+  const int files = files_written();
+  return report(files == 0 ? "cancelled; no output was written"
+                           : "cancelled after " + pluralize(files, "file") + " had been written",
+                kSignalled + caught);
+}
+
+/// Of the exception that is being handled.
+int report_failure() {
+  try {
+    throw;
+  } catch (const InputError& error) {
+    return report(error.what(), kBadInput);
+  } catch (const DeviceError& error) {
+    return report(error.what(), kDeviceFailed);
+  } catch (const cl::Error& error) {
+    return report(std::string(error.what()) + " failed with " + status_name(error.err()), kDeviceFailed);
+  } catch (const std::filesystem::filesystem_error& error) {
+    return report(error.path1().string() + ": " + error.code().message(), kBadInput);
+  } catch (const std::bad_alloc&) {
+    return report("not enough memory", kFailed);
+  } catch (const std::exception& error) {
+    return report(error.what(), kFailed);
+  }
 }
 
 /// The one place where errors become exit statuses.
@@ -39,18 +84,20 @@ int run(const std::function<void()>& job) {
     job();
     return kDone;
   } catch (const Cancelled&) {
-    return report("cancelled; no output was written", kInterrupted);
-  } catch (const InputError& error) {
-    return report(error.what(), kBadInput);
-  } catch (const DeviceError& error) {
-    return report(error.what(), kDeviceFailed);
-  } catch (const cl::Error& error) {
-    return report(std::string(error.what()) + " failed with " + status_name(error.err()), kDeviceFailed);
-  } catch (const std::bad_alloc&) {
-    return report("not enough memory", kFailed);
-  } catch (const std::exception& error) {
-    return report(error.what(), kFailed);
+    return report_cancelled();
+  } catch (...) {
+    // What else fails then fails because of the signal, such as the linker that PoCL starts.
+    return caught != 0 ? report_cancelled() : report_failure();
   }
+}
+
+/// Standard output may be a full disk, or a program that has read enough.
+int checked_output(int status) {
+  std::cout.flush();
+  if (std::cout || status != kDone) return status;
+  pollfd out{STDOUT_FILENO, POLLOUT, 0};
+  if (poll(&out, 1, 0) == 1 && (out.revents & POLLERR) != 0) return kSignalled + SIGPIPE;
+  return report("standard output could not be written; the disk may be full", kFailed);
 }
 
 }  // namespace
@@ -86,18 +133,17 @@ int main(int argc, char** argv) {
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& help) {
-    return app.exit(help);
+    return checked_output(app.exit(help));
   } catch (const CLI::ParseError& error) {
     return report(std::string(error.what()) + " (" + cli::usage_hint(app) + ")", kWrongUsage);
   }
   if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
-  interruptible = &session.progress;
-  std::signal(SIGINT, interrupt);
-  std::signal(SIGTERM, interrupt);
-  return run([&] {
+  handle_signals(session.progress);
+  const KernelCache kernel_cache;
+  return checked_output(run([&] {
     // Gone, and its line with it, before an error is reported.
     cli::ProgressBar drawn(!session.quiet);
     bar = &drawn;
     session.job();
-  });
+  }));
 }

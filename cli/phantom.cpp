@@ -45,8 +45,10 @@ void make(PhantomArguments options, Session& session) {
   if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
 
   ComputeDevice device(session.device);
+  OutputSet outputs;
   write_volume(generate(phantom, device, session.progress), options.output, session.progress);
   if (!options.truth.empty()) write_truth(phantom, options.truth);
+  outputs.commit();
   const VolumeGeometry& g = phantom.geometry();
   session.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
                  fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",

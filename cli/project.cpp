@@ -7,6 +7,7 @@
 #include "xraycast/casting/projection_file.hpp"
 
 #include <fmt/format.h>
+#include <glm/geometric.hpp>
 
 #include <memory>
 
@@ -20,6 +21,13 @@ struct ProjectArguments {
   ViewOptions view;
   GreyOptions grey;
 };
+
+bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
+  if (!view.cone) return false;
+  const glm::dvec3 source_mm = view.source_mm();
+  return glm::distance(glm::dvec2(source_mm), body.centre_mm) < body.radius_mm &&
+         source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
+}
 
 void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
@@ -42,6 +50,8 @@ void project_scan(const ProjectArguments& options, Session& session) {
   const BodyOutline body = finder.finish();
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
   view = fitted(view, volume, body);
+  if (is_source_within(view, volume, body))
+    session.say({"the source stands within the body: what lies behind it is not in the picture"});
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   const ProjectionImage image =
       spectrum ? project(resident, view, *spectrum, session.progress)

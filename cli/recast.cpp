@@ -38,7 +38,9 @@ void recast_map(const RecastArguments& options, Session& session) {
   const BodyMap& map = recasting.recast(opacity);
 
   const Stopwatch writing;
+  OutputSet outputs;
   write_map(map, options.output);
+  outputs.commit();
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
   session.report({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
                   {"map", to_json(map.geometry)},

@@ -90,17 +90,14 @@ std::string joined(const Centrelines& found) {
   return words;
 }
 
-fs::path made_folder(const std::string& folder) {
-  make_folder(folder, "-o " + folder);
-  check_writable(fs::path(folder) / "tree.vtp");
-  return folder;
-}
-
 void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
   std::optional<glm::dvec3> root_mm;
   if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
+  const fs::path folder = options.folder;
+  check_folder(folder, {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"},
+               "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
   session.say(scan.info.warnings);
@@ -123,7 +120,8 @@ void segment(const SegmentArguments& options, Session& session) {
       options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);
   progress.advance();
 
-  const fs::path folder = made_folder(options.folder);
+  make_folder(folder, "-o " + options.folder);
+  OutputSet outputs;  // a mask beside another scan's report would mislead
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
   write_tree(centrelines.tree, folder / "tree.vtp");
   write_tree(centrelines.tree, folder / "tree.json");
@@ -133,6 +131,7 @@ void segment(const SegmentArguments& options, Session& session) {
                             pluralize(centrelines.loops.size(), "loop");
   write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
                       folder / "report.png");
+  outputs.commit();
   const double total_ms = stopwatch.ms();
   session.report({{"input", options.input},
                   {"folder", options.folder},

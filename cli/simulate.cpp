@@ -113,6 +113,7 @@ void check_cine(const SimulateArguments& options) {
   parse_injection(options.inject);
   if (is_animation(options.cine)) return check_writable(options.cine);
   make_folder(options.cine, options.cine);
+  check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
 std::string held_note(double held_s) {
@@ -145,9 +146,11 @@ void simulate(const SimulateArguments& options, Session& session) {
                                                       if (cine) cine->see(moved, time_s);
                                                     });
   const double wall_s = 1e-3 * stopwatch.ms();
+  OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
   if (plot) plot->write(device.name(), options.plot);
   if (cine) cine->finish();
+  outputs.commit();
 
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);

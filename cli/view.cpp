@@ -59,6 +59,7 @@ void view(const ViewArguments& options, const Session& session) {
     if (options.session.empty()) scene.style.full_contrast = true;
   }
   run_viewer(scene, session.device, session.progress, simulation);
+  session.progress.check();  // a signal closed it
 }
 
 }  // namespace

@@ -80,7 +80,7 @@ def manual(top, commands, version):
                   roff(command.footer), ".fi"]
     lines += [".SH EXIT STATUS",
               "0 done, 1 failed, 2 a command line that does not parse, 3 values or files that cannot be used, "
-              "4 OpenCL device, 130 interrupted.",
+              "4 OpenCL device, 128 plus the signal's number where a signal ended it.",
               ".SH ENVIRONMENT", ".TP", ".B XRAYCAST_DEVICE", roff("The OpenCL device, as --device."),
               ".TP", ".B XRAYCAST_GL_DEVICE", "What draws pictures where there is no display, by number or part of its name."]
     return "\n".join(lines) + "\n"

@@ -149,11 +149,20 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: has to be X,Y,Z"},
     {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
+    {"SegmentIntoAFile", "segment @/nothing -o @/ct.nii/vessels", 3,
+     "ct.nii/vessels: the folder cannot be made: "},
     {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
 
     // The catheter. A tube of one branch, 1 mm wide.
     {"SimulateNoTree", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
      "tree.json: there is no such file", make_push},
+    {"SimulateTooLong",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
+     "push.csv: line 3: time_s 1e+09 is beyond 86400",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n1e9,5,0\n");
+     }},
     {"SimulateNoEntry",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7", 3,
      "--entry 7: there is no branch 7", make_push_and_tree},
@@ -217,6 +226,8 @@ const BadCall kBadCalls[] = {
     {"OutputFolderNotWritable", "cast @/ct.nii -o /proc/out.exr", 3, "/proc/out.exr: cannot be written"},
     {"OutputIsADevice", "phantom box -o @/device.nrrd", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_symlink("/dev/null", f / "device.nrrd"); }},
+    {"OutputIsALinkToNothing", "phantom box -o @/link.nrrd", 3, "a symbolic link that leads nowhere",
+     [](const TemporaryFolder& f) { fs::create_symlink("nothing.nrrd", f / "link.nrrd"); }},
     {"OutputIsAFolder", "cast @/ct.nii -o @/folder.exr", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
     {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: end the name in .exr"},
@@ -275,6 +286,9 @@ const BadCall kBadCalls[] = {
     {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
 
     // The picture and the phantom.
+    {"ConeOfAHair", "project @/ct.nii -o @/out.exr --cone 1e-308,1500", 3,
+     "the source has to be 1 mm or more"},
+    {"ConeOfNoEnd", "project @/ct.nii -o @/out.exr --cone 1000,1e7", 3, "within 1e+06 mm"},
     {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
     {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with"},
@@ -498,7 +512,7 @@ class Interrupted : public Cli {
     process.wait_for(stage);
     process.send(signal);
     const Finished done = process.finish();
-    EXPECT_EQ(done.status, 130);
+    EXPECT_EQ(done.status, 128 + signal);
     EXPECT_EQ(done.out, "");
     // The bar's line is cleared first. A terminal makes \r\n of \n.
     EXPECT_THAT(done.err, ::testing::EndsWith("\r\x1b[Kxraycast: cancelled; no output was written\r\n"));
@@ -636,6 +650,14 @@ TEST_F(Cli, ProjectSaysWhatItMade) {
   EXPECT_EQ(said["image"]["centre_mm"][2], 0);  // at mid-height; x and y are the body's
   EXPECT_EQ(said["image"]["angle_deg"], 30);
   EXPECT_EQ(said["image"]["tilt_deg"], -10);
+}
+
+TEST_F(Cli, ProjectNotesASourceWithinTheBody) {
+  output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
+  const Finished within = run("project @/ct.nrrd -o @/p.exr --cone 5,1500 --size 40x30");
+  EXPECT_EQ(within.status, 0);
+  expect_one_line(within.err, "the source stands within the body");
+  output_of("project @/ct.nrrd -o @/p.exr --cone 500,1500 --size 40x30");
 }
 
 TEST_F(Cli, ProjectsToEveryFormat) {

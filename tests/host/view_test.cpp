@@ -101,6 +101,8 @@ TEST(FittedView, RefusesWhatCannotBeDrawn) {
   const VolumeGeometry volume{{10, 10, 10}, {1, 1, 1}, {0, 0, 0}};
   const BodyOutline body{{5, 5}, 5};
   EXPECT_THROW(fitted(View{.cone = Cone{0, 1500}}, volume, body), InputError);
+  EXPECT_THROW(fitted(View{.cone = Cone{1e-308, 1500}}, volume, body), InputError);
+  EXPECT_THROW(fitted(View{.cone = Cone{1000, 1e9}}, volume, body), InputError);
   EXPECT_THROW(fitted(View{.cone = Cone{1000, 900}}, volume, body), InputError);
   EXPECT_THROW(fitted(View{.width = 100000}, volume, body), InputError);
   EXPECT_THROW(fitted(View{.angle_rad = std::nan("")}, volume, body), InputError);

@@ -165,7 +165,8 @@ Spectrum Spectrum::from_json(const std::string& text, const std::string& origin)
 std::string Spectrum::to_json() const {
   nlohmann::ordered_json json{{"name", name_}, {"bins", nlohmann::json::array()}};
   for (const Bin& bin : bins_) json["bins"].push_back({bin.energy_kev, bin.fluence});
-  return json.dump();
+  return json.dump(-1, ' ', false,
+                   nlohmann::json::error_handler_t::replace);  // a file's name need not be UTF-8
 }
 
 SpectrumModel::SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials)

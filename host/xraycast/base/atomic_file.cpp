@@ -1,54 +1,326 @@
 #include "xraycast/base/atomic_file.hpp"
 
-#include "xraycast/base/error.hpp"
-
+#include <algorithm>
+#include <array>
 #include <atomic>
 #include <cerrno>
+#include <charconv>
 #include <cstring>
 #include <fcntl.h>
+#include <optional>
+#include <random>
+#include <string>
+#include <sys/file.h>
+#include <sys/stat.h>
 #include <unistd.h>
+#include <utility>
 
 namespace xraycast {
 namespace {
 
-/// Everything from the first dot on, so that `a.nii.gz` keeps both: writers choose the format by it.
-std::string extensions(const std::filesystem::path& path) {
-  const std::string name = path.filename().string();
-  const auto dot = name.find('.', 1);
-  return dot == std::string::npos ? "" : name.substr(dot);
+namespace fs = std::filesystem;
+
+std::atomic<int> written{0};
+
+bool is_full_disk(int reason) { return reason == ENOSPC || reason == EDQUOT || reason == EFBIG; }
+
+Error failure_of(const fs::path& target, int reason, std::int64_t needed_B) {
+  std::string line = target.string() + ": could not be written to its end";
+  if (reason != 0) line += fmt::format(" ({})", std::strerror(reason));
+  if (reason == 0 || is_full_disk(reason)) line += "; the disk may be full";
+  if (needed_B > 0) line += fmt::format("; it takes {:.3g} MB", static_cast<double>(needed_B) / 1e6);
+  return Error("{}", line);
+}
+
+/// An open file that is closed at the end.
+class Descriptor {
+ public:
+  explicit Descriptor(int number = -1) : number_(number) {}
+  Descriptor(Descriptor&& other) noexcept : number_(std::exchange(other.number_, -1)) {}
+  Descriptor& operator=(Descriptor&& other) noexcept {
+    std::swap(number_, other.number_);
+    return *this;
+  }
+  ~Descriptor() {
+    if (number_ >= 0) ::close(number_);
+  }
+  int operator()() const { return number_; }
+  /// False, with errno, when the file system could not take what was written.
+  bool close() { return ::close(std::exchange(number_, -1)) == 0; }
+
+ private:
+  int number_;
+};
+
+/// False, with errno, when not all was written.
+bool write_all(int file, const char* bytes, std::size_t count) {
+  while (count > 0) {
+    const ssize_t done = write(file, bytes, count);
+    if (done < 0 && errno != EINTR) return false;
+    if (done <= 0) continue;
+    bytes += done;
+    count -= static_cast<std::size_t>(done);
+  }
+  return true;
+}
+
+// ---- where a target's name leads --------------------------------------------------------------------
+
+struct Place {
+  fs::path file;                    ///< the file itself, behind all links
+  std::optional<mode_t> mode{};     ///< the permissions of the one that is replaced
+  bool is_stream = false;           ///< is written to, not replaced
+  std::optional<int> descriptor{};  ///< under which this process has the stream open
+};
+
+fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
+
+/// N where the path leads to /proc/self/fd/N, as /dev/stdout and /dev/fd/N do.
+std::optional<int> own_descriptor(fs::path path) {
+  const fs::path descriptors = fmt::format("/proc/{}/fd", getpid());
+  constexpr int kMaxLinks = 8;
+  std::error_code error;
+  for (int link = 0; link < kMaxLinks; ++link) {
+    const fs::path folder = fs::canonical(folder_of(path), error);
+    if (error) return std::nullopt;
+    if (folder == descriptors) {
+      const std::string name = path.filename().string();
+      int number = -1;
+      std::from_chars(name.data(), name.data() + name.size(), number);
+      return number;
+    }
+    const fs::path next = fs::read_symlink(path, error);
+    if (error) return std::nullopt;
+    path = folder / next;
+  }
+  return std::nullopt;
+}
+
+Place place_of(const fs::path& target) {
+  if (target.filename().empty()) throw InputError("{}: not a file name", target.string());
+  if (const auto descriptor = own_descriptor(target)) {
+    const int flags = fcntl(*descriptor, F_GETFL);
+    if (flags < 0 || (flags & O_ACCMODE) == O_RDONLY)
+      throw InputError("{}: is not open for writing", target.string());
+    return {.file = target, .is_stream = true, .descriptor = descriptor};
+  }
+  std::error_code error;
+  Place place{.file = target};
+  const bool is_link = fs::is_symlink(fs::symlink_status(target, error));
+  if (is_link) {
+    place.file = fs::canonical(target, error);
+    if (error)
+      throw InputError("{}: a symbolic link that leads nowhere ({}); remove it or choose another output name",
+                       target.string(), error.message());
+  }
+  struct stat status {};
+  if (stat(place.file.c_str(), &status) != 0) return place;
+  place.is_stream = !is_link && (S_ISFIFO(status.st_mode) || S_ISCHR(status.st_mode));
+  if (!place.is_stream && !S_ISREG(status.st_mode))
+    throw InputError("{}: not a regular file, so it is not replaced; choose another output name",
+                     target.string());
+  if (place.is_stream && access(place.file.c_str(), W_OK) != 0)
+    throw InputError("{}: cannot be written: {}", target.string(), std::strerror(errno));
+  place.mode = status.st_mode & 0777;
+  return place;
+}
+
+// ---- temporary names --------------------------------------------------------------------------------
+
+/// `.NAME.0123456789abcdef.part.EXTENSIONS`
+class TemporaryName {
+ public:
+  explicit TemporaryName(const fs::path& file) {
+    // Everything from the first dot on, so that `a.nii.gz` keeps both: writers choose the format by it.
+    const std::string name = file.filename().string();
+    const auto dot = std::min(name.find('.', 1), name.size());
+    std::string stem = name.substr(0, dot), extensions = name.substr(dot);
+    // A name may have 255 bytes. Of extensions that take more than their share the last one decides.
+    constexpr std::size_t kMaxExtensions = 180, kMost = 220;
+    if (extensions.size() > kMaxExtensions) extensions = fs::path(extensions).extension().string();
+    if (extensions.size() > kMaxExtensions) extensions.clear();
+    stem.resize(std::min(stem.size(), kMost - extensions.size()));
+    before_ = '.' + stem + '.';
+    after_ = ".part" + extensions;
+  }
+
+  std::string any() const {
+    std::random_device random;
+    return fmt::format("{}{:08x}{:08x}{}", before_, random(), random(), after_);
+  }
+  bool fits(const std::string& name) const {
+    return name.size() == before_.size() + kDigits + after_.size() && name.starts_with(before_) &&
+           name.ends_with(after_) &&
+           name.find_first_not_of("0123456789abcdef", before_.size()) == before_.size() + kDigits;
+  }
+
+ private:
+  static constexpr std::size_t kDigits = 16;
+  std::string before_, after_;
+};
+
+/// Removes what processes left that died while they wrote: nobody holds its lock any more.
+void remove_leftovers(const fs::path& folder, const TemporaryName& names) {
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (!names.fits(entry->path().filename().string())) continue;
+    const Descriptor file(open(entry->path().c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
+    if (file() >= 0 && flock(file(), LOCK_EX | LOCK_NB) == 0) unlink(entry->path().c_str());
+  }
+}
+
+/// The names of temporary files, where a signal handler finds them; those beyond this many it does not.
+std::array<std::atomic<const char*>, 64> to_remove{};
+
+std::atomic<const char*>* remember(const char* name) {
+  for (auto& slot : to_remove)
+    if (const char* nothing = nullptr; slot.compare_exchange_strong(nothing, name)) return &slot;
+  return nullptr;
 }
 
 }  // namespace
 
-AtomicFile::AtomicFile(std::filesystem::path target) : target_(std::move(target)) {
-  static std::atomic<int> serial{0};
-  std::error_code error;
-  const auto status = std::filesystem::status(target_, error);
-  if (std::filesystem::exists(status) && !std::filesystem::is_regular_file(status))
-    throw InputError("{}: not a regular file, so it is not replaced; choose another output name",
-                     target_.string());
-  if (target_.filename().empty()) throw InputError("{}: not a file name", target_.string());
-  const auto folder = target_.has_parent_path() ? target_.parent_path() : std::filesystem::path(".");
-  if (!std::filesystem::is_directory(folder, error))
-    throw InputError("{}: the output folder does not exist; create it first", folder.string());
+// ---- a temporary file -------------------------------------------------------------------------------
 
-  temporary_ = folder / fmt::format(".{}.{}-{}.part{}", target_.stem().string(), getpid(), serial++,
-                                    extensions(target_));
-  const int file = open(temporary_.c_str(), O_WRONLY | O_CREAT | O_TRUNC | O_CLOEXEC, 0666);
-  if (file < 0) throw InputError("{}: cannot be written: {}", target_.string(), std::strerror(errno));
-  close(file);
+class AtomicFile::Temporary {
+ public:
+  explicit Temporary(fs::path target) : target_(std::move(target)), place_(place_of(target_)) {
+    std::error_code error;
+    const fs::path folder = place_.is_stream ? fs::temp_directory_path() : folder_of(place_.file);
+    if (!fs::is_directory(folder, error)) {
+      if (error && error != std::errc::no_such_file_or_directory && error != std::errc::not_a_directory)
+        throw InputError("{}: cannot be written: {}", target_.string(), error.message());
+      throw InputError("{}: the output folder does not exist; create it first", folder.string());
+    }
+    const TemporaryName names(place_.file);
+    remove_leftovers(folder, names);
+    create(folder, names);
+    remembered_ = remember(name_.c_str());
+  }
+  ~Temporary() {
+    if (!is_published_) unlink(name_.c_str());
+    if (remembered_) remembered_->store(nullptr);
+  }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+
+  const fs::path& name() const { return name_; }
+  bool write(std::string_view bytes) const { return write_all(file_(), bytes.data(), bytes.size()); }
+
+  /// To the disk: some file systems say only now that it is full.
+  void sync() const {
+    if (place_.is_stream) return;
+    if (place_.mode) fchmod(file_(), *place_.mode);
+    // Not every file system can; what one reports when a descriptor is closed is heard without giving up the
+    // lock.
+    if ((fsync(file_()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) ||
+        !Descriptor(dup(file_())).close())
+      throw failure_of(target_, errno, 0);
+  }
+
+  /// Under the target's name.
+  void publish() {
+    if (place_.is_stream)
+      copy_to_stream();
+    else
+      rename();
+    ++written;
+  }
+
+ private:
+  void create(const fs::path& folder, const TemporaryName& names) {
+    // What takes the place of a private file is never open to others.
+    const mode_t mode = place_.is_stream || place_.mode ? 0600 : 0666;
+    struct stat status {};
+    do {
+      name_ = folder / names.any();
+      file_ = Descriptor(open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
+      if (file_() < 0 && is_full_disk(errno)) throw failure_of(target_, errno, 0);
+      if (file_() < 0) throw InputError("{}: cannot be written: {}", target_.string(), std::strerror(errno));
+      flock(file_(), LOCK_EX);  // where a file system knows no locks, nobody takes it for a leftover either
+      // Until it was locked, it looked like one.
+    } while (lstat(name_.c_str(), &status) != 0);
+  }
+
+  void rename() {
+    if (::rename(name_.c_str(), place_.file.c_str()) != 0)
+      throw Error("{}: could not be renamed into place: {}", target_.string(), std::strerror(errno));
+    is_published_ = true;
+    // A folder that cannot be opened for reading cannot be synced; the file is there all the same.
+    const Descriptor folder(open(folder_of(place_.file).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (folder() >= 0 && fsync(folder()) != 0 && (errno == EIO || is_full_disk(errno)))
+      throw failure_of(target_, errno, 0);
+  }
+
+  void copy_to_stream() {
+    Descriptor stream(place_.descriptor ? dup(*place_.descriptor)
+                                        : open(place_.file.c_str(), O_WRONLY | O_NOCTTY | O_CLOEXEC));
+    const auto check = [this](bool is_done) {
+      if (!is_done) throw failure_of(target_, errno, 0);
+    };
+    check(stream() >= 0 && lseek(file_(), 0, SEEK_SET) == 0);
+    std::array<char, 65536> buffer;
+    ssize_t count = 0;
+    while ((count = read(file_(), buffer.data(), buffer.size())) > 0)
+      check(write_all(stream(), buffer.data(), static_cast<std::size_t>(count)));
+    check(count == 0 && stream.close());
+  }
+
+  fs::path target_;
+  Place place_;
+  fs::path name_;
+  Descriptor file_;
+  std::atomic<const char*>* remembered_ = nullptr;
+  bool is_published_ = false;
+};
+
+// ---- what callers see -------------------------------------------------------------------------------
+
+namespace {
+thread_local OutputSet* open_set = nullptr;
 }
 
-AtomicFile::~AtomicFile() {
-  std::error_code ignored;
-  if (!temporary_.empty()) std::filesystem::remove(temporary_, ignored);
+AtomicFile::AtomicFile(fs::path target)
+    : target_(std::move(target)), temporary_(std::make_unique<Temporary>(target_)) {}
+
+AtomicFile::~AtomicFile() = default;
+
+const fs::path& AtomicFile::temporary() const { return temporary_->name(); }
+
+void AtomicFile::write(std::string_view bytes, std::int64_t needed_B) {
+  if (!temporary_->write(bytes)) throw failure(errno, needed_B);
+}
+
+Error AtomicFile::failure(int reason, std::int64_t needed_B) const {
+  return failure_of(target_, reason, needed_B);
 }
 
 void AtomicFile::commit() {
-  std::error_code error;
-  std::filesystem::rename(temporary_, target_, error);
-  if (error) throw Error("{}: could not be renamed into place: {}", target_.string(), error.message());
-  temporary_.clear();
+  temporary_->sync();
+  if (open_set)
+    open_set->files_.push_back(std::move(temporary_));
+  else
+    std::exchange(temporary_, nullptr)->publish();
+}
+
+OutputSet::OutputSet() : outer_(std::exchange(open_set, this)) {}
+
+OutputSet::~OutputSet() { open_set = outer_; }
+
+void OutputSet::commit() {
+  for (auto& file : files_)
+    if (outer_)
+      outer_->files_.push_back(std::move(file));
+    else
+      file->publish();
+  files_.clear();
+}
+
+int files_written() { return written; }
+
+void remove_temporary_files() noexcept {
+  for (const auto& slot : to_remove)
+    if (const char* name = slot.load()) unlink(name);
 }
 
 }  // namespace xraycast

@@ -1,18 +1,32 @@
 #pragma once
 
+#include "xraycast/base/error.hpp"
+
+#include <cstdint>
 #include <filesystem>
+#include <memory>
+#include <string_view>
+#include <vector>
 
 namespace xraycast {
 
 /// A file that appears under its name only when it is whole. It is written under a temporary name beside the
-/// target and renamed by commit(); without commit() the temporary file is removed and the target stays as it
-/// was.
+/// target, brought to the disk, and renamed by commit(); without commit() the temporary file is removed and
+/// the target stays as it was.
+///
+/// An existing file keeps its permissions. Through a symbolic link the file that it points to is replaced,
+/// and the link stays. A pipe, a device named itself, such as /dev/null, and what this process has open, such
+/// as /dev/stdout, is not replaced but given the content by commit().
+///
+/// The temporary file has a name that nobody can foresee, and is locked (flock) for as long as its writer
+/// lives: the next AtomicFile of the same target removes those that dead processes left.
 ///
 /// Make one before long work starts: the constructor already finds out whether the target can be written.
 class AtomicFile {
  public:
-  /// Throws InputError when the folder does not exist or is not writable, or when the target exists and is
-  /// not a regular file.
+  /// Throws InputError when the folder does not exist or is not writable, when the target is a link that
+  /// leads nowhere, and when it exists and can be neither replaced nor written to. Throws Error when the disk
+  /// is full.
   explicit AtomicFile(std::filesystem::path target);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
@@ -20,18 +34,56 @@ class AtomicFile {
 
   const std::filesystem::path& target() const { return target_; }
 
-  /// Where to write: in the target's folder, with the target's extension.
-  const std::filesystem::path& temporary() const { return temporary_; }
+  /// Where to write, until commit(): a file with the target's extension.
+  const std::filesystem::path& temporary() const;
 
-  /// Renames the finished file. Throws Error when that fails.
+  /// Appends, for those who do not write by the temporary name. Throws `failure` when the disk is full.
+  /// `needed_B` is what the whole file takes, for that message.
+  void write(std::string_view bytes, std::int64_t needed_B = 0);
+
+  /// What to throw where writing failed: one line that names the target, the reason, an errno or 0 where
+  /// there is none, and how much the file takes, where `needed_B` is above 0.
+  Error failure(int reason, std::int64_t needed_B = 0) const;
+
+  /// Brings the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.
+  /// Throws Error when that fails.
   void commit();
 
  private:
-  std::filesystem::path target_, temporary_;
+  friend class OutputSet;
+  class Temporary;
+
+  std::filesystem::path target_;
+  std::unique_ptr<Temporary> temporary_;  ///< none after commit()
+};
+
+/// Files that appear together: what this thread commits while an OutputSet lives is on the disk, but gets its
+/// name only by the set's commit(), in the order of the files' own commits. Without it all of them are
+/// removed. A set within a set hands its files over to the outer one.
+class OutputSet {
+ public:
+  OutputSet();
+  ~OutputSet();
+  OutputSet(const OutputSet&) = delete;
+  OutputSet& operator=(const OutputSet&) = delete;
+
+  /// Throws Error when a file cannot be renamed.
+  void commit();
+
+ private:
+  friend class AtomicFile;
+  OutputSet* outer_;
+  std::vector<std::unique_ptr<AtomicFile::Temporary>> files_;
 };
 
 /// Throws as AtomicFile's constructor would, and leaves nothing behind: called before long work whose result
 /// goes to `target`.
 inline void check_writable(const std::filesystem::path& target) { const AtomicFile probe(target); }
+
+/// How many files this process has put under their names so far.
+int files_written();
+
+/// Removes the temporary files of this process, which has to end at once. Safe in a signal handler.
+void remove_temporary_files() noexcept;
 
 }  // namespace xraycast

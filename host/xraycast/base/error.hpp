@@ -26,7 +26,8 @@ class DeviceError : public Error {
   using Error::Error;
 };
 
-/// `Progress::cancel` was called; thrown by the next `Progress::advance`. Exit status 130.
+/// `Progress::cancel` was called; thrown by the next `Progress::advance`. Exit status
+/// 128 + the signal that cancelled.
 class Cancelled : public Error {
  public:
   Cancelled() : Error("cancelled") {}

@@ -27,10 +27,7 @@ std::string read_whole_file(const std::filesystem::path& path) {
 
 void write_whole_file(const std::filesystem::path& path, std::string_view content) {
   AtomicFile target(path);
-  std::ofstream file(target.temporary(), std::ios::binary);
-  file.write(content.data(), static_cast<std::streamsize>(content.size()));
-  file.close();
-  if (!file) throw Error("{}: could not be written: {}", path.string(), std::strerror(errno));
+  target.write(content, std::ssize(content));
   target.commit();
 }
 

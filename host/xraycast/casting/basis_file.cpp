@@ -129,8 +129,8 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
 
 class Writer {
  public:
-  explicit Writer(const std::filesystem::path& path) : file_(path, std::ios::binary) {
-    file_.write(kBasisMagic, 8);
+  explicit Writer(const std::filesystem::path& path) : file_(path) {
+    file_.write({kBasisMagic, 8});
     put(kBasisVersion);
   }
 
@@ -139,26 +139,23 @@ class Writer {
       const auto piece = content.first(std::min<std::size_t>(content.size(), kMaxChunk_B));
       ChunkHead head{{}, piece.size()};
       std::copy_n(tag, 4, head.tag.begin());
-      file_.write(head.tag.data(), 4);
+      file_.write({head.tag.data(), 4});
       put(head.size_B);
-      file_.write(piece.data(), static_cast<std::streamsize>(piece.size()));
+      file_.write({piece.data(), piece.size()});
       put(checksum(head, piece));
       content = content.subspan(piece.size());
     }
   }
 
-  bool close() {
-    file_.close();
-    return !file_.fail();
-  }
+  void commit() { file_.commit(); }
 
  private:
   template <typename T>
   void put(const T& value) {
-    file_.write(reinterpret_cast<const char*>(&value), sizeof value);
+    file_.write({reinterpret_cast<const char*>(&value), sizeof value});
   }
 
-  std::ofstream file_;
+  AtomicFile file_;
 };
 
 class Reader {
@@ -252,14 +249,11 @@ class Reader {
 }  // namespace
 
 void write_basis(const Basis& basis, const std::filesystem::path& path) {
-  AtomicFile target(path);
-  const std::string header = header_of(basis);
-  Writer writer(target.temporary());
-  writer.write("HEAD", header);
+  Writer writer(path);
+  writer.write("HEAD", header_of(basis));
   writer.write("TILE", as_chars(std::span(basis.touched)));
   writer.write("ROWS", as_chars(std::span(basis.weights)));
-  if (!writer.close()) throw Error("{}: could not be written: {}", path.string(), std::strerror(errno));
-  target.commit();
+  writer.commit();
 }
 
 Basis read_basis(const std::filesystem::path& path) {

@@ -13,6 +13,8 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMaxSide = 16384;
+// Pixels between them are of a size that 32-bit coordinates tell apart.
+constexpr double kNearestSource_mm = 1, kFarthestDetector_mm = 1e6;
 
 void check(const View& view) {
   if (!std::isfinite(view.angle_rad) || !std::isfinite(view.tilt_rad))
@@ -24,10 +26,11 @@ void check(const View& view) {
     throw InputError("pixel size of {} mm has to be above 0", view.pixel_mm);
   if (!view.cone) return;
   const auto [axis, detector] = *view.cone;
-  if (!(axis > 0) || !(detector >= axis) || !std::isfinite(detector))
+  if (!(axis >= kNearestSource_mm) || !(detector >= axis) || !(detector <= kFarthestDetector_mm))
     throw InputError(
-        "cone {:g},{:g}: the source has to be above 0 mm from the axis, and the detector beyond the axis",
-        axis, detector);
+        "cone {:g},{:g}: the source has to be {:g} mm or more from the axis, the detector beyond the axis, "
+        "within {:g} mm",
+        axis, detector, kNearestSource_mm, kFarthestDetector_mm);
 }
 
 /// How many pixels a length takes. A whole number of them but for rounding stays that: with one more, all of

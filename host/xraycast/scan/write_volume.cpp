@@ -1,13 +1,14 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cerrno>
 #include <cstring>
-#include <optional>
 #include <string>
 #include <string_view>
 #include <utility>
@@ -26,10 +27,12 @@ static_assert(std::endian::native == std::endian::little,
 /// A file of bytes, gzipped or plain, that says when the disk is full.
 class OutputFile {
  public:
-  OutputFile(const AtomicFile& file, bool gzipped)
-      // T writes plainly through the same functions.
-      : target_(file.target()), file_(gzopen(file.temporary().c_str(), gzipped ? "wb6" : "wbT")) {
-    if (!file_) fail();
+  /// `content_B` is what it will hold.
+  OutputFile(const fs::path& path, bool gzipped, std::int64_t content_B)
+      : atomic_(path), needed_B_(gzipped ? 0 : content_B) {
+    // T writes plainly through the same functions.
+    file_ = gzopen(atomic_.temporary().c_str(), gzipped ? "wb6" : "wbT");
+    if (!file_) throw atomic_.failure(errno, needed_B_);
   }
   ~OutputFile() {
     if (file_) gzclose(file_);
@@ -38,21 +41,22 @@ class OutputFile {
   OutputFile& operator=(const OutputFile&) = delete;
 
   void write(const void* bytes, std::int64_t count) {
+    errno = 0;
     // Returns the number of bytes written, and counts them with 32 bits; a slice is never that large.
-    if (count > 0 && gzwrite(file_, bytes, static_cast<unsigned>(count)) != count) fail();
+    if (count > 0 && gzwrite(file_, bytes, static_cast<unsigned>(count)) != count)
+      throw atomic_.failure(errno, needed_B_);
   }
   void write(const std::string& text) { write(text.data(), std::ssize(text)); }
 
-  void close() {
-    if (gzclose(std::exchange(file_, nullptr)) != Z_OK) fail();
+  void commit() {
+    errno = 0;
+    if (gzclose(std::exchange(file_, nullptr)) != Z_OK) throw atomic_.failure(errno, needed_B_);
+    atomic_.commit();
   }
 
  private:
-  [[noreturn]] void fail() const {
-    throw Error("{}: could not be written to its end; the disk may be full", target_.string());
-  }
-
-  fs::path target_;
+  AtomicFile atomic_;
+  std::int64_t needed_B_;  ///< 0 where that is not known
   gzFile file_;
 };
 
@@ -115,38 +119,31 @@ void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::
            Progress& progress) {
   constexpr bool is_mask = sizeof(T) == 1;
   check_volume_format(path);
-  AtomicFile file(path);
-  std::optional<AtomicFile> data_file;
+  const bool is_in_two_files = has_extension(path, ".mhd");
+  const fs::path voxel_path = is_in_two_files ? fs::path(path).replace_extension(".raw") : path;
   std::string header;
-  if (has_extension(path, ".nrrd")) {
+  if (has_extension(path, ".nrrd"))
     header = nrrd_header(geometry, is_mask);
-  } else if (has_extension(path, ".nii") || has_extension(path, ".nii.gz")) {
+  else if (has_extension(path, ".nii") || has_extension(path, ".nii.gz"))
     header = nifti_header(geometry, is_mask, path);
-  } else if (has_extension(path, ".mha")) {
-    header = meta_image_header(geometry, is_mask, "LOCAL");
-  } else {
-    data_file.emplace(fs::path(path).replace_extension(".raw"));
-    header = meta_image_header(geometry, is_mask, data_file->target().filename().string());
-  }
+  else
+    header = meta_image_header(geometry, is_mask,
+                               is_in_two_files ? voxel_path.filename().string() : std::string("LOCAL"));
 
   progress.begin("writing", geometry.size.z, "slices");
-  OutputFile output(file, has_extension(path, ".gz"));
-  output.write(header);
-  std::optional<OutputFile> data_output;
-  if (data_file) data_output.emplace(*data_file, false);
-  OutputFile& voxel_output = data_output ? *data_output : output;
+  const auto slice_B = geometry.slice_voxels() * static_cast<std::int64_t>(sizeof(T));
+  const std::int64_t header_B = is_in_two_files ? 0 : std::ssize(header);
+  OutputSet outputs;
+  OutputFile voxel_file(voxel_path, has_extension(path, ".gz"), header_B + slice_B * geometry.size.z);
+  if (!is_in_two_files) voxel_file.write(header);
   for (std::int64_t z = 0; z < geometry.size.z; ++z) {
-    voxel_output.write(voxels.data() + z * geometry.slice_voxels(),
-                       geometry.slice_voxels() * static_cast<std::int64_t>(sizeof(T)));
+    voxel_file.write(voxels.data() + z * geometry.slice_voxels(), slice_B);
     progress.advance();
   }
-  output.close();
   // The voxels first: a header never names a file that is not there.
-  if (data_file) {
-    data_output->close();
-    data_file->commit();
-  }
-  file.commit();
+  voxel_file.commit();
+  if (is_in_two_files) write_whole_file(path, header);
+  outputs.commit();
 }
 
 }  // namespace

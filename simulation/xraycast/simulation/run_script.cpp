@@ -46,6 +46,7 @@ std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, cons
   progress.begin("simulating", static_cast<std::int64_t>(script.rows().size()), "rows");
   for (const Script::Row& row : script.rows()) {
     while (static_cast<double>(steps) * catheter.step_s() < row.time_s - kRounding_s) {
+      progress.check();
       ++steps;
       const double time_s = static_cast<double>(steps) * catheter.step_s();
       catheter.step(script.pose_at(time_s));

@@ -148,7 +148,13 @@ void write_session(const ViewSession& session, const fs::path& path) {
                       {"gamma", style.window.gamma},
                       {"inverted", style.window.inverted}};
   if (session.opacity) json["opacity"] = Json::parse(session.opacity->to_json());
-  write_whole_file(path, json.dump(2) + "\n");
+  std::string text;
+  try {
+    text = json.dump(2) + "\n";
+  } catch (const Json::exception&) {
+    throw InputError("{}: the name of one of the session's files is no UTF-8; rename it", path.string());
+  }
+  write_whole_file(path, text);
 }
 
 ViewSession read_session(const fs::path& path) {

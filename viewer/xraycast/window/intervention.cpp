@@ -1,6 +1,7 @@
 #include "xraycast/window/intervention.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/printable.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
 
@@ -27,7 +28,7 @@ std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) 
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
     return std::make_unique<IgtlinkDevice>(
-        address, [](const std::string& line) { std::cerr << "xraycast: " << line << '\n'; });
+        address, [](const std::string& line) { std::cerr << "xraycast: " << printable_line(line) << '\n'; });
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
