@@ -14,6 +14,7 @@
 #include <charconv>
 #include <cmath>
 #include <fstream>
+#include <iostream>
 #include <map>
 #include <optional>
 #include <sstream>
@@ -27,6 +28,18 @@ namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
+
+/// ITK and its VNL write what they think of a header to std::cerr; our own lines say more.
+class QuietCerr {
+ public:
+  QuietCerr() : buffer_(std::cerr.rdbuf(nullptr)) {}
+  ~QuietCerr() { std::cerr.rdbuf(buffer_); }
+  QuietCerr(const QuietCerr&) = delete;
+  QuietCerr& operator=(const QuietCerr&) = delete;
+
+ private:
+  std::streambuf* buffer_;
+};
 
 std::optional<VoxelType> voxel_type(itk::IOComponentEnum component) {
   using enum itk::IOComponentEnum;
@@ -42,6 +55,7 @@ std::optional<VoxelType> voxel_type(itk::IOComponentEnum component) {
 /// A header's sizes and place, as ITK reads them.
 ImageHeader read_by_itk(itk::ImageIOBase& io, const fs::path& path) {
   try {
+    const QuietCerr quiet;
     itk::Object::GlobalWarningDisplayOff();
     io.SetFileName(path.string());
     io.ReadImageInformation();
@@ -165,8 +179,9 @@ VoxelType nifti_type(const fs::path& path, const NiftiHeader& header) {
       {1024, VoxelType::int64}, {1280, VoxelType::uint64}};
   const auto found = kTypes.find(header.get<std::int16_t>(70));
   if (found == kTypes.end())
-    throw InputError("{}: datatype is {}; integers and floats of 8 to 64 bits are read", path.string(),
-                     header.get<std::int16_t>(70));
+    throw InputError(
+        "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float a voxel",
+        path.string(), header.get<std::int16_t>(70));
   return found->second;
 }
 
@@ -236,13 +251,14 @@ Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& prog
   progress.begin("opening", 1, "files");
   const NiftiHeader nifti(path);
   check_nifti(path, nifti);
+  const VoxelType type = nifti_type(path, nifti);
   auto io = itk::NiftiImageIO::New();
   if (!io->CanReadFile(path.c_str()))
     throw InputError("{}: NIfTI by its content, but {}", path.string(),
                      is_gzipped(path) ? "damaged or not named .nii.gz; rename it"
                                       : "damaged or not named .nii; rename it");
   ImageHeader header = read_by_itk(*io, path);
-  if (header.numbers_per_voxel == 1) header.type = nifti_type(path, nifti);
+  header.type = type;
   header.is_big_endian = nifti.is_big_endian();
   // A slope of zero, or none, says that the voxels are not scaled.
   if (const double slope = nifti.get<float>(112); std::isfinite(slope) && slope != 0) {
