@@ -127,6 +127,13 @@ VolumeGeometry covering_grid(const SliceStack& stack, const Layout& layout) {
           stack.name, steps.x + 1, steps.y + 1, steps.z + 1);
     grid.size[axis] = static_cast<std::int64_t>(steps[axis]) + 1;
   }
+  // A few slices that lie obliquely take a grid much larger than they are, but no scan does.
+  constexpr std::int64_t kMaxGrown = 64, kLittle = std::int64_t{1} << 28;
+  const std::int64_t stored = stack.columns * stack.rows * std::ssize(stack.planes);
+  if (grid.voxel_count() > std::max(kLittle, kMaxGrown * stored))
+    throw InputError(
+        "{}: {} voxels would need a grid of {} x {} x {}; the file's spacing or positions are damaged",
+        stack.name, stored, grid.size.x, grid.size.y, grid.size.z);
   // Slices that are even but for rounding keep both ends.
   const auto slices = static_cast<std::int64_t>(stack.planes.size());
   const int k_axis = layout.axes[2];
