@@ -4,6 +4,7 @@
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
