@@ -1,7 +1,7 @@
 # cmake -DOUTPUT=embedded.cpp -DFILES="a.cl;b.cl" -DKIND=kernel -DHEADER=embedded_kernels.h -P EmbedFiles.cmake
 # Writes a C++ file with every file's text, `#include "header"` lines replaced by the header, so that a driver never
 # needs to find a file. The text becomes a list of bytes: string literals have a size limit. HEADER declares
-# Embedded<Kind> {name, source} and embedded_<kind>s(). A kernel's name is without its extension, a shader's with it.
+# Embedded<Kind> {name, source} and embedded_<kind>s(). A kernel's name is without its extension, others' with it.
 string(SUBSTRING "${KIND}" 0 1 initial)
 string(TOUPPER "${initial}" initial)
 string(SUBSTRING "${KIND}" 1 -1 rest)
