@@ -14,7 +14,7 @@ namespace {
 
 void segment(Bench& bench) {
   const Mask mask = segment_mask(bench.volume, {}, "thorax", bench.device, bench.progress);
-  benchmark::DoNotOptimize(find_centrelines(mask, "thorax"));
+  benchmark::DoNotOptimize(extract_centrelines(mask, "thorax"));
   benchmark::DoNotOptimize(surface_of(mask, 50'000));
 }
 

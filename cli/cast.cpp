@@ -65,12 +65,12 @@ void hint_at_radius(const CastArguments& options, const BodyOutline& outline, co
   const bool is_free =
       options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
   if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
-  const double most_mm = std::ceil(outline.most_mm);
-  if (most_mm < kMuch * outline.radius_mm)
+  const double radius_99_mm = std::ceil(outline.radius_99_mm);
+  if (radius_99_mm < kMuch * outline.radius_mm)
     session.say(
         {fmt::format("99 % of the body lies within {:g} mm of the axis, the rest extends to {:.0f} mm: "
                      "--radius {:g} crops it and shows the body more sharply",
-                     most_mm, outline.radius_mm, most_mm)});
+                     radius_99_mm, outline.radius_mm, radius_99_mm)});
 }
 
 /// The centre and radius as given by the user, else from the body.

@@ -52,6 +52,7 @@ void add_cast(CLI::App& app, Session& session);
 void add_recast(CLI::App& app, Session& session);
 void add_project(CLI::App& app, Session& session);
 void add_segment(CLI::App& app, Session& session);
+void add_vesselness(CLI::App& app, Session& session);
 void add_render(CLI::App& app, Session& session);
 void add_simulate(CLI::App& app, Session& session);
 void add_compare(CLI::App& app, Session& session);

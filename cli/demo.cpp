@@ -161,7 +161,7 @@ VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& rep
   const Mask mask = report.timed(
       "vessels found", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
   const Centrelines centrelines =
-      report.timed("centrelines", [&] { return find_centrelines(mask, "thorax phantom"); });
+      report.timed("centrelines", [&] { return extract_centrelines(mask, "thorax phantom"); });
   fs::create_directories(report.file("vessels"));
   write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
   write_tree(centrelines.tree, report.file("vessels/tree.vtp"));

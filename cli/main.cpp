@@ -123,6 +123,7 @@ int main(int argc, char** argv) {
   cli::add_recast(app, session);
   cli::add_project(app, session);
   cli::add_segment(app, session);
+  cli::add_vesselness(app, session);
   cli::add_render(app, session);
   cli::add_compare(app, session);
   cli::add_simulate(app, session);

@@ -19,7 +19,7 @@ struct PhantomArguments {
   PhantomOptions phantom;
 };
 
-/// What a segmentation of the phantom should find.
+/// The ground truth for segmentations of the phantom.
 void write_truth(const Phantom& phantom, const std::filesystem::path& folder) {
   const VesselTree tree(phantom.vessel_branches(), "phantom " + phantom.name());
   write_tree(tree, folder / "tree.vtp");
@@ -29,7 +29,8 @@ void write_truth(const Phantom& phantom, const std::filesystem::path& folder) {
 
 void check_truth_folder(const Phantom& phantom, const std::string& folder) {
   if (phantom.vessel_branches().empty())
-    throw InputError("--truth: the phantom {} has no vessels; thorax and head have", phantom.name());
+    throw InputError("--truth: the phantom {} has no vessels; make thorax or head, or leave --truth out",
+                     phantom.name());
   make_folder(folder, "--truth " + folder);
   check_writable(std::filesystem::path(folder) / "tree.vtp");
 }
@@ -60,7 +61,7 @@ void make(PhantomArguments options, Session& session) {
 
 void add_phantom(CLI::App& app, Session& session) {
   const auto options = std::make_shared<PhantomArguments>();
-  CLI::App* command = add_command(app, session, "phantom", "Make a procedural scan",
+  CLI::App* command = add_command(app, session, "phantom", "Make a synthetic CT scan of known anatomy",
                                   "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
                                   "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
                                   "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
@@ -71,15 +72,21 @@ void add_phantom(CLI::App& app, Session& session) {
   command->add_option("-o,--output", options->output, ".nrrd, .nii, .nii.gz, .mha or .mhd")
       ->required()
       ->type_name("VOLUME");
-  command->add_option("--size", options->size, "Voxels; alone, the extent in mm stays")
+  command->add_option("--size", options->size, "Number of voxels; alone, the field of view stays")
       ->type_name("NXxNYxNZ");
-  command->add_option("--spacing", options->phantom.spacing_mm, "Voxel size; alone, the extent in mm stays")
+  command
+      ->add_option("--spacing", options->phantom.spacing_mm,
+                   "Voxel size, all axes; alone, the field of view stays")
       ->type_name("MM");
-  command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the noise")
+  command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the image noise")
       ->type_name("HU");
-  command->add_option("--seed", options->phantom.seed, "Of the noise")->capture_default_str()->type_name("N");
-  command->add_flag("--table", options->phantom.table, "With the scanner's table");
-  command->add_option("--truth", options->truth, "Also the vessels: mask.nrrd, tree.vtp and surface.vtp")
+  command->add_option("--seed", options->phantom.seed, "Seed of the noise")
+      ->capture_default_str()
+      ->type_name("N");
+  command->add_flag("--table", options->phantom.table, "With the patient table or head rest");
+  command
+      ->add_option("--truth", options->truth,
+                   "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp")
       ->type_name("DIR");
 }
 

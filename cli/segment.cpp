@@ -57,7 +57,7 @@ SegmentOptions parsed(const SegmentArguments& options) {
   return segment;
 }
 
-/// Somebody else's mask on the scan's grid.
+/// A mask from another program, on the scan's grid.
 Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& progress) {
   const Scan scan = open_scan(file, {}, progress);
   check_mask_grid(scan.source->geometry(), grid, "--from-mask " + file);
@@ -65,28 +65,30 @@ Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& pr
   return between(values, 1, 32767);
 }
 
-/// Those with seeds; without seeds all that are no specks, whatever their shape: the mask says what is
+/// The components with seeds; without seeds all but the smallest, whatever their shape: the mask says what is
 /// vessel.
-Mask parts_of(const Mask& mask, const Markers& markers, const std::string& name, Session& session) {
+Mask selected_components(const Mask& mask, const Markers& markers, const std::string& name,
+                         Session& session) {
   if (!markers.vessels_mm.empty()) return select_vessels(mask, markers, name, session.progress);
-  Mask kept = without_specks(mask);
+  Mask kept = without_small_components(mask);
   if (const std::int64_t dropped = mask.count() - kept.count(); dropped > 0)
-    session.say({fmt::format("{}: left out parts of less than a hundredth of the largest one, {} in all",
-                             name, pluralize(dropped, "voxel"))});
+    session.say({fmt::format(
+        "{}: left out components of less than 1 % of the largest one, {} in all; --seed keeps one of them",
+        name, pluralize(dropped, "voxel"))});
   return kept;
 }
 
-/// How parts of the mask became one tree, where there were several.
-std::string joined(const Centrelines& found) {
+/// How the components of the mask were linked to one tree, where there were several.
+std::string linked(const Centrelines& found) {
   std::string words;
   if (found.gaps_mm.size() == 1)
-    words = fmt::format(", joined over a gap of {:.0f} mm", found.gaps_mm.front());
+    words = fmt::format(", one gap of {:.0f} mm closed", found.gaps_mm.front());
   else if (!found.gaps_mm.empty())
-    words = fmt::format(", joined over {} gaps of up to {:.0f} mm", found.gaps_mm.size(),
+    words = fmt::format(", {} gaps of up to {:.0f} mm closed", found.gaps_mm.size(),
                         std::ranges::max(found.gaps_mm));
   if (found.parts_left_out > 0)
     words += fmt::format(", {} of the mask too far away to be in the tree",
-                         pluralize(found.parts_left_out, "part"));
+                         pluralize(found.parts_left_out, "component"));
   return words;
 }
 
@@ -107,9 +109,9 @@ void segment(const SegmentArguments& options, Session& session) {
 
   const Mask mask = options.from_mask.empty()
                         ? segment_mask(volume, segmenting, options.input, device, progress)
-                        : parts_of(read_mask(options.from_mask, volume.geometry(), progress),
-                                   segmenting.markers, options.from_mask, session);
-  const Centrelines centrelines = find_centrelines(mask, options.input, progress, root_mm);
+                        : selected_components(read_mask(options.from_mask, volume.geometry(), progress),
+                                              segmenting.markers, options.from_mask, session);
+  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;
     check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm,
@@ -143,23 +145,25 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"triangles", surface.triangles.size()},
                   {"timings_ms", {{"total", total_ms}}}},
                  fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n", options.folder, found,
-                             joined(centrelines), surface.triangles.size(), total_ms));
+                             linked(centrelines), surface.triangles.size(), total_ms));
 }
 
 }  // namespace
 
 void add_segment(CLI::App& app, Session& session) {
   const auto options = std::make_shared<SegmentArguments>();
-  CLI::App* command =
-      add_command(app, session, "segment", "Find the vessels of a CT angiography: mask, tree and surface",
-                  "  xraycast segment cta.nii.gz -o vessels\n"
-                  "  xraycast segment cta.nii.gz -o aorta --seed 12.5,-170,690 --not 30,-200,640\n"
-                  "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
-                  "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
-                  [options, &session] { segment(*options, session); });
+  CLI::App* command = add_command(
+      app, session, "segment", "Segment the vessels of a CT angiography: mask, centrelines and surface",
+      "  xraycast segment cta.nii.gz -o vessels\n"
+      "  xraycast segment cta.nii.gz -o aorta --seed 12.5,-170,690 --not 30,-200,640\n"
+      "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
+      "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
+      [options, &session] { segment(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
-  command->add_option("-o,--output", options->folder, "Where mask, tree, surface and report go")
+  command
+      ->add_option("-o,--output", options->folder,
+                   "Where the mask, the centreline tree, the surface and the report go")
       ->required()
       ->type_name("DIR");
   command
@@ -168,27 +172,30 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("X,Y,Z");
   command
       ->add_option("--not", options->not_vessels,
-                   "A point in something that touches a vessel and is none; repeatable")
+                   "A point in a structure that touches a vessel, such as a vein; repeatable")
       ->type_name("X,Y,Z");
   command
       ->add_option("--max-radius", options->segment.markers.max_radius_mm,
-                   "Whatever holds a larger sphere is a heart chamber")
+                   "A structure in which a larger sphere fits is a heart chamber")
       ->capture_default_str()
       ->type_name("MM");
-  command->add_option("--window", options->window, "HU of vessels; auto: from the histogram")
+  command->add_option("--window", options->window, "CT numbers of vessels in HU; auto: from the histogram")
       ->capture_default_str()
       ->type_name("auto|LO,HI");
-  command->add_option("--from-mask", options->from_mask, "Start from this mask of vessels on the scan's grid")
+  command
+      ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")
       ->type_name("MASK");
   command
       ->add_option("--root", options->root,
-                   "The tree begins at the vessel end nearest to this point; without: at the widest vessel's")
+                   "The tree's root is the vessel end nearest to this point; without: the widest vessel's")
       ->type_name("X,Y,Z");
-  command->add_option("--surface", options->surface, "level-set: of the mask; tubes: swept along the tree")
+  command
+      ->add_option("--surface", options->surface,
+                   "level-set: isosurface of the mask; tubes: swept along the centrelines")
       ->check(CLI::IsMember({"level-set", "tubes"}))
       ->capture_default_str()
       ->type_name("KIND");
-  command->add_option("--triangles", options->triangles, "About how many of them the surface has")
+  command->add_option("--triangles", options->triangles, "About how many triangles the surface has")
       ->capture_default_str()
       ->type_name("N");
   add_scan_options(*command, options->scan);

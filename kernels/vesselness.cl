@@ -1,5 +1,5 @@
-/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and lines.
- * Beyond the block its border goes on. */
+/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and ridge strength
+ * from oriented line integrals. Beyond the block its border is replicated. */
 
 static int clamped(const int i, const int size) { return clamp(i, 0, size - 1); }
 
@@ -71,7 +71,7 @@ static float jerman(const float3 l, const float strength) {
   return l.z >= 0 ? 0.0f : second >= 0.5f * third ? 1.0f : partly;
 }
 
-/* The larger of what there is and of the tubularity at one scale. `smoothed` is the block at that scale;
+/* Maximum projection over scales: the larger of `best` and of the tubularity at one scale. `smoothed` is the block at that scale;
  * `per_mm2` is scale^2 over the squares and products of the spacings: xx, yy, zz, xy, xz, yz. */
 kernel void tubularity(global const float* smoothed, global float* best, const int4 size,
                        constant float* per_mm2, const float strength, const int is_frangi) {
@@ -107,10 +107,9 @@ static float sample(global const float* v, const int4 size, const float3 p) {
   return mix(low, high, fz);
 }
 
-/* For each voxel the strongest straight line through it: of each direction the weaker of its two arms'
- * weighted means, so that a line that only crosses something bright on one side does not count; a step is one
- * voxel. Weights are of distances 0 to reach; both arms together add up to 1. */
-kernel void line_strength(global const float* source, global float* target, const int4 size,
+/* Ridge strength: the largest line integral through each voxel. Of each direction the weaker of its two arms'
+ * weighted means counts, so that a bright structure on one side only is no ridge; a step is one voxel. Weights are of distances 0 to reach; both arms together add up to 1. */
+kernel void ridge_strength(global const float* source, global float* target, const int4 size,
                           constant float4* directions, const int count, constant float* weights,
                           const int reach) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);

@@ -12,7 +12,7 @@ int main() {
   const xraycast::Volume volume = xraycast::generate(thorax, device, progress);
 
   const xraycast::Mask mask = xraycast::segment_mask(volume, {}, "thorax", device, progress);
-  const xraycast::VesselTree tree = xraycast::find_centrelines(mask, "thorax").tree;
+  const xraycast::VesselTree tree = xraycast::extract_centrelines(mask, "thorax").tree;
   xraycast::write_tree(tree, "tree.vtp");
   std::cout << "found " << tree.branches().size() << " branches\n";
 }

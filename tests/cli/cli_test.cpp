@@ -154,6 +154,17 @@ const BadCall kBadCalls[] = {
      "ct.nii/vessels: the folder cannot be made: "},
     {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
 
+    {"VesselnessScaleOfText", "vesselness @/ct.nii -o @/v.nrrd --scales 1,wide", 3, "'wide' is not a number"},
+    {"VesselnessScaleZero", "vesselness @/ct.nii -o @/v.nrrd --scales 1,0", 3,
+     "--scales 1,0: 0 mm has to be from 0.1 to 20 mm"},
+    {"VesselnessManyScales", "vesselness @/ct.nii -o @/v.nrrd --scales 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 3,
+     "at most 16 scales"},
+    {"VesselnessNoContrast", "vesselness @/ct.nii -o @/v.nrrd --contrast 0", 3, "--contrast 0: has to be"},
+    {"VesselnessAsDicom", "vesselness @/ct.nii -o @/v.dcm", 3, "v.dcm: not a volume's name"},
+    {"VesselnessOverItsScan", "vesselness @/ct.nii -o @/ct.nii", 3, "which it would replace"},
+    {"VesselnessUnknownMeasure", "vesselness @/ct.nii -o @/v.nrrd --measure sato", 2, "sato not in"},
+    {"VesselnessOfNothing", "vesselness @/nothing -o @/v.nrrd", 3, "nothing: no such file or folder"},
+
     // The catheter. A tube of one branch, 1 mm wide.
     {"SimulateNoTree", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
      "tree.json: there is no such file", make_push},
@@ -442,6 +453,7 @@ const Writer kLargeWriters[] = {
     {"NiftiPacked", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.nii.gz"},
     {"MetaImage", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mha"},
     {"MetaImageInTwoFiles", "phantom sphere --noise 20 --size 160x160x160 -o @/disk/out.mhd"},
+    {"Vesselness", "vesselness @/ct.nrrd --scales 2 -o @/disk/out.nrrd"},
     {"Map", "cast @/ct.nrrd --layers 32 -o @/disk/out.exr"},
     {"Basis", "cast @/ct.nrrd --layers 8 -o @/map.exr --keep-basis @/disk/out.basis"},
     {"ProjectionExr", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.exr"},
@@ -772,8 +784,8 @@ TEST_F(Cli, DevicesPassTheirSelfTest) {
 
 TEST_F(Cli, HelpOfEverySubcommandEndsInExamples) {
   const std::string help = output_of("--help");
-  for (const std::string subcommand :
-       {"info", "phantom", "cast", "project", "render", "compare", "devices", "demo"}) {
+  for (const std::string subcommand : {"info", "phantom", "cast", "project", "segment", "vesselness",
+                                       "render", "compare", "devices", "demo"}) {
     EXPECT_THAT(help, HasSubstr("\n  " + subcommand + " "));
     EXPECT_THAT(output_of(subcommand + " --help"), HasSubstr("\nExamples:\n  xraycast " + subcommand));
   }
@@ -946,6 +958,31 @@ TEST_F(Cli, SegmentsFromAMask) {
   EXPECT_EQ(far.status, 3);
   expect_one_line(far.err, "mm away");
   EXPECT_FALSE(fs::exists(folder_ / "far"));
+}
+
+TEST_F(Cli, VesselnessIsAFieldOnTheScansGrid) {
+  NiftiFile scan = water(40);
+  for (int z = 0; z < 40; ++z)  // a tube of 2 x 2 voxels of 300 HU along z
+    for (const int y : {3, 4})
+      for (const int x : {3, 4}) {
+        const std::int16_t hu = 300;
+        std::memcpy(&scan.voxels[static_cast<std::size_t>(2 * (x + 8 * (y + 8 * z)))], &hu, sizeof hu);
+      }
+  write_bytes(folder_ / "ct.nii", scan.bytes());
+  const Json json = json_of("vesselness @/ct.nii -o @/v.nrrd --scales 1,1.5 -q");
+  EXPECT_THAT(keys_of(json), ElementsAre("input", "output", "volume", "measure", "scales_mm", "timings_ms"));
+  EXPECT_EQ(json["scales_mm"], Json({1, 1.5}));
+  const std::string bytes = read_bytes(folder_ / "v.nrrd");
+  EXPECT_THAT(bytes, HasSubstr("type: float\ndimension: 3\nspace: left-posterior-superior\nsizes: 8 8 40\n"));
+  const std::size_t header = bytes.find("\n\n") + 2;
+  ASSERT_EQ(bytes.size(), header + 8 * 8 * 40 * sizeof(float));
+  const auto at = [&](std::size_t x, std::size_t y, std::size_t z) {
+    float value = -1;
+    std::memcpy(&value, &bytes[header + sizeof value * (x + 8 * (y + 8 * z))], sizeof value);
+    return value;
+  };
+  EXPECT_GT(at(3, 3, 20), 0.9F);
+  EXPECT_LT(at(0, 0, 20), 0.1F);
 }
 
 }  // namespace

@@ -45,12 +45,12 @@ TEST(BodyOutline, EnclosesTheBodyTightly) {
 TEST(BodyOutline, TellsHowFarMostOfTheBodyReaches) {
   // A disc, of which 99 % lie within 0.995 of its radius.
   const BodyOutline disc = find_outline(make([](double x, double y) { return std::hypot(x, y) < 120; }));
-  EXPECT_NEAR(disc.most_mm, 0.995 * 120, kCell_mm);
-  EXPECT_LT(disc.most_mm, disc.radius_mm);
+  EXPECT_NEAR(disc.radius_99_mm, 0.995 * 120, kCell_mm);
+  EXPECT_LT(disc.radius_99_mm, disc.radius_mm);
   // Beside it an arm that holds less than a hundredth of the whole.
   const BodyOutline with_arm = find_outline(make(
       [](double x, double y) { return std::hypot(x, y) < 120 || (std::abs(y) < 10 && x > 100 && x < 140); }));
-  EXPECT_NEAR(with_arm.most_mm, 120, kCell_mm);
+  EXPECT_NEAR(with_arm.radius_99_mm, 120, kCell_mm);
   EXPECT_NEAR(with_arm.radius_mm, 140, kCell_mm);
 }
 

@@ -8,6 +8,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <random>
 
@@ -24,6 +25,32 @@ std::string message_of(const std::string& name, const PhantomOptions& options) {
     return error.what();
   }
   return "";
+}
+
+TEST(GrowVessels, CutsAVesselWhereOthersLeaveIt) {
+  const std::vector<VesselCourse> courses{
+      {.name = "trunk", .controls = {{{0, 0, 0}, 3}, {{0, 0, 10}, 3}, {{0, 0, 20}, 3}}},
+      {.name = "side", .parent = 0, .leaves_at = 1, .first_radius_mm = 1, .controls = {{{9, 0, 15}, 1}}},
+      {.name = "end", .parent = 0, .leaves_at = 2, .first_radius_mm = 2, .controls = {{{0, 5, 30}, 2}}}};
+  const std::vector<VesselBranch> branches = grow_vessels(courses);
+  ASSERT_EQ(branches.size(), 4);
+  const auto parent_of = [&](std::size_t i) { return branches[i].parent; };
+  EXPECT_THAT((std::array{parent_of(0), parent_of(1), parent_of(2), parent_of(3)}), ElementsAre(-1, 0, 0, 1));
+  EXPECT_EQ(branches[2].points.front().position_mm, glm::dvec3(0, 0, 10));
+  EXPECT_EQ(branches[2].points.front().radius_mm, 1);
+  EXPECT_EQ(branches[3].points.front().position_mm, glm::dvec3(0, 0, 20));
+}
+
+TEST(VesselCourses, AreReadFromThePhantomsData) {
+  const std::vector<VesselCourse> courses = vessel_courses("thorax_vessels.json");
+  EXPECT_EQ(courses.front().name, "aorta");
+  EXPECT_EQ(courses.front().parent, -1);
+  for (std::size_t i = 1; i < courses.size(); ++i) {
+    const VesselCourse& course = courses[i];
+    ASSERT_LT(course.parent, static_cast<int>(i)) << course.name;
+    EXPECT_LT(course.leaves_at, courses[static_cast<std::size_t>(course.parent)].controls.size())
+        << course.name;
+  }
 }
 
 TEST(Phantom, NamesThoseThatThereAre) {

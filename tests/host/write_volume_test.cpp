@@ -1,4 +1,5 @@
 #include "support/read_scan.hpp"
+#include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
@@ -51,6 +52,25 @@ TEST_P(WriteVolume, IsReadBackBitForBit) {
     EXPECT_NEAR(read.volume.geometry().origin_mm[axis], kGeometry.origin_mm[axis], tolerance);
   }
   EXPECT_THAT(read.info.warnings, IsEmpty());
+}
+
+TEST(WriteField, KeepsFloatsBitForBit) {
+  const TemporaryFolder folder;
+  std::vector<float> field(static_cast<std::size_t>(kGeometry.voxel_count()));
+  for (std::size_t i = 0; i < field.size(); ++i) field[i] = 0.1F * static_cast<float>(i);
+  const std::string voxels(reinterpret_cast<const char*>(field.data()), field.size() * sizeof(float));
+  Progress progress;
+  for (const auto& [name, type] : {std::pair("f.nrrd", "type: float\n"), {"f.mha", "MET_FLOAT\n"}}) {
+    write_field(kGeometry, field, folder / name, progress);
+    const std::string bytes = read_bytes(folder / name);
+    EXPECT_THAT(bytes, HasSubstr(type));
+    EXPECT_THAT(bytes, ::testing::EndsWith(voxels));
+  }
+  // NIfTI's datatype 16 has 32 bits.
+  write_field(kGeometry, field, folder / "f.nii", progress);
+  const std::string bytes = read_bytes(folder / "f.nii");
+  EXPECT_EQ(bytes.substr(70, 4), std::string("\x10\0\x20\0", 4));
+  EXPECT_EQ(bytes.substr(352), voxels);
 }
 
 TEST_P(WriteVolume, LeavesNothingBehindWhenTheDiskIsFull) {

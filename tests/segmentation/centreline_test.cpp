@@ -45,7 +45,7 @@ TEST_P(Straight, TubeIsFoundBetweenVoxels) {
   const glm::dvec3 a(14.3, 15.6, 12.2), b(50.1, 38.4, 70.7);
   const Mask tube = mask_where({.size = {66, 56, 84}},
                                [&](const glm::dvec3& p) { return distance_to_segment(p, a, b) < radius; });
-  const Centrelines found = find_centrelines(tube, "tube");
+  const Centrelines found = extract_centrelines(tube, "tube");
   ASSERT_EQ(found.tree.branches().size(), 1U);
   const Deviation worst = deviation(
       found.tree, radius, [](const auto&) { return true; },
@@ -61,7 +61,7 @@ TEST(Centrelines, EndWithALineOfSingleVoxels) {
   const Mask line = mask_where({.size = {60, 20, 20}}, [](const glm::dvec3& p) {
     return p.x >= 10 && p.x <= 40 && p.y == 10 && p.z == 10;
   });
-  const Centrelines found = find_centrelines(line, "line");
+  const Centrelines found = extract_centrelines(line, "line");
   ASSERT_EQ(found.tree.branches().size(), 1U);
   // Its wall lies half a voxel beyond the last voxel's centre.
   EXPECT_NEAR(found.tree.branches()[0].arc_length_mm.back(), 30, 1);
@@ -77,7 +77,7 @@ Mask vessel_with_aneurysm() {
 }
 
 TEST(Centrelines, BeginAtTheWidestVesselAndNotInAnAneurysm) {
-  const VesselTree tree = find_centrelines(vessel_with_aneurysm(), "vessel").tree;
+  const VesselTree tree = extract_centrelines(vessel_with_aneurysm(), "vessel").tree;
   ASSERT_EQ(tree.branches().size(), 3U);
   EXPECT_NEAR(tree.branches()[0].points.front().position_mm.z, 92, 6);
 }
@@ -85,7 +85,7 @@ TEST(Centrelines, BeginAtTheWidestVesselAndNotInAnAneurysm) {
 TEST(Centrelines, BeginAtTheEndNearestToTheRoot) {
   Progress unheard;
   const VesselTree tree =
-      find_centrelines(vessel_with_aneurysm(), "vessel", unheard, glm::dvec3(20, 20, 0)).tree;
+      extract_centrelines(vessel_with_aneurysm(), "vessel", unheard, glm::dvec3(20, 20, 0)).tree;
   EXPECT_NEAR(tree.branches()[0].points.front().position_mm.z, 8, 6);
 }
 
@@ -99,7 +99,7 @@ TEST(Centrelines, FollowABentTube) {
   const Mask tube = mask_where({.size = {62, 62, 40}}, [&](const glm::dvec3& p) {
     return distance(p) < kRadius && p.x > 12 && p.y > 12;
   });
-  const Centrelines found = find_centrelines(tube, "tube");
+  const Centrelines found = extract_centrelines(tube, "tube");
   ASSERT_EQ(found.tree.branches().size(), 1U);
   // Within a radius of the cut faces the cross-section is no longer the tube's.
   const auto counts = [&](const glm::dvec3& p) { return p.x > 12 + kRadius && p.y > 12 + kRadius; };
@@ -116,7 +116,7 @@ TEST(Centrelines, PartWhereATubeBranches) {
   };
   const Mask tube =
       mask_where({.size = {80, 44, 90}}, [&](const glm::dvec3& p) { return distance(p) < kRadius; });
-  const Centrelines found = find_centrelines(tube, "tube");
+  const Centrelines found = extract_centrelines(tube, "tube");
   ASSERT_EQ(found.tree.branches().size(), 3U);
   EXPECT_EQ(found.tree.branches()[static_cast<std::size_t>(found.tree.root())].children.size(), 2U);
   EXPECT_THAT(found.loops, testing::IsEmpty());
@@ -133,7 +133,7 @@ TEST(Centrelines, OfAnisotropicVoxelsAreInMillimetres) {
   const VolumeGeometry grid{.size = {80, 40, 40}, .spacing_mm = {0.7, 0.7, 2}, .origin_mm = {-30, -8, -39}};
   const Mask tube =
       mask_where(grid, [&](const glm::dvec3& p) { return distance_to_segment(p, a, b) < kRadius; });
-  const Centrelines found = find_centrelines(tube, "tube");
+  const Centrelines found = extract_centrelines(tube, "tube");
   ASSERT_EQ(found.tree.branches().size(), 1U);
   const Deviation worst = deviation(
       found.tree, kRadius, [](const auto&) { return true; },
@@ -147,7 +147,7 @@ TEST(Centrelines, CutARingOpenAndSaySo) {
     return std::hypot(r - 20, p.z - 8) < 3 || distance_to_segment(p, {2, 30, 8}, {12, 30, 8}) < 3 ||
            distance_to_segment(p, {48, 30, 8}, {58, 30, 8}) < 3;
   });
-  const Centrelines found = find_centrelines(ring, "ring");
+  const Centrelines found = extract_centrelines(ring, "ring");
   // The way in, half of the ring with the way out, and the other half.
   EXPECT_EQ(found.tree.branches().size(), 3U);
   EXPECT_EQ(found.loops.size(), 1U);
@@ -157,7 +157,7 @@ TEST(Centrelines, JoinPartsAndSayHow) {
   const Mask parts = mask_where({.size = {20, 20, 70}}, [](const glm::dvec3& p) {
     return glm::length(glm::dvec2(p) - 10.0) < 3 && (p.z < 30 || p.z > 36);
   });
-  const Centrelines found = find_centrelines(parts, "parts");
+  const Centrelines found = extract_centrelines(parts, "parts");
   ASSERT_EQ(found.gaps_mm.size(), 1U);
   // Six empty slices, and what thinning takes off an end: up to its radius on each side.
   EXPECT_GE(found.gaps_mm[0], 7);
@@ -171,7 +171,7 @@ TEST(Centrelines, JoinVesselsBeyondTheScanThatLeaveItSideBySide) {
     return p.z < 60 && (distance_to_segment(p, {12, 10, -9}, {26, 10, 60}) < 3 ||
                         distance_to_segment(p, {48, 10, -9}, {34, 10, 60}) < 3);
   });
-  const Centrelines found = find_centrelines(parts, "parts");
+  const Centrelines found = extract_centrelines(parts, "parts");
   ASSERT_EQ(found.gaps_mm.size(), 1U);
   // At z = 0 they are 32 apart, and less by up to two where thinning leaves their ends; at the top only 8.
   EXPECT_NEAR(found.gaps_mm[0], 32, 2);
@@ -188,7 +188,7 @@ TEST(Centrelines, JoinEndsRatherThanSides) {
     return tube({30, 8, 6}, {30, 52, 6}) || tube({4, 30, 24}, {24, 30, 17}) ||
            tube({42, 30, 17}, {56, 30, 24});
   });
-  const Centrelines found = find_centrelines(parts, "parts");
+  const Centrelines found = extract_centrelines(parts, "parts");
   ASSERT_EQ(found.gaps_mm.size(), 2U);
   // The two halves are one branch, whose ends lie far apart.
   const auto spans = [](const VesselBranch& branch) {
@@ -205,7 +205,7 @@ TEST(Centrelines, LeaveOutWhatIsFartherAwayThanAnythingIsLong) {
     };
     return tube(6, 8, 42) || tube(62, 12, 38);  // 50 apart, 40 and 32 long
   });
-  const Centrelines found = find_centrelines(parts, "parts");
+  const Centrelines found = extract_centrelines(parts, "parts");
   EXPECT_EQ(found.parts_left_out, 1);
   EXPECT_THAT(found.gaps_mm, testing::IsEmpty());
   ASSERT_EQ(found.tree.branches().size(), 1U);
@@ -218,16 +218,16 @@ TEST(Centrelines, PassOverAHoleInTheLumen) {
   });
   for (std::int64_t x = 0; x < 30; ++x)  // noise made a tunnel across it
     for (std::int64_t z = 28; z < 31; ++z) tube[{x, 15, z}] = 0;
-  const Centrelines found = find_centrelines(tube, "tube");
+  const Centrelines found = extract_centrelines(tube, "tube");
   EXPECT_EQ(found.tree.branches().size(), 1U);
   EXPECT_THAT(found.loops, testing::IsEmpty());
 }
 
 TEST(Centrelines, RefuseWhatHasNoLength) {
-  EXPECT_THROW(find_centrelines(Mask({.size = {9, 9, 9}}), "nothing"), InputError);
+  EXPECT_THROW(extract_centrelines(Mask({.size = {9, 9, 9}}), "nothing"), InputError);
   Mask point({.size = {9, 9, 9}});
   point[{4, 4, 4}] = 1;
-  EXPECT_THROW(find_centrelines(point, "point"), InputError);
+  EXPECT_THROW(extract_centrelines(point, "point"), InputError);
 }
 
 }  // namespace

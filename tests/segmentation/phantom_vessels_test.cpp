@@ -75,7 +75,7 @@ TEST_P(ThoraxVessels, AreThePaintedOnes) {
   EXPECT_GE(dice(result), least_dice);
 
   const VesselTree truth(result.phantom.vessel_branches(), "truth");
-  const Centrelines found = find_centrelines(result.mask, "thorax");
+  const Centrelines found = extract_centrelines(result.mask, "thorax");
   EXPECT_TRUE(found.loops.empty());
   EXPECT_TRUE(found.gaps_mm.empty());
   // Every branch but the shortest is found, and two meet where two met; a branch shorter than it is wide is a
@@ -141,7 +141,7 @@ TEST_P(HeadVessels, AreThePaintedOnes) {
   const Result result = segmented("head", noise_hu, std::nullopt);
   EXPECT_GE(dice(result), least_dice);
   // Most arteries are a voxel thick here, between bones. At mild noise 32 branches are found, of true 32.
-  const std::size_t branches = find_centrelines(result.mask, "head").tree.branches().size();
+  const std::size_t branches = extract_centrelines(result.mask, "head").tree.branches().size();
   EXPECT_GE(branches, 28U);
   EXPECT_LE(branches, noise_hu ? 42U : 36U);
 }
@@ -168,7 +168,7 @@ TEST(Segmenting, TellsHowFarEachStepIs) {
     if (state.done > state.total) wrong += state.stage + " ";
   });
   const Mask mask = segment_mask(small_thorax(device), {}, "thorax", device, progress);
-  find_centrelines(mask, "thorax", progress);
+  extract_centrelines(mask, "thorax", progress);
   EXPECT_EQ(wrong, "");
   EXPECT_EQ(stages, (std::vector<std::string>{"contrast", "thresholding", "taking off bone",
                                               "parting chambers", "taking off marrow", "bridging gaps",
@@ -189,7 +189,7 @@ TEST(Segmenting, StopsInAnyStep) {
     });
     running = &progress;
     try {
-      find_centrelines(segment_mask(volume, {}, "thorax", device, progress), "thorax", progress);
+      extract_centrelines(segment_mask(volume, {}, "thorax", device, progress), "thorax", progress);
     } catch (const Cancelled&) {
       continue;
     }

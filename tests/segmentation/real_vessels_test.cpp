@@ -44,7 +44,7 @@ class ThoraxCta : public RealVessels {
 
   /// A point deep in a mask.
   static glm::dvec3 inside_mm(const Mask& mask) {
-    const std::vector<float> depth_mm = distance_to_outside_mm(mask);
+    const std::vector<float> depth_mm = distance_to_background_mm(mask);
     const std::int64_t at = std::ranges::max_element(depth_mm) - depth_mm.begin();
     const Index3 size = mask.geometry.size;
     return mask.geometry.to_world_mm(glm::dvec3(at % size.x, at / size.x % size.y, at / (size.x * size.y)));
@@ -64,7 +64,8 @@ TEST_F(ThoraxCta, ASeedFindsTheTrueLumenOfADissectedAorta) {
   options.markers.vessels_mm = {inside_mm(lumen)};
   const Mask result = found(scan(), options);
 
-  const std::vector<float> to_lumen_mm = distance_to_mm(lumen), to_vessels_mm = distance_to_mm(vessels);
+  const std::vector<float> to_lumen_mm = distance_to_foreground_mm(lumen),
+                           to_vessels_mm = distance_to_foreground_mm(vessels);
   const auto hits = static_cast<double>(count(result, [&](std::size_t i) { return lumen.voxels[i] != 0; })),
              near = static_cast<double>(count(result, [&](std::size_t i) { return to_lumen_mm[i] <= 4.5; })),
              far = static_cast<double>(count(result, [&](std::size_t i) { return to_vessels_mm[i] > 6; }));
@@ -73,7 +74,7 @@ TEST_F(ThoraxCta, ASeedFindsTheTrueLumenOfADissectedAorta) {
   EXPECT_GE(hits / static_cast<double>(lumen.count()), 0.85);
   EXPECT_LE(far / static_cast<double>(result.count()), 0.20);
   EXPECT_LE(count(result, [&](std::size_t i) { return spine.voxels[i] != 0; }), spine.count() / 100);
-  const Centrelines centrelines = find_centrelines(result, "scan");
+  const Centrelines centrelines = extract_centrelines(result, "scan");
   for (const VesselBranch& branch : centrelines.tree.branches())
     for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, 17);
 }
@@ -95,7 +96,7 @@ TEST_F(ThoraxCta, ASmallerRadiusTakesOffMoreAndLeavesNothingWider) {
     const Mask result = found(volume, options);
     EXPECT_GE(result.count(), before) << radius_mm;
     before = result.count();
-    const Centrelines centrelines = find_centrelines(result, "scan");
+    const Centrelines centrelines = extract_centrelines(result, "scan");
     for (const VesselBranch& branch : centrelines.tree.branches())
       for (const VesselPoint& point : branch.points) ASSERT_LE(point.radius_mm, radius_mm);
     // The radius of the aorta is up to 15 mm. 87 % when this was written, with each of the radii above that.
@@ -115,7 +116,7 @@ TEST_F(RealVessels, AMalformationIsOneTreeWithAWatertightSurface) {
   EXPECT_GE(static_cast<double>(count(result, [&](std::size_t i) { return largest.voxels[i] != 0; })),
             0.9 * static_cast<double>(largest.count()));
   // 770 when this was written; a tree is connected by construction.
-  EXPECT_GE(find_centrelines(result, "scan").tree.branches().size(), 150U);
+  EXPECT_GE(extract_centrelines(result, "scan").tree.branches().size(), 150U);
   EXPECT_TRUE(is_watertight(surface_of(result, 50'000)));
 }
 

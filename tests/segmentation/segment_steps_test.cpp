@@ -3,9 +3,9 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
-#include "xraycast/segmentation/body.hpp"
-#include "xraycast/segmentation/bridges.hpp"
+#include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/threshold.hpp"
@@ -30,7 +30,7 @@ TEST_P(DistanceTransform, EqualsTheBruteForceOneOnAnisotropicVoxels) {
   const VolumeGeometry grid{.size = {9, 11, 7}, .spacing_mm = {0.7, 1.1, 2}};
   Mask mask(grid);
   for (std::uint8_t& voxel : mask.voxels) voxel = is_inside(random);
-  const std::vector<float> distance_mm = distance_to_outside_mm(mask);
+  const std::vector<float> distance_mm = distance_to_background_mm(mask);
   for (std::size_t i = 0; i < mask.voxels.size(); ++i) {
     const auto at = [&](std::size_t k) {
       const auto o = static_cast<std::int64_t>(k);
@@ -131,7 +131,7 @@ TEST(Body, IsTrunkAndArmsWithTheirLungsButNoTable) {
                                   : (is_trunk && !is_lung) || is_arm ? 40
                                                                      : -1000);
   }
-  const Mask body = find_body(volume);
+  const Mask body = find_body_mask(volume);
   EXPECT_TRUE(body.at({60, 20, 2}));   // trunk
   EXPECT_TRUE(body.at({90, 20, 2}));   // a lung
   EXPECT_TRUE(body.at({99, 20, 2}));   // where the scan's border cuts it
@@ -145,7 +145,7 @@ TEST(Body, IsEverythingWhereNothingIsThick) {
   Volume volume({.size = {40, 40, 4}});
   std::ranges::fill(volume.hu(), std::int16_t{-1000});
   volume.at(20, 20, 2) = 400;
-  EXPECT_EQ(find_body(volume).count(), volume.geometry().voxel_count());
+  EXPECT_EQ(find_body_mask(volume).count(), volume.geometry().voxel_count());
 }
 
 TEST(Watershed, PartsAVesselFromTheChamberThatItLeaves) {
@@ -155,7 +155,7 @@ TEST(Watershed, PartsAVesselFromTheChamberThatItLeaves) {
     return std::hypot(p.x - 30, p.y - 30) < (std::abs(p.z - 54) < 3 ? 6 : 9) && p.z > 50;
   };
   Mask mask = mask_where(grid, [&](const glm::dvec3& p) { return chamber(p) || vessel(p); });
-  part_from_chambers(mask, {}, "mask");
+  separate_chambers(mask, {}, "mask");
   EXPECT_FALSE(mask.at({30, 30, 30}));
   EXPECT_TRUE(mask.at({30, 30, 80}));
   EXPECT_EQ(Components(mask).largest(), Components(mask).at({30, 30, 80}));
@@ -173,8 +173,8 @@ class LargestRadius : public testing::TestWithParam<double> {};
 
 TEST_P(LargestRadius, IsThatOfWhatStays) {
   Mask mask = heart_and_aorta();
-  part_from_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = GetParam()}, "mask");
-  const std::vector<float> distance_mm = distance_to_outside_mm(mask);
+  separate_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = GetParam()}, "mask");
+  const std::vector<float> distance_mm = distance_to_background_mm(mask);
   // The wall is half a voxel nearer than the next voxel outside.
   EXPECT_LE(*std::ranges::max_element(distance_mm) - 0.5, GetParam());
   // The aorta is twenty voxels wide, and stays whole beyond its valve.
@@ -188,7 +188,7 @@ TEST(Watershed, TakesOffMoreTheSmallerTheRadiusIs) {
   Mask more({.size = {64, 60, 120}});
   for (const double radius_mm : {6.0, 8.0, 11.0, 14.0, 17.0, 20.0, 23.0}) {
     Mask mask = heart_and_aorta();
-    part_from_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = radius_mm}, "mask");
+    separate_chambers(mask, {.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = radius_mm}, "mask");
     EXPECT_TRUE(std::ranges::equal(more.voxels, mask.voxels, std::ranges::less_equal())) << radius_mm;
     more = mask;
   }
@@ -200,13 +200,13 @@ TEST(Watershed, LeavesAStenosisTogether) {
     return std::hypot(p.x - 15, p.y - 15) < (std::abs(p.z - 40) < 4 ? 5 : 8);
   });
   const Mask before = mask;
-  part_from_chambers(mask, {}, "mask");
+  separate_chambers(mask, {}, "mask");
   EXPECT_EQ(mask.voxels, before.voxels);
 }
 
 TEST(Watershed, RefusesAPointInTheDark) {
   Mask mask = mask_where({.size = {30, 30, 30}}, [](const glm::dvec3& p) { return p.x < 5; });
-  EXPECT_THROW(part_from_chambers(mask, {.vessels_mm = {{25, 15, 15}}, .not_vessels_mm = {}}, "mask"),
+  EXPECT_THROW(separate_chambers(mask, {.vessels_mm = {{25, 15, 15}}, .not_vessels_mm = {}}, "mask"),
                InputError);
 }
 
@@ -233,10 +233,10 @@ constexpr double kNone = 0;
 
 /// How much of what `shape` holds is taken for spongy bone, with bone where `bone` is.
 template <typename Shape, typename Bone>
-double spongy_share(const Shape& shape, const Bone& bone) {
+double trabecular_share(const Shape& shape, const Bone& bone) {
   const VolumeGeometry grid{.size = {60, 60, 60}, .spacing_mm = {0.6, 0.6, 0.6}};
   const Mask mask = mask_where(grid, shape);
-  const Mask spongy = find_spongy_bone(mask, mask_where(grid, bone));
+  const Mask spongy = find_trabecular_bone(mask, mask_where(grid, bone));
   EXPECT_TRUE(std::ranges::equal(spongy.voxels, mask.voxels, std::ranges::less_equal()));
   return static_cast<double>(spongy.count()) / static_cast<double>(mask.count());
 }
@@ -253,15 +253,15 @@ TEST(SpongyBone, IsALayerOfAnyDirectionUpToItsThickness) {
     };
     // A layer's border along the grid's, where the ball reaches out of the grid, may stay.
     for (const double thickness_mm : {1.3, 2.0, 3.6})
-      EXPECT_GT(spongy_share(layer(thickness_mm), kNowhere), 0.8)
+      EXPECT_GT(trabecular_share(layer(thickness_mm), kNowhere), 0.8)
           << thickness_mm << " " << along.x << along.y;
-    EXPECT_EQ(spongy_share(layer(7), kNowhere), kNone);
+    EXPECT_EQ(trabecular_share(layer(7), kNowhere), kNone);
   }
 }
 
 TEST(SpongyBone, IsNoVesselAndNoFork) {
   for (const double radius_mm : {0.9, 1.5, 2.4, 6.0}) {
-    EXPECT_EQ(spongy_share(
+    EXPECT_EQ(trabecular_share(
                   [&](const glm::dvec3& p) {
                     return distance_to_segment(p, {18, 18, -9}, {18, 18, 18}) < radius_mm ||
                            distance_to_segment(p, {18, 18, 18}, {2, 18, 45}) < radius_mm ||
@@ -274,7 +274,7 @@ TEST(SpongyBone, IsNoVesselAndNoFork) {
 }
 
 TEST(SpongyBone, IsNoVesselThatLeavesAThickOne) {
-  EXPECT_EQ(spongy_share(
+  EXPECT_EQ(trabecular_share(
                 [](const glm::dvec3& p) {
                   return distance_to_segment(p, {18, 18, -9}, {18, 18, 45}) < 8 ||
                          distance_to_segment(p, {18, 18, 18}, {45, 18, 24}) < 1.5;
@@ -286,12 +286,13 @@ TEST(SpongyBone, IsNoVesselThatLeavesAThickOne) {
 TEST(SpongyBone, IsWhatBoneSurrounds) {
   const auto distance = [](const glm::dvec3& p) { return distance_to_segment(p, {18, 18, 6}, {18, 18, 30}); };
   const auto rod = [&](const glm::dvec3& p) { return distance(p) < 2; };
-  EXPECT_EQ(spongy_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && distance(p) < 5; }), 1);
+  EXPECT_EQ(trabecular_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && distance(p) < 5; }),
+            1);
   // A vessel that lies on a bone has half of its surroundings free.
-  EXPECT_EQ(spongy_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && p.x > 18; }), kNone);
+  EXPECT_EQ(trabecular_share(rod, [&](const glm::dvec3& p) { return distance(p) >= 2 && p.x > 18; }), kNone);
 }
 
-// ---- bridges --------------------------------------------------------------------------------------
+// ---- gap_closing --------------------------------------------------------------------------------------
 
 struct Bridge : testing::Test {
   const VolumeGeometry grid{.size = {40, 40, 80}};
@@ -309,7 +310,7 @@ struct Bridge : testing::Test {
 
 TEST_F(Bridge, LeadsThroughWhatWasTakenOff) {
   Mask mask = without(30, 50);
-  bridge_gaps(mask, vessel);
+  close_gaps(mask, vessel);
   EXPECT_EQ(Components(mask).count(), 1);
   // As thick as it may be, but for the rounding of a ball of 2.5 voxels.
   EXPECT_GE(mask.count() - without(30, 50).count(), 19 * 13);
@@ -320,7 +321,7 @@ TEST_F(Bridge, IsNotLongerThanACanalNorThanWhatItJoins) {
   for (const auto& [low_z, high_z] : {std::pair(15, 58), std::pair(56, 77)}) {
     Mask mask = without(low_z, high_z);
     const Mask before = mask;
-    bridge_gaps(mask, vessel);
+    close_gaps(mask, vessel);
     EXPECT_EQ(mask.voxels, before.voxels) << low_z;
   }
 }
@@ -328,7 +329,7 @@ TEST_F(Bridge, IsNotLongerThanACanalNorThanWhatItJoins) {
 TEST_F(Bridge, NeedsACandidate) {
   Mask mask = without(38, 42);
   const Mask before = mask;
-  bridge_gaps(mask, before);
+  close_gaps(mask, before);
   EXPECT_EQ(mask.voxels, before.voxels);
 }
 

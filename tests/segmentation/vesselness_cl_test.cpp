@@ -4,6 +4,7 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <random>
 
 namespace xraycast {
 namespace {
@@ -57,6 +58,18 @@ TEST_P(Vesselness, IsLowInPlatesDarkTubesAndUniformTissue) {
             }),
             0);
   EXPECT_EQ(middle_of([](const glm::dvec3&) { return 1; }), 0);
+}
+
+TEST_P(Vesselness, OfSlabsIsThatOfTheWholeScan) {
+  Volume volume({.size = {24, 20, 150}, .spacing_mm = {0.8, 0.8, 1.2}});
+  std::mt19937 random(4);
+  std::normal_distribution<double> noise(0, 100);
+  for (std::int16_t& hu : volume.hu()) hu = static_cast<std::int16_t>(std::lround(noise(random)));
+  const VesselnessOptions options{.measure = GetParam(), .scales_mm = {0.7, 2}, .contrast_hu = 100};
+  Progress progress;
+  const std::vector<float> hu(volume.hu().begin(), volume.hu().end());
+  EXPECT_EQ(vesselness(volume, options, device_, progress),
+            vesselness(hu, volume.geometry(), options, device_));
 }
 
 INSTANTIATE_TEST_SUITE_P(By, Vesselness,

@@ -39,7 +39,7 @@ VesselTree scanned_tree(const fs::path& file, double lowest) {
   const Scan scan = open_scan(file, {}, progress);
   const Volume volume = collect(*scan.source, progress);
   Mask mask = between(volume, lowest, 32767);
-  return find_centrelines(select_vessels(mask, {}, file.string()), file.string()).tree;
+  return extract_centrelines(select_vessels(mask, {}, file.string()), file.string()).tree;
 }
 
 VesselEnd widest_end(const VesselTree& tree) {

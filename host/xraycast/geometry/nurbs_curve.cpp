@@ -2,13 +2,10 @@
 
 #include "xraycast/base/error.hpp"
 
-#include <glm/vec2.hpp>
 #include <glm/vec4.hpp>
 
 #include <algorithm>
-#include <array>
 #include <cmath>
-#include <numbers>
 
 namespace xraycast {
 namespace {
@@ -33,17 +30,6 @@ std::vector<double> spline_functions(const std::vector<double>& knots, int span,
     n = std::move(next);
   }
   return n;
-}
-
-/// The control points of the derivative of a spline by its parameter, of one degree less (Eq. 3.4).
-std::vector<glm::dvec4> derived(const std::vector<glm::dvec4>& points, const std::vector<double>& knots,
-                                int degree) {
-  std::vector<glm::dvec4> result;
-  for (std::size_t i = 0; i + 1 < points.size(); ++i) {
-    const double span = knots[i + degree + 1] - knots[i + 1];
-    result.push_back(span > 0 ? (points[i + 1] - points[i]) * (degree / span) : glm::dvec4(0));
-  }
-  return result;
 }
 
 }  // namespace
@@ -83,17 +69,6 @@ NurbsCurve NurbsCurve::cubic(const std::vector<glm::dvec3>& points_mm, const std
   return {kDegree, std::move(points), std::move(knots), name};
 }
 
-NurbsCurve NurbsCurve::circle(const glm::dvec3& centre_mm, const glm::dvec3& x_mm, const glm::dvec3& y_mm) {
-  // Four quarters, each a conic whose middle point is the corner of the square around it (Fig. 7.16).
-  constexpr double kCorner = std::numbers::sqrt2 / 2;
-  constexpr std::array<glm::dvec2, 9> kSquare{
-      {{1, 0}, {1, 1}, {0, 1}, {-1, 1}, {-1, 0}, {-1, -1}, {0, -1}, {1, -1}, {1, 0}}};
-  std::vector<ControlPoint> points;
-  for (std::size_t i = 0; i < kSquare.size(); ++i)
-    points.push_back({centre_mm + kSquare[i].x * x_mm + kSquare[i].y * y_mm, i % 2 == 1 ? kCorner : 1.0});
-  return {2, std::move(points), {0, 0, 0, 0.25, 0.25, 0.5, 0.5, 0.75, 0.75, 1, 1, 1}, "circle"};
-}
-
 int NurbsCurve::span_of(double t) const {
   const auto last = static_cast<int>(points_.size()) - 1;
   if (t >= 1) {
@@ -104,44 +79,16 @@ int NurbsCurve::span_of(double t) const {
   return static_cast<int>(std::ranges::upper_bound(knots_, t) - knots_.begin()) - 1;
 }
 
-std::vector<double> NurbsCurve::basis(double t) const {
+glm::dvec3 NurbsCurve::at_mm(double t) const {
   t = std::clamp(t, 0.0, 1.0);
   const int span = span_of(t);
   const std::vector<double> n = spline_functions(knots_, span, t, degree_);
-  std::vector<double> all(points_.size(), 0.0);
-  double sum = 0;
-  for (int i = 0; i <= degree_; ++i) {
-    const int point = span - degree_ + i;
-    all[point] = n[i] * points_[point].weight;
-    sum += all[point];
+  glm::dvec4 homogeneous{0};
+  for (std::size_t i = 0; i < n.size(); ++i) {
+    const ControlPoint& p = points_[span - degree_ + i];
+    homogeneous += n[i] * glm::dvec4(p.position_mm * p.weight, p.weight);
   }
-  for (double& value : all) value /= sum;
-  return all;
-}
-
-glm::dvec3 NurbsCurve::derivative_mm(double t, int order) const {
-  t = std::clamp(t, 0.0, 1.0);
-  // The curve is A(t) / w(t); A and w are splines, which the points hold together.
-  std::vector<glm::dvec4> points;
-  for (const ControlPoint& p : points_) points.emplace_back(p.position_mm * p.weight, p.weight);
-  std::vector<double> knots = knots_;
-  std::array<glm::dvec4, 3> homogeneous{};
-  for (int k = 0; k <= std::min({order, 2, degree_}); ++k) {
-    if (k > 0) {
-      points = derived(points, knots, degree_ - k + 1);
-      knots = {knots.begin() + 1, knots.end() - 1};
-    }
-    const int span = span_of(t) - k;
-    const std::vector<double> n = spline_functions(knots, span, t, degree_ - k);
-    for (std::size_t i = 0; i < n.size(); ++i) homogeneous[k] += n[i] * points[span - (degree_ - k) + i];
-  }
-  // Leibniz (Eq. 4.8): A = w C, differentiated as often as asked.
-  const auto [a, da, dda] = homogeneous;
-  const glm::dvec3 c = glm::dvec3(a) / a.w;
-  if (order == 0) return c;
-  const glm::dvec3 dc = (glm::dvec3(da) - da.w * c) / a.w;
-  if (order == 1) return dc;
-  return (glm::dvec3(dda) - 2.0 * da.w * dc - dda.w * c) / a.w;
+  return glm::dvec3(homogeneous) / homogeneous.w;
 }
 
 }  // namespace xraycast

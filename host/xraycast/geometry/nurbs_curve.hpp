@@ -10,7 +10,7 @@ namespace xraycast {
 /// A non-uniform rational B-spline curve in LPS millimetres, over the parameters 0 to 1. It starts at its
 /// first control point and ends at its last (its knots are clamped). Immutable.
 ///
-/// After L. Piegl and W. Tiller, The NURBS Book, 2nd ed., 1997: algorithms A2.1 to A2.3 and A4.2.
+/// After L. Piegl and W. Tiller, The NURBS Book, 2nd ed., 1997: algorithms A2.1, A2.2 and A4.1.
 class NurbsCurve {
  public:
   struct ControlPoint {
@@ -28,21 +28,11 @@ class NurbsCurve {
   /// is kept as. Throws InputError for fewer than four points.
   static NurbsCurve cubic(const std::vector<glm::dvec3>& points_mm, const std::string& name);
 
-  /// A whole circle, exactly: from centre + x_mm over centre + y_mm, which are perpendicular and as long as
-  /// the radius, back to its start.
-  static NurbsCurve circle(const glm::dvec3& centre_mm, const glm::dvec3& x_mm, const glm::dvec3& y_mm);
-
-  int degree() const { return degree_; }
   const std::vector<ControlPoint>& points() const { return points_; }
   const std::vector<double>& knots() const { return knots_; }
 
-  /// The rational basis functions of all control points at t, which is held to [0, 1]; they sum up to 1.
-  std::vector<double> basis(double t) const;
-
-  glm::dvec3 at_mm(double t) const { return derivative_mm(t, 0); }
-
-  /// The derivative of `order` (0 to 2) by t. At a knot it is the one from the right, at 1 from the left.
-  glm::dvec3 derivative_mm(double t, int order) const;
+  /// The point at t, which is held to [0, 1].
+  glm::dvec3 at_mm(double t) const;
 
  private:
   int span_of(double t) const;

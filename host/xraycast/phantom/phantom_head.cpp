@@ -86,29 +86,32 @@ void brain(PhantomScene& scene) {
   scene.tube(
       std::vector<VesselPoint>{{{0, 14, 26}, 15}, {{0, 15, 0}, 14}, {{0, 21, -20}, 9}, {{0, 25, -40}, 7}});
   scene.paint(kWhite_hu);  // corpus callosum
-  scene.tube(smooth_curve(
-      std::vector<VesselPoint>{
-          {{0, -30, 44}, 6}, {{0, -20, 60}, 5.5}, {{0, 5, 67}, 5}, {{0, 32, 62}, 6}, {{0, 38, 52}, 6}},
-      kCurveStep_mm));
+  scene.tube(
+      curve({{{0, -30, 44}, 6}, {{0, -20, 60}, 5.5}, {{0, 5, 67}, 5}, {{0, 32, 62}, 6}, {{0, 38, 52}, 6}}));
+}
+
+void ventricles(PhantomScene& scene) {
   scene.paint(kFluid_hu);
   for (const double side :
        kSides) {  // the lateral ventricles: from the frontal horn back, and down to the temple
     const auto at = [&](double x, double y, double z, double r) {
       return VesselPoint{mirrored(side, {x, y, z}), r};
     };
-    scene.tube(smooth_curve(std::vector{at(8, -32, 46, 5), at(9, -10, 55, 5.5), at(14, 18, 55, 6.5),
-                                        at(24, 36, 44, 7), at(32, 26, 26, 4.5), at(36, 2, 16, 3)},
-                            kCurveStep_mm));
-    scene.tube(smooth_curve(std::vector{at(24, 36, 44, 6), at(22, 58, 42, 3)}, kCurveStep_mm));
+    scene.tube(curve({at(8, -32, 46, 5), at(9, -10, 55, 5.5), at(14, 18, 55, 6.5), at(24, 36, 44, 7),
+                      at(32, 26, 26, 4.5), at(36, 2, 16, 3)}));
+    scene.tube(curve({at(24, 36, 44, 6), at(22, 58, 42, 3)}));
   }
   scene.ellipsoid({0, 6, 34}, {3, 14, 12});  // third
   scene.tube(std::vector<VesselPoint>{
       {{0, 18, 24}, 1.5}, {{0, 26, 6}, 2}, {{0, 32, -4}, 6}, {{0, 34, -16}, 3}});  // fourth
+}
+
+/// In the clefts between hemispheres and cerebellum; and the clefts on either side of the insulae.
+void falx_and_tentorium(PhantomScene& scene) {
   const glm::dvec3 falx[] = {{0, -74, 32}, {0, -68, 66}, {0, -38, 92}, {0, 8, 101},
                              {0, 56, 89},  {0, 86, 56},  {0, 88, 38}};
   const glm::dvec3 edge[] = {{0, -62, 34}, {0, -56, 52}, {0, -34, 76}, {0, 8, 82},
                              {0, 44, 70},  {0, 52, 44},  {0, 52, 30}};
-  // Falx and tentorium, in the clefts between hemispheres and cerebellum; the islands' clefts on either side.
   for (const double half_width : {2.2, 0.8}) {
     scene.paint(half_width > 1 ? kFluid_hu : 60);
     for (std::size_t i = 0; i < 6; ++i) {
@@ -136,7 +139,7 @@ void cranium(PhantomScene& scene) {
   cranium_layer(scene, 4.4);
 }
 
-/// The floor of the skull and the petrous bones, painted over the brain's lower border.
+/// The floor of the skull, painted over the brain's lower border.
 void skull_base(PhantomScene& scene) {
   scene.paint(kMuscle_hu);  // what lies below the frontal and temporal lobes is face and jaw muscles
   scene.superellipsoid({0, -64, -22}, {58, 46, 38}, 2.6, 2.6);
@@ -161,13 +164,15 @@ void skull_base(PhantomScene& scene) {
     scene.capsule(shrunk({{-9, -12, 8}, 2.5}, thinner),
                   shrunk({{9, -12, 8}, 2.5}, thinner));  // back of the sella
   }
+}
+
+/// The petrous bones, the mastoids with their air cells, and the ear canals.
+void temporal_bones(PhantomScene& scene) {
   for (const double side : kSides) {
     const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
     scene.paint(kPetrous_hu);
-    scene.tube(smooth_curve(
-        std::vector<VesselPoint>{
-            {at(62, 16, -10), 12}, {at(44, 8, -6), 10}, {at(26, -2, -5), 7.5}, {at(14, -8, -4), 5}},
-        kCurveStep_mm));
+    scene.tube(
+        curve({{at(62, 16, -10), 12}, {at(44, 8, -6), 10}, {at(26, -2, -5), 7.5}, {at(14, -8, -4), 5}}));
     scene.paint(600);
     scene.tube(std::vector<VesselPoint>{{at(60, 20, -14), 13}, {at(58, 20, -34), 7}});  // mastoid
     scene.paint(kAir_hu);
@@ -187,14 +192,13 @@ void orbits(PhantomScene& scene) {
     scene.paint(kBone_hu);
     scene.ellipsoid(at(30, -62, 10), {22, 19, 29}, axes);
     // The rim is thick, and open in front.
-    scene.tube(smooth_curve(std::vector<VesselPoint>{{at(13, -82, 20), 4},
-                                                     {at(32, -83, 27), 4.5},
-                                                     {at(49, -72, 22), 4.5},
-                                                     {at(54, -65, 8), 4.5},
-                                                     {at(45, -74, -6), 5},
-                                                     {at(28, -80, -9), 4.5},
-                                                     {at(15, -82, 0), 3}},
-                            kCurveStep_mm));
+    scene.tube(curve({{at(13, -82, 20), 4},
+                      {at(32, -83, 27), 4.5},
+                      {at(49, -72, 22), 4.5},
+                      {at(54, -65, 8), 4.5},
+                      {at(45, -74, -6), 5},
+                      {at(28, -80, -9), 4.5},
+                      {at(15, -82, 0), 3}}));
     scene.paint(kFat_hu);
     scene.ellipsoid(at(31, -65, 10), {19.5, 17, 28}, axes);
     scene.ellipsoid(at(34, -80, 10), {17, 14, 15});
@@ -214,17 +218,16 @@ void orbits(PhantomScene& scene) {
 
 void face_bones(PhantomScene& scene) {
   for (const double thinner : {0.0, 1.5}) {
-    scene.paint(thinner > 0 ? kSpongy_hu + 150 : kBone_hu);
+    scene.paint(thinner > 0 ? kTrabecular_hu + 150 : kBone_hu);
     scene.superellipsoid({0, -64, -38}, glm::dvec3(31, 25, 10) - thinner, 2.2, 4);  // upper jaw and palate
     for (const double side : kSides) {
       const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
       scene.superellipsoid(at(29, -64, -17), glm::dvec3(16.5, 17.5, 18) - thinner, 2.4, 2.6);
-      scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{at(40, -78, -12), 7},
-                                                              {at(54, -68, -10), 7},
-                                                              {at(65, -46, -10), 4.5},
-                                                              {at(70, -22, -10), 4},
-                                                              {at(70, 0, -9), 4.5}},
-                                     kCurveStep_mm),
+      scene.tube(shrunk(curve({{at(40, -78, -12), 7},
+                               {at(54, -68, -10), 7},
+                               {at(65, -46, -10), 4.5},
+                               {at(70, -22, -10), 4},
+                               {at(70, 0, -9), 4.5}}),
                         thinner));  // zygoma
       scene.tube(shrunk({{at(52, -68, -8), 5}, {at(54, -68, 12), 4.5}, {at(52, -70, 26), 5}}, thinner));
       scene.plate(at(3, -90, 22), at(8, -88, -2), at(3, -101, 0), 2.2 - thinner);     // nose
@@ -238,7 +241,7 @@ void mouth(PhantomScene& scene) {
   scene.ellipsoid({0, -54, -58}, {24, 26, 20});
 }
 
-void sinuses(PhantomScene& scene) {
+void nose_and_sinuses(PhantomScene& scene) {
   for (const double side : kSides) {
     const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
     scene.paint(kBone_hu);  // frontal
@@ -258,22 +261,24 @@ void sinuses(PhantomScene& scene) {
   scene.paint(300);  // septum
   scene.plate({0, -92, -2}, {0, -88, -30}, {0, -34, -28}, 1);
   scene.plate({0, -92, -2}, {0, -34, -28}, {0, -34, 4}, 1);
-  scene.paint(kAir_hu);  // nasopharynx, throat, larynx and windpipe; a little air over the tongue
-  scene.tube(smooth_curve(std::vector<VesselPoint>{{{0, -34, -16}, 9},
-                                                   {{0, -21, -26}, 9},
-                                                   {{0, -14, -45}, 7.5},
-                                                   {{0, -15, -70}, 8},
-                                                   {{0, -20, -95}, 6},
-                                                   {{0, -24, -112}, 7.5},
-                                                   {{0, -24, -160}, 9}},
-                          kCurveStep_mm));
+}
+
+/// Nasopharynx, throat, larynx and windpipe; a little air over the tongue.
+void upper_airway(PhantomScene& scene) {
+  scene.paint(kAir_hu);
+  scene.tube(curve({{{0, -34, -16}, 9},
+                    {{0, -21, -26}, 9},
+                    {{0, -14, -45}, 7.5},
+                    {{0, -15, -70}, 8},
+                    {{0, -20, -95}, 6},
+                    {{0, -24, -112}, 7.5},
+                    {{0, -24, -160}, 9}}));
   scene.tube(std::vector<VesselPoint>{{{0, -74, -53}, 2}, {{0, -52, -39}, 2.5}, {{0, -24, -50}, 3}});
 }
 
-void jaw_and_teeth(PhantomScene& scene) {
+void mandible(PhantomScene& scene) {
   for (const double thinner : {0.0, 2.0}) {
     scene.paint(thinner > 0 ? 300 : 1200);
-    std::vector<VesselPoint> bow;
     for (const double side : kSides) {
       const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
       const glm::dvec3 condyle = at(54, 0, -14), coronoid = at(50, -30, -18), angle = at(48, -12, -68),
@@ -281,29 +286,29 @@ void jaw_and_teeth(PhantomScene& scene) {
       scene.plate(condyle, angle, front, 4 - thinner);
       scene.plate(condyle, front, coronoid, 3.5 - thinner);
       scene.capsule(shrunk({at(58, 0, -13), 4.5}, thinner), shrunk({at(48, 0, -13), 4.5}, thinner));
-      scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{angle, 5},
-                                                              {at(44, -34, -74), 6.5},
-                                                              {at(34, -60, -78), 7},
-                                                              {at(18, -79, -81), 7.5},
-                                                              {{0, -84, -82}, 8}},
-                                     kCurveStep_mm),
+      scene.tube(shrunk(curve({{angle, 5},
+                               {at(44, -34, -74), 6.5},
+                               {at(34, -60, -78), 7},
+                               {at(18, -79, -81), 7.5},
+                               {{0, -84, -82}, 8}}),
                         thinner));
-      scene.tube(
-          shrunk(smooth_curve(
-                     std::vector<VesselPoint>{
-                         {front, 5}, {at(31, -58, -71), 6.5}, {at(16, -77, -74), 7}, {{0, -82, -75}, 7}},
-                     kCurveStep_mm),
-                 thinner));
+      scene.tube(shrunk(
+          curve({{front, 5}, {at(31, -58, -71), 6.5}, {at(16, -77, -74), 7}, {{0, -82, -75}, 7}}), thinner));
     }
   }
-  scene.paint(600);  // hyoid
-  scene.tube(smooth_curve(std::vector<VesselPoint>{{{-20, -8, -94}, 2.2},
-                                                   {{-13, -30, -97}, 2.6},
-                                                   {{0, -37, -98}, 3.5},
-                                                   {{13, -30, -97}, 2.6},
-                                                   {{20, -8, -94}, 2.2}},
-                          kCurveStep_mm));
-  // Eight teeth a side and jaw, from the incisors to the molars: a root in the bone and a crown.
+}
+
+void hyoid(PhantomScene& scene) {
+  scene.paint(600);
+  scene.tube(curve({{{-20, -8, -94}, 2.2},
+                    {{-13, -30, -97}, 2.6},
+                    {{0, -37, -98}, 3.5},
+                    {{13, -30, -97}, 2.6},
+                    {{20, -8, -94}, 2.2}}));
+}
+
+/// Eight a side and jaw, from the incisors to the molars: a root in the bone and a crown.
+void teeth(PhantomScene& scene) {
   constexpr double kX[] = {4, 11.5, 18, 23, 26, 28.5, 30.5, 32},
                    kY[] = {-83, -80.5, -75, -69, -62.5, -54, -44, -35};
   constexpr double kWidth[] = {3.2, 2.9, 3.4, 3.2, 3.3, 4.4, 4.5, 4.2};
@@ -319,7 +324,7 @@ void jaw_and_teeth(PhantomScene& scene) {
   }
 }
 
-void neck_bones(PhantomScene& scene) {
+void cervical_spine(PhantomScene& scene) {
   std::vector<Vertebra> vertebrae;  // C2 to C6
   for (int i = 0; i < 5; ++i)
     vertebrae.push_back({Vertebra::kCervical,
@@ -348,123 +353,42 @@ void neck_bones(PhantomScene& scene) {
   scene.tube(std::vector<VesselPoint>{{{0, 24, -30}, 9}, {{0, 24, -44}, 8.5}, {{0, 27, -62}, 8}});
 }
 
-// ---- arteries -------------------------------------------------------------------------------------
-
-/// One tree, so the circle of Willis is open, as it is in many people: no communicating arteries, and the
-/// right vertebral artery ends in the cerebellum without reaching the basilar. What joins the four supplies
-/// is an aortic arch below the scan.
-VesselGrower head_arteries() {
-  VesselGrower vessels;
-  const std::vector<int> arch = vessels.grow(VesselGrower::kRoot, 0,
-                                             {{{-30, -30, -215}, 11},
-                                              {{-22, -26, -196}, 10.5},
-                                              {{-4, -16, -188}, 10},
-                                              {{16, -4, -190}, 9.5},
-                                              {{28, 8, -198}, 9}},
-                                             {1, 2, 3});
-  const auto carotid = [&](int parent, double side, std::vector<VesselPoint> controls) {
-    const auto at = [&](double x, double y, double z, double r) {
-      return VesselPoint{mirrored(side, {x, y, z}), r};
-    };
-    controls.insert(controls.end(), {at(25, -4, -130, 3.4), at(27, -3, -108, 3.4), at(29, -1, -92, 3.8)});
-    const int common = vessels.grow(parent, 3.5, std::move(controls)).front();
-    // External: facial and maxillary arteries, and the superficial temporal up the temple.
-    const std::vector<int> external =
-        vessels.grow(common, 2.4,
-                     {at(31, -12, -80, 2.4), at(36, -17, -66, 2.3), at(45, -10, -46, 2), at(57, -3, -26, 1.8),
-                      at(68, 0, -8, 1.5), at(75, -4, 14, 1.3), at(78.5, -14, 34, 1.1), at(77.5, -22, 52, 1)},
-                     {1, 3});
-    vessels.grow(external[0], 1.5,
-                 {at(42, -28, -68, 1.4), at(51, -42, -64, 1.3), at(50, -58, -48, 1.2), at(36, -80, -36, 1)});
-    vessels.grow(external[1], 1.4, {at(56, -14, -24, 1.3), at(50, -28, -23, 1.2), at(40, -38, -22, 1)});
-    // Internal: through the petrous bone and the siphon to its fork.
-    const int internal =
-        vessels
-            .grow(common, 2.9,
-                  {at(34, 9, -78, 3), at(33, 8, -56, 2.6), at(30, 3, -34, 2.5), at(29, -1, -19, 2.5),
-                   at(23, -4, -11, 2.4), at(15, -12, -7, 2.3), at(13, -18, 1, 2.2), at(14, -28, 4, 2.1),
-                   at(13.5, -34, 10, 2.1), at(12, -29, 17, 2), at(12.5, -23, 23, 2)})
-            .front();
-    const int middle =
-        vessels.grow(internal, 1.6, {at(20, -23, 27, 1.6), at(30, -21, 26, 1.6), at(40, -18, 26, 1.6)})
-            .front();
-    vessels.grow(middle, 1.3,
-                 {at(46, -18, 34, 1.3), at(52, -8, 46, 1.2), at(57, 8, 60, 1.1), at(54, 26, 78, 1)});
-    vessels.grow(middle, 1.3,
-                 {at(46, -10, 22, 1.3), at(54, 6, 20, 1.2), at(58, 26, 26, 1.1), at(56, 48, 36, 1)});
-    vessels.grow(internal, 1.4,
-                 {at(8, -30, 26, 1.3), at(4.5, -38, 29, 1.3), at(4, -46, 42, 1.3), at(4, -42, 60, 1.2),
-                  at(4, -18, 77, 1.1), at(4, 14, 82, 1), at(4, 40, 74, 1)});
-    return middle;
-  };
-  const int trunk = vessels.grow(arch[0], 5, {{{-25, -22, -178}, 5}, {{-28, -16, -162}, 4.6}}).front();
-  carotid(trunk, -1, {{{-25, -11, -148}, 3.5}});
-  const int left_middle = carotid(arch[1], 1, {{{8, -15, -172}, 3.6}, {{20, -10, -152}, 3.5}});
-  // A berry aneurysm where the left middle cerebral artery forks: a neck and a sac, straight on.
-  vessels.grow(
-      left_middle, 1.4,
-      {{{43, -22, 24.5}, 1.6}, {{45.5, -26, 23}, 3.2}, {{47, -28.5, 22}, 3.6}, {{48.2, -30.5, 21.2}, 2.6}});
-
-  // The vertebral arteries, up through the transverse processes and around the atlas.
-  const auto vertebral = [](double side, std::vector<VesselPoint> below, std::vector<VesselPoint> above) {
-    const auto at = [&](double x, double y, double z, double r) {
-      return VesselPoint{mirrored(side, {x, y, z}), r};
-    };
-    std::vector<VesselPoint> path = std::move(below);
-    path.insert(path.end(),
-                {at(19, 10, -126, 1.8), at(18.5, 8, -100, 1.8), at(18.5, 8, -78, 1.8), at(22, 10, -60, 1.8),
-                 at(28, 13, -48, 1.8), at(28, 22, -40, 1.8), at(19, 28, -35, 1.8), at(9, 20, -28, 1.7)});
-    path.insert(path.end(), above.begin(), above.end());
-    return path;
-  };
-  vessels.grow(
-      trunk, 2,
-      vertebral(-1, {{{-32, -4, -152}, 2}, {{-25, 6, -140}, 1.8}},
-                {{{-8, 18, -22}, 1.4}, {{-15, 24, -17}, 1.2}, {{-22, 36, -20}, 1.1}, {{-20, 52, -18}, 1}}));
-  const int basilar = vessels
-                          .grow(arch[2], 2.2,
-                                vertebral(1, {{{21, 0, -172}, 2.2}, {{23, 6, -148}, 1.9}},
-                                          {{{3, 13, -20}, 1.7},
-                                           {{0, 9, -13}, 1.8},
-                                           {{0, 3, -3}, 1.8},
-                                           {{0, -3, 8}, 1.8},
-                                           {{0, -5, 16}, 1.7}}))
-                          .front();
-  for (const double side : kSides) {
-    const auto at = [&](double x, double y, double z, double r) {
-      return VesselPoint{mirrored(side, {x, y, z}), r};
-    };
-    vessels.grow(basilar, 1.3,
-                 {at(7, -3, 20, 1.3), at(17, 6, 21, 1.3), at(22, 22, 23, 1.2), at(18, 42, 28, 1.1),
-                  at(12, 62, 32, 1.1), at(10, 80, 36, 1)});
-  }
-  return vessels;
+/// A carbon shell around foam.
+void head_rest(PhantomScene& scene) {
+  scene.paint(-550);
+  scene.superellipsoid({0, 128, 0}, {85, 16, 5000}, 3, 20);
+  scene.paint(-930);
+  scene.superellipsoid({0, 128, 0}, {83, 14, 5000}, 3, 20);
 }
 
 }  // namespace
 
 PhantomBody make_head(bool table) {
   PhantomScene scene(kAir_hu);
-  if (table) {  // a head rest: a carbon shell around foam
-    scene.paint(-550);
-    scene.superellipsoid({0, 128, 0}, {85, 16, 5000}, 3, 20);
-    scene.paint(-930);
-    scene.superellipsoid({0, 128, 0}, {83, 14, 5000}, 3, 20);
-  }
+  if (table) head_rest(scene);
   soft_tissue(scene);
   cranium(scene);
   brain(scene);
+  ventricles(scene);
+  falx_and_tentorium(scene);
   skull_base(scene);
+  temporal_bones(scene);
   orbits(scene);
   face_bones(scene);
   mouth(scene);
-  sinuses(scene);
-  neck_bones(scene);
-  jaw_and_teeth(scene);
-  const VesselGrower vessels = head_arteries();
+  nose_and_sinuses(scene);
+  upper_airway(scene);
+  cervical_spine(scene);
+  mandible(scene);
+  hyoid(scene);
+  teeth(scene);
+  // One tree, so the circle of Willis is open, as it is in many people: no communicating arteries, and the
+  // right vertebral artery ends in the cerebellum without reaching the basilar. What joins the four supplies
+  // is an aortic arch below the scan. A berry aneurysm sits where the left middle cerebral artery forks.
+  std::vector<VesselBranch> arteries = grow_vessels(vessel_courses("head_vessels"));
   scene.paint(kContrast_hu);
-  for (const VesselBranch& branch : vessels.branches()) scene.tube(branch.points);
-  return {std::move(scene), vessels.branches()};
+  for (const VesselBranch& artery : arteries) scene.tube(artery.points);
+  return {std::move(scene), std::move(arteries)};
 }
 
 }  // namespace xraycast

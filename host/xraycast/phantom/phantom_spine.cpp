@@ -1,5 +1,4 @@
 #include "xraycast/phantom/phantom_tissue.hpp"
-#include "xraycast/phantom/phantom_vessels.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -53,18 +52,18 @@ void arch(PhantomScene& scene, const Vertebra& v, double thinner_mm) {
 }  // namespace
 
 void paint_spine(PhantomScene& scene, const std::vector<Vertebra>& vertebrae) {
-  constexpr double kWall_mm = 1.3, kDenseSpongy_hu = 320, kThinCortical_hu = 650, kCord_hu = 25;
+  constexpr double kWall_mm = 1.3, kDenseTrabecular_hu = 320, kThinCortical_hu = 650, kCord_hu = 25;
   scene.paint(kDisc_hu);
   for (const Vertebra& v : vertebrae)
     scene.superellipsoid(v.centre_mm, {v.half_width_mm - 1, v.half_depth_mm - 1, v.height_mm / 2 + 1}, 2.5, 8,
                          {{1, 0, 0}, backwards(v)});
   scene.paint(kCortical_hu);
   bodies(scene, vertebrae, 0);
-  scene.paint(kSpongy_hu);
+  scene.paint(kTrabecular_hu);
   bodies(scene, vertebrae, kWall_mm);
   scene.paint(kThinCortical_hu);
   for (const Vertebra& v : vertebrae) arch(scene, v, 0);
-  scene.paint(kDenseSpongy_hu);
+  scene.paint(kDenseTrabecular_hu);
   for (const Vertebra& v : vertebrae) arch(scene, v, kWall_mm);
 
   std::vector<VesselPoint> canal;
@@ -74,7 +73,7 @@ void paint_spine(PhantomScene& scene, const std::vector<Vertebra>& vertebrae) {
         {v.centre_mm + (v.half_depth_mm + (is_wide ? 10 : 9)) * backwards(v), is_wide ? 9.5 : 8.0});
   }
   scene.paint(kCord_hu);
-  scene.tube(smooth_curve(canal, kCurveStep_mm));
+  scene.tube(curve(canal));
 }
 
 }  // namespace xraycast

@@ -109,16 +109,16 @@ Loft spine_curve() {
 
 /// C4 to L5, from above.
 std::vector<Vertebra> vertebrae() {
-  const Loft curve = spine_curve();
+  const Loft spine = spine_curve();
   std::vector<Vertebra> found;
   double top = 358;
   for (int i = 0; i < 21; ++i) {
     const auto region = i < 4 ? Vertebra::kCervical : i < 16 ? Vertebra::kThoracic : Vertebra::kLumbar;
     const double height = i < 4 ? 22 : i < 16 ? 19.6 + 7.4 * (i - 4) / 11.0 : 36;
     const double share = std::clamp((i - 4) / 16.0, 0.0, 1.0);  // T1 to L5
-    const double z = top - height / 2, slope = (curve.at(z + 5).y_mm - curve.at(z - 5).y_mm) / 10;
+    const double z = top - height / 2, slope = (spine.at(z + 5).y_mm - spine.at(z - 5).y_mm) / 10;
     found.push_back({region,
-                     {0, curve.at(z).y_mm, z},
+                     {0, spine.at(z).y_mm, z},
                      glm::normalize(glm::dvec3(0, slope, 1)),
                      height,
                      i < 4 ? 12.5 : glm::mix(14.5, 25.0, share),
@@ -137,9 +137,8 @@ void arms(PhantomScene& scene, double thinner_mm) {
       return VesselPoint{mirrored(side, {x, y, z}), r - thinner_mm};
     };
     scene.tube(std::vector{at(66, 18, 254, 40), at(112, 15, 250, 43), at(150, 14, 244, 45)});
-    scene.tube(smooth_curve(std::vector{at(128, 20, 205, 52), at(152, 14, 240, 50), at(172, 6, 285, 43),
-                                        at(205, -6, 360, 40), at(240, -15, 430, 38)},
-                            kCurveStep_mm));
+    scene.tube(curve({at(128, 20, 205, 52), at(152, 14, 240, 50), at(172, 6, 285, 43), at(205, -6, 360, 40),
+                      at(240, -15, 430, 38)}));
   }
 }
 
@@ -218,9 +217,8 @@ void deep_muscles(PhantomScene& scene) {
     const auto at = [&](double x, double y, double z, double r) {
       return VesselPoint{mirrored(side, {x, y, z}), r};
     };
-    scene.tube(smooth_curve(std::vector{at(27, 32, -15, 9), at(38, 28, -70, 15), at(47, 22, -140, 20),
-                                        at(62, 5, -200, 19), at(82, -28, -265, 15), at(95, -25, -330, 10)},
-                            kCurveStep_mm));
+    scene.tube(curve({at(27, 32, -15, 9), at(38, 28, -70, 15), at(47, 22, -140, 20), at(62, 5, -200, 19),
+                      at(82, -28, -265, 15), at(95, -25, -330, 10)}));
   }
 }
 
@@ -230,12 +228,11 @@ void abdominal_organs(PhantomScene& scene) {
   scene.paint(80);  // spleen
   scene.ellipsoid({100, 42, 4}, {24, 38, 52}, axes_along({-0.3, -0.2, 1}));
   scene.paint(40);  // stomach, with gas where the dome is highest and in front
-  scene.tube(smooth_curve(std::vector<VesselPoint>{{{66, 5, 26}, 26},
-                                                   {{70, -12, 0}, 28},
-                                                   {{58, -36, -42}, 24},
-                                                   {{22, -46, -62}, 18},
-                                                   {{-18, -38, -52}, 13}},
-                          kCurveStep_mm));
+  scene.tube(curve({{{66, 5, 26}, 26},
+                    {{70, -12, 0}, 28},
+                    {{58, -36, -42}, 24},
+                    {{22, -46, -62}, 18},
+                    {{-18, -38, -52}, 13}}));
   scene.paint(kAir_hu);
   scene.ellipsoid({64, -12, 36}, {26, 23, 16}, {{0.98, 0, -0.2}, {0, 1, 0}});
   for (const double side : kSides) {  // kidneys, the right one lower
@@ -248,30 +245,31 @@ void abdominal_organs(PhantomScene& scene) {
   }
 }
 
-/// Loops of gut: the colon around the abdomen, gas-filled in places, and the small bowel within.
-void bowel(PhantomScene& scene) {
-  const std::vector<VesselPoint> colon = smooth_curve(std::vector<VesselPoint>{{{-96, -18, -205}, 27},
-                                                                               {{-102, -8, -160}, 25},
-                                                                               {{-103, -2, -115}, 24},
-                                                                               {{-92, -28, -88}, 21},
-                                                                               {{-55, -60, -104}, 19},
-                                                                               {{0, -70, -118}, 19},
-                                                                               {{52, -62, -100}, 18},
-                                                                               {{92, -30, -66}, 18},
-                                                                               {{106, 8, -80}, 16},
-                                                                               {{109, 8, -140}, 15},
-                                                                               {{104, -5, -195}, 15},
-                                                                               {{70, -5, -232}, 15},
-                                                                               {{22, 10, -240}, 15},
-                                                                               {{0, 42, -262}, 16},
-                                                                               {{0, 48, -310}, 15}},
-                                                      6);
-  // Pouches along its length.
-  std::vector<VesselPoint> wall = colon;
+/// The colon around the abdomen, with its haustra.
+std::vector<VesselPoint> colon() {
+  std::vector<VesselPoint> wall = smooth_curve(std::vector<VesselPoint>{{{-96, -18, -205}, 27},
+                                                                        {{-102, -8, -160}, 25},
+                                                                        {{-103, -2, -115}, 24},
+                                                                        {{-92, -28, -88}, 21},
+                                                                        {{-55, -60, -104}, 19},
+                                                                        {{0, -70, -118}, 19},
+                                                                        {{52, -62, -100}, 18},
+                                                                        {{92, -30, -66}, 18},
+                                                                        {{106, 8, -80}, 16},
+                                                                        {{109, 8, -140}, 15},
+                                                                        {{104, -5, -195}, 15},
+                                                                        {{70, -5, -232}, 15},
+                                                                        {{22, 10, -240}, 15},
+                                                                        {{0, 42, -262}, 16},
+                                                                        {{0, 48, -310}, 15}},
+                                               6);
   for (std::size_t i = 0; i < wall.size(); ++i)
     wall[i].radius_mm *= 0.93 + 0.07 * std::cos(1.6 * static_cast<double>(i));
-  scene.paint(35);
-  scene.tube(wall);
+  return wall;
+}
+
+/// Loops within the colon.
+void small_bowel(PhantomScene& scene) {
   std::mt19937 random(7);
   const auto uniform = [&](double low, double high) {
     return glm::mix(low, high, static_cast<double>(random()) / 0xffffffffu);
@@ -284,7 +282,11 @@ void bowel(PhantomScene& scene) {
                      uniform(10, 13)});
   }
   scene.paint(38);
-  scene.tube(smooth_curve(loops, kCurveStep_mm));
+  scene.tube(curve(loops));
+}
+
+/// Gas in parts of the colon, where it rises to the front.
+void bowel_gas(PhantomScene& scene, const std::vector<VesselPoint>& wall) {
   scene.paint(kAir_hu);
   const auto gas = [&](std::size_t from, std::size_t to, double share) {
     std::vector<VesselPoint> bubble(wall.begin() + static_cast<std::ptrdiff_t>(from),
@@ -297,7 +299,18 @@ void bowel(PhantomScene& scene) {
   gas(27, 40, 0.68);
   gas(46, 54, 0.6);
   gas(76, 82, 0.55);
-  scene.paint(kFluid_hu);  // bladder
+}
+
+void bowel(PhantomScene& scene) {
+  const std::vector<VesselPoint> wall = colon();
+  scene.paint(35);
+  scene.tube(wall);
+  small_bowel(scene);
+  bowel_gas(scene, wall);
+}
+
+void bladder(PhantomScene& scene) {
+  scene.paint(kFluid_hu);
   scene.ellipsoid({0, -28, -292}, {40, 32, 28});
 }
 
@@ -306,24 +319,19 @@ void heart(PhantomScene& scene) {
   scene.ellipsoid({24, -34, 100}, {50, 47, 66}, axes_along({0.66, -0.5, -0.56}));
   scene.ellipsoid({-18, -18, 112}, {28, 32, 38});
   scene.ellipsoid({6, 10, 128}, {36, 22, 26});
-  scene.tube(
-      smooth_curve(std::vector<VesselPoint>{{{18, -42, 128}, 17}, {{24, -32, 158}, 15}, {{22, -14, 172}, 13}},
-                   kCurveStep_mm));  // pulmonary trunk
-  scene.paint(55);                   // chambers: left and right ventricle, left and right atrium
+  scene.tube(curve({{{18, -42, 128}, 17}, {{24, -32, 158}, 15}, {{22, -14, 172}, 13}}));  // pulmonary trunk
+  scene.paint(55);  // chambers: left and right ventricle, left and right atrium
   scene.ellipsoid({40, -34, 92}, {20, 20, 42}, axes_along({0.66, -0.5, -0.56}));
   scene.ellipsoid({6, -54, 96}, {18, 18, 42}, axes_along({0.75, -0.35, -0.56}));
   scene.ellipsoid({6, 10, 128}, {31, 17, 21});
   scene.ellipsoid({-20, -18, 112}, {22, 26, 32});
   scene.paint(kBlood_hu);  // the great veins
-  scene.tube(
-      smooth_curve(std::vector<VesselPoint>{{{-24, -8, 140}, 10}, {{-26, -10, 175}, 9}, {{-24, -14, 208}, 9}},
-                   kCurveStep_mm));
-  scene.tube(smooth_curve(std::vector<VesselPoint>{{{-20, -4, 95}, 12},
-                                                   {{-22, 8, 60}, 12},
-                                                   {{-20, 12, 0}, 11},
-                                                   {{-18, 4, -70}, 11},
-                                                   {{-16, -2, -150}, 10}},
-                          kCurveStep_mm));
+  scene.tube(curve({{{-24, -8, 140}, 10}, {{-26, -10, 175}, 9}, {{-24, -14, 208}, 9}}));
+  scene.tube(curve({{{-20, -4, 95}, 12},
+                    {{-22, 8, 60}, 12},
+                    {{-20, 12, 0}, 11},
+                    {{-18, 4, -70}, 11},
+                    {{-16, -2, -150}, 10}}));
 }
 
 void airways(PhantomScene& scene) {
@@ -335,9 +343,27 @@ void airways(PhantomScene& scene) {
       {{0, 17, 174}, 7.5}, {{26, 22, 154}, 6.5}, {{44, 26, 142}, 5.5}, {{54, 36, 110}, 4}};
   for (const double wall : {0.0, 2.0}) {
     scene.paint(wall > 0 ? kAir_hu : kMuscle_hu);
-    for (const auto& path : {trachea, right, left})
-      scene.tube(shrunk(smooth_curve(path, kCurveStep_mm), wall));
+    for (const auto& path : {trachea, right, left}) scene.tube(shrunk(curve(path), wall));
   }
+}
+
+/// A stretch of a pulmonary vessel that is still to be grown.
+struct Shoot {
+  glm::dvec3 from, direction;
+  double radius_mm, length_mm;
+};
+
+/// Those that leave both hila.
+std::vector<Shoot> hilar_shoots() {
+  std::vector<Shoot> shoots;
+  for (const double side : kSides)
+    for (const double up : {1.1, 0.75, 0.25, -0.2, -0.6, -1.0})
+      for (const double back : {-0.75, 0.0, 0.75})
+        shoots.push_back({{side * (side < 0 ? 34.0 : 40.0), 8 + 10 * back, 142 + 16 * up},
+                          glm::normalize(glm::dvec3(side, back, up)),
+                          4.2,
+                          34});
+  return shoots;
 }
 
 /// The vessels of the lungs: from each hilum outwards, forking until they are too fine to see or leave the
@@ -349,19 +375,7 @@ void pulmonary_vessels(PhantomScene& scene) {
   const auto uniform = [&](double low, double high) {
     return glm::mix(low, high, static_cast<double>(random()) / 0xffffffffu);
   };
-
-  struct Shoot {
-    glm::dvec3 from, direction;
-    double radius_mm, length_mm;
-  };
-  std::vector<Shoot> shoots;
-  for (const double side : kSides)
-    for (const double up : {1.1, 0.75, 0.25, -0.2, -0.6, -1.0})
-      for (const double back : {-0.75, 0.0, 0.75})
-        shoots.push_back({{side * (side < 0 ? 34.0 : 40.0), 8 + 10 * back, 142 + 16 * up},
-                          glm::normalize(glm::dvec3(side, back, up)),
-                          4.2,
-                          34});
+  std::vector<Shoot> shoots = hilar_shoots();
   scene.paint(kBlood_hu);
   while (!shoots.empty()) {
     Shoot shoot = shoots.back();
@@ -396,67 +410,81 @@ void pulmonary_vessels(PhantomScene& scene) {
 
 // ---- bones ----------------------------------------------------------------------------------------
 
+/// A rib, from its head at the spine to its cartilage's end.
+struct Rib {
+  double end_deg;         ///< angle of the bone's front end from the back's mid-line
+  double drop_mm;         ///< how far it has come down there
+  double cartilage_z_mm;  ///< where its cartilage meets the sternum, or the cartilage above
+  double cartilage_x_mm;  ///< and how far from the mid-line
+};
+constexpr Rib kRibs[12] = {{140, 34, 224, 22},  {146, 62, 181, 20}, {148, 78, 158, 18}, {147, 90, 136, 18},
+                           {145, 100, 116, 18}, {141, 108, 98, 18}, {136, 114, 82, 16}, {127, 116, 58, 42},
+                           {116, 114, 34, 62},  {105, 108, 8, 80},  {78, 82, 0, 0},     {50, 48, 0, 0}};
+constexpr std::size_t kWithCartilage = 10;  ///< the last two ribs end free
+
+/// The middle of a rib's bone.
+std::vector<VesselPoint> rib_bone(const Loft& surface, const Vertebra& vertebra, std::size_t i, double side) {
+  const Rib& rib = kRibs[i];
+  const double start_z = vertebra.centre_mm.z + 5, start_angle = radians(i == 0 ? 34 : 27),
+               end_angle = radians(rib.end_deg);
+  const double radius = i == 0 ? 6.0 : i == 11 ? 4.8 : 7.0;
+  const auto on_cage = [&](double angle) {
+    // Slowly at first, fastest at the flank; past the flank the front keeps falling.
+    const double fall =
+        (1 - std::cos(0.92 * (angle - start_angle))) / (1 - std::cos(0.92 * (end_angle - start_angle)));
+    return surface.surface(start_z - 4 - (rib.drop_mm - 4) * fall, angle, side);
+  };
+  std::vector<VesselPoint> controls{
+      {vertebra.centre_mm + glm::dvec3(side * (vertebra.half_width_mm + 2), 0.75 * vertebra.half_depth_mm, 7),
+       4.6}};
+  for (double share = 0; share <= 1.001; share += 0.1)
+    controls.push_back({on_cage(glm::mix(start_angle, end_angle, share)), radius});
+  return curve(controls);
+}
+
+/// A rib is a strap that stands on edge: thin across the wall of the chest, piece by piece. The first one
+/// lies flat.
+void rib_strap(PhantomScene& scene, const Loft& surface, const std::vector<VesselPoint>& bone, bool is_first,
+               double thinner_mm) {
+  for (std::size_t k = 1; k < bone.size(); ++k) {
+    const Loft::Section s = surface.at(bone[k].position_mm.z);
+    const glm::dvec3 along = glm::normalize(bone[k].position_mm - bone[k - 1].position_mm);
+    glm::dvec3 outwards{(bone[k].position_mm.x - s.x_mm) / (s.a_mm * s.a_mm),
+                        (bone[k].position_mm.y - s.y_mm) / (s.b_mm * s.b_mm), 0};
+    if (is_first) outwards = {0, 0, 1};
+    outwards = glm::normalize(outwards - glm::dot(outwards, along) * along);
+    const double r = bone[k].radius_mm, flattening = (r - thinner_mm) / (0.55 * r - thinner_mm);
+    scene.tube(std::vector{shrunk(bone[k - 1], thinner_mm), shrunk(bone[k], thinner_mm)}, outwards,
+               flattening);
+  }
+}
+
+/// From a rib's front end on.
+void costal_cartilage(PhantomScene& scene, const Loft& surface, const glm::dvec3& end, std::size_t i,
+                      double side) {
+  const Rib& rib = kRibs[i];
+  const Loft::Section front = surface.at(rib.cartilage_z_mm);
+  const double x = rib.cartilage_x_mm,
+               y = front.y_mm - front.b_mm * std::pow(1 - std::pow(x / front.a_mm, surface.exponent),
+                                                      1 / surface.exponent);
+  const glm::dvec3 middle = surface.surface(end.z + 0.15 * (rib.cartilage_z_mm - end.z),
+                                            radians(rib.end_deg) + radians(i < 6 ? 9 : 12), side);
+  scene.paint(kCartilage_hu);
+  scene.tube(curve({{end, 5}, {middle, 5}, {{side * x, y, rib.cartilage_z_mm}, 5}}));
+}
+
 void ribs(PhantomScene& scene) {
   const Loft surface = cage();
   const std::vector<Vertebra> all = vertebrae();
-  // Angle of the bone's front end from the back's mid-line, how far it has come down there, and where its
-  // cartilage meets the sternum (or the cartilage above): height, and distance from the mid-line.
-  struct Rib {
-    double end_deg, drop_mm, cartilage_z_mm, cartilage_x_mm;
-  };
-  constexpr Rib kRibs[12] = {{140, 34, 224, 22},  {146, 62, 181, 20}, {148, 78, 158, 18}, {147, 90, 136, 18},
-                             {145, 100, 116, 18}, {141, 108, 98, 18}, {136, 114, 82, 16}, {127, 116, 58, 42},
-                             {116, 114, 34, 62},  {105, 108, 8, 80},  {78, 82, 0, 0},     {50, 48, 0, 0}};
-  for (std::size_t i = 0; i < 12; ++i) {
-    const Rib& rib = kRibs[i];
-    const Vertebra& v = all[i + 4];
-    const double start_z = v.centre_mm.z + 5, start_angle = radians(i == 0 ? 34 : 27),
-                 end_angle = radians(rib.end_deg);
-    const double radius = i == 0 ? 6.0 : i == 11 ? 4.8 : 7.0;
+  for (std::size_t i = 0; i < 12; ++i)
     for (const double side : kSides) {
-      std::vector<VesselPoint> controls{
-          {v.centre_mm + glm::dvec3(side * (v.half_width_mm + 2), 0.75 * v.half_depth_mm, 7), 4.6}};
-      const auto on_cage = [&](double angle) {
-        // Slowly at first, fastest at the flank; past the flank the front keeps falling.
-        const double fall =
-            (1 - std::cos(0.92 * (angle - start_angle))) / (1 - std::cos(0.92 * (end_angle - start_angle)));
-        return surface.surface(start_z - 4 - (rib.drop_mm - 4) * fall, angle, side);
-      };
-      for (double share = 0; share <= 1.001; share += 0.1)
-        controls.push_back({on_cage(glm::mix(start_angle, end_angle, share)), radius});
-      const std::vector<VesselPoint> bone = smooth_curve(controls, kCurveStep_mm);
-      // A rib is a strap that stands on edge: thin across the wall of the chest, piece by piece.
-      const auto strap = [&](double thinner_mm) {
-        for (std::size_t k = 1; k < bone.size(); ++k) {
-          const Loft::Section s = surface.at(bone[k].position_mm.z);
-          const glm::dvec3 along = glm::normalize(bone[k].position_mm - bone[k - 1].position_mm);
-          glm::dvec3 outwards{(bone[k].position_mm.x - s.x_mm) / (s.a_mm * s.a_mm),
-                              (bone[k].position_mm.y - s.y_mm) / (s.b_mm * s.b_mm), 0};
-          if (i == 0) outwards = {0, 0, 1};  // the first rib lies flat
-          outwards = glm::normalize(outwards - glm::dot(outwards, along) * along);
-          const double r = bone[k].radius_mm, flattening = (r - thinner_mm) / (0.55 * r - thinner_mm);
-          scene.tube(std::vector{shrunk(bone[k - 1], thinner_mm), shrunk(bone[k], thinner_mm)}, outwards,
-                     flattening);
-        }
-      };
+      const std::vector<VesselPoint> bone = rib_bone(surface, all[i + 4], i, side);
       scene.paint(1100);  // thin bone, but dense
-      strap(0);
+      rib_strap(scene, surface, bone, i == 0, 0);
       scene.paint(450);
-      strap(1.4);
-      if (i >= 10) continue;
-      const glm::dvec3 end = bone.back().position_mm;
-      const Loft::Section front = surface.at(rib.cartilage_z_mm);
-      const double x = rib.cartilage_x_mm,
-                   y = front.y_mm - front.b_mm * std::pow(1 - std::pow(x / front.a_mm, surface.exponent),
-                                                          1 / surface.exponent);
-      const glm::dvec3 middle = surface.surface(end.z + 0.15 * (rib.cartilage_z_mm - end.z),
-                                                end_angle + radians(i < 6 ? 9 : 12), side);
-      scene.paint(kCartilage_hu);
-      scene.tube(smooth_curve(
-          std::vector<VesselPoint>{{end, 5}, {middle, 5}, {{side * x, y, rib.cartilage_z_mm}, 5}},
-          kCurveStep_mm));
+      rib_strap(scene, surface, bone, i == 0, 1.4);
+      if (i < kWithCartilage) costal_cartilage(scene, surface, bone.back().position_mm, i, side);
     }
-  }
 }
 
 void sternum(PhantomScene& scene) {
@@ -466,7 +494,7 @@ void sternum(PhantomScene& scene) {
     return glm::dvec3(x, s.y_mm - s.b_mm, z);
   };
   for (const double thinner : {0.0, 1.3}) {
-    scene.paint(thinner > 0 ? kSpongy_hu : 500);
+    scene.paint(thinner > 0 ? kTrabecular_hu : 500);
     const auto strip = [&](double low_z, double low_w, double high_z, double high_w, double r) {
       scene.plate(at(-low_w, low_z), at(low_w, low_z), at(-high_w, high_z), r - thinner);
       scene.plate(at(low_w, low_z), at(high_w, high_z), at(-high_w, high_z), r - thinner);
@@ -478,59 +506,61 @@ void sternum(PhantomScene& scene) {
   }
 }
 
-void shoulder(PhantomScene& scene, double side) {
+std::vector<VesselPoint> clavicle(double side) {
   const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
-  const std::vector<VesselPoint> clavicle = smooth_curve(std::vector<VesselPoint>{{at(17, -50, 238), 9},
-                                                                                  {at(34, -56, 243), 7},
-                                                                                  {at(62, -52, 250), 6},
-                                                                                  {at(92, -32, 258), 5.8},
-                                                                                  {at(118, -10, 264), 6},
-                                                                                  {at(138, 4, 266), 7}},
-                                                         kCurveStep_mm);
-  const std::vector<VesselPoint> humerus = smooth_curve(std::vector<VesselPoint>{{at(151, 14, 246), 19},
-                                                                                 {at(160, 10, 262), 15},
-                                                                                 {at(170, 6, 285), 12},
-                                                                                 {at(205, -6, 360), 11},
-                                                                                 {at(240, -15, 430), 11}},
-                                                        kCurveStep_mm);
+  return curve({{at(17, -50, 238), 9},
+                {at(34, -56, 243), 7},
+                {at(62, -52, 250), 6},
+                {at(92, -32, 258), 5.8},
+                {at(118, -10, 264), 6},
+                {at(138, 4, 266), 7}});
+}
+
+std::vector<VesselPoint> humerus_shaft(double side) {
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
+  return curve({{at(151, 14, 246), 19},
+                {at(160, 10, 262), 15},
+                {at(170, 6, 285), 12},
+                {at(205, -6, 360), 11},
+                {at(240, -15, 430), 11}});
+}
+
+/// Thin, with thick rims, a socket, a spine that ends over the joint, and the coracoid.
+void scapula(PhantomScene& scene, double side, double thinner) {
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
   const glm::dvec3 neck = at(124, 28, 232), below = at(124, 76, 122), medial = at(80, 72, 190),
                    corner = at(76, 56, 240), root = at(79, 66, 218);
+  scene.capsule(shrunk({neck, 8}, thinner), shrunk({at(127, 22, 238), 12}, thinner));
+  scene.tube(shrunk({{below, 5}, {at(124, 52, 180), 5.5}, {neck, 7}}, thinner));
+  scene.tube(shrunk({{below, 4.5}, {medial, 3.2}, {corner, 3.2}}, thinner));
+  scene.tube(
+      shrunk(curve({{root, 3.5}, {at(104, 66, 238), 4.5}, {at(134, 42, 259), 6.5}, {at(150, 18, 271), 6}}),
+             thinner));
+  scene.tube(
+      shrunk(curve({{at(116, 22, 246), 5.5}, {at(114, 2, 252), 5.5}, {at(124, -12, 246), 5}}), thinner));
+  if (thinner > 0) return;
+  scene.plate(below, medial, neck, 1.6);
+  scene.plate(medial, corner, neck, 1.6);
+  scene.plate(root, at(104, 66, 238), neck, 1.6);
+}
+
+void shoulder(PhantomScene& scene, double side) {
   for (const double thinner : {0.0, 1.6}) {
-    const double marrow = thinner > 0 ? 150 : kCortical_hu;
-    scene.paint(marrow);
-    scene.tube(shrunk(clavicle, 1.2 * thinner));
-    scene.tube(shrunk(humerus, 1.6 * thinner));
-    scene.ellipsoid(at(149, 14, 244), glm::dvec3(24, 23, 24) - thinner);
-    // The shoulder blade: thin, with thick rims, a socket, a spine that ends over the joint, and the
-    // coracoid.
-    scene.capsule(shrunk({neck, 8}, thinner), shrunk({at(127, 22, 238), 12}, thinner));
-    scene.tube(shrunk({{below, 5}, {at(124, 52, 180), 5.5}, {neck, 7}}, thinner));
-    scene.tube(shrunk({{below, 4.5}, {medial, 3.2}, {corner, 3.2}}, thinner));
-    scene.tube(
-        shrunk(smooth_curve(
-                   std::vector<VesselPoint>{
-                       {root, 3.5}, {at(104, 66, 238), 4.5}, {at(134, 42, 259), 6.5}, {at(150, 18, 271), 6}},
-                   kCurveStep_mm),
-               thinner));
-    scene.tube(shrunk(
-        smooth_curve(
-            std::vector<VesselPoint>{{at(116, 22, 246), 5.5}, {at(114, 2, 252), 5.5}, {at(124, -12, 246), 5}},
-            kCurveStep_mm),
-        thinner));
-    if (thinner > 0) continue;
-    scene.plate(below, medial, neck, 1.6);
-    scene.plate(medial, corner, neck, 1.6);
-    scene.plate(root, at(104, 66, 238), neck, 1.6);
+    scene.paint(thinner > 0 ? 150 : kCortical_hu);
+    scene.tube(shrunk(clavicle(side), 1.2 * thinner));
+    scene.tube(shrunk(humerus_shaft(side), 1.6 * thinner));
+    scene.ellipsoid(mirrored(side, {149, 14, 244}), glm::dvec3(24, 23, 24) - thinner);
+    scapula(scene, side, thinner);
   }
 }
 
-void pelvis(PhantomScene& scene) {
-  // The sacrum: five fused bodies, wings to the sacro-iliac joints, and the tail bone.
-  const Loft curve = spine_curve();
+/// Five fused bodies, wings to the sacro-iliac joints, and the coccyx.
+void sacrum(PhantomScene& scene) {
+  const Loft spine = spine_curve();
   for (const double thinner : {0.0, 1.5}) {
-    scene.paint(thinner > 0 ? kSpongy_hu : 550);
+    scene.paint(thinner > 0 ? kTrabecular_hu : 550);
     for (int i = 0; i < 5; ++i) {
-      const double z = -202 - 22 * i, y = curve.at(z).y_mm + 6, w = 25 - 3.6 * i;
+      const double z = -202 - 22 * i, y = spine.at(z).y_mm + 6, w = 25 - 3.6 * i;
       scene.superellipsoid({0, y, z}, glm::dvec3(w, 15 - 1.8 * i, 11.5) - thinner, 2.4, 4,
                            {{1, 0, 0}, glm::normalize(glm::dvec3(0, 1, 0.45))});
       for (const double side : kSides) {
@@ -540,71 +570,88 @@ void pelvis(PhantomScene& scene) {
                     {side * (40 - 8 * i), y + 12, z - 22}, 7 - i - thinner);
       }
     }
-    scene.tube(shrunk(
-        smooth_curve(std::vector<VesselPoint>{{{0, 74, -306}, 7}, {{0, 70, -322}, 5.5}, {{0, 60, -334}, 4}},
-                     kCurveStep_mm),
-        thinner));
+    scene.tube(shrunk(curve({{{0, 74, -306}, 7}, {{0, 70, -322}, 5.5}, {{0, 60, -334}, 4}}), thinner));
   }
-  scene.paint(kMuscle_hu);  // its foramina
+}
+
+void sacral_foramina(PhantomScene& scene) {
+  const Loft spine = spine_curve();
+  scene.paint(kMuscle_hu);
   for (int i = 0; i < 4; ++i)
     for (const double side : kSides)
-      scene.ellipsoid({side * (23 - 2.2 * i), curve.at(-213 - 22 * i).y_mm + 6, -213 - 22.0 * i},
+      scene.ellipsoid({side * (23 - 2.2 * i), spine.at(-213 - 22 * i).y_mm + 6, -213 - 22.0 * i},
                       {4.2, 16, 3.6});
+}
 
+/// The wing with its thick rim, from the iliac crest down to the roof of the socket.
+void ilium(PhantomScene& scene, double side, double thinner) {
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
+  const glm::dvec3 spina = at(119, -62, -232), crest1 = at(133, -32, -192), crest2 = at(131, 8, -170),
+                   crest3 = at(105, 48, -170), spina_back = at(56, 84, -206), notch = at(62, 66, -250),
+                   roof = at(88, 6, -258), spina_low = at(100, -42, -258), hollow = at(104, 12, -214);
+  scene.tube(shrunk(curve({{spina_low, 7},
+                           {spina, 7.5},
+                           {crest1, 7},
+                           {crest2, 7.5},
+                           {crest3, 7},
+                           {spina_back, 9},
+                           {notch, 9}}),
+                    thinner));
+  const glm::dvec3 rim[] = {spina_low, spina, crest1, crest2, crest3, spina_back, notch, roof, spina_low};
+  for (int k = 0; k < 8; ++k) scene.plate(hollow, rim[k], rim[k + 1], (k < 4 ? 2.6 : 4.5) - thinner);
+  scene.capsule(shrunk({roof, 15}, thinner), shrunk({at(74, 40, -252), 11}, thinner));
+  scene.capsule(shrunk({roof, 15}, thinner), shrunk({at(97, -26, -262), 9}, thinner));
+}
+
+glm::dvec3 hip_centre(double side) { return mirrored(side, {91, 0, -283}); }
+
+/// The socket, and pubis and ischium around the obturator foramen.
+void pubis_and_ischium(PhantomScene& scene, double side, double thinner) {
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
+  scene.ellipsoid(hip_centre(side), glm::dvec3(33, 33, 33) - thinner);
+  scene.tube(
+      shrunk(curve({{at(78, -22, -284), 13}, {at(48, -50, -296), 8}, {at(12, -58, -312), 9}}), thinner));
+  scene.tube(
+      shrunk(curve({{at(10, -56, -316), 8}, {at(28, -36, -340), 6.5}, {at(50, 12, -362), 8}}), thinner));
+  scene.tube(
+      shrunk(curve({{at(78, 22, -292), 14}, {at(68, 34, -325), 12}, {at(58, 26, -356), 14}}), thinner));
+}
+
+/// The joint's cavity opens outwards and down.
+void hip_joint_space(PhantomScene& scene, double side) {
+  const glm::dvec3 hip = hip_centre(side);
+  scene.paint(40);
+  scene.ellipsoid(hip, {28, 28, 28});
+  scene.capsule({hip, 28}, {mirrored(side, {125, 4, -305}), 27});
+}
+
+void proximal_femur(PhantomScene& scene, double side) {
+  const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
+  const glm::dvec3 hip = hip_centre(side);
+  for (const double thinner : {0.0, 2.0}) {
+    scene.paint(thinner > 0 ? 230 : kCortical_hu);
+    scene.ellipsoid(hip, glm::dvec3(25, 25, 25) - 0.8 * thinner);
+    scene.tube(shrunk(curve({{hip, 17},
+                             {at(112, 2, -296), 15},
+                             {at(136, 8, -316), 17},
+                             {at(144, 8, -345), 16},
+                             {at(143, 6, -400), 15}}),
+                      1.4 * thinner));
+    scene.tube(shrunk({{at(137, 10, -316), 16}, {at(146, 14, -298), 13}}, thinner));
+  }
+}
+
+void pelvis(PhantomScene& scene) {
+  sacrum(scene);
+  sacral_foramina(scene);
   for (const double side : kSides) {
-    const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
-    const glm::dvec3 spina = at(119, -62, -232), crest1 = at(133, -32, -192), crest2 = at(131, 8, -170),
-                     crest3 = at(105, 48, -170), spina_back = at(56, 84, -206), notch = at(62, 66, -250),
-                     roof = at(88, 6, -258), spina_low = at(100, -42, -258), hollow = at(104, 12, -214);
-    const glm::dvec3 hip = at(91, 0, -283);
     for (const double thinner : {0.0, 1.5}) {
       scene.paint(thinner > 0 ? 200 : kCortical_hu);
-      scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{spina_low, 7},
-                                                              {spina, 7.5},
-                                                              {crest1, 7},
-                                                              {crest2, 7.5},
-                                                              {crest3, 7},
-                                                              {spina_back, 9},
-                                                              {notch, 9}},
-                                     kCurveStep_mm),
-                        thinner));
-      const glm::dvec3 rim[] = {spina_low, spina, crest1, crest2, crest3, spina_back, notch, roof, spina_low};
-      for (int k = 0; k < 8; ++k) scene.plate(hollow, rim[k], rim[k + 1], (k < 4 ? 2.6 : 4.5) - thinner);
-      scene.capsule(shrunk({roof, 15}, thinner), shrunk({at(74, 40, -252), 11}, thinner));
-      scene.capsule(shrunk({roof, 15}, thinner), shrunk({at(97, -26, -262), 9}, thinner));
-      // Socket, pubis and ischium around the obturator foramen.
-      scene.ellipsoid(hip, glm::dvec3(33, 33, 33) - thinner);
-      scene.tube(shrunk(smooth_curve(
-                            std::vector<VesselPoint>{
-                                {at(78, -22, -284), 13}, {at(48, -50, -296), 8}, {at(12, -58, -312), 9}},
-                            kCurveStep_mm),
-                        thinner));
-      scene.tube(shrunk(smooth_curve(
-                            std::vector<VesselPoint>{
-                                {at(10, -56, -316), 8}, {at(28, -36, -340), 6.5}, {at(50, 12, -362), 8}},
-                            kCurveStep_mm),
-                        thinner));
-      scene.tube(shrunk(smooth_curve(
-                            std::vector<VesselPoint>{
-                                {at(78, 22, -292), 14}, {at(68, 34, -325), 12}, {at(58, 26, -356), 14}},
-                            kCurveStep_mm),
-                        thinner));
+      ilium(scene, side, thinner);
+      pubis_and_ischium(scene, side, thinner);
     }
-    scene.paint(40);  // the joint's cavity opens outwards and down
-    scene.ellipsoid(hip, {28, 28, 28});
-    scene.capsule({hip, 28}, {at(125, 4, -305), 27});
-    for (const double thinner : {0.0, 2.0}) {
-      scene.paint(thinner > 0 ? 230 : kCortical_hu);
-      scene.ellipsoid(hip, glm::dvec3(25, 25, 25) - 0.8 * thinner);
-      scene.tube(shrunk(smooth_curve(std::vector<VesselPoint>{{hip, 17},
-                                                              {at(112, 2, -296), 15},
-                                                              {at(136, 8, -316), 17},
-                                                              {at(144, 8, -345), 16},
-                                                              {at(143, 6, -400), 15}},
-                                     kCurveStep_mm),
-                        1.4 * thinner));
-      scene.tube(shrunk({{at(137, 10, -316), 16}, {at(146, 14, -298), 13}}, thinner));
-    }
+    hip_joint_space(scene, side);
+    proximal_femur(scene, side);
     scene.paint(kDisc_hu);  // symphysis
     scene.ellipsoid({0, -58, -314}, {3, 10, 17});
   }
@@ -616,94 +663,6 @@ void table_top(PhantomScene& scene) {
   scene.superellipsoid({0, 152, 0}, {260, 22, 5000}, 3, 20);
   scene.paint(-930);
   scene.superellipsoid({0, 152, 0}, {257, 19, 5000}, 3, 20);
-}
-
-// ---- arteries -------------------------------------------------------------------------------------
-
-VesselGrower thorax_arteries() {
-  VesselGrower vessels;
-  // Aorta: root, arch with its three branches, descending, with its abdominal branches, bifurcation.
-  const std::vector<int> aorta = vessels.grow(VesselGrower::kRoot, 0,
-                                              {{{6, -16, 134}, 14},
-                                               {{-6, -24, 150}, 15.5},
-                                               {{-16, -29, 172}, 15},
-                                               {{-13, -26, 193}, 14.5},
-                                               {{-3, -18, 206}, 14},
-                                               {{9, -6, 213}, 13.5},
-                                               {{20, 8, 212}, 13},
-                                               {{28, 22, 201}, 12.5},
-                                               {{31, 29, 182}, 12.2},
-                                               {{30, 29, 150}, 12},
-                                               {{27, 25, 100}, 11.5},
-                                               {{20, 16, 50}, 11},
-                                               {{12, 6, 5}, 10.5},
-                                               {{9, 0, -14}, 10},
-                                               {{7, -6, -34}, 10},
-                                               {{6, -9, -52}, 9.6},
-                                               {{6, -13, -95}, 9},
-                                               {{5, -14, -142}, 9.5}},
-                                              {4, 5, 6, 13, 14, 15});
-  // Brachiocephalic trunk, which forks into the right subclavian and the right common carotid.
-  const int trunk = vessels.grow(aorta[0], 6, {{{-12, -22, 226}, 6}, {{-20, -18, 245}, 5.8}}).front();
-  vessels.grow(trunk, 4.4,
-               {{{-38, -13, 250}, 4.4},
-                {{-62, 0, 266}, 4.4},
-                {{-90, -8, 262}, 4.2},
-                {{-112, -10, 245}, 4},
-                {{-124, -6, 236}, 3.8}});
-  vessels.grow(trunk, 3.8,
-               {{{-20, -16, 262}, 3.8}, {{-25, -9, 296}, 3.6}, {{-27, -6, 330}, 3.6}, {{-28, -5, 357}, 3.8}});
-  // Left common carotid and left subclavian.
-  vessels.grow(aorta[1], 3.8,
-               {{{15, -9, 232}, 3.8},
-                {{22, -10, 260}, 3.8},
-                {{26, -7, 300}, 3.6},
-                {{27, -6, 330}, 3.6},
-                {{28, -5, 357}, 3.8}});
-  vessels.grow(aorta[2], 4.6,
-               {{{29, 10, 234}, 4.6},
-                {{38, 6, 256}, 4.6},
-                {{62, 2, 268}, 4.4},
-                {{90, -8, 262}, 4.2},
-                {{112, -10, 245}, 4},
-                {{124, -6, 236}, 3.8}});
-  // Coeliac trunk with hepatic and splenic artery, superior mesenteric, renals, the two common iliacs.
-  const int coeliac = vessels.grow(aorta[3], 3.6, {{{9, -16, -13}, 3.6}, {{7, -28, -13}, 3.5}}).front();
-  vessels.grow(coeliac, 2.6,
-               {{{-8, -32, -14}, 2.6}, {{-26, -30, -8}, 2.4}, {{-42, -24, 4}, 2.2}, {{-58, -20, 14}, 2}});
-  vessels.grow(
-      coeliac, 2.6,
-      {{{18, -32, -8}, 2.6}, {{38, -18, -4}, 2.5}, {{58, 4, -2}, 2.4}, {{76, 22, 2}, 2.2}, {{86, 34, 6}, 2}});
-  vessels.grow(aorta[4], 3.6,
-               {{{7, -20, -37}, 3.6},
-                {{6, -30, -50}, 3.6},
-                {{4, -34, -75}, 3.4},
-                {{-2, -38, -110}, 3},
-                {{-14, -42, -145}, 2.6},
-                {{-28, -44, -175}, 2.2}});
-  vessels.grow(aorta[5], 3,
-               {{{-8, -6, -55}, 3}, {{-24, 10, -58}, 2.9}, {{-42, 28, -58}, 2.7}, {{-52, 36, -58}, 2.5}});
-  vessels.grow(aorta[5], 3,
-               {{{20, -4, -51}, 3}, {{34, 14, -48}, 2.9}, {{46, 30, -45}, 2.7}, {{53, 37, -43}, 2.5}});
-  for (const double side : kSides) {
-    const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
-    const int common =
-        vessels
-            .grow(aorta[6], 6,
-                  {{{5 + side * 9, -13, -158}, 6}, {at(24, -8, -178), 5.8}, {at(35, 2, -200), 5.6}})
-            .front();
-    vessels.grow(common, 4.6,
-                 {{at(48, 2, -220), 4.6},
-                  {at(62, -12, -242), 4.5},
-                  {at(75, -38, -268), 4.4},
-                  {at(84, -56, -295), 4.3},
-                  {at(88, -58, -325), 4.2},
-                  {at(89, -54, -357), 4.1}});
-    vessels.grow(
-        common, 3.6,
-        {{at(38, 18, -216), 3.6}, {at(42, 34, -236), 3.4}, {at(46, 40, -258), 3}, {at(46, 36, -282), 2.5}});
-  }
-  return vessels;
 }
 
 }  // namespace
@@ -718,6 +677,7 @@ PhantomBody make_thorax(bool table) {
   deep_muscles(scene);
   abdominal_organs(scene);
   bowel(scene);
+  bladder(scene);
   pulmonary_vessels(scene);
   heart(scene);
   airways(scene);
@@ -726,10 +686,10 @@ PhantomBody make_thorax(bool table) {
   sternum(scene);
   for (const double side : kSides) shoulder(scene, side);
   pelvis(scene);
-  VesselGrower vessels = thorax_arteries();
+  std::vector<VesselBranch> arteries = grow_vessels(vessel_courses("thorax_vessels"));
   scene.paint(kContrast_hu);
-  for (const VesselBranch& branch : vessels.branches()) scene.tube(branch.points);
-  return {std::move(scene), vessels.branches()};
+  for (const VesselBranch& artery : arteries) scene.tube(artery.points);
+  return {std::move(scene), std::move(arteries)};
 }
 
 }  // namespace xraycast

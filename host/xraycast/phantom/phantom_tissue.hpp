@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/phantom/phantom_scene.hpp"
+#include "xraycast/phantom/phantom_vessels.hpp"
 
 #include <array>
 #include <vector>
@@ -11,9 +12,13 @@ namespace xraycast {
 
 inline constexpr double kAir_hu = -1000, kLung_hu = -850, kFat_hu = -100, kFluid_hu = 10, kSkin_hu = 30;
 inline constexpr double kBlood_hu = 45, kMuscle_hu = 55, kDisc_hu = 90, kCartilage_hu = 110;
-inline constexpr double kSpongy_hu = 180, kCortical_hu = 750, kContrast_hu = 350;
+inline constexpr double kTrabecular_hu = 180, kCortical_hu = 750, kContrast_hu = 350;
 
-inline constexpr double kCurveStep_mm = 4;  ///< of bones and organs; vessels have their own
+/// A smooth curve through the control points of a bone or an organ.
+inline std::vector<VesselPoint> curve(const std::vector<VesselPoint>& controls) {
+  constexpr double kStep_mm = 4;
+  return smooth_curve(controls, kStep_mm);
+}
 
 inline constexpr std::array kSides{-1.0, 1.0};  ///< the patient's right, left
 

@@ -1,12 +1,18 @@
 #include "xraycast/phantom/phantom_vessels.hpp"
 
+#include "xraycast/phantom/embedded_phantoms.hpp"
+
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/vec4.hpp>
+#include <nlohmann/json.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cassert>
 #include <cmath>
+#include <iterator>
+#include <set>
 
 namespace xraycast {
 namespace {
@@ -19,6 +25,29 @@ glm::dvec4 catmull_rom(const glm::dvec4 (&p)[4], const double (&knots)[4], doubl
   };
   const glm::dvec4 a1 = blend(p[0], p[1], 0, 1), a2 = blend(p[1], p[2], 1, 2), a3 = blend(p[2], p[3], 2, 3);
   return blend(blend(a1, a2, 0, 2), blend(a2, a3, 1, 3), 1, 2);
+}
+
+/// For each course the control points, but for the last one, at which others leave it.
+std::vector<std::set<std::size_t>> forks_of(std::span<const VesselCourse> courses) {
+  std::vector<std::set<std::size_t>> forks(courses.size());
+  for (const VesselCourse& course : courses)
+    if (const auto parent = static_cast<std::size_t>(course.parent);
+        course.parent >= 0 && course.leaves_at + 1 < courses[parent].controls.size())
+      forks[parent].insert(course.leaves_at);
+  return forks;
+}
+
+/// Cuts a curve into branches at points of it, each but the first one a child of the one before.
+void append_branches(const std::vector<VesselPoint>& curve, const std::vector<glm::dvec3>& cuts_mm,
+                     int parent, std::vector<VesselBranch>& branches) {
+  branches.push_back({{}, parent, {}, {}});
+  auto cut = cuts_mm.begin();
+  for (const VesselPoint& point : curve) {
+    branches.back().points.push_back(point);
+    if (cut == cuts_mm.end() || point.position_mm != *cut) continue;
+    ++cut;
+    branches.push_back({{point}, static_cast<int>(branches.size()) - 1, {}, {}});
+  }
 }
 
 }  // namespace
@@ -51,30 +80,55 @@ std::vector<VesselPoint> smooth_curve(std::span<const VesselPoint> controls, dou
   return curve;
 }
 
-std::vector<int> VesselGrower::grow(int parent, double first_radius_mm, std::vector<VesselPoint> controls,
-                                    std::initializer_list<std::size_t> forks) {
-  constexpr double kPointStep_mm = 1;
-  std::vector<glm::dvec3> cuts;
-  for (const std::size_t fork : forks) cuts.push_back(controls[fork].position_mm);
-  if (parent != kRoot)
-    controls.insert(controls.begin(),
-                    {branches_[static_cast<std::size_t>(parent)].points.back().position_mm, first_radius_mm});
-
-  std::vector<int> grown;
-  const auto begin_branch = [&] {
-    branches_.push_back({{}, grown.empty() ? parent : grown.back(), {}, {}});
-    grown.push_back(static_cast<int>(branches_.size()) - 1);
+std::vector<VesselCourse> vessel_courses(const std::string& file) {
+  const auto embedded = std::ranges::find(embedded_phantoms(), file, &EmbeddedPhantom::name);
+  assert(embedded != embedded_phantoms().end());
+  std::vector<VesselCourse> courses;
+  const auto index_of = [&](const std::string& name) {
+    const auto found = std::ranges::find(courses, name, &VesselCourse::name);
+    assert(found != courses.end());
+    return static_cast<int>(found - courses.begin());
   };
-  begin_branch();
-  auto cut = cuts.begin();
-  for (const VesselPoint& point : smooth_curve(controls, kPointStep_mm)) {
-    branches_.back().points.push_back(point);
-    if (cut == cuts.end() || point.position_mm != *cut) continue;
-    ++cut;
-    begin_branch();
-    branches_.back().points.push_back(point);
+  const auto description = nlohmann::json::parse(embedded->source);
+  for (const auto& vessel : description.at("vessels")) {
+    VesselCourse course{.name = vessel.at("name").get<std::string>(), .controls = {}};
+    if (vessel.contains("parent")) {
+      course.parent = index_of(vessel.at("parent").get<std::string>());
+      course.leaves_at = vessel.at("leaves_at").get<std::size_t>();
+      course.first_radius_mm = vessel.at("first_radius").get<double>();
+    }
+    for (const auto& point : vessel.at("points")) {
+      const auto p = point.get<std::array<double, 4>>();
+      course.controls.push_back({{p[0], p[1], p[2]}, p[3]});
+    }
+    courses.push_back(std::move(course));
   }
-  return grown;
+  return courses;
+}
+
+std::vector<VesselBranch> grow_vessels(std::span<const VesselCourse> courses) {
+  constexpr double kPointStep_mm = 1;
+  const std::vector<std::set<std::size_t>> forks = forks_of(courses);
+  std::vector<VesselBranch> branches;
+  std::vector<std::size_t> first_branches;
+  for (std::size_t i = 0; i < courses.size(); ++i) {
+    const VesselCourse& course = courses[i];
+    first_branches.push_back(branches.size());
+    std::vector<glm::dvec3> cuts_mm;
+    for (const std::size_t fork : forks[i]) cuts_mm.push_back(course.controls[fork].position_mm);
+    std::vector<VesselPoint> controls = course.controls;
+    int parent = -1;
+    if (course.parent >= 0) {
+      const auto vessel = static_cast<std::size_t>(course.parent);
+      const auto earlier_forks =
+          std::distance(forks[vessel].begin(), forks[vessel].lower_bound(course.leaves_at));
+      const std::size_t branch = first_branches[vessel] + static_cast<std::size_t>(earlier_forks);
+      parent = static_cast<int>(branch);
+      controls.insert(controls.begin(), {branches[branch].points.back().position_mm, course.first_radius_mm});
+    }
+    append_branches(smooth_curve(controls, kPointStep_mm), cuts_mm, parent, branches);
+  }
+  return branches;
 }
 
 }  // namespace xraycast

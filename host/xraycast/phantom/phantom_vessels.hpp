@@ -2,8 +2,8 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 
-#include <initializer_list>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -12,22 +12,23 @@ namespace xraycast {
 /// closer; the control points themselves are kept. Two or more controls.
 std::vector<VesselPoint> smooth_curve(std::span<const VesselPoint> controls, double step_mm);
 
-/// Grows a vessel tree from smooth curves: every branch begins exactly where its parent ends.
-class VesselGrower {
- public:
-  static constexpr int kRoot = -1;
-
-  /// A vessel through `controls`, cut into branches at the control points whose indices are `forks`
-  /// (ascending), so that other vessels can leave there. It begins at the end of branch `parent`, which is
-  /// not among the controls; with kRoot, at the first control. `first_radius_mm` is its own radius at its
-  /// beginning, inside the parent. Returns its branches, from its beginning onwards: one more than forks.
-  std::vector<int> grow(int parent, double first_radius_mm, std::vector<VesselPoint> controls,
-                        std::initializer_list<std::size_t> forks = {});
-
-  const std::vector<VesselBranch>& branches() const { return branches_; }
-
- private:
-  std::vector<VesselBranch> branches_;
+/// The course of a vessel: a smooth curve through control points.
+struct VesselCourse {
+  std::string name;
+  int parent = -1;                    ///< index of the vessel that it leaves; -1 for the root
+  std::size_t leaves_at = 0;          ///< the control point of its parent at which it begins
+  double first_radius_mm = 0;         ///< its own radius there, inside the parent
+  std::vector<VesselPoint> controls;  ///< without the point on its parent; two or more of the root, else one
 };
+
+/// The courses in a file of phantom/data/, parents before their children:
+/// {"vessels": [{"name", "parent" (a name; none for the root), "leaves_at", "first_radius", "points":
+/// [[x, y, z, radius], ...]}, ...]}, in LPS millimetres.
+std::vector<VesselCourse> vessel_courses(const std::string& file);
+
+/// The tree of vessels with these courses, ready for VesselTree's constructor: every vessel is cut into
+/// branches at the control points where others leave it, and begins exactly on its parent. Branches stand in
+/// the order of the courses, those of one vessel from its beginning onwards.
+std::vector<VesselBranch> grow_vessels(std::span<const VesselCourse> courses);
 
 }  // namespace xraycast

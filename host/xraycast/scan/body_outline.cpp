@@ -128,7 +128,7 @@ BodyOutline OutlineFinder::finish() const {
   // A cell stands for its stride, so matter may reach half a cell's diagonal farther.
   const double reach_mm = 0.5 * glm::length(glm::dvec2(cell_mm));
   outline.radius_mm = *std::max_element(most, distances_mm.end()) + reach_mm;
-  outline.most_mm = *most + reach_mm;
+  outline.radius_99_mm = *most + reach_mm;
   return outline;
 }
 

@@ -12,9 +12,9 @@ namespace xraycast {
 
 /// Where the body lies in the scan: what a map's centre and radius are by default.
 struct BodyOutline {
-  glm::dvec2 centre_mm;  ///< x, y of the centroid of the body's voxels
-  double radius_mm;      ///< of a circle about the centre that encloses the body in every slice
-  double most_mm = 0;    ///< of one that encloses 99 % of the body's voxels
+  glm::dvec2 centre_mm;     ///< x, y of the centroid of the body's voxels
+  double radius_mm;         ///< of a circle about the centre that encloses the body in every slice
+  double radius_99_mm = 0;  ///< of one that encloses 99 % of the body's voxels
 };
 
 /// Finds the body while the slices go by, on a grid of about 3 mm: everything above -300 HU, opened by about

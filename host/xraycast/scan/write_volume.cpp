@@ -60,20 +60,35 @@ class OutputFile {
   gzFile file_;
 };
 
+/// What headers call the type of a voxel.
+struct VoxelType {
+  const char* nrrd;
+  const char* meta_image;
+  std::int16_t nifti_code, nifti_bits;
+};
+template <typename T>
+constexpr VoxelType kVoxelType;
+template <>
+constexpr VoxelType kVoxelType<std::uint8_t>{"unsigned char", "MET_UCHAR", 2, 8};
+template <>
+constexpr VoxelType kVoxelType<std::int16_t>{"short", "MET_SHORT", 4, 16};
+template <>
+constexpr VoxelType kVoxelType<float>{"float", "MET_FLOAT", 16, 32};
+
 // ---- headers -------------------------------------------------------------------------------------
 
-std::string nrrd_header(const VolumeGeometry& geometry, bool is_mask) {
+std::string nrrd_header(const VolumeGeometry& geometry, const VoxelType& type) {
   const auto& [size, spacing, origin] = geometry;
   return fmt::format(
       "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {} {} {}\n"
       "space directions: ({},0,0) (0,{},0) (0,0,{})\nkinds: domain domain domain\nendian: little\nencoding: "
       "raw\n"
       "space origin: ({},{},{})\n\n",
-      is_mask ? "unsigned char" : "short", size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, origin.x,
-      origin.y, origin.z);
+      type.nrrd, size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, origin.x, origin.y, origin.z);
 }
 
-std::string meta_image_header(const VolumeGeometry& geometry, bool is_mask, const std::string& data_file) {
+std::string meta_image_header(const VolumeGeometry& geometry, const VoxelType& type,
+                              const std::string& data_file) {
   const auto& [size, spacing, origin] = geometry;
   return fmt::format(
       "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = "
@@ -81,13 +96,13 @@ std::string meta_image_header(const VolumeGeometry& geometry, bool is_mask, cons
       "TransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = {} {} {}\nCenterOfRotation = 0 0 "
       "0\nAnatomicalOrientation = RAI\n"
       "ElementSpacing = {} {} {}\nDimSize = {} {} {}\nElementType = {}\nElementDataFile = {}\n",
-      origin.x, origin.y, origin.z, spacing.x, spacing.y, spacing.z, size.x, size.y, size.z,
-      is_mask ? "MET_UCHAR" : "MET_SHORT", data_file);
+      origin.x, origin.y, origin.z, spacing.x, spacing.y, spacing.z, size.x, size.y, size.z, type.meta_image,
+      data_file);
 }
 
 /// NIfTI-1 keeps sizes as int16, spacing and origin as floats, and counts towards right-to-left and
 /// back-to-front.
-std::string nifti_header(const VolumeGeometry& geometry, bool is_mask, const fs::path& path) {
+std::string nifti_header(const VolumeGeometry& geometry, const VoxelType& type, const fs::path& path) {
   const auto& [size, spacing, origin] = geometry;
   if (size.x > 32767 || size.y > 32767 || size.z > 32767)
     throw InputError("{}: NIfTI holds at most 32767 voxels per axis; write .nrrd or .mha instead",
@@ -100,7 +115,7 @@ std::string nifti_header(const VolumeGeometry& geometry, bool is_mask, const fs:
   const auto count = [](std::int64_t value) { return static_cast<std::int16_t>(value); };
   put(0, std::int32_t{348});
   put(40, std::array<std::int16_t, 8>{3, count(size.x), count(size.y), count(size.z), 1, 1, 1, 1});
-  put(70, std::array<std::int16_t, 2>{count(is_mask ? 2 : 4), count(is_mask ? 8 : 16)});  // datatype, bits
+  put(70, std::array<std::int16_t, 2>{type.nifti_code, type.nifti_bits});
   put(76, std::array<float, 8>{1, narrow(spacing.x), narrow(spacing.y), narrow(spacing.z), 0, 0, 0, 0});
   put(108, std::array<float, 3>{352, 1, 0});    // where the voxels start, slope and intercept
   put(123, char{2});                            // millimetres
@@ -117,17 +132,17 @@ std::string nifti_header(const VolumeGeometry& geometry, bool is_mask, const fs:
 template <typename T>
 void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::path& path,
            Progress& progress) {
-  constexpr bool is_mask = sizeof(T) == 1;
+  const VoxelType& type = kVoxelType<T>;
   check_volume_format(path);
   const bool is_in_two_files = has_extension(path, ".mhd");
   const fs::path voxel_path = is_in_two_files ? fs::path(path).replace_extension(".raw") : path;
   std::string header;
   if (has_extension(path, ".nrrd"))
-    header = nrrd_header(geometry, is_mask);
+    header = nrrd_header(geometry, type);
   else if (has_extension(path, ".nii") || has_extension(path, ".nii.gz"))
-    header = nifti_header(geometry, is_mask, path);
+    header = nifti_header(geometry, type, path);
   else
-    header = meta_image_header(geometry, is_mask,
+    header = meta_image_header(geometry, type,
                                is_in_two_files ? voxel_path.filename().string() : std::string("LOCAL"));
 
   progress.begin("writing", geometry.size.z, "slices");
@@ -157,6 +172,11 @@ void check_volume_format(const fs::path& path) {
 
 void write_volume(const Volume& volume, const fs::path& path, Progress& progress) {
   write(volume.geometry(), volume.hu(), path, progress);
+}
+
+void write_field(const VolumeGeometry& geometry, std::span<const float> field, const fs::path& path,
+                 Progress& progress) {
+  write(geometry, field, path, progress);
 }
 
 void write_mask(const VolumeGeometry& geometry, std::span<const std::uint8_t> mask, const fs::path& path) {

@@ -1,31 +1,13 @@
 #include "xraycast/mask/components.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/base/union_find.hpp"
 
 #include <algorithm>
 #include <cstring>
-#include <numeric>
 
 namespace xraycast {
 namespace {
-
-/// Union-find with path halving over runs.
-class Sets {
- public:
-  explicit Sets(std::size_t count) : parent_(count) { std::iota(parent_.begin(), parent_.end(), 0); }
-  std::size_t find(std::size_t i) {
-    while (parent_[i] != i) i = parent_[i] = parent_[parent_[i]];
-    return i;
-  }
-  void join(std::size_t a, std::size_t b) {
-    a = find(a);
-    b = find(b);
-    parent_[std::max(a, b)] = std::min(a, b);
-  }
-
- private:
-  std::vector<std::size_t> parent_;
-};
 
 /// The runs of one row, in order.
 void find_runs(const std::uint8_t* row, std::int64_t first, std::int64_t size,
@@ -63,7 +45,8 @@ Components::Components(const Mask& mask) : geometry_(mask.geometry) {
   }
 
   // Two runs of neighbouring rows touch when they overlap after one of them grew by a voxel at each end.
-  Sets sets(runs_.size());
+  // A set is represented by its first run, so that components are numbered in the order of their runs.
+  UnionFind sets(runs_.size());
   const auto row_begin = [&](std::int64_t row) {
     return row == 0 ? 0 : row_ends_[static_cast<std::size_t>(row - 1)];
   };
@@ -75,7 +58,10 @@ Components::Components(const Mask& mask) : geometry_(mask.geometry) {
     while (i < i_end && k < k_end) {
       const std::int64_t a = runs_[i].first, a_end = a + runs_[i].length, b = runs_[k].first + shift,
                          b_end = b + runs_[k].length;
-      if (a <= b_end && b <= a_end) sets.join(i, k);
+      if (a <= b_end && b <= a_end) {
+        const auto [first, second] = std::minmax({sets.find(i), sets.find(k)});
+        sets.unite(first, second);
+      }
       if (a_end < b_end)
         ++i;
       else
@@ -126,13 +112,13 @@ Mask Components::select(const std::vector<bool>& keep) const {
   return mask;
 }
 
-Mask without_specks(const Mask& mask) {
-  const Components parts(mask);
-  if (parts.count() == 0) return mask;
-  std::vector<bool> keep(static_cast<std::size_t>(parts.count()));
-  for (int c = 0; c < parts.count(); ++c)
-    keep[static_cast<std::size_t>(c)] = 100 * parts.voxels(c) >= parts.voxels(parts.largest());
-  return parts.select(keep);
+Mask without_small_components(const Mask& mask) {
+  const Components components(mask);
+  if (components.count() == 0) return mask;
+  std::vector<bool> keep(static_cast<std::size_t>(components.count()));
+  for (int c = 0; c < components.count(); ++c)
+    keep[static_cast<std::size_t>(c)] = 100 * components.voxels(c) >= components.voxels(components.largest());
+  return components.select(keep);
 }
 
 }  // namespace xraycast

@@ -7,10 +7,10 @@
 
 namespace xraycast {
 
-/// The connected parts of a mask, as runs of voxels along x: little memory however large the grid is.
+/// The connected components of a mask, run-length encoded along x: little memory however large the grid is.
 class Components {
  public:
-  /// Labels the parts whose voxels share a face, an edge or a corner.
+  /// Labels the components by 26-connectivity: voxels that share a face, an edge or a corner.
   explicit Components(const Mask& mask);
 
   struct Run {
@@ -40,7 +40,7 @@ class Components {
   std::vector<std::int64_t> voxels_;
 };
 
-/// The parts of a mask but for those of less than a hundredth of the largest one.
-Mask without_specks(const Mask& mask);
+/// A mask without the components of less than a hundredth of the largest one's voxels.
+Mask without_small_components(const Mask& mask);
 
 }  // namespace xraycast

@@ -67,13 +67,13 @@ std::vector<std::uint8_t> occupied(const float* first, std::int64_t length, std:
 
 }  // namespace
 
-std::vector<float> distance_to_outside_mm(const Mask& mask) {
+std::vector<float> distance_to_background_mm(const Mask& mask) {
   constexpr float kNever = std::numeric_limits<float>::infinity();
   const Index3 size = mask.geometry.size;
   const glm::dvec3 spacing_mm = mask.geometry.spacing_mm;
   std::vector<float> squared(mask.voxels.size());
   const std::int64_t slice = mask.geometry.slice_voxels();
-  // Lines that lie outside altogether, which are most, are left alone: their distances are zero.
+  // Lines that are all background, which are most, are skipped: their distances are zero.
   parallel_for(size.z, [&](std::int64_t z) {
     Envelope along_x(size.x), along_y(size.y);
     float* first = &squared[static_cast<std::size_t>(z * slice)];
@@ -102,9 +102,9 @@ std::vector<float> distance_to_outside_mm(const Mask& mask) {
   return squared;
 }
 
-std::vector<float> distance_to_mm(Mask mask) {
+std::vector<float> distance_to_foreground_mm(Mask mask) {
   for (std::uint8_t& voxel : mask.voxels) voxel ^= 1;
-  return distance_to_outside_mm(mask);
+  return distance_to_background_mm(mask);
 }
 
 }  // namespace xraycast

@@ -15,7 +15,7 @@
 namespace xraycast {
 namespace {
 
-/// The voxels of a skeleton and the way through them.
+/// Walks along the lines of a skeleton from node to node.
 class Tracer {
  public:
   explicit Tracer(const Mask& skeleton) : skeleton_(skeleton) {
@@ -49,15 +49,15 @@ class Tracer {
   glm::dvec3 world_mm(const Index3& voxel) const { return skeleton_.geometry.to_world_mm(glm::dvec3(voxel)); }
 
   void make_nodes() {
-    Mask meetings(skeleton_.geometry);
+    Mask junctions(skeleton_.geometry);
     for (const Index3& voxel : voxels_) {
       const std::size_t degree = neighbours_in(skeleton_, voxel).size();
-      if (degree > 2) meetings[voxel] = 1;
+      if (degree > 2) junctions[voxel] = 1;
       if (degree > 1) continue;
       node_of_[skeleton_.offset(voxel)] = static_cast<int>(graph_.nodes.size());
       graph_.nodes.push_back({world_mm(voxel), {}});
     }
-    const Components clusters(meetings);
+    const Components clusters(junctions);
     const auto first = static_cast<int>(graph_.nodes.size());
     graph_.nodes.resize(graph_.nodes.size() + static_cast<std::size_t>(clusters.count()));
     for (const Components::Run& run : clusters.runs())
@@ -69,7 +69,7 @@ class Tracer {
       }
   }
 
-  /// Walks a line from a node's voxel to the next node.
+  /// Follows a line from a node's voxel to the next node.
   void follow(int node, Index3 previous, Index3 voxel) {
     std::vector<glm::dvec3> inner_mm;
     int end = -1;
@@ -107,43 +107,43 @@ class Tracer {
   SkeletonGraph graph_;
 };
 
-/// A skeleton's voxel, as far as it matters to joining parts.
-struct JoinPoint {
+/// A skeleton's voxel at which a link may begin.
+struct LinkPoint {
   Index3 voxel;
   bool is_end;
   int face;  ///< of the scan, through which a vessel leaves here, or -1
 };
 
-/// A join and what it costs: first by rank, then by cost.
-struct PricedJoin {
+/// A link and its weight: first by rank, then by cost.
+struct RankedLink {
   int rank = std::numeric_limits<int>::max();
   double cost_mm = 0;
-  PartJoin join{};
-  bool operator<(const PricedJoin& other) const {
+  ComponentLink link{};
+  bool operator<(const RankedLink& other) const {
     return std::tie(rank, cost_mm) < std::tie(other.rank, other.cost_mm);
   }
 };
 
-/// The diagonal of a part's box.
-double length_mm(const std::vector<JoinPoint>& part, const glm::dvec3& spacing_mm) {
-  Index3 lower = part.front().voxel, upper = lower;
-  for (const JoinPoint& p : part) lower = glm::min(lower, p.voxel), upper = glm::max(upper, p.voxel);
+/// The diagonal of a component's bounding box.
+double extent_mm(const std::vector<LinkPoint>& component, const glm::dvec3& spacing_mm) {
+  Index3 lower = component.front().voxel, upper = lower;
+  for (const LinkPoint& p : component) lower = glm::min(lower, p.voxel), upper = glm::max(upper, p.voxel);
   return glm::length(spacing_mm * glm::dvec3(upper - lower));
 }
 
-PricedJoin cheapest_join(const std::vector<JoinPoint>& from, const std::vector<JoinPoint>& to,
+RankedLink cheapest_link(const std::vector<LinkPoint>& from, const std::vector<LinkPoint>& to,
                          const glm::dvec3& spacing_mm) {
-  const double longest_mm = std::max(length_mm(from, spacing_mm), length_mm(to, spacing_mm));
-  PricedJoin best;
-  for (const JoinPoint& a : from)
-    for (const JoinPoint& b : to) {
+  const double longest_mm = std::max(extent_mm(from, spacing_mm), extent_mm(to, spacing_mm));
+  RankedLink best;
+  for (const LinkPoint& a : from)
+    for (const LinkPoint& b : to) {
       const double mm = glm::length(spacing_mm * glm::dvec3(b.voxel - a.voxel));
-      const bool is_outside = a.face >= 0 && a.face == b.face;
-      if (!is_outside && mm > longest_mm) continue;
+      const bool is_beyond_scan = a.face >= 0 && a.face == b.face;
+      if (!is_beyond_scan && mm > longest_mm) continue;
       const int sides = 1 + static_cast<int>(!a.is_end) + static_cast<int>(!b.is_end);
-      const PricedJoin priced{
-          is_outside ? 0 : 1, is_outside ? mm : mm * sides, {a.voxel, b.voxel, mm, is_outside}};
-      if (priced < best) best = priced;
+      const RankedLink ranked{
+          is_beyond_scan ? 0 : 1, is_beyond_scan ? mm : mm * sides, {a.voxel, b.voxel, mm, is_beyond_scan}};
+      if (ranked < best) best = ranked;
     }
   return best;
 }
@@ -157,12 +157,18 @@ int nearest_node(const SkeletonGraph& graph, const glm::dvec3& point_mm) {
 
 }  // namespace
 
+double length_mm(const std::vector<glm::dvec3>& points_mm) {
+  double sum = 0;
+  for (std::size_t i = 1; i < points_mm.size(); ++i) sum += glm::distance(points_mm[i - 1], points_mm[i]);
+  return sum;
+}
+
 SkeletonGraph trace(const Mask& skeleton) { return Tracer(skeleton).run(); }
 
-PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
-  const Components parts(skeleton);
-  std::vector<std::vector<JoinPoint>> points(static_cast<std::size_t>(parts.count()));
-  for (const Components::Run& run : parts.runs())
+ComponentLinks link_components(Mask& skeleton, const std::function<int(const Index3&)>& face_of) {
+  const Components components(skeleton);
+  std::vector<std::vector<LinkPoint>> points(static_cast<std::size_t>(components.count()));
+  for (const Components::Run& run : components.runs())
     for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
       const Index3 voxel = voxel_at(skeleton.geometry, i);
       const bool is_end = neighbours_in(skeleton, voxel).size() <= 1;
@@ -171,45 +177,45 @@ PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& fa
     }
   std::ranges::sort(points, [](const auto& a, const auto& b) { return a.size() > b.size(); });
 
-  // From the largest part on, always the part that is cheapest to join (Prim).
-  std::vector<PricedJoin> best(points.size());
-  std::vector<std::size_t> apart(points.size());
-  std::iota(apart.begin(), apart.end(), std::size_t{0});
-  PartJoins result;
-  for (std::size_t newest = 0; !apart.empty();) {
-    std::erase(apart, newest);
-    for (const std::size_t part : apart)
-      best[part] =
-          std::min(best[part], cheapest_join(points[newest], points[part], skeleton.geometry.spacing_mm));
+  // From the largest component on, always the one that is cheapest to link.
+  std::vector<RankedLink> best(points.size());
+  std::vector<std::size_t> unlinked(points.size());
+  std::iota(unlinked.begin(), unlinked.end(), std::size_t{0});
+  ComponentLinks result;
+  for (std::size_t newest = 0; !unlinked.empty();) {
+    std::erase(unlinked, newest);
+    for (const std::size_t component : unlinked)
+      best[component] = std::min(
+          best[component], cheapest_link(points[newest], points[component], skeleton.geometry.spacing_mm));
     const auto next =
-        std::ranges::min_element(apart, [&](std::size_t a, std::size_t b) { return best[a] < best[b]; });
-    if (next == apart.end() || best[*next].rank == PricedJoin{}.rank) break;
+        std::ranges::min_element(unlinked, [&](std::size_t a, std::size_t b) { return best[a] < best[b]; });
+    if (next == unlinked.end() || best[*next].rank == RankedLink{}.rank) break;
     newest = *next;
-    result.joins.push_back(best[newest].join);
+    result.links.push_back(best[newest].link);
   }
-  for (const std::size_t part : apart)
-    for (const JoinPoint& p : points[part]) skeleton[p.voxel] = 0;
-  result.left_out = static_cast<int>(apart.size());
+  for (const std::size_t component : unlinked)
+    for (const LinkPoint& p : points[component]) skeleton[p.voxel] = 0;
+  result.left_out = static_cast<int>(unlinked.size());
   return result;
 }
 
-void draw(const PartJoin& join, Mask& skeleton) {
-  const glm::dvec3 step(join.to - join.from);
+void rasterise(const ComponentLink& link, Mask& skeleton) {
+  const glm::dvec3 step(link.to - link.from);
   const int steps = static_cast<int>(std::max({std::abs(step.x), std::abs(step.y), std::abs(step.z)}));
   for (int k = 0; k < steps; ++k)
-    skeleton[Index3(glm::round(glm::dvec3(join.from) + step * (static_cast<double>(k) / steps)))] = 1;
+    skeleton[Index3(glm::round(glm::dvec3(link.from) + step * (static_cast<double>(k) / steps)))] = 1;
 }
 
-void add_edge(const PartJoin& join, const VolumeGeometry& grid, SkeletonGraph& graph) {
-  const int from = nearest_node(graph, grid.to_world_mm(glm::dvec3(join.from))),
-            to = nearest_node(graph, grid.to_world_mm(glm::dvec3(join.to))),
+void add_edge(const ComponentLink& link, const VolumeGeometry& grid, SkeletonGraph& graph) {
+  const int from = nearest_node(graph, grid.to_world_mm(glm::dvec3(link.from))),
+            to = nearest_node(graph, grid.to_world_mm(glm::dvec3(link.to))),
             self = static_cast<int>(graph.edges.size());
   SkeletonGraph::Node &a = graph.nodes[static_cast<std::size_t>(from)],
                       &b = graph.nodes[static_cast<std::size_t>(to)];
   a.edges.push_back(self);
   b.edges.push_back(self);
   SkeletonGraph::Edge edge{{from, to}, {a.position_mm, b.position_mm}};
-  edge.is_outside = true;
+  edge.is_beyond_scan = true;
   graph.edges.push_back(std::move(edge));
 }
 

@@ -19,41 +19,44 @@ struct SkeletonGraph {
   struct Edge {
     std::array<int, 2> nodes;
     std::vector<glm::dvec3> points_mm;  ///< from the first node to the second, both included
-    bool closes_loop = false;           ///< it ran back to where other edges lead too, and was cut open there
-    bool is_outside = false;            ///< it stands for what joins two vessels beyond the scan
+    bool closes_loop = false;           ///< it closed a cycle, and was cut open at its second node
+    bool is_beyond_scan = false;        ///< it stands for what joins two vessels beyond the scan
   };
   std::vector<Node> nodes;
   std::vector<Edge> edges;
 };
 
-/// Reads a thinned mask as a graph. Neighbouring voxels that each have three or more neighbours are one node.
-/// Closed rings without a node are passed over.
+/// Length of a polyline.
+double length_mm(const std::vector<glm::dvec3>& points_mm);
+
+/// The graph of a thinned mask. Adjacent voxels that each have three or more neighbours are one node. Closed
+/// rings without a node are left out.
 SkeletonGraph trace(const Mask& skeleton);
 
-/// A straight line between two parts of a skeleton.
-struct PartJoin {
+/// A straight line between two components of a skeleton.
+struct ComponentLink {
   Index3 from, to;
   double length_mm;
-  bool is_outside;  ///< both ends leave the scan through one face, so that the vessels join beyond it
+  bool is_beyond_scan;  ///< both ends leave the scan through one face, so that the vessels join beyond it
 };
 
-struct PartJoins {
-  std::vector<PartJoin> joins;
-  int left_out;  ///< parts that nothing joins
+struct ComponentLinks {
+  std::vector<ComponentLink> links;
+  int left_out;  ///< components that nothing links
 };
 
-/// The lines that join the parts of a skeleton to its largest one, the cheapest first. Ends that leave the
-/// scan through the same face come first, then others by their length; it counts twice where one side is no
-/// end, and three times where both are none, because a vessel that was interrupted has two ends. No line but
-/// beyond the scan is longer than the longer of the parts that it joins; parts without one are taken off the
-/// skeleton. `face_of` names the face of the scan through which a vessel leaves that ends in a voxel, or
-/// gives -1.
-PartJoins join_parts(Mask& skeleton, const std::function<int(const Index3&)>& face_of);
+/// The lines that link the components of a skeleton to its largest one: their minimum spanning tree (Prim,
+/// Shortest connection networks and some generalizations, 1957). Ends that leave the scan through the same
+/// face come first, then others by their length; it counts twice where one side is no end, and three times
+/// where both are none, because a vessel that was interrupted has two ends. Within the scan no line is longer
+/// than the longer of the components that it links; components without one are removed from the skeleton.
+/// `face_of` names the face of the scan through which a vessel leaves that ends in a voxel, or gives -1.
+ComponentLinks link_components(Mask& skeleton, const std::function<int(const Index3&)>& face_of);
 
-/// Draws a join as a line of voxels.
-void draw(const PartJoin& join, Mask& skeleton);
+/// Draws a link as a line of voxels.
+void rasterise(const ComponentLink& link, Mask& skeleton);
 
-/// Adds a join to a graph, as an edge between the two nodes that lie there.
-void add_edge(const PartJoin& join, const VolumeGeometry& grid, SkeletonGraph& graph);
+/// Adds a link to a graph, as an edge between the two nodes that lie there.
+void add_edge(const ComponentLink& link, const VolumeGeometry& grid, SkeletonGraph& graph);
 
 }  // namespace xraycast

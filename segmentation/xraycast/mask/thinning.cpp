@@ -36,7 +36,22 @@ std::uint32_t flood(std::uint32_t from, std::uint32_t set, const std::array<std:
   return reached;
 }
 
-/// Thinning works on a copy with a layer of outside around it, so that no neighbour needs a check.
+/// Whether a voxel can be deleted without changing the topology of an object (a simple point): in its
+/// neighbourhood the object has one 26-connected component and the background one 6-connected component
+/// (Bertrand and Malandain, A new characterization of three-dimensional simple points, 1994). Bit i of
+/// `neighbourhood` is neighbour i of kNeighbours.
+bool is_simple(std::uint32_t neighbourhood) {
+  static const std::array<std::uint32_t, 26> touching = adjacency(3), sharing_a_face = adjacency(1);
+  const std::uint32_t outside_faces = ~neighbourhood & kFaces;
+  if (neighbourhood == 0 || outside_faces == 0) return false;
+  const std::uint32_t first = neighbourhood & (~neighbourhood + 1);
+  if (flood(first, neighbourhood, touching) != neighbourhood) return false;
+  const std::uint32_t first_face = outside_faces & (~outside_faces + 1);
+  const std::uint32_t reached = flood(first_face, ~neighbourhood & kFacesAndEdges, sharing_a_face);
+  return (reached & outside_faces) == outside_faces;
+}
+
+/// Works on a copy padded with a layer of background, so that no neighbour needs a bounds check.
 class Thinning {
  public:
   explicit Thinning(const Mask& mask) : size_(mask.geometry.size + Index3(2)) {
@@ -49,25 +64,25 @@ class Thinning {
           if (mask[{x, y, z}] != 0) {
             const std::int64_t at = offset({x + 1, y + 1, z + 1});
             inside_[static_cast<std::size_t>(at)] = 1;
-            left_.push_back(at);
+            remaining_.push_back(at);
           }
   }
 
   void run(Progress& progress) {
-    progress.begin("thinning", static_cast<std::int64_t>(left_.size()), "voxels");
+    progress.begin("thinning", static_cast<std::int64_t>(remaining_.size()), "voxels");
     for (bool changed = true; changed;) {
       changed = false;
       for (std::size_t direction = 0; direction < 6; ++direction) {
-        const std::int64_t gone = peel(direction);
-        changed |= gone > 0;
-        progress.advance(gone);
+        const std::int64_t deleted = delete_border_voxels(direction);
+        changed |= deleted > 0;
+        progress.advance(deleted);
       }
-      std::erase_if(left_, [&](std::int64_t at) { return inside_[static_cast<std::size_t>(at)] == 0; });
+      std::erase_if(remaining_, [&](std::int64_t at) { return inside_[static_cast<std::size_t>(at)] == 0; });
     }
   }
 
   void store(Mask& mask) const {
-    for (const std::int64_t at : left_) {
+    for (const std::int64_t at : remaining_) {
       const std::int64_t slice = size_.x * size_.y;
       mask[{at % size_.x - 1, at % slice / size_.x - 1, at / slice - 1}] = 1;
     }
@@ -83,46 +98,35 @@ class Thinning {
     return bits;
   }
 
-  bool removable(std::int64_t at) const {
+  bool is_deletable(std::int64_t at) const {
     const std::uint32_t bits = neighbourhood(at);
     return std::popcount(bits) > 1 && is_simple(bits);
   }
 
-  /// Takes the removable voxels off that are open towards one side; all are found before the first goes.
-  /// Returns how many there were.
-  std::int64_t peel(std::size_t direction) {
+  /// Deletes the simple points on the border of one direction; all candidates are found before the first is
+  /// deleted. Returns how many there were.
+  std::int64_t delete_border_voxels(std::size_t direction) {
     candidates_.clear();
-    for (const std::int64_t at : left_)
+    for (const std::int64_t at : remaining_)
       if (inside_[static_cast<std::size_t>(at)] != 0 &&
-          inside_[static_cast<std::size_t>(at + steps_[direction])] == 0 && removable(at))
+          inside_[static_cast<std::size_t>(at + steps_[direction])] == 0 && is_deletable(at))
         candidates_.push_back(at);
-    std::int64_t gone = 0;
+    std::int64_t deleted = 0;
     for (const std::int64_t at : candidates_) {
-      if (!removable(at)) continue;
+      if (!is_deletable(at)) continue;
       inside_[static_cast<std::size_t>(at)] = 0;
-      ++gone;
+      ++deleted;
     }
-    return gone;
+    return deleted;
   }
 
   Index3 size_;
   std::array<std::int64_t, 26> steps_{};
   std::vector<std::uint8_t> inside_;
-  std::vector<std::int64_t> left_, candidates_;
+  std::vector<std::int64_t> remaining_, candidates_;
 };
 
 }  // namespace
-
-bool is_simple(std::uint32_t neighbourhood) {
-  static const std::array<std::uint32_t, 26> touching = adjacency(3), sharing_a_face = adjacency(1);
-  const std::uint32_t outside_faces = ~neighbourhood & kFaces;
-  if (neighbourhood == 0 || outside_faces == 0) return false;
-  const std::uint32_t first = neighbourhood & (~neighbourhood + 1);
-  if (flood(first, neighbourhood, touching) != neighbourhood) return false;
-  const std::uint32_t first_face = outside_faces & (~outside_faces + 1);
-  const std::uint32_t reached = flood(first_face, ~neighbourhood & kFacesAndEdges, sharing_a_face);
-  return (reached & outside_faces) == outside_faces;
-}
 
 Mask thin(const Mask& mask, Progress& progress) {
   Thinning thinning(mask);

@@ -41,8 +41,7 @@ std::vector<cl_float4> spread_directions(int count) {
 BlockFilter::BlockFilter(ComputeDevice& device, const Index3& size) : device_(device), size_(size) {}
 
 cl::Buffer BlockFilter::block() {
-  return device_.buffer(CL_MEM_READ_WRITE,
-                        size_.x * size_.y * size_.z * static_cast<std::int64_t>(sizeof(float)));
+  return device_.buffer(CL_MEM_READ_WRITE, static_cast<std::int64_t>(voxel_count() * sizeof(float)));
 }
 
 cl::Buffer BlockFilter::upload(std::span<const float> values) {
@@ -50,7 +49,7 @@ cl::Buffer BlockFilter::upload(std::span<const float> values) {
 }
 
 std::vector<float> BlockFilter::download(const cl::Buffer& values) {
-  std::vector<float> result(static_cast<std::size_t>(size_.x * size_.y * size_.z));
+  std::vector<float> result(voxel_count());
   device_.download(values, std::span(result));
   return result;
 }
@@ -89,20 +88,21 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
       static_cast<cl_int>(is_frangi));
 }
 
-cl::Buffer BlockFilter::line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
-                                      int directions) {
+cl::Buffer BlockFilter::ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
+                                       int directions) {
   const std::vector<float> weights = gaussian_weights(sigma_vox, reach_vox);
   const std::vector<cl_float4> spread = spread_directions(directions);
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
   cl::Buffer target = block();
-  run("line_strength", values, target, device_spread, static_cast<cl_int>(directions), device_weights,
+  run("ridge_strength", values, target, device_spread, static_cast<cl_int>(directions), device_weights,
       static_cast<cl_int>(reach_vox));
   return target;
 }
 
 std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
-                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter) {
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
+                            Progress* progress) {
   constexpr std::int64_t kSlabSlices = 64;  // 512 x 512 of them take 80 MB a buffer
   const VolumeGeometry& g = volume.geometry();
   std::vector<float> result;
@@ -116,6 +116,7 @@ std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::in
     values = block.download(filter(block, block.upload(values)));
     const auto from = values.begin() + (first - begin) * g.slice_voxels();
     result.insert(result.end(), from, from + (last - first) * g.slice_voxels());
+    if (progress != nullptr) progress->advance(last - first);
   }
   return result;
 }

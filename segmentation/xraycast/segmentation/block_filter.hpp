@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/progress.hpp"
 #include "xraycast/opencl/compute_device.hpp"
 #include "xraycast/scan/volume.hpp"
 
@@ -10,11 +11,13 @@
 namespace xraycast {
 
 /// A block of a scan on the device and the filters of kernels/vesselness.cl. Values are float, x fastest;
-/// beyond the block its border goes on.
+/// beyond the block its border is replicated.
 class BlockFilter {
  public:
   /// Throws DeviceError.
   BlockFilter(ComputeDevice& device, const Index3& size);
+
+  std::size_t voxel_count() const { return static_cast<std::size_t>(size_.x * size_.y * size_.z); }
 
   cl::Buffer upload(std::span<const float> values);
   std::vector<float> download(const cl::Buffer& values);
@@ -26,9 +29,9 @@ class BlockFilter {
   void add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& spacing_mm, double scale_mm,
                       double strength, bool is_frangi, const cl::Buffer& best);
 
-  /// How strong the strongest line through each voxel is: the largest over `directions` of the weaker of its
-  /// two arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
-  cl::Buffer line_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
+  /// Ridge strength by oriented line integrals: the largest over `directions` of the weaker of a line's two
+  /// arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
+  cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
 
  private:
   cl::Buffer block();
@@ -43,8 +46,10 @@ class BlockFilter {
   Index3 size_;
 };
 
-/// Filters a whole scan slab by slab, each with `halo` slices more on either side.
+/// Filters a whole scan slab by slab, each with `halo` slices more on either side. Advances `progress`, where
+/// there is one, by the slices that are done. Throws DeviceError.
 std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
-                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter);
+                            const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
+                            Progress* progress = nullptr);
 
 }  // namespace xraycast

@@ -19,8 +19,8 @@ constexpr double kTissueLow_hu = -50, kTissueHigh_hu = 150;
 constexpr double kContrastLow_hu = 200, kContrastHigh_hu = 700;
 constexpr int kBodySurface_hu = -300;  ///< halfway from air to soft tissue, or nearly
 
-/// How many voxels have each value. Voxels on an edge, where tissues mix, do not count: their neighbours
-/// along the axes differ by more than `edge_hu`.
+/// How many voxels have each value. Partial volume voxels do not count: their neighbours along the axes
+/// differ by more than `edge_hu`.
 class Histogram {
  public:
   Histogram(const Volume& volume, int edge_hu) : counts_(65536) {
@@ -89,7 +89,7 @@ std::optional<double> contrast_peak_hu(const Histogram& histogram, double tissue
   return best;
 }
 
-/// The means of two classes, parted halfway between them.
+/// The means of two classes, separated by the threshold halfway between them (Ridler and Calvard).
 std::optional<std::pair<double, double>> two_classes_hu(const Histogram& histogram, int low_hu, int high_hu) {
   double threshold = 0.5 * (low_hu + high_hu);
   std::pair<double, double> means;
@@ -109,7 +109,7 @@ std::optional<std::pair<double, double>> two_classes_hu(const Histogram& histogr
   return means;
 }
 
-/// The median, and the standard deviation that the median absolute deviation stands for.
+/// The median, and the standard deviation estimated from the median absolute deviation.
 std::pair<double, double> median_and_spread_hu(const Histogram& histogram, int low_hu, int high_hu) {
   const double half = 0.5 * histogram.between(low_hu, high_hu);
   int median = low_hu;
@@ -194,8 +194,10 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
   const double tissue_hu = insides.mode_hu(kTissueLow_hu, kTissueHigh_hu, 10);
   const auto peak_hu = contrast_peak_hu(insides, tissue_hu);
   if (!peak_hu)
-    throw InputError("{}: no vessel: no contrast medium shows between {} and {} HU; give a window", name,
-                     kContrastLow_hu, kContrastHigh_hu);
+    throw InputError(
+        "{}: no vessel: no contrast medium shows between {} and {} HU; give the window of the vessels' CT "
+        "numbers",
+        name, kContrastLow_hu, kContrastHigh_hu);
   return {tissue_hu, *peak_hu, noise_hu};
 }
 

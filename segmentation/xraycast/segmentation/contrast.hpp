@@ -17,10 +17,10 @@ struct Contrast {
 };
 
 /// CT angiographies have a peak of contrast-filled vessels between 200 and 700 HU (guidelines ask for 250 and
-/// more in the aorta), apart from the ramp of spongy bone below and of dense bone above it. Scans without
-/// air, such as subtracted ones, are parted into two classes instead (Ridler and Calvard, Picture
-/// thresholding using an iterative selection method, 1978). Throws InputError, with `name` in front, when
-/// there is nothing bright. Three units of `progress`.
+/// more in the aorta), apart from the ramp of trabecular bone below and of cortical bone above it. The
+/// histogram of scans without air, such as subtracted ones, is split into two classes instead (Ridler and
+/// Calvard, Picture thresholding using an iterative selection method, 1978). Throws InputError, with `name`
+/// in front, when there is nothing bright. Three units of `progress`.
 Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress);
 inline Contrast measure_contrast(const Volume& volume, const std::string& name) {
   Progress unheard;

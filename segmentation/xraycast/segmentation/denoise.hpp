@@ -7,8 +7,8 @@
 
 namespace xraycast {
 
-/// A scan smoothed by a Gaussian of 0.7 voxels, or nothing where its noise is low enough for thresholds as it
-/// is.
+/// A scan smoothed by a Gaussian of 0.7 voxels; nothing where its noise is low enough for thresholds. Throws
+/// DeviceError.
 std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device);
 
 }  // namespace xraycast

@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/surface.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/union_find.hpp"
 #include "xraycast/segmentation/level_set.hpp"
 
 #include <glm/common.hpp>
@@ -11,29 +12,28 @@
 #include <cstddef>
 #include <map>
 #include <meshoptimizer.h>
-#include <numeric>
 
 namespace xraycast {
 namespace {
 
-/// The level whose surface encloses the mask's volume.
-Mesh volume_keeping_mesh(const LevelSet& smoothed, const Mask& mask) {
+/// The isosurface at the level that encloses the mask's volume, by bisection.
+Mesh volume_preserving_mesh(const LevelSet& smoothed, const Mask& mask) {
   const glm::dvec3 s = mask.geometry.spacing_mm;
-  const double wanted_mm3 = static_cast<double>(mask.count()) * s.x * s.y * s.z;
+  const double target_mm3 = static_cast<double>(mask.count()) * s.x * s.y * s.z;
   double low = 0.2, high = 0.9;
   Mesh mesh;
   for (int pass = 0; pass < 7; ++pass) {
     const double level = pass == 0 ? 0.5 : 0.5 * (low + high);
     mesh = smoothed.mesh_at(level);
     const double mm3 = volume_mm3(mesh);
-    if (std::abs(mm3 / wanted_mm3 - 1) < 0.005) break;
-    (mm3 < wanted_mm3 ? low : high) = level;
+    if (std::abs(mm3 / target_mm3 - 1) < 0.005) break;
+    (mm3 < target_mm3 ? low : high) = level;
   }
   return mesh;
 }
 
-/// Takes off triangles that lie upon each other face to face, as is left of what was smaller than a triangle.
-void drop_folds(std::vector<unsigned>& indices) {
+/// Removes pairs of triangles with the same three vertices, to which decimation collapses small features.
+void remove_folds(std::vector<unsigned>& indices) {
   using Triangle = std::array<unsigned, 3>;
   std::vector<std::pair<Triangle, std::size_t>> corners;  // in ascending order, and where the triangle begins
   for (std::size_t i = 0; i + 2 < indices.size(); i += 3) {
@@ -54,26 +54,21 @@ void drop_folds(std::vector<unsigned>& indices) {
   indices = std::move(kept);
 }
 
-/// Gives each sheet corners of its own where two of them touch along an edge or in a point: only triangles on
-/// both sides of an edge that no others have stay joined.
-Mesh with_sheets_apart(const Mesh& mesh) {
+/// Splits non-manifold edges and vertices, where sheets touch: only the two triangles of a manifold edge stay
+/// joined.
+Mesh with_manifold_edges(const Mesh& mesh) {
   std::map<std::pair<unsigned, unsigned>, std::vector<std::size_t>> sides;  // corners where an edge begins
   for (std::size_t t = 0; t < mesh.triangles.size(); ++t)
     for (std::size_t k = 0; k < 3; ++k)
       sides[{mesh.triangles[t][k], mesh.triangles[t][(k + 1) % 3]}].push_back(3 * t + k);
 
-  std::vector<std::size_t> joined(3 * mesh.triangles.size());
-  std::iota(joined.begin(), joined.end(), std::size_t{0});
-  const auto find = [&](std::size_t corner) {
-    while (joined[corner] != corner) corner = joined[corner] = joined[joined[corner]];
-    return corner;
-  };
+  UnionFind vertices(3 * mesh.triangles.size());
   const auto next = [](std::size_t corner) { return corner % 3 == 2 ? corner - 2 : corner + 1; };
   for (const auto& [edge, here] : sides) {
     const auto there = sides.find({edge.second, edge.first});
     if (here.size() != 1 || there == sides.end() || there->second.size() != 1) continue;
-    joined[find(here[0])] = find(next(there->second[0]));
-    joined[find(next(here[0]))] = find(there->second[0]);
+    vertices.unite(next(there->second[0]), here[0]);
+    vertices.unite(there->second[0], next(here[0]));
   }
 
   Mesh result;
@@ -82,7 +77,7 @@ Mesh with_sheets_apart(const Mesh& mesh) {
     result.triangles.emplace_back();
     for (std::size_t k = 0; k < 3; ++k) {
       const auto [vertex, is_new] =
-          vertex_of.emplace(find(3 * t + k), static_cast<unsigned>(result.points_mm.size()));
+          vertex_of.emplace(vertices.find(3 * t + k), static_cast<unsigned>(result.points_mm.size()));
       if (is_new) result.points_mm.push_back(mesh.points_mm[mesh.triangles[t][k]]);
       result.triangles.back()[k] = vertex->second;
     }
@@ -96,10 +91,10 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> kept(indices.size());
   // The error allowed is a share of the mesh's extent; half a percent of a trunk is a few millimetres, so the
   // number of triangles is what ends it.
-  constexpr float kMost = 0.005F;
+  constexpr float kMaxError = 0.005F;
   kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
-                               mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMost));
-  drop_folds(kept);
+                               mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMaxError));
+  remove_folds(kept);
   Mesh result;
   std::vector<unsigned> remap(mesh.points_mm.size());
   const std::size_t count =
@@ -109,7 +104,7 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
     if (remap[i] != ~0U) result.points_mm[remap[i]] = mesh.points_mm[i];
   for (std::size_t i = 0; i + 2 < kept.size(); i += 3)
     result.triangles.push_back({remap[kept[i]], remap[kept[i + 1]], remap[kept[i + 2]]});
-  return with_sheets_apart(result);
+  return with_manifold_edges(result);
 }
 
 }  // namespace
@@ -118,7 +113,7 @@ Mesh surface_of(const Mask& mask, std::size_t triangles) {
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  Mesh whole = volume_keeping_mesh(*level_set_of(part), part);
+  Mesh whole = volume_preserving_mesh(*level_set_of(part), part);
   if (whole.triangles.size() <= triangles) return whole;
   const double volume = volume_mm3(whole);
   for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {

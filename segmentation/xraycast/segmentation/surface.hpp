@@ -5,7 +5,7 @@
 
 namespace xraycast {
 
-/// The watertight surface of a mask: a level set, smoothed by half a voxel, at the level that encloses the
+/// The watertight isosurface of a mask: a level set, smoothed by half a voxel, at the level that encloses the
 /// mask's volume; then decimated to about `triangles`. Vessels that leave the grid are closed there.
 /// OpenVDB's volume mesher and meshoptimizer's simplifier (Garland and Heckbert, Surface simplification using
 /// quadric error metrics, 1997); where decimation would open the surface it is left finer. Throws Error when

@@ -5,9 +5,9 @@
 
 namespace xraycast {
 
-/// Which CT numbers are a vessel's.
+/// The CT numbers of vessels.
 struct HuWindow {
-  double low_hu;   ///< at a vessel's edge, where voxels hold lumen and tissue
+  double low_hu;   ///< at a vessel's edge, by the partial volume of lumen and tissue
   double core_hu;  ///< within a vessel
   double high_hu;  ///< above is bone, calcification or metal
 };
@@ -17,11 +17,11 @@ struct HuWindow {
 /// above the vessels' CT number, whichever is more.
 HuWindow window_of(const Contrast& contrast);
 
-/// Voxels of the core, and those down to the edge's CT number that touch one: the rim in which lumen and
-/// tissue mix is one voxel wide.
+/// Voxels of the core, and those down to the edge's CT number that touch one: the partial volume rim is one
+/// voxel wide.
 Mask threshold(const Volume& volume, const HuWindow& window);
 
-/// The same, but the edge's voxels count wherever they are connected to the core (hysteresis).
+/// Hysteresis threshold: voxels of the edge's CT number count wherever they are connected to the core.
 Mask threshold_with_hysteresis(const Volume& volume, const HuWindow& window);
 
 /// The voxels from `low_hu` up to and including `high_hu`.

@@ -10,7 +10,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kThickest_mm = 5;
+constexpr double kMaxThickness_mm = 5;
 constexpr double kReach = 4, kMinReach_vox = 8, kFork = 1.75;  ///< see the header
 constexpr double kAround_vox = 2.5, kSurrounded = 0.65;        ///< see the header
 
@@ -51,8 +51,8 @@ class Ball {
   std::vector<Row> rows_;
 };
 
-/// How many voxels of a mask lie in a row before each of its voxels.
-std::vector<std::uint16_t> running_counts(const Mask& mask) {
+/// Prefix sums along rows: how many voxels of the mask lie in a row before each of its voxels.
+std::vector<std::uint16_t> row_prefix_sums(const Mask& mask) {
   std::vector<std::uint16_t> counts(mask.voxels.size());
   const Index3 size = mask.geometry.size;
   parallel_for(size.z, [&](std::int64_t z) {
@@ -68,15 +68,15 @@ std::vector<std::uint16_t> running_counts(const Mask& mask) {
   return counts;
 }
 
-/// A voxel that lies deepest.
-struct Medial {
+/// A voxel of the medial axis: a local maximum of the distance transform.
+struct MedialVoxel {
   Index3 voxel;
   double depth_mm;
 };
 
-std::vector<Medial> medial_voxels(const Mask& mask) {
-  const std::vector<float> depth_mm = distance_to_outside_mm(mask);
-  std::vector<std::vector<Medial>> of_slice(static_cast<std::size_t>(mask.geometry.size.z));
+std::vector<MedialVoxel> medial_voxels(const Mask& mask) {
+  const std::vector<float> depth_mm = distance_to_background_mm(mask);
+  std::vector<std::vector<MedialVoxel>> of_slice(static_cast<std::size_t>(mask.geometry.size.z));
   parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
     for (std::int64_t y = 0; y < mask.geometry.size.y; ++y)
       for (std::int64_t x = 0; x < mask.geometry.size.x; ++x) {
@@ -88,12 +88,13 @@ std::vector<Medial> medial_voxels(const Mask& mask) {
           of_slice[static_cast<std::size_t>(z)].push_back({here, mm});
       }
   });
-  std::vector<Medial> all;
+  std::vector<MedialVoxel> all;
   for (const auto& slice : of_slice) all.insert(all.end(), slice.begin(), slice.end());
   return all;
 }
 
-bool is_layer(const Medial& m, const Mask& mask, const std::vector<std::uint16_t>& counts, double voxel_mm) {
+bool is_plate_like(const MedialVoxel& m, const Mask& mask, const std::vector<std::uint16_t>& counts,
+                   double voxel_mm) {
   const double reach_mm = std::max(kReach * m.depth_mm + voxel_mm, kMinReach_vox * voxel_mm),
                radius_mm = m.depth_mm + (m.depth_mm > voxel_mm ? 0.5 : 0.25) * voxel_mm,
                tube_mm3 = std::numbers::pi * radius_mm * radius_mm * 2 * reach_mm;
@@ -105,7 +106,7 @@ bool is_layer(const Medial& m, const Mask& mask, const std::vector<std::uint16_t
   return static_cast<double>(inside) * voxel_mm3(mask.geometry) > kFork * tube_mm3;
 }
 
-bool is_enclosed(const Medial& m, const Mask& mask, const Mask& bone, double voxel_mm) {
+bool is_enclosed_by_bone(const MedialVoxel& m, const Mask& mask, const Mask& bone, double voxel_mm) {
   std::int64_t around = 0, on_bone = 0;
   const Ball ball(mask.geometry, m.depth_mm + kAround_vox * voxel_mm);
   ball.for_each_row(mask, m.voxel, [&](std::size_t first, std::int64_t length) {
@@ -119,41 +120,41 @@ bool is_enclosed(const Medial& m, const Mask& mask, const Mask& bone, double vox
 
 }  // namespace
 
-Mask find_spongy_bone(const Mask& mask, const Mask& bone, Progress& progress) {
+Mask find_trabecular_bone(const Mask& mask, const Mask& bone, Progress& progress) {
   Mask result(mask.geometry);
   const Box box = grown(bounding_box(mask), 1, mask.geometry.size);
   if (box.empty()) return result;
   const Mask part = crop(mask, box), bone_part = crop(bone, box);
   const VolumeGeometry& g = part.geometry;
   const double voxel_mm = std::cbrt(voxel_mm3(g));
-  const std::vector<Medial> medial = medial_voxels(part);
+  const std::vector<MedialVoxel> medial = medial_voxels(part);
   progress.advance();
-  const auto is_thin = [](const Medial& m) { return m.depth_mm <= 0.5 * kThickest_mm; };
-  const auto paint = [&](Mask& mask_of_balls, const Medial& m, double radius_mm, std::uint8_t value) {
+  const auto is_thin = [](const MedialVoxel& m) { return m.depth_mm <= 0.5 * kMaxThickness_mm; };
+  const auto paint = [&](Mask& mask_of_balls, const MedialVoxel& m, double radius_mm, std::uint8_t value) {
     Ball(g, radius_mm).for_each_row(part, m.voxel, [&](std::size_t first, std::int64_t length) {
       std::fill_n(mask_of_balls.voxels.begin() + static_cast<std::ptrdiff_t>(first), length, value);
     });
   };
-  // A vessel that leaves one twice as thick is no layer with it.
+  // A vessel that leaves one twice as thick does not form a plate with it.
   Mask thin = part;
-  for (const Medial& m : medial)
-    if (m.depth_mm > kThickest_mm) paint(thin, m, m.depth_mm + voxel_mm, 0);
-  const std::vector<std::uint16_t> counts = running_counts(thin);
+  for (const MedialVoxel& m : medial)
+    if (m.depth_mm > kMaxThickness_mm) paint(thin, m, m.depth_mm + voxel_mm, 0);
+  const std::vector<std::uint16_t> counts = row_prefix_sums(thin);
   progress.advance();
 
-  std::vector<std::uint8_t> is_spongy(medial.size());
+  std::vector<std::uint8_t> is_trabecular(medial.size());
   parallel_for(static_cast<std::int64_t>(medial.size()), [&](std::int64_t i) {
-    const Medial& m = medial[static_cast<std::size_t>(i)];
+    const MedialVoxel& m = medial[static_cast<std::size_t>(i)];
     if (is_thin(m))
-      is_spongy[static_cast<std::size_t>(i)] =
-          is_layer(m, thin, counts, voxel_mm) || is_enclosed(m, part, bone_part, voxel_mm);
+      is_trabecular[static_cast<std::size_t>(i)] =
+          is_plate_like(m, thin, counts, voxel_mm) || is_enclosed_by_bone(m, part, bone_part, voxel_mm);
   });
 
   progress.advance();
   Mask found(g);
   for (std::size_t i = 0; i < medial.size(); ++i)
-    if (is_spongy[i] != 0) paint(found, medial[i], medial[i].depth_mm + voxel_mm, 1);
-  for (const Medial& m : medial)
+    if (is_trabecular[i] != 0) paint(found, medial[i], medial[i].depth_mm + voxel_mm, 1);
+  for (const MedialVoxel& m : medial)
     if (!is_thin(m)) paint(found, m, m.depth_mm, 0);
   for (std::size_t i = 0; i < found.voxels.size(); ++i) found.voxels[i] &= part.voxels[i];
   paste(found, box, result);

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/base/union_find.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 
@@ -20,12 +21,12 @@ namespace {
 constexpr double kGrid_mm = 1.5;
 
 /// How many voxels become one, along each axis.
-Index3 coarsening(const glm::dvec3& spacing_mm) {
+Index3 downsampling_factor(const glm::dvec3& spacing_mm) {
   return glm::max(Index3(1), Index3(glm::round(kGrid_mm / spacing_mm)));
 }
 
-/// A coarse voxel is inside where half of its voxels are.
-Mask coarse(const Mask& mask, const Index3& step) {
+/// Downsampled by majority: a coarse voxel is inside where half of its voxels are.
+Mask downsampled(const Mask& mask, const Index3& step) {
   VolumeGeometry g = mask.geometry;
   g.size = (g.size + step - Index3(1)) / step;
   g.origin_mm = mask.geometry.to_world_mm(0.5 * glm::dvec3(step - Index3(1)));
@@ -46,29 +47,29 @@ Mask coarse(const Mask& mask, const Index3& step) {
   return result;
 }
 
-/// The mask with what a ball of that radius closes: everywhere it holds, or is nearer to, than it reaches.
-Mask dilated(const Mask& mask, double radius_mm) {
-  const std::vector<float> away_mm = distance_to_mm(mask);
+/// Dilation by a ball.
+Mask dilated_by_ball(const Mask& mask, double radius_mm) {
+  const std::vector<float> away_mm = distance_to_foreground_mm(mask);
   Mask result(mask.geometry);
   for (std::size_t i = 0; i < away_mm.size(); ++i) result.voxels[i] = away_mm[i] <= radius_mm;
   return result;
 }
 
-/// How much nearer the wall is than the middle of the next voxel outside.
+/// How much nearer the wall is than the centre of the next voxel outside.
 double half_voxel_mm(const VolumeGeometry& grid) {
   const glm::dvec3 s = grid.spacing_mm;
   return 0.5 * std::max({s.x, s.y, s.z});
 }
 
-/// What lies in a sphere larger than `max_radius_mm` that fits in, once the trabeculae and papillary muscles
-/// of a heart chamber are closed.
-Mask in_wide_spheres(const Mask& mask, double max_radius_mm) {
+/// The opening by balls larger than `max_radius_mm`, after a dilation that closes the trabeculae and
+/// papillary muscles of a heart chamber.
+Mask opening(const Mask& mask, double max_radius_mm) {
   constexpr double kMuscle_mm = 4;
-  const std::vector<float> closed_mm = distance_to_outside_mm(dilated(mask, kMuscle_mm));
+  const std::vector<float> closed_mm = distance_to_background_mm(dilated_by_ball(mask, kMuscle_mm));
   Mask centres(mask.geometry);
   for (std::size_t i = 0; i < closed_mm.size(); ++i)
     centres.voxels[i] = closed_mm[i] > max_radius_mm + kMuscle_mm;
-  return centres.count() > 0 ? dilated(centres, max_radius_mm) : centres;
+  return centres.count() > 0 ? dilated_by_ball(centres, max_radius_mm) : centres;
 }
 
 /// The voxels of a mask, the deepest first.
@@ -81,48 +82,46 @@ std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float
   return order;
 }
 
-/// What a basin is known to be.
-enum class Kind : std::uint8_t { open, vessel, chamber };
+/// What a basin's marker says.
+enum class Label : std::uint8_t { unlabelled, vessel, chamber };
 
-/// Floods a mask from its thickest places on, in the order of falling distance. Where two basins meet, the
-/// neck between them decides: basins of one vessel have a neck about as wide as the narrower one of them,
-/// things that only touch a narrow one.
+/// Floods a mask from the maxima of its distance transform on, in descending order. Where two basins meet,
+/// the neck between them decides: basins of one vessel have a neck about as wide as the narrower one of them,
+/// structures that only touch a narrow one.
 class MarkerWatershed {
  public:
-  /// Basins that `whole` has parted stay apart.
+  /// Basins that `whole` has separated stay apart.
   MarkerWatershed(const Mask& mask, const std::vector<float>& distance_mm, MarkerWatershed* whole = nullptr)
       : mask_(mask), distance_mm_(distance_mm), whole_(whole), basin_of_(mask.voxels.size(), -1) {
     half_voxel_mm_ = static_cast<float>(half_voxel_mm(mask.geometry));
   }
 
-  void mark(std::size_t voxel, Kind kind) { markers_[voxel] = kind; }
+  void mark(std::size_t voxel, Label label) { markers_[voxel] = label; }
 
   /// `order`: the mask's voxels, the deepest first.
   void run(const std::vector<std::size_t>& order) {
     for (const std::size_t at : order) flood(at);
   }
 
-  /// The basin of a voxel of the mask, the same number for all basins that became one.
+  /// The basin of a voxel of the mask, the same number for all basins that were merged.
   int basin(std::size_t at) { return find(basin_of_[at]); }
-  bool is_chamber(int basin) const { return basins_[static_cast<std::size_t>(basin)].kind == Kind::chamber; }
+  bool is_chamber(int basin) const {
+    return basins_[static_cast<std::size_t>(basin)].label == Label::chamber;
+  }
 
-  /// The deepest voxel of the basin that a voxel's water runs into, before any became one.
-  std::size_t top(std::size_t at) const { return basins_[static_cast<std::size_t>(basin_of_[at])].top; }
+  /// The regional maximum of the distance transform from which a voxel was flooded, before any merge.
+  std::size_t maximum(std::size_t at) const {
+    return basins_[static_cast<std::size_t>(basin_of_[at])].maximum;
+  }
 
  private:
   struct Basin {
-    int parent;
-    std::size_t top;
-    float top_mm;
-    Kind kind;
+    std::size_t maximum;
+    float maximum_mm;
+    Label label;
   };
 
-  int find(int b) {
-    while (basins_[static_cast<std::size_t>(b)].parent != b)
-      b = basins_[static_cast<std::size_t>(b)].parent =
-          basins_[static_cast<std::size_t>(basins_[static_cast<std::size_t>(b)].parent)].parent;
-    return b;
-  }
+  int find(int basin) { return static_cast<int>(merged_.find(static_cast<std::size_t>(basin))); }
 
   void flood(std::size_t at) {
     const Index3 here = voxel_at(mask_.geometry, static_cast<std::int64_t>(at));
@@ -139,38 +138,39 @@ class MarkerWatershed {
             uphill = near;
           }
         }
-    // The basin uphill takes the voxel; the others come to it, or it to them, where the neck is wide.
+    // The basin uphill takes the voxel; the others merge with it where the neck is wide.
     const auto marker = markers_.find(at);
-    const Kind kind = marker == markers_.end() ? Kind::open : marker->second;
+    const Label label = marker == markers_.end() ? Label::unlabelled : marker->second;
     if (count == 0 ||
-        (kind != Kind::open && !agree(kind, basins_[static_cast<std::size_t>(around[0])].kind))) {
-      basin_of_[at] = static_cast<int>(basins_.size());
-      basins_.push_back({basin_of_[at], at, distance_mm_[at], kind});
+        (label != Label::unlabelled && !agree(label, basins_[static_cast<std::size_t>(around[0])].label))) {
+      basin_of_[at] = static_cast<int>(merged_.add());
+      basins_.push_back({at, distance_mm_[at], label});
       return;
     }
     basin_of_[at] = basin_of_[uphill];
-    if (kind != Kind::open) basins_[static_cast<std::size_t>(around[0])].kind = kind;
-    for (std::size_t i = 1; i < count; ++i) join(find(around[0]), find(around[i]), distance_mm_[at]);
+    if (label != Label::unlabelled) basins_[static_cast<std::size_t>(around[0])].label = label;
+    for (std::size_t i = 1; i < count; ++i) merge(find(around[0]), find(around[i]), distance_mm_[at]);
   }
 
-  static bool agree(Kind a, Kind b) { return a == Kind::open || b == Kind::open || a == b; }
+  static bool agree(Label a, Label b) { return a == Label::unlabelled || b == Label::unlabelled || a == b; }
 
-  void join(int higher, int lower, float neck_mm) {
+  void merge(int higher, int lower, float neck_mm) {
     if (higher == lower) return;
-    if (basins_[static_cast<std::size_t>(higher)].top_mm < basins_[static_cast<std::size_t>(lower)].top_mm)
+    if (basins_[static_cast<std::size_t>(higher)].maximum_mm <
+        basins_[static_cast<std::size_t>(lower)].maximum_mm)
       std::swap(higher, lower);
     constexpr float kOneVessel = 0.5F;  // a stenosis halves the diameter
     constexpr float kNoVessel = 0.97F;  // a bulge in a chamber's wall
     Basin &a = basins_[static_cast<std::size_t>(higher)], &b = basins_[static_cast<std::size_t>(lower)];
-    if (whole_ != nullptr && whole_->basin(a.top) != whole_->basin(b.top)) return;
-    if (a.kind != b.kind && a.kind != Kind::open && b.kind != Kind::open) return;
-    const bool chamber = a.kind == Kind::chamber || b.kind == Kind::chamber;
-    const Basin& open = a.kind == Kind::chamber ? b : a;
-    if (chamber && a.kind != b.kind ? neck_mm < kNoVessel * open.top_mm
-                                    : neck_mm + half_voxel_mm_ < kOneVessel * b.top_mm)
+    if (whole_ != nullptr && whole_->basin(a.maximum) != whole_->basin(b.maximum)) return;
+    if (a.label != b.label && a.label != Label::unlabelled && b.label != Label::unlabelled) return;
+    const bool chamber = a.label == Label::chamber || b.label == Label::chamber;
+    const Basin& open = a.label == Label::chamber ? b : a;
+    if (chamber && a.label != b.label ? neck_mm < kNoVessel * open.maximum_mm
+                                      : neck_mm + half_voxel_mm_ < kOneVessel * b.maximum_mm)
       return;
-    b.parent = higher;
-    if (a.kind == Kind::open) a.kind = b.kind;
+    merged_.unite(static_cast<std::size_t>(higher), static_cast<std::size_t>(lower));
+    if (a.label == Label::unlabelled) a.label = b.label;
   }
 
   const Mask& mask_;
@@ -179,22 +179,23 @@ class MarkerWatershed {
   float half_voxel_mm_;  ///< to which distances are known
   std::vector<int> basin_of_;
   std::vector<Basin> basins_;
-  std::unordered_map<std::size_t, Kind> markers_;
+  UnionFind merged_;  ///< the deepest basin represents those merged with it
+  std::unordered_map<std::size_t, Label> markers_;
 };
 
-/// The tops of the basins that are a chamber's: most of what runs into them is in spheres larger than
-/// `max_radius_mm`, or they are that deep themselves.
-std::vector<std::size_t> chamber_tops(const Mask& mask, const std::vector<float>& distance_mm,
-                                      const MarkerWatershed& flooding, double max_radius_mm) {
-  const Mask wide = in_wide_spheres(mask, max_radius_mm);
+/// The maxima of the basins that are chambers: most of their voxels survive the opening by `max_radius_mm`,
+/// or they are that deep themselves.
+std::vector<std::size_t> chamber_maxima(const Mask& mask, const std::vector<float>& distance_mm,
+                                        const MarkerWatershed& watershed, double max_radius_mm) {
+  const Mask wide = opening(mask, max_radius_mm);
   std::unordered_map<std::size_t, std::int64_t> majority;
   for (std::size_t i = 0; i < mask.voxels.size(); ++i)
-    if (mask.voxels[i] != 0) majority[flooding.top(i)] += wide.voxels[i] != 0 ? 1 : -1;
+    if (mask.voxels[i] != 0) majority[watershed.maximum(i)] += wide.voxels[i] != 0 ? 1 : -1;
   const double deepest_mm = max_radius_mm + half_voxel_mm(mask.geometry);
-  std::vector<std::size_t> tops;
-  for (const auto& [top, votes] : majority)
-    if (votes > 0 || distance_mm[top] > deepest_mm) tops.push_back(top);
-  return tops;
+  std::vector<std::size_t> maxima;
+  for (const auto& [maximum, votes] : majority)
+    if (votes > 0 || distance_mm[maximum] > deepest_mm) maxima.push_back(maximum);
+  return maxima;
 }
 
 }  // namespace
@@ -220,39 +221,39 @@ Index3 nearest_voxel(const Mask& mask, const glm::dvec3& point_mm, const std::st
   return best;
 }
 
-void part_from_chambers(Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
-  progress.begin("parting chambers", 4, "passes");
+void separate_chambers(Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
+  progress.begin("separating chambers", 4, "passes");
   for (const auto* points : {&markers.vessels_mm, &markers.not_vessels_mm})
-    for (const glm::dvec3& point : *points)
-      nearest_voxel(mask, point, name);  // complains where there is none
+    for (const glm::dvec3& point : *points) nearest_voxel(mask, point, name);  // throws where there is none
 
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) return;
-  const Index3 step = coarsening(mask.geometry.spacing_mm);
+  const Index3 step = downsampling_factor(mask.geometry.spacing_mm);
   Mask part = crop(mask, box);
-  const Mask grid = coarse(part, step);
-  const std::vector<float> distance_mm = distance_to_outside_mm(grid);
+  const Mask grid = downsampled(part, step);
+  const std::vector<float> distance_mm = distance_to_background_mm(grid);
 
   progress.advance();
 
-  // What only touches is parted before chambers are known: it must not depend on what they are.
+  // What only touches is separated before chambers are known: it must not depend on what they are.
   const std::vector<std::size_t> order = deepest_first(grid, distance_mm);
   MarkerWatershed whole(grid, distance_mm);
   whole.run(order);
   MarkerWatershed flooding(grid, distance_mm, &whole);
-  for (const std::size_t top : chamber_tops(grid, distance_mm, whole, markers.max_radius_mm))
-    flooding.mark(top, Kind::chamber);
-  for (const auto& [points, kind] :
-       {std::pair(&markers.vessels_mm, Kind::vessel), std::pair(&markers.not_vessels_mm, Kind::chamber)})
+  for (const std::size_t maximum : chamber_maxima(grid, distance_mm, whole, markers.max_radius_mm))
+    flooding.mark(maximum, Label::chamber);
+  for (const auto& [points, label] :
+       {std::pair(&markers.vessels_mm, Label::vessel), std::pair(&markers.not_vessels_mm, Label::chamber)})
     for (const glm::dvec3& point : *points) {
       const Index3 voxel = (nearest_voxel(mask, point, name) - box.lower) / step;
-      if (grid.at(voxel)) flooding.mark(grid.offset(voxel), kind);
+      if (grid.at(voxel)) flooding.mark(grid.offset(voxel), label);
     }
   progress.advance();
   flooding.run(order);
   progress.advance();
 
-  // Chambers go, and of two basins that touch the one with the higher number gives up the voxels between.
+  // Chambers are removed, and of two basins that touch the one with the higher number loses the voxels
+  // between.
   std::vector<std::int32_t> basins(grid.voxels.size(), -1);
   for (std::size_t i = 0; i < basins.size(); ++i)
     if (grid.voxels[i] != 0) basins[i] = flooding.basin(i);

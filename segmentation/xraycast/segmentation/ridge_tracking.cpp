@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/line_ends.hpp"
+#include "xraycast/segmentation/ridge_tracking.hpp"
 
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/mask/trilinear.hpp"
@@ -15,9 +15,9 @@
 namespace xraycast {
 namespace {
 
-/// Where a line ends, and where to; voxels.
+/// A free end of a line and the direction in which it points; voxels.
 struct LineEnd {
-  glm::dvec3 at, along;
+  glm::dvec3 at, direction;
 };
 
 /// The free ends of lines one voxel wide; their direction is that of the last six voxels.
@@ -54,73 +54,75 @@ std::vector<glm::dvec3> cone_around(const glm::dvec3& axis) {
   return directions;
 }
 
-struct Way {
-  double worth = 0;
-  glm::dvec3 along{0, 0, 0};
+/// A straight segment that continues a line.
+struct Segment {
+  double gain = 0;
+  glm::dvec3 direction{0, 0, 0};
   int steps = 0;
 };
 
-class Follower {
+class RidgeTracker {
  public:
-  Follower(const std::vector<float>& rise, const Mask& vessels)
-      : rise_(rise), taken_(vessels), ways_(vessels.geometry) {}
+  RidgeTracker(const std::vector<float>& contrast, const Mask& vessels)
+      : contrast_(contrast), vessels_(vessels), tracked_(vessels.geometry) {}
 
   Mask run(std::vector<LineEnd> ends, Progress& progress) {
-    constexpr double kMinWorth = 2.2;
+    constexpr double kMinGain = 2.2;
     while (!ends.empty()) {
       progress.check();
       const LineEnd end = ends.back();
       ends.pop_back();
-      const Way way = best_way(end);
-      if (way.worth < kMinWorth) continue;
+      const Segment segment = best_segment(end);
+      if (segment.gain < kMinGain) continue;
       bool is_new = false;
-      for (int k = 1; k <= way.steps; ++k) {
-        const Index3 voxel(glm::round(end.at + static_cast<double>(k) * way.along));
-        if (taken_.at(voxel)) continue;
-        ways_[voxel] = taken_[voxel] = 1;
+      for (int k = 1; k <= segment.steps; ++k) {
+        const Index3 voxel(glm::round(end.at + static_cast<double>(k) * segment.direction));
+        if (vessels_.at(voxel)) continue;
+        tracked_[voxel] = vessels_[voxel] = 1;
         is_new = true;
       }
-      // What leads along a vessel that is known ends here: a ring has no end.
+      // A segment along a vessel that is known is not tracked further: a ring has no end.
       if (!is_new) continue;
-      ends.push_back({end.at + static_cast<double>(way.steps) * way.along, way.along});
+      ends.push_back({end.at + static_cast<double>(segment.steps) * segment.direction, segment.direction});
     }
-    return std::move(ways_);
+    return std::move(tracked_);
   }
 
  private:
-  /// A way that leads into a vessel ends there; its first two voxels may lie in its own.
-  Way best_way(const LineEnd& end) const {
+  /// A segment that runs into a vessel ends there; its first two voxels may lie in its own.
+  Segment best_segment(const LineEnd& end) const {
     constexpr int kMaxSteps = 12, kOwnSteps = 2;
-    constexpr double kMinRise = 2;
-    Way best;
-    for (const glm::dvec3& along : cone_around(end.along)) {
-      double worth = 0;
+    constexpr double kMinContrast = 2;
+    Segment best;
+    for (const glm::dvec3& direction : cone_around(end.direction)) {
+      double gain = 0;
       for (int k = 1; k <= kMaxSteps; ++k) {
-        const glm::dvec3 p = end.at + static_cast<double>(k) * along;
-        const std::optional<double> rise = rise_at(p);
-        if (!rise || (k > kOwnSteps && taken_.at(Index3(glm::round(p))))) break;
-        worth += *rise - kMinRise;
-        if (worth > best.worth) best = {worth, along, k};
+        const glm::dvec3 p = end.at + static_cast<double>(k) * direction;
+        const std::optional<double> contrast = contrast_at(p);
+        if (!contrast || (k > kOwnSteps && vessels_.at(Index3(glm::round(p))))) break;
+        gain += *contrast - kMinContrast;
+        if (gain > best.gain) best = {gain, direction, k};
       }
     }
     return best;
   }
 
-  /// Between voxels; nothing beyond the outermost ones.
-  std::optional<double> rise_at(const glm::dvec3& p) const {
+  /// Trilinear; nothing beyond the outermost voxels.
+  std::optional<double> contrast_at(const glm::dvec3& p) const {
     const Index3 low(glm::floor(p));
-    if (!taken_.contains(low) || !taken_.contains(low + Index3(1))) return std::nullopt;
-    return trilinear(taken_, rise_, low, p - glm::dvec3(low));
+    if (!vessels_.contains(low) || !vessels_.contains(low + Index3(1))) return std::nullopt;
+    return trilinear(vessels_, contrast_, low, p - glm::dvec3(low));
   }
 
-  const std::vector<float>& rise_;
-  Mask taken_, ways_;
+  const std::vector<float>& contrast_;
+  Mask vessels_;  ///< with what was tracked
+  Mask tracked_;
 };
 
 }  // namespace
 
-Mask ways_beyond_ends(const std::vector<float>& rise, const Mask& vessels, Progress& progress) {
-  return Follower(rise, vessels).run(free_ends(thin(vessels)), progress);
+Mask track_ridges(const std::vector<float>& contrast, const Mask& vessels, Progress& progress) {
+  return RidgeTracker(contrast, vessels).run(free_ends(thin(vessels)), progress);
 }
 
 }  // namespace xraycast

@@ -6,8 +6,8 @@
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/line_ends.hpp"
-#include "xraycast/segmentation/line_vessels.hpp"
+#include "xraycast/segmentation/ridge_detection.hpp"
+#include "xraycast/segmentation/ridge_tracking.hpp"
 #include "xraycast/segmentation/segment.hpp"
 
 #include <glm/geometric.hpp>
@@ -28,7 +28,7 @@ double nearest(const glm::dvec3& point, const std::vector<glm::dvec3>& points) {
 
 /// The share of a mask's voxels that lie no farther than `voxels` from another mask.
 double share_near(const Mask& mask, const Mask& other, double voxels) {
-  const std::vector<float> away = distance_to_mm(other);
+  const std::vector<float> away = distance_to_foreground_mm(other);
   std::int64_t near = 0;
   for (std::size_t i = 0; i < mask.voxels.size(); ++i) near += mask.voxels[i] != 0 && away[i] <= voxels;
   return static_cast<double>(near) / static_cast<double>(mask.count());
@@ -56,7 +56,7 @@ TEST_P(LineVessels, AreFoundInNoise) {
   EXPECT_GE(share_near(found, tree.lumen, kCorner), 0.95);
   EXPECT_GE(share_near(tree.lumen, found, kCorner), 0.85);
 
-  const Centrelines centrelines = find_centrelines(found, "tree");
+  const Centrelines centrelines = extract_centrelines(found, "tree");
   std::vector<glm::dvec3> points;
   for (const VesselBranch& branch : centrelines.tree.branches())
     for (const VesselPoint& point : branch.points) points.push_back(point.position_mm);
@@ -88,7 +88,7 @@ TEST(NoiseAlone, HoldsNoVessel) {
   const Volume volume = noise_alone({60, 60, 60});
   ComputeDevice device;
   Progress progress;
-  ASSERT_TRUE(is_buried_in_noise(volume));
+  ASSERT_TRUE(is_dominated_by_noise(volume));
   EXPECT_THROW(segment_mask(volume, {}, "noise", device, progress), InputError);
 }
 
@@ -99,7 +99,7 @@ TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
   });
   ComputeDevice device;
   Progress progress;
-  const Components ways(ways_beyond_ends(local_rise(volume, 0.7, device), lines, progress));
+  const Components ways(track_ridges(contrast_to_noise(volume, 0.7, device), lines, progress));
   // Of 800 ends one in fifty, and three standard deviations of that number more.
   EXPECT_LE(ways.count(), 16 + 3 * 4);
 }
@@ -111,7 +111,7 @@ TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
       volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
   ComputeDevice device;
   Progress progress;
-  const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
+  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start, progress);
   for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
   EXPECT_FALSE(ways.at({48, 20, 20}));
 }
@@ -130,7 +130,7 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
   });
   ComputeDevice device;
   Progress progress;
-  const Mask ways = ways_beyond_ends(local_rise(volume, 0.7, device), start, progress);
+  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start, progress);
   std::int64_t opposite = 0;
   for (std::int64_t x = 13; x < 18; ++x) opposite += ways.at({x, 30, 15}) ? 1 : 0;
   EXPECT_GT(opposite, 0);
@@ -149,7 +149,7 @@ TEST(Lumen, HasNoDeadEndsThatHardlyRise) {
     const glm::dvec3 p(voxel_at(grid, static_cast<std::int64_t>(i)));
     rise[i] = is_trunk(p) ? 10 : is_branch(p, 12) ? 3 : is_branch(p, 28) ? 2 : 0;
   }
-  const Mask vessels = with_lumen(lines, rise);
+  const Mask vessels = recover_lumen(lines, rise);
   EXPECT_TRUE(vessels.at({6, 20, 10}));
   EXPECT_TRUE(vessels.at({12, 28, 10}));
   for (std::int64_t y = 23; y < 30; ++y) EXPECT_FALSE(vessels.at({28, y, 10})) << y;
@@ -160,7 +160,7 @@ TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {
   std::ranges::fill(volume.hu(), 0);
   for (std::int64_t x = 0; x < 20; ++x) volume.at(x, 20, 20) = 1000;
   ComputeDevice device;
-  const std::vector<float> strength = line_strength(volume, device);
+  const std::vector<float> strength = ridge_strength(volume, device);
   const auto at = [&](std::int64_t x, std::int64_t y) {
     return strength[static_cast<std::size_t>((20 * 40 + y) * 40 + x)];
   };

@@ -1,0 +1,81 @@
+#include "xraycast/segmentation/bone.hpp"
+
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/mask/morphology.hpp"
+
+namespace xraycast {
+namespace {
+
+constexpr double kMetal_hu = 2000, kBlooming_mm = 5, kPlaque_mm3 = 100;
+constexpr double kClosing_mm = 2;     ///< closes cracks in cortical bone, less than the smallest canal
+constexpr double kMarrow_mm2 = 1500;  ///< a vertebral body's section, and far less than a skull's
+constexpr double kVesselShare = 0.3;  ///< of a hole, from which on it is a canal
+
+double voxel_mm3(const VolumeGeometry& g) { return g.spacing_mm.x * g.spacing_mm.y * g.spacing_mm.z; }
+
+/// Dense voxels in components too large for plaques, without metal and its blooming. As many units of
+/// progress as there are slices.
+Mask dense_bone(const Volume& volume, const HuWindow& window, Progress& progress) {
+  const std::int64_t slices = volume.geometry().size.z;
+  Mask dense = between(volume, window.high_hu, 32767);
+  progress.advance(slices / 4);
+  const Mask blooming = dilated_by_cylinder(between(volume, kMetal_hu, 32767), kBlooming_mm);
+  for (std::size_t i = 0; i < dense.voxels.size(); ++i)
+    dense.voxels[i] &= static_cast<std::uint8_t>(blooming.voxels[i] ^ 1);
+  progress.advance(slices / 2);
+  const Components components(dense);
+  std::vector<bool> keep(static_cast<std::size_t>(components.count()));
+  for (int c = 0; c < components.count(); ++c)
+    keep[static_cast<std::size_t>(c)] =
+        static_cast<double>(components.voxels(c)) * voxel_mm3(volume.geometry()) >= kPlaque_mm3;
+  progress.advance(slices - slices / 4 - slices / 2);
+  return components.select(keep);
+}
+
+}  // namespace
+
+Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels, Progress& progress) {
+  cv::setNumThreads(1);
+  const std::int64_t slices = volume.geometry().size.z;
+  progress.begin("removing bone", 2 * slices, "slices");
+  Mask bone = dense_bone(volume, window, progress);
+  const VolumeGeometry& g = volume.geometry();
+  const cv::Mat closing = disc(g, kClosing_mm), rim = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
+  const double pixel_mm2 = g.spacing_mm.x * g.spacing_mm.y;
+  parallel_for(g.size.z, [&](std::int64_t z) {
+    cv::Mat slice = slice_view(bone, z);
+    progress.advance();
+    if (cv::countNonZero(slice) == 0) return;
+    cv::Mat closed;
+    cv::morphologyEx(slice, closed, cv::MORPH_CLOSE, closing);
+    const cv::Mat vessel = slice_view(vessels, z);
+    for_each_hole(closed, [&](const cv::Mat& hole, const cv::Rect& box, int area) {
+      if (area * pixel_mm2 > kMarrow_mm2) return;
+      const int bright = cv::countNonZero(vessel(box) & hole);
+      if (bright < kVesselShare * area) slice(box).setTo(1, hole);
+    });
+    cv::dilate(slice, slice, rim);
+  });
+  return bone;
+}
+
+void remove_marrow(Mask& mask, const Mask& bone) {
+  const Components components(mask);
+  std::vector<std::int64_t> faces(static_cast<std::size_t>(components.count())), on_bone(faces.size());
+  for (const Components::Run& run : components.runs()) {
+    const Index3 first = voxel_at(mask.geometry, run.first);
+    for (std::int64_t i = 0; i < run.length; ++i)
+      for (std::size_t n = 0; n < 6; ++n) {
+        const Index3 near = first + Index3(i, 0, 0) + kNeighbours[n];
+        if (mask.at(near)) continue;
+        ++faces[static_cast<std::size_t>(run.component)];
+        if (bone.at(near)) ++on_bone[static_cast<std::size_t>(run.component)];
+      }
+  }
+  std::vector<bool> keep(faces.size());
+  for (std::size_t c = 0; c < keep.size(); ++c) keep[c] = 2 * on_bone[c] <= faces[c];
+  mask = components.select(keep);
+}
+
+}  // namespace xraycast

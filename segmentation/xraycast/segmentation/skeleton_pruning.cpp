@@ -1,0 +1,182 @@
+#include "xraycast/segmentation/skeleton_pruning.hpp"
+
+#include "xraycast/base/union_find.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+#include <numeric>
+#include <optional>
+
+namespace xraycast {
+namespace {
+
+class SkeletonPruner {
+ public:
+  SkeletonPruner(SkeletonGraph graph, const Lumen& lumen) : graph_(std::move(graph)), lumen_(lumen) {
+    removed_.resize(graph_.edges.size());
+  }
+
+  SkeletonGraph run() {
+    open_cycles();
+    for (int n = 0; n < static_cast<int>(graph_.nodes.size()); ++n) dissolve(n);
+    remove_spurs();
+    merge_bifurcations();
+    return remaining();
+  }
+
+ private:
+  SkeletonGraph::Edge& edge(int e) { return graph_.edges[static_cast<std::size_t>(e)]; }
+  SkeletonGraph::Node& node(int n) { return graph_.nodes[static_cast<std::size_t>(n)]; }
+  bool is_removed(int e) const { return removed_[static_cast<std::size_t>(e)]; }
+  bool is_leaf(int n) { return node(n).edges.size() == 1; }
+  double radius_mm(int n) { return lumen_.inscribed_radius_mm(node(n).position_mm); }
+  int edge_count() const { return static_cast<int>(graph_.edges.size()); }
+
+  void remove(int e) {
+    removed_[static_cast<std::size_t>(e)] = true;
+    for (const int n : edge(e).nodes) std::erase(node(n).edges, e);
+  }
+
+  // ---- cycles ----
+
+  double mean_radius_mm(const SkeletonGraph::Edge& e) const {
+    double sum = 0;
+    for (const glm::dvec3& p : e.points_mm) sum += lumen_.inscribed_radius_mm(p);
+    return sum / static_cast<double>(e.points_mm.size());
+  }
+
+  std::vector<int> thickest_first() const {
+    std::vector<double> radii_mm;
+    for (const SkeletonGraph::Edge& e : graph_.edges) radii_mm.push_back(mean_radius_mm(e));
+    std::vector<int> order(graph_.edges.size());
+    std::iota(order.begin(), order.end(), 0);
+    std::ranges::stable_sort(order, [&](int a, int b) {
+      return radii_mm[static_cast<std::size_t>(a)] > radii_mm[static_cast<std::size_t>(b)];
+    });
+    return order;
+  }
+
+  void open_cycles() {
+    UnionFind trees(graph_.nodes.size());
+    for (const int e : thickest_first()) {
+      const auto [a, b] = edge(e).nodes;
+      if (trees.unite(static_cast<std::size_t>(b), static_cast<std::size_t>(a))) continue;
+      const double circumference_mm = 2 * std::numbers::pi * std::max(radius_mm(a), radius_mm(b));
+      if (length_mm(edge(e).points_mm) < circumference_mm)
+        remove(e);
+      else
+        cut_open(e);
+    }
+  }
+
+  /// An edge ends a voxel before its second node, in a node of its own.
+  void cut_open(int e) {
+    const auto [start, end] = edge(e).nodes;
+    std::erase(node(end).edges, e);
+    if (start == end) node(end).edges.push_back(e);  // it was named twice there
+    std::vector<glm::dvec3>& points_mm = edge(e).points_mm;
+    points_mm.pop_back();
+    if (points_mm.size() < 2) {
+      removed_[static_cast<std::size_t>(e)] = true;
+      std::erase(node(start).edges, e);
+      return;
+    }
+    edge(e).closes_loop = true;
+    edge(e).nodes[1] = static_cast<int>(graph_.nodes.size());
+    graph_.nodes.push_back({points_mm.back(), {e}});
+  }
+
+  // ---- spurs ----
+
+  /// How far the tip of an edge reaches out of the sphere inscribed where it leaves, less what voxels can
+  /// tell; nothing for an inner edge and for one that is alone.
+  std::optional<double> protrusion_mm(int e) {
+    const auto [a, b] = edge(e).nodes;
+    if (is_leaf(a) == is_leaf(b)) return std::nullopt;
+    const int fork = is_leaf(a) ? b : a, tip = is_leaf(a) ? a : b;
+    return length_mm(edge(e).points_mm) - radius_mm(fork) -
+           std::max(2 * lumen_.coarsest_mm(), radius_mm(tip));
+  }
+
+  void remove_spurs() {
+    for (;;) {
+      int shortest = -1;
+      double least_mm = 0;
+      for (int e = 0; e < edge_count(); ++e) {
+        if (is_removed(e)) continue;
+        if (const auto mm = protrusion_mm(e); mm && *mm < least_mm) shortest = e, least_mm = *mm;
+      }
+      if (shortest < 0) return;
+      const auto nodes = edge(shortest).nodes;
+      remove(shortest);
+      for (const int n : nodes) dissolve(n);  // what forked there is one edge now
+    }
+  }
+
+  /// The two edges of a node of degree 2 become one.
+  void dissolve(int n) {
+    if (node(n).edges.size() != 2 || node(n).edges[0] == node(n).edges[1]) return;
+    const int a = node(n).edges[0], b = node(n).edges[1];
+    if (edge(a).is_beyond_scan || edge(b).is_beyond_scan) return;
+    if (edge(a).nodes[1] != n) reverse(edge(a));
+    if (edge(b).nodes[0] != n) reverse(edge(b));
+    edge(a).points_mm.insert(edge(a).points_mm.end(), edge(b).points_mm.begin() + 1, edge(b).points_mm.end());
+    edge(a).closes_loop |= edge(b).closes_loop;
+    const int end = edge(b).nodes[1];
+    edge(a).nodes[1] = end;
+    std::ranges::replace(node(end).edges, b, a);
+    node(n).edges.clear();
+    removed_[static_cast<std::size_t>(b)] = true;
+  }
+
+  static void reverse(SkeletonGraph::Edge& e) {
+    std::ranges::reverse(e.points_mm);
+    std::swap(e.nodes[0], e.nodes[1]);
+  }
+
+  // ---- bifurcations ----
+
+  void merge_bifurcations() {
+    for (int e = 0; e < edge_count(); ++e) {
+      if (is_removed(e)) continue;
+      const auto [a, b] = edge(e).nodes;
+      if (a == b || node(a).edges.size() < 3 || node(b).edges.size() < 3) continue;
+      if (length_mm(edge(e).points_mm) > 0.5 * std::min(radius_mm(a), radius_mm(b))) continue;
+      remove(e);
+      for (const int moved : node(b).edges) {
+        SkeletonGraph::Edge& other = edge(moved);
+        const bool starts_here = other.nodes[0] == b;
+        other.nodes[starts_here ? 0 : 1] = a;
+        (starts_here ? other.points_mm.front() : other.points_mm.back()) = node(a).position_mm;
+        node(a).edges.push_back(moved);
+      }
+      node(b).edges.clear();
+    }
+  }
+
+  SkeletonGraph remaining() const {
+    SkeletonGraph kept;
+    for (const SkeletonGraph::Node& n : graph_.nodes) kept.nodes.push_back({n.position_mm, {}});
+    for (int e = 0; e < edge_count(); ++e) {
+      if (is_removed(e)) continue;
+      const SkeletonGraph::Edge& kept_edge = graph_.edges[static_cast<std::size_t>(e)];
+      for (const int n : kept_edge.nodes)
+        kept.nodes[static_cast<std::size_t>(n)].edges.push_back(static_cast<int>(kept.edges.size()));
+      kept.edges.push_back(kept_edge);
+    }
+    return kept;
+  }
+
+  SkeletonGraph graph_;
+  const Lumen& lumen_;
+  std::vector<bool> removed_;
+};
+
+}  // namespace
+
+SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen) {
+  return SkeletonPruner(std::move(graph), lumen).run();
+}
+
+}  // namespace xraycast
