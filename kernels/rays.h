@@ -2,6 +2,9 @@
 #ifndef XRAYCAST_RAYS_H
 #define XRAYCAST_RAYS_H
 
+/* Compilers make calls of functions as long as those of a ray, which take as long again as what they do. */
+#define INLINE static inline __attribute__((always_inline))
+
 /* How many samples of a ray, at centre + (i + 1/2) * step, lie within [lower, upper] along one axis. The
  * centre does. */
 static inline int samples_within(const float centre, const float step, const float lower, const float upper,

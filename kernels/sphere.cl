@@ -13,7 +13,7 @@ typedef struct {
 } Ray;
 
 /* Trilinear, held at the border voxels' centres. */
-static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
+INLINE float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
   const float3 last =
       (float3)((float)(scan->size_x - 1), (float)(scan->size_y - 1), (float)(scan->size_z - 1));
   const float3 held = clamp(at, (float3)(0.0f), last);
@@ -29,24 +29,24 @@ static float sample(SCAN voxels, const XrcScan* scan, const float3 at) {
 }
 
 /* HU of sample i < inside. */
-static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
+INLINE Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
   return sample(voxels, scan, fma((float3)((float)i + 0.5f), ray->step, ray->centre));
 }
 
 /* The sum of mu at samples [first, last), which lie within the scan. */
-static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
+INLINE Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const int first, const int last,
                         constant const XrcOpacity* opacity, global const float2* table) {
   Slices sum = 0.0f;
   for (int i = first; i < last; ++i) sum += mu_of(hu_along(voxels, scan, ray, i), opacity, table);
   return sum;
 }
 
-static void store(const Slices value, float* values) { *values = value; }
+INLINE void store(const Slices value, float* values) { *values = value; }
 
 #include "shell_loop.h"
 
 /* The ray at the angles whose sine and cosine are `azimuth` and `polar`. */
-static Ray ray_along(const float2 azimuth, const float2 polar, const XrcSphere* sphere, const XrcScan* scan) {
+INLINE Ray ray_along(const float2 azimuth, const float2 polar, const XrcSphere* sphere, const XrcScan* scan) {
   const int samples = sphere->map.samples;
   Ray ray;
   ray.centre = (float3)(sphere->centre[0], sphere->centre[1], sphere->centre[2]);

@@ -7,7 +7,7 @@ namespace xraycast {
 
 /// One file of phantom/data/, whole.
 struct EmbeddedPhantom {
-  std::string_view name;  ///< file name
+  std::string_view name;  ///< of the file, without .json
   std::string_view source;
 };
 
