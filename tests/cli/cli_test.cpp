@@ -292,7 +292,7 @@ const BadCall kBadCalls[] = {
     {"KnotsDescending", "cast @/nothing -o @/out.exr --keep-basis @/b --knots 0,-5", 3, "knot 1 at -5 HU"},
     {"KnotsWithoutABasis", "cast @/ct.nii -o @/out.exr --knots 0,5", 2, "--keep-basis"},
     {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: there is no such file"},
-    {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3, "not a basis; make one with"},
+    {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3, "not a basis, as `xraycast cast` writes one"},
     {"RecastUnderASpectrum", "recast @/nothing -o @/out.exr --opacity spectrum:80", 3,
      "beam hardening cannot be recast"},
     {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
