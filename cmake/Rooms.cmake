@@ -1,8 +1,8 @@
 # What rooms.txt says, for the build and for the installation.
 
 # A unity build compiles a room as one unit: two to three times faster from scratch. Names in anonymous namespaces are
-# therefore unique within a room. What stands behind APART is compiled alone, because its libraries' headers mix with no
-# others.
+# therefore unique within a room. What stands behind APART is compiled alone: its libraries' headers or its own constants
+# mix with no others.
 function(xraycast_compile_by_room target)
   cmake_parse_arguments(PARSE_ARGV 1 arg "" "" "APART")
   set_target_properties(${target} PROPERTIES UNITY_BUILD_MODE GROUP)

@@ -19,8 +19,9 @@
 #define mu_of_slices mu_of16
 #endif
 
-/* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above. All
- * layers share one sample grid; a sample that straddles a shell's edge is taken once and split by length. */
+/* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above.
+ * All layers share one sample grid; a sample that straddles a shell's edge is taken once and split by length.
+ */
 INLINE void cast_shells(SCAN voxels, const XrcScan* scan, const Ray* ray, const XrcMap* map, const int column,
                         const int row, constant const XrcShell* shells, constant const XrcOpacity* opacity,
                         global const float2* table, global float* tau) {

@@ -1,5 +1,5 @@
-/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and ridge strength
- * from oriented line integrals. Beyond the block its border is replicated. */
+/* Filters of a block of a scan, x fastest: separable Gaussians, tubularity from the Hessian, and ridge
+ * strength from oriented line integrals. Beyond the block its border is replicated. */
 
 static int clamped(const int i, const int size) { return clamp(i, 0, size - 1); }
 
@@ -71,8 +71,9 @@ static float jerman(const float3 l, const float strength) {
   return l.z >= 0 ? 0.0f : second >= 0.5f * third ? 1.0f : partly;
 }
 
-/* Maximum projection over scales: the larger of `best` and of the tubularity at one scale. `smoothed` is the block at that scale;
- * `per_mm2` is scale^2 over the squares and products of the spacings: xx, yy, zz, xy, xz, yz. */
+/* Maximum projection over scales: the larger of `best` and of the tubularity at one scale. `smoothed` is the
+ * block at that scale; `per_mm2` is scale^2 over the squares and products of the spacings: xx, yy, zz, xy,
+ * xz, yz. */
 kernel void tubularity(global const float* smoothed, global float* best, const int4 size,
                        constant float* per_mm2, const float strength, const int is_frangi) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
@@ -108,10 +109,11 @@ static float sample(global const float* v, const int4 size, const float3 p) {
 }
 
 /* Ridge strength: the largest line integral through each voxel. Of each direction the weaker of its two arms'
- * weighted means counts, so that a bright structure on one side only is no ridge; a step is one voxel. Weights are of distances 0 to reach; both arms together add up to 1. */
+ * weighted means counts, so that a bright structure on one side only is no ridge; a step is one voxel.
+ * Weights are of distances 0 to reach; both arms together add up to 1. */
 kernel void ridge_strength(global const float* source, global float* target, const int4 size,
-                          constant float4* directions, const int count, constant float* weights,
-                          const int reach) {
+                           constant float4* directions, const int count, constant float* weights,
+                           const int reach) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (x >= size.x || y >= size.y || z >= size.z) return;
   const float3 here = (float3)(x, y, z);
