@@ -161,7 +161,7 @@ std::string basis_with(const std::string& from, const std::string& to) {
 }
 
 const BadBasis kBadBases[] = {
-    {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis; make one with"},
+    {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis, as `xraycast cast`"},
     {"TextModeTransfer", "\x89XRB\n\x1a\n" + basis_with("", "").substr(8), "not a basis"},
     {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{2}), "version 2, but this program"},
     {"HugeChunk", kStart + "HEAD" + bytes_of(~std::uint64_t{0}) + header(),

@@ -472,7 +472,7 @@ const BadTraffic kBadTraffic[] = {
     {"Nan", MessageBytes{.body = transform_body({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, std::nanf("")})}.bytes(),
      "sent TRANSFORM with values that are not finite"},
     {"AnotherType", MessageBytes{.type = "STRING", .body = "hello"}.bytes(),
-     "sent STRING, which means nothing"},
+     "sent STRING, which is not supported"},
 };
 
 class BadTraffics : public testing::TestWithParam<BadTraffic> {};
