@@ -1,5 +1,7 @@
 #include "xraycast/mechanics/catheter.hpp"
 
+#include "xraycast/mechanics/vectors.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
@@ -10,8 +12,6 @@ namespace {
 using Eigen::Vector3d;
 
 constexpr double kIntroducer_mm = 20;
-
-glm::dvec3 to_glm(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 Rod::Clamp clamp_at(const VesselEnd& entry) {
   const Vector3d axis = -entry.outward;

@@ -1,5 +1,7 @@
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 
+#include "xraycast/mechanics/vectors.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -19,8 +21,6 @@ constexpr double kBeyondWall_mm = 1;
 constexpr std::size_t kMaxReached = 64, kMaxCandidates = 16;
 // Between stations, of the narrowest radius.
 constexpr double kMinStep_mm = 0.5, kMaxStep_mm = 1.5, kStepPerRadius = 0.5;
-
-Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
 double softened_length(const Vector3d& v) {
   return std::sqrt(v.squaredNorm() + kSoftening_mm * kSoftening_mm);

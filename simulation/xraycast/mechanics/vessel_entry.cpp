@@ -1,6 +1,7 @@
 #include "xraycast/mechanics/vessel_entry.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/mechanics/vectors.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -11,9 +12,6 @@ namespace xraycast {
 namespace {
 
 using Eigen::Vector3d;
-
-Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
-glm::dvec3 to_glm(const Vector3d& v) { return {v.x(), v.y(), v.z()}; }
 
 /// The chord over the last stretch of about a radius, which a bent last segment does not turn.
 Vector3d outward_direction(const VesselBranch& branch, bool at_start) {

@@ -1,0 +1,13 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+
+#include <Eigen/Core>
+
+namespace xraycast {
+
+// Vessel trees are in GLM's vectors, mechanics in Eigen's.
+inline Eigen::Vector3d to_eigen(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+inline glm::dvec3 to_glm(const Eigen::Vector3d& v) { return {v.x(), v.y(), v.z()}; }
+
+}  // namespace xraycast
