@@ -15,16 +15,16 @@ struct Deleter {
   void operator()(cairo_t* cairo) const { cairo_destroy(cairo); }
   void operator()(cairo_font_options_t* options) const { cairo_font_options_destroy(options); }
 };
-using Surface = std::unique_ptr<cairo_surface_t, Deleter>;
+using CairoSurface = std::unique_ptr<cairo_surface_t, Deleter>;
 
-Surface checked(cairo_surface_t* surface) {
-  Surface owned(surface);
+CairoSurface checked(cairo_surface_t* surface) {
+  CairoSurface owned(surface);
   if (const auto status = cairo_surface_status(surface); status != CAIRO_STATUS_SUCCESS)
     throw Error("a picture cannot be drawn: {}", cairo_status_to_string(status));
   return owned;
 }
 
-Surface blank(int width, int height) {
+CairoSurface blank(int width, int height) {
   return checked(cairo_image_surface_create(CAIRO_FORMAT_RGB24, width, height));
 }
 
@@ -34,8 +34,8 @@ std::uint32_t* row_of(cairo_surface_t* surface, int y) {
                                           std::ptrdiff_t{y} * cairo_image_surface_get_stride(surface));
 }
 
-Surface surface_of(std::span<const std::uint8_t> rgb, int width, int height) {
-  Surface surface = blank(width, height);
+CairoSurface surface_of(std::span<const std::uint8_t> rgb, int width, int height) {
+  CairoSurface surface = blank(width, height);
   cairo_surface_flush(surface.get());
   const std::uint8_t* from = rgb.data();
   for (int y = 0; y < height; ++y) {
@@ -50,10 +50,10 @@ Surface surface_of(std::span<const std::uint8_t> rgb, int width, int height) {
 }  // namespace
 
 struct Canvas::Drawing {
-  Surface surface;
+  CairoSurface surface;
   std::unique_ptr<cairo_t, Deleter> cairo;
 
-  explicit Drawing(Surface on) : surface(std::move(on)), cairo(cairo_create(surface.get())) {
+  explicit Drawing(CairoSurface on) : surface(std::move(on)), cairo(cairo_create(surface.get())) {
     cairo_set_line_join(cairo.get(), CAIRO_LINE_JOIN_ROUND);
     cairo_set_line_cap(cairo.get(), CAIRO_LINE_CAP_ROUND);
     cairo_select_font_face(cairo.get(), "DejaVu Sans", CAIRO_FONT_SLANT_NORMAL, CAIRO_FONT_WEIGHT_NORMAL);
@@ -136,7 +136,7 @@ void Canvas::picture(std::span<const std::uint8_t> rgb, int width, int height, c
 }
 
 void Canvas::png(const std::filesystem::path& file, const PixelBox& box) {
-  const Surface picture(cairo_image_surface_create_from_png(file.c_str()));
+  const CairoSurface picture(cairo_image_surface_create_from_png(file.c_str()));
   if (const auto status = cairo_surface_status(picture.get()); status != CAIRO_STATUS_SUCCESS)
     throw Error("{}: {}", file.string(), cairo_status_to_string(status));
   const int width = cairo_image_surface_get_width(picture.get()),
