@@ -142,7 +142,7 @@ Pair compare_view(const BodyMap& map, Renderer& renderer, const Style& style, co
 }
 
 void write_pictures(const Pair& pair, double angle_deg, const std::string& title, const std::string& map,
-                    const Options& options) {
+                    const CompareArguments& options) {
   write_comparison_picture(
       fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title, label(pair.view), pair.similarity.psnr_db,
                   pair.similarity.ssim),
