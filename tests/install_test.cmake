@@ -1,5 +1,7 @@
 # cmake -DBUILD=build -DPREFIX=prefix -DROOMS=rooms.txt -P install_test.cmake: a fresh installation, which has the public
 # headers of rooms.txt and no private ones.
+cmake_minimum_required(VERSION 3.25)
+
 file(REMOVE_RECURSE "${PREFIX}")
 execute_process(COMMAND "${CMAKE_COMMAND}" --install "${BUILD}" --prefix "${PREFIX}" OUTPUT_QUIET
   COMMAND_ERROR_IS_FATAL ANY)
