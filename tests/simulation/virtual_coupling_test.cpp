@@ -57,7 +57,7 @@ Held::Rod spring(double N_per_mm, double Nm_per_rad = 0) {
 CouplingSettings unlimited() {
   CouplingSettings settings;
   for (CouplingAxis* axis : {&settings.insertion, &settings.rotation})
-    axis->fastest = axis->max_load = std::numeric_limits<double>::infinity();
+    axis->max_speed = axis->max_load = std::numeric_limits<double>::infinity();
   return settings;
 }
 

@@ -137,8 +137,10 @@ const Format kFormats[] = {
     {"Opacity", "opacity.json",
      [](const fs::path& path) { write_bytes(path, Opacity::bilinear().to_json()); },
      [](const fs::path& path) { return Opacity::named(path.string()), Content(); }},
-    {"ComputeDevice", "device.json",
-     [](const fs::path& path) { write_bytes(path, InstrumentModel::preset_json("cobra-5f")); },
+    {"Instrument", "instrument.json",
+     [](const fs::path& path) {
+       fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "simulation/instruments/cobra-5f.json", path);
+     },
      [](const fs::path& path) { return InstrumentModel::named(path.string()), Content(); }},
     {"Spectrum", "beam.txt",
      [](const fs::path& path) { write_bytes(path, "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n"); },
