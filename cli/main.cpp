@@ -1,5 +1,6 @@
 #include "command.hpp"
 #include "progress_bar.hpp"
+#include "signals.hpp"
 #include "usage_hint.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
@@ -22,30 +23,6 @@ using namespace xraycast;
 // Exit statuses; scripts rely on them. What a signal ended has 128 + its number, as in a shell.
 enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4, kSignalled = 128 };
 
-// What the signal handler knows.
-Progress* interruptible = nullptr;
-volatile std::sig_atomic_t caught = 0;
-
-/// The first signal lets the job clean up; a second one ends the process at once.
-void interrupt(int signal) {
-  if (caught != 0) {
-    remove_temporary_files();
-    _exit(kSignalled + signal);
-  }
-  caught = signal;
-  interruptible->cancel();
-}
-
-void handle_signals(Progress& progress) {
-  interruptible = &progress;
-  std::signal(SIGINT, interrupt);
-  std::signal(SIGTERM, interrupt);
-  if (std::signal(SIGHUP, interrupt) == SIG_IGN) std::signal(SIGHUP, SIG_IGN);  // started by nohup
-  // A reader that has gone and a file beyond the limit are told by what writes to them.
-  std::signal(SIGPIPE, SIG_IGN);
-  std::signal(SIGXFSZ, SIG_IGN);
-}
-
 /// One line, whatever the message holds.
 int report(const std::string& what, int status) {
   std::cerr << "xraycast: " << printable_line(what) << '\n';
@@ -56,7 +33,7 @@ int report_cancelled() {
   const int files = files_written();
   return report(files == 0 ? "cancelled; no output was written"
                            : "cancelled after " + pluralize(files, "file") + " had been written",
-                kSignalled + caught);
+                kSignalled + cli::SignalWatch::caught());
 }
 
 /// Of the exception that is being handled.
@@ -86,8 +63,8 @@ int run(const std::function<void()>& job) {
   } catch (const Cancelled&) {
     return report_cancelled();
   } catch (...) {
-    // What else fails then fails because of the signal, such as the linker that PoCL starts.
-    return caught != 0 ? report_cancelled() : report_failure();
+    // After a signal, other failures are most likely its consequence.
+    return cli::SignalWatch::caught() != 0 ? report_cancelled() : report_failure();
   }
 }
 
@@ -112,6 +89,7 @@ int main(int argc, char** argv) {
 
   cli::ProgressBar* bar = nullptr;
   cli::Session session([&bar](const Progress::State& state) { bar->show(state); });
+  const cli::SignalWatch signals(session.progress);
   app.add_option("--device", session.device,
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
@@ -139,7 +117,6 @@ int main(int argc, char** argv) {
     return report(std::string(error.what()) + " (" + cli::usage_hint(app) + ")", kWrongUsage);
   }
   if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
-  handle_signals(session.progress);
   const KernelCache kernel_cache;
   return checked_output(run([&] {
     // Gone, and its line with it, before an error is reported.

@@ -161,7 +161,7 @@ const BadCall kBadCalls[] = {
      "at most 16 scales"},
     {"VesselnessNoContrast", "vesselness @/ct.nii -o @/v.nrrd --contrast 0", 3, "--contrast 0: has to be"},
     {"VesselnessAsDicom", "vesselness @/ct.nii -o @/v.dcm", 3, "v.dcm: not a volume's name"},
-    {"VesselnessOverItsScan", "vesselness @/ct.nii -o @/ct.nii", 3, "which it would replace"},
+    {"VesselnessOverItsScan", "vesselness @/ct.nii -o @/ct.nii", 3, "would overwrite it"},
     {"VesselnessUnknownMeasure", "vesselness @/ct.nii -o @/v.nrrd --measure sato", 2, "sato not in"},
     {"VesselnessOfNothing", "vesselness @/nothing -o @/v.nrrd", 3, "nothing: no such file or folder"},
 
@@ -170,7 +170,7 @@ const BadCall kBadCalls[] = {
      "tree.json: there is no such file", make_push},
     {"SimulateTooLong",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
-     "push.csv: line 3: time_s 1e+09 is beyond 86400",
+     "push.csv: line 3: time_s 1e+09 is more than a day, 86400",
      [](const TemporaryFolder& f) {
        make_push_and_tree(f);
        write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n1e9,5,0\n");
@@ -242,10 +242,10 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { fs::create_symlink("nothing.nrrd", f / "link.nrrd"); }},
     {"OutputIsAFolder", "cast @/ct.nii -o @/folder.exr", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
-    {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: end the name in .exr"},
-    {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3, "end the name in .png"},
+    {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: the file name must end in .exr"},
+    {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3, "the file name must end in .png"},
     {"ProjectionOverItsScan", "project @/ct.nii -o @/./ct.nii", 3, "would overwrite it"},
-    {"BasisOverItsMap", "cast @/ct.nii -o @/out.exr --keep-basis @/out.exr", 3, "is --keep-basis too"},
+    {"BasisOverItsMap", "cast @/ct.nii -o @/out.exr --keep-basis @/out.exr", 3, "is also given as --keep-basis"},
     {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3, ".exr, .tif, .nrrd (float) or .png"},
     {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
     {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},

@@ -281,7 +281,6 @@ TEST(OutputFile, FailuresLeaveTheTargetAsItWas) {
   std::filesystem::create_directory(folder / "folder.exr");
   EXPECT_THROW(write_body_map(make_map(1), folder / "folder.exr"), InputError);
   EXPECT_THROW(write_body_map(make_map(1), folder / "missing" / "map.exr"), InputError);
-  EXPECT_THROW(write_body_map(make_map(1), "/dev/null"), InputError);
   EXPECT_EQ(std::distance(std::filesystem::directory_iterator(folder / ""), {}), 1);
 }
 

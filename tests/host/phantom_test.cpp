@@ -42,7 +42,7 @@ TEST(GrowVessels, CutsAVesselWhereOthersLeaveIt) {
 }
 
 TEST(VesselCourses, AreReadFromThePhantomsData) {
-  const std::vector<VesselCourse> courses = vessel_courses("thorax_vessels.json");
+  const std::vector<VesselCourse> courses = vessel_courses("thorax_vessels");
   EXPECT_EQ(courses.front().name, "aorta");
   EXPECT_EQ(courses.front().parent, -1);
   for (std::size_t i = 1; i < courses.size(); ++i) {

@@ -402,7 +402,7 @@ TEST(OpenIGTLink, ClientThatOnlyLooksOnGivesWayToAnother) {
   }
   Client next(run);
   EXPECT_EQ(next.receive()->code, igtl::StatusMessage::STATUS_OK);
-  EXPECT_TRUE(run.says("gives way to another"));
+  EXPECT_TRUE(run.says("was replaced by another client"));
 }
 
 TEST(OpenIGTLink, ReportsWhatEndsItsThread) {

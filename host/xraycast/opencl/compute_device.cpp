@@ -7,7 +7,6 @@
 #include <algorithm>
 #include <array>
 #include <cctype>
-#include <csignal>
 #include <cstdlib>
 #include <filesystem>
 #include <numeric>
@@ -16,25 +15,6 @@
 
 namespace xraycast {
 namespace {
-
-/// Holds back the signals that end a program while a driver starts its threads, which inherit that, and while
-/// it compiles: LLVM would remove the files that it is writing, and say that the program is wrong, and the
-/// linker that PoCL starts would end.
-class SignalsHeldBack {
- public:
-  SignalsHeldBack() {
-    sigset_t ending;
-    sigemptyset(&ending);
-    for (const int signal : {SIGINT, SIGTERM, SIGHUP}) sigaddset(&ending, signal);
-    pthread_sigmask(SIG_BLOCK, &ending, &before_);
-  }
-  ~SignalsHeldBack() { pthread_sigmask(SIG_SETMASK, &before_, nullptr); }
-  SignalsHeldBack(const SignalsHeldBack&) = delete;
-  SignalsHeldBack& operator=(const SignalsHeldBack&) = delete;
-
- private:
-  sigset_t before_{};
-};
 
 struct Candidate {
   cl::Device device;
@@ -56,7 +36,6 @@ ComputeDevice::Info describe(const cl::Device& device, const std::string& platfo
 }
 
 std::vector<Candidate> candidates() {
-  const SignalsHeldBack signals;
   std::vector<Candidate> found;
   std::vector<cl::Platform> platforms;
   try {
@@ -144,7 +123,6 @@ std::vector<ComputeDevice::Info> ComputeDevice::list() {
 
 ComputeDevice::ComputeDevice(const std::string& choice) {
   const char* environment = std::getenv("XRAYCAST_DEVICE");
-  const SignalsHeldBack signals;
   const auto found = candidates();
   const Candidate& chosen = choose(found, choice.empty() && environment ? environment : choice);
   check_linker(chosen.info);
@@ -166,7 +144,6 @@ cl::Kernel ComputeDevice::kernel(const std::string& file, const std::string& ent
   auto known = programs_.find(key);
   if (known == programs_.end()) {
     cl::Program program(context_, std::string(source_of(file)));
-    const SignalsHeldBack signals;
     try {
       program.build(device_, ("-cl-std=CL1.2 " + options).c_str());
     } catch (const cl::BuildError& error) {
@@ -236,7 +213,6 @@ cl::Event ComputeDevice::run(const cl::Kernel& kernel, std::array<std::int64_t, 
     for (int i = 0; i < 3; ++i) global[i] = (global[i] + local[i] - 1) / local[i] * local[i];
   const auto range = [](const std::array<std::int64_t, 3>& n) { return cl::NDRange(n[0], n[1], n[2]); };
   cl::Event done;
-  const SignalsHeldBack signals;  // some drivers compile only now
   guarded("running a kernel", [&] {
     queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global),
                                 local[0] > 0 ? range(local) : cl::NullRange, nullptr, &done);

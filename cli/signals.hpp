@@ -1,0 +1,27 @@
+#pragma once
+
+#include "xraycast/base/progress.hpp"
+
+namespace xraycast::cli {
+
+/// Waits for SIGINT, SIGTERM and SIGHUP on a thread of its own. The first one cancels `progress`, so that the
+/// job can clean up; a second one removes temporary files and ends the process at once. SIGHUP stays ignored
+/// where it was, as under nohup. SIGPIPE and SIGXFSZ are ignored: whatever writes reports them.
+///
+/// The signals are blocked in every thread of the program, from before its libraries are initialised: LLVM,
+/// which compiles kernels, installs handlers that delete the files it is writing, and they must never run.
+class SignalWatch {
+ public:
+  /// Once in a process.
+  explicit SignalWatch(Progress& progress);
+
+  /// The job is done: a signal that comes now changes nothing any more, unless it is the second one.
+  ~SignalWatch();
+  SignalWatch(const SignalWatch&) = delete;
+  SignalWatch& operator=(const SignalWatch&) = delete;
+
+  /// The first signal that came, or 0.
+  static int caught();
+};
+
+}  // namespace xraycast::cli
