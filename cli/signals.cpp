@@ -31,7 +31,7 @@ void block_watched_signals() {
   sigprocmask(SIG_BLOCK, &set, nullptr);
 }
 [[gnu::section(".preinit_array"),
-  gnu::used]] void (*const block_before_constructors)() = block_watched_signals;
+  gnu::used]] void (*const kBlockBeforeConstructors)() = block_watched_signals;
 
 bool is_ignored(int signal) {
   struct sigaction action {};
