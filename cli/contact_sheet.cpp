@@ -27,7 +27,8 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
   const int pitch_x = kCellWidth + kMargin, pitch_y = kCellHeight + kCaptionHeight + kMargin;
   Canvas sheet(columns * pitch_x + kMargin, rows * pitch_y + kMargin, {0.10, 0.11, 0.13});
   for (int i = 0; i < count; ++i) {
-    const double x = kMargin + i % columns * pitch_x, y = kMargin + i / columns * pitch_y;
+    const int column = i % columns, row = i / columns;
+    const double x = kMargin + column * pitch_x, y = kMargin + row * pitch_y;
     sheet.png(pictures[i].file, {x, y, kCellWidth, kCellHeight});
     sheet.text({x, y + kCellHeight + kFont + 2}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
