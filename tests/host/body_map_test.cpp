@@ -21,6 +21,7 @@
 #include <fstream>
 #include <random>
 #include <sys/resource.h>
+#include <sys/stat.h>
 
 namespace xraycast {
 namespace {
@@ -274,6 +275,12 @@ TEST(Preview, WindowUsesMostOfTheRangeOfGrey) {
   const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
   EXPECT_LT(*std::ranges::min_element(pixels), 40);
   EXPECT_EQ(*std::ranges::max_element(pixels), 255);
+}
+
+TEST(BodyMapFile, IsNoPipe) {
+  const TemporaryFolder folder;
+  ASSERT_EQ(mkfifo((folder / "map.exr").c_str(), 0600), 0);
+  EXPECT_THROW(read_body_map(folder / "map.exr"), InputError);  // and does not wait for a writer
 }
 
 TEST(OutputFile, FailuresLeaveTheTargetAsItWas) {

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
@@ -91,6 +92,7 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
 
 bool is_exr(const std::filesystem::path& path) {
   constexpr std::array<char, 4> kMagic{0x76, 0x2f, 0x31, 0x01};
+  require_regular_file(path);
   std::ifstream in(path, std::ios::binary);
   if (!in) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));
   std::array<char, 4> first{};

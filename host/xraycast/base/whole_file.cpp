@@ -9,13 +9,16 @@
 
 namespace xraycast {
 
-std::string read_whole_file(const std::filesystem::path& path) {
+void require_regular_file(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError("{}: there is no such file", path.string());
-  // A pipe or a device could go on for ever.
   if (!std::filesystem::is_regular_file(status)) throw InputError("{}: not a regular file", path.string());
+}
 
+std::string read_whole_file(const std::filesystem::path& path) {
+  require_regular_file(path);
+  std::error_code error;
   std::ifstream file(path, std::ios::binary);
   const auto size = std::filesystem::file_size(path, error);
   if (!file || error) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));

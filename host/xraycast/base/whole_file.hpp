@@ -6,6 +6,9 @@
 
 namespace xraycast {
 
+/// Throws InputError unless there is a regular file: a pipe or a device may never end.
+void require_regular_file(const std::filesystem::path& path);
+
 /// The content of a regular file. Throws InputError when there is none or it cannot be read.
 std::string read_whole_file(const std::filesystem::path& path);
 

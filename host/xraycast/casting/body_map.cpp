@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/png_file.hpp"
 
@@ -77,7 +78,7 @@ std::string text_attribute(const ExrReader& file, const std::string& name) {
 
 /// One of our attributes as JSON, or an InputError that names it.
 json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
-  json value = json::parse(text_attribute(file, name), nullptr, false);
+  json value = parse_json(text_attribute(file, name), path);
   if (value.is_discarded()) throw InputError("{}: attribute xraycast:{} is missing or damaged", path, name);
   return value;
 }
