@@ -4,6 +4,8 @@
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 
+#include <gdcmDICOMDIRGenerator.h>
+#include <gdcmWriter.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -23,16 +25,18 @@ using ::testing::SizeIs;
 using ::testing::StartsWith;
 using ::testing::ThrowsMessage;
 
-constexpr std::uint32_t kImageType = 0x00080008, kObjectClass = 0x00080016, kObjectUid = 0x00080018,
-                        kModality = 0x00080060, kSeriesDescription = 0x0008103e, kThickness = 0x00180050,
-                        kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011, kPosition = 0x00200032,
-                        kColours = 0x00280002, kRows = 0x00280010, kPixels = 0x7fe00010;
+constexpr std::uint32_t kPatient = 0x00100020, kImageType = 0x00080008, kObjectClass = 0x00080016,
+                        kObjectUid = 0x00080018, kModality = 0x00080060, kSeriesDescription = 0x0008103e,
+                        kThickness = 0x00180050, kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011,
+                        kPosition = 0x00200032, kColours = 0x00280002, kRows = 0x00280010,
+                        kPixels = 0x7fe00010;
 
 /// A slice of 4 x 3 pixels of one value.
 DicomFile slice_of(const std::string& series, double z_mm, int hu = 0) {
   const std::vector<std::int16_t> pixels(12, static_cast<std::int16_t>(hu + 1024));
   DicomFile file(4, 3, pixels);
   file.position({0, 0, z_mm})
+      .text(kPatient, "LO", "1")
       .text(kSeriesNumber, "IS", series)
       .text(kSeriesUid, "UI", "1.2.3." + series)
       .text(kObjectUid, "UI", "1.2.3." + series + "." + std::to_string(std::lround(10 * z_mm) + 1000));
@@ -87,11 +91,15 @@ TEST(DicomFolder, IsSearchedThroughAllItsFolders) {
 TEST(DicomFolder, IsThatOfItsDicomdir) {
   const TemporaryFolder folder;
   write_series(folder / "ST0/SE0", "2", 3);
-  slice_of("2", 0)
-      .text(kObjectClass, "UI", "1.2.840.10008.1.3.10")
-      .erase(kRows)
-      .erase(kPixels)
-      .write(folder / "DICOMDIR");
+  gdcm::DICOMDIRGenerator generator;
+  generator.SetRootDirectory((folder / "").string());
+  generator.SetFilenames(
+      {(folder / "ST0/SE0/I0").string(), (folder / "ST0/SE0/I1").string(), (folder / "ST0/SE0/I2").string()});
+  ASSERT_TRUE(generator.Generate());
+  gdcm::Writer writer;
+  writer.SetFile(generator.GetFile());
+  writer.SetFileName((folder / "DICOMDIR").c_str());
+  ASSERT_TRUE(writer.Write());
   for (const char* opened : {"", "DICOMDIR"}) {
     const ScanInfo info = read_scan(folder / opened).info;
     EXPECT_EQ(info.size.z, 3) << opened;
