@@ -107,6 +107,15 @@ TEST(DicomFolder, IsThatOfItsDicomdir) {
   }
 }
 
+TEST(DicomFolder, MayHoldLinksToItselfAndToNothing) {
+  const TemporaryFolder folder;
+  write_series(folder / "ct", "2", 3);
+  fs::create_symlink("loop", folder / "loop");
+  fs::create_symlink("nothing", folder / "dangling");
+  fs::create_directory_symlink(".", folder / "itself");
+  EXPECT_EQ(read_scan(folder / "").info.size.z, 3);
+}
+
 TEST(DicomFolder, KeepsGenesisSlicesOfOneFolder) {
   const TemporaryFolder folder;
   const std::vector<std::uint16_t> pixels(12);
@@ -261,15 +270,20 @@ TEST(DamagedSlices, AreLeftOutAndInterpolated) {
                                          HasSubstr("1 of 5 slice distances differs")));
 }
 
-TEST(DamagedSlices, CountWhereTheirHeaderIsCutOffBeforeTheSeries) {
+TEST(DamagedSlices, CountWhereTheyAreCutOffBeforeTheirSeries) {
   const TemporaryFolder folder;
   write_series(folder / "", "1", 3);
-  write_bytes(folder / "J", read_bytes(folder / "I1").substr(0, 300));
-  EXPECT_THAT([&] { read_scan(folder / ""); },
-              ThrowsMessage<DamagedSlice>(HasSubstr("J: a damaged or truncated")));
-  const ScanInfo info = read_scan(folder / "", {.series = "", .skip_damaged = true}).info;
-  EXPECT_EQ(info.size.z, 3);
-  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("J: a damaged or truncated")));
+  const std::string whole = read_bytes(folder / "I1");
+  const std::size_t series_B = whole.find(std::string("\x20\x00\x0e\x00", 4));
+  ASSERT_NE(series_B, std::string::npos);
+  // Between two elements, and within one.
+  for (const std::size_t end_B : {series_B, series_B + 6}) {
+    write_bytes(folder / "J", whole.substr(0, end_B));
+    EXPECT_THROW(read_scan(folder / ""), DamagedSlice);
+    const ScanInfo info = read_scan(folder / "", {.series = "", .skip_damaged = true}).info;
+    EXPECT_EQ(info.size.z, 3);
+    EXPECT_THAT(info.warnings, ElementsAre(AllOf(StartsWith("left out "), HasSubstr("/J: "))));
+  }
 }
 
 TEST(DamagedSlices, AreLeftOutWhereTheirHeaderLacksAField) {

@@ -191,10 +191,12 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.series_uid = header.text(kSeriesUid);
   summary.series_description = header.text(kSeriesDescription);
   summary.series_number = header.text(kSeriesNumber);
-  summary.is_cut_off = header.is_cut_off();
 
   // A header that could not be read to its end may be that of a CT slice unless it says otherwise.
-  const bool is_unread = header.is_cut_off() || header.transfer_syntax() == kDeflated;
+  const bool is_deflated = header.transfer_syntax() == kDeflated;
+  summary.is_cut_off =
+      header.is_cut_off() || (object_class == kCtClass && !is_deflated && !header.pixel_data());
+  const bool is_unread = summary.is_cut_off || is_deflated;
   if (is_unread && summary.modality.empty() && (object_class.empty() || object_class == kCtClass))
     summary.modality = "CT";
   const bool has_size =

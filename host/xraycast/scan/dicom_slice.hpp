@@ -29,7 +29,7 @@ struct DicomFileSummary {
   bool is_directory = false;  ///< a DICOMDIR
   bool is_ct_slice = false;   ///< as far as the header says; scouts and screen shots are none
   bool is_image = false;      ///< a grey image of any modality, or a CT slice that is damaged
-  bool is_cut_off = false;    ///< within its header, so that what it is may be unknown
+  bool is_cut_off = false;    ///< before its pixel data, so that what it is may be unknown
 
   std::optional<DicomSlice> slice;  ///< of an image that can be used
   std::string fault;                ///< why it cannot, one line with the file's name

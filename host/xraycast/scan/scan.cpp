@@ -51,7 +51,9 @@ std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
   for (const auto& entry :
        fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
     progress.check();
-    if (entry.is_regular_file()) files.push_back(entry.path());
+    // What a link in a loop leads to is an error.
+    std::error_code error;
+    if (entry.is_regular_file(error)) files.push_back(entry.path());
   }
   std::ranges::sort(files);
   return files;
