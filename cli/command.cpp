@@ -20,6 +20,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
+constexpr const char* kSkipDamaged = "--skip-damaged";
+
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
   for (const char c : text)
@@ -82,7 +84,13 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
   command->parse_complete_callback([&session, command, job = std::move(job)] {
     session.job = [command, job] {
       check_outputs_apart(*command);
-      job();
+      try {
+        job();
+      } catch (const DamagedSlice& error) {
+        const CLI::Option* const skip = command->get_option_no_throw(kSkipDamaged);
+        if (skip == nullptr || !skip->empty()) throw;
+        throw InputError("{}; {} leaves it out", error.what(), kSkipDamaged);
+      }
     };
   });
   return command;
@@ -95,6 +103,8 @@ void add_scan_options(CLI::App& command, ScanOptions& options) {
       ->type_name("TEXT");
   command.add_flag("--keep-slices", options.keep_slices,
                    "Reject unevenly spaced slices instead of resampling them");
+  command.add_flag(kSkipDamaged, options.skip_damaged,
+                   "Leave damaged slices out and interpolate across them");
 }
 
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option) {

@@ -20,7 +20,6 @@ std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const 
   };
   row("format", info.format + (info.modality.empty() ? "" : ", " + info.modality));
   if (!info.series.empty()) row("series", info.series);
-  for (const std::string& other : info.other_series) row("other", other);
   row("stored",
       fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}", info.size.x, info.size.y,
                   info.size.z, info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z, info.orientation));
@@ -41,11 +40,22 @@ Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometr
              const SliceSource::HuRange& hu) {
   Json gaps = Json::array();
   for (const auto& [after, mm] : info.gaps) gaps.push_back({{"after_slice", after}, {"mm", mm}});
+  Json all_series = Json::array();
+  for (const ScanInfo::Series& series : info.all_series)
+    all_series.push_back({{"number", series.number},
+                          {"description", series.description},
+                          {"uid", series.uid},
+                          {"modality", series.modality},
+                          {"slices", series.slices},
+                          {"orientation", series.orientation},
+                          {"thickness_mm", series.thickness_mm},
+                          {"chosen", series.chosen}});
   return {{"input", input},
           {"format", info.format},
           {"modality", info.modality},
           {"series", info.series},
           {"other_series", info.other_series},
+          {"all_series", all_series},
           {"size", {info.size.x, info.size.y, info.size.z}},
           {"spacing_mm", {info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z}},
           {"orientation", info.orientation},

@@ -213,11 +213,26 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", little_scan().bytes().substr(0, 700)); }},
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
-    {"TruncatedDicom", "cast @/a -o @/out.exr", 3, "truncated",
+    {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves it out",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
        write_bytes(f / "a", whole.substr(0, whole.size() - 5));
+     }},
+    {"TruncatedDicomAlone", "info @/a --skip-damaged", 3, "all slices of the series are damaged",
+     [](const TemporaryFolder& f) {
+       slice().write(f / "a");
+       write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
+     }},
+    {"DicomOfReportsOnly", "info @/cd", 3, "no images that are slices: 1 structured report",
+     [](const TemporaryFolder& f) {
+       fs::create_directory(f / "cd");
+       slice()
+           .text(0x00080016, "UI", "1.2.840.10008.5.1.4.1.1.88.11")
+           .erase(0x00280010)
+           .erase(0x7fe00010)
+           .write(f / "cd/report");
      }},
     {"FourDimensions", "info @/a.nrrd", 3, "4 dimensions",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("2 2 2 2", "4")); }},
@@ -565,6 +580,26 @@ TEST_F(Cli, InfoDescribesAPhantom) {
   EXPECT_EQ(info["volume"], made["volume"]);
   EXPECT_EQ(info["hu_range"], Json({-1000, 0}));
   EXPECT_THAT(output_of("info @/ct.nrrd"), HasSubstr("64 x 48 x 32, 2 x 2 x 2 mm, axes towards LPS"));
+}
+
+TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
+  for (const char* series : {"1", "2"}) {
+    fs::create_directories(folder_ / "cd" / series);
+    for (int k = 0; k < 4; ++k)
+      if (k < 3 || series[0] == '2')
+        slice()
+            .position({0, 0, 1.0 * k})
+            .text(0x0020000e, "UI", std::string("1.2.") + series)
+            .text(0x00200011, "IS", series)
+            .write(folder_ / "cd" / series / std::to_string(k));
+  }
+  const Json info = json_of("info @/cd");
+  EXPECT_THAT(info["series"].get<std::string>(), StartsWith("2: 4 slices"));
+  ASSERT_EQ(info["all_series"].size(), 2);
+  EXPECT_EQ(info["all_series"][0]["chosen"], true);
+  EXPECT_EQ(info["all_series"][1], Json::parse(R"({"number": "1", "description": "", "uid": "1.2.1",
+      "modality": "CT", "slices": 3, "orientation": "axial", "thickness_mm": 1.0, "chosen": false})"));
+  EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices\n"));
 }
 
 TEST_F(Cli, CastSaysWhatItMade) {

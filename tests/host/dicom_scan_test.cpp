@@ -343,6 +343,24 @@ TEST(DicomScan, SurvivesDamagedCodecsData) {
   EXPECT_GT(refused, 0);
 }
 
+TEST(DicomScan, LeavesOutSlicesThatCannotBeDecoded) {
+  const TemporaryFolder folder;
+  for (int k = 0; k < 5; ++k)
+    write_compressed(slice_at({0, 0, 1.0 * k}, {1, 0, 0}, {0, 1, 0}, 32, 32),
+                     folder / ("slice" + std::to_string(k)), gdcm::TransferSyntax::JPEGLSLossless);
+  std::string bytes = read_bytes(folder / "slice2");
+  const std::size_t pixels_B = bytes.rfind(std::string("\xe0\x7f\x10\x00", 4));
+  ASSERT_NE(pixels_B, std::string::npos);
+  // The fragment's first bytes, behind the heads of the element, of the offset table and of the fragment.
+  bytes.replace(pixels_B + 28, 32, std::string(32, '\xff'));
+  write_bytes(folder / "slice2", bytes);
+  EXPECT_THROW(read_scan(folder / ""), DamagedSlice);
+  const auto [info, volume, hu_range] = read_scan(folder / "", {.series = "", .skip_damaged = true});
+  EXPECT_EQ(volume.geometry().size, Index3(32, 32, 5));
+  EXPECT_EQ(deviation_hu(volume), 0);
+  EXPECT_THAT(info.warnings, testing::Contains(HasSubstr("slice2: its JPEG-LS data")));
+}
+
 TEST(DicomScan, RefusesCompressedSlicesThatClaimGigabytes) {
   const TemporaryFolder folder;
   write_compressed(kSlice32, folder / "slice", gdcm::TransferSyntax::JPEG2000Lossless);

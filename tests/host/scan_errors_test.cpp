@@ -147,9 +147,18 @@ const BadScan kBadScans[] = {
     {"DicomOfSeveralFrames",
      [](const TemporaryFolder& f) { dicom().text(0x00280008, "IS", "2").write(f / "a"); }, "a",
      "NumberOfFrames"},
-    {"DicomWithoutImages",
+    {"DicomCtCutBetweenTwoElements",
      [](const TemporaryFolder& f) { dicom().erase(0x00280010).erase(0x7fe00010).write(f / "a"); }, "",
-     "hold no images"},
+     "it ends before its pixel data"},
+    {"DicomWithoutImages",
+     [](const TemporaryFolder& f) {
+       dicom()
+           .text(0x00080016, "UI", "1.2.840.10008.5.1.4.1.1.88.11")
+           .erase(0x00280010)
+           .erase(0x7fe00010)
+           .write(f / "a");
+     },
+     "", "hold no images that are slices: 1 structured report"},
     {"DicomOfTwoSizes",
      [](const TemporaryFolder& f) {
        dicom(0).write(f / "a");

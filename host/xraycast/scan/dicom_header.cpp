@@ -13,6 +13,7 @@ namespace {
 
 constexpr DicomTag kTransferSyntax = 0x00020010, kPixelData = 0x7fe00010, kItem = 0xfffee000,
                    kItemEnd = 0xfffee00d, kSequenceEnd = 0xfffee0dd;
+constexpr const char* kDeflated = "1.2.840.10008.1.2.1.99";
 constexpr std::uint32_t kUndefined = 0xffffffff;
 constexpr std::int64_t kPreamble_B = 128;
 
@@ -20,10 +21,14 @@ struct Syntax {
   bool explicit_vr, big_endian;
 };
 
-/// A file's bytes in order. Refuses to read or skip beyond the end.
-class Bytes {
+struct CutOff {};
+
+}  // namespace
+
+/// A file's bytes in order. Throws CutOff rather than read or skip beyond the end.
+class DicomBytes {
  public:
-  explicit Bytes(const std::filesystem::path& path) : path_(path), stream_(path, std::ios::binary) {
+  explicit DicomBytes(const std::filesystem::path& path) : stream_(path, std::ios::binary) {
     if (!stream_) throw InputError("{}: cannot be read; check its permissions", path.string());
     stream_.seekg(0, std::ios::end);
     size_B_ = stream_.tellg();
@@ -64,20 +69,17 @@ class Bytes {
     return value;
   }
 
-  [[noreturn]] void truncated() const {
-    throw InputError("{}: a damaged or truncated DICOM file; copy it again or take it away", path_.string());
-  }
-
  private:
   void advance(std::int64_t count) {
-    if (count > left_B()) truncated();
+    if (count > left_B()) throw CutOff{};
     position_B_ += count;
   }
 
-  std::filesystem::path path_;
   std::ifstream stream_;
   std::int64_t position_B_ = 0, size_B_ = 0;
 };
+
+namespace {
 
 struct ElementHead {
   DicomTag tag;
@@ -85,12 +87,12 @@ struct ElementHead {
   bool unknown_vr;
 };
 
-DicomTag take_tag(Bytes& bytes, bool big_endian) {
+DicomTag take_tag(DicomBytes& bytes, bool big_endian) {
   const auto group = bytes.number<std::uint16_t>(big_endian);
   return static_cast<DicomTag>(group) << 16 | bytes.number<std::uint16_t>(big_endian);
 }
 
-ElementHead take_head(Bytes& bytes, const Syntax& syntax) {
+ElementHead take_head(DicomBytes& bytes, const Syntax& syntax) {
   const DicomTag tag = take_tag(bytes, syntax.big_endian);
   // Items have no value representation in any syntax.
   if (!syntax.explicit_vr || tag >> 16 == 0xfffe)
@@ -104,13 +106,13 @@ ElementHead take_head(Bytes& bytes, const Syntax& syntax) {
 }
 
 /// Skips a value of undefined length: items up to the delimiter, each of which may hold such values again.
-void skip_items(Bytes& bytes, const Syntax& syntax, int depth) {
+void skip_items(DicomBytes& bytes, const Syntax& syntax, int depth) {
   constexpr int kDeepest = 32;
-  if (depth > kDeepest) bytes.truncated();
+  if (depth > kDeepest) throw CutOff{};
   for (;;) {
     const ElementHead item = take_head(bytes, syntax);
     if (item.tag == kSequenceEnd) return;
-    if (item.tag != kItem) bytes.truncated();
+    if (item.tag != kItem) throw CutOff{};
     if (item.length != kUndefined) {
       bytes.skip(item.length);
       continue;
@@ -128,7 +130,15 @@ void skip_items(Bytes& bytes, const Syntax& syntax, int depth) {
 }  // namespace
 
 DicomHeader::DicomHeader(const std::filesystem::path& path) {
-  Bytes bytes(path);
+  DicomBytes bytes(path);
+  try {
+    read(bytes);
+  } catch (const CutOff&) {
+    is_cut_off_ = true;
+  }
+}
+
+void DicomHeader::read(DicomBytes& bytes) {
   const std::string start = bytes.peek(kPreamble_B + 4);
   if (start.ends_with("DICM")) bytes.seek(kPreamble_B + 4);
 
@@ -138,9 +148,7 @@ DicomHeader::DicomHeader(const std::filesystem::path& path) {
     values_[head.tag] = bytes.take(head.length);
   }
   if (values_.contains(kTransferSyntax)) transfer_syntax_ = text(kTransferSyntax);
-  if (transfer_syntax_ == "1.2.840.10008.1.2.1.99")
-    throw InputError("{}: deflated DICOM is not supported; convert it to an uncompressed transfer syntax",
-                     path.string());
+  if (transfer_syntax_ == kDeflated) return;
   big_endian_ = transfer_syntax_ == "1.2.840.10008.1.2.2";
   Syntax syntax{transfer_syntax_ != "1.2.840.10008.1.2", big_endian_};
   // A file without meta group does not say; the letters of a value representation do.

@@ -12,16 +12,22 @@ namespace xraycast {
 /// Group and element number in one: (0020,0032) is 0x00200032.
 using DicomTag = std::uint32_t;
 
+class DicomBytes;
+
 /// The elements of a DICOM file up to its pixel data, read without trusting any length in it: GDCM, as Debian
 /// builds it, aborts the program on a file that was cut off, and needs longer.
 ///
-/// Explicit and implicit syntaxes, with and without preamble. Elements within sequences are skipped.
+/// Explicit and implicit syntaxes, with and without preamble. Elements within sequences are skipped, and of a
+/// deflated file all but the meta group.
 class DicomHeader {
  public:
-  /// Throws InputError when an element runs beyond the file's end.
+  /// Throws InputError when the file cannot be opened.
   explicit DicomHeader(const std::filesystem::path& path);
 
   const std::string& transfer_syntax() const { return transfer_syntax_; }
+
+  /// Whether an element runs beyond the file's end; those before it are there.
+  bool is_cut_off() const { return is_cut_off_; }
 
   /// A text element without its padding; empty if it is missing.
   std::string text(DicomTag tag) const;
@@ -39,8 +45,10 @@ class DicomHeader {
   const std::optional<PixelData>& pixel_data() const { return pixel_data_; }
 
  private:
+  void read(DicomBytes& bytes);
+
   std::string transfer_syntax_ = "1.2.840.10008.1.2";
-  bool big_endian_ = false;
+  bool big_endian_ = false, is_cut_off_ = false;
   std::unordered_map<DicomTag, std::string> values_;
   std::optional<PixelData> pixel_data_;
 };

@@ -7,9 +7,12 @@
 
 namespace xraycast {
 
-/// Opens one series of the DICOM files among `files`; those that are DICOM but hold no image are passed over.
+/// Opens one series of the DICOM files `files`, as choose_series() chooses it; the others are passed over.
 /// `path` is what the user gave, for messages.
 Scan open_dicom(const std::filesystem::path& path, const std::vector<std::filesystem::path>& files,
                 const ScanOptions& options, Progress& progress);
+
+/// Whether a DICOM file is a DICOMDIR, the table of contents of a CD.
+bool is_dicom_directory(const std::filesystem::path& file);
 
 }  // namespace xraycast

@@ -9,6 +9,7 @@
 #include <bit>
 #include <cmath>
 #include <fstream>
+#include <optional>
 #include <type_traits>
 
 // The layout is that of ITK's Ge5xHdr.h and MIPAV's FileGESigna5X.java.
@@ -37,7 +38,7 @@ class GenesisFile {
     stream_.seekg(offset_B);
     for (std::size_t i = 0; i < sizeof(T); ++i)
       bits = static_cast<decltype(bits)>(bits << 8 | static_cast<unsigned char>(stream_.get()));
-    if (!stream_) throw InputError("{}: truncated within its header; copy the file again", path_.string());
+    if (!stream_) throw DamagedSlice("{}: truncated within its header; copy the file again", path_.string());
     return std::bit_cast<T>(bits);
   }
 
@@ -68,8 +69,8 @@ GenesisSlice read_header(const fs::path& path) {
   slice.columns = file.get<std::int32_t>(8);
   slice.rows = file.get<std::int32_t>(12);
   if (slice.columns < 1 || slice.rows < 1 || slice.columns > 65536 || slice.rows > 65536)
-    throw InputError("{}: width x height of {} x {} is outside 1 to 65536", path.string(), slice.columns,
-                     slice.rows);
+    throw DamagedSlice("{}: width x height of {} x {} is outside 1 to 65536", path.string(), slice.columns,
+                       slice.rows);
   if (const auto bits = file.get<std::int32_t>(16); bits != 16)
     throw InputError("{}: {} bits a pixel; only 16 are supported", path.string(), bits);
   if (const auto compression = file.get<std::int32_t>(20); compression != 0 && compression != 1)
@@ -81,14 +82,15 @@ GenesisSlice read_header(const fs::path& path) {
   // Some copies have lost the pointer; the pixels end the file.
   if (slice.pixels_B < 156 || slice.pixels_B > file.size_B()) slice.pixels_B = file.size_B() - pixel_bytes;
   if (slice.pixels_B < 0 || slice.pixels_B + pixel_bytes > file.size_B())
-    throw InputError("{}: truncated, {} bytes of pixels do not fit in {}; copy the file again", path.string(),
-                     pixel_bytes, file.size_B());
+    throw DamagedSlice("{}: truncated, {} bytes of pixels do not fit in {}; copy the file again",
+                       path.string(), pixel_bytes, file.size_B());
 
   const bool version2 = file.get<std::int16_t>(52) == 2;
   std::int64_t header = file.get<std::int32_t>(148);
   if (version2 && header <= 0) header = kVersion2ImageHeader;
   if (header <= 0 || header >= file.size_B())
-    throw InputError("{}: the pointer to the image header, {}, lies outside the file", path.string(), header);
+    throw DamagedSlice("{}: the pointer to the image header, {}, lies outside the file", path.string(),
+                       header);
 
   const ImageHeaderLayout& at = version2 ? kVersion2 : kPacked;
   const double x_mm = file.get<float>(header + at.pixel_size),
@@ -97,9 +99,10 @@ GenesisSlice read_header(const fs::path& path) {
   const double right_mm = file.get<float>(header + at.centre),
                anterior_mm = file.get<float>(header + at.centre + 4);
   if (!(x_mm > 0 && y_mm > 0 && std::isfinite(x_mm) && std::isfinite(y_mm)))
-    throw InputError("{}: pixel size {} x {} mm has to be finite and above zero", path.string(), x_mm, y_mm);
+    throw DamagedSlice("{}: pixel size {} x {} mm has to be finite and above zero", path.string(), x_mm,
+                       y_mm);
   if (!std::isfinite(location_mm) || !std::isfinite(right_mm) || !std::isfinite(anterior_mm))
-    throw InputError("{}: the slice's location or centre is not a number", path.string());
+    throw DamagedSlice("{}: the slice's location or centre is not a number", path.string());
   slice.thickness_mm = file.get<float>(header + 26);
   const glm::dvec3 centre_mm(-right_mm, -anterior_mm, location_mm);
   const glm::dvec3 i(x_mm, 0, 0), j(0, y_mm, 0);
@@ -173,14 +176,28 @@ void sort_by_location(std::vector<GenesisSlice>& slices, ScanInfo& info) {
 Scan open_genesis(const fs::path& path, const std::vector<fs::path>& files, const ScanOptions& options,
                   Progress& progress) {
   progress.begin("opening", std::ssize(files), "files");
-  std::vector<GenesisSlice> slices(files.size());
+  std::vector<std::optional<GenesisSlice>> headers(files.size());
+  std::vector<std::string> faults(files.size());
   parallel_for(std::ssize(files), [&](std::int64_t i) {
-    slices[static_cast<std::size_t>(i)] = read_header(files[static_cast<std::size_t>(i)]);
+    const auto index = static_cast<std::size_t>(i);
+    try {
+      headers[index] = read_header(files[index]);
+    } catch (const DamagedSlice& error) {
+      if (!options.skip_damaged) throw;
+      faults[index] = error.what();
+    }
     progress.advance();
   });
 
   ScanInfo info;
   info.format = "GE Genesis";
+  std::vector<GenesisSlice> slices;
+  for (std::size_t i = 0; i < files.size(); ++i)
+    if (headers[i])
+      slices.push_back(std::move(*headers[i]));
+    else
+      info.warnings.push_back("left out " + faults[i]);
+  if (slices.empty()) throw InputError("{}: all slices are damaged; copy them again", path.string());
   info.orientation = "LPS";
   require_equal_sizes(slices);
   sort_by_location(slices, info);

@@ -1,6 +1,7 @@
 #include "xraycast/scan/scan.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/scan/dicom_header.hpp"
 #include "xraycast/scan/dicom_scan.hpp"
 #include "xraycast/scan/genesis_scan.hpp"
@@ -43,38 +44,58 @@ Format format_of(const fs::path& path) {
   return Format::unknown;
 }
 
+/// All files of a folder and of the folders in it. Sorted, because the order in which a folder lists its
+/// files is arbitrary; which of two duplicates stays must not be.
+std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
+  std::vector<fs::path> files;
+  for (const auto& entry :
+       fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
+    progress.check();
+    // What a link in a loop leads to is an error.
+    std::error_code error;
+    if (entry.is_regular_file(error)) files.push_back(entry.path());
+  }
+  std::ranges::sort(files);
+  return files;
+}
+
+/// Genesis slices do not say to which series they belong; the folder does.
+std::vector<fs::path> of_one_folder(std::vector<fs::path> genesis, const fs::path& path) {
+  const auto directly = [&](const fs::path& file) { return fs::equivalent(file.parent_path(), path); };
+  if (std::ranges::any_of(genesis, directly))
+    std::erase_if(genesis, [&](const fs::path& file) { return !directly(file); });
+  for (const fs::path& file : genesis)
+    if (file.parent_path() != genesis.front().parent_path())
+      throw InputError("{}: several of its folders hold GE Genesis slices; give one of them, such as {}",
+                       path.string(), genesis.front().parent_path().string());
+  return genesis;
+}
+
 Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  const std::vector<fs::path> files = files_within(path, progress);
+  if (files.empty()) throw InputError("{}: the folder is empty", path.string());
+  std::vector<Format> formats(files.size());
+  parallel_for(std::ssize(files), [&](std::int64_t i) {
+    progress.check();
+    formats[static_cast<std::size_t>(i)] = format_of(files[static_cast<std::size_t>(i)]);
+  });
+
   std::vector<fs::path> dicom, genesis;
   fs::path other;
-  bool empty = true;
-  for (const auto& entry : fs::directory_iterator(path)) {
-    empty = false;
-    if (!entry.is_regular_file()) continue;
-    progress.check();
-    switch (format_of(entry.path())) {
-      case Format::dicom:
-        dicom.push_back(entry.path());
-        break;
-      case Format::genesis:
-        genesis.push_back(entry.path());
-        break;
-      case Format::unknown:
-        break;
-      default:
-        other = entry.path();
-    }
+  for (std::size_t i = 0; i < files.size(); ++i) {
+    if (formats[i] == Format::dicom)
+      dicom.push_back(files[i]);
+    else if (formats[i] == Format::genesis)
+      genesis.push_back(files[i]);
+    else if (formats[i] != Format::unknown)
+      other = files[i];
   }
-  if (empty) throw InputError("{}: the folder is empty", path.string());
-  // The order in which a folder lists its files is arbitrary; which of two duplicates stays must not be.
-  std::ranges::sort(dicom);
-  std::ranges::sort(genesis);
   if (!dicom.empty()) return open_dicom(path, dicom, options, progress);
-  if (!genesis.empty()) return open_genesis(path, genesis, options, progress);
+  if (!genesis.empty()) return open_genesis(path, of_one_folder(genesis, path), options, progress);
   if (!other.empty())
     throw InputError("{}: the folder holds no DICOM or GE Genesis slices; give the file itself, such as {}",
-                     path.string(), other.filename().string());
-  throw InputError("{}: the folder holds no images; give the one that directly holds the slices",
-                   path.string());
+                     path.string(), other.lexically_relative(path).string());
+  throw InputError("{}: the folder holds no images; give the one that holds the slices", path.string());
 }
 
 }  // namespace
@@ -88,6 +109,8 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
 
   switch (format_of(path)) {
     case Format::dicom:
+      // Beside a DICOMDIR lie the files that it lists.
+      if (is_dicom_directory(path)) return open_folder(fs::absolute(path).parent_path(), options, progress);
       return open_dicom(path, {path}, options, progress);
     case Format::genesis:
       return open_genesis(path, {path}, options, progress);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/scan/slice_source.hpp"
 
 #include <cstdint>
@@ -17,8 +18,16 @@ struct ScanInfo {
   std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage" or "GE Genesis"
   std::string modality;  ///< "CT" where the format does not say
   std::string series;    ///< DICOM: number, description and UID of the series that was chosen
-  std::vector<std::string> other_series;  ///< what else the folder holds, one readable line each
-  Index3 size{0, 0, 0};                   ///< columns, rows and slices as stored
+  std::vector<std::string> other_series;  ///< what else could have been taken, one readable line each
+  struct Series {
+    std::string number, description, uid, modality;
+    std::int64_t slices;      ///< files, before those at one position are dropped
+    std::string orientation;  ///< "axial", "coronal" or "sagittal"; empty if unknown
+    double thickness_mm;      ///< 0 if unknown
+    bool chosen;
+  };
+  std::vector<Series> all_series;  ///< DICOM: whatever holds grey images, the best CT series first
+  Index3 size{0, 0, 0};            ///< columns, rows and slices as stored
   glm::dvec3 spacing_mm{1, 1,
                         1};  ///< along the stored axes; the third is the median distance along the normal
   std::string orientation;   ///< direction in which each stored axis grows, such as "LPS" or "RAS"
@@ -35,8 +44,14 @@ struct ScanInfo {
 
 /// How to open a scan.
 struct ScanOptions {
-  std::string series;        ///< DICOM: part of a series' UID, description or its number; empty: the largest
-  bool keep_slices = false;  ///< refuse an unevenly spaced stack instead of resampling it
+  std::string series;         ///< DICOM: part of a series' UID, description or its number; empty: the best CT
+  bool keep_slices = false;   ///< refuse an unevenly spaced stack instead of resampling it
+  bool skip_damaged = false;  ///< leave damaged slices of a series out, and interpolate across them
+};
+
+/// A slice is damaged that ScanOptions::skip_damaged would leave out.
+class DamagedSlice : public InputError {
+  using InputError::InputError;
 };
 
 /// An opened scan: what it is, and its slices to come.
@@ -48,11 +63,15 @@ struct Scan {
 /// Opens a folder of DICOM or GE Genesis slices, or a single DICOM, Genesis, NIfTI, NRRD or MetaImage file.
 /// Headers are read now (stage "opening"), voxels by the source.
 ///
+/// A folder is searched with all folders in it, such as those of a patient's CD, and so is that of a
+/// DICOMDIR. The best CT series is taken: the one with most slices, then an axial one, then the thinnest.
+/// Where there is no CT, other grey images stand in for it.
+///
 /// The format is recognised by content, never by name alone. Slices are sorted by position along their
 /// normal, rescaled to HU, clamped to [-1024, 32767] and delivered in the frame of VolumeGeometry. Stacks
 /// that are sheared, uneven, or not aligned with the patient's axes are resampled onto a grid that is.
 ///
-/// Throws InputError, naming the file and the field.
+/// Throws InputError, naming the file and the field, and DamagedSlice for what skip_damaged would leave out.
 Scan open_scan(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 
 /// Writes a volume as NRRD (`.nrrd`), NIfTI (`.nii`, `.nii.gz`) or MetaImage (`.mha`, `.mhd`), by the
