@@ -200,7 +200,7 @@ void ExrReader::read(int part, std::span<const ExrTarget> targets) const {
 
   struct Decoder {
     exr_const_context_t context;
-    exr_decode_pipeline_t pipeline = EXR_DECODE_PIPELINE_INITIALIZER;
+    exr_decode_pipeline_t pipeline{};
     ~Decoder() { exr_decoding_destroy(context, &pipeline); }
   } decoder{file_->context};
   exr_decode_pipeline_t& pipeline = decoder.pipeline;
