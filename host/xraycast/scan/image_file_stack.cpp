@@ -168,7 +168,7 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
 }
 
 fs::path data_file_beside(const fs::path& header, const std::string& name) {
-  const fs::path file = header.parent_path() / name;
+  fs::path file = header.parent_path() / name;
   std::error_code error;
   // A pipe or a device could go on for ever.
   if (!fs::is_regular_file(file, error))

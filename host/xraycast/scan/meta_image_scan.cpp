@@ -87,15 +87,15 @@ class MetaFields {
 };
 
 VoxelType meta_type(const fs::path& path, const std::string& name) {
-  static const std::map<std::string, VoxelType> kTypes{
+  static const std::map<std::string, VoxelType> types{
       {"MET_CHAR", VoxelType::int8},       {"MET_UCHAR", VoxelType::uint8},
       {"MET_SHORT", VoxelType::int16},     {"MET_USHORT", VoxelType::uint16},
       {"MET_INT", VoxelType::int32},       {"MET_UINT", VoxelType::uint32},
       {"MET_LONG", VoxelType::int32},      {"MET_ULONG", VoxelType::uint32},
       {"MET_LONG_LONG", VoxelType::int64}, {"MET_ULONG_LONG", VoxelType::uint64},
       {"MET_FLOAT", VoxelType::float32},   {"MET_DOUBLE", VoxelType::float64}};
-  const auto found = kTypes.find(name);
-  if (found == kTypes.end())
+  const auto found = types.find(name);
+  if (found == types.end())
     throw InputError("{}: ElementType '{}' is not supported; save the scan as MET_SHORT", path.string(),
                      name);
   return found->second;
@@ -161,7 +161,8 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
     const std::string digits = std::to_string(number);
     const std::string padding(static_cast<std::size_t>(std::max<std::int64_t>(0, width - std::ssize(digits))),
                               width_text.starts_with('0') ? '0' : ' ');
-    names.push_back(pattern.substr(0, percent) + padding + digits + pattern.substr(letter + 1));
+    names.push_back(
+        fmt::format("{}{}{}{}", pattern.substr(0, percent), padding, digits, pattern.substr(letter + 1)));
   }
   return names;
 }

@@ -43,9 +43,9 @@ std::string lower_case(std::string_view text) {
 }
 
 const std::string& TextHeader::get(const std::string& name) const {
-  static const std::string kNone;
+  static const std::string none;
   const auto field = fields.find(name);
-  return field == fields.end() ? kNone : field->second;
+  return field == fields.end() ? none : field->second;
 }
 
 TextHeader read_nrrd_header(const std::filesystem::path& path) {

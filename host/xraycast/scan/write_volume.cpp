@@ -67,7 +67,7 @@ struct VoxelType {
   std::int16_t nifti_code, nifti_bits;
 };
 template <typename T>
-constexpr VoxelType kVoxelType;
+constexpr VoxelType kVoxelType{};
 template <>
 constexpr VoxelType kVoxelType<std::uint8_t>{"unsigned char", "MET_UCHAR", 2, 8};
 template <>
