@@ -53,11 +53,15 @@ void check_shown(const GreyOptions& options, const std::string& file) {
   check_shown(options.inverted, "--inverted", file);
 }
 
-void add_dicom_options(CLI::App& command, DicomOptions& options) {
+void add_patient_option(CLI::App& command, std::string& patient) {
   command
-      .add_option("--patient", options.patient,
-                  "Whose name and ID a .dcm bears, such as Doe^Jane,12345; without it nobody's")
+      .add_option("--patient", patient,
+                  "Whose name and ID DICOM files bear, such as Doe^Jane,12345; without it nobody's")
       ->type_name("NAME,ID");
+}
+
+void add_dicom_options(CLI::App& command, DicomOptions& options) {
+  add_patient_option(command, options.patient);
   command
       .add_option("--intensity", options.intensity,
                   "A .dcm's pixels over the X-ray intensity: log (default) keeps all depths apart in 12 bits")
@@ -71,12 +75,7 @@ XaOptions parse_xa(const DicomOptions& options, const std::string& file) {
                      options.patient.empty() ? "--intensity" : "--patient", file);
   XaOptions xa;
   if (options.intensity == "linear") xa.intensity = XaIntensity::linear;
-  if (options.patient.empty()) return xa;
-  const auto comma = options.patient.rfind(',');
-  if (comma == std::string::npos || comma == 0 || comma + 1 == options.patient.size())
-    throw InputError("--patient {}: has to be NAME,ID, such as Doe^Jane,12345", options.patient);
-  xa.patient_name = options.patient.substr(0, comma);
-  xa.patient_id = options.patient.substr(comma + 1);
+  xa.patient = parse_patient(options.patient, "--patient");
   return xa;
 }
 

@@ -31,6 +31,9 @@ void add_grey_options(CLI::App& command, GreyOptions& options);
 void check_shown(bool is_given, const char* option, const std::string& file);
 void check_shown(const GreyOptions& options, const std::string& file);
 
+/// --patient alone, for commands that draw nothing.
+void add_patient_option(CLI::App& command, std::string& patient);
+
 /// --patient and --intensity, as given: what only a DICOM picture has.
 struct DicomOptions {
   std::string patient, intensity;

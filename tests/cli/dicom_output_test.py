@@ -84,6 +84,21 @@ class DicomOutput(unittest.TestCase):
             told = subprocess.run(["dciodvfy", file], capture_output=True, text=True).stderr
             self.assertEqual([line for line in told.splitlines() if line.startswith("Error")], [], file)
 
+    def expect_full_disk(self, largest_kB, file, *words):
+        limited = ["bash", "-c", f'ulimit -f {largest_kB}; exec "$@"', "-", PROGRAM, *map(str, words)]
+        done = subprocess.run(limited, capture_output=True, text=True, timeout=100)
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
+        self.assertIn(f"{file}: could not be written to its end", done.stderr)
+
+    def test_a_picture_is_whole_or_not_there(self):
+        file = self.folder / "whole.dcm"
+        file.write_text("an older one")
+        before = set(self.folder.iterdir()) | {self.phantom()}
+        # What LLVM and PoCL write on the way is smaller.
+        self.expect_full_disk(1000, "whole.dcm", "project", self.phantom(), "-o", file, "--size", "1024x768",
+                              "--cone", "780,1200")
+        self.assertEqual((set(self.folder.iterdir()), file.read_text()), (before, "an older one"))
+
     def test_a_picture_is_a_valid_xa_in_either_intensity(self):
         view = ("--angle", 30, "--tilt", 10, "--cone", "780,1200", "--size", "96x72")
         tau = self.folder / "tau.nrrd"
@@ -197,6 +212,69 @@ class DicomOutput(unittest.TestCase):
             self.assertEqual((status, told.count("\n")), (3, 1), told)
             self.assertIn(reason, told)
         self.assertFalse((self.folder / "x.dcm").exists())
+
+
+    def read_series(self, folder):
+        """HU, axes z, y, x, from the most inferior slice; and its slices."""
+        slices = sorted((pydicom.dcmread(f) for f in folder.iterdir()), key=lambda d: d.ImagePositionPatient[2])
+        return numpy.stack([d.pixel_array * float(d.RescaleSlope) + float(d.RescaleIntercept) for d in slices]), slices
+
+    def test_a_scan_becomes_a_series_and_comes_back_as_it_was(self):
+        voxels = numpy.random.default_rng(1).integers(-1024, 32768, (5, 7, 6))
+        scan, series, back = self.folder / "noise.nrrd", self.folder / "noise series", self.folder / "back.nrrd"
+        # A third has no end in decimal strings.
+        write_nrrd(scan, voxels, 1 / 3)
+        run("convert", scan, "-o", series, "--patient", "Doe^Jane,1")
+        self.expect_valid(*series.iterdir())
+        hu, slices = self.read_series(series)
+        self.assertTrue((hu == voxels).all())
+        # 16 bytes of decimals.
+        self.assertLess(abs(slices[0].ImagePositionPatient[0] + 2.5 / 3), 1e-12)
+        self.assertLess(abs(slices[4].ImagePositionPatient[2] - 2 / 3), 1e-12)
+        self.assertLess(abs(slices[0].PixelSpacing[1] - 1 / 3), 1e-12)
+        self.assertEqual(list(slices[0].ImageOrientationPatient), [1, 0, 0, 0, 1, 0])
+        for shared in ("SeriesInstanceUID", "StudyInstanceUID", "FrameOfReferenceUID", "PatientName"):
+            self.assertEqual(len({str(d[shared].value) for d in slices}), 1, shared)
+        self.assertEqual(len({d.SOPInstanceUID for d in slices}), 5)
+        self.assertEqual(slices[0].PatientName, "Doe^Jane")
+        told = run("convert", series, "-o", back).stderr
+        self.assertEqual(told, "")
+        self.assertEqual(back.read_bytes().partition(b"\n\n")[2], voxels.astype("<i2").tobytes())
+
+    def test_a_scan_is_converted_to_every_format_and_back(self):
+        expected = None
+        for name in ("phantom", "a.nii", "a.nii.gz", "a.nrrd", "a.mha", "a.mhd"):
+            run("convert", self.phantom(), "-o", self.folder / name)
+            run("convert", self.folder / name, "-o", self.folder / "again.nrrd")
+            voxels = (self.folder / "again.nrrd").read_bytes().partition(b"\n\n")[2]
+            expected = expected or self.phantom().read_bytes().partition(b"\n\n")[2]
+            self.assertEqual(voxels, expected, name)
+
+    def test_a_series_is_written_whole_or_not_at_all(self):
+        series = self.folder / "series"
+        before = set(self.folder.iterdir()) | {self.phantom()}
+        self.expect_full_disk(10, "series/slice-0001.dcm", "convert", self.phantom(), "-o", series)
+        self.assertEqual(set(self.folder.iterdir()), before)
+        # What a dead process left goes with the next run; an empty folder is filled, any other left alone.
+        left = self.folder / ".series.0123456789abcdef.part"
+        left.mkdir()
+        (left / "slice-0001.dcm").touch()
+        series.mkdir()
+        run("convert", self.phantom(), "-o", f"{series}/")
+        self.assertEqual(set(self.folder.iterdir()), before | {series})
+        self.assertEqual(len(list(series.iterdir())), 80)
+        status, told = refusal("convert", self.phantom(), "-o", series)
+        self.assertEqual((status, told.count("\n")), (3, 1), told)
+        self.assertIn("is no empty folder", told)
+
+    def test_a_conversion_that_cannot_be_is_refused(self):
+        for words, reason in ((("-o", self.folder / "x.stl"), "not a volume's name"),
+                              (("-o", self.folder / "x.nrrd", "--patient", "a,b"), "--patient does not apply"),
+                              (("-o", self.folder / "x", "--patient", "a"), "NAME,ID"),
+                              (("-o", self.folder / "none" / "x"), "the output folder does not exist")):
+            status, told = refusal("convert", self.phantom(), *words)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn(reason, told)
 
 
 if __name__ == "__main__":

@@ -65,7 +65,7 @@ gdcm::DataSet to_gdcm(const DicomElements& elements) {
 }
 
 /// Everything but the pixels.
-std::string header_bytes(const DicomElements& elements) {
+std::string elements_bytes(const DicomElements& elements) {
   gdcm::Trace::WarningOff();
   gdcm::Writer writer;
   std::ostringstream bytes;
@@ -124,7 +124,7 @@ std::string new_dicom_uid() {
   return fmt::format("2.25.{}", uuid);
 }
 
-DicomElements dicom_elements(std::string_view sop_class_uid) {
+DicomElements dicom_elements(std::string_view sop_class_uid, const DicomPatient& patient) {
   DicomElements elements;
   elements.text(0x00080005, "ISO_IR 192");  // Specific Character Set: UTF-8
   elements.text(0x00080016, sop_class_uid);
@@ -138,8 +138,8 @@ DicomElements dicom_elements(std::string_view sop_class_uid) {
   elements.text(0x00080070, "xraycast");       // Manufacturer
   elements.text(0x00081090, "xraycast");       // Manufacturer's Model Name
   elements.text(0x00080090, "");               // Referring Physician's Name
-  elements.text(0x00100010, "");               // Patient's Name
-  elements.text(0x00100020, "");               // Patient ID
+  elements.text(0x00100010, patient.name);     // Patient's Name
+  elements.text(0x00100020, patient.id);       // Patient ID
   elements.text(0x00100030, "");               // Patient's Birth Date
   elements.text(0x00100040, "");               // Patient's Sex
   elements.text(0x0020000d, new_dicom_uid());  // Study Instance UID
@@ -150,18 +150,18 @@ DicomElements dicom_elements(std::string_view sop_class_uid) {
   return elements;
 }
 
+std::string dicom_header(const DicomElements& elements, std::int64_t pixels_B) {
+  const auto length = static_cast<std::uint32_t>(pixels_B);
+  // Pixel Data comes last, so the pixels need no copy within GDCM.
+  std::string bytes = elements_bytes(elements) + std::string("\xe0\x7f\x10\x00OW\0\0", 8);
+  return bytes.append(reinterpret_cast<const char*>(&length), sizeof length);
+}
+
 void write_dicom(const DicomElements& elements, std::span<const std::byte> pixels, AtomicFile& file) {
-  const std::string header = header_bytes(elements);
-  const std::int64_t padding_B = std::ssize(pixels) % 2;
-  // Pixel Data comes last: its head and value need no copy within GDCM.
-  const auto length = static_cast<std::uint32_t>(std::ssize(pixels) + padding_B);
-  std::string pixel_head("\xe0\x7f\x10\x00OW\0\0", 8);
-  pixel_head.append(reinterpret_cast<const char*>(&length), sizeof length);
-  const std::int64_t needed_B = std::ssize(header) + std::ssize(pixel_head) + length;
+  const std::string header = dicom_header(elements, std::ssize(pixels));
+  const std::int64_t needed_B = std::ssize(header) + std::ssize(pixels);
   file.write(header, needed_B);
-  file.write(pixel_head, needed_B);
   file.write({reinterpret_cast<const char*>(pixels.data()), pixels.size()}, needed_B);
-  if (padding_B == 1) file.write(std::string_view("\0", 1), needed_B);
   file.commit();
 }
 

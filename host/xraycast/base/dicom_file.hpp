@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/dicom_patient.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -45,14 +46,17 @@ class DicomElements {
 std::string new_dicom_uid();
 
 /// The elements that every file needs in the same way: who made it, when, SOP class and a new SOP instance,
-/// and the type 2 ones of patient and study, empty.
-DicomElements dicom_elements(std::string_view sop_class_uid);
+/// the patient, and a new study and series, the type 2 elements of which are empty.
+DicomElements dicom_elements(std::string_view sop_class_uid, const DicomPatient& patient);
 
 /// The most bytes of pixels that one file holds: the length has 32 bits.
 inline constexpr std::int64_t kMostDicomPixels_B = 0xfffffffe;
 
-/// Writes a file in explicit VR, little endian, uncompressed; `pixels` are the value of Pixel Data, as OW.
-/// Commits `file`. Throws Error when the disk is full.
+/// A file in explicit VR, little endian, uncompressed: all of it in front of the pixels, which are OW and an
+/// even number of bytes.
+std::string dicom_header(const DicomElements& elements, std::int64_t pixels_B);
+
+/// Writes a file with these pixels and commits it. Throws Error when the disk is full.
 void write_dicom(const DicomElements& elements, std::span<const std::byte> pixels, AtomicFile& file);
 
 }  // namespace xraycast

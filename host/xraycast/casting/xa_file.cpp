@@ -131,28 +131,12 @@ std::string derivation(const View& view) {
       c.x, c.y, c.z, view.cone ? "" : " The beam is parallel: it has no source.");
 }
 
-/// Characters of UTF-8.
-std::ptrdiff_t characters(const std::string& text) {
-  return std::ranges::count_if(text, [](char c) { return (static_cast<unsigned char>(c) & 0xc0) != 0x80; });
-}
-
-void check_patient_field(const std::string& value, const char* field) {
-  constexpr std::ptrdiff_t kMost = 64;
-  if (characters(value) > kMost)
-    throw InputError("the patient's {} '{}' has {} characters; DICOM holds {}", field, value,
-                     characters(value), kMost);
-  if (std::ranges::any_of(value, [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\\'; }))
-    throw InputError("the patient's {} '{}' holds a backslash or a control character; leave it out", field,
-                     value);
-}
-
 }  // namespace
 
 bool is_xa(const std::filesystem::path& path) { return extension_of(path) == ".dcm"; }
 
 void check_xa(const std::filesystem::path& path, const View& view, const XaOptions& options) {
-  check_patient_field(options.patient_name, "name");
-  check_patient_field(options.patient_id, "ID");
+  check(options.patient);
   if (const double tilt_deg = positioner_deg(view.tilt_rad); std::abs(tilt_deg) > 90)
     throw InputError(
         "{}: a tilt of {:g} deg; DICOM's Positioner Secondary Angle holds -90 to 90: turn by 180 deg instead",
@@ -177,14 +161,12 @@ void XaWriter::add(const View& view, std::span<const float> tau) {
 }
 
 void XaWriter::finish() {
-  DicomElements image = dicom_elements("1.2.840.10008.5.1.4.1.1.12.1");
+  DicomElements image = dicom_elements("1.2.840.10008.5.1.4.1.1.12.1", options_.patient);
   image.text(0x00080008, "DERIVED\\SECONDARY\\SINGLE PLANE");  // Image Type
   image.text(0x00082111, derivation(views_.front()));
   image.text(0x0008103e, "Simulated projection");  // Series Description
-  image.text(0x00100010, options_.patient_name);
-  image.text(0x00100020, options_.patient_id);
-  image.text(0x00200052, new_dicom_uid());  // Frame of Reference UID
-  image.text(0x00201040, "");               // Position Reference Indicator
+  image.text(0x00200052, new_dicom_uid());         // Frame of Reference UID
+  image.text(0x00201040, "");                      // Position Reference Indicator
   add_image(image, views_.front(), pixels_, options_.intensity);
   add_acquisition(image, options_.tube_kvp);
   add_pose(image, views_);

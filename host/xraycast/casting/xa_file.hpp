@@ -1,13 +1,13 @@
 #pragma once
 
 #include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/dicom_patient.hpp"
 #include "xraycast/casting/view.hpp"
 
 #include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
-#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -22,8 +22,8 @@ enum class XaIntensity {
 /// What an X-Ray Angiographic Image says besides its picture.
 struct XaOptions {
   XaIntensity intensity = XaIntensity::logarithmic;
-  std::string patient_name, patient_id;  ///< as DICOM spells them (`Doe^Jane`); empty: nobody's
-  std::optional<double> tube_kvp{};      ///< where a spectrum was used
+  DicomPatient patient{};
+  std::optional<double> tube_kvp{};  ///< where a spectrum was used
 };
 
 /// Whether a file's name is that of an X-Ray Angiographic Image, `.dcm`.
