@@ -103,13 +103,13 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
 }
 
 void check_output(const RenderArguments& options) {
-  if (options.cine.empty()) {
-    check_projection_format(options.output);
+  if (options.cine.empty()) check_projection_format(options.output);
+  if (options.cine.empty() || is_xa(options.output)) {
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
     check_shown(options.annotations, "--annotations", options.output);
     check_writable(options.output);
-  } else if (is_animation(options.output) || is_xa(options.output)) {
+  } else if (is_animation(options.output)) {
     check_writable(options.output);
   } else {
     if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))

@@ -176,6 +176,22 @@ class DicomOutput(unittest.TestCase):
             run("render", self.map(), "-o", frame, f"--angle={angle}", *view)
             self.assertTrue((pydicom.dcmread(frame).pixel_array == picture).all(), angle)
 
+    def test_a_whole_turn_goes_on_beyond_half_of_it(self):
+        file = self.folder / "turn.dcm"
+        run("render", self.map(), "-o", file, "--cine", "0:360:90", "--size", "32x32")
+        self.expect_valid(file)
+        self.assertEqual(list(pydicom.dcmread(file).PositionerPrimaryAngleIncrement), [0, 90, 180, 270])
+
+    def test_a_cine_that_does_not_fit_is_refused(self):
+        file = self.folder / "long.dcm"
+        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds 2047 of them"),
+                              (("--cine", "0:360:90", "--inverted"), "--inverted does not apply"),
+                              (("--cine", "0:360:90", "--annotations"), "--annotations does not apply")):
+            status, told = refusal("render", self.map(), "-o", file, "--cone", "780,1200", *words)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn(reason, told)
+        self.assertFalse(file.exists())
+
     def test_a_parallel_beam_has_no_distances_and_says_so(self):
         file = self.folder / "parallel.dcm"
         self.assertIn("a parallel beam has no source", run("project", self.phantom(), "-o", file).stderr)

@@ -18,11 +18,11 @@ constexpr double kXaDegrees = 180 / std::numbers::pi;
 constexpr int kFullIntensity = 4095;
 constexpr double kGreysPerTau = 256;  // tau 16 is black: a ten-millionth of the beam
 
-/// Positioner angles: LAO and cranial are positive, -180 to 180 and -90 to 90 deg. Without the rounding of
-/// the way to radians and back.
-double positioner_deg(double radians) {
-  return std::round(std::remainder(radians * kXaDegrees, 360.0) * 1e9) / 1e9;
-}
+/// Without the rounding of the way to radians and back.
+double xa_degrees(double radians) { return std::round(radians * kXaDegrees * 1e9) / 1e9; }
+
+/// Positioner angles: LAO and cranial are positive, -180 to 180 and -90 to 90 deg.
+double positioner_deg(double radians) { return std::remainder(xa_degrees(radians), 360.0); }
 
 std::uint16_t pixel_of(float tau, XaIntensity intensity) {
   const double value = intensity == XaIntensity::linear ? kFullIntensity * std::exp(-double{tau})
@@ -104,11 +104,11 @@ void add_pose(DicomElements& image, std::span<const View> views) {
     image.number(0x00181114, first.cone->source_detector_mm / first.cone->source_axis_mm);
   }
   if (views.size() == 1) return;
-  // Offsets from the first frame, one a frame (C.8.7.5.1.3).
+  // Offsets from the first frame, one a frame (C.8.7.5.1.3), on beyond half a turn.
   std::vector<double> primary_deg, secondary_deg;
   for (const View& view : views) {
-    primary_deg.push_back(positioner_deg(view.angle_rad - first.angle_rad));
-    secondary_deg.push_back(positioner_deg(view.tilt_rad - first.tilt_rad));
+    primary_deg.push_back(xa_degrees(view.angle_rad - first.angle_rad));
+    secondary_deg.push_back(xa_degrees(view.tilt_rad - first.tilt_rad));
   }
   image.text(0x00181500, "DYNAMIC");  // Positioner Motion
   image.numbers(0x00181520, primary_deg);
