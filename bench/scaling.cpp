@@ -1,7 +1,7 @@
 #include "scaling.hpp"
 
-#include "../cli/plot.hpp"
 #include "frames.hpp"
+#include "pictures/plot.hpp"
 #include "simulating.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/segmentation/vesselness.hpp"

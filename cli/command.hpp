@@ -47,6 +47,7 @@ void add_scan_options(CLI::App& command, ScanOptions& options);
 
 // One file each.
 void add_info(CLI::App& app, Session& session);
+void add_convert(CLI::App& app, Session& session);
 void add_phantom(CLI::App& app, Session& session);
 void add_cast(CLI::App& app, Session& session);
 void add_recast(CLI::App& app, Session& session);

@@ -1,6 +1,6 @@
 #include "command.hpp"
-#include "comparison_picture.hpp"
-#include "plot.hpp"
+#include "pictures/comparison_picture.hpp"
+#include "pictures/plot.hpp"
 #include "view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"

@@ -96,6 +96,7 @@ int main(int argc, char** argv) {
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
   app.add_flag("--quiet,-q", session.quiet, "No notes, no progress, no report of files written");
   cli::add_info(app, session);
+  cli::add_convert(app, session);
   cli::add_phantom(app, session);
   cli::add_cast(app, session);
   cli::add_recast(app, session);

@@ -9,6 +9,7 @@
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 
+#include <cmath>
 #include <memory>
 
 namespace xraycast::cli {
@@ -20,6 +21,7 @@ struct ProjectArguments {
   AttenuationOptions attenuation;
   ViewOptions view;
   GreyOptions grey;
+  DicomOptions dicom;
 };
 
 bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
@@ -34,8 +36,10 @@ void project_scan(const ProjectArguments& options, Session& session) {
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
   check_shown(options.grey, options.output);
+  XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
   View view = parse_view(options.view);
+  check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
@@ -53,10 +57,12 @@ void project_scan(const ProjectArguments& options, Session& session) {
   if (is_source_within(view, volume, body))
     session.say({"the source stands within the body: what lies behind it is not in the picture"});
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  // A tube's spectrum ends at its voltage.
+  if (spectrum) xa.tube_kvp = std::ceil(spectrum->bins().back().energy_kev);
   const ProjectionImage image =
       spectrum ? project(resident, view, *spectrum, session.progress)
                : project(resident.native, view, std::get<Opacity>(attenuation), session.progress);
-  write_projection(image, options.output, options.grey.gamma.value_or(1), options.grey.inverted);
+  write_projection(image, options.output, options.grey.gamma.value_or(1), options.grey.inverted, xa);
 
   const double total_ms = stopwatch.ms();
   const View& drawn = image.view;
@@ -80,17 +86,20 @@ void add_project(CLI::App& app, Session& session) {
   CLI::App* command = add_command(
       app, session, "project", "Draw the DRR of a scan, its true projection",
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
-      "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480",
+      "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480\n"
+      "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1",
       [options, &session] { project_scan(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   command
       ->add_option("-o,--output", options->output,
-                   ".exr, .tif and .nrrd hold float optical depths; .png the displayed picture")
+                   ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA; .png the displayed "
+                   "picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_grey_options(*command, options->grey);
+  add_dicom_options(*command, options->dicom);
   add_attenuation_options(*command, options->attenuation);
   add_scan_options(*command, options->scan);
 }

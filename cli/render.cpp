@@ -43,6 +43,7 @@ struct RenderArguments {
   bool full_contrast = false, annotations = false;
   ViewOptions view;
   GreyOptions grey;
+  DicomOptions dicom;
 };
 
 void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
@@ -102,8 +103,8 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
 }
 
 void check_output(const RenderArguments& options) {
-  if (options.cine.empty()) {
-    check_projection_format(options.output);
+  if (options.cine.empty()) check_projection_format(options.output);
+  if (options.cine.empty() || is_xa(options.output)) {
     check_shown(options.grey, options.output);
     check_shown(options.full_contrast, "--full-contrast", options.output);
     check_shown(options.annotations, "--annotations", options.output);
@@ -112,7 +113,8 @@ void check_output(const RenderArguments& options) {
     check_writable(options.output);
   } else {
     if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))
-      throw InputError("--cine with -o {}: has to be a folder for PNGs, or end in .gif", options.output);
+      throw InputError("--cine with -o {}: has to be a folder for PNGs, or end in .gif or .dcm",
+                       options.output);
     make_folder(options.output, options.output);
     check_writable(fs::path(options.output) / "frame-000.png");
   }
@@ -192,14 +194,27 @@ void write_cine(FrameRenderer& frames, View view, std::span<const double> angles
   writer.finish();
 }
 
-void write_frame(FrameRenderer& frames, const View& view, const std::string& output) {
+void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
+                   const std::string& output, const XaOptions& options, Progress& progress) {
+  XaWriter writer(output, view, std::ssize(angles_deg), options);
+  progress.begin("drawing", std::ssize(angles_deg), "frames");
+  for (const double angle_deg : angles_deg) {
+    view.angle_rad = angle_deg * kRadians;
+    writer.add(view, frames.tau(view));
+    progress.advance();
+  }
+  writer.finish();
+}
+
+void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa) {
   if (is_picture(output))
     write_png(frames.picture(view), view.width, view.height, 3, output);
   else
-    write_projection({view, frames.tau(view), 0}, output);
+    write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
 }
 
 void render(const RenderArguments& options, Session& session) {
+  const XaOptions xa = parse_xa(options.dicom, options.output);
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
@@ -209,10 +224,13 @@ void render(const RenderArguments& options, Session& session) {
   const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
   const View view = resolve_view(options, scene, bounds);
 
+  check_dicom(view, xa, options.output, session);
   FrameRenderer frames(scene, map, bounds, surfaces, options.annotations);
   const Stopwatch stopwatch;
   if (cine_deg.empty())
-    write_frame(frames, view, options.output);
+    write_frame(frames, view, options.output, xa);
+  else if (is_xa(options.output))
+    write_xa_cine(frames, view, cine_deg, options.output, xa, session.progress);
   else
     write_cine(frames, view, cine_deg, options.output, session.progress);
   const double draw_ms = stopwatch.ms();
@@ -244,12 +262,15 @@ void add_render(CLI::App& app, Session& session) {
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
+      "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render --session operation.json -o frame.png",
       [options, &session] { render(*options, session); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
-      ->add_option("-o,--output", options->output,
-                   ".exr, .tif, .nrrd hold float tau; .png what is shown; --cine: a folder of PNGs, or .gif")
+      ->add_option(
+          "-o,--output", options->output,
+          ".exr, .tif, .nrrd hold float tau; .dcm a DICOM XA; .png what is shown; --cine: a folder of "
+          "PNGs, .gif or .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
@@ -278,6 +299,7 @@ void add_render(CLI::App& app, Session& session) {
   command->add_option("--layer-weights", options->layer_weights, kWeights)->type_name("W,W,...");
   command->add_option("--strengths", options->layer_weights, kWeights)->group(kOldSpelling);
   add_grey_options(*command, options->grey);
+  add_dicom_options(*command, options->dicom);
   command->add_flag(
       "--full-contrast", options->full_contrast,
       "fluoro: vessels and catheter keep the contrast that the grey window takes from the body's range");

@@ -1,7 +1,7 @@
 #include "xraycast/segmentation/segment.hpp"
 
 #include "command.hpp"
-#include "vessel_report.hpp"
+#include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/materials.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"

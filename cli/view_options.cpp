@@ -19,10 +19,11 @@ double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1
 
 void add_view_options(CLI::App& command, ViewOptions& options) {
   command
-      .add_option("--angle", options.angle_deg, "Where the detector stands: LAO is positive, 0 is frontal")
+      .add_option("--angle,--lao", options.angle_deg,
+                  "Where the detector stands: LAO is positive, 0 is frontal")
       ->capture_default_str()
       ->type_name("DEG");
-  command.add_option("--tilt", options.tilt_deg, "Cranial is positive")
+  command.add_option("--tilt,--cranial", options.tilt_deg, "Cranial is positive")
       ->capture_default_str()
       ->type_name("DEG");
   add_cone_option(command, options.cone);
@@ -50,6 +51,41 @@ void check_shown(bool is_given, const char* option, const std::string& file) {
 void check_shown(const GreyOptions& options, const std::string& file) {
   check_shown(options.gamma.has_value(), "--gamma", file);
   check_shown(options.inverted, "--inverted", file);
+}
+
+void add_patient_option(CLI::App& command, std::string& patient) {
+  command
+      .add_option("--patient", patient,
+                  "Whose name and ID DICOM files bear, such as Doe^Jane,12345; without it nobody's")
+      ->type_name("NAME,ID");
+}
+
+void add_dicom_options(CLI::App& command, DicomOptions& options) {
+  add_patient_option(command, options.patient);
+  command
+      .add_option("--intensity", options.intensity,
+                  "A .dcm's pixels over the X-ray intensity: log (default) keeps all depths apart in 12 bits")
+      ->check(CLI::IsMember({"log", "linear"}))
+      ->type_name("NAME");
+}
+
+XaOptions parse_xa(const DicomOptions& options, const std::string& file) {
+  if (!is_xa(file) && !(options.patient.empty() && options.intensity.empty()))
+    throw InputError("{} does not apply to {}, which is not DICOM; leave it out or write a .dcm",
+                     options.patient.empty() ? "--intensity" : "--patient", file);
+  XaOptions xa;
+  if (options.intensity == "linear") xa.intensity = XaIntensity::linear;
+  xa.patient = parse_patient(options.patient, "--patient");
+  return xa;
+}
+
+void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session) {
+  if (!is_xa(file)) return;
+  check_xa(file, view, xa);
+  if (!view.cone)
+    session.say({file +
+                 ": a parallel beam has no source, so the distances from it are left out; --cone makes a "
+                 "C-arm's"});
 }
 
 void add_cone_option(CLI::App& command, std::string& cone) {

@@ -2,6 +2,7 @@
 
 #include "command.hpp"
 #include "xraycast/casting/view.hpp"
+#include "xraycast/casting/xa_file.hpp"
 
 #include <optional>
 #include <string>
@@ -29,6 +30,24 @@ void add_grey_options(CLI::App& command, GreyOptions& options);
 /// optical depths.
 void check_shown(bool is_given, const char* option, const std::string& file);
 void check_shown(const GreyOptions& options, const std::string& file);
+
+/// --patient alone, for commands that draw nothing.
+void add_patient_option(CLI::App& command, std::string& patient);
+
+/// --patient and --intensity, as given: what only a DICOM picture has.
+struct DicomOptions {
+  std::string patient, intensity;
+};
+
+void add_dicom_options(CLI::App& command, DicomOptions& options);
+
+/// Throws InputError for a patient that is not NAME,ID, and when an option was given for a `file` that is not
+/// DICOM.
+XaOptions parse_xa(const DicomOptions& options, const std::string& file);
+
+/// Where `file` is DICOM, checks that the view and the patient fit into it, and says why a parallel beam's
+/// picture has no distances. Throws InputError.
+void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session);
 
 /// --cone alone, for commands that choose their own angles.
 void add_cone_option(CLI::App& command, std::string& cone);

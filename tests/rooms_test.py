@@ -33,7 +33,7 @@ def headers():
     for room in ROOMS:
         for file in sources(room):
             if file.suffix in (".hpp", ".h"):
-                found[f"xraycast/{file.parent.name}/{file.name}" if "/" in room else file.name] = (room, file)
+                found["/".join(file.relative_to(ROOT).parts[1:])] = (room, file)
     return found
 
 

@@ -31,9 +31,7 @@ def includes_of(room):
     found = set()
     for file in sorted((ROOT / room).iterdir()):
         if file.suffix in (".cpp", ".hpp"):
-            found |= set(re.findall(r'^#include "xraycast/([a-z]+)/', file.read_text(), re.MULTILINE))
-            if re.search(r'^#include "(params|embedded_kernels)\.h"', file.read_text(), re.MULTILINE):
-                found.add("kernels")
+            found |= set(re.findall(r'^#include "(?:xraycast/)?([a-z]+)/', file.read_text(), re.MULTILINE))
     return found - {name_of(room)}
 
 

@@ -169,6 +169,22 @@ void remove_leftovers(const fs::path& folder, const TemporaryName& names) {
   }
 }
 
+/// As remove_leftovers, of folders.
+void remove_leftover_folders(const fs::path& folder, const TemporaryName& names) {
+  std::error_code error;
+  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
+    if (!names.fits(entry->path().filename().string())) continue;
+    const Descriptor left(open(entry->path().c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+    std::error_code ignored;
+    if (left() >= 0 && flock(left(), LOCK_EX | LOCK_NB) == 0) fs::remove_all(entry->path(), ignored);
+  }
+}
+
+/// A name without the slash that it may end in.
+fs::path without_slash(const fs::path& folder) {
+  return folder.has_filename() ? folder : folder.parent_path();
+}
+
 /// The names of temporary files, where a signal handler finds them; those beyond this many it does not.
 std::array<std::atomic<const char*>, 64> to_remove{};
 
@@ -314,6 +330,77 @@ void OutputSet::commit() {
     else
       file->publish();
   files_.clear();
+}
+
+// ---- a temporary folder -----------------------------------------------------------------------------
+
+class AtomicFolder::Temporary {
+ public:
+  explicit Temporary(const fs::path& target) {
+    std::error_code error;
+    const fs::path above = folder_of(target);
+    if (!fs::is_directory(above, error))
+      throw InputError("{}: the output folder does not exist; create it first", above.string());
+    if (fs::exists(fs::symlink_status(target, error)) &&
+        !(fs::is_directory(fs::symlink_status(target, error)) && fs::is_empty(target, error)))
+      throw InputError("{}: exists already and is no empty folder; choose another name or take it away",
+                       target.string());
+    const TemporaryName names(target);
+    remove_leftover_folders(above, names);
+    name_ = above / names.any();
+    if (mkdir(name_.c_str(), 0777) != 0) {
+      if (is_full_disk(errno)) throw failure_of(target, errno, 0);
+      throw InputError("{}: cannot be written: {}", target.string(), std::strerror(errno));
+    }
+    lock_ = Descriptor(open(name_.c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    flock(lock_(), LOCK_EX);
+  }
+  ~Temporary() {
+    std::error_code ignored;
+    if (!name_.empty()) fs::remove_all(name_, ignored);
+  }
+  Temporary(const Temporary&) = delete;
+  Temporary& operator=(const Temporary&) = delete;
+
+  const fs::path& name() const { return name_; }
+
+  /// False, with errno, when it cannot be renamed.
+  bool publish(const fs::path& target) {
+    if (fsync(lock_()) != 0 || ::rename(name_.c_str(), target.c_str()) != 0) return false;
+    name_.clear();
+    const Descriptor above(open(folder_of(target).c_str(), O_RDONLY | O_DIRECTORY | O_CLOEXEC));
+    if (above() >= 0) fsync(above());
+    return true;
+  }
+
+ private:
+  fs::path name_;
+  Descriptor lock_;
+};
+
+AtomicFolder::AtomicFolder(fs::path target)
+    : target_(without_slash(target)), temporary_(std::make_unique<Temporary>(target_)) {}
+
+AtomicFolder::~AtomicFolder() = default;
+
+void AtomicFolder::write(const std::string& name, std::initializer_list<std::string_view> parts,
+                         std::int64_t needed_B) const {
+  const fs::path file_name = temporary_->name() / name;
+  Descriptor file(open(file_name.c_str(), O_WRONLY | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, 0666));
+  const auto check = [&](bool is_done) {
+    if (!is_done) throw failure_of(target_ / name, errno, needed_B);
+  };
+  check(file() >= 0);
+  for (const std::string_view part : parts) check(write_all(file(), part.data(), part.size()));
+  check(fsync(file()) == 0);
+  check(file.close());
+}
+
+void AtomicFolder::commit() {
+  if (!temporary_->publish(target_))
+    throw Error("{}: could not be renamed into place: {}", target_.string(), std::strerror(errno));
+  temporary_.reset();
+  ++written;
 }
 
 int files_written() { return written; }

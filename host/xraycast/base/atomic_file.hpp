@@ -4,7 +4,9 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <initializer_list>
 #include <memory>
+#include <string>
 #include <string_view>
 #include <vector>
 
@@ -74,6 +76,31 @@ class OutputSet {
   friend class AtomicFile;
   OutputSet* outer_;
   std::vector<std::unique_ptr<AtomicFile::Temporary>> files_;
+};
+
+/// A folder that appears under its name only when all its files are whole. They are written into a temporary
+/// folder beside the target, which has the same kind of name as an AtomicFile's and is locked and cleared up
+/// in the same way, and is renamed by commit(); without commit() it is removed.
+class AtomicFolder {
+ public:
+  /// Throws InputError when the target exists and is no empty folder, or cannot be made.
+  explicit AtomicFolder(std::filesystem::path target);
+  ~AtomicFolder();
+  AtomicFolder(const AtomicFolder&) = delete;
+  AtomicFolder& operator=(const AtomicFolder&) = delete;
+
+  /// Writes a file and brings it to the disk. Throws Error when that is full; `needed_B` is what the whole
+  /// folder takes, for that message.
+  void write(const std::string& name, std::initializer_list<std::string_view> parts,
+             std::int64_t needed_B = 0) const;
+
+  /// Throws Error when the folder cannot be renamed, as when another one has appeared.
+  void commit();
+
+ private:
+  class Temporary;
+  std::filesystem::path target_;
+  std::unique_ptr<Temporary> temporary_;  ///< none after commit()
 };
 
 /// Throws as AtomicFile's constructor would, and leaves nothing behind: called before long work whose result

@@ -64,6 +64,12 @@ void write_nrrd(const ProjectionImage& image, const std::filesystem::path& path)
   write_whole_file(path, header + std::string(reinterpret_cast<const char*>(voxels.data()), voxels.size()));
 }
 
+void write_one_xa(const ProjectionImage& image, const std::filesystem::path& path, const XaOptions& options) {
+  XaWriter writer(path, image.view, 1, options);
+  writer.add(image.view, image.tau);
+  writer.finish();
+}
+
 }  // namespace
 
 bool is_picture(const std::filesystem::path& path) { return extension_of(path) == ".png"; }
@@ -71,17 +77,19 @@ bool is_picture(const std::filesystem::path& path) { return extension_of(path) =
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
   if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
-      extension != ".tiff")
-    throw InputError("{}: a projection is written as .exr, .tif, .nrrd (float) or .png (to look at)",
-                     path.string());
+      extension != ".tiff" && !is_xa(path))
+    throw InputError(
+        "{}: a projection is written as .exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png (to look at)",
+        path.string());
 }
 
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
-                      bool inverted) {
+                      bool inverted, const XaOptions& xa) {
   check_projection_format(path);
   if (is_picture(path))
     return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
                      image.view.height, 1, path);
+  if (is_xa(path)) return write_one_xa(image, path, xa);
   if (extension_of(path) == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, path);
 }

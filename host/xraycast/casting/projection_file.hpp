@@ -1,17 +1,19 @@
 #pragma once
 
 #include "xraycast/casting/projector.hpp"
+#include "xraycast/casting/xa_file.hpp"
 
 #include <filesystem>
 
 namespace xraycast {
 
 /// Writes a projection by the extension: `.exr` and `.tif` hold float tau with the view in their metadata;
-/// `.nrrd` holds float tau with the picture's place in space, which 3D Slicer loads; `.png` holds what is
-/// shown: exp(-tau) in the automatic window, with this gamma, inverted or not. Throws InputError for another
-/// extension or a path that cannot be written, Error when the disk is full.
+/// `.nrrd` holds float tau with the picture's place in space, which 3D Slicer loads; `.dcm` is a DICOM X-Ray
+/// Angiographic Image of the transmission (see XaWriter); `.png` holds what is shown: exp(-tau) in the
+/// automatic window, with this gamma, inverted or not. Throws InputError for another extension or a path that
+/// cannot be written, Error when the disk is full.
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma = 1,
-                      bool inverted = false);
+                      bool inverted = false, const XaOptions& xa = {});
 
 /// Whether write_projection writes what is shown under this name, and not the optical depths.
 bool is_picture(const std::filesystem::path& path);

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "xraycast/base/dicom_file.hpp"
+
 #include <cstdint>
 #include <filesystem>
 #include <optional>
@@ -8,9 +10,6 @@
 #include <vector>
 
 namespace xraycast {
-
-/// Group and element number in one: (0020,0032) is 0x00200032.
-using DicomTag = std::uint32_t;
 
 class DicomBytes;
 

@@ -12,7 +12,7 @@ namespace {
 cl::Buffer vesselness_of(BlockFilter& block, const cl::Buffer& hu, const glm::dvec3& spacing_mm,
                          const VesselnessOptions& options, const Progress* progress) {
   const std::vector<float> zeros(block.voxel_count(), 0.0F);
-  const cl::Buffer best = block.upload(zeros);
+  cl::Buffer best = block.upload(zeros);
   const bool is_frangi = options.measure == VesselnessMeasure::frangi;
   // The second derivative across a tube, times the scale squared, is about 0.4 of its contrast at best.
   const double tube = 0.4 * options.contrast_hu;

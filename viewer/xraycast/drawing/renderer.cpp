@@ -118,7 +118,8 @@ void Renderer::display_body(const Frame& frame, const Style& style, Output outpu
   program.set("from_pixel", body.from_pixel);
   program.set("view_height", double(view.height));
   program.set("body_size", glm::dvec2(std::max(1, body.columns), std::max(1, body.rows)));
-  program.set("last_quad", (body.rows + 3) / 4 - 1.0);
+  const int quads = (body.rows + 3) / 4;
+  program.set("last_quad", quads - 1.0);
   program.set("row_limits",
               glm::dvec2(body.columns > 0 && body.rows > 0 ? body.first_row : 1e9, body.last_row));
   if (is_absorbing) {

@@ -1,4 +1,4 @@
-#include "vessel_report.hpp"
+#include "pictures/vessel_report.hpp"
 
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"

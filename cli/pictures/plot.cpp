@@ -1,4 +1,4 @@
-#include "plot.hpp"
+#include "pictures/plot.hpp"
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"

@@ -1,4 +1,4 @@
-#include "comparison_picture.hpp"
+#include "pictures/comparison_picture.hpp"
 
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/png_file.hpp"

@@ -1,6 +1,6 @@
-#include "hub_plot.hpp"
+#include "pictures/hub_plot.hpp"
 
-#include "plot.hpp"
+#include "pictures/plot.hpp"
 
 namespace xraycast::cli {
 

@@ -1,4 +1,4 @@
-#include "contact_sheet.hpp"
+#include "pictures/contact_sheet.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"

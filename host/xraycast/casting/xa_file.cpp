@@ -1,0 +1,177 @@
+#include "xraycast/casting/xa_file.hpp"
+
+#include "xraycast/base/dicom_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+#include <numbers>
+#include <utility>
+
+// DICOM PS3.3, A.14 and C.8.7.
+namespace xraycast {
+namespace {
+
+constexpr double kXaDegrees = 180 / std::numbers::pi;
+constexpr int kFullIntensity = 4095;
+constexpr double kGreysPerTau = 256;  // tau 16 is black: a ten-millionth of the beam
+
+/// Without the rounding of the way to radians and back.
+double xa_degrees(double radians) { return std::round(radians * kXaDegrees * 1e9) / 1e9; }
+
+/// Positioner angles: LAO and cranial are positive, -180 to 180 and -90 to 90 deg.
+double positioner_deg(double radians) { return std::remainder(xa_degrees(radians), 360.0); }
+
+std::uint16_t pixel_of(float tau, XaIntensity intensity) {
+  const double value = intensity == XaIntensity::linear ? kFullIntensity * std::exp(-double{tau})
+                                                        : kFullIntensity - kGreysPerTau * double{tau};
+  // These take what is no number for black.
+  return static_cast<std::uint16_t>(std::lround(std::fmin(std::fmax(value, 0), kFullIntensity)));
+}
+
+/// Back from logarithmic pixels to the intensity, as 16 bits: what the standard asks of LOG images.
+DicomElements intensity_table() {
+  std::vector<std::uint16_t> intensities;
+  for (int pixel = 0; pixel <= kFullIntensity; ++pixel) {
+    const double tau = (kFullIntensity - pixel) / kGreysPerTau;
+    intensities.push_back(static_cast<std::uint16_t>(std::lround(65535 * std::exp(-tau))));
+  }
+  DicomElements table;
+  table.words(0x00283002, std::vector<std::uint16_t>{kFullIntensity + 1, 0, 16});  // LUT Descriptor
+  table.text(0x00283003, "X-ray intensity");                                       // LUT Explanation
+  table.text(0x00283004, "US");                                                    // Modality LUT Type
+  table.words(0x00283006, intensities);                                            // LUT Data
+  return table;
+}
+
+void add_image(DicomElements& image, const View& view, std::span<const std::uint16_t> pixels,
+               XaIntensity intensity) {
+  image.word(0x00280002, 1);              // Samples per Pixel
+  image.text(0x00280004, "MONOCHROME2");  // Photometric Interpretation
+  image.word(0x00280010, static_cast<std::uint16_t>(view.height));
+  image.word(0x00280011, static_cast<std::uint16_t>(view.width));
+  image.word(0x00280100, 16);    // Bits Allocated
+  image.word(0x00280101, 12);    // Bits Stored
+  image.word(0x00280102, 11);    // High Bit
+  image.word(0x00280103, 0);     // Pixel Representation: unsigned
+  image.text(0x00280301, "NO");  // Burned In Annotation
+  image.text(0x00282110, "00");  // Lossy Image Compression
+  const bool is_log = intensity == XaIntensity::logarithmic;
+  image.text(0x00281040, is_log ? "LOG" : "LIN");  // Pixel Intensity Relationship
+  if (is_log) image.sequence(0x00283000, {intensity_table()});
+  const auto [darkest, lightest] = std::ranges::minmax(pixels);
+  image.number(0x00281050, 0.5 * (darkest + lightest));               // Window Center
+  image.number(0x00281051, std::max(1.0, 1.0 * lightest - darkest));  // Window Width
+}
+
+/// The patient's sides that a direction points to, the foremost first, such as LP: those by more than a few
+/// degrees.
+std::string sides(const glm::dvec3& direction) {
+  std::vector<std::pair<double, char>> found;
+  constexpr char kPositive[] = "LPH", kNegative[] = "RAF";
+  for (int axis = 0; axis < 3; ++axis)
+    if (const double along = direction[axis]; std::abs(along) > 0.1)
+      found.emplace_back(std::abs(along), along > 0 ? kPositive[axis] : kNegative[axis]);
+  std::ranges::stable_sort(found, std::greater{}, &std::pair<double, char>::first);
+  std::string letters;
+  for (const auto& [along, letter] : found) letters += letter;
+  return letters;
+}
+
+void add_acquisition(DicomElements& image, std::optional<double> tube_kvp) {
+  image.text(0x00080060, "XA");
+  image.text(0x00180060, "");  // KVP
+  if (tube_kvp) image.number(0x00180060, *tube_kvp);
+  image.text(0x00181155, "GR");  // Radiation Setting: general, not low dose
+  image.text(0x00181151, "");    // X-Ray Tube Current
+  image.text(0x00181150, "");    // Exposure Time
+  image.text(0x00181152, "");    // Exposure
+}
+
+void add_pose(DicomElements& image, std::span<const View> views) {
+  const View& first = views.front();
+  image.number(0x00181510, positioner_deg(first.angle_rad));
+  image.number(0x00181511, positioner_deg(first.tilt_rad));
+  image.text(0x00200060, "");  // Laterality
+  // Of the rows and the columns; of a run that turns there is no one orientation.
+  image.text(0x00200020, views.size() == 1 ? sides(first.right()) + '\\' + sides(-first.up()) : "");
+  image.numbers(0x00181164, std::vector{first.pixel_mm, first.pixel_mm});  // Imager Pixel Spacing
+  if (first.cone) {
+    image.number(0x00181110, first.cone->source_detector_mm);
+    image.number(0x00181111, first.cone->source_axis_mm);
+    image.number(0x00181114, first.cone->source_detector_mm / first.cone->source_axis_mm);
+  }
+  if (views.size() == 1) return;
+  // Offsets from the first frame, one a frame (C.8.7.5.1.3), on beyond half a turn.
+  std::vector<double> primary_deg, secondary_deg;
+  for (const View& view : views) {
+    primary_deg.push_back(xa_degrees(view.angle_rad - first.angle_rad));
+    secondary_deg.push_back(xa_degrees(view.tilt_rad - first.tilt_rad));
+  }
+  image.text(0x00181500, "DYNAMIC");  // Positioner Motion
+  image.numbers(0x00181520, primary_deg);
+  image.numbers(0x00181521, secondary_deg);
+}
+
+void add_run(DicomElements& image, std::size_t frames) {
+  if (frames == 1) return;
+  constexpr double kFrameTime_ms = 50;  // as in other cines
+  image.number(0x00280008, static_cast<double>(frames));
+  image.words(0x00280009, std::vector<std::uint16_t>{0x0018, 0x1063});  // Frame Increment Pointer: Frame Time
+  image.number(0x00181063, kFrameTime_ms);
+}
+
+std::string derivation(const View& view) {
+  const glm::dvec3& c = view.centre_mm;
+  return fmt::format(
+      "Simulated by xraycast from a CT scan, a digitally reconstructed radiograph; not for clinical use. "
+      "Isocentre in the scan: {:.4f} {:.4f} {:.4f} mm (LPS).{}",
+      c.x, c.y, c.z, view.cone ? "" : " The beam is parallel: it has no source.");
+}
+
+}  // namespace
+
+bool is_xa(const std::filesystem::path& path) { return extension_of(path) == ".dcm"; }
+
+void check_xa(const std::filesystem::path& path, const View& view, const XaOptions& options) {
+  check(options.patient);
+  if (const double tilt_deg = positioner_deg(view.tilt_rad); std::abs(tilt_deg) > 90)
+    throw InputError(
+        "{}: a tilt of {:g} deg; DICOM's Positioner Secondary Angle holds -90 to 90: turn by 180 deg instead",
+        path.string(), tilt_deg);
+}
+
+XaWriter::XaWriter(std::filesystem::path path, const View& view, std::int64_t frames, XaOptions options)
+    : file_(std::move(path)), options_(std::move(options)) {
+  check_xa(file_.target(), view, options_);
+  const std::int64_t pixels = std::int64_t{view.width} * view.height;
+  const std::int64_t most = kMostDicomPixels_B / (pixels * static_cast<std::int64_t>(sizeof(std::uint16_t)));
+  if (frames > most)
+    throw InputError(
+        "{}: {} frames of {} x {} pixels; one DICOM file holds {} of them: take fewer or smaller",
+        file_.target().string(), frames, view.width, view.height, most);
+  pixels_.reserve(static_cast<std::size_t>(pixels * frames));
+}
+
+void XaWriter::add(const View& view, std::span<const float> tau) {
+  views_.push_back(view);
+  for (const float depth : tau) pixels_.push_back(pixel_of(depth, options_.intensity));
+}
+
+void XaWriter::finish() {
+  DicomElements image = dicom_elements("1.2.840.10008.5.1.4.1.1.12.1", options_.patient);
+  image.text(0x00080008, "DERIVED\\SECONDARY\\SINGLE PLANE");  // Image Type
+  image.text(0x00082111, derivation(views_.front()));
+  image.text(0x0008103e, "Simulated projection");  // Series Description
+  image.text(0x00200052, new_dicom_uid());         // Frame of Reference UID
+  image.text(0x00201040, "");                      // Position Reference Indicator
+  add_image(image, views_.front(), pixels_, options_.intensity);
+  add_acquisition(image, options_.tube_kvp);
+  add_pose(image, views_);
+  add_run(image, views_.size());
+  write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,59 @@
+#pragma once
+
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/dicom_patient.hpp"
+#include "xraycast/casting/view.hpp"
+
+#include <cstdint>
+#include <filesystem>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// How an X-Ray Angiographic Image's 12 bits follow from the X-ray intensity exp(-tau), full at 4095. Both
+/// are the lighter, the more arrives at the detector (MONOCHROME2), as on a fluoroscope.
+enum class XaIntensity {
+  logarithmic,  ///< 4095 - 256 tau, black from tau 16 on; a Modality LUT leads back to the intensity
+  linear,       ///< 4095 exp(-tau)
+};
+
+/// What an X-Ray Angiographic Image says besides its picture.
+struct XaOptions {
+  XaIntensity intensity = XaIntensity::logarithmic;
+  DicomPatient patient{};
+  std::optional<double> tube_kvp{};  ///< where a spectrum was used
+};
+
+/// Whether a file's name is that of an X-Ray Angiographic Image, `.dcm`.
+bool is_xa(const std::filesystem::path& path);
+
+/// Throws InputError when the file could not say what it has to: a tilt beyond 90 deg, or a name or ID of the
+/// patient that does not fit DICOM's fields.
+void check_xa(const std::filesystem::path& path, const View& view, const XaOptions& options);
+
+/// Writes DRRs as a DICOM X-Ray Angiographic Image (1.2.840.10008.5.1.4.1.1.12.1): one picture, or a run of
+/// them, in which the C-arm may turn. The positioner's angles, the distances from the source and the pixel
+/// spacing on the detector are those of the views; a parallel beam has no source and leaves the distances
+/// out. The Derivation Description says that it is simulated, and where the isocentre lies in the scan.
+class XaWriter {
+ public:
+  /// Of `frames` pictures that differ from `view` in their angles alone. Throws as check_xa, and InputError
+  /// when `path` cannot be written or the frames are too many for one file.
+  XaWriter(std::filesystem::path path, const View& view, std::int64_t frames, XaOptions options);
+
+  /// The next picture's optical depths, W x H, row 0 on top.
+  void add(const View& view, std::span<const float> tau);
+
+  /// Once, after the last picture. Throws Error when the disk is full.
+  void finish();
+
+ private:
+  AtomicFile file_;
+  XaOptions options_;
+  std::vector<View> views_;
+  std::vector<std::uint16_t> pixels_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,297 @@
+"""PROGRAM [TEST...]: the DICOM files that the program writes, as pydicom and dciodvfy read them."""
+import json
+import pathlib
+import random
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy
+import pydicom
+
+PROGRAM = sys.argv.pop(1)
+FULL = 4095
+
+
+def run(*words):
+    return subprocess.run([PROGRAM, *map(str, words)], check=True, capture_output=True, text=True, timeout=100)
+
+
+def refusal(*words):
+    done = subprocess.run([PROGRAM, *map(str, words)], capture_output=True, text=True, timeout=100)
+    return done.returncode, done.stderr
+
+
+def write_nrrd(path, voxels, spacing_mm):
+    """int16 HU, axes z, y, x; centred on the origin."""
+    origin = [-0.5 * (n - 1) * spacing_mm for n in voxels.shape[::-1]]
+    header = ("NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\n"
+              f"sizes: {' '.join(map(str, voxels.shape[::-1]))}\nendian: little\nencoding: raw\n"
+              f"space directions: ({spacing_mm},0,0) (0,{spacing_mm},0) (0,0,{spacing_mm})\n"
+              f"space origin: ({origin[0]},{origin[1]},{origin[2]})\n\n")
+    path.write_bytes(header.encode() + voxels.astype("<i2").tobytes())
+
+
+def read_float_nrrd(path):
+    header, _, data = path.read_bytes().partition(b"\n\n")
+    width, height = map(int, re.search(rb"sizes: (\d+) (\d+)", header).groups())
+    return numpy.frombuffer(data, "<f4").reshape(height, width)
+
+
+class Pose:
+    """A C-arm as the tags say: LPS mm, about the isocentre that the derivation tells."""
+
+    def __init__(self, data):
+        a, t = numpy.radians([float(data.PositionerPrimaryAngle), float(data.PositionerSecondaryAngle)])
+        self.isocentre = numpy.array([float(v) for v in re.search(
+            r"Isocentre in the scan: (\S+) (\S+) (\S+) mm", data.DerivationDescription).groups()])
+        self.to_detector = numpy.array([numpy.sin(a) * numpy.cos(t), -numpy.cos(a) * numpy.cos(t), numpy.sin(t)])
+        self.right = numpy.array([numpy.cos(a), numpy.sin(a), 0])
+        self.down = numpy.cross(self.right, self.to_detector)
+        self.source_detector = float(data.DistanceSourceToDetector)
+        self.source = self.isocentre - float(data.DistanceSourceToPatient) * self.to_detector
+
+    def on_detector_mm(self, point):
+        """From the detector's middle, along rows and columns."""
+        ray = point - self.source
+        hit = ray * self.source_detector / ray.dot(self.to_detector)
+        return numpy.array([hit.dot(self.right), hit.dot(self.down)])
+
+
+class DicomOutput(unittest.TestCase):
+    @classmethod
+    def setUpClass(cls):
+        cls.temporary = tempfile.TemporaryDirectory()
+        cls.folder = pathlib.Path(cls.temporary.name)
+        cls.addClassCleanup(cls.temporary.cleanup)
+
+    def phantom(self):
+        scan = self.folder / "scan.nrrd"
+        if not scan.exists():
+            run("phantom", "thorax", "-o", scan, "--size", "96x96x80")
+        return scan
+
+    def map(self):
+        body_map = self.folder / "map.exr"
+        if not body_map.exists():
+            run("cast", self.phantom(), "-o", body_map, "--layers", 4, "--angles", 90)
+        return body_map
+
+    def expect_valid(self, *files):
+        for file in files:
+            told = subprocess.run(["dciodvfy", file], capture_output=True, text=True).stderr
+            self.assertEqual([line for line in told.splitlines() if line.startswith("Error")], [], file)
+
+    def expect_full_disk(self, largest_kB, file, *words):
+        limited = ["bash", "-c", f'ulimit -f {largest_kB}; exec "$@"', "-", PROGRAM, *map(str, words)]
+        done = subprocess.run(limited, capture_output=True, text=True, timeout=100)
+        self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
+        self.assertIn(f"{file}: could not be written to its end", done.stderr)
+
+    def test_a_picture_is_whole_or_not_there(self):
+        file = self.folder / "whole.dcm"
+        file.write_text("an older one")
+        before = set(self.folder.iterdir()) | {self.phantom()}
+        # What LLVM and PoCL write on the way is smaller.
+        self.expect_full_disk(1000, "whole.dcm", "project", self.phantom(), "-o", file, "--size", "1024x768",
+                              "--cone", "780,1200")
+        self.assertEqual((set(self.folder.iterdir()), file.read_text()), (before, "an older one"))
+
+    def test_a_picture_is_a_valid_xa_in_either_intensity(self):
+        view = ("--angle", 30, "--tilt", 10, "--cone", "780,1200", "--size", "96x72")
+        tau = self.folder / "tau.nrrd"
+        run("project", self.phantom(), "-o", tau, *view)
+        # exp and round in double precision on both sides: half a grey, and a float's rounding of tau.
+        tolerance = 0.51
+        for intensity, expected in (("log", FULL - 256 * read_float_nrrd(tau)),
+                                    ("linear", FULL * numpy.exp(-read_float_nrrd(tau)))):
+            with self.subTest(intensity):
+                file = self.folder / f"{intensity}.dcm"
+                run("project", self.phantom(), "-o", file, *view, "--intensity", intensity)
+                self.expect_valid(file)
+                data = pydicom.dcmread(file)
+                self.assertEqual(data.SOPClassUID, "1.2.840.10008.5.1.4.1.1.12.1")
+                self.assertEqual(data.PixelIntensityRelationship, {"log": "LOG", "linear": "LIN"}[intensity])
+                self.assertEqual((data.PhotometricInterpretation, data.BitsAllocated, data.BitsStored, data.HighBit),
+                                 ("MONOCHROME2", 16, 12, 11))
+                self.assertLess(numpy.abs(data.pixel_array - numpy.clip(expected, 0, FULL)).max(), tolerance)
+                self.assertRegex(data.DerivationDescription, "^Simulated .* not for clinical use")
+                self.assertRegex(data.SOPInstanceUID, r"^2\.25\.\d{30,39}$")
+                self.assertRegex(data.FrameOfReferenceUID, r"^2\.25\.\d{30,39}$")
+
+    def test_the_lookup_table_leads_from_logarithmic_pixels_to_the_intensity(self):
+        from pydicom.pixel_data_handlers import util
+        file = self.folder / "table.dcm"
+        run("project", self.phantom(), "-o", file, "--size", "96x72")
+        data = pydicom.dcmread(file)
+        tau = (FULL - data.pixel_array.astype(float)) / 256
+        # Rounded to 16 bits.
+        self.assertLess(numpy.abs(util.apply_modality_lut(data.pixel_array, data) - 65535 * numpy.exp(-tau)).max(), 0.51)
+
+    def test_fifty_random_poses_are_read_back(self):
+        # One dense voxel shows where the rays went; what surrounds it, nothing.
+        voxels, spacing_mm = numpy.zeros((41, 41, 41), int), 2
+        voxels[25, 13, 29] = 30000
+        marker_mm = spacing_mm * (numpy.array([29, 13, 25]) - 20.0)
+        scan, opacity = self.folder / "marker.nrrd", self.folder / "marker.json"
+        write_nrrd(scan, voxels, spacing_mm)
+        opacity.write_text(json.dumps({"name": "marker", "unit": "1/mm", "knots": [[0, 0], [30000, 1]]}))
+        random.seed(1)
+        for _ in range(50):
+            lao, cranial, axis = random.uniform(-180, 180), random.uniform(-89, 89), random.uniform(600, 1000)
+            detector = axis + random.uniform(200, 500)
+            with self.subTest(lao=lao, cranial=cranial, axis=axis, detector=detector):
+                file = self.folder / "pose.dcm"
+                run("project", scan, "-o", file, f"--lao={lao}", f"--cranial={cranial}", "--cone", f"{axis},{detector}",
+                    "--size", "240x220", "--pixel", 0.6, "--opacity", opacity)
+                data = pydicom.dcmread(file)
+                self.assertLess(abs(data.PositionerPrimaryAngle - lao), 0.1)
+                self.assertLess(abs(data.PositionerSecondaryAngle - cranial), 0.1)
+                self.assertLess(abs(data.DistanceSourceToPatient - axis), 0.1)
+                self.assertLess(abs(data.DistanceSourceToDetector - detector), 0.1)
+                weights = FULL - data.pixel_array.astype(float)
+                rows, columns = numpy.indices(weights.shape)
+                spacing = [float(mm) for mm in data.ImagerPixelSpacing]
+                seen_mm = [((columns - 119.5) * weights).sum() / weights.sum() * spacing[1],
+                           ((rows - 109.5) * weights).sum() / weights.sum() * spacing[0]]
+                # What the pose is promised to.
+                self.assertLess(numpy.abs(Pose(data).on_detector_mm(marker_mm) - seen_mm).max(), 0.1)
+
+    def test_a_cine_is_one_file_with_an_angle_a_frame(self):
+        run_file, frame = self.folder / "run.dcm", self.folder / "frame.dcm"
+        view = ("--tilt", 5, "--cone", "780,1200", "--size", "64x48")
+        run("render", self.map(), "-o", run_file, "--cine=-30:30:12.5", *view)
+        self.expect_valid(run_file)
+        data = pydicom.dcmread(run_file)
+        angles = [-30, -17.5, -5, 7.5, 20]
+        self.assertEqual(data.NumberOfFrames, len(angles))
+        self.assertEqual(data.FrameIncrementPointer, 0x00181063)
+        self.assertEqual(data.FrameTime, 50)
+        self.assertEqual(data.PositionerMotion, "DYNAMIC")
+        self.assertEqual([data.PositionerPrimaryAngle + step for step in data.PositionerPrimaryAngleIncrement], angles)
+        self.assertEqual(list(data.PositionerSecondaryAngleIncrement), [0] * len(angles))
+        for angle, picture in zip(angles, data.pixel_array):
+            run("render", self.map(), "-o", frame, f"--angle={angle}", *view)
+            self.assertTrue((pydicom.dcmread(frame).pixel_array == picture).all(), angle)
+
+    def test_a_whole_turn_goes_on_beyond_half_of_it(self):
+        file = self.folder / "turn.dcm"
+        run("render", self.map(), "-o", file, "--cine", "0:360:90", "--size", "32x32")
+        self.expect_valid(file)
+        self.assertEqual(list(pydicom.dcmread(file).PositionerPrimaryAngleIncrement), [0, 90, 180, 270])
+
+    def test_a_cine_that_does_not_fit_is_refused(self):
+        file = self.folder / "long.dcm"
+        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds 2047 of them"),
+                              (("--cine", "0:360:90", "--inverted"), "--inverted does not apply"),
+                              (("--cine", "0:360:90", "--annotations"), "--annotations does not apply")):
+            status, told = refusal("render", self.map(), "-o", file, "--cone", "780,1200", *words)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn(reason, told)
+        self.assertFalse(file.exists())
+
+    def test_a_parallel_beam_has_no_distances_and_says_so(self):
+        file = self.folder / "parallel.dcm"
+        self.assertIn("a parallel beam has no source", run("project", self.phantom(), "-o", file).stderr)
+        self.expect_valid(file)
+        data = pydicom.dcmread(file)
+        self.assertNotIn("DistanceSourceToDetector", data)
+        self.assertNotIn("DistanceSourceToPatient", data)
+        self.assertEqual(list(data.PatientOrientation), ["L", "F"])
+
+    def test_the_patient_is_nobody_but_for_the_option(self):
+        file = self.folder / "patient.dcm"
+        run("project", self.phantom(), "-o", file, "--size", "32x32")
+        self.assertEqual((pydicom.dcmread(file).PatientName, pydicom.dcmread(file).PatientID), ("", ""))
+        run("project", self.phantom(), "-o", file, "--size", "32x32", "--patient", "Škoda^Jan,A 12")
+        self.expect_valid(file)
+        self.assertEqual((pydicom.dcmread(file).PatientName, pydicom.dcmread(file).PatientID), ("Škoda^Jan", "A 12"))
+        for patient in ("Jan", "Jan,", ",12", "a\\b,1", "x" * 65 + ",1"):
+            status, told = refusal("project", self.phantom(), "-o", file, "--patient", patient)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn("patient", told)
+            self.assertNotIn("parallel", told)
+
+    def test_a_spectrum_gives_the_tube_voltage(self):
+        file = self.folder / "kvp.dcm"
+        run("project", self.phantom(), "-o", file, "--size", "32x32", "--opacity", "spectrum:80")
+        self.assertEqual(pydicom.dcmread(file).KVP, 80)
+
+    def test_what_does_not_fit_is_refused(self):
+        for words, reason in ((("-o", self.folder / "x.dcm", "--tilt", 100), "-90 to 90"),
+                              (("-o", self.folder / "x.png", "--patient", "a,b"), "--patient does not apply"),
+                              (("-o", self.folder / "x.exr", "--intensity", "log"), "--intensity does not apply"),
+                              (("-o", self.folder / "x.dcm", "--gamma", 2), "--gamma does not apply")):
+            status, told = refusal("project", self.phantom(), *words)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn(reason, told)
+        self.assertFalse((self.folder / "x.dcm").exists())
+
+
+    def read_series(self, folder):
+        """HU, axes z, y, x, from the most inferior slice; and its slices."""
+        slices = sorted((pydicom.dcmread(f) for f in folder.iterdir()), key=lambda d: d.ImagePositionPatient[2])
+        return numpy.stack([d.pixel_array * float(d.RescaleSlope) + float(d.RescaleIntercept) for d in slices]), slices
+
+    def test_a_scan_becomes_a_series_and_comes_back_as_it_was(self):
+        voxels = numpy.random.default_rng(1).integers(-1024, 32768, (5, 7, 6))
+        scan, series, back = self.folder / "noise.nrrd", self.folder / "noise series", self.folder / "back.nrrd"
+        # A third has no end in decimal strings.
+        write_nrrd(scan, voxels, 1 / 3)
+        run("convert", scan, "-o", series, "--patient", "Doe^Jane,1")
+        self.expect_valid(*series.iterdir())
+        hu, slices = self.read_series(series)
+        self.assertTrue((hu == voxels).all())
+        # 16 bytes of decimals.
+        self.assertLess(abs(slices[0].ImagePositionPatient[0] + 2.5 / 3), 1e-12)
+        self.assertLess(abs(slices[4].ImagePositionPatient[2] - 2 / 3), 1e-12)
+        self.assertLess(abs(slices[0].PixelSpacing[1] - 1 / 3), 1e-12)
+        self.assertEqual(list(slices[0].ImageOrientationPatient), [1, 0, 0, 0, 1, 0])
+        for shared in ("SeriesInstanceUID", "StudyInstanceUID", "FrameOfReferenceUID", "PatientName"):
+            self.assertEqual(len({str(d[shared].value) for d in slices}), 1, shared)
+        self.assertEqual(len({d.SOPInstanceUID for d in slices}), 5)
+        self.assertEqual(slices[0].PatientName, "Doe^Jane")
+        told = run("convert", series, "-o", back).stderr
+        self.assertEqual(told, "")
+        self.assertEqual(back.read_bytes().partition(b"\n\n")[2], voxels.astype("<i2").tobytes())
+
+    def test_a_scan_is_converted_to_every_format_and_back(self):
+        expected = None
+        for name in ("phantom", "a.nii", "a.nii.gz", "a.nrrd", "a.mha", "a.mhd"):
+            run("convert", self.phantom(), "-o", self.folder / name)
+            run("convert", self.folder / name, "-o", self.folder / "again.nrrd")
+            voxels = (self.folder / "again.nrrd").read_bytes().partition(b"\n\n")[2]
+            expected = expected or self.phantom().read_bytes().partition(b"\n\n")[2]
+            self.assertEqual(voxels, expected, name)
+
+    def test_a_series_is_written_whole_or_not_at_all(self):
+        series = self.folder / "series"
+        before = set(self.folder.iterdir()) | {self.phantom()}
+        self.expect_full_disk(10, "series/slice-0001.dcm", "convert", self.phantom(), "-o", series)
+        self.assertEqual(set(self.folder.iterdir()), before)
+        # What a dead process left goes with the next run; an empty folder is filled, any other left alone.
+        left = self.folder / ".series.0123456789abcdef.part"
+        left.mkdir()
+        (left / "slice-0001.dcm").touch()
+        series.mkdir()
+        run("convert", self.phantom(), "-o", f"{series}/")
+        self.assertEqual(set(self.folder.iterdir()), before | {series})
+        self.assertEqual(len(list(series.iterdir())), 80)
+        status, told = refusal("convert", self.phantom(), "-o", series)
+        self.assertEqual((status, told.count("\n")), (3, 1), told)
+        self.assertIn("is no empty folder", told)
+
+    def test_a_conversion_that_cannot_be_is_refused(self):
+        for words, reason in ((("-o", self.folder / "x.stl"), "not a volume's name"),
+                              (("-o", self.folder / "x.nrrd", "--patient", "a,b"), "--patient does not apply"),
+                              (("-o", self.folder / "x", "--patient", "a"), "NAME,ID"),
+                              (("-o", self.folder / "none" / "x"), "the output folder does not exist")):
+            status, told = refusal("convert", self.phantom(), *words)
+            self.assertEqual((status, told.count("\n")), (3, 1), told)
+            self.assertIn(reason, told)
+
+
+if __name__ == "__main__":
+    unittest.main()
