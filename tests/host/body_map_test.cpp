@@ -170,7 +170,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
   for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
-  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("No such file or directory"));
+  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("there is no such file"));
 }
 
 TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
