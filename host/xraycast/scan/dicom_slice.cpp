@@ -168,7 +168,7 @@ std::string noun_of_class(std::string_view uid) {
 
 std::string noun_of(const DicomHeader& header, const std::string& object_class, const std::string& modality,
                     bool is_image) {
-  if (const std::string noun = noun_of_class(object_class); !noun.empty()) return noun;
+  if (std::string noun = noun_of_class(object_class); !noun.empty()) return noun;
   if (!is_image) return "other DICOM file";
   if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1) return "screen shot";
   if (modality == "PT") return "PET image";
