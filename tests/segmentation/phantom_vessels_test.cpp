@@ -170,11 +170,11 @@ TEST(Segmenting, TellsHowFarEachStepIs) {
   const Mask mask = segment_mask(small_thorax(device), {}, "thorax", device, progress);
   extract_centrelines(mask, "thorax", progress);
   EXPECT_EQ(wrong, "");
-  EXPECT_EQ(stages, (std::vector<std::string>{"contrast", "thresholding", "taking off bone",
-                                              "parting chambers", "taking off marrow", "bridging gaps",
-                                              "selecting", "filling up", "thinning", "centrelines"}));
+  EXPECT_EQ(stages, (std::vector<std::string>{"contrast", "thresholding", "removing bone",
+                                              "separating chambers", "removing marrow", "closing gaps",
+                                              "selecting", "filling", "thinning", "centrelines"}));
   for (const char* stage :
-       {"taking off bone", "parting chambers", "taking off marrow", "thinning", "centrelines"})
+       {"removing bone", "separating chambers", "removing marrow", "thinning", "centrelines"})
     EXPECT_GE(moves[stage], 4) << stage;
 }
 
