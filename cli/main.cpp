@@ -21,7 +21,7 @@ namespace {
 using namespace xraycast;
 
 // Exit statuses; scripts rely on them. What a signal ended has 128 + its number, as in a shell.
-enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4, kSignalled = 128 };
+enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4 };
 
 /// One line, whatever the message holds.
 int report(const std::string& what, int status) {
@@ -33,7 +33,7 @@ int report_cancelled() {
   const int files = files_written();
   return report(files == 0 ? "cancelled; no output was written"
                            : "cancelled after " + pluralize(files, "file") + " had been written",
-                kSignalled + cli::SignalWatch::caught());
+                cli::kSignalStatus + cli::SignalWatch::caught());
 }
 
 /// Of the exception that is being handled.
@@ -73,7 +73,7 @@ int checked_output(int status) {
   std::cout.flush();
   if (std::cout || status != kDone) return status;
   pollfd out{STDOUT_FILENO, POLLOUT, 0};
-  if (poll(&out, 1, 0) == 1 && (out.revents & POLLERR) != 0) return kSignalled + SIGPIPE;
+  if (poll(&out, 1, 0) == 1 && (out.revents & POLLERR) != 0) return cli::kSignalStatus + SIGPIPE;
   return report("standard output could not be written; the disk may be full", kFailed);
 }
 

@@ -11,8 +11,6 @@
 namespace xraycast::cli {
 namespace {
 
-constexpr int kSignalStatus = 128;  // as a shell reports it: 128 + the signal
-
 std::atomic<int> first_signal{0};
 std::mutex job_mutex;
 Progress* job = nullptr;  ///< guarded by job_mutex

@@ -4,6 +4,9 @@
 
 namespace xraycast::cli {
 
+/// The exit status of a program that a signal ended is this plus the signal, as in a shell.
+inline constexpr int kSignalStatus = 128;
+
 /// Waits for SIGINT, SIGTERM and SIGHUP on a thread of its own. The first one cancels `progress`, so that the
 /// job can clean up; a second one removes temporary files and ends the process at once. SIGHUP stays ignored
 /// where it was, as under nohup. SIGPIPE and SIGXFSZ are ignored: whatever writes reports them.

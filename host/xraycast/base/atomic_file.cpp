@@ -159,22 +159,15 @@ class TemporaryName {
   std::string before_, after_;
 };
 
-/// Removes what processes left that died while they wrote: nobody holds its lock any more.
-void remove_leftovers(const fs::path& folder, const TemporaryName& names) {
-  std::error_code error;
-  for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
-    if (!names.fits(entry->path().filename().string())) continue;
-    const Descriptor file(open(entry->path().c_str(), O_RDWR | O_NOFOLLOW | O_NONBLOCK | O_CLOEXEC));
-    if (file() >= 0 && flock(file(), LOCK_EX | LOCK_NB) == 0) unlink(entry->path().c_str());
-  }
-}
+/// How a leftover is opened for its lock: a file or a folder.
+enum class Leftover { file = O_RDWR | O_NONBLOCK, folder = O_RDONLY | O_DIRECTORY };
 
-/// As remove_leftovers, of folders.
-void remove_leftover_folders(const fs::path& folder, const TemporaryName& names) {
+/// Removes what processes left that died while they wrote: nobody holds its lock any more.
+void remove_leftovers(const fs::path& folder, const TemporaryName& names, Leftover kind) {
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
     if (!names.fits(entry->path().filename().string())) continue;
-    const Descriptor left(open(entry->path().c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC));
+    const Descriptor left(open(entry->path().c_str(), static_cast<int>(kind) | O_NOFOLLOW | O_CLOEXEC));
     std::error_code ignored;
     if (left() >= 0 && flock(left(), LOCK_EX | LOCK_NB) == 0) fs::remove_all(entry->path(), ignored);
   }
@@ -209,7 +202,7 @@ class AtomicFile::Temporary {
       throw InputError("{}: the output folder does not exist; create it first", folder.string());
     }
     const TemporaryName names(place_.file);
-    remove_leftovers(folder, names);
+    remove_leftovers(folder, names, Leftover::file);
     create(folder, names);
     remembered_ = remember(name_.c_str());
   }
@@ -346,7 +339,7 @@ class AtomicFolder::Temporary {
       throw InputError("{}: exists already and is no empty folder; choose another name or take it away",
                        target.string());
     const TemporaryName names(target);
-    remove_leftover_folders(above, names);
+    remove_leftovers(above, names, Leftover::folder);
     name_ = above / names.any();
     if (mkdir(name_.c_str(), 0777) != 0) {
       if (is_full_disk(errno)) throw failure_of(target, errno, 0);

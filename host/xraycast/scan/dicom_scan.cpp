@@ -132,20 +132,12 @@ class DicomStack final : public SliceStack {
     for (const DicomSlice& slice : slices_) planes.push_back(slice.plane);
   }
 
-  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> destinations) override {
-    std::vector<SliceSource::HuRange> ranges(destinations.size());
-    parallel_for(std::ssize(destinations), [&](std::int64_t i) {
-      const DicomSlice& slice = slices_[static_cast<std::size_t>(first + i)];
-      const std::span hu(destinations[static_cast<std::size_t>(i)], static_cast<std::size_t>(columns * rows));
-      ranges[static_cast<std::size_t>(i)] =
-          slice.plain_pixels_B ? read_plain(slice, hu) : read_by_gdcm(slice, hu);
-    });
-    SliceSource::HuRange range = kNoHu;
-    for (const auto& other : ranges) include(range, other);
-    return range;
+ private:
+  SliceSource::HuRange decode_slice(std::int64_t index, std::span<std::int16_t> hu) const override {
+    const DicomSlice& slice = slices_[static_cast<std::size_t>(index)];
+    return slice.plain_pixels_B ? read_plain(slice, hu) : read_by_gdcm(slice, hu);
   }
 
- private:
   std::vector<DicomSlice> slices_;
 };
 

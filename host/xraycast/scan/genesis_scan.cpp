@@ -121,20 +121,9 @@ class GenesisStack final : public SliceStack {
     for (const GenesisSlice& slice : slices_) planes.push_back(slice.plane);
   }
 
-  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> destinations) override {
-    std::vector<SliceSource::HuRange> ranges(destinations.size());
-    parallel_for(std::ssize(destinations), [&](std::int64_t i) {
-      const auto index = static_cast<std::size_t>(i);
-      const std::span hu(destinations[index], static_cast<std::size_t>(columns * rows));
-      ranges[index] = read_pixels(slices_[static_cast<std::size_t>(first + i)], hu);
-    });
-    SliceSource::HuRange range = kNoHu;
-    for (const auto& other : ranges) include(range, other);
-    return range;
-  }
-
  private:
-  static SliceSource::HuRange read_pixels(const GenesisSlice& slice, std::span<std::int16_t> hu) {
+  SliceSource::HuRange decode_slice(std::int64_t index, std::span<std::int16_t> hu) const override {
+    const GenesisSlice& slice = slices_[static_cast<std::size_t>(index)];
     std::ifstream stream(slice.file, std::ios::binary);
     stream.seekg(slice.pixels_B);
     stream.read(reinterpret_cast<char*>(hu.data()), static_cast<std::streamsize>(hu.size_bytes()));

@@ -1,6 +1,7 @@
 #include "xraycast/scan/image_file_scan.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/scan/image_file_stack.hpp"
 #include "xraycast/scan/text_header.hpp"
 

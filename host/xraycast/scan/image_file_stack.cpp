@@ -1,7 +1,6 @@
 #include "xraycast/scan/image_file_stack.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/parallel.hpp"
 #include "xraycast/scan/raw_voxels.hpp"
 #include "xraycast/scan/rescale.hpp"
 
@@ -124,27 +123,21 @@ void ImageFileStack::read_slice(std::int64_t stored, std::span<char> bytes) cons
   voxels.read(stored % slices_a_file * slice_B(), bytes);
 }
 
-SliceSource::HuRange ImageFileStack::decode(std::int64_t first, std::span<std::int16_t* const> destinations) {
+void ImageFileStack::prepare() {
   if (const auto* packed = std::get_if<PackedVoxels>(&voxels_); packed && !unpacked_)
     unpacked_ = inflate_voxels(*packed, slice_B() * slices_);
-  const bool is_swapped =
-      header_.is_big_endian == (std::endian::native == std::endian::little) && bytes_of(header_.type) > 1;
+}
 
-  std::vector<SliceSource::HuRange> ranges(destinations.size());
-  parallel_for(std::ssize(destinations), [&](std::int64_t s) {
-    const std::span hu(destinations[static_cast<std::size_t>(s)], static_cast<std::size_t>(columns * rows));
-    // 16-bit voxels become HU where they are.
-    std::vector<char> wider(
-        bytes_of(header_.type) == sizeof(std::int16_t) ? 0 : static_cast<std::size_t>(slice_B()));
-    const std::span bytes =
-        wider.empty() ? std::span(reinterpret_cast<char*>(hu.data()), hu.size_bytes()) : std::span(wider);
-    read_slice(reversed_ ? slices_ - 1 - first - s : first + s, bytes);
-    if (is_swapped) swap_bytes(bytes, static_cast<std::size_t>(bytes_of(header_.type)));
-    ranges[static_cast<std::size_t>(s)] = rescale_bytes(bytes.data(), header_, hu);
-  });
-  SliceSource::HuRange range = kNoHu;
-  for (const SliceSource::HuRange& one : ranges) include(range, one);
-  return range;
+SliceSource::HuRange ImageFileStack::decode_slice(std::int64_t slice, std::span<std::int16_t> hu) const {
+  const std::int64_t voxel_B = bytes_of(header_.type);
+  // 16-bit voxels become HU where they are.
+  std::vector<char> wider(voxel_B == sizeof(std::int16_t) ? 0 : static_cast<std::size_t>(slice_B()));
+  const std::span bytes =
+      wider.empty() ? std::span(reinterpret_cast<char*>(hu.data()), hu.size_bytes()) : std::span(wider);
+  read_slice(reversed_ ? slices_ - 1 - slice : slice, bytes);
+  if (voxel_B > 1 && header_.is_big_endian == (std::endian::native == std::endian::little))
+    swap_bytes(bytes, static_cast<std::size_t>(voxel_B));
+  return rescale_bytes(bytes.data(), header_, hu);
 }
 
 std::string orientation_of(const ImageHeader& header) {

@@ -47,9 +47,9 @@ class ImageFileStack final : public SliceStack {
   /// are missing, no regular ones, or too short for what the header claims.
   ImageFileStack(ImageHeader header, StoredVoxels voxels);
 
-  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> slices) override;
-
  private:
+  void prepare() override;
+  SliceSource::HuRange decode_slice(std::int64_t slice, std::span<std::int16_t> hu) const override;
   void check_header() const;
   void check_files();
   std::int64_t slice_B() const { return columns * rows * bytes_of(header_.type); }

@@ -1,4 +1,5 @@
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/scan/image_file_scan.hpp"
 #include "xraycast/scan/image_file_stack.hpp"
 #include "xraycast/scan/raw_voxels.hpp"

@@ -250,6 +250,18 @@ std::string reasons(const SliceStack& stack, const Layout& layout, const ScanInf
 
 }  // namespace
 
+SliceSource::HuRange SliceStack::decode(std::int64_t first, std::span<std::int16_t* const> slices) {
+  prepare();
+  std::vector<SliceSource::HuRange> ranges(slices.size());
+  parallel_for(std::ssize(slices), [&](std::int64_t s) {
+    const auto index = static_cast<std::size_t>(s);
+    ranges[index] = decode_slice(first + s, {slices[index], static_cast<std::size_t>(columns * rows)});
+  });
+  SliceSource::HuRange range = kNoHu;
+  for (const SliceSource::HuRange& one : ranges) include(range, one);
+  return range;
+}
+
 glm::dvec3 upward(const glm::dvec3& direction) {
   return direction[main_axis(direction)] < 0 ? -direction : direction;
 }

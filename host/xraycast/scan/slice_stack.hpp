@@ -25,16 +25,24 @@ class SliceStack {
  public:
   virtual ~SliceStack() = default;
 
-  /// Decodes slices `first` to `first + slices.size() - 1`, each to where its pointer says, in HU clamped to
-  /// [-1024, 32767]. Returns their range before clamping. Throws InputError when a file turns out to be
-  /// damaged.
-  virtual SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> slices) = 0;
+  /// Decodes slices `first` to `first + slices.size() - 1` on all cores, each to where its pointer says, in
+  /// HU clamped to [-1024, 32767]. Returns their range before clamping. Throws InputError when a file turns
+  /// out to be damaged.
+  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> slices);
 
   std::string name;  ///< what the user gave, for messages
   std::int64_t columns = 0, rows = 0;
   std::vector<SlicePlane> planes;  ///< ascending along upward(normal)
   double thickness_mm =
       0;  ///< as the file states it, or 0: what a single slice and rounded positions rely on
+
+ private:
+  /// What has to happen before slices are decoded; called on one thread.
+  virtual void prepare() {}
+
+  /// Decodes a slice into columns x rows values, and returns their range before clamping. Called on several
+  /// threads at once. Throws as decode().
+  virtual SliceSource::HuRange decode_slice(std::int64_t slice, std::span<std::int16_t> hu) const = 0;
 };
 
 /// The direction or its opposite: the one whose largest component is positive, so that slices sorted along it

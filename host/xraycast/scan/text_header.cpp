@@ -1,9 +1,9 @@
 #include "xraycast/scan/text_header.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 
 #include <algorithm>
-#include <cctype>
 #include <fstream>
 
 namespace xraycast {
@@ -28,19 +28,6 @@ std::string_view take_line(std::string_view& text) {
 }
 
 }  // namespace
-
-std::string_view trimmed(std::string_view text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  return first == std::string_view::npos ? ""
-                                         : text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
-std::string lower_case(std::string_view text) {
-  std::string result(text);
-  std::ranges::transform(result, result.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return result;
-}
 
 const std::string& TextHeader::get(const std::string& name) const {
   static const std::string none;

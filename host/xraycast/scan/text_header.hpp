@@ -9,11 +9,6 @@
 
 namespace xraycast {
 
-/// A text without the white space around it.
-std::string_view trimmed(std::string_view text);
-
-std::string lower_case(std::string_view text);
-
 /// The fields of the text that NRRD and MetaImage files start with.
 struct TextHeader {
   std::map<std::string, std::string> fields;  ///< trimmed; the last of those of one name

@@ -1,6 +1,7 @@
 #include "xraycast/simulation/script.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/mechanics/catheter.hpp"
@@ -19,16 +20,10 @@ namespace {
 constexpr std::array<std::string_view, 3> kColumns{"time_s", "insertion_mm", "rotation_deg"};
 constexpr double kRadians = std::numbers::pi / 180;
 
-std::string trimmed(const std::string& text) {
-  const auto first = text.find_first_not_of(" \t\r");
-  if (first == std::string::npos) return "";
-  return text.substr(first, text.find_last_not_of(" \t\r") - first + 1);
-}
-
 std::vector<std::string> cells(const std::string& line) {
   std::vector<std::string> all;
   std::istringstream stream(line);
-  for (std::string cell; std::getline(stream, cell, ',');) all.push_back(trimmed(cell));
+  for (std::string cell; std::getline(stream, cell, ',');) all.emplace_back(trimmed(cell));
   if (line.ends_with(',')) all.emplace_back();
   return all;
 }

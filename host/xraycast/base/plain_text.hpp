@@ -1,0 +1,14 @@
+#pragma once
+
+#include <string>
+#include <string_view>
+
+namespace xraycast {
+
+/// A text without the blanks, tabs and carriage returns around it; a part of `text` itself.
+std::string_view trimmed(std::string_view text);
+
+/// ASCII letters in lower case, in any locale.
+std::string lower_case(std::string_view text);
+
+}  // namespace xraycast
