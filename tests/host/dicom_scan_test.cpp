@@ -88,6 +88,51 @@ TEST(DicomScan, ReadsImplicitSyntaxAndFilesWithoutExtensionAmongForeignOnes) {
   EXPECT_EQ(deviation_hu(volume), 0);
 }
 
+/// A series of three slices that says whose it is.
+void write_known_series(const TemporaryFolder& folder, const std::string& frame_of_reference_of_last) {
+  for (int k = 0; k < 3; ++k)
+    slice_at({-10, 20, 3.0 * k})
+        .text(0x00080005, "CS", "ISO_IR 100")
+        .text(0x00080018, "UI", "1.2.3.4." + std::to_string(k))
+        .text(0x00080050, "SH", "A77")
+        .text(0x00100010, "PN", "Doe^Jane")
+        .text(0x00100020, "LO", "12345")
+        .text(0x00280030, "DS", "0.7\\0.6")
+        .text(0x00200052, "UI", k == 2 ? frame_of_reference_of_last : "1.9")
+        .write(folder / ("slice" + std::to_string(2 - k)));
+}
+
+TEST(DicomScan, SaysWhatDerivedFilesReferTo) {
+  const TemporaryFolder folder;
+  write_known_series(folder, "1.9");
+  const ScanInfo info = read_scan(folder / "").info;
+  EXPECT_TRUE(info.keeps_grid);
+  ASSERT_TRUE(info.dicom);
+  const DicomStudy& study = info.dicom->study;
+  EXPECT_EQ(study.uid, "1.2.3");
+  EXPECT_EQ(study.frame_of_reference_uid, "1.9");
+  EXPECT_EQ(study.character_set, "ISO_IR 100");
+  EXPECT_EQ(study.accession_number, "A77");
+  EXPECT_EQ(study.patient_name, "Doe^Jane");
+  EXPECT_EQ(study.patient_id, "12345");
+  EXPECT_EQ(study.birth_date, "");
+  EXPECT_EQ(info.dicom->series_uid, "1.2.3.4");
+  EXPECT_THAT(info.dicom->directions, ElementsAre(1, 0, 0, 0, 1, 0));
+  EXPECT_THAT(info.dicom->pixel_spacing_mm, ElementsAre(0.7, 0.6));
+  ASSERT_THAT(info.dicom->slices, SizeIs(3));
+  EXPECT_EQ(info.dicom->slices[2].sop_instance_uid, "1.2.3.4.2");
+  EXPECT_EQ(info.dicom->slices[2].sop_class_uid, "1.2.840.10008.5.1.4.1.1.2");
+  EXPECT_THAT(info.dicom->slices[2].position_mm, ElementsAre(-10, 20, 6));
+}
+
+TEST(DicomScan, NamesNoFrameOfReferenceThatSlicesDoNotShareOrThatIsNoUid) {
+  for (const char* last : {"1.8", "1.9; DROP"}) {
+    const TemporaryFolder folder;
+    write_known_series(folder, last);
+    EXPECT_EQ(read_scan(folder / "").info.dicom->study.frame_of_reference_uid, "") << last;
+  }
+}
+
 struct Orientation {
   const char* name;
   glm::dvec3 row, column, step_mm;
@@ -104,6 +149,7 @@ TEST_P(DicomOrientation, IsDeliveredInThePatientsFrameExactly) {
         .write(folder / ("slice" + std::to_string(k)));
   const auto [info, volume, hu_range] = read_scan(folder / "");
   EXPECT_EQ(info.orientation, letters);
+  EXPECT_FALSE(info.keeps_grid);
   EXPECT_EQ(info.size, Index3(kColumns, kRows, 4));
   EXPECT_EQ(volume.geometry().voxel_count(), kColumns * kRows * 4);
   EXPECT_EQ(deviation_hu(volume), 0);
@@ -128,6 +174,7 @@ TEST(DicomScan, ShearsATiltedStackBack) {
   EXPECT_NEAR(info.tilt_deg, 20, 1e-6);
   EXPECT_THAT(info.gaps, IsEmpty());
   EXPECT_THAT(info.notes, ElementsAre(HasSubstr("gantry tilt of 20.0 deg")));
+  EXPECT_FALSE(info.keeps_grid);
   // Along the table, not along the slices' normal.
   EXPECT_NEAR(volume.geometry().spacing_mm.z, 2, 1e-6);
   // At the border the outermost pixel stands for half a pixel beyond it (20 HU), and a slice for half a gap

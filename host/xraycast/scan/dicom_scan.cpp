@@ -224,6 +224,43 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
                     pluralize(before - series.size(), "slice")));
 }
 
+// ---- where they come from ----------------------------------------------------------------------------
+
+/// PS3.5, 9.1.
+std::string uid_or_nothing(const std::string& text) {
+  constexpr std::size_t kMost = 64;
+  const bool is_uid = text.size() <= kMost && text.find_first_not_of("0123456789.") == std::string::npos;
+  return is_uid ? text : "";
+}
+
+/// A UID that all slices have to share.
+std::string common_uid(const std::vector<DicomSlice>& slices, std::string DicomStudy::*uid) {
+  const std::string& first = slices.front().study.*uid;
+  const bool is_shared =
+      std::ranges::all_of(slices, [&](const DicomSlice& slice) { return slice.study.*uid == first; });
+  return is_shared ? uid_or_nothing(first) : "";
+}
+
+DicomOrigin origin_of(const std::vector<DicomSlice>& slices, const std::string& series_uid) {
+  DicomOrigin origin;
+  origin.study = slices.front().study;
+  origin.study.uid = common_uid(slices, &DicomStudy::uid);
+  origin.study.frame_of_reference_uid = common_uid(slices, &DicomStudy::frame_of_reference_uid);
+  origin.series_uid = uid_or_nothing(series_uid);
+  const SlicePlane& plane = slices.front().plane;
+  const double i_mm = glm::length(plane.i_step_mm), j_mm = glm::length(plane.j_step_mm);
+  const glm::dvec3 row = plane.i_step_mm / i_mm, column = plane.j_step_mm / j_mm;
+  origin.directions = {row.x, row.y, row.z, column.x, column.y, column.z};
+  origin.pixel_spacing_mm = {j_mm, i_mm};
+  for (const DicomSlice& slice : slices) {
+    const glm::dvec3& at_mm = slice.plane.origin_mm;
+    origin.slices.push_back({uid_or_nothing(slice.sop_class_uid),
+                             uid_or_nothing(slice.sop_instance_uid),
+                             {at_mm.x, at_mm.y, at_mm.z}});
+  }
+  return origin;
+}
+
 }  // namespace
 
 Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const ScanOptions& options,
@@ -249,6 +286,8 @@ Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const 
   std::vector<DicomSlice> slices = usable_slices(series, path, options.skip_damaged, info, progress);
   require_equal_slices(slices);
   sort_by_position(slices, info);
+
+  info.dicom = origin_of(slices, series.files.front().series_uid);
 
   const SlicePlane& plane = slices.front().plane;
   info.orientation = {side(plane.i_step_mm), side(plane.j_step_mm),

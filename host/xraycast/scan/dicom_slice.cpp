@@ -16,9 +16,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr DicomTag kMediaClass = 0x00020002, kImageType = 0x00080008, kObjectClass = 0x00080016,
-                   kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSliceThickness = 0x00180050,
-                   kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011, kImagePosition = 0x00200032,
-                   kImageOrientation = 0x00200037, kSamplesPerPixel = 0x00280002,
+                   kObjectInstance = 0x00080018, kModality = 0x00080060, kSeriesDescription = 0x0008103e,
+                   kSliceThickness = 0x00180050, kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011,
+                   kImagePosition = 0x00200032, kImageOrientation = 0x00200037, kSamplesPerPixel = 0x00280002,
                    kNumberOfFrames = 0x00280008, kRows = 0x00280010, kColumns = 0x00280011,
                    kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100, kBitsStored = 0x00280101,
                    kHighBit = 0x00280102, kPixelRepresentation = 0x00280103, kRescaleIntercept = 0x00281052,
@@ -93,6 +93,12 @@ SlicePlane read_plane(const DicomHeader& header, const fs::path& file) {
           glm::normalize(j) * spacing[0]};
 }
 
+DicomStudy read_study(const DicomHeader& header) {
+  DicomStudy study;
+  for (const auto& [tag, text] : kDicomStudyFields) study.*text = header.text(tag);
+  return study;
+}
+
 DicomSlice read_slice(const DicomHeader& header, const fs::path& file) {
   if (header.transfer_syntax() == kDeflated)
     throw InputError("{}: deflated DICOM is not supported; convert it to an uncompressed transfer syntax",
@@ -118,6 +124,9 @@ DicomSlice read_slice(const DicomHeader& header, const fs::path& file) {
   slice.thickness_mm = number_or(header, kSliceThickness, 0);
   slice.slope = rescale_number(header, kRescaleSlope, "RescaleSlope", 1, file);
   slice.intercept = rescale_number(header, kRescaleIntercept, "RescaleIntercept", 0, file);
+  slice.study = read_study(header);
+  slice.sop_class_uid = header.text(kObjectClass);
+  slice.sop_instance_uid = header.text(kObjectInstance);
   slice.coding = coding_of(header.transfer_syntax());
   const int bits_allocated = header.unsigned_short(kBitsAllocated).value_or(16);
   slice.bits_stored = header.unsigned_short(kBitsStored).value_or(static_cast<std::uint16_t>(bits_allocated));

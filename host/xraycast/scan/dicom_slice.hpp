@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/scan/dicom_origin.hpp"
 #include "xraycast/scan/slice_stack.hpp"
 
 #include <cstdint>
@@ -19,6 +20,8 @@ struct DicomSlice {
   bool is_signed = false;
   /// Where the pixels start if they are plain 16-bit little-endian words; otherwise GDCM decodes them.
   std::optional<std::int64_t> plain_pixels_B;
+  DicomStudy study;
+  std::string sop_class_uid, sop_instance_uid;
   const char* coding = "";  ///< what GDCM has to decode, for messages
 };
 

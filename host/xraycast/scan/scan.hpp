@@ -1,11 +1,13 @@
 #pragma once
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/scan/dicom_origin.hpp"
 #include "xraycast/scan/slice_source.hpp"
 
 #include <cstdint>
 #include <filesystem>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -36,8 +38,11 @@ struct ScanInfo {
     std::int64_t after_slice;  ///< index of the slice below it, 0 the most inferior
     double mm;                 ///< distance to the next slice along the normal
   };
-  std::vector<Gap> gaps;           ///< distances that differ from the median by more than 1 %
-  std::vector<std::string> notes;  ///< what was done to the data (resampled, reoriented), one line each
+  std::vector<Gap> gaps;  ///< distances that differ from the median by more than 1 %
+  /// Whether the volume's voxels are the files' own, in their order: neither resampled nor reoriented.
+  bool keeps_grid = false;
+  std::optional<DicomOrigin> dicom;  ///< of a DICOM series
+  std::vector<std::string> notes;    ///< what was done to the data (resampled, reoriented), one line each
   std::vector<std::string>
       warnings;  ///< what the user should look at (MR, a choice made alone, gaps), one line each
 };

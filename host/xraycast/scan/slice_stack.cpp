@@ -298,6 +298,7 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
   const VolumeGeometry grid = covering_grid(*stack, layout);
   validate(grid, stack->name);
   const bool exact = info.gaps.empty() && lies_on(grid, *stack, layout);
+  info.keeps_grid = exact && info.orientation == "LPS";
   if (!exact)
     info.notes.push_back(
         fmt::format("resampled to {} x {} x {} voxels of {:.3f} x {:.3f} x {:.3f} mm because of {}",
