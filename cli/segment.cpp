@@ -8,6 +8,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/mask/components.hpp"
+#include "xraycast/scan/seg_file.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/surface.hpp"
 
@@ -92,13 +93,37 @@ std::string linked(const Centrelines& found) {
   return words;
 }
 
+constexpr const char* kSegName = "mask.seg.dcm";
+
+/// The mask as a DICOM Segmentation, where the scan's slices let it be one.
+void write_dicom_mask(const Mask& mask, const ScanInfo& scan, const SegmentArguments& options,
+                      const fs::path& folder) {
+  if (!why_no_seg(scan).empty()) return;
+  const bool is_automatic = options.seeds.empty() && options.not_vessels.empty() && options.from_mask.empty();
+  write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
+            folder / kSegName);
+}
+
+/// One of an earlier run, where this one wrote none.
+void remove_stale_seg(const ScanInfo& scan, const fs::path& folder) {
+  std::error_code error;
+  if (why_no_seg(scan).empty() || fs::remove(folder / kSegName, error) || !error) return;
+  throw InputError("{}: that of an earlier run cannot be removed: {}", (folder / kSegName).string(),
+                   error.message());
+}
+
+std::string seg_note(const std::string& why_none) {
+  return why_none.empty() ? "" : fmt::format("no {}: {}\n", kSegName, why_none);
+}
+
 void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
   std::optional<glm::dvec3> root_mm;
   if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
   const fs::path folder = options.folder;
-  check_folder(folder, {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"},
+  check_folder(folder,
+               {"mask.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"},
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
@@ -125,6 +150,7 @@ void segment(const SegmentArguments& options, Session& session) {
   make_folder(folder, "-o " + options.folder);
   OutputSet outputs;  // a mask beside another scan's report would mislead
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_dicom_mask(mask, scan.info, options, folder);
   write_tree(centrelines.tree, folder / "tree.vtp");
   write_tree(centrelines.tree, folder / "tree.json");
   write_mesh(surface, folder / "surface.vtp");
@@ -134,9 +160,13 @@ void segment(const SegmentArguments& options, Session& session) {
   write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
                       folder / "report.png");
   outputs.commit();
+  remove_stale_seg(scan.info, folder);
+  const std::string why_none = why_no_seg(scan.info);
   const double total_ms = stopwatch.ms();
   session.report({{"input", options.input},
                   {"folder", options.folder},
+                  {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
+                  {"no_seg", why_none.empty() ? Json() : Json(why_none)},
                   {"voxels", mask.count()},
                   {"branches", centrelines.tree.branches().size()},
                   {"loops", centrelines.loops},
@@ -144,8 +174,8 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"parts_left_out", centrelines.parts_left_out},
                   {"triangles", surface.triangles.size()},
                   {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n", options.folder, found,
-                             linked(centrelines), surface.triangles.size(), total_ms));
+                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n{}", options.folder, found,
+                             linked(centrelines), surface.triangles.size(), total_ms, seg_note(why_none)));
 }
 
 }  // namespace
@@ -163,7 +193,8 @@ void add_segment(CLI::App& app, Session& session) {
       ->required();
   command
       ->add_option("-o,--output", options->folder,
-                   "Where the mask, the centreline tree, the surface and the report go")
+                   "Where the mask, the centreline tree, the surface and the report go; of a DICOM series "
+                   "also mask.seg.dcm, a DICOM Segmentation of its slices")
       ->required()
       ->type_name("DIR");
   command

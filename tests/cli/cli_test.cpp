@@ -909,8 +909,8 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
 TEST_F(Cli, SegmentsAPhantomsVessels) {
   output_of("phantom thorax -o @/thorax.nrrd --spacing 2 --truth @/truth -q");
   const Json json = json_of("segment @/thorax.nrrd -o @/vessels -q");
-  EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "voxels", "branches", "loops", "gaps_mm",
-                                         "parts_left_out", "triangles", "timings_ms"));
+  EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "seg", "no_seg", "voxels", "branches", "loops",
+                                         "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
   for (const char* name : {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
   // A voxel of 2 mm is about as wide as the thinnest of the 24 branches; most are found.

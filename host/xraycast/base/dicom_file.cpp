@@ -109,8 +109,18 @@ void DicomElements::words(DicomTag tag, std::span<const std::uint16_t> values) {
   values_[tag] = {reinterpret_cast<const char*>(values.data()), values.size_bytes()};
 }
 
+void DicomElements::long_words(DicomTag tag, std::span<const std::uint32_t> values) {
+  values_[tag] = {reinterpret_cast<const char*>(values.data()), values.size_bytes()};
+}
+
 void DicomElements::sequence(DicomTag tag, std::vector<DicomElements> items) {
   sequences_[tag] = std::move(items);
+}
+
+bool is_dicom_uid(std::string_view text) {
+  constexpr std::size_t kMost = 64;
+  return !text.empty() && text.size() <= kMost &&
+         text.find_first_not_of("0123456789.") == std::string_view::npos;
 }
 
 std::string new_dicom_uid() {

@@ -31,6 +31,9 @@ class DicomElements {
   void words(DicomTag tag, std::span<const std::uint16_t> values);
   void word(DicomTag tag, std::uint16_t value) { words(tag, {&value, 1}); }
 
+  /// Binary 32-bit words: UL.
+  void long_words(DicomTag tag, std::span<const std::uint32_t> values);
+
   void sequence(DicomTag tag, std::vector<DicomElements> items);
 
   /// As they are written: texts padded to an even length by the writer.
@@ -41,6 +44,9 @@ class DicomElements {
   std::map<DicomTag, std::string> values_;
   std::map<DicomTag, std::vector<DicomElements>> sequences_;
 };
+
+/// PS3.5, 9.1: up to 64 digits and dots.
+bool is_dicom_uid(std::string_view text);
 
 /// A new UID, made of a random UUID: `2.25.` and its decimal number (PS3.5, B.2).
 std::string new_dicom_uid();

@@ -1,6 +1,7 @@
 #include "xraycast/scan/dicom_scan.hpp"
 
 #include "xraycast/base/child_process.hpp"
+#include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -226,12 +227,7 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
 
 // ---- where they come from ----------------------------------------------------------------------------
 
-/// PS3.5, 9.1.
-std::string uid_or_nothing(const std::string& text) {
-  constexpr std::size_t kMost = 64;
-  const bool is_uid = text.size() <= kMost && text.find_first_not_of("0123456789.") == std::string::npos;
-  return is_uid ? text : "";
-}
+std::string uid_or_nothing(const std::string& text) { return is_dicom_uid(text) ? text : ""; }
 
 /// A UID that all slices have to share.
 std::string common_uid(const std::vector<DicomSlice>& slices, std::string DicomStudy::*uid) {
