@@ -291,6 +291,7 @@ void cast_map(const CastArguments& options, Session& session) {
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
+  const std::string frame_of_reference = frame_of_reference_uid(scan.info);
 
   ComputeDevice device(session.device);
   const std::int64_t limit_B = memory_limit_B(options, device);
@@ -301,6 +302,7 @@ void cast_map(const CastArguments& options, Session& session) {
           ? cast_resident(options, attenuation, knots_hu, scan, device, session)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
   result.map.source = source;
+  result.map.frame_of_reference_uid = frame_of_reference;
   const MapGeometry& geometry = result.map.geometry;
 
   const Stopwatch writing;
@@ -308,6 +310,7 @@ void cast_map(const CastArguments& options, Session& session) {
   write_map(result.map, options.output);
   if (basis) {
     basis->source = source;
+    basis->frame_of_reference_uid = frame_of_reference;
     write_basis(*basis, options.basis);
   }
   outputs.commit();

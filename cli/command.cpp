@@ -153,6 +153,10 @@ void check_folder(const std::filesystem::path& folder, std::initializer_list<con
     throw InputError("{}: the folder cannot be made in {}: {}", name, above.string(), std::strerror(errno));
 }
 
+std::string frame_of_reference_uid(const ScanInfo& scan) {
+  return scan.dicom ? scan.dicom->study.frame_of_reference_uid : "";
+}
+
 Json to_json(const VolumeGeometry& geometry) {
   const auto list = [](const auto& v) { return Json{v.x, v.y, v.z}; };
   return {{"size", list(geometry.size)},

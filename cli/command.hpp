@@ -75,6 +75,9 @@ void make_folder(const std::filesystem::path& folder, const std::string& name);
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
                   const std::string& name);
 
+/// Of a DICOM series; empty where it is unknown.
+std::string frame_of_reference_uid(const ScanInfo& scan);
+
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);
 

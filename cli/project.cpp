@@ -44,6 +44,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
   session.say(scan.info.warnings);
   session.say(scan.info.notes);
 
+  xa.frame_of_reference_uid = frame_of_reference_uid(scan.info);
   ComputeDevice device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
@@ -66,13 +67,15 @@ void project_scan(const ProjectArguments& options, Session& session) {
 
   const double total_ms = stopwatch.ms();
   const View& drawn = image.view;
-  session.report({{"input", options.input},
-                  {"image", to_json(image.view)},
-                  {"timings_ms",
-                   {{"read", load_timings.read_ms},
-                    {"upload", load_timings.upload_ms},
-                    {"kernel", image.kernel_ms},
-                    {"total", total_ms}}}},
+  Json result{{"input", options.input},
+              {"image", to_json(image.view)},
+              {"timings_ms",
+               {{"read", load_timings.read_ms},
+                {"upload", load_timings.upload_ms},
+                {"kernel", image.kernel_ms},
+                {"total", total_ms}}}};
+  if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
+  session.report(result,
                  fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
                              "{:.0f} ms, total {:.0f} ms\n",
                              options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,

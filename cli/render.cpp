@@ -214,12 +214,13 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
 }
 
 void render(const RenderArguments& options, Session& session) {
-  const XaOptions xa = parse_xa(options.dicom, options.output);
+  XaOptions xa = parse_xa(options.dicom, options.output);
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
+  xa.frame_of_reference_uid = map->frame_of_reference_uid;
   const BodyBounds bounds = bounds_of(map->geometry);
   const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
   const View view = resolve_view(options, scene, bounds);
@@ -240,6 +241,7 @@ void render(const RenderArguments& options, Session& session) {
               {"device", gl_device_name()},
               {"texture_B", frames.texture_B()},
               {"frames", std::max<std::size_t>(1, cine_deg.size())}};
+  if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   std::string angles = label(view);
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");

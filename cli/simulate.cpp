@@ -17,6 +17,7 @@
 
 #include <fmt/format.h>
 
+#include <cmath>
 #include <filesystem>
 #include <memory>
 #include <optional>
@@ -30,6 +31,7 @@ struct SimulateArguments {
   std::string tree, instrument_model, script, log, plot, entry;
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
+  DicomOptions dicom;
 };
 
 /// FROM,TO in seconds. Throws InputError.
@@ -58,10 +60,15 @@ View no_smaller(View view, const BodyBounds& bounds) {
   return fitted(view, bounds);
 }
 
+/// Throws InputError for what is no patient, or applies to no DICOM file.
+XaOptions parse_xa(const SimulateArguments& options) {
+  return parse_xa(options.dicom, options.cine.empty() ? "a run without --cine" : options.cine);
+}
+
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
-  Cine(const SimulateArguments& options, const VesselTree& tree, const Session& session) {
+  Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
     cine.view = parse_view(options.view);
@@ -74,15 +81,44 @@ class Cine {
     cine.style.shading = parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
+    if (is_xa(options.cine))
+      start_xa(options, map, tree, cine, longest_s, session);
+    else
+      start(options, map, tree, cine);
+  }
+  void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
+  void finish() {
+    if (writer_) writer_->finish();
+    if (xa_) xa_->finish();
+  }
+  /// "scan" or "new"; empty where the cine is not DICOM.
+  const std::string& frame_of_reference() const { return frame_of_reference_; }
+
+ private:
+  void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
+             const VesselTree& tree, const RunCine::Options& cine) {
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
     run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
-  void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
-  void finish() { writer_->finish(); }
 
- private:
+  void start_xa(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
+                const VesselTree& tree, const RunCine::Options& cine, double longest_s,
+                const Session& session) {
+    XaOptions xa = parse_xa(options);
+    xa.frame_time_ms = 1000 * cine.step_s;
+    xa.frame_of_reference_uid = map->frame_of_reference_uid;
+    frame_of_reference_ = frame_of_reference_name(xa);
+    check_dicom(cine.view, xa, options.cine, session);
+    const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
+    xa_.emplace(options.cine, cine.view, most_frames, xa);
+    run_.emplace(map, tree, cine,
+                 [this, view = cine.view](const std::vector<float>& tau) { xa_->add(view, tau); });
+  }
+
   HeadlessContext context_;
   std::optional<CineWriter> writer_;
+  std::optional<XaWriter> xa_;
+  std::string frame_of_reference_;
   std::optional<RunCine> run_;
 };
 
@@ -107,11 +143,12 @@ class HubPlot {
 };
 
 void check_cine(const SimulateArguments& options) {
+  parse_xa(options);
   if (options.cine.empty()) return;
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   parse_injection(options.inject);
-  if (is_animation(options.cine)) return check_writable(options.cine);
+  if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_folder(options.cine, options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
@@ -135,7 +172,7 @@ void simulate(const SimulateArguments& options, Session& session) {
   Catheter catheter(tree, device, entry);
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
-  if (!options.cine.empty()) cine.emplace(options, tree, session);
+  if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
   std::optional<HubPlot> plot;
   if (!options.plot.empty()) plot.emplace(script).see(catheter, 0);
   double held_s = 0;
@@ -154,18 +191,20 @@ void simulate(const SimulateArguments& options, Session& session) {
 
   const CatheterTip tip = catheter.tip();
   const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
-  session.report({{"tree", options.tree},
-                  {"device_model", device.name()},
-                  {"entry_branch", entry.branch},
-                  {"held_s", held_s},
-                  {"log", options.log},
-                  {"rows", records.size()},
-                  {"simulated_s", catheter.time_s()},
-                  {"wall_s", wall_s},
-                  {"tip",
-                   {{"branch", tip.branch},
-                    {"arc_length_mm", tip.arc_length_mm},
-                    {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}},
+  Json result{{"tree", options.tree},
+              {"device_model", device.name()},
+              {"entry_branch", entry.branch},
+              {"held_s", held_s},
+              {"log", options.log},
+              {"rows", records.size()},
+              {"simulated_s", catheter.time_s()},
+              {"wall_s", wall_s},
+              {"tip",
+               {{"branch", tip.branch},
+                {"arc_length_mm", tip.arc_length_mm},
+                {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
+  if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
+  session.report(result,
                  fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
                              "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}",
                              options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
@@ -183,6 +222,8 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --entry 19 --plot forces.png\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
       "    --cine run.gif --inject 8,9 --size 480x640\n"
+      "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
+      "    --cine run.dcm --inject 8,9 --cone 780,1200 --patient Phantom,1\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
@@ -199,8 +240,10 @@ void add_simulate(CLI::App& app, Session& session) {
       ->type_name("CSV");
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
-  command->add_option("--cine", options->cine, "Frames of the run, ten a second: a folder of PNGs, or a .gif")
-      ->type_name("DIR|GIF");
+  command
+      ->add_option("--cine", options->cine,
+                   "Frames of the run, ten a second: a folder of PNGs, a .gif, or a .dcm: a DICOM XA")
+      ->type_name("DIR|GIF|DCM");
   command->add_option("--look", options->look, "--cine: the catheter absorbs (fluoro) or is shaded (surface)")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->capture_default_str()
@@ -208,6 +251,7 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("--inject", options->inject, "--cine: inject contrast agent at the tip, 5 ml/s")
       ->type_name("FROM_S,TO_S");
   add_view_options(*command, options->view);
+  add_dicom_options(*command, options->dicom);
 }
 
 }  // namespace xraycast::cli

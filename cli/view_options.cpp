@@ -88,6 +88,10 @@ void check_dicom(const View& view, const XaOptions& xa, const std::string& file,
                  "C-arm's"});
 }
 
+std::string frame_of_reference_name(const XaOptions& xa) {
+  return xa.frame_of_reference_uid.empty() ? "new" : "scan";
+}
+
 void add_cone_option(CLI::App& command, std::string& cone) {
   command
       .add_option("--cone", cone,

@@ -49,6 +49,9 @@ XaOptions parse_xa(const DicomOptions& options, const std::string& file);
 /// picture has no distances. Throws InputError.
 void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session);
 
+/// "scan" or "new".
+std::string frame_of_reference_name(const XaOptions& xa);
+
 /// --cone alone, for commands that choose their own angles.
 void add_cone_option(CLI::App& command, std::string& cone);
 

@@ -79,6 +79,23 @@ class DicomOutput(unittest.TestCase):
             run("cast", self.phantom(), "-o", body_map, "--layers", 4, "--angles", 90)
         return body_map
 
+    def series(self):
+        series = self.folder / "thorax"
+        if not series.exists():
+            run("convert", self.phantom(), "-o", series, "--patient", "Doe^Jane,1")
+        return series
+
+    def vessels(self):
+        """The phantom's own: mask and tree."""
+        truth = self.folder / "truth"
+        if not truth.exists():
+            run("phantom", "thorax", "-o", self.folder / "again.nrrd", "--size", "96x96x80", "--truth", truth)
+        return truth
+
+    def segment(self, scan, folder):
+        """From the phantom's mask, which takes no time."""
+        return run("segment", scan, "-o", folder, "--from-mask", self.vessels() / "mask.nrrd").stdout
+
     def expect_valid(self, *files):
         for file in files:
             told = subprocess.run(["dciodvfy", file], capture_output=True, text=True).stderr
@@ -229,6 +246,102 @@ class DicomOutput(unittest.TestCase):
             self.assertIn(reason, told)
         self.assertFalse((self.folder / "x.dcm").exists())
 
+
+    def test_a_run_of_a_catheter_is_one_file_under_a_still_c_arm(self):
+        # Pixels about as fine as the catheter, so that no frame loses it between them.
+        script, file = self.folder / "push.csv", self.folder / "push.dcm"
+        script.write_text("time_s,insertion_mm,rotation_deg\n0,0,0\n1,60,0\n")
+        words = ("simulate", self.vessels(), "--device-model", "cobra-5f", "--script", script, "-o",
+                 self.folder / "push.log", "--map", self.map(), "--cine", file, "--size", "480x360")
+        told = json.loads(run(*words, "--lao", 20, "--cranial", 10, "--cone", "780,1200", "--patient", "Doe^Jane,1",
+                              "--json").stdout)
+        self.assertEqual(told["frame_of_reference"], "new")
+        self.expect_valid(file)
+        data = pydicom.dcmread(file)
+        # At 0, 0.1 and so on to 1 s; the last step may end a rounding before it.
+        self.assertIn(data.NumberOfFrames, (10, 11))
+        self.assertEqual(data.FrameTime, 100)
+        self.assertEqual((data.PositionerPrimaryAngle, data.PositionerSecondaryAngle), (20, 10))
+        self.assertEqual((data.DistanceSourceToPatient, data.DistanceSourceToDetector), (780, 1200))
+        self.assertEqual(data.PositionerMotion, "STATIC")
+        self.assertNotIn("PositionerPrimaryAngleIncrement", data)
+        self.assertEqual(data.PatientName, "Doe^Jane")
+        first, last = (data.pixel_array[i].astype(int) for i in (0, -1))
+        # The catheter absorbs; nothing gets lighter.
+        self.assertGreater((first - last).max(), 50)
+        self.assertGreaterEqual((first - last).min(), 0)
+        status, told = refusal(*words[:-3], self.folder / "push.gif", "--size", "96x72", "--patient", "Doe^Jane,1")
+        self.assertEqual((status, told.count("\n")), (3, 1), told)
+        self.assertIn("--patient does not apply", told)
+
+    def test_the_frame_of_reference_is_the_scans_where_it_is_known(self):
+        scans = pydicom.dcmread(next(self.series().iterdir())).FrameOfReferenceUID
+        body_map, recast, file = (self.folder / name for name in ("dicom.exr", "recast.exr", "framed.dcm"))
+        basis, opacity = self.folder / "dicom.basis", self.folder / "bone.json"
+        opacity.write_text(json.dumps({"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [0, 0], [1000, 0.06]]}))
+        run("cast", self.series(), "-o", body_map, "--layers", 4, "--angles", 90, "--keep-basis", basis,
+            "--opacity", opacity)
+        run("recast", basis, "-o", recast, "--opacity", opacity)
+        for words, expected in ((("project", self.series()), "scan"), (("render", body_map), "scan"),
+                                (("render", recast), "scan"), (("project", self.phantom()), "new"),
+                                (("render", self.map()), "new")):
+            with self.subTest(words=words):
+                told = json.loads(run(*words, "-o", file, "--size", "32x32", "--json").stdout)
+                data = pydicom.dcmread(file)
+                self.assertEqual(told["frame_of_reference"], expected)
+                self.assertEqual(data.FrameOfReferenceUID == scans, expected == "scan")
+                self.assertIn({"scan": "is the scan's.", "new": "is new, since"}[expected], data.DerivationDescription)
+
+    def test_a_mask_is_a_valid_segmentation_of_its_series(self):
+        series, folder = self.folder / "whose", self.folder / "whose vessels"
+        run("convert", self.phantom(), "-o", series)
+        for file in series.iterdir():
+            data = pydicom.dcmread(file)
+            data.SpecificCharacterSet = "ISO_IR 100"
+            data.PatientName, data.PatientID, data.PatientBirthDate, data.PatientSex = "Groß^Jörg", "7", "19500102", "M"
+            data.AccessionNumber, data.StudyID, data.StudyDate = "A77", "S1", "20200304"
+            data.save_as(file)
+        self.assertNotIn("no mask.seg.dcm", self.segment(series, folder))
+        file = folder / "mask.seg.dcm"
+        self.expect_valid(file)
+        seg, slices = pydicom.dcmread(file), self.read_series(series)[1]
+        mask = numpy.frombuffer((folder / "mask.nrrd").read_bytes().partition(b"\n\n")[2], "u1").reshape(80, 96, 96)
+        self.assertGreater(mask.sum(), 0)
+        self.assertTrue((seg.pixel_array == mask).all())
+        self.assertEqual((seg.SOPClassUID, seg.SegmentationType), ("1.2.840.10008.5.1.4.1.1.66.4", "BINARY"))
+        for same in ("StudyInstanceUID", "FrameOfReferenceUID", "PatientName", "PatientID", "PatientBirthDate",
+                     "PatientSex", "AccessionNumber", "StudyID", "StudyDate", "StudyTime"):
+            self.assertEqual(seg[same].value, slices[0][same].value, same)
+        self.assertEqual(str(seg.PatientName), "Groß^Jörg")
+        self.assertNotEqual(seg.SeriesInstanceUID, slices[0].SeriesInstanceUID)
+        self.assertEqual(seg.ReferencedSeriesSequence[0].SeriesInstanceUID, slices[0].SeriesInstanceUID)
+        self.assertEqual([s.ReferencedSOPInstanceUID for s in seg.ReferencedSeriesSequence[0].ReferencedInstanceSequence],
+                         [s.SOPInstanceUID for s in slices])
+        shared = seg.SharedFunctionalGroupsSequence[0]
+        self.assertEqual(shared.PixelMeasuresSequence[0].PixelSpacing, slices[0].PixelSpacing)
+        self.assertEqual(shared.PlaneOrientationSequence[0].ImageOrientationPatient, slices[0].ImageOrientationPatient)
+        for number, (frame, source) in enumerate(zip(seg.PerFrameFunctionalGroupsSequence, slices, strict=True), 1):
+            self.assertEqual(frame.PlanePositionSequence[0].ImagePositionPatient, source.ImagePositionPatient)
+            self.assertEqual(frame.DerivationImageSequence[0].SourceImageSequence[0].ReferencedSOPInstanceUID,
+                             source.SOPInstanceUID)
+            self.assertEqual(frame.FrameContentSequence[0].DimensionIndexValues, [1, number])
+
+    def test_a_mask_on_another_grid_is_no_segmentation_and_the_reason_is_told(self):
+        folder, prone = self.folder / "some vessels", self.folder / "prone"
+        run("convert", self.phantom(), "-o", prone)
+        for file in prone.iterdir():
+            data = pydicom.dcmread(file)
+            data.ImageOrientationPatient = [-1, 0, 0, 0, -1, 0]
+            data.ImagePositionPatient = [-data.ImagePositionPatient[0], -data.ImagePositionPatient[1],
+                                         data.ImagePositionPatient[2]]
+            data.save_as(file)
+        self.segment(self.series(), folder)
+        self.assertTrue((folder / "mask.seg.dcm").exists())
+        # The file of the earlier run would belong to another scan.
+        self.assertIn("no mask.seg.dcm: the slices were resampled or reoriented", self.segment(prone, folder))
+        self.assertFalse((folder / "mask.seg.dcm").exists())
+        self.assertTrue((folder / "mask.nrrd").exists())
+        self.assertIn("no mask.seg.dcm: the scan is NRRD", self.segment(self.phantom(), folder))
 
     def read_series(self, folder):
         """HU, axes z, y, x, from the most inferior slice; and its slices."""

@@ -76,9 +76,11 @@ void expect_refused(const std::filesystem::path& path, const std::string& messag
 TEST(BasisFile, ReadingBackGivesTheSame) {
   const TemporaryFolder folder;
   for (const int layers : {1, 4}) {
-    const Basis written = make_basis(layers);
+    Basis written = make_basis(layers);
+    if (layers > 1) written.frame_of_reference_uid = "1.2.3";
     write_basis(written, folder / "a.basis");
     const Basis read = read_basis(folder / "a.basis");
+    EXPECT_EQ(read.frame_of_reference_uid, written.frame_of_reference_uid);
     EXPECT_EQ(read.geometry, written.geometry);
     EXPECT_EQ(read.knots_hu, written.knots_hu);
     EXPECT_EQ(read.source, written.source);
@@ -170,6 +172,9 @@ const BadBasis kBadBases[] = {
     {"AnArray", kStart + chunk("HEAD", "[1]"), "not a JSON object"},
     {"NoHeader", kStart + chunk("TILE", tiles(3, 2)), "chunk 1 is damaged: it is not HEAD"},
     {"Sphere", basis_with("cylinder", "spiral"), "projection is 'spiral'"},
+    {"FrameThatIsNoUid",
+     basis_with("\"source\": \"\"", "\"source\": \"\", \"frame_of_reference_uid\": \"a\""),
+     "frame_of_reference_uid is no DICOM UID"},
     {"NoWidth", basis_with("\"width\"", "\"wide\""), "header field width"},
     {"NegativeWidth", basis_with("\"width\": 2", "\"width\": -2"), "header field width"},
     {"FractionalWidth", basis_with("\"width\": 2", "\"width\": 2.5"), "header field width"},

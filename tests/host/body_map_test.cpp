@@ -42,12 +42,14 @@ BodyMap make_map(int layers) {
 TEST(BodyMapFile, ReadingBackGivesTheSame) {
   const TemporaryFolder folder;
   for (const int layers : {1, 5}) {
-    const BodyMap written = make_map(layers);
+    BodyMap written = make_map(layers);
+    if (layers > 1) written.frame_of_reference_uid = "1.2.3";
     write_body_map(written, folder / "map.exr");
     const BodyMap read = read_body_map(folder / "map.exr");
     EXPECT_EQ(read.geometry, written.geometry);
     EXPECT_EQ(read.opacity, written.opacity);
     EXPECT_EQ(read.source, written.source);
+    EXPECT_EQ(read.frame_of_reference_uid, written.frame_of_reference_uid);
     EXPECT_EQ(read.tau, written.tau);
   }
 }
@@ -171,6 +173,14 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
   EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("there is no such file"));
+}
+
+TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(1);
+  map.frame_of_reference_uid = "table 2";
+  write_body_map(map, folder / "map.exr");
+  EXPECT_THAT(refusal_of(folder / "map.exr"), testing::HasSubstr("frame_of_reference_uid is no DICOM UID"));
 }
 
 TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {

@@ -36,8 +36,9 @@ struct Basis {
   /// Voxels of the scan, of every fourth row and column, in bins of 16 HU from -1024 HU on; the last of 256
   /// bins holds all above. For those who draw an opacity's curve over it.
   std::vector<std::int64_t> hu_histogram;
-  std::vector<std::uint64_t> touched;  ///< of each tile: bit k says whether knot k has a row
-  std::vector<std::uint16_t> weights;  ///< the rows, tile by tile, in the order of the knots
+  std::vector<std::uint64_t> touched;    ///< of each tile: bit k says whether knot k has a row
+  std::vector<std::uint16_t> weights;    ///< the rows, tile by tile, in the order of the knots
+  std::string frame_of_reference_uid{};  ///< as a BodyMap's
 
   double unit_mm(int layer) const;
 };

@@ -1,6 +1,7 @@
 #include "xraycast/casting/basis_file.hpp"
 
 #include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
 
@@ -60,6 +61,7 @@ std::string header_of(const Basis& basis) {
               {"knots_hu", basis.knots_hu},
               {"hu_histogram", basis.hu_histogram},
               {"source", basis.source}};
+  if (!basis.frame_of_reference_uid.empty()) header["frame_of_reference_uid"] = basis.frame_of_reference_uid;
   if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -122,6 +124,10 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
       std::ranges::any_of(basis.hu_histogram, [](std::int64_t count) { return count < 0; }))
     throw InputError("{}: header field hu_histogram has to hold {} counts", name, XRC_HISTOGRAM_BINS);
   basis.source = header.get<std::string>("source");
+  if (header.has("frame_of_reference_uid"))
+    basis.frame_of_reference_uid = header.get<std::string>("frame_of_reference_uid");
+  if (!basis.frame_of_reference_uid.empty() && !is_dicom_uid(basis.frame_of_reference_uid))
+    throw InputError("{}: header field frame_of_reference_uid is no DICOM UID; cast the basis again", name);
   return basis;
 }
 

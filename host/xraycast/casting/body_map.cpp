@@ -1,5 +1,6 @@
 #include "xraycast/casting/body_map.hpp"
 
+#include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
@@ -67,6 +68,7 @@ ExrPart part_of_layer(const BodyMap& map, int layer) {
   else
     set("opacity", map.opacity.to_json());
   set("source", map.source);
+  if (!map.frame_of_reference_uid.empty()) set("frame_of_reference_uid", map.frame_of_reference_uid);
   set("layer", layer);
   return part;
 }
@@ -143,6 +145,10 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   else
     map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
   map.source = text_attribute(file, "source");
+  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
+  if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
+    throw InputError("{}: attribute xraycast:frame_of_reference_uid is no DICOM UID; cast the map again",
+                     name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
   for (int k = 0; k < layers; ++k)

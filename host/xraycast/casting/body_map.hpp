@@ -20,10 +20,11 @@ namespace xraycast {
 struct BodyMap {
   MapGeometry geometry;
   Opacity opacity = Opacity::paper();
-  std::string source;                  ///< what was cast, in words
-  std::vector<float> tau;              ///< empty in a spectrum map
-  std::optional<Spectrum> spectrum{};  ///< set in a spectrum map, which has no use for `opacity`
-  MaterialDepths depths{};             ///< of a spectrum map
+  std::string source;                    ///< what was cast, in words
+  std::vector<float> tau;                ///< empty in a spectrum map
+  std::optional<Spectrum> spectrum{};    ///< set in a spectrum map, which has no use for `opacity`
+  MaterialDepths depths{};               ///< of a spectrum map
+  std::string frame_of_reference_uid{};  ///< of the DICOM series that was cast; empty: unknown
 
   std::size_t layer_size() const { return static_cast<std::size_t>(geometry.width) * geometry.height; }
   std::span<const float> layer(int k) const { return std::span(tau).subspan(k * layer_size(), layer_size()); }

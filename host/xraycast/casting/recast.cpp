@@ -50,6 +50,7 @@ RecastSession::RecastSession(ComputeDevice& device, const Basis& basis)
       first_row_(device.upload(std::span<const std::uint32_t>(first_rows(basis.touched)))),
       weights_(device.upload(std::span<const std::uint16_t>(basis.weights))),
       unit_mm_(device.upload(std::span<const float>(units_mm(basis)))) {
+  map_.frame_of_reference_uid = basis.frame_of_reference_uid;
   map_.tau.assign(static_cast<std::size_t>(basis.geometry.layers()) * map_.layer_size(), 0.0f);
   tau_ = device.buffer(CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR,
                        static_cast<std::int64_t>(map_.tau.size() * sizeof(float)), map_.tau.data());

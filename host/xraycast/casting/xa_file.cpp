@@ -104,31 +104,35 @@ void add_pose(DicomElements& image, std::span<const View> views) {
     image.number(0x00181114, first.cone->source_detector_mm / first.cone->source_axis_mm);
   }
   if (views.size() == 1) return;
+  const bool is_turning = std::ranges::any_of(views, [&](const View& view) {
+    return view.angle_rad != first.angle_rad || view.tilt_rad != first.tilt_rad;
+  });
+  image.text(0x00181500, is_turning ? "DYNAMIC" : "STATIC");  // Positioner Motion
+  if (!is_turning) return;
   // Offsets from the first frame, one a frame (C.8.7.5.1.3), on beyond half a turn.
   std::vector<double> primary_deg, secondary_deg;
   for (const View& view : views) {
     primary_deg.push_back(xa_degrees(view.angle_rad - first.angle_rad));
     secondary_deg.push_back(xa_degrees(view.tilt_rad - first.tilt_rad));
   }
-  image.text(0x00181500, "DYNAMIC");  // Positioner Motion
   image.numbers(0x00181520, primary_deg);
   image.numbers(0x00181521, secondary_deg);
 }
 
-void add_run(DicomElements& image, std::size_t frames) {
+void add_run(DicomElements& image, std::size_t frames, double frame_time_ms) {
   if (frames == 1) return;
-  constexpr double kFrameTime_ms = 50;  // as in other cines
   image.number(0x00280008, static_cast<double>(frames));
   image.words(0x00280009, std::vector<std::uint16_t>{0x0018, 0x1063});  // Frame Increment Pointer: Frame Time
-  image.number(0x00181063, kFrameTime_ms);
+  image.number(0x00181063, frame_time_ms);
 }
 
-std::string derivation(const View& view) {
+std::string derivation(const View& view, bool is_frame_the_scans) {
   const glm::dvec3& c = view.centre_mm;
   return fmt::format(
       "Simulated by xraycast from a CT scan, a digitally reconstructed radiograph; not for clinical use. "
-      "Isocentre in the scan: {:.4f} {:.4f} {:.4f} mm (LPS).{}",
-      c.x, c.y, c.z, view.cone ? "" : " The beam is parallel: it has no source.");
+      "Isocentre in the scan: {:.4f} {:.4f} {:.4f} mm (LPS). The frame of reference is {}.{}",
+      c.x, c.y, c.z, is_frame_the_scans ? "the scan's" : "new, since the scan's is unknown",
+      view.cone ? "" : " The beam is parallel: it has no source.");
 }
 
 }  // namespace
@@ -161,16 +165,18 @@ void XaWriter::add(const View& view, std::span<const float> tau) {
 }
 
 void XaWriter::finish() {
+  if (views_.empty()) return;
+  const std::string& scans_frame = options_.frame_of_reference_uid;
   DicomElements image = dicom_elements("1.2.840.10008.5.1.4.1.1.12.1", options_.patient);
   image.text(0x00080008, "DERIVED\\SECONDARY\\SINGLE PLANE");  // Image Type
-  image.text(0x00082111, derivation(views_.front()));
+  image.text(0x00082111, derivation(views_.front(), !scans_frame.empty()));
   image.text(0x0008103e, "Simulated projection");  // Series Description
-  image.text(0x00200052, new_dicom_uid());         // Frame of Reference UID
-  image.text(0x00201040, "");                      // Position Reference Indicator
+  image.text(0x00200052, scans_frame.empty() ? new_dicom_uid() : scans_frame);
+  image.text(0x00201040, "");  // Position Reference Indicator
   add_image(image, views_.front(), pixels_, options_.intensity);
   add_acquisition(image, options_.tube_kvp);
   add_pose(image, views_);
-  add_run(image, views_.size());
+  add_run(image, views_.size(), options_.frame_time_ms);
   write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
 }
 

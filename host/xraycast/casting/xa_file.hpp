@@ -8,6 +8,7 @@
 #include <filesystem>
 #include <optional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -23,7 +24,9 @@ enum class XaIntensity {
 struct XaOptions {
   XaIntensity intensity = XaIntensity::logarithmic;
   DicomPatient patient{};
-  std::optional<double> tube_kvp{};  ///< where a spectrum was used
+  std::optional<double> tube_kvp{};      ///< where a spectrum was used
+  double frame_time_ms = 50;             ///< of a run; 50 ms as in other cines
+  std::string frame_of_reference_uid{};  ///< the scan's; empty: unknown, and a new one is made
 };
 
 /// Whether a file's name is that of an X-Ray Angiographic Image, `.dcm`.
@@ -36,7 +39,8 @@ void check_xa(const std::filesystem::path& path, const View& view, const XaOptio
 /// Writes DRRs as a DICOM X-Ray Angiographic Image (1.2.840.10008.5.1.4.1.1.12.1): one picture, or a run of
 /// them, in which the C-arm may turn. The positioner's angles, the distances from the source and the pixel
 /// spacing on the detector are those of the views; a parallel beam has no source and leaves the distances
-/// out. The Derivation Description says that it is simulated, and where the isocentre lies in the scan.
+/// out. The Derivation Description says that it is simulated, where the isocentre lies in the scan, and
+/// whether the frame of reference is the scan's.
 class XaWriter {
  public:
   /// Of `frames` pictures that differ from `view` in their angles alone. Throws as check_xa, and InputError
@@ -46,7 +50,7 @@ class XaWriter {
   /// The next picture's optical depths, W x H, row 0 on top.
   void add(const View& view, std::span<const float> tau);
 
-  /// Once, after the last picture. Throws Error when the disk is full.
+  /// Once, after the last picture; without pictures nothing is written. Throws Error when the disk is full.
   void finish();
 
  private:

@@ -11,8 +11,8 @@ enum : std::size_t { kCatheter, kContrast };
 }  // namespace
 
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
-                 Screen screen)
-    : options_(options), screen_(std::move(screen)), bolus_(tree), contrast_(tree), road_map_(tree) {
+                 std::variant<Screen, Detector> taker)
+    : options_(options), taker_(std::move(taker)), bolus_(tree), contrast_(tree), road_map_(tree) {
   renderer_.set_map(std::move(map));
   options_.style.window = automatic_window(renderer_, options_.view, options_.style);
   options_.style.full_contrast = true;
@@ -31,9 +31,15 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
   if (options_.style.shading == ShadingMode::fluoro)
     renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
+  take_frame();
+}
+
+void RunCine::take_frame() {
+  if (const auto* detector = std::get_if<Detector>(&taker_))
+    return (*detector)(renderer_.tau(options_.view, options_.style));
   std::vector<std::uint8_t> rgb = renderer_.picture(options_.view, options_.style);
   draw_outline(road_map_.outline(options_.view), kRoadMapColour, options_.view.width, rgb);
-  screen_(std::move(rgb));
+  std::get<Screen>(taker_)(std::move(rgb));
 }
 
 }  // namespace xraycast

@@ -10,6 +10,7 @@
 #include <cstdint>
 #include <functional>
 #include <memory>
+#include <variant>
 #include <vector>
 
 namespace xraycast {
@@ -27,16 +28,21 @@ class RunCine {
   };
   /// Takes a frame: 8-bit RGB, row 0 on top.
   using Screen = std::function<void(std::vector<std::uint8_t> rgb)>;
+  /// Takes a frame's optical depths, without the road map, row 0 on top.
+  using Detector = std::function<void(std::vector<float> tau)>;
 
   /// The tree has to outlive the cine.
-  RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options, Screen screen);
+  RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
+          std::variant<Screen, Detector> taker);
 
   /// To be called after every step of the simulation; draws a frame when one is due.
   void see(const Catheter& catheter, double time_s);
 
  private:
+  void take_frame();
+
   Options options_;
-  Screen screen_;
+  std::variant<Screen, Detector> taker_;
   Renderer renderer_;
   ContrastBolus bolus_;
   ContrastSurface contrast_;
