@@ -1,127 +1,21 @@
 #include "xraycast/series/dicom_scan.hpp"
 
-#include "xraycast/base/child_process.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/series/dicom_pixels.hpp"
 #include "xraycast/series/dicom_series.hpp"
 #include "xraycast/series/dicom_slice.hpp"
-#include "xraycast/volume/rescale.hpp"
 #include "xraycast/volume/slice_stack.hpp"
 
-#include <gdcmImageReader.h>
-#include <gdcmTrace.h>
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
-#include <fstream>
-#include <new>
 
 namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
-
-// ---- pixels --------------------------------------------------------------------------------------
-
-/// Bits above the high bit may hold anything (old scanners put overlays there): shifts them out, and with the
-/// way back extends the sign.
-template <typename T>
-void keep_stored_bits(const DicomSlice& slice, std::span<T> words) {
-  const int up = 15 - slice.high_bit, down = 16 - slice.bits_stored;
-  for (T& word : words) word = static_cast<T>(static_cast<T>(word << up) >> down);
-}
-
-/// Reads straight into the slice's own memory and rescales it there.
-SliceSource::HuRange read_plain(const DicomSlice& slice, std::span<std::int16_t> hu) {
-  std::ifstream stream(slice.file, std::ios::binary);
-  stream.seekg(*slice.plain_pixels_B);
-  stream.read(reinterpret_cast<char*>(hu.data()), static_cast<std::streamsize>(hu.size_bytes()));
-  if (!stream) throw DamagedSlice("{}: could not be read to its end", slice.file.string());
-
-  const auto rescale_as = [&]<typename T>(T) {
-    const std::span<T> words(reinterpret_cast<T*>(hu.data()), hu.size());
-    keep_stored_bits(slice, words);
-    return rescale(std::span<const T>(words), slice.slope, slice.intercept, hu);
-  };
-  return slice.is_signed ? rescale_as(std::int16_t{}) : rescale_as(std::uint16_t{});
-}
-
-SliceSource::HuRange rescale_decoded(const DicomSlice& slice, const gdcm::Image& image,
-                                     std::span<std::int16_t> hu) {
-  std::vector<char> buffer(image.GetBufferLength());
-  if (!image.GetBuffer(buffer.data()))
-    throw DamagedSlice("{}: its {} data could not be decoded; the file is damaged or its compression unknown",
-                       slice.file.string(), slice.coding);
-  const auto rescale_as = [&]<typename T>(T) {
-    if (buffer.size() < hu.size() * sizeof(T))
-      throw DamagedSlice("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
-                         slice.file.string(), buffer.size(), hu.size() * sizeof(T));
-    return rescale(std::span(reinterpret_cast<const T*>(buffer.data()), hu.size()), slice.slope,
-                   slice.intercept, hu);
-  };
-  switch (image.GetPixelFormat().GetScalarType()) {
-    case gdcm::PixelFormat::UINT8:
-      return rescale_as(std::uint8_t{});
-    case gdcm::PixelFormat::INT8:
-      return rescale_as(std::int8_t{});
-    case gdcm::PixelFormat::UINT12:
-    case gdcm::PixelFormat::UINT16:
-      return rescale_as(std::uint16_t{});
-    case gdcm::PixelFormat::INT12:
-    case gdcm::PixelFormat::INT16:
-      return rescale_as(std::int16_t{});
-    case gdcm::PixelFormat::UINT32:
-      return rescale_as(std::uint32_t{});
-    case gdcm::PixelFormat::INT32:
-      return rescale_as(std::int32_t{});
-    default:
-      throw InputError("{}: pixels of type {} are not supported", slice.file.string(),
-                       image.GetPixelFormat().GetScalarTypeAsString());
-  }
-}
-
-SliceSource::HuRange decode_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
-  gdcm::ImageReader reader;
-  reader.SetFileName(slice.file.c_str());
-  if (!reader.Read())
-    throw DamagedSlice("{}: its {} data could not be decoded; the file is damaged or its compression unknown",
-                       slice.file.string(), slice.coding);
-  return rescale_decoded(slice, reader.GetImage(), hu);
-}
-
-/// What the process that decodes a slice leaves, in front of its HU.
-struct DecodedSlice {
-  SliceSource::HuRange range;
-  std::array<char, 1000> error;  ///< why it could not, ended by a zero
-};
-
-/// GDCM and the codecs under it write past their memory for some damaged files, or abort.
-SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_t> hu) {
-  const SharedMemory shared(sizeof(DecodedSlice) + hu.size_bytes());
-  auto* const decoded = new (shared.bytes().data()) DecodedSlice{};
-  auto* const shared_hu = reinterpret_cast<std::int16_t*>(shared.bytes().data() + sizeof(DecodedSlice));
-  // A codec holds a slice several times, in wider words.
-  constexpr std::int64_t kCopies = 32, kLibraries_B = std::int64_t{256} << 20;
-  const ChildLimits limits{.memory_B = kCopies * static_cast<std::int64_t>(hu.size_bytes()) + kLibraries_B};
-  const bool ended_well = run_in_child(
-      [&] {
-        try {
-          decoded->range = decode_by_gdcm(slice, {shared_hu, hu.size()});
-        } catch (const InputError& error) {
-          std::string(error.what()).copy(decoded->error.data(), decoded->error.size() - 1);
-        }
-      },
-      limits);
-  if (decoded->error[0] != 0) throw DamagedSlice("{}", decoded->error.data());
-  if (!ended_well)
-    throw DamagedSlice("{}: its {} data are damaged; copy it again or take it away", slice.file.string(),
-                       slice.coding);
-  std::copy_n(shared_hu, hu.size(), hu.begin());
-  return decoded->range;
-}
 
 class DicomStack final : public SliceStack {
  public:
@@ -133,12 +27,13 @@ class DicomStack final : public SliceStack {
   }
 
  private:
+  void prepare() override { decoder_.prepare(slices_); }
   SliceSource::HuRange decode_slice(std::int64_t index, std::span<std::int16_t> hu) const override {
-    const DicomSlice& slice = slices_[static_cast<std::size_t>(index)];
-    return slice.plain_pixels_B ? read_plain(slice, hu) : read_by_gdcm(slice, hu);
+    return decoder_.decode(slices_[static_cast<std::size_t>(index)], hu);
   }
 
   std::vector<DicomSlice> slices_;
+  DicomPixelDecoder decoder_;
 };
 
 // ---- a series' slices ------------------------------------------------------------------------------
@@ -151,10 +46,10 @@ std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info
   parallel_for(std::ssize(slices), [&](std::int64_t i) {
     progress.check();
     const DicomSlice& slice = slices[static_cast<std::size_t>(i)];
-    if (slice.plain_pixels_B) return;
+    if (slice.pixels.is_plain()) return;
     std::vector<std::int16_t> hu(static_cast<std::size_t>(slice.columns * slice.rows));
     try {
-      read_by_gdcm(slice, hu);
+      DicomPixelDecoder().decode(slice, hu);
     } catch (const DamagedSlice& error) {
       faults[static_cast<std::size_t>(i)] = error.what();
     }
@@ -171,15 +66,13 @@ std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info
 std::vector<DicomSlice> usable_slices(const DicomSeries& series, const fs::path& path, bool skip_damaged,
                                       ScanInfo& info, Progress& progress) {
   std::vector<DicomSlice> slices;
-  for (const DicomFileSummary& file : series.files)
-    if (file.slice)
-      slices.push_back(*file.slice);
-    else if (!file.is_damaged)
-      throw InputError("{}", file.fault);
-    else if (!skip_damaged)
-      throw DamagedSlice("{}", file.fault);
-    else
-      leave_out(file.fault, info);
+  for (const DicomFileSummary& file : series.files) {
+    if (!file.fault.empty() && !file.is_damaged) throw InputError("{}", file.fault);
+    if (!file.fault.empty() && !skip_damaged) throw DamagedSlice("{}", file.fault);
+    if (!file.fault.empty()) leave_out(file.fault, info);
+    if (!file.note.empty()) info.warnings.push_back(file.note);
+    slices.insert(slices.end(), file.slices.begin(), file.slices.end());
+  }
   if (skip_damaged) slices = decodable(std::move(slices), info, progress);
   if (slices.empty())
     throw InputError("{}: all slices of the series are damaged; copy it again", path.string());
@@ -192,7 +85,7 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
     if (slice.columns != first.columns || slice.rows != first.rows)
       throw InputError(
           "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); take one of them away",
-          slice.file.string(), slice.columns, slice.rows, first.file.string(), first.columns, first.rows);
+          slice.name(), slice.columns, slice.rows, first.name(), first.columns, first.rows);
     const auto turned = [](const glm::dvec3& a, const glm::dvec3& b) {
       return glm::distance(glm::normalize(a), glm::normalize(b)) > 1e-3;
     };
@@ -201,7 +94,7 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
       throw InputError(
           "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; take the "
           "localizer or the other orientation away",
-          slice.file.string(), first.file.string());
+          slice.name(), first.name());
   }
 }
 
@@ -228,10 +121,6 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
 
 Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const ScanOptions& options,
                 Progress& progress) {
-  gdcm::Trace::DebugOff();
-  gdcm::Trace::WarningOff();
-  gdcm::Trace::ErrorOff();
-
   progress.begin("opening", std::ssize(files), "files");
   std::vector<DicomFileSummary> summaries(files.size());
   parallel_for(std::ssize(files), [&](std::int64_t i) {

@@ -18,8 +18,16 @@ namespace fs = std::filesystem;
 /// Of the first slice that can be read.
 const DicomSlice* first_slice(const DicomSeries& series) {
   const auto readable =
-      std::ranges::find_if(series.files, [](const auto& file) { return file.slice.has_value(); });
-  return readable == series.files.end() ? nullptr : &*readable->slice;
+      std::ranges::find_if(series.files, [](const auto& file) { return !file.slices.empty(); });
+  return readable == series.files.end() ? nullptr : &readable->slices.front();
+}
+
+/// Frames count as slices, and a file that cannot be used as one.
+std::int64_t slice_count(const DicomSeries& series) {
+  std::int64_t count = 0;
+  for (const DicomFileSummary& file : series.files)
+    count += std::max<std::int64_t>(1, std::ssize(file.slices));
+  return count;
 }
 
 std::string plane_of(const DicomSeries& series) {
@@ -44,7 +52,7 @@ std::string name_of(const DicomSeries& series) {
   const DicomFileSummary& file = series.files.front();
   return fmt::format("{}{}{}", file.series_number.empty() ? "" : file.series_number + ": ",
                      file.series_description.empty() ? "" : file.series_description + ", ",
-                     pluralize(std::ssize(series.files), series.is_ct ? "slice" : "image"));
+                     pluralize(slice_count(series), series.is_ct ? "slice" : "image"));
 }
 
 std::string describe(const DicomSeries& series) {
@@ -62,7 +70,7 @@ std::string list_of(const std::vector<DicomSeries>& all) {
 bool is_better(const DicomSeries& a, const DicomSeries& b) {
   const auto rank = [](const DicomSeries& series) {
     const double mm = thickness_mm(series);
-    return std::tuple(!series.is_ct, -std::ssize(series.files), plane_of(series) != "axial",
+    return std::tuple(!series.is_ct, -slice_count(series), plane_of(series) != "axial",
                       mm > 0 ? mm : std::numeric_limits<double>::infinity(),
                       series.files.front().series_number, series.files.front().series_uid);
   };
@@ -149,8 +157,8 @@ void note_passed_over(const std::vector<DicomFileSummary>& files, bool only_ct, 
 
 ScanInfo::Series summary_of(const DicomSeries& series, bool chosen) {
   const DicomFileSummary& file = series.files.front();
-  return {file.series_number,       file.series_description, file.series_uid,      file.modality,
-          std::ssize(series.files), plane_of(series),        thickness_mm(series), chosen};
+  return {file.series_number,  file.series_description, file.series_uid,      file.modality,
+          slice_count(series), plane_of(series),        thickness_mm(series), chosen};
 }
 
 }  // namespace

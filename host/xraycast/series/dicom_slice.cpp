@@ -1,14 +1,13 @@
 #include "xraycast/series/dicom_slice.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/series/dicom_header.hpp"
+#include "xraycast/series/dicom_frames.hpp"
 
-#include <glm/geometric.hpp>
+#include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
+#include <array>
 #include <string_view>
-#include <vector>
 
 namespace xraycast {
 namespace {
@@ -16,133 +15,9 @@ namespace {
 namespace fs = std::filesystem;
 
 constexpr DicomTag kMediaClass = 0x00020002, kImageType = 0x00080008, kObjectClass = 0x00080016,
-                   kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSliceThickness = 0x00180050,
-                   kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011, kImagePosition = 0x00200032,
-                   kImageOrientation = 0x00200037, kSamplesPerPixel = 0x00280002,
-                   kNumberOfFrames = 0x00280008, kRows = 0x00280010, kColumns = 0x00280011,
-                   kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100, kBitsStored = 0x00280101,
-                   kHighBit = 0x00280102, kPixelRepresentation = 0x00280103, kRescaleIntercept = 0x00281052,
-                   kRescaleSlope = 0x00281053;
-constexpr const char* kDeflated = "1.2.840.10008.1.2.1.99";
-
-// ---- its slice -----------------------------------------------------------------------------------
-
-std::vector<double> numbers(const DicomHeader& header, DicomTag tag, std::size_t count, const fs::path& file,
-                            const char* name, const char* consequence) {
-  std::vector<double> result = header.numbers(tag);
-  if (result.size() != count || !std::ranges::all_of(result, [](double x) { return std::isfinite(x); }))
-    throw DamagedSlice("{}: {} ({:04x},{:04x}) is missing or damaged, so {}; export the series again with it",
-                       file.string(), name, tag >> 16, tag & 0xffff, consequence);
-  return result;
-}
-
-/// How the pixels of a transfer syntax are coded.
-const char* coding_of(const std::string& transfer_syntax) {
-  // DICOM PS3.6, annex A: the numbers behind 1.2.840.10008.1.2, of which the last ones choose a profile.
-  struct Coding {
-    const char *prefix, *name;
-  };
-  constexpr Coding kCodings[] = {{"1.2.840.10008.1.2.4.5", "JPEG"},
-                                 {"1.2.840.10008.1.2.4.7", "JPEG"},
-                                 {"1.2.840.10008.1.2.4.8", "JPEG-LS"},
-                                 {"1.2.840.10008.1.2.4.9", "JPEG 2000"},
-                                 {"1.2.840.10008.1.2.5", "RLE"}};
-  for (const auto& [prefix, name] : kCodings)
-    if (transfer_syntax.starts_with(prefix)) return name;
-  return "pixel";
-}
-
-/// What turns stored values into Hounsfield units. A CT slice has to say it (Type 1 of CT Image Storage):
-/// taken as 1 and 0, most would be off by 1024 HU.
-double rescale_number(const DicomHeader& header, DicomTag tag, const char* name, double of_others,
-                      const fs::path& file) {
-  const std::string text = header.text(tag);
-  if (text.empty() && header.text(kModality) != "CT") return of_others;
-  const std::vector<double> number = header.numbers(tag);
-  if (number.size() != 1 || !std::isfinite(number[0]) || (tag == kRescaleSlope && number[0] == 0))
-    throw DamagedSlice(
-        "{}: {} ({:04x},{:04x}) is {}, so its Hounsfield units are unknown; export the series again",
-        file.string(), name, tag >> 16, tag & 0xffff, text.empty() ? "missing" : "'" + text + "'");
-  return number[0];
-}
-
-double number_or(const DicomHeader& header, DicomTag tag, double fallback) {
-  const std::vector<double> result = header.numbers(tag);
-  return result.empty() ? fallback : result.front();
-}
-
-SlicePlane read_plane(const DicomHeader& header, const fs::path& file) {
-  const auto position =
-      numbers(header, kImagePosition, 3, file, "ImagePositionPatient", "its place is unknown");
-  const auto directions =
-      numbers(header, kImageOrientation, 6, file, "ImageOrientationPatient", "left and right are unknown");
-  const auto spacing = numbers(header, kPixelSpacing, 2, file, "PixelSpacing", "its size is unknown");
-  if (!(spacing[0] > 0 && spacing[1] > 0))
-    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it has to be above zero", file.string(),
-                       spacing[0], spacing[1]);
-  const glm::dvec3 i(directions[0], directions[1], directions[2]),
-      j(directions[3], directions[4], directions[5]);
-  // Printed cosines are unit vectors but for their last digit.
-  if (std::abs(glm::length(i) - 1) > 0.01 || std::abs(glm::length(j) - 1) > 0.01 ||
-      std::abs(glm::dot(i, j)) > 0.01)
-    throw DamagedSlice("{}: ImageOrientationPatient (0020,0037) is not two perpendicular unit vectors",
-                       file.string());
-  // The first spacing is the distance between rows.
-  return {{position[0], position[1], position[2]},
-          glm::normalize(i) * spacing[1],
-          glm::normalize(j) * spacing[0]};
-}
-
-DicomSlice read_slice(const DicomHeader& header, const fs::path& file) {
-  if (header.transfer_syntax() == kDeflated)
-    throw InputError("{}: deflated DICOM is not supported; convert it to an uncompressed transfer syntax",
-                     file.string());
-  if (header.is_cut_off())
-    throw DamagedSlice("{}: a damaged or truncated DICOM file; copy it again or take it away", file.string());
-  if (!header.pixel_data())
-    throw DamagedSlice("{}: truncated, it ends before its pixel data; copy the file again", file.string());
-  if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
-    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is grey",
-                     file.string());
-  if (number_or(header, kNumberOfFrames, 1) > 1)
-    throw InputError(
-        "{}: several frames in one file (NumberOfFrames (0028,0008)); convert it to one file a slice or "
-        "to NIfTI",
-        file.string());
-
-  DicomSlice slice;
-  slice.file = file;
-  slice.columns = header.unsigned_short(kColumns).value_or(0);
-  slice.rows = header.unsigned_short(kRows).value_or(0);
-  slice.plane = read_plane(header, file);
-  slice.thickness_mm = number_or(header, kSliceThickness, 0);
-  slice.slope = rescale_number(header, kRescaleSlope, "RescaleSlope", 1, file);
-  slice.intercept = rescale_number(header, kRescaleIntercept, "RescaleIntercept", 0, file);
-  slice.coding = coding_of(header.transfer_syntax());
-  const int bits_allocated = header.unsigned_short(kBitsAllocated).value_or(16);
-  slice.bits_stored = header.unsigned_short(kBitsStored).value_or(static_cast<std::uint16_t>(bits_allocated));
-  slice.high_bit =
-      header.unsigned_short(kHighBit).value_or(static_cast<std::uint16_t>(slice.bits_stored - 1));
-  slice.is_signed = header.unsigned_short(kPixelRepresentation).value_or(0) == 1;
-
-  const DicomHeader::PixelData& pixels = *header.pixel_data();
-  const std::int64_t needed_B = slice.columns * slice.rows * bits_allocated / 8;
-  if (!pixels.encapsulated && pixels.length_B < needed_B)
-    throw DamagedSlice("{}: truncated, {} of {} bytes of pixel data are there; copy the file again",
-                       file.string(), pixels.length_B, needed_B);
-  // The best a codec does is an empty slice of 512 x 512 pixels in some 100 bytes.
-  constexpr std::int64_t kMaxPacked = 20000;
-  if (pixels.encapsulated && needed_B / kMaxPacked > pixels.length_B)
-    throw DamagedSlice(
-        "{}: {} x {} pixels (Columns, Rows) cannot come from {} bytes of {} data; copy the file again",
-        file.string(), slice.columns, slice.rows, pixels.length_B, slice.coding);
-  const bool little_endian =
-      header.transfer_syntax() == "1.2.840.10008.1.2" || header.transfer_syntax() == "1.2.840.10008.1.2.1";
-  if (little_endian && !pixels.encapsulated && bits_allocated == 16 && slice.high_bit < 16 &&
-      slice.bits_stored > 0 && slice.bits_stored <= slice.high_bit + 1)
-    slice.plain_pixels_B = pixels.offset_B;
-  return slice;
-}
+                   kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSeriesUid = 0x0020000e,
+                   kSeriesNumber = 0x00200011, kSamplesPerPixel = 0x00280002, kRows = 0x00280010,
+                   kColumns = 0x00280011;
 
 // ---- what it is ----------------------------------------------------------------------------------
 
@@ -166,6 +41,13 @@ std::string noun_of_class(std::string_view uid) {
   return {};
 }
 
+/// Of a slice, or of frames, native or converted from slices.
+bool is_ct_class(const std::string& uid) {
+  constexpr std::array kClasses{"1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1",
+                                "1.2.840.10008.5.1.4.1.1.2.2"};
+  return std::ranges::find(kClasses, uid) != kClasses.end();
+}
+
 std::string noun_of(const DicomHeader& header, const std::string& object_class, const std::string& modality,
                     bool is_image) {
   if (std::string noun = noun_of_class(object_class); !noun.empty()) return noun;
@@ -178,9 +60,23 @@ std::string noun_of(const DicomHeader& header, const std::string& object_class, 
 
 }  // namespace
 
+std::int64_t DicomPixels::size_B() const {
+  std::int64_t sum_B = 0;
+  for (const ByteRange& piece : pieces) sum_B += piece.length_B;
+  return sum_B;
+}
+
+bool DicomPixels::is_plain() const {
+  return !is_encapsulated && bits_allocated == 16 && high_bit < 16 && bits_stored > 0 &&
+         bits_stored <= high_bit + 1;
+}
+
+std::string DicomSlice::name() const {
+  return frame == 0 ? file.string() : fmt::format("{}: frame {}", file.string(), frame);
+}
+
 DicomFileSummary summarise_dicom(const fs::path& file) {
   constexpr const char* kDirectoryClass = "1.2.840.10008.1.3.10";
-  constexpr std::string_view kCtClass = "1.2.840.10008.5.1.4.1.1.2";
   const DicomHeader header(file);
   DicomFileSummary summary;
   const std::string media_class = header.text(kMediaClass);
@@ -193,21 +89,19 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.series_number = header.text(kSeriesNumber);
 
   // A header that could not be read to its end may be that of a CT slice unless it says otherwise.
-  const bool is_deflated = header.transfer_syntax() == kDeflated;
-  summary.is_cut_off =
-      header.is_cut_off() || (object_class == kCtClass && !is_deflated && !header.pixel_data());
-  const bool is_unread = summary.is_cut_off || is_deflated;
-  if (is_unread && summary.modality.empty() && (object_class.empty() || object_class == kCtClass))
+  summary.is_cut_off = header.is_cut_off() || (is_ct_class(object_class) && !header.pixel_data());
+  if (summary.is_cut_off && summary.modality.empty() && (object_class.empty() || is_ct_class(object_class)))
     summary.modality = "CT";
   const bool has_size =
       header.unsigned_short(kColumns).value_or(0) > 0 && header.unsigned_short(kRows).value_or(0) > 0;
-  const bool is_image = has_size || (is_unread && summary.modality == "CT");
-  summary.noun = noun_of(header, object_class, summary.modality, is_image);
+  const bool may_be_image = has_size || (summary.is_cut_off && summary.modality == "CT");
+  summary.noun = noun_of(header, object_class, summary.modality, may_be_image);
+  const bool is_image = may_be_image && summary.noun != "segmentation";
   summary.is_ct_slice = summary.noun == "CT slice";
   summary.is_image = is_image && header.unsigned_short(kSamplesPerPixel).value_or(1) == 1;
   if (!is_image) return summary;
   try {
-    summary.slice = read_slice(header, file);
+    read_slices(header, file, summary);
   } catch (const DamagedSlice& error) {
     summary.fault = error.what();
     summary.is_damaged = true;
