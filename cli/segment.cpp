@@ -8,9 +8,9 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/mask/components.hpp"
-#include "xraycast/scan/seg_file.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/surface.hpp"
+#include "xraycast/series/seg_file.hpp"
 
 #include <fmt/format.h>
 
@@ -112,8 +112,12 @@ void remove_stale_seg(const ScanInfo& scan, const fs::path& folder) {
                    error.message());
 }
 
-std::string seg_note(const std::string& why_none) {
-  return why_none.empty() ? "" : fmt::format("no {}: {}\n", kSegName, why_none);
+/// What is to be known of mask.seg.dcm, in a line.
+std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
+  if (!why_none.empty()) return fmt::format("no {}: {}\n", kSegName, why_none);
+  if (frame_of_reference_uid(scan).empty())
+    return fmt::format("{}: in a frame of reference of its own, since the slices share none\n", kSegName);
+  return "";
 }
 
 void segment(const SegmentArguments& options, Session& session) {
@@ -163,19 +167,20 @@ void segment(const SegmentArguments& options, Session& session) {
   remove_stale_seg(scan.info, folder);
   const std::string why_none = why_no_seg(scan.info);
   const double total_ms = stopwatch.ms();
-  session.report({{"input", options.input},
-                  {"folder", options.folder},
-                  {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
-                  {"no_seg", why_none.empty() ? Json() : Json(why_none)},
-                  {"voxels", mask.count()},
-                  {"branches", centrelines.tree.branches().size()},
-                  {"loops", centrelines.loops},
-                  {"gaps_mm", centrelines.gaps_mm},
-                  {"parts_left_out", centrelines.parts_left_out},
-                  {"triangles", surface.triangles.size()},
-                  {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n{}", options.folder, found,
-                             linked(centrelines), surface.triangles.size(), total_ms, seg_note(why_none)));
+  session.report(
+      {{"input", options.input},
+       {"folder", options.folder},
+       {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
+       {"no_seg", why_none.empty() ? Json() : Json(why_none)},
+       {"voxels", mask.count()},
+       {"branches", centrelines.tree.branches().size()},
+       {"loops", centrelines.loops},
+       {"gaps_mm", centrelines.gaps_mm},
+       {"parts_left_out", centrelines.parts_left_out},
+       {"triangles", surface.triangles.size()},
+       {"timings_ms", {{"total", total_ms}}}},
+      fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n{}", options.folder, found, linked(centrelines),
+                  surface.triangles.size(), total_ms, seg_note(scan.info, why_none)));
 }
 
 }  // namespace

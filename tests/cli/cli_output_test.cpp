@@ -4,8 +4,8 @@
 #include "support/temporary_folder.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/scan/ct_series.hpp"
 #include "xraycast/scan/scan.hpp"
+#include "xraycast/series/ct_series.hpp"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>

@@ -343,6 +343,19 @@ class DicomOutput(unittest.TestCase):
         self.assertTrue((folder / "mask.nrrd").exists())
         self.assertIn("no mask.seg.dcm: the scan is NRRD", self.segment(self.phantom(), folder))
 
+    def test_a_mask_of_slices_that_share_no_frame_of_reference_has_its_own(self):
+        series, folder = self.folder / "apart", self.folder / "apart vessels"
+        run("convert", self.phantom(), "-o", series)
+        scans = set()
+        for file in series.iterdir():
+            data = pydicom.dcmread(file)
+            data.FrameOfReferenceUID = pydicom.uid.generate_uid()
+            scans.add(data.FrameOfReferenceUID)
+            data.save_as(file)
+        self.assertIn("mask.seg.dcm: in a frame of reference of its own", self.segment(series, folder))
+        self.expect_valid(folder / "mask.seg.dcm")
+        self.assertNotIn(pydicom.dcmread(folder / "mask.seg.dcm").FrameOfReferenceUID, scans)
+
     def read_series(self, folder):
         """HU, axes z, y, x, from the most inferior slice; and its slices."""
         slices = sorted((pydicom.dcmread(f) for f in folder.iterdir()), key=lambda d: d.ImagePositionPatient[2])
