@@ -151,7 +151,7 @@ void DicomHeader::read(DicomBytes& bytes) {
   if (transfer_syntax_ == kDeflated) return;
   big_endian_ = transfer_syntax_ == "1.2.840.10008.1.2.2";
   Syntax syntax{transfer_syntax_ != "1.2.840.10008.1.2", big_endian_};
-  // A file without meta group does not say; the letters of a value representation do.
+  // Without a meta group, the letters of a value representation show it.
   if (values_.empty()) {
     const auto is_letter = [](char c) { return c >= 'A' && c <= 'Z'; };
     if (start.size() > 6 && is_letter(start[4]) && is_letter(start[5])) {
@@ -166,13 +166,13 @@ void DicomHeader::read(DicomBytes& bytes) {
       const std::int64_t start_B = bytes.position_B();
       const bool encapsulated = head.length == kUndefined;
       if (encapsulated) skip_items(bytes, syntax, 0);
-      // Plain pixels that were cut off are for the caller to notice, who knows how many there have to be.
+      // Plain pixels that were cut off are for the caller to notice, who knows how many there must be.
       const std::int64_t length_B =
           encapsulated ? bytes.position_B() - start_B : std::min<std::int64_t>(head.length, bytes.left_B());
       pixel_data_ = {start_B, length_B, encapsulated};
       return;
     }
-    // What a CT slice needs is short.
+    // The elements that a CT slice needs are short.
     constexpr std::uint32_t kShort_B = 1024;
     if (head.length == kUndefined)
       skip_items(bytes, head.unknown_vr ? Syntax{false, false} : syntax, 0);

@@ -14,7 +14,7 @@ namespace xraycast {
 class DicomBytes;
 
 /// The elements of a DICOM file up to its pixel data, read without trusting any length in it: GDCM, as Debian
-/// builds it, aborts the program on a file that was cut off, and needs longer.
+/// builds it, aborts the program on a truncated file, and is slower.
 ///
 /// Explicit and implicit syntaxes, with and without preamble. Elements within sequences are skipped, and of a
 /// deflated file all but the meta group.
@@ -25,14 +25,14 @@ class DicomHeader {
 
   const std::string& transfer_syntax() const { return transfer_syntax_; }
 
-  /// Whether an element runs beyond the file's end; those before it are there.
+  /// Whether an element extends beyond the file's end; the elements before it are valid.
   bool is_cut_off() const { return is_cut_off_; }
 
   /// A text element without its padding; empty if it is missing.
   std::string text(DicomTag tag) const;
 
-  /// The numbers of a decimal string, `\` between them; none if the element is missing or one of them is no
-  /// number.
+  /// The numbers of a decimal string, `\` between them; none if the element is missing or one of them is not
+  /// a number.
   std::vector<double> numbers(DicomTag tag) const;
 
   std::optional<std::uint16_t> unsigned_short(DicomTag tag) const;

@@ -34,12 +34,12 @@ void keep_stored_bits(const DicomSlice& slice, std::span<T> words) {
   for (T& word : words) word = static_cast<T>(static_cast<T>(word << up) >> down);
 }
 
-/// Reads straight into the slice's own memory and rescales it there.
+/// Reads directly into the slice's memory and rescales it there.
 SliceSource::HuRange read_plain(const DicomSlice& slice, std::span<std::int16_t> hu) {
   std::ifstream stream(slice.file, std::ios::binary);
   stream.seekg(*slice.plain_pixels_B);
   stream.read(reinterpret_cast<char*>(hu.data()), static_cast<std::streamsize>(hu.size_bytes()));
-  if (!stream) throw DamagedSlice("{}: could not be read to its end", slice.file.string());
+  if (!stream) throw DamagedSlice("{}: could not be read completely; copy it again", slice.file.string());
 
   const auto rescale_as = [&]<typename T>(T) {
     const std::span<T> words(reinterpret_cast<T*>(hu.data()), hu.size());
@@ -92,10 +92,10 @@ SliceSource::HuRange decode_by_gdcm(const DicomSlice& slice, std::span<std::int1
   return rescale_decoded(slice, reader.GetImage(), hu);
 }
 
-/// What the process that decodes a slice leaves, in front of its HU.
+/// The result of the process that decodes a slice, followed by its HU.
 struct DecodedSlice {
   SliceSource::HuRange range;
-  std::array<char, 1000> error;  ///< why it could not, ended by a zero
+  std::array<char, 1000> error;  ///< error message, zero-terminated
 };
 
 /// GDCM and the codecs under it write past their memory for some damaged files, or abort.
@@ -117,7 +117,7 @@ SliceSource::HuRange read_by_gdcm(const DicomSlice& slice, std::span<std::int16_
       limits);
   if (decoded->error[0] != 0) throw DamagedSlice("{}", decoded->error.data());
   if (!ended_well)
-    throw DamagedSlice("{}: its {} data are damaged; copy it again or take it away", slice.file.string(),
+    throw DamagedSlice("{}: its {} data are damaged; copy it again or remove it", slice.file.string(),
                        slice.coding);
   std::copy_n(shared_hu, hu.size(), hu.begin());
   return decoded->range;
@@ -145,7 +145,7 @@ class DicomStack final : public SliceStack {
 
 void leave_out(const std::string& fault, ScanInfo& info) { info.warnings.push_back("left out " + fault); }
 
-/// Slices that GDCM has to decode are decoded once, to find those that it cannot.
+/// Slices that GDCM must decode are decoded once, to find those that it cannot.
 std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info, Progress& progress) {
   std::vector<std::string> faults(slices.size());
   parallel_for(std::ssize(slices), [&](std::int64_t i) {
@@ -191,7 +191,7 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
   for (const DicomSlice& slice : series) {
     if (slice.columns != first.columns || slice.rows != first.rows)
       throw InputError(
-          "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); take one of them away",
+          "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); remove one of them",
           slice.file.string(), slice.columns, slice.rows, first.file.string(), first.columns, first.rows);
     const auto turned = [](const glm::dvec3& a, const glm::dvec3& b) {
       return glm::distance(glm::normalize(a), glm::normalize(b)) > 1e-3;
@@ -199,8 +199,8 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
     if (turned(slice.plane.i_step_mm, first.plane.i_step_mm) ||
         turned(slice.plane.j_step_mm, first.plane.j_step_mm))
       throw InputError(
-          "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; take the "
-          "localizer or the other orientation away",
+          "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; remove the "
+          "localizer or the slices of the other orientation",
           slice.file.string(), first.file.string());
   }
 }
@@ -219,8 +219,8 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
   series.erase(std::unique(series.begin(), series.end(), same), series.end());
   if (series.size() < before)
     info.warnings.push_back(
-        fmt::format("{} dropped for lying where the series already has one; it may hold "
-                    "several phases or reconstructions",
+        fmt::format("{} left out at a position that the series already has; it may hold several phases or "
+                    "reconstructions",
                     pluralize(before - series.size(), "slice")));
 }
 
@@ -244,7 +244,7 @@ Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const 
   const DicomSeries series = choose_series(std::move(summaries), options.series, path, info);
   info.modality = series.files.front().modality;
   if (info.modality != "CT")
-    info.warnings.push_back(fmt::format("modality {} is not CT, so its values are no Hounsfield units",
+    info.warnings.push_back(fmt::format("modality {} is not CT, so its values are not Hounsfield units",
                                         info.modality.empty() ? "unknown" : info.modality));
   std::vector<DicomSlice> slices = usable_slices(series, path, options.skip_damaged, info, progress);
   require_equal_slices(slices);

@@ -36,7 +36,7 @@ std::vector<double> numbers(const DicomHeader& header, DicomTag tag, std::size_t
   return result;
 }
 
-/// How the pixels of a transfer syntax are coded.
+/// The pixel coding of a transfer syntax.
 const char* coding_of(const std::string& transfer_syntax) {
   // DICOM PS3.6, annex A: the numbers behind 1.2.840.10008.1.2, of which the last ones choose a profile.
   struct Coding {
@@ -52,8 +52,8 @@ const char* coding_of(const std::string& transfer_syntax) {
   return "pixel";
 }
 
-/// What turns stored values into Hounsfield units. A CT slice has to say it (Type 1 of CT Image Storage):
-/// taken as 1 and 0, most would be off by 1024 HU.
+/// Rescale slope and intercept, which give Hounsfield units. They are required in a CT slice (Type 1 of CT
+/// Image Storage): with defaults of 1 and 0, most would be off by 1024 HU.
 double rescale_number(const DicomHeader& header, DicomTag tag, const char* name, double of_others,
                       const fs::path& file) {
   const std::string text = header.text(tag);
@@ -78,11 +78,11 @@ SlicePlane read_plane(const DicomHeader& header, const fs::path& file) {
       numbers(header, kImageOrientation, 6, file, "ImageOrientationPatient", "left and right are unknown");
   const auto spacing = numbers(header, kPixelSpacing, 2, file, "PixelSpacing", "its size is unknown");
   if (!(spacing[0] > 0 && spacing[1] > 0))
-    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it has to be above zero", file.string(),
+    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it must be above zero", file.string(),
                        spacing[0], spacing[1]);
   const glm::dvec3 i(directions[0], directions[1], directions[2]),
       j(directions[3], directions[4], directions[5]);
-  // Printed cosines are unit vectors but for their last digit.
+  // Printed cosines are unit vectors up to their last digit.
   if (std::abs(glm::length(i) - 1) > 0.01 || std::abs(glm::length(j) - 1) > 0.01 ||
       std::abs(glm::dot(i, j)) > 0.01)
     throw DamagedSlice("{}: ImageOrientationPatient (0020,0037) is not two perpendicular unit vectors",
@@ -98,16 +98,16 @@ DicomSlice read_slice(const DicomHeader& header, const fs::path& file) {
     throw InputError("{}: deflated DICOM is not supported; convert it to an uncompressed transfer syntax",
                      file.string());
   if (header.is_cut_off())
-    throw DamagedSlice("{}: a damaged or truncated DICOM file; copy it again or take it away", file.string());
+    throw DamagedSlice("{}: a damaged or truncated DICOM file; copy it again or remove it", file.string());
   if (!header.pixel_data())
     throw DamagedSlice("{}: truncated, it ends before its pixel data; copy the file again", file.string());
   if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
-    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is grey",
+    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is greyscale",
                      file.string());
   if (number_or(header, kNumberOfFrames, 1) > 1)
     throw InputError(
-        "{}: several frames in one file (NumberOfFrames (0028,0008)); convert it to one file a slice or "
-        "to NIfTI",
+        "{}: several frames in one file (NumberOfFrames (0028,0008)); convert it to one file per slice or to "
+        "NIfTI",
         file.string());
 
   DicomSlice slice;
@@ -146,15 +146,15 @@ DicomSlice read_slice(const DicomHeader& header, const fs::path& file) {
 
 // ---- what it is ----------------------------------------------------------------------------------
 
-/// What objects of a class are called that hold no grey image of one modality; empty for the others.
-/// DICOM PS3.4, annex B.5: the numbers behind 1.2.840.10008.5.1.4.1.1.
+/// The name of object classes that hold no greyscale images of one modality; empty for the others. DICOM
+/// PS3.4, annex B.5: the numbers behind 1.2.840.10008.5.1.4.1.1.
 std::string noun_of_class(std::string_view uid) {
   constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
   struct Class {
     std::string_view number;
     const char* noun;
   };
-  // The more special ones first.
+  // The more specific ones first.
   constexpr Class kClasses[] = {
       {"7", "screen shot"},     {"11", "presentation state"},  {"66.4", "segmentation"},
       {"88.67", "dose report"}, {"88", "structured report"},   {"104", "document"},
@@ -192,7 +192,7 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.series_description = header.text(kSeriesDescription);
   summary.series_number = header.text(kSeriesNumber);
 
-  // A header that could not be read to its end may be that of a CT slice unless it says otherwise.
+  // A truncated header may be that of a CT slice unless it says otherwise.
   const bool is_deflated = header.transfer_syntax() == kDeflated;
   summary.is_cut_off =
       header.is_cut_off() || (object_class == kCtClass && !is_deflated && !header.pixel_data());

@@ -65,12 +65,12 @@ class Inflater {
     if (status == Z_STREAM_END) return next_member();
     if (status == Z_OK) return;
     if (status == Z_BUF_ERROR)
-      throw InputError("{}: truncated, its packed voxels end too early; copy it again", name_);
+      throw InputError("{}: truncated, its compressed voxels end too early; copy it again", name_);
     if (status == Z_MEM_ERROR) throw std::bad_alloc();
     const std::string_view why = zlib_.msg ? zlib_.msg : "";
     if (why == "incorrect data check" || why == "incorrect length check")
       throw InputError("{}: damaged: its checksum does not match; copy it again", name_);
-    throw InputError("{}: damaged: its packed voxels do not unpack; copy it again", name_);
+    throw InputError("{}: damaged: its voxels cannot be decompressed; copy it again", name_);
   }
 
   void refill() {
@@ -80,7 +80,7 @@ class Inflater {
     zlib_.avail_in = static_cast<uInt>(stream_.gcount());
   }
 
-  /// Some programs pack in several gzip members; what else may follow, such as padding, is none of ours.
+  /// Some programs write several gzip members; other trailing bytes, such as padding, are ignored.
   void next_member() {
     refill();
     ended_ = zlib_.avail_in == 0 || *zlib_.next_in != 0x1f;
@@ -104,7 +104,7 @@ void require_packed(const PackedVoxels& packed, std::int64_t needed_B) {
   if (error) throw InputError("{}: cannot be opened: {}", packed.file.string(), error.message());
   const std::int64_t size_B = file_B - packed.start_B;
   if ((packed.skipped_B + needed_B) / kDeflateLimit > size_B)
-    throw InputError("{}: truncated, {} packed bytes cannot hold {} bytes of voxels; copy the file again",
+    throw InputError("{}: truncated, {} compressed bytes cannot hold {} bytes of voxels; copy the file again",
                      packed.file.string(), std::max<std::int64_t>(0, size_B), needed_B);
 }
 
