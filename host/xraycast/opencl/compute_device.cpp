@@ -2,6 +2,7 @@
 
 #include "xraycast/base/device_choice.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/kernels/embedded_kernels.h"
 
 #include <algorithm>
@@ -11,10 +12,16 @@
 #include <filesystem>
 #include <numeric>
 #include <sstream>
+#include <thread>
 #include <unistd.h>
 
 namespace xraycast {
 namespace {
+
+// Measured with PoCL 3.1: the driver with LLVM and a thread a core, and the compiler's own memory, with a
+// third more.
+constexpr MemoryNeed kDriver{300 << 20, 100 << 20}, kCompiler{100 << 20, 80 << 20};
+constexpr std::int64_t kThread_B = 10 << 20;  ///< of address space
 
 struct Candidate {
   cl::Device device;
@@ -36,6 +43,9 @@ ComputeDevice::Info describe(const cl::Device& device, const std::string& platfo
 }
 
 std::vector<Candidate> candidates() {
+  require_memory(
+      "OpenCL's driver",
+      {kDriver.address_space_B + kThread_B * std::thread::hardware_concurrency(), kDriver.resident_B});
   std::vector<Candidate> found;
   std::vector<cl::Platform> platforms;
   try {
@@ -143,6 +153,7 @@ cl::Kernel ComputeDevice::kernel(const std::string& file, const std::string& ent
   const std::string key = file + '\n' + options;
   auto known = programs_.find(key);
   if (known == programs_.end()) {
+    require_memory("compiling a kernel", kCompiler);
     cl::Program program(context_, std::string(source_of(file)));
     try {
       program.build(device_, ("-cl-std=CL1.2 " + options).c_str());
