@@ -17,11 +17,11 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
-#include "xraycast/scan/body_outline.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/simulation/run_script.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 #include <fmt/format.h>
 

@@ -2,7 +2,7 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <filesystem>
 #include <string>

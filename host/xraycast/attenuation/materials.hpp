@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/attenuation/opacity.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <array>
 #include <string>

@@ -3,7 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <nlohmann/json.hpp>
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/volume/slice_source.hpp"
 
 #include <memory>
 

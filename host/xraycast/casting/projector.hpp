@@ -4,7 +4,7 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
-#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 #include <optional>
 #include <span>

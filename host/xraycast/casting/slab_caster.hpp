@@ -2,7 +2,7 @@
 
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
-#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/volume/slice_source.hpp"
 
 #include <cstdint>
 

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/scan/body_outline.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/body_outline.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec3.hpp>
 

@@ -2,9 +2,9 @@
 
 #include "xraycast/kernels/params.h"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/body_outline.hpp"
-#include "xraycast/scan/slice_source.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/body_outline.hpp"
+#include "xraycast/volume/slice_source.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <cstdint>
 #include <span>

@@ -2,8 +2,8 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/slice_source.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/slice_source.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <cstdint>
 #include <memory>

@@ -2,10 +2,10 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/scan/dicom_header.hpp"
-#include "xraycast/scan/dicom_scan.hpp"
-#include "xraycast/scan/genesis_scan.hpp"
-#include "xraycast/scan/image_file_scan.hpp"
+#include "xraycast/image_file/image_file_scan.hpp"
+#include "xraycast/series/dicom_header.hpp"
+#include "xraycast/series/dicom_scan.hpp"
+#include "xraycast/series/genesis_scan.hpp"
 
 #include <algorithm>
 #include <memory>

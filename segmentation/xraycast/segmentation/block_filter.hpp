@@ -2,7 +2,7 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <functional>
 #include <span>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <string>
 

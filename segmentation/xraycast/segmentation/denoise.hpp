@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <optional>
 

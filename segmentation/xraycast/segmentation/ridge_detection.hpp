@@ -2,7 +2,7 @@
 
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <vector>
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <string>
 
