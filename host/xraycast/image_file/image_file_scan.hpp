@@ -12,7 +12,7 @@ Scan open_nifti(const std::filesystem::path& path, const ScanOptions& options, P
 Scan open_nrrd(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 Scan open_meta_image(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 
-/// MetaImage has no magic number: whether a file's first bytes are the header lines it starts with.
+/// Whether a file's first bytes are MetaImage header lines; the format has no magic number.
 bool is_meta_image(const std::string& leading_bytes);
 
 }  // namespace xraycast
