@@ -4,16 +4,20 @@
 #include "usage_hint.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/opencl/compute_device.hpp"
 #include "xraycast/opencl/kernel_cache.hpp"
 
 #include <csignal>
+#include <cstdlib>
 #include <exception>
 #include <iostream>
+#include <malloc.h>
 #include <new>
 #include <poll.h>
+#include <system_error>
 #include <unistd.h>
 
 namespace {
@@ -50,6 +54,11 @@ int report_failure() {
     return report(error.path1().string() + ": " + error.code().message(), kBadInput);
   } catch (const std::bad_alloc&) {
     return report("not enough memory", kFailed);
+  } catch (const std::system_error& error) {
+    if (error.code() != std::errc::resource_unavailable_try_again) return report(error.what(), kFailed);
+    return report(
+        "no thread could be started: raise the limits of memory (`ulimit -v`) and processes (`ulimit -u`)",
+        kFailed);
   } catch (const std::exception& error) {
     return report(error.what(), kFailed);
   }
@@ -77,9 +86,19 @@ int checked_output(int status) {
   return report("standard output could not be written; the disk may be full", kFailed);
 }
 
+/// Before any thread starts and any library is loaded.
+void save_address_space() {
+  // OpenBLAS comes with OpenCV, which does not call it. It would start a thread a core, and where there is no
+  // memory for them it waits without end.
+  setenv("OPENBLAS_NUM_THREADS", "1", 1);
+  // Each thread's heap reserves 64 MB otherwise.
+  if (address_space_left().is_limited()) mallopt(M_ARENA_MAX, 1);
+}
+
 }  // namespace
 
 int main(int argc, char** argv) {
+  save_address_space();
   CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.",
                "xraycast"};
   app.set_version_flag("--version", XRAYCAST_VERSION);

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/device_choice.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/kernels/embedded_kernels.h"
 
 #include <algorithm>
@@ -11,10 +12,17 @@
 #include <filesystem>
 #include <numeric>
 #include <sstream>
+#include <thread>
 #include <unistd.h>
 
 namespace xraycast {
 namespace {
+
+// Measured with PoCL 3.1: the driver with LLVM and a thread a core, and the compiler's own memory, with a
+// third more.
+constexpr MemoryNeed kDriver{300 << 20, 100 << 20}, kCompiler{100 << 20, 80 << 20};
+constexpr std::int64_t kThread_B = 10 << 20;  ///< of address space
+constexpr std::int64_t kMuch_B = 16 << 20;    ///< the needs above have room for less
 
 struct Candidate {
   cl::Device device;
@@ -36,6 +44,9 @@ ComputeDevice::Info describe(const cl::Device& device, const std::string& platfo
 }
 
 std::vector<Candidate> candidates() {
+  require_memory(
+      "OpenCL's driver",
+      {kDriver.address_space_B + kThread_B * std::thread::hardware_concurrency(), kDriver.resident_B});
   std::vector<Candidate> found;
   std::vector<cl::Platform> platforms;
   try {
@@ -143,6 +154,7 @@ cl::Kernel ComputeDevice::kernel(const std::string& file, const std::string& ent
   const std::string key = file + '\n' + options;
   auto known = programs_.find(key);
   if (known == programs_.end()) {
+    require_memory("compiling a kernel", kCompiler);
     cl::Program program(context_, std::string(source_of(file)));
     try {
       program.build(device_, ("-cl-std=CL1.2 " + options).c_str());
@@ -161,12 +173,21 @@ cl::Kernel ComputeDevice::kernel(const std::string& file, const std::string& ent
   }
 }
 
+template <typename Memory>
+Memory ComputeDevice::taken(std::int64_t bytes, const Memory& memory) {
+  if (info_.is_gpu || bytes < kMuch_B) return memory;
+  require_memory(fmt::format("OpenCL on {}", info_.name), {bytes, bytes});
+  queue_.enqueueMigrateMemObjects({memory}, CL_MIGRATE_MEM_OBJECT_CONTENT_UNDEFINED);
+  return memory;
+}
+
 cl::Buffer ComputeDevice::buffer(cl_mem_flags flags, std::int64_t bytes, void* host) {
   if (bytes > info_.max_allocation_B)
     throw DeviceError("{} allows buffers of up to {} MiB, but {} MiB are needed", info_.name,
                       info_.max_allocation_B >> 20, bytes >> 20);
   try {
-    return {context_, flags, static_cast<cl::size_type>(bytes), host};
+    const cl::Buffer buffer(context_, flags, static_cast<cl::size_type>(bytes), host);
+    return host != nullptr ? buffer : taken(bytes, buffer);
   } catch (const cl::Error& error) {
     throw DeviceError("{} has no memory left for a buffer of {} MiB: {}", info_.name, bytes >> 20,
                       status_name(error.err()));
@@ -176,12 +197,10 @@ cl::Buffer ComputeDevice::buffer(cl_mem_flags flags, std::int64_t bytes, void* h
 cl::Image3D ComputeDevice::image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height,
                                  std::int64_t depth) {
   try {
-    return {context_,
-            CL_MEM_READ_ONLY,
-            format,
-            static_cast<cl::size_type>(width),
-            static_cast<cl::size_type>(height),
-            static_cast<cl::size_type>(depth)};
+    const cl::Image3D image(context_, CL_MEM_READ_ONLY, format, static_cast<cl::size_type>(width),
+                            static_cast<cl::size_type>(height), static_cast<cl::size_type>(depth));
+    const auto voxel_B = static_cast<std::int64_t>(image.getImageInfo<CL_IMAGE_ELEMENT_SIZE>());
+    return taken(width * height * depth * voxel_B, image);
   } catch (const cl::Error& error) {
     throw DeviceError("{} has no memory left for an image of {} x {} x {}: {}", info_.name, width, height,
                       depth, status_name(error.err()));

@@ -96,6 +96,10 @@ class ComputeDevice {
   /// Turns OpenCL's errors into DeviceError.
   template <typename Call>
   void guarded(const char* doing, const Call& call) const;
+  /// Lets a processor's driver take the memory now. PoCL would at first use, and ends the process where there
+  /// is none. Throws Error when limits leave less.
+  template <typename Memory>
+  Memory taken(std::int64_t bytes, const Memory& memory);
   void write(const cl::Buffer& target, const void* values, std::size_t bytes);
   void read(const cl::Buffer& source, void* values, std::size_t bytes);
 

@@ -1,6 +1,7 @@
 #include "xraycast/volume/volume.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 
 #include <cmath>
 #include <string>
@@ -37,6 +38,9 @@ Volume::Volume(const VolumeGeometry& geometry) : geometry_(geometry) {
   if (bytes > physical_memory_B())
     throw InputError("{} x {} x {} voxels need {} GiB, more than this machine's memory", geometry.size.x,
                      geometry.size.y, geometry.size.z, bytes >> 30);
+  require_memory(
+      fmt::format("a scan of {} x {} x {} voxels", geometry.size.x, geometry.size.y, geometry.size.z),
+      {bytes, bytes});
   hu_ = std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(geometry.voxel_count()));
 }
 

@@ -15,17 +15,10 @@ namespace {
 constexpr double kBody_hu = -300, kOpening_mm = 10;
 constexpr std::int64_t kMaxRatio = 50;  ///< to the largest: a forearm has a litre, a trunk some forty
 
-/// A morphological operation on every slice, with a square as wide as the opening.
-void morph(Mask& mask, cv::MorphTypes operation) {
-  cv::setNumThreads(1);  // slices run in parallel already
-  const VolumeGeometry& g = mask.geometry;
+/// A square as wide as the opening.
+StructuringElement opening_square(const VolumeGeometry& g) {
   const auto voxels = [](double mm) { return std::max(1, static_cast<int>(std::lround(kOpening_mm / mm))); };
-  const cv::Mat square =
-      cv::getStructuringElement(cv::MORPH_RECT, {voxels(g.spacing_mm.x), voxels(g.spacing_mm.y)});
-  parallel_for(g.size.z, [&](std::int64_t z) {
-    cv::Mat slice = slice_view(mask, z);
-    cv::morphologyEx(slice, slice, operation, square);
-  });
+  return {StructuringElement::Shape::rectangle, voxels(g.spacing_mm.x), voxels(g.spacing_mm.y)};
 }
 
 /// The extent of a component in a slice: along each row, and along each column.
@@ -55,13 +48,15 @@ struct Extent {
 
 Mask find_body_mask(const Volume& volume) {
   Mask body = between(volume, kBody_hu, 32767);
-  morph(body, cv::MORPH_OPEN);
+  const SliceMorphology& morphology = slice_morphology();
+  const StructuringElement square = opening_square(body.geometry);
+  const Index3 size = body.geometry.size;
+  parallel_for(size.z, [&](std::int64_t z) { morphology.open(slice_of(body, z), square); });
   const Components components(body);
   if (components.count() == 0) {
     std::ranges::fill(body.voxels, 1);
     return body;
   }
-  const Index3 size = body.geometry.size;
   std::vector<std::map<int, Extent>> slices(static_cast<std::size_t>(size.z));
   for (const Components::Run& run : components.runs()) {
     if (kMaxRatio * components.voxels(run.component) < components.voxels(components.largest())) continue;
@@ -78,7 +73,8 @@ Mask find_body_mask(const Volume& volume) {
             std::ranges::any_of(slices[static_cast<std::size_t>(z)],
                                 [&](const auto& component) { return component.second.sides(x, y) >= 3; });
   });
-  morph(body, cv::MORPH_DILATE);  // the opening removed ears and folds of skin, too
+  // The opening removed ears and folds of skin, too.
+  parallel_for(size.z, [&](std::int64_t z) { morphology.dilate(slice_of(body, z), square); });
   return body;
 }
 

@@ -4,6 +4,8 @@
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/morphology.hpp"
 
+#include <algorithm>
+
 namespace xraycast {
 namespace {
 
@@ -36,26 +38,27 @@ Mask dense_bone(const Volume& volume, const HuWindow& window, Progress& progress
 }  // namespace
 
 Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels, Progress& progress) {
-  cv::setNumThreads(1);
+  const SliceMorphology& morphology = slice_morphology();
   const std::int64_t slices = volume.geometry().size.z;
   progress.begin("removing bone", 2 * slices, "slices");
-  Mask bone = dense_bone(volume, window, progress);
+  Mask bone = dense_bone(volume, window, progress), closed = bone;
   const VolumeGeometry& g = volume.geometry();
-  const cv::Mat closing = disc(g, kClosing_mm), rim = cv::getStructuringElement(cv::MORPH_ELLIPSE, {3, 3});
+  const StructuringElement closing = disc(g, kClosing_mm), rim{StructuringElement::Shape::ellipse, 3, 3};
   const double pixel_mm2 = g.spacing_mm.x * g.spacing_mm.y;
   parallel_for(g.size.z, [&](std::int64_t z) {
-    cv::Mat slice = slice_view(bone, z);
+    const MaskSlice slice = slice_of(bone, z), outline = slice_of(closed, z);
     progress.advance();
-    if (cv::countNonZero(slice) == 0) return;
-    cv::Mat closed;
-    cv::morphologyEx(slice, closed, cv::MORPH_CLOSE, closing);
-    const cv::Mat vessel = slice_view(vessels, z);
-    for_each_hole(closed, [&](const cv::Mat& hole, const cv::Rect& box, int area) {
+    if (is_empty(slice)) return;
+    morphology.close(outline, closing);
+    const std::uint8_t* const vessel = &vessels.voxels[vessels.offset({0, 0, z})];
+    morphology.for_each_hole(outline, [&](std::span<const int> hole) {
+      const auto area = static_cast<double>(hole.size());
       if (area * pixel_mm2 > kMarrow_mm2) return;
-      const int bright = cv::countNonZero(vessel(box) & hole);
-      if (bright < kVesselShare * area) slice(box).setTo(1, hole);
+      const auto bright = std::ranges::count_if(hole, [&](int offset) { return vessel[offset] != 0; });
+      if (static_cast<double>(bright) >= kVesselShare * area) return;
+      for (const int offset : hole) slice.voxels[offset] = 1;
     });
-    cv::dilate(slice, slice, rim);
+    morphology.dilate(slice, rim);
   });
   return bone;
 }

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/device_choice.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 
 #include <array>
 #include <cstdlib>
@@ -12,6 +13,9 @@
 
 namespace xraycast {
 namespace {
+
+// Measured with Mesa 22.3's software rasterizer, which compiles shaders by LLVM, with a third more.
+constexpr MemoryNeed kDriver{300 << 20, 120 << 20};
 
 constexpr const char* kAdvice =
     "install libegl1 and libgl1-mesa-dri, which draw in software where there is no GPU";
@@ -67,6 +71,7 @@ void release(EGLDisplay display, EGLContext context) {
 }  // namespace
 
 HeadlessContext::HeadlessContext() : display_(nullptr) {
+  require_memory("drawing by OpenGL", kDriver);
   const std::vector<EGLDisplay> found = displays();
   if (found.empty()) throw Error("EGL cannot draw without a display here; {}", kAdvice);
   const char* environment = std::getenv("XRAYCAST_GL_DEVICE");
