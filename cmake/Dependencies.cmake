@@ -3,7 +3,7 @@ find_package(Threads REQUIRED)
 find_package(OpenCL REQUIRED)
 find_package(OpenCLHeadersCpp QUIET)
 find_package(ITK 5.2 REQUIRED COMPONENTS
-  ITKCommon ITKIOImageBase ITKIONIFTI ITKIONRRD)
+  ITKCommon ITKIOImageBase ITKIONRRD)
 # GDCM's package complains of command line tools that Debian packs apart.
 find_package(GDCM REQUIRED QUIET)
 find_package(OpenEXR 3.1 REQUIRED)

@@ -19,7 +19,7 @@ find_dependency(PkgConfig)
 # host
 find_dependency(Threads)
 find_dependency(OpenCL)
-find_dependency(ITK 5.2 COMPONENTS ITKCommon ITKIOImageBase ITKIONIFTI ITKIONRRD)
+find_dependency(ITK 5.2 COMPONENTS ITKCommon ITKIOImageBase ITKIONRRD)
 find_dependency(GDCM)
 find_dependency(ZLIB)
 find_dependency(OpenEXR)

@@ -2,12 +2,15 @@
 import json
 import pathlib
 import random
+import re
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
 import zipfile
 
+import nibabel
 import numpy
 import pydicom
 import pydicom.dataset
@@ -163,6 +166,72 @@ class ScanInput(unittest.TestCase):
         for word in words:
             self.assertIn(word, done.stderr)
         return done.stderr
+
+    # ---- NIfTI --------------------------------------------------------------------------------------
+
+    def assert_lies_where_nibabel_says(self, path):
+        image = nibabel.load(path)
+        voxels, directions, origin = self.voxels(path)
+        numbers = [float(v) for v in re.findall(rb"[-+.e0-9]+", directions + origin)]
+        ours = numpy.eye(4)
+        ours[:3, :3], ours[:3, 3] = numpy.reshape(numbers[:9], (3, 3)).T, numbers[9:]
+        ours = numpy.diag([-1, -1, 1, 1]) @ ours  # to RAS
+        theirs = numpy.asarray(image.dataobj)
+        found = 0
+        # Voxels are delivered along the patient's axes: where theirs lie, ours have the same value.
+        for index in numpy.ndindex(theirs.shape):
+            at = numpy.linalg.solve(ours, image.affine @ [*index, 1])[:3]
+            numpy.testing.assert_allclose(at, at.round(), atol=1e-3)
+            self.assertEqual(voxels[tuple(at.round().astype(int)[::-1])], theirs[index])
+            found += 1
+        self.assertEqual(found, voxels.size)
+
+    def test_nifti_of_both_versions(self):
+        chance = numpy.random.default_rng(6)
+        data = chance.integers(-1000, 2000, (4, 5, 6)).astype("<i2")
+        for kind in (nibabel.Nifti1Image, nibabel.Nifti2Image):
+            for turns in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                for codes in ((1, 1), (1, 0), (0, 2)):  # of sform and qform
+                    affine = numpy.zeros((4, 4))
+                    for column, axis in enumerate(turns):
+                        affine[axis, column] = chance.choice([-1, 1]) * (0.5 + column)
+                    affine[:, 3] = [-10, 20, 30, 1]
+                    image = kind(data, affine)
+                    image.set_sform(affine, codes[0])
+                    image.set_qform(affine, codes[1])
+                    for name in ("scan.nii", "scan.nii.gz"):
+                        with self.subTest((kind.__name__, turns, codes, name)):
+                            nibabel.save(image, self.folder / name)
+                            self.assert_lies_where_nibabel_says(self.folder / name)
+
+    def test_nifti_in_the_other_byte_order(self):
+        data = numpy.arange(60).reshape(3, 4, 5)
+        for kind, header in ((nibabel.Nifti1Image, nibabel.Nifti1Header), (nibabel.Nifti2Image, nibabel.Nifti2Header)):
+            image = kind(data.astype(">i2"), numpy.diag([1, 2, 3, 1]), header(endianness=">"))
+            image.set_data_dtype(">i2")
+            nibabel.save(image, self.folder / "swapped.nii")
+            self.assertEqual(int.from_bytes((self.folder / "swapped.nii").read_bytes()[:4], "big"),
+                             348 if kind is nibabel.Nifti1Image else 540)
+            self.assert_lies_where_nibabel_says(self.folder / "swapped.nii")
+
+    def test_damaged_nifti_ends_in_one_line(self):
+        path = self.folder / "scan.nii"
+        nibabel.save(nibabel.Nifti2Image(numpy.zeros((3, 4, 5), "<i2"), numpy.eye(4)), path)
+        whole = path.read_bytes()
+
+        def with_number(offset, code, value):
+            return whole[:offset] + struct.pack(code, value) + whole[offset + struct.calcsize(code):]
+
+        for content, words in ((whole[:300], ["header"]), (whole[:-3], ["truncated"]),
+                               (with_number(24, "<q", 1 << 60), ["1 to 65536"]),
+                               (with_number(24, "<q", -1), ["dim"]), (with_number(16, "<q", 1 << 40), ["dim"]),
+                               (with_number(112, "<d", float("nan")), ["pixdim"]),
+                               (with_number(168, "<q", 1 << 62), ["vox_offset"]),
+                               (with_number(12, "<h", 128), ["datatype"]),
+                               (with_number(400, "<d", float("inf")), ["sform"])):
+            with self.subTest(words):
+                path.write_bytes(content)
+                self.fails(path, "scan.nii", *words)
 
     # ---- the series itself ------------------------------------------------------------------------
 

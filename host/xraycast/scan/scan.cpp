@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-enum class Format { unknown, dicom, genesis, nifti, nifti2, nrrd, meta_image };
+enum class Format { unknown, dicom, genesis, nifti, nrrd, meta_image };
 
 /// The first bytes of a file, those of its content where it is gzipped.
 std::string leading_bytes(const fs::path& path) {
@@ -37,7 +37,7 @@ Format format_of(const fs::path& path) {
   using namespace std::string_view_literals;
   if (has(0, "IMGF")) return Format::genesis;
   if (has(344, "n+1\0"sv) || has(344, "ni1\0"sv)) return Format::nifti;
-  if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti2;
+  if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti;
   if (has(0, "NRRD000")) return Format::nrrd;
   if (is_dicom(bytes)) return Format::dicom;
   if (is_meta_image(bytes)) return Format::meta_image;
@@ -120,8 +120,6 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
       return open_nrrd(path, options, progress);
     case Format::meta_image:
       return open_meta_image(path, options, progress);
-    case Format::nifti2:
-      throw InputError("{}: NIfTI-2 is not supported; convert it to NIfTI-1 or NRRD", path.string());
     case Format::unknown:
       break;
   }
