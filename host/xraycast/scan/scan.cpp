@@ -16,7 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-enum class Format { unknown, dicom, genesis, nifti, nrrd, meta_image };
+enum class Format { unknown, dicom, genesis, nifti, nrrd, meta_image, vti };
 
 /// The first bytes of a file, those of its content where it is gzipped.
 std::string leading_bytes(const fs::path& path) {
@@ -41,6 +41,7 @@ Format format_of(const fs::path& path) {
   if (has(0, "NRRD000")) return Format::nrrd;
   if (is_dicom(bytes)) return Format::dicom;
   if (is_meta_image(bytes)) return Format::meta_image;
+  if (is_vti(bytes)) return Format::vti;
   return Format::unknown;
 }
 
@@ -120,10 +121,12 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
       return open_nrrd(path, options, progress);
     case Format::meta_image:
       return open_meta_image(path, options, progress);
+    case Format::vti:
+      return open_vti(path, options, progress);
     case Format::unknown:
       break;
   }
-  throw InputError("{}: not a scan; DICOM, NIfTI, NRRD, MetaImage and GE Genesis are read", path.string());
+  throw InputError("{}: not a scan; DICOM, NIfTI, NRRD, MetaImage, VTK (.vti) and GE Genesis are read", path.string());
 }
 
 }  // namespace xraycast
