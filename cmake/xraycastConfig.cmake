@@ -28,6 +28,7 @@ find_dependency(glm)
 find_dependency(fmt)
 find_dependency(nlohmann_json)
 find_dependency(pugixml)
+pkg_check_modules(libzip REQUIRED QUIET IMPORTED_TARGET libzip)
 pkg_check_modules(xraylib REQUIRED QUIET IMPORTED_TARGET libxrl)
 
 if("segmentation" IN_LIST xraycast_components)

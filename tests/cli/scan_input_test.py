@@ -1,5 +1,6 @@
 """PROGRAM [TEST...]: scans that other programs wrote, dcmtk and pydicom among them, as the program reads them."""
 import json
+import os
 import pathlib
 import random
 import re
@@ -145,6 +146,11 @@ class ScanInput(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="scan-input-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        self.temporary = self.folder / "tmp"
+        self.temporary.mkdir()
+        before = os.environ.get("TMPDIR")
+        os.environ["TMPDIR"] = str(self.temporary)
+        self.addCleanup(lambda: os.environ.pop("TMPDIR") if before is None else os.environ.update(TMPDIR=before))
         self.series = self.folder / "series"
         write_series(self.series)
 
@@ -166,6 +172,56 @@ class ScanInput(unittest.TestCase):
         for word in words:
             self.assertIn(word, done.stderr)
         return done.stderr
+
+    # ---- archives -----------------------------------------------------------------------------------
+
+    def zipped(self, names=lambda name: f"CD/images/{name}", extra=(), **options):
+        path = self.folder / "scan.zip"
+        with zipfile.ZipFile(path, "w", **options) as archive:
+            for file in sorted(self.series.iterdir()):
+                archive.write(file, names(file.name))
+            for name, content in extra:
+                archive.writestr(name, content)
+        return path
+
+    def leftovers(self):
+        return list(self.temporary.iterdir())
+
+    def test_zip_equals_its_folder(self):
+        for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            self.assert_equals_series(self.zipped(compression=method, extra=[("CD/readme.txt", "no scan")]))
+        # Its files may have any names.
+        self.assert_equals_series(self.zipped(names=lambda name: f"../../{name}"))
+        self.assert_equals_series(self.zipped(names=lambda name: f"/etc/{name}"))
+        self.assertEqual(list(self.folder.parent.glob("slice*.dcm")), [])
+        self.assertEqual(self.leftovers(), [])
+
+    def test_what_a_killed_run_left_is_removed(self):
+        abandoned = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-zip-", dir=self.temporary))
+        (abandoned / "000000").mkdir()
+        run("info", self.zipped())
+        self.assertFalse(abandoned.exists())
+
+    def test_damaged_zip_ends_in_one_line(self):
+        path = self.zipped(compression=zipfile.ZIP_DEFLATED)
+        whole = path.read_bytes()
+        bad = bytearray(whole)
+        bad[2000] ^= 0x55
+        bomb = self.zipped(compression=zipfile.ZIP_DEFLATED, extra=[("bomb", bytes(1 << 28))]).read_bytes()
+        path.write_bytes(whole[:len(whole) // 2])
+        self.fails(path, "scan.zip", "not a whole zip archive")
+        path.write_bytes(bad)
+        self.fails(path, "scan.zip/CD/images/slice0.dcm", "damaged")
+        path.write_bytes(bomb)
+        self.fails(path, "scan.zip", "times its size")
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("notes.txt", "no scan")
+        self.fails(path, "scan.zip", "no images")
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("a.dcm", (self.series / "slice0.dcm").read_bytes()[:-100])
+        said = self.fails(path, "scan.zip/a.dcm", "truncated")
+        self.assertNotIn("xraycast-zip", said)
+        self.assertEqual(self.leftovers(), [])
 
     # ---- NIfTI --------------------------------------------------------------------------------------
 
@@ -372,6 +428,20 @@ class ScanInput(unittest.TestCase):
                 self.assertEqual(pydicom.dcmread(folder / "slice0.dcm", stop_before_pixels=True)
                                  .file_meta.TransferSyntaxUID, syntax)
                 self.assert_equals_series(folder)
+
+    def test_eight_bits_are_noted(self):
+        for file in self.series.iterdir():
+            data = pydicom.dcmread(file)
+            data.BitsAllocated = data.BitsStored = 8
+            data.HighBit, data.RescaleIntercept = 7, 0
+            data.PixelData = (numpy.frombuffer(data.PixelData, "<u2") // 16).astype("u1").tobytes()
+            data.save_as(file)
+        self.assertIn("no Hounsfield units", run("info", self.series).stdout)
+        path = self.folder / "scan.nii"
+        nibabel.save(nibabel.Nifti1Image(numpy.zeros((3, 4, 5), "u1"), numpy.eye(4)), path)
+        self.assertIn("no Hounsfield units", run("info", path).stdout)
+        nibabel.save(nibabel.Nifti1Image(numpy.zeros((3, 4, 5), "<i2"), numpy.eye(4)), path)
+        self.assertNotIn("no Hounsfield units", run("info", path).stdout)
 
     def test_near_lossless_stays_within_its_bound(self):
         folder = self.converted("dcmcjpls", "+en", "+md", "2")

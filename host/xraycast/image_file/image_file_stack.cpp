@@ -166,6 +166,8 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
   info.format = format;
   info.orientation = orientation_of(header);
   info.warnings = std::move(warnings);
+  if (bytes_of(header.type) == 1 && header.slope == 1 && header.intercept == 0)
+    info.notes.emplace_back(kEightBitNote);
   auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(voxels));
   return deliver(std::move(stack), std::move(info), options);
 }

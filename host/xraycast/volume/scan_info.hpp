@@ -13,13 +13,13 @@ namespace xraycast {
 /// What was understood of a scan before its voxels were read. `geometry()` of the source says what will be
 /// delivered; this says what the files hold.
 struct ScanInfo {
-  std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage" or "GE Genesis"
+  std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage", "VTK" or "GE Genesis"
   std::string modality;  ///< "CT" where the format does not say
   std::string series;    ///< DICOM: number, description and UID of the series that was chosen
   std::vector<std::string> other_series;  ///< what else could have been taken, one readable line each
   struct Series {
     std::string number, description, uid, modality;
-    std::int64_t slices;      ///< files, before those at one position are dropped
+    std::int64_t slices;      ///< or frames, before those at one position are dropped
     std::string orientation;  ///< "axial", "coronal" or "sagittal"; empty if unknown
     double thickness_mm;      ///< 0 if unknown
     bool chosen;
