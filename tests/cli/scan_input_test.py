@@ -355,7 +355,7 @@ class ScanInput(unittest.TestCase):
         path = self.folder / "times.dcm"
         write_enhanced(path, [*range(SLICES), *range(SLICES)], True, change=later_first)
         self.assert_equals_series(path)
-        self.assertIn("6 slices dropped", run("info", path).stdout)
+        self.assertIn("6 slices left out", run("info", path).stdout)
 
     def test_largest_stack_is_taken(self):
         def two_stacks(data):

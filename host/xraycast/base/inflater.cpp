@@ -66,7 +66,7 @@ void Inflater::refill() {
   zlib_.avail_in = static_cast<uInt>(stream_.gcount());
 }
 
-/// Some programs pack in several gzip members; what else may follow, such as padding, is none of ours.
+/// Some programs write several gzip members; other trailing bytes, such as padding, are ignored.
 void Inflater::end_stream() {
   refill();
   ended_ = format_ == Format::raw || zlib_.avail_in == 0 || *zlib_.next_in != 0x1f;

@@ -132,18 +132,18 @@ VtkXmlFile::VtkXmlFile(const std::filesystem::path& path, std::string type)
 }
 
 void VtkXmlFile::parse() {
-  // Raw appended data is no XML, so the parser sees the file only up to it, and closed after that.
+  // Raw appended data is not XML, so the parser gets the file only up to it, with closing tags added.
   std::string_view xml = content_;
   std::string closed;
   if (const auto tag = content_.find("<AppendedData"); tag != std::string::npos) {
     const auto begin = content_.find('>', tag), underscore = content_.find('_', begin);
-    if (underscore == std::string::npos) fail("AppendedData", "the file is cut off");
+    if (underscore == std::string::npos) fail("AppendedData", "the file is truncated");
     closed = content_.substr(0, begin + 1) + "</AppendedData></VTKFile>";
     xml = closed;
     appended_ = std::string_view(content_).substr(underscore + 1);
   }
   if (const auto result = document_.load_buffer(xml.data(), xml.size()); !result)
-    throw InputError("{}: not whole XML: {} at byte {}", name_, result.description(), result.offset);
+    throw InputError("{}: not well-formed XML: {} at byte {}", name_, result.description(), result.offset);
 }
 
 std::uint64_t VtkXmlFile::count(pugi::xml_node node, const char* attribute, std::uint64_t otherwise) const {
@@ -154,7 +154,7 @@ std::uint64_t VtkXmlFile::count(pugi::xml_node node, const char* attribute, std:
   // 32 bits index the points of anything that fits in memory, and products of two such numbers fit in 64.
   if (error != std::errc() || end != text.data() + text.size() ||
       number > std::numeric_limits<std::uint32_t>::max() / 3)
-    fail(attribute, "\"{}\" is not a possible number", text);
+    fail(attribute, "\"{}\" is not a valid number", text);
   return number;
 }
 
@@ -169,7 +169,7 @@ std::vector<double> VtkXmlFile::attribute_numbers(pugi::xml_node node, const cha
 
 std::vector<double> VtkXmlFile::values(pugi::xml_node array, std::string_view field,
                                        std::optional<std::uint64_t> expected) const {
-  if (expected == 0) return {};  // some writers leave out what would be empty
+  if (expected == 0) return {};  // some writers omit empty arrays
   if (!array) fail(field, "is missing");
   const std::string_view type = array.attribute("type").value();
   const auto* const stored = std::ranges::find(kStoredTypes, type, &StoredType::name);
@@ -214,7 +214,7 @@ std::vector<double> VtkXmlFile::parse_numbers(std::string_view text, std::string
     if (next == end) return numbers;
     double number = 0;
     const auto [rest, error] = std::from_chars(next, end, number);
-    if (rest == next) fail(field, "has something else than numbers");
+    if (rest == next) fail(field, "holds something other than numbers");
     if (error == std::errc::result_out_of_range) number = std::numeric_limits<double>::infinity();
     numbers.push_back(number);
     next = rest;
@@ -224,7 +224,7 @@ std::vector<double> VtkXmlFile::parse_numbers(std::string_view text, std::string
 std::uint64_t VtkXmlFile::read_header(Stream& stream, std::string_view field) const {
   std::array<char, 8> bytes{};
   const std::span<char> number = std::span(bytes).first(header_size_B_);
-  if (!stream.read(number)) fail(field, "the file is cut off in its header");
+  if (!stream.read(number)) fail(field, "the file is truncated within its header");
   if (is_big_endian_) std::ranges::reverse(number);
   return std::bit_cast<std::uint64_t>(bytes);
 }
@@ -233,7 +233,7 @@ std::string VtkXmlFile::read_plain(Stream stream, std::string_view field) const 
   const std::uint64_t size = read_header(stream, field);
   if (size > stream.most_left()) fail(field, "claims {} bytes, more than the file holds", size);
   std::string bytes(size, '\0');
-  if (!stream.read(bytes)) fail(field, "the file is cut off or is not base64");
+  if (!stream.read(bytes)) fail(field, "the file is truncated or not base64");
   return bytes;
 }
 
@@ -252,9 +252,9 @@ std::string VtkXmlFile::read_packed(Stream stream, std::string_view field) const
     if (packed_size > stream.most_left())
       fail(field, "claims {} bytes, more than the file holds", packed_size);
     if (size > packed_size * std::uint64_t{kDeflateLimit})
-      fail(field, "claims {} bytes from {} packed ones", size, packed_size);
+      fail(field, "claims {} bytes from {} compressed ones", size, packed_size);
     packed.resize(packed_size);
-    if (!stream.read(packed)) fail(field, "the file is cut off or is not base64");
+    if (!stream.read(packed)) fail(field, "the file is truncated or not base64");
     const std::size_t begin = bytes.size();
     bytes.resize(begin + size);
     uLongf unpacked_size = size;

@@ -124,7 +124,7 @@ class VtpReader {
     for (const double offset :
          file_.values(section.find_child_by_attribute("Name", "offsets"), offsets_name, size)) {
       if (!is_index(offset, std::numeric_limits<std::uint32_t>::max()) || offset < static_cast<double>(end))
-        file_.fail(offsets_name, "{} is not a possible end of cell {}", offset, cells.ends.size());
+        file_.fail(offsets_name, "{} is not a valid end of cell {}", offset, cells.ends.size());
       end = static_cast<std::uint64_t>(offset);
       cells.ends.push_back(end);
     }

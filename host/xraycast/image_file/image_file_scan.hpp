@@ -18,7 +18,7 @@ Scan open_vti(const std::filesystem::path& path, const ScanOptions& options, Pro
 /// Whether a file's first bytes are those of VTK XML ImageData.
 bool is_vti(const std::string& leading_bytes);
 
-/// MetaImage has no magic number: whether a file's first bytes are the header lines it starts with.
+/// Whether a file's first bytes are MetaImage header lines; the format has no magic number.
 bool is_meta_image(const std::string& leading_bytes);
 
 }  // namespace xraycast

@@ -84,10 +84,9 @@ void ImageFileStack::check_header() const {
   const std::vector<std::int64_t>& size = header_.size;
   for (std::size_t d = 3; d < size.size(); ++d)
     if (size[d] > 1)
-      throw InputError("{}: {} dimensions; a scan has three, so take one volume out of it", name,
-                       size.size());
+      throw InputError("{}: {} dimensions; a scan has three: extract one volume", name, size.size());
   if (header_.numbers_per_voxel != 1)
-    throw InputError("{}: {} numbers a voxel (colours or vectors); a CT scan has one", name,
+    throw InputError("{}: {} numbers per voxel (colours or vectors); a CT scan has one", name,
                      header_.numbers_per_voxel);
   constexpr std::int64_t kMaxSize = 65536;
   for (std::size_t d = 0; d < size.size(); ++d)
@@ -156,8 +155,8 @@ std::string orientation_of(const ImageHeader& header) {
 }
 
 std::string unknown_orientation(const char* field, const ImageHeader& header) {
-  return fmt::format("the file does not say how the patient lies ({}); its axes are taken as {}", field,
-                     orientation_of(header));
+  return fmt::format("the file does not state the patient's orientation ({}); its axes are taken as {}",
+                     field, orientation_of(header));
 }
 
 Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
@@ -184,7 +183,7 @@ fs::path data_file_beside(const fs::path& header, const std::string& name) {
 void require_spacing(const fs::path& path, const char* field, std::span<const double> spacing_mm) {
   for (const double mm : spacing_mm)
     if (!std::isfinite(mm) || mm <= 0)
-      throw InputError("{}: {} holds {}; spacing has to be finite and above zero", path.string(), field, mm);
+      throw InputError("{}: {} holds {}; spacing must be finite and above zero", path.string(), field, mm);
 }
 
 }  // namespace xraycast

@@ -14,14 +14,14 @@
 
 namespace xraycast {
 
-/// What a voxel is stored as.
+/// The stored type of a voxel.
 enum class VoxelType { int8, uint8, int16, uint16, int32, uint32, int64, uint64, float32, float64 };
 
 std::int64_t bytes_of(VoxelType type);
 
-/// What the header of an image file says.
+/// The content of an image file's header.
 struct ImageHeader {
-  std::filesystem::path path;           ///< what the user gave, for messages
+  std::filesystem::path path;           ///< the user's path, for messages
   std::vector<std::int64_t> size;       ///< voxels along each axis, the one stored next to each other first
   std::array<glm::dvec3, 3> step_mm{};  ///< LPS, from a voxel to the next along each of the first three axes
   glm::dvec3 origin_mm{0, 0, 0};        ///< LPS, of the first voxel
@@ -31,7 +31,7 @@ struct ImageHeader {
   double slope = 1, intercept = 0;  ///< HU = slope * stored + intercept
 };
 
-/// The files that hold voxels as they are, from `offset_B` of each on, with as many slices in each.
+/// The files with uncompressed voxels, from `offset_B` of each on, with the same number of slices in each.
 struct PlainVoxels {
   static constexpr std::int64_t kAtTheEnd = -1;  ///< the last bytes, however many lie before them
   std::vector<std::filesystem::path> files;
@@ -48,8 +48,8 @@ using StoredVoxels = std::variant<PlainVoxels, PackedVoxels, LoadedVoxels>;
 /// A volume within one file or in a few.
 class ImageFileStack final : public SliceStack {
  public:
-  /// Throws InputError for what is no scan of three dimensions with one number a voxel, and for files that
-  /// are missing, no regular ones, or too short for what the header claims.
+  /// Throws InputError unless the file is a three-dimensional scan with one number per voxel, and for files
+  /// that are missing, not regular, or too short for the header.
   ImageFileStack(ImageHeader header, StoredVoxels voxels);
 
  private:
@@ -64,25 +64,25 @@ class ImageFileStack final : public SliceStack {
   StoredVoxels voxels_;
   std::int64_t slices_;
   bool reversed_;                     ///< the last stored slice is the lowest
-  std::unique_ptr<char[]> unpacked_;  ///< all slices, once the first of packed ones was asked for
+  std::unique_ptr<char[]> unpacked_;  ///< all slices, once the first compressed one was requested
 };
 
 /// The readers' last step.
 Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
                    std::vector<std::string> warnings, const ScanOptions& options);
 
-/// The patient's sides that the stored axes run to, three letters.
+/// The patient's sides towards which the stored axes point, three letters.
 std::string orientation_of(const ImageHeader& header);
 
-/// A warning that the file does not say how the patient lies, since `field` is missing.
+/// A warning that the file does not state the patient's orientation, since `field` is missing.
 std::string unknown_orientation(const char* field, const ImageHeader& header);
 
 /// A file that a header names, beside it. Throws InputError, with the header's name in front, where there is
 /// no such regular file.
 std::filesystem::path data_file_beside(const std::filesystem::path& header, const std::string& name);
 
-/// Throws InputError, naming the field, for spacings that are not finite and above zero: libraries take them
-/// for 1.
+/// Throws InputError, naming the field, for spacings that are not finite and above zero: libraries replace
+/// them by 1.
 void require_spacing(const std::filesystem::path& path, const char* field,
                      std::span<const double> spacing_mm);
 

@@ -12,7 +12,7 @@ void require_packed(const PackedVoxels& packed, std::int64_t needed_B) {
   if (error) throw InputError("{}: cannot be opened: {}", packed.file.string(), error.message());
   const std::int64_t size_B = file_B - packed.start_B;
   if ((packed.skipped_B + needed_B) / kDeflateLimit > size_B)
-    throw InputError("{}: truncated, {} packed bytes cannot hold {} bytes of voxels; copy the file again",
+    throw InputError("{}: truncated, {} compressed bytes cannot hold {} bytes of voxels; copy the file again",
                      packed.file.string(), std::max<std::int64_t>(0, size_B), needed_B);
 }
 

@@ -155,7 +155,7 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
   if (words.size() == 2) last = first + slices - 1;
   constexpr std::int64_t kMost = 1'000'000;
   if (step < 1 || first < 0 || last > kMost || (last - first) / step + 1 != slices || last < first)
-    throw InputError("{}: ElementDataFile '{}' does not name {} files, one a slice", path.string(), text,
+    throw InputError("{}: ElementDataFile '{}' does not name {} files, one per slice", path.string(), text,
                      slices);
   std::vector<std::string> names;
   for (std::int64_t number = first; number <= last; number += step) {
@@ -174,11 +174,11 @@ PlainVoxels several_files(const fs::path& path, const TextHeader& text, const Im
   const std::int64_t slices = header.size.size() == 3 ? header.size[2] : 0;
   const bool is_list = data_file.starts_with("LIST");
   if (is_list && data_file != "LIST" && data_file != "LIST 2" && data_file != "LIST 2D")
-    throw InputError("{}: ElementDataFile '{}' is not supported; list one file a slice", path.string(),
+    throw InputError("{}: ElementDataFile '{}' is not supported; list one file per slice", path.string(),
                      data_file);
   const std::vector<std::string> names = is_list ? text.rest : names_by_pattern(path, data_file, slices);
   if (std::ssize(names) != slices)
-    throw InputError("{}: ElementDataFile lists {} files, but there are {} slices; list one file a slice",
+    throw InputError("{}: ElementDataFile lists {} files, but there are {} slices; list one file per slice",
                      path.string(), names.size(), slices);
   PlainVoxels voxels;
   for (const std::string& name : names) voxels.files.push_back(data_file_beside(path, name));
@@ -195,11 +195,11 @@ StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const M
   const auto header_B = fields.number<std::int64_t>("HeaderSize", {0});
   constexpr std::int64_t kMaxHeader_B = std::int64_t{1} << 40;
   if (header_B < -1 || header_B > kMaxHeader_B || (header_B < 0 && is_packed))
-    throw InputError("{}: HeaderSize is {}; save the file again without", path.string(), header_B);
+    throw InputError("{}: HeaderSize is {}; save the file again without it", path.string(), header_B);
 
   if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos) {
     if (is_packed)
-      throw InputError("{}: ElementDataFile '{}' stands for several files, which have to hold plain voxels",
+      throw InputError("{}: ElementDataFile '{}' names several files, which must hold uncompressed voxels",
                        path.string(), data_file);
     PlainVoxels voxels = several_files(path, text, header);
     voxels.offset_B = header_B < 0 ? PlainVoxels::kAtTheEnd : header_B;

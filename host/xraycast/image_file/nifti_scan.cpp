@@ -225,7 +225,7 @@ VoxelType nifti_type(const fs::path& path, int datatype) {
   const auto found = kTypes.find(datatype);
   if (found == kTypes.end())
     throw InputError(
-        "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float a voxel",
+        "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float per voxel",
         path.string(), datatype);
   return found->second;
 }

@@ -24,7 +24,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// ITK and its VNL write what they think of a header to std::cerr; our own lines say more.
+/// ITK and its VNL write warnings about a header to std::cerr; xraycast's own messages replace them.
 class QuietCerr {
  public:
   QuietCerr() : buffer_(std::cerr.rdbuf(nullptr)) {}
@@ -93,7 +93,7 @@ void check_nrrd(const fs::path& path, const TextHeader& header) {
                      kMaxDimensions);
   std::vector<double> spacing_mm;
   std::istringstream words(header.get("spacings"));
-  // Not read as doubles: streams refuse `nan`, which has to be noticed.
+  // Not read as doubles: streams refuse `nan`, which must be noticed.
   for (std::string word; words >> word;)
     if (double mm = 0; std::from_chars(word.data(), word.data() + word.size(), mm).ec == std::errc{})
       spacing_mm.push_back(mm);
@@ -110,7 +110,7 @@ StoredVoxels nrrd_voxels(const fs::path& path, const TextHeader& header) {
       nrrd_number(path, header, header.get("byte skip").empty() ? "byteskip" : "byte skip");
   constexpr std::int64_t kMaxSkip_B = std::int64_t{1} << 40;
   if (skipped_B < -1 || skipped_B > kMaxSkip_B || (skipped_B < 0 && is_packed))
-    throw InputError("{}: byte skip is {}; save the file again without", path.string(), skipped_B);
+    throw InputError("{}: byte skip is {}; save the file again without it", path.string(), skipped_B);
   if (is_packed) return PackedVoxels{file, start_B, skipped_B};
   return PlainVoxels{{file}, skipped_B < 0 ? PlainVoxels::kAtTheEnd : start_B + skipped_B};
 }
@@ -126,10 +126,10 @@ void check_nrrd_encoding(const fs::path& path, const TextHeader& header) {
                      encoding);
   const std::string data_file = header.get("data file") + header.get("datafile");
   if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos)
-    throw InputError("{}: data file '{}' stands for several files; save the scan as one", path.string(),
+    throw InputError("{}: data file '{}' names several files; save the scan as one file", path.string(),
                      data_file);
   if (nrrd_number(path, header, "line skip") != 0 || nrrd_number(path, header, "lineskip") != 0)
-    throw InputError("{}: line skip is not supported; save the file again without", path.string());
+    throw InputError("{}: line skip is not supported; save the file again without it", path.string());
 }
 
 }  // namespace

@@ -6,8 +6,8 @@
 
 namespace xraycast {
 
-/// A file that holds a volume's voxels one after the other, neither packed nor encoded, from `offset_B` on.
-/// Any number of threads may read at once. Move-only.
+/// A file that holds a volume's voxels consecutively, neither compressed nor encoded, from `offset_B` on. Any
+/// number of threads may read at once. Move-only.
 class RawVoxels {
  public:
   /// Throws InputError when the file cannot be opened or is too short for `needed_B` bytes of voxels.

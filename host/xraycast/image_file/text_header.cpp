@@ -48,7 +48,7 @@ TextHeader read_nrrd_header(const std::filesystem::path& path) {
   }
   header.end_B = std::ssize(text) - std::ssize(left);
   if (header.end_B == kMaxHeader_B)
-    throw InputError("{}: its header does not end; export the file again", path.string());
+    throw InputError("{}: its header is truncated; export the file again", path.string());
   return header;
 }
 

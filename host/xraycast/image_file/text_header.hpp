@@ -9,11 +9,11 @@
 
 namespace xraycast {
 
-/// The fields of the text that NRRD and MetaImage files start with.
+/// The fields of the text header of NRRD and MetaImage files.
 struct TextHeader {
   std::map<std::string, std::string> fields;  ///< trimmed; the last of those of one name
-  std::vector<std::string> rest;              ///< of MetaImage: the lines behind the field that ends it
-  std::int64_t end_B = 0;                     ///< offset of what follows the header
+  std::vector<std::string> rest;              ///< MetaImage: the lines after the field that ends the header
+  std::int64_t end_B = 0;                     ///< offset of the first byte after the header
 
   /// Empty without such a field.
   const std::string& get(const std::string& name) const;
@@ -23,8 +23,8 @@ struct TextHeader {
 /// Throws InputError when the header is longer than a mebibyte.
 TextHeader read_nrrd_header(const std::filesystem::path& path);
 
-/// `Name = value` up to ElementDataFile, which is the last one. Throws InputError when there is none within a
-/// mebibyte.
+/// `Name = value` up to ElementDataFile, which is the last one. Throws InputError when it is not within the
+/// first mebibyte.
 TextHeader read_meta_image_header(const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -15,7 +15,7 @@
 #include <utility>
 #include <zlib.h>
 
-// Written by hand rather than by ITK, whose NIfTI writer takes a full disk for success and whose MetaImage
+// Written by hand rather than by ITK, whose NIfTI writer reports success on a full disk and whose MetaImage
 // writer names the voxels after the temporary header.
 namespace xraycast {
 namespace {
@@ -25,7 +25,7 @@ namespace fs = std::filesystem;
 static_assert(std::endian::native == std::endian::little,
               "the headers below say that voxels are little-endian");
 
-/// A file of bytes, gzipped or plain, that says when the disk is full.
+/// A file of bytes, gzipped or plain, that detects a full disk.
 class OutputFile {
  public:
   /// `content_B` is what it will hold.
@@ -61,7 +61,7 @@ class OutputFile {
   gzFile file_;
 };
 
-/// What headers call the type of a voxel.
+/// The names of a voxel type in headers.
 struct VoxelType {
   const char* nrrd;
   const char* meta_image;
@@ -156,7 +156,7 @@ void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::
     voxel_file.write(voxels.data() + z * geometry.slice_voxels(), slice_B);
     progress.advance();
   }
-  // The voxels first: a header never names a file that is not there.
+  // The voxels first: a header never names a missing file.
   voxel_file.commit();
   if (is_in_two_files) write_whole_file(path, header);
   outputs.commit();
@@ -168,7 +168,8 @@ void check_volume_format(const fs::path& path) {
   constexpr std::string_view kKnown[] = {".nrrd", ".nii", ".nii.gz", ".mha", ".mhd"};
   if (std::ranges::none_of(kKnown,
                            [&](std::string_view extension) { return has_extension(path, extension); }))
-    throw InputError("{}: not a volume's name; end it in .nrrd, .nii, .nii.gz, .mha or .mhd", path.string());
+    throw InputError("{}: unknown volume format; end the name in .nrrd, .nii, .nii.gz, .mha or .mhd",
+                     path.string());
 }
 
 void write_volume(const Volume& volume, const fs::path& path, Progress& progress) {

@@ -55,7 +55,7 @@ std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
   for (const auto& entry :
        fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
     progress.check();
-    // What a link in a loop leads to is an error.
+    // A link in a loop is an error.
     std::error_code error;
     if (entry.is_regular_file(error)) files.push_back(entry.path());
   }
@@ -63,7 +63,7 @@ std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
   return files;
 }
 
-/// Genesis slices do not say to which series they belong; the folder does.
+/// Genesis slices do not state their series; the folder does.
 std::vector<fs::path> of_one_folder(std::vector<fs::path> genesis, const fs::path& path) {
   const auto directly = [&](const fs::path& file) { return fs::equivalent(file.parent_path(), path); };
   if (std::ranges::any_of(genesis, directly))
@@ -150,7 +150,7 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
 
   switch (format_of(path)) {
     case Format::dicom:
-      // Beside a DICOMDIR lie the files that it lists.
+      // The files that a DICOMDIR lists are in its folder.
       if (is_dicom_directory(path)) return open_folder(fs::absolute(path).parent_path(), options, progress);
       return open_dicom(path, {path}, options, progress);
     case Format::genesis:

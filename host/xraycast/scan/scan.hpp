@@ -11,15 +11,16 @@ namespace xraycast {
 /// NIfTI, NRRD, MetaImage or VTK ImageData file. Headers are read now (stage "opening"), voxels by the
 /// source. An archive is unpacked into a temporary folder (stage "unpacking"), which the source removes.
 ///
-/// A folder is searched with all folders in it, such as those of a patient's CD, and so is that of a
-/// DICOMDIR. The best CT series is taken: the one with most slices, then an axial one, then the thinnest.
-/// Where there is no CT, other grey images stand in for it.
+/// A folder is searched with all its subfolders, such as those of a patient's CD, and so is that of a
+/// DICOMDIR. The best CT series is chosen: the one with the most slices, then an axial one, then the
+/// thinnest. Where there is no CT, other greyscale images are read instead.
 ///
 /// The format is recognised by content, never by name alone. Slices are sorted by position along their
 /// normal, rescaled to HU, clamped to [-1024, 32767] and delivered in the frame of VolumeGeometry. Stacks
 /// that are sheared, uneven, or not aligned with the patient's axes are resampled onto a grid that is.
 ///
-/// Throws InputError, naming the file and the field, and DamagedSlice for what skip_damaged would leave out.
+/// Throws InputError, naming the file and the field, and DamagedSlice for a slice that skip_damaged would
+/// leave out.
 Scan open_scan(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 
 }  // namespace xraycast

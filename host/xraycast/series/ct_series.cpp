@@ -11,7 +11,7 @@
 namespace xraycast {
 namespace {
 
-/// What all slices share.
+/// The elements common to all slices.
 DicomElements series_elements(const VolumeGeometry& geometry, const DicomPatient& patient,
                               const std::string& source) {
   DicomElements series = dicom_elements("1.2.840.10008.5.1.4.1.1.2", patient);

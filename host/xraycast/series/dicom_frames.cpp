@@ -54,7 +54,7 @@ double number_or(const DicomItem& item, DicomTag tag, double fallback) {
   return result.empty() ? fallback : result.front();
 }
 
-/// What turns stored values into Hounsfield units. A CT slice has to say it (Type 1 of CT Image Storage):
+/// What turns stored values into Hounsfield units. A CT slice must say it (Type 1 of CT Image Storage):
 /// taken as 1 and 0, most would be off by 1024 HU.
 double rescale_number(const DicomItem& item, DicomTag tag, const char* field, bool is_ct, double of_others,
                       const std::string& name) {
@@ -76,11 +76,11 @@ SlicePlane read_plane(const ValueHolders& holders, const std::string& name) {
   const auto spacing =
       numbers(holders.measures, kPixelSpacing, 2, name, "PixelSpacing", "its size is unknown");
   if (!(spacing[0] > 0 && spacing[1] > 0))
-    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it has to be above zero", name,
-                       spacing[0], spacing[1]);
+    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it must be above zero", name, spacing[0],
+                       spacing[1]);
   const glm::dvec3 i(directions[0], directions[1], directions[2]),
       j(directions[3], directions[4], directions[5]);
-  // Printed cosines are unit vectors but for their last digit.
+  // Printed cosines are unit vectors up to their last digit.
   if (std::abs(glm::length(i) - 1) > 0.01 || std::abs(glm::length(j) - 1) > 0.01 ||
       std::abs(glm::dot(i, j)) > 0.01)
     throw DamagedSlice("{}: ImageOrientationPatient (0020,0037) is not two perpendicular unit vectors", name);
@@ -165,11 +165,11 @@ void check_pixels(const DicomSlice& slice) {
 
 void check_header(const DicomHeader& header, const fs::path& file) {
   if (header.is_cut_off())
-    throw DamagedSlice("{}: a damaged or truncated DICOM file; copy it again or take it away", file.string());
+    throw DamagedSlice("{}: a damaged or truncated DICOM file; copy it again or remove it", file.string());
   if (!header.pixel_data())
     throw DamagedSlice("{}: truncated, it ends before its pixel data; copy the file again", file.string());
   if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
-    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is grey",
+    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is greyscale",
                      file.string());
 }
 
@@ -258,7 +258,7 @@ void read_slices(const DicomHeader& header, const fs::path& file, DicomFileSumma
       throw InputError(
           "{}: several frames (NumberOfFrames (0028,0008)) without functional groups that say where they "
           "lie; "
-          "convert it to one file a slice or to NIfTI",
+          "convert it to one file per slice or to NIfTI",
           file.string());
     summary.slices.push_back(read_single(header, file, is_ct));
     return;

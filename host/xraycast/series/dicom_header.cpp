@@ -213,7 +213,7 @@ class DicomReader {
       bytes_.inflate();
     }
     Syntax syntax{transfer_syntax != kImplicit, transfer_syntax == kBigEndian};
-    // A file without meta group does not say; the letters of a value representation do.
+    // Without a meta group, the letters of a value representation show it.
     if (header.values_.empty()) {
       const auto is_letter = [](char c) { return c >= 'A' && c <= 'Z'; };
       if (start.size() > 6 && is_letter(start[4]) && is_letter(start[5])) {
@@ -237,7 +237,7 @@ class DicomReader {
   }
 
   void read_element(const ElementHead& head, const Syntax& syntax, DicomItem& item, int depth) {
-    // What a CT slice needs is short.
+    // The elements that a CT slice needs are short.
     constexpr std::uint32_t kShort_B = 1024;
     const Syntax& inner = head.unknown_vr ? kImplicitSyntax : syntax;
     const bool wanted = depth == 0 || std::ranges::find(kItemElements, head.tag) != kItemElements.end();

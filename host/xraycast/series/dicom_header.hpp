@@ -22,8 +22,8 @@ class DicomItem {
   /// A text element without its padding; empty if it is missing.
   std::string text(DicomTag tag) const;
 
-  /// The numbers of a decimal string, `\` between them; none if the element is missing or one of them is no
-  /// number.
+  /// The numbers of a decimal string, `\` between them; none if the element is missing or one of them is not
+  /// a number.
   std::vector<double> numbers(DicomTag tag) const;
 
   std::optional<std::uint16_t> unsigned_short(DicomTag tag) const;
@@ -47,7 +47,7 @@ struct ByteRange {
 };
 
 /// The elements of a DICOM file up to its pixel data, read without trusting any length in it: GDCM, as Debian
-/// builds it, aborts the program on a file that was cut off, and needs longer.
+/// builds it, aborts the program on a truncated file, and is slower.
 ///
 /// Explicit, implicit and deflated syntaxes, with and without preamble. Of sequences those are read that say
 /// where the frames of a multi-frame file lie and what they hold; others are skipped.
@@ -58,7 +58,7 @@ class DicomHeader : public DicomItem {
 
   const std::string& transfer_syntax() const { return transfer_syntax_; }
 
-  /// Whether an element runs beyond the file's end; those before it are there.
+  /// Whether an element extends beyond the file's end; the elements before it are valid.
   bool is_cut_off() const { return is_cut_off_; }
 
   struct PixelData {

@@ -98,10 +98,10 @@ gdcm::Image image_of(const DicomSlice& slice, const std::vector<std::string>& pi
   return image;
 }
 
-/// What the process that decodes a slice leaves, in front of its HU.
+/// The result of the process that decodes a slice, followed by its HU.
 struct DecodedSlice {
   SliceSource::HuRange range;
-  std::array<char, 1000> error;  ///< why it could not, ended by a zero
+  std::array<char, 1000> error;  ///< error message, zero-terminated
 };
 
 void swap_words(std::span<char> bytes) {
@@ -123,7 +123,7 @@ std::vector<char> inflate_range(const DicomSlice& slice, std::int64_t begin_B, s
   } catch (const InputError& error) {
     throw DamagedSlice("{}", error.what());
   }
-  if (got_B < size_B) throw DamagedSlice("{}: could not be read to its end", slice.name());
+  if (got_B < size_B) throw DamagedSlice("{}: could not be read completely; copy it again", slice.name());
   return bytes;
 }
 
@@ -172,12 +172,12 @@ void DicomPixelDecoder::read_stored(const DicomSlice& slice, const ByteRange& pi
     std::ifstream stream(slice.file, std::ios::binary);
     stream.seekg(piece.offset_B);
     stream.read(bytes.data(), std::ssize(bytes));
-    if (!stream) throw DamagedSlice("{}: could not be read to its end", slice.name());
+    if (!stream) throw DamagedSlice("{}: could not be read completely; copy it again", slice.name());
   }
   if (slice.pixels.is_byte_swapped) swap_words(bytes);
 }
 
-/// Reads straight into the slice's own memory and rescales it there.
+/// Reads directly into the slice's memory and rescales it there.
 SliceSource::HuRange DicomPixelDecoder::read_plain(const DicomSlice& slice,
                                                    std::span<std::int16_t> hu) const {
   read_stored(slice, slice.pixels.pieces.front(), {reinterpret_cast<char*>(hu.data()), hu.size_bytes()});
@@ -216,7 +216,7 @@ SliceSource::HuRange DicomPixelDecoder::decode_apart(const DicomSlice& slice,
       limits);
   if (decoded->error[0] != 0) throw DamagedSlice("{}", decoded->error.data());
   if (!ended_well)
-    throw DamagedSlice("{}: its {} data are damaged; copy it again or take it away", slice.name(),
+    throw DamagedSlice("{}: its {} data are damaged; copy it again or remove it", slice.name(),
                        coding_of(slice.pixels));
   std::copy_n(shared_hu, hu.size(), hu.begin());
   return decoded->range;

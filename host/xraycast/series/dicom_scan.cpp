@@ -40,7 +40,7 @@ class DicomStack final : public SliceStack {
 
 void leave_out(const std::string& fault, ScanInfo& info) { info.warnings.push_back("left out " + fault); }
 
-/// Slices that GDCM has to decode are decoded once, to find those that it cannot.
+/// Slices that GDCM must decode are decoded once, to find those that it cannot.
 std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info, Progress& progress) {
   std::vector<std::string> faults(slices.size());
   parallel_for(std::ssize(slices), [&](std::int64_t i) {
@@ -84,7 +84,7 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
   for (const DicomSlice& slice : series) {
     if (slice.columns != first.columns || slice.rows != first.rows)
       throw InputError(
-          "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); take one of them away",
+          "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); remove one of them",
           slice.name(), slice.columns, slice.rows, first.name(), first.columns, first.rows);
     const auto turned = [](const glm::dvec3& a, const glm::dvec3& b) {
       return glm::distance(glm::normalize(a), glm::normalize(b)) > 1e-3;
@@ -92,8 +92,8 @@ void require_equal_slices(const std::vector<DicomSlice>& series) {
     if (turned(slice.plane.i_step_mm, first.plane.i_step_mm) ||
         turned(slice.plane.j_step_mm, first.plane.j_step_mm))
       throw InputError(
-          "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; take the "
-          "localizer or the other orientation away",
+          "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; remove the "
+          "localizer or the slices of the other orientation",
           slice.name(), first.name());
   }
 }
@@ -112,7 +112,7 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
   series.erase(std::unique(series.begin(), series.end(), same), series.end());
   if (series.size() < before)
     info.warnings.push_back(
-        fmt::format("{} dropped for lying where the series already has one; it may hold "
+        fmt::format("{} left out at a position that the series already has; it may hold "
                     "several phases or reconstructions",
                     pluralize(before - series.size(), "slice")));
 }
@@ -133,7 +133,7 @@ Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const 
   const DicomSeries series = choose_series(std::move(summaries), options.series, path, info);
   info.modality = series.files.front().modality;
   if (info.modality != "CT")
-    info.warnings.push_back(fmt::format("modality {} is not CT, so its values are no Hounsfield units",
+    info.warnings.push_back(fmt::format("modality {} is not CT, so its values are not Hounsfield units",
                                         info.modality.empty() ? "unknown" : info.modality));
   std::vector<DicomSlice> slices = usable_slices(series, path, options.skip_damaged, info, progress);
   require_equal_slices(slices);

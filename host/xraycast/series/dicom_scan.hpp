@@ -7,8 +7,8 @@
 
 namespace xraycast {
 
-/// Opens one series of the DICOM files `files`, as choose_series() chooses it; the others are passed over.
-/// `path` is what the user gave, for messages.
+/// Opens one series of the DICOM files `files`, selected by choose_series(); the others are skipped. `path`
+/// is the user's path, for messages.
 Scan open_dicom(const std::filesystem::path& path, const std::vector<std::filesystem::path>& files,
                 const ScanOptions& options, Progress& progress);
 

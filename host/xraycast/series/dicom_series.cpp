@@ -66,7 +66,7 @@ std::string list_of(const std::vector<DicomSeries>& all) {
   return list;
 }
 
-/// CT first, then most slices, axial, thinner; the rest makes the order one that repeats.
+/// CT first, then most slices, axial, thinner; the remaining keys make the order deterministic.
 bool is_better(const DicomSeries& a, const DicomSeries& b) {
   const auto rank = [](const DicomSeries& series) {
     const double mm = thickness_mm(series);
@@ -77,7 +77,7 @@ bool is_better(const DicomSeries& a, const DicomSeries& b) {
   return rank(a) < rank(b);
 }
 
-/// "2 scouts, 1 screen shot", of the files that `counts` fits.
+/// "2 scouts, 1 screen shot", of the files that `counts` accepts.
 template <typename Counts>
 std::string count_kinds(const std::vector<DicomFileSummary>& files, Counts counts) {
   std::map<std::string, std::int64_t> kinds;
@@ -101,8 +101,8 @@ std::vector<DicomSeries> group_by_uid(const std::vector<DicomFileSummary>& files
   return all;
 }
 
-/// Files that were cut off before the UID of their series may belong to any. They are taken out of `files`,
-/// unless there is nothing else.
+/// Files truncated before the UID of their series may belong to any series. They are removed from `files`,
+/// unless there are no others.
 std::vector<DicomFileSummary> take_strays(std::vector<DicomFileSummary>& files) {
   const auto belongs = [](const DicomFileSummary& file) {
     return !(file.is_ct_slice && file.is_cut_off && file.series_uid.empty());
@@ -119,7 +119,7 @@ bool matches(const DicomFileSummary& file, const std::string& wanted) {
          file.series_description.find(wanted) != std::string::npos;
 }
 
-/// A number in full beats the same digits somewhere in a UID, and CT beats what lies beside it.
+/// A complete series number takes precedence over the same digits within a UID, and CT over other modalities.
 std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& all, const fs::path& path) {
   for (const bool by_number : {true, false})
     for (const bool is_ct : {true, false}) {
@@ -139,20 +139,20 @@ std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& 
 [[noreturn]] void refuse(const std::vector<DicomFileSummary>& files, const fs::path& path) {
   if (files.size() == 1 && !files.front().fault.empty()) throw InputError("{}", files.front().fault);
   const std::string kinds = count_kinds(files, [](const auto& file) { return !file.is_directory; });
-  throw InputError("{}: the DICOM files hold no images that are slices{}; give the folder of a CT series",
+  throw InputError("{}: the DICOM files hold no image slices{}; give the folder of a CT series",
                    path.string(), kinds.empty() ? "" : ": " + kinds);
 }
 
-/// What was neither taken nor could have been.
+/// Notes the files that are not slices of any series.
 void note_passed_over(const std::vector<DicomFileSummary>& files, bool only_ct, ScanInfo& info) {
   const auto is_passed_over = [&](const DicomFileSummary& file) {
     return !file.is_directory && !(only_ct ? file.is_ct_slice : file.is_image);
   };
   const auto count = std::ranges::count_if(files, is_passed_over);
   if (count == 0) return;
-  info.notes.push_back(fmt::format("passed over {} that {} no {}slice{}: {}", pluralize(count, "file"),
-                                   count == 1 ? "is" : "are", only_ct ? "CT " : "", count == 1 ? "" : "s",
-                                   count_kinds(files, is_passed_over)));
+  info.notes.push_back(fmt::format("skipped {} that {} {}slice{}: {}", pluralize(count, "file"),
+                                   count == 1 ? "is not a" : "are not", only_ct ? "CT " : "",
+                                   count == 1 ? "" : "s", count_kinds(files, is_passed_over)));
 }
 
 ScanInfo::Series summary_of(const DicomSeries& series, bool chosen) {
@@ -179,10 +179,10 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
     if (wanted.empty()) info.notes.push_back("other series " + name_of(all[i]));
   }
   if (wanted.empty() && !info.other_series.empty())
-    info.warnings.push_back(fmt::format(
-        "{} series in the folder, the one with most slices was taken ({}); choose another series by its "
-        "number, description or UID",
-        info.other_series.size() + 1, name_of(all[chosen])));
+    info.warnings.push_back(
+        fmt::format("{} series in the folder, the one with the most slices was chosen ({}); choose another "
+                    "series by its number, description or UID",
+                    info.other_series.size() + 1, name_of(all[chosen])));
   note_passed_over(files, only_ct, info);
 
   DicomSeries series = std::move(all[chosen]);

@@ -21,15 +21,15 @@ constexpr DicomTag kMediaClass = 0x00020002, kImageType = 0x00080008, kObjectCla
 
 // ---- what it is ----------------------------------------------------------------------------------
 
-/// What objects of a class are called that hold no grey image of one modality; empty for the others.
-/// DICOM PS3.4, annex B.5: the numbers behind 1.2.840.10008.5.1.4.1.1.
+/// The name of object classes that hold no greyscale images of one modality; empty for the others. DICOM
+/// PS3.4, annex B.5: the numbers behind 1.2.840.10008.5.1.4.1.1.
 std::string noun_of_class(std::string_view uid) {
   constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
   struct Class {
     std::string_view number;
     const char* noun;
   };
-  // The more special ones first.
+  // The more specific ones first.
   constexpr Class kClasses[] = {
       {"7", "screen shot"},     {"11", "presentation state"},  {"66.4", "segmentation"},
       {"88.67", "dose report"}, {"88", "structured report"},   {"104", "document"},
@@ -88,7 +88,7 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.series_description = header.text(kSeriesDescription);
   summary.series_number = header.text(kSeriesNumber);
 
-  // A header that could not be read to its end may be that of a CT slice unless it says otherwise.
+  // A truncated header may be that of a CT slice unless it says otherwise.
   summary.is_cut_off = header.is_cut_off() || (is_ct_class(object_class) && !header.pixel_data());
   if (summary.is_cut_off && summary.modality.empty() && (object_class.empty() || is_ct_class(object_class)))
     summary.modality = "CT";

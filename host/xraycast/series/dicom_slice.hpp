@@ -26,7 +26,7 @@ struct DicomPixels {
   bool is_plain() const;
 };
 
-/// A slice, as its file's header describes it.
+/// A slice as described by its file's header.
 struct DicomSlice {
   std::filesystem::path file;
   std::int64_t frame = 0;  ///< from 1 on, of several in its file; otherwise 0
@@ -42,11 +42,11 @@ struct DicomSlice {
 /// Any DICOM file: what it is, and its slice if it is one.
 struct DicomFileSummary {
   std::string modality, series_uid, series_description, series_number;
-  std::string noun;           ///< what the file is called when it is counted, such as "structured report"
+  std::string noun;           ///< name of the kind of file in counts, such as "structured report"
   bool is_directory = false;  ///< a DICOMDIR
-  bool is_ct_slice = false;   ///< as far as the header says; scouts and screen shots are none
+  bool is_ct_slice = false;   ///< by its header; scouts and screen shots are not
   bool is_image = false;      ///< a grey image of any modality, or a CT slice that is damaged
-  bool is_cut_off = false;    ///< before its pixel data, so that what it is may be unknown
+  bool is_cut_off = false;    ///< before its pixel data, so its kind may be unknown
 
   std::vector<DicomSlice> slices;  ///< what can be used: one, or a multi-frame file's frames
   std::string fault;               ///< why some or all cannot, one line with the file's name
@@ -54,8 +54,8 @@ struct DicomFileSummary {
   std::string note;                ///< what was passed over in the file, one line
 };
 
-/// Reads a file's header, up to its pixel data. What is wrong with the file is in the result. Throws
-/// InputError when it cannot be opened.
+/// Reads a file's header, up to its pixel data. Faults of the file are part of the result. Throws InputError
+/// when it cannot be opened.
 DicomFileSummary summarise_dicom(const std::filesystem::path& file);
 
 }  // namespace xraycast

@@ -18,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// What is added to a stored value to give HU.
+/// The offset from a stored value to HU.
 constexpr double kGenesisIntercept = -1024;
 
 /// A Genesis file's numbers, by their byte offset.
@@ -55,7 +55,7 @@ struct GenesisSlice {
   double thickness_mm = 0;
 };
 
-/// Where the fields of an image header lie; version 2 aligns them to four bytes.
+/// The offsets of the fields of an image header; version 2 aligns them to four bytes.
 struct ImageHeaderLayout {
   std::int64_t pixel_size, location, centre;
 };
@@ -72,7 +72,8 @@ GenesisSlice read_header(const fs::path& path) {
     throw DamagedSlice("{}: width x height of {} x {} is outside 1 to 65536", path.string(), slice.columns,
                        slice.rows);
   if (const auto bits = file.get<std::int32_t>(16); bits != 16)
-    throw InputError("{}: {} bits a pixel; only 16 are supported", path.string(), bits);
+    throw InputError("{}: {} bits per pixel; only 16 are supported; export the slices again", path.string(),
+                     bits);
   if (const auto compression = file.get<std::int32_t>(20); compression != 0 && compression != 1)
     throw InputError("{}: compression {} is not supported; convert it to uncompressed slices", path.string(),
                      compression);
@@ -99,8 +100,7 @@ GenesisSlice read_header(const fs::path& path) {
   const double right_mm = file.get<float>(header + at.centre),
                anterior_mm = file.get<float>(header + at.centre + 4);
   if (!(x_mm > 0 && y_mm > 0 && std::isfinite(x_mm) && std::isfinite(y_mm)))
-    throw DamagedSlice("{}: pixel size {} x {} mm has to be finite and above zero", path.string(), x_mm,
-                       y_mm);
+    throw DamagedSlice("{}: pixel size {} x {} mm must be finite and above zero", path.string(), x_mm, y_mm);
   if (!std::isfinite(location_mm) || !std::isfinite(right_mm) || !std::isfinite(anterior_mm))
     throw DamagedSlice("{}: the slice's location or centre is not a number", path.string());
   slice.thickness_mm = file.get<float>(header + 26);
@@ -127,7 +127,7 @@ class GenesisStack final : public SliceStack {
     std::ifstream stream(slice.file, std::ios::binary);
     stream.seekg(slice.pixels_B);
     stream.read(reinterpret_cast<char*>(hu.data()), static_cast<std::streamsize>(hu.size_bytes()));
-    if (!stream) throw InputError("{}: could not be read to its end", slice.file.string());
+    if (!stream) throw InputError("{}: could not be read completely; copy it again", slice.file.string());
     const std::span<std::uint16_t> words(reinterpret_cast<std::uint16_t*>(hu.data()), hu.size());
     for (std::uint16_t& word : words) word = static_cast<std::uint16_t>(word << 8 | word >> 8);
     return rescale(std::span<const std::uint16_t>(words), 1, kGenesisIntercept, hu);
@@ -140,7 +140,7 @@ void require_equal_sizes(const std::vector<GenesisSlice>& slices) {
   const GenesisSlice& first = slices.front();
   for (const GenesisSlice& slice : slices)
     if (slice.columns != first.columns || slice.rows != first.rows)
-      throw InputError("{}: {} x {} pixels, but {} has {} x {}; take one of them away", slice.file.string(),
+      throw InputError("{}: {} x {} pixels, but {} has {} x {}; remove one of them", slice.file.string(),
                        slice.columns, slice.rows, first.file.string(), first.columns, first.rows);
 }
 
@@ -157,7 +157,7 @@ void sort_by_location(std::vector<GenesisSlice>& slices, ScanInfo& info) {
       kept.push_back(std::move(slice));
   }
   slices = std::move(kept);
-  if (!dropped.empty()) info.notes.push_back("dropped for lying where another slice does: " + dropped);
+  if (!dropped.empty()) info.notes.push_back("left out for having the position of another slice: " + dropped);
 }
 
 }  // namespace

@@ -106,9 +106,8 @@ BodyOutline OutlineFinder::finish() const {
     body = largest_component(opened, size_);
   }
   if (body.empty())
-    throw InputError(
-        "nothing in the scan lies above {} HU, so there is no body to centre on; give a centre and a radius",
-        kBodyHu);
+    throw InputError("nothing in the scan lies above {} HU, so no body was found; give a centre and a radius",
+                     kBodyHu);
 
   const auto position_mm = [&](std::int64_t cell) {
     const glm::dvec2 index(static_cast<double>(cell % size_.x),

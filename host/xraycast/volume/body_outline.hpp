@@ -10,18 +10,18 @@
 
 namespace xraycast {
 
-/// Where the body lies in the scan: what a map's centre and radius are by default.
+/// The body's position in the scan: the default centre and radius of a map.
 struct BodyOutline {
   glm::dvec2 centre_mm;     ///< x, y of the centroid of the body's voxels
   double radius_mm;         ///< of a circle about the centre that encloses the body in every slice
   double radius_99_mm = 0;  ///< of one that encloses 99 % of the body's voxels
 };
 
-/// Finds the body while the slices go by, on a grid of about 3 mm: everything above -300 HU, opened by about
-/// 10 mm in each slice so that the table's thin shells drop off, of which the largest connected part is the
+/// Finds the body while the slices are read, on a grid of about 3 mm: everything above -300 HU, opened by
+/// about 10 mm in each slice which removes the table's thin shells; the largest connected component is the
 /// body.
 ///
-/// Centre and radius are good to about one grid step; the radius errs on the large side.
+/// Centre and radius are accurate to about one grid step; the radius errs on the large side.
 class OutlineFinder {
  public:
   explicit OutlineFinder(const VolumeGeometry& geometry);
@@ -40,7 +40,7 @@ class OutlineFinder {
   std::vector<std::uint8_t> dense_;  ///< 1 above the threshold; x fastest
 };
 
-/// The outline of a volume that is already there.
+/// The outline of a volume in memory.
 BodyOutline find_outline(const Volume& volume);
 
 }  // namespace xraycast

@@ -24,7 +24,7 @@ struct Track {
 
 constexpr double kNothing = std::numeric_limits<double>::quiet_NaN();
 
-/// Bilinear; not a number beyond the slice's outer voxel faces.
+/// Bilinear; NaN beyond the slice's outer voxel faces.
 double sample(const std::int16_t* slice, std::int64_t columns, std::int64_t rows, double i, double j) {
   if (!(i >= -0.5 && i <= static_cast<double>(columns) - 0.5 && j >= -0.5 &&
         j <= static_cast<double>(rows) - 0.5))
@@ -143,7 +143,7 @@ class ResampledSource final : public SliceSource {
       }
       const double gap = heights_mm_[k_above] - heights_mm_[k];
       double weight = gap > 0 ? std::clamp((height - heights_mm_[k]) / gap, 0.0, 1.0) : 0.0;
-      // Where the grid meets a slice but for rounding, the other one is not needed.
+      // Where the grid coincides with a slice up to rounding, the other one is not needed.
       if (weight < kNoWeight || weight > 1 - kNoWeight) weight = std::round(weight);
       const double lower = weight < 1
                                ? sample(slice(k), columns, rows, lower_track.i + step * lower_track.i_step,
@@ -153,7 +153,7 @@ class ResampledSource final : public SliceSource {
           weight > 0 ? sample(slice(k_above), columns, rows, upper_track.i + step * upper_track.i_step,
                               upper_track.j + step * upper_track.j_step)
                      : 0;
-      // Where one of them does not reach, the nearer one speaks alone, for air if that is the one.
+      // Where one of them does not extend, only the nearer one counts, or air if that is the one.
       const bool partial = std::isnan(lower) || std::isnan(upper);
       out[x] = to_hu(!partial ? lower + weight * (upper - lower) : weight < 0.5 ? lower : upper);
     }

@@ -11,7 +11,7 @@
 
 namespace xraycast {
 
-/// A range that holds nothing yet: including another one gives that one.
+/// The empty range: including another one gives that one.
 inline constexpr SliceSource::HuRange kNoHu{std::numeric_limits<double>::infinity(),
                                             -std::numeric_limits<double>::infinity()};
 
@@ -19,7 +19,7 @@ inline void include(SliceSource::HuRange& range, const SliceSource::HuRange& oth
   range = {std::min(range.lowest, other.lowest), std::max(range.highest, other.highest)};
 }
 
-/// HU as they are kept: rounded, and clamped to [-1024, 32767]. Not a number reads as air.
+/// HU as they are stored: rounded, and clamped to [-1024, 32767]. NaN becomes air.
 inline std::int16_t to_hu(double value) {
   return value > kPaddingHu ? static_cast<std::int16_t>(std::lrint(std::min<double>(value, kMaxHu)))
                             : kPaddingHu;

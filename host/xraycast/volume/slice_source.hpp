@@ -19,13 +19,13 @@ class SliceSource {
 
   /// Fills `hu` with as many of the next slices as fit, in Hounsfield units clamped to [-1024, 32767], and
   /// returns their number; 0 after the last one. Advances `progress` by one for each slice. Throws InputError
-  /// when the file turns out to be damaged.
+  /// when the file is damaged.
   virtual std::int64_t read(std::span<std::int16_t> hu, Progress& progress) = 0;
 
   /// Smallest and largest HU of the slices read so far, before clamping; {0, 0} before the first.
   struct HuRange {
     double lowest = 0, highest = 0;
-    /// Whether nothing lies below water, as in an angiogram from which all but vessels was subtracted.
+    /// Whether no value is below water, as in a subtracted angiogram.
     bool is_subtracted() const { return lowest >= 0 && highest > lowest; }
   };
   virtual HuRange hu_range() const = 0;
@@ -34,7 +34,7 @@ class SliceSource {
 /// Reads all slices. Starts a stage "reading" of `progress`.
 Volume collect(SliceSource& source, Progress& progress);
 
-/// Yields the slices of a volume that is already there; the volume has to outlive it.
+/// Yields the slices of a volume in memory; the volume must outlive it.
 class VolumeSource final : public SliceSource {
  public:
   explicit VolumeSource(const Volume& volume) : volume_(volume) {}

@@ -49,12 +49,12 @@ std::array<glm::dvec3, 4> corners_mm(const SliceStack& stack, const SlicePlane& 
   return {plane.origin_mm, plane.origin_mm + i, plane.origin_mm + j, plane.origin_mm + i + j};
 }
 
-/// What the planes' positions say about the stack as a whole.
+/// Properties of the whole stack from the planes' positions.
 struct Layout {
   glm::dvec3 normal;            ///< unit length
   double i_mm, j_mm, k_mm;      ///< median steps along row, column and normal
   std::vector<double> gaps_mm;  ///< along the normal, one between each slice and the next
-  double tilt_rad;              ///< between the normal and the way from slice to slice
+  double tilt_rad;              ///< between the normal and the direction from slice to slice
   std::array<int, 3> axes;      ///< patient axis that row, column and stack lie nearest to
 };
 
@@ -88,9 +88,8 @@ Layout layout_of(const SliceStack& stack) {
   // The median, so that a reconstruction centre moved between two slices does not count as a tilt.
   layout.tilt_rad = tilts_rad.empty() ? 0 : median(tilts_rad);
   if (!(layout.k_mm > 0))
-    throw InputError(
-        "{}: a single slice that does not say how thick it is; give the folder that holds the whole series",
-        stack.name);
+    throw InputError("{}: a single slice without a thickness; give the folder that holds the whole series",
+                     stack.name);
 
   const int k_axis = main_axis(layout.normal);
   glm::dvec3 i_direction = first.i_step_mm;
@@ -134,7 +133,7 @@ VolumeGeometry covering_grid(const SliceStack& stack, const Layout& layout) {
     throw InputError(
         "{}: {} voxels would need a grid of {} x {} x {}; the file's spacing or positions are damaged",
         stack.name, stored, grid.size.x, grid.size.y, grid.size.z);
-  // Slices that are even but for rounding keep both ends.
+  // Slices that are even up to rounding keep both ends.
   const auto slices = static_cast<std::int64_t>(stack.planes.size());
   const int k_axis = layout.axes[2];
   const bool even =
@@ -226,7 +225,7 @@ class AlignedSource final : public SliceSource {
   HuRange range_ = kNoHu;
 };
 
-/// Why a stack has to be resampled, in words.
+/// Why a stack must be resampled, in words.
 std::string reasons(const SliceStack& stack, const Layout& layout, const ScanInfo& info) {
   std::string text;
   const auto add = [&](const std::string& reason) { text += (text.empty() ? "" : ", ") + reason; };
@@ -243,8 +242,8 @@ std::string reasons(const SliceStack& stack, const Layout& layout, const ScanInf
   // A tilted gantry alone explains slices that lean, but not rows that do.
   const double oblique_deg = info.tilt_deg > 0 ? turn_deg : std::max(rotation_deg, turn_deg);
   if (oblique_deg > 0.01)
-    add(fmt::format("slices rotated by {:.2f} deg against the patient's axes", oblique_deg));
-  if (text.empty()) add("slices that lie beside one another");
+    add(fmt::format("slices rotated by {:.2f} deg from the patient's axes", oblique_deg));
+  if (text.empty()) add("slices shifted within their plane");
   return text;
 }
 
@@ -290,8 +289,7 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
                     info.gaps.size(), layout.gaps_mm.size(), info.gaps.size() == 1 ? "s" : "", layout.k_mm,
                     smallest, largest);
     if (options.keep_slices)
-      throw InputError("{}: {}; keep_slices rules out resampling them to a uniform grid", stack->name,
-                       uneven);
+      throw InputError("{}: {}; keep_slices forbids resampling them to a uniform grid", stack->name, uneven);
     info.warnings.push_back(uneven);
   }
 

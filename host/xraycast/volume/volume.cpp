@@ -23,10 +23,10 @@ void validate(const VolumeGeometry& geometry, const std::string& name) {
       throw InputError("{}: size {} x {} x {} is outside 1 to {} per axis", name, geometry.size.x,
                        geometry.size.y, geometry.size.z, kMaxSize);
     if (!std::isfinite(geometry.spacing_mm[axis]) || geometry.spacing_mm[axis] <= 0)
-      throw InputError("{}: voxel spacing {} x {} x {} mm has to be finite and above zero", name,
+      throw InputError("{}: voxel spacing {} x {} x {} mm must be finite and above zero", name,
                        geometry.spacing_mm.x, geometry.spacing_mm.y, geometry.spacing_mm.z);
     if (!std::isfinite(geometry.origin_mm[axis]))
-      throw InputError("{}: the origin ({}, {}, {}) has to be finite", name, geometry.origin_mm.x,
+      throw InputError("{}: the origin ({}, {}, {}) must be finite", name, geometry.origin_mm.x,
                        geometry.origin_mm.y, geometry.origin_mm.z);
   }
 }

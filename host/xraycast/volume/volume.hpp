@@ -14,9 +14,9 @@ namespace xraycast {
 /// them.
 using Index3 = glm::i64vec3;
 
-/// Where a volume's voxels lie. Every volume in xraycast is aligned with the patient: x grows towards the
+/// The grid of a volume's voxels. Every volume in xraycast is aligned with the patient: x grows towards the
 /// patient's left, y towards posterior and z towards superior (LPS, millimetres). Readers reorient or
-/// resample whatever a file holds to this frame.
+/// resample every file to this frame.
 struct VolumeGeometry {
   Index3 size{0, 0, 0};
   glm::dvec3 spacing_mm{1, 1, 1};
@@ -40,11 +40,11 @@ struct VolumeGeometry {
 /// bits), spacing and origin are finite, and spacing is positive.
 void validate(const VolumeGeometry& geometry, const std::string& name);
 
-/// The range of CT numbers as they are kept. What is lower is padding or noise and reads as air; readers
-/// clamp to both ends.
+/// The range of stored CT numbers. Lower values are padding or noise and count as air; readers clamp to both
+/// ends.
 inline constexpr std::int16_t kPaddingHu = -1024, kMaxHu = 32767;
 
-/// A scan collected whole: int16 Hounsfield units, x fastest, then y, then z. Move-only; the voxels are not
+/// A whole scan in memory: int16 Hounsfield units, x fastest, then y, then z. Move-only; the voxels are not
 /// initialised.
 class Volume {
  public:

@@ -7,7 +7,7 @@
 
 namespace xraycast {
 
-/// A scan smoothed by a Gaussian of 0.7 voxels; nothing where its noise is low enough for thresholds. Throws
+/// A scan smoothed by a Gaussian of 0.7 voxels; nothing if its noise is low enough for thresholds. Throws
 /// DeviceError.
 std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device);
 
