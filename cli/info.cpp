@@ -94,7 +94,8 @@ void add_info(CLI::App& app, Session& session) {
       });
   command
       ->add_option("INPUT", options->input,
-                   "DICOM or GE Genesis folder, or a NIfTI, NRRD, MetaImage or single-slice file")
+                   "DICOM or GE Genesis folder or .zip, or a NIfTI, NRRD, MetaImage, VTK, multi-frame or "
+                   "single-slice file")
       ->required();
   add_scan_options(*command, options->scan);
 }

@@ -1,13 +1,17 @@
 """PROGRAM [TEST...]: scans that other programs wrote, dcmtk and pydicom among them, as the program reads them."""
 import json
+import os
 import pathlib
 import random
+import re
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
 import zipfile
 
+import nibabel
 import numpy
 import pydicom
 import pydicom.dataset
@@ -142,6 +146,11 @@ class ScanInput(unittest.TestCase):
         folder = tempfile.TemporaryDirectory(prefix="scan-input-")
         self.addCleanup(folder.cleanup)
         self.folder = pathlib.Path(folder.name)
+        self.temporary = self.folder / "tmp"
+        self.temporary.mkdir()
+        before = os.environ.get("TMPDIR")
+        os.environ["TMPDIR"] = str(self.temporary)
+        self.addCleanup(lambda: os.environ.pop("TMPDIR") if before is None else os.environ.update(TMPDIR=before))
         self.series = self.folder / "series"
         write_series(self.series)
 
@@ -163,6 +172,122 @@ class ScanInput(unittest.TestCase):
         for word in words:
             self.assertIn(word, done.stderr)
         return done.stderr
+
+    # ---- archives -----------------------------------------------------------------------------------
+
+    def zipped(self, names=lambda name: f"CD/images/{name}", extra=(), **options):
+        path = self.folder / "scan.zip"
+        with zipfile.ZipFile(path, "w", **options) as archive:
+            for file in sorted(self.series.iterdir()):
+                archive.write(file, names(file.name))
+            for name, content in extra:
+                archive.writestr(name, content)
+        return path
+
+    def leftovers(self):
+        return list(self.temporary.iterdir())
+
+    def test_zip_equals_its_folder(self):
+        for method in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+            self.assert_equals_series(self.zipped(compression=method, extra=[("CD/readme.txt", "no scan")]))
+        # Its files may have any names.
+        self.assert_equals_series(self.zipped(names=lambda name: f"../../{name}"))
+        self.assert_equals_series(self.zipped(names=lambda name: f"/etc/{name}"))
+        self.assertEqual(list(self.folder.parent.glob("slice*.dcm")), [])
+        self.assertEqual(self.leftovers(), [])
+
+    def test_what_a_killed_run_left_is_removed(self):
+        abandoned = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-zip-", dir=self.temporary))
+        (abandoned / "000000").mkdir()
+        run("info", self.zipped())
+        self.assertFalse(abandoned.exists())
+
+    def test_damaged_zip_ends_in_one_line(self):
+        path = self.zipped(compression=zipfile.ZIP_DEFLATED)
+        whole = path.read_bytes()
+        bad = bytearray(whole)
+        bad[2000] ^= 0x55
+        bomb = self.zipped(compression=zipfile.ZIP_DEFLATED, extra=[("bomb", bytes(1 << 28))]).read_bytes()
+        path.write_bytes(whole[:len(whole) // 2])
+        self.fails(path, "scan.zip", "not a whole zip archive")
+        path.write_bytes(bad)
+        self.fails(path, "scan.zip/CD/images/slice0.dcm", "damaged")
+        path.write_bytes(bomb)
+        self.fails(path, "scan.zip", "times its size")
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("notes.txt", "no scan")
+        self.fails(path, "scan.zip", "no images")
+        with zipfile.ZipFile(path, "w") as archive:
+            archive.writestr("a.dcm", (self.series / "slice0.dcm").read_bytes()[:-100])
+        said = self.fails(path, "scan.zip/a.dcm", "truncated")
+        self.assertNotIn("xraycast-zip", said)
+        self.assertEqual(self.leftovers(), [])
+
+    # ---- NIfTI --------------------------------------------------------------------------------------
+
+    def assert_lies_where_nibabel_says(self, path):
+        image = nibabel.load(path)
+        voxels, directions, origin = self.voxels(path)
+        numbers = [float(v) for v in re.findall(rb"[-+.e0-9]+", directions + origin)]
+        ours = numpy.eye(4)
+        ours[:3, :3], ours[:3, 3] = numpy.reshape(numbers[:9], (3, 3)).T, numbers[9:]
+        ours = numpy.diag([-1, -1, 1, 1]) @ ours  # to RAS
+        theirs = numpy.asarray(image.dataobj)
+        found = 0
+        # Voxels are delivered along the patient's axes: where theirs lie, ours have the same value.
+        for index in numpy.ndindex(theirs.shape):
+            at = numpy.linalg.solve(ours, image.affine @ [*index, 1])[:3]
+            numpy.testing.assert_allclose(at, at.round(), atol=1e-3)
+            self.assertEqual(voxels[tuple(at.round().astype(int)[::-1])], theirs[index])
+            found += 1
+        self.assertEqual(found, voxels.size)
+
+    def test_nifti_of_both_versions(self):
+        chance = numpy.random.default_rng(6)
+        data = chance.integers(-1000, 2000, (4, 5, 6)).astype("<i2")
+        for kind in (nibabel.Nifti1Image, nibabel.Nifti2Image):
+            for turns in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+                for codes in ((1, 1), (1, 0), (0, 2)):  # of sform and qform
+                    affine = numpy.zeros((4, 4))
+                    for column, axis in enumerate(turns):
+                        affine[axis, column] = chance.choice([-1, 1]) * (0.5 + column)
+                    affine[:, 3] = [-10, 20, 30, 1]
+                    image = kind(data, affine)
+                    image.set_sform(affine, codes[0])
+                    image.set_qform(affine, codes[1])
+                    for name in ("scan.nii", "scan.nii.gz"):
+                        with self.subTest((kind.__name__, turns, codes, name)):
+                            nibabel.save(image, self.folder / name)
+                            self.assert_lies_where_nibabel_says(self.folder / name)
+
+    def test_nifti_in_the_other_byte_order(self):
+        data = numpy.arange(60).reshape(3, 4, 5)
+        for kind, header in ((nibabel.Nifti1Image, nibabel.Nifti1Header), (nibabel.Nifti2Image, nibabel.Nifti2Header)):
+            image = kind(data.astype(">i2"), numpy.diag([1, 2, 3, 1]), header(endianness=">"))
+            image.set_data_dtype(">i2")
+            nibabel.save(image, self.folder / "swapped.nii")
+            self.assertEqual(int.from_bytes((self.folder / "swapped.nii").read_bytes()[:4], "big"),
+                             348 if kind is nibabel.Nifti1Image else 540)
+            self.assert_lies_where_nibabel_says(self.folder / "swapped.nii")
+
+    def test_damaged_nifti_ends_in_one_line(self):
+        path = self.folder / "scan.nii"
+        nibabel.save(nibabel.Nifti2Image(numpy.zeros((3, 4, 5), "<i2"), numpy.eye(4)), path)
+        whole = path.read_bytes()
+
+        def with_number(offset, code, value):
+            return whole[:offset] + struct.pack(code, value) + whole[offset + struct.calcsize(code):]
+
+        for content, words in ((whole[:300], ["header"]), (whole[:-3], ["truncated"]),
+                               (with_number(24, "<q", 1 << 60), ["1 to 65536"]),
+                               (with_number(24, "<q", -1), ["dim"]), (with_number(16, "<q", 1 << 40), ["dim"]),
+                               (with_number(112, "<d", float("nan")), ["pixdim"]),
+                               (with_number(168, "<q", 1 << 62), ["vox_offset"]),
+                               (with_number(12, "<h", 128), ["datatype"]),
+                               (with_number(400, "<d", float("inf")), ["sform"])):
+            with self.subTest(words):
+                path.write_bytes(content)
+                self.fails(path, "scan.nii", *words)
 
     # ---- the series itself ------------------------------------------------------------------------
 
@@ -230,7 +355,7 @@ class ScanInput(unittest.TestCase):
         path = self.folder / "times.dcm"
         write_enhanced(path, [*range(SLICES), *range(SLICES)], True, change=later_first)
         self.assert_equals_series(path)
-        self.assertIn("6 slices dropped", run("info", path).stdout)
+        self.assertIn("6 slices left out", run("info", path).stdout)
 
     def test_largest_stack_is_taken(self):
         def two_stacks(data):
@@ -303,6 +428,20 @@ class ScanInput(unittest.TestCase):
                 self.assertEqual(pydicom.dcmread(folder / "slice0.dcm", stop_before_pixels=True)
                                  .file_meta.TransferSyntaxUID, syntax)
                 self.assert_equals_series(folder)
+
+    def test_eight_bits_are_noted(self):
+        for file in self.series.iterdir():
+            data = pydicom.dcmread(file)
+            data.BitsAllocated = data.BitsStored = 8
+            data.HighBit, data.RescaleIntercept = 7, 0
+            data.PixelData = (numpy.frombuffer(data.PixelData, "<u2") // 16).astype("u1").tobytes()
+            data.save_as(file)
+        self.assertIn("no Hounsfield units", run("info", self.series).stdout)
+        path = self.folder / "scan.nii"
+        nibabel.save(nibabel.Nifti1Image(numpy.zeros((3, 4, 5), "u1"), numpy.eye(4)), path)
+        self.assertIn("no Hounsfield units", run("info", path).stdout)
+        nibabel.save(nibabel.Nifti1Image(numpy.zeros((3, 4, 5), "<i2"), numpy.eye(4)), path)
+        self.assertNotIn("no Hounsfield units", run("info", path).stdout)
 
     def test_near_lossless_stays_within_its_bound(self):
         folder = self.converted("dcmcjpls", "+en", "+md", "2")

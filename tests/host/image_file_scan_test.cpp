@@ -105,9 +105,33 @@ TEST(NiftiScan, ReadsGzipAndPairs) {
   write_bytes(folder / "plain.img", kRas.voxels());
   write_bytes(folder / "packed.hdr", header);
   write_bytes(folder / "packed.img.gz", gzipped(kRas.voxels()));
-  for (const char* name : {"scan.nii.gz", "plain.hdr", "packed.hdr"}) {
+  // The name does not matter.
+  file.voxels = kRas.voxels();
+  write_bytes(folder / "scan.raw", file.bytes());
+  for (const char* name : {"scan.nii.gz", "plain.hdr", "packed.hdr", "scan.raw"}) {
     SCOPED_TRACE(name);
     expect_markers(read_scan(folder / name).volume);
+  }
+}
+
+TEST(NiftiScan, TakesAnyUnitOfLength) {
+  const TemporaryFolder folder;
+  NiftiFile file;
+  file.dim = {3, 3, 4, 5, 1, 1, 1, 1};
+  constexpr std::size_t kUnits = 123;
+  for (const auto& [code, mm] : {std::pair(0, 1.0), {1, 1000.0}, {2 + 8, 1.0}, {3, 0.001}}) {
+    const auto in_unit = [&, scale = mm](double value) { return static_cast<float>(value / scale); };
+    file.pixdim = {1, in_unit(1), in_unit(2), in_unit(3), 1, 1, 1, 1};
+    file.sform = {in_unit(1),  0, 0, in_unit(-12), 0,          in_unit(2), 0,
+                  in_unit(14), 0, 0, in_unit(3),   in_unit(30)};
+    file.voxels = kRas.voxels();
+    std::string bytes = file.bytes();
+    bytes[kUnits] = static_cast<char>(code);
+    write_bytes(folder / "scan.nii", bytes);
+    const VolumeGeometry geometry = read_scan(folder / "scan.nii").volume.geometry();
+    // Lengths are stored as floats.
+    EXPECT_NEAR(geometry.spacing_mm.z, 3, 1e-6) << code;
+    EXPECT_NEAR(geometry.origin_mm.z, 30, 1e-5) << code;
   }
 }
 

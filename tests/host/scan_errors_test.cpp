@@ -22,6 +22,14 @@ const std::string kVoxels = bytes_of(std::span<const std::int16_t>(kPixels));
 
 DicomFile dicom(double z_mm = 0) { return DicomFile(4, 3, kPixels).position({0, 0, z_mm}); }
 
+/// Twelve voxels in ASCII.
+std::string vti(const std::string& extent, const std::string& grid = "", const std::string& array = "") {
+  return R"(<VTKFile type="ImageData" byte_order="LittleEndian"><ImageData WholeExtent=")" + extent +
+         R"(" )" + grid + R"(><Piece Extent=")" + extent +
+         R"("><PointData Scalars="ct"><DataArray type="Int16" Name="ct" )" + R"(format="ascii" )" + array +
+         ">1 2 3 4 5 6 7 8 9 10 11 12</DataArray></PointData></Piece></ImageData></VTKFile>";
+}
+
 NiftiFile nifti() {
   NiftiFile file;
   file.dim = {3, 4, 3, 1, 1, 1, 1, 1};
@@ -271,8 +279,6 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.nii", file.bytes());
      },
      "a.nii", "sform is a singular matrix"},
-    {"NiftiUnderAnotherName", [](const TemporaryFolder& f) { write_bytes(f / "a.raw", nifti().bytes()); },
-     "a.raw", "not named .nii; rename it"},
     {"NiftiOfOneSlice",
      [](const TemporaryFolder& f) {
        NiftiFile file = nifti();
@@ -280,6 +286,31 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.nii", file.bytes());
      },
      "a.nii", "single slice without a thickness"},
+
+    {"VtiCut", [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 1 0 1 0 2").substr(0, 200)); },
+     "a.vti", "not well-formed XML"},
+    {"VtiLargerThanItsFile",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 9999 0 9999 0 9999")); }, "a.vti",
+     "96 bytes of voxels instead of 8000000000000"},
+    {"VtiWithoutVoxels", [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 -1 0 1 0 2")); },
+     "a.vti", "outside 1 to 65536"},
+    {"VtiOfTooManyVoxels", [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 1 0 1 0 1e8")); },
+     "a.vti", "outside 1 to 65536"},
+    {"VtiWithBrokenExtent", [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 1 0 nan 0 1")); },
+     "a.vti", "Extent: holds nan"},
+    {"VtiWithSpacingZero",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.vti", vti("0 1 0 1 0 2", R"(Spacing="1 0 1")")); },
+     "a.vti", "Spacing holds 0"},
+    {"VtiWithSingularDirections",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.vti", vti("0 1 0 1 0 2", R"(Direction="1 0 0 1 0 0 0 0 1")"));
+     },
+     "a.vti", "singular"},
+    {"VtiOfVectors",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.vti", vti("0 1 0 1 0 0", "", R"(NumberOfComponents="3")"));
+     },
+     "a.vti", "3 numbers per voxel"},
 
     {"NrrdCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", without_last(nrrd("spacings: 1 1 1\n"), 5)); },

@@ -1,7 +1,7 @@
 """What VTK makes of our files, and files by VTK for us to read; run by vtk_files_test.
 
 vtk_files.py describe FILE                          prints JSON
-vtk_files.py write FILE ascii|binary|appended|raw none|zlib 32|64
+vtk_files.py write FILE ascii|binary|appended|raw none|zlib 32|64 little|big short|float|...
 """
 import json
 import sys
@@ -40,14 +40,37 @@ def describe(file):
     }))
 
 
-def write(file, mode, compressor, header):
+def sphere_writer():
     sphere = vtk.vtkSphereSource()
     sphere.SetThetaResolution(80)
     sphere.SetPhiResolution(40)
     sphere.SetRadius(10)
     writer = vtk.vtkXMLPolyDataWriter()
     writer.SetInputConnection(sphere.GetOutputPort())
+    return writer
+
+
+def image_writer(number_type):
+    """11 x 12 x 13 voxels from index (2, -1, 0) on, of value x + 10 y + 100 z; the second axis runs down, the third back."""
+    image = vtk.vtkImageData()
+    image.SetExtent(2, 12, -1, 10, 0, 12)
+    image.SetSpacing(0.5, 0.75, 2)
+    image.SetOrigin(-7, 8, 9)
+    image.SetDirectionMatrix(1, 0, 0, 0, 0, 1, 0, -1, 0)
+    image.AllocateScalars(getattr(vtk, "VTK_" + number_type.upper()), 1)
+    for z in range(0, 13):
+        for y in range(-1, 11):
+            for x in range(2, 13):
+                image.SetScalarComponentFromDouble(x, y, z, 0, x - 2 + 10 * (y + 1) + 100 * z)
+    writer = vtk.vtkXMLImageDataWriter()
+    writer.SetInputData(image)
+    return writer
+
+
+def write(file, mode, compressor, header, order, number_type):
+    writer = image_writer(number_type) if file.endswith(".vti") else sphere_writer()
     writer.SetFileName(file)
+    {"little": writer.SetByteOrderToLittleEndian, "big": writer.SetByteOrderToBigEndian}[order]()
     {"ascii": writer.SetDataModeToAscii, "binary": writer.SetDataModeToBinary}.get(
         mode, writer.SetDataModeToAppended)()
     writer.SetEncodeAppendedData(mode != "raw")

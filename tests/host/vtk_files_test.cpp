@@ -1,5 +1,6 @@
 // Our surface and tree files against VTK itself, both ways. Debian's python3-vtk9 brings it; the tests are
 // skipped without.
+#include "support/read_scan.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/mesh.hpp"
@@ -108,17 +109,41 @@ TEST_F(VtkFiles, VtkReadsWhatSegmentWrites) {
 }
 
 TEST_F(VtkFiles, WeReadAllOfVtksEncodings) {
-  for (const char* encoding :
-       {"ascii none 32", "binary none 32", "binary none 64", "binary zlib 32", "binary zlib 64",
-        "appended none 64", "appended zlib 32", "raw none 32", "raw zlib 64"}) {
+  for (const char* encoding : {"ascii none 32 little", "binary none 32 little", "binary none 64 little",
+                               "binary zlib 32 little", "binary zlib 64 big", "appended none 64 little",
+                               "appended zlib 32 little", "raw none 32 big", "raw zlib 64 little"}) {
     SCOPED_TRACE(encoding);
-    run_script("write " + (folder_ / "sphere.vtp").string() + " " + encoding);
+    run_script("write " + (folder_ / "sphere.vtp").string() + " " + encoding + " none");
     const Mesh mesh = read_mesh(folder_ / "sphere.vtp");
     EXPECT_TRUE(is_watertight(mesh));
     // 80 by 40 facets lie inside the ball of 10 mm; they miss (2 pi / 80)^2 / 6 + (pi / 40)^2 / 4 = 0.3 % of
     // it.
     const double ball_mm3 = 4.0 / 3 * std::numbers::pi * 1000;
     EXPECT_NEAR(volume_mm3(mesh), ball_mm3, 4e-3 * ball_mm3);
+  }
+}
+
+TEST_F(VtkFiles, WeReadVtksImages) {
+  for (const char* encoding :
+       {"ascii none 32 little short", "ascii none 64 big float", "binary none 32 little short",
+        "binary none 64 big short", "binary zlib 32 big unsigned_short", "binary zlib 64 little float",
+        "appended none 64 little int", "appended zlib 32 big double", "raw none 32 little short",
+        "raw none 64 big int", "raw zlib 64 little unsigned_char", "raw zlib 32 big short"}) {
+    SCOPED_TRACE(encoding);
+    run_script("write " + (folder_ / "image.vti").string() + " " + encoding);
+    const auto [info, volume, hu_range] = read_scan(folder_ / "image.vti");
+    // VTK's axes (1, 0, 0), (0, 0, -1) and (0, 1, 0): x, -z and y of the patient.
+    ASSERT_EQ(volume.geometry(), (VolumeGeometry{{11, 13, 12}, {0.5, 2, 0.75}, {-6, 8, 9.75 - 11 * 0.75}}));
+    EXPECT_EQ(info.format, "VTK");
+    EXPECT_EQ(info.orientation, "LIP");
+    EXPECT_THAT(info.warnings, testing::ElementsAre(testing::HasSubstr("does not say how the patient lies")));
+    const bool is_byte = std::string_view(encoding).ends_with("char");
+    for (std::int64_t z = 0; z < 12; ++z)
+      for (std::int64_t y = 0; y < 13; ++y)
+        for (std::int64_t x = 0; x < 11; ++x) {
+          const std::int64_t value = x + 10 * (11 - z) + 100 * y;
+          ASSERT_EQ(volume.at(x, y, z), is_byte ? value % 256 : value) << x << " " << y << " " << z;
+        }
   }
 }
 

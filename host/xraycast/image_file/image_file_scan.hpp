@@ -12,6 +12,12 @@ Scan open_nifti(const std::filesystem::path& path, const ScanOptions& options, P
 Scan open_nrrd(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 Scan open_meta_image(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
 
+/// VTK XML ImageData of one piece; its voxels are read at once.
+Scan open_vti(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
+
+/// Whether a file's first bytes are those of VTK XML ImageData.
+bool is_vti(const std::string& leading_bytes);
+
 /// Whether a file's first bytes are MetaImage header lines; the format has no magic number.
 bool is_meta_image(const std::string& leading_bytes);
 

@@ -103,6 +103,12 @@ void ImageFileStack::check_header() const {
 void ImageFileStack::check_files() {
   const std::int64_t needed_B = slice_B() * slices_;
   if (const auto* packed = std::get_if<PackedVoxels>(&voxels_)) return require_packed(*packed, needed_B);
+  if (const auto* loaded = std::get_if<LoadedVoxels>(&voxels_)) {
+    if (std::ssize(loaded->bytes) != needed_B)
+      throw InputError("{}: {} bytes of voxels instead of {}; export the file again", name,
+                       loaded->bytes.size(), needed_B);
+    return;
+  }
   auto& [files, offset_B] = std::get<PlainVoxels>(voxels_);
   const std::int64_t file_B = needed_B / std::ssize(files);
   if (offset_B == PlainVoxels::kAtTheEnd)
@@ -113,6 +119,10 @@ void ImageFileStack::check_files() {
 void ImageFileStack::read_slice(std::int64_t stored, std::span<char> bytes) const {
   if (unpacked_) {
     std::copy_n(unpacked_.get() + stored * slice_B(), bytes.size(), bytes.begin());
+    return;
+  }
+  if (const auto* loaded = std::get_if<LoadedVoxels>(&voxels_)) {
+    std::copy_n(loaded->bytes.data() + stored * slice_B(), bytes.size(), bytes.begin());
     return;
   }
   const auto& [files, offset_B] = std::get<PlainVoxels>(voxels_);
@@ -155,6 +165,8 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
   info.format = format;
   info.orientation = orientation_of(header);
   info.warnings = std::move(warnings);
+  if (bytes_of(header.type) == 1 && header.slope == 1 && header.intercept == 0)
+    info.notes.emplace_back(kEightBitNote);
   auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(voxels));
   return deliver(std::move(stack), std::move(info), options);
 }

@@ -38,7 +38,12 @@ struct PlainVoxels {
   std::int64_t offset_B = 0;
 };
 
-using StoredVoxels = std::variant<PlainVoxels, PackedVoxels>;
+/// Voxels that are in memory already.
+struct LoadedVoxels {
+  std::string bytes;
+};
+
+using StoredVoxels = std::variant<PlainVoxels, PackedVoxels, LoadedVoxels>;
 
 /// A volume within one file or in a few.
 class ImageFileStack final : public SliceStack {
@@ -62,7 +67,7 @@ class ImageFileStack final : public SliceStack {
   std::unique_ptr<char[]> unpacked_;  ///< all slices, once the first compressed one was requested
 };
 
-/// The NIfTI, NRRD and MetaImage readers' last step.
+/// The readers' last step.
 Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
                    std::vector<std::string> warnings, const ScanOptions& options);
 

@@ -3,12 +3,14 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
+#include "xraycast/scan/unpacked_zip.hpp"
 #include "xraycast/series/dicom_header.hpp"
 #include "xraycast/series/dicom_scan.hpp"
 #include "xraycast/series/genesis_scan.hpp"
 
 #include <algorithm>
 #include <memory>
+#include <span>
 #include <zlib.h>
 
 namespace xraycast {
@@ -16,7 +18,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-enum class Format { unknown, dicom, genesis, nifti, nifti2, nrrd, meta_image };
+enum class Format { unknown, dicom, genesis, nifti, nrrd, meta_image, vti, zip };
 
 /// The first bytes of a file, those of its content where it is gzipped.
 std::string leading_bytes(const fs::path& path) {
@@ -37,10 +39,12 @@ Format format_of(const fs::path& path) {
   using namespace std::string_view_literals;
   if (has(0, "IMGF")) return Format::genesis;
   if (has(344, "n+1\0"sv) || has(344, "ni1\0"sv)) return Format::nifti;
-  if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti2;
+  if (has(4, "n+2\0"sv) || has(4, "ni2\0"sv)) return Format::nifti;
   if (has(0, "NRRD000")) return Format::nrrd;
   if (is_dicom(bytes)) return Format::dicom;
   if (is_meta_image(bytes)) return Format::meta_image;
+  if (is_vti(bytes)) return Format::vti;
+  if (is_zip(bytes)) return Format::zip;
   return Format::unknown;
 }
 
@@ -98,6 +102,43 @@ Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& pro
   throw InputError("{}: the folder holds no images; give the one that holds the slices", path.string());
 }
 
+/// What `work` returns; errors name what lies in the archive.
+template <typename Work>
+auto with_names_of(const UnpackedZip& zip, Work work) {
+  try {
+    return work();
+  } catch (const DamagedSlice& error) {
+    throw DamagedSlice("{}", zip.renamed(error.what()));
+  } catch (const InputError& error) {
+    throw InputError("{}", zip.renamed(error.what()));
+  }
+}
+
+/// Keeps the unpacked files for as long as slices are read from them.
+class ZipSource final : public SliceSource {
+ public:
+  ZipSource(std::unique_ptr<UnpackedZip> zip, std::unique_ptr<SliceSource> source)
+      : zip_(std::move(zip)), source_(std::move(source)) {}
+  const VolumeGeometry& geometry() const override { return source_->geometry(); }
+  HuRange hu_range() const override { return source_->hu_range(); }
+  std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override {
+    return with_names_of(*zip_, [&] { return source_->read(hu, progress); });
+  }
+
+ private:
+  std::unique_ptr<UnpackedZip> zip_;
+  std::unique_ptr<SliceSource> source_;
+};
+
+Scan open_zip(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  auto zip = std::make_unique<UnpackedZip>(path, progress);
+  Scan scan = with_names_of(*zip, [&] { return open_folder(zip->folder(), options, progress); });
+  for (std::string& note : scan.info.notes) note = zip->renamed(note);
+  for (std::string& warning : scan.info.warnings) warning = zip->renamed(warning);
+  scan.source = std::make_unique<ZipSource>(std::move(zip), std::move(scan.source));
+  return scan;
+}
+
 }  // namespace
 
 Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progress) {
@@ -120,12 +161,17 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
       return open_nrrd(path, options, progress);
     case Format::meta_image:
       return open_meta_image(path, options, progress);
-    case Format::nifti2:
-      throw InputError("{}: NIfTI-2 is not supported; convert it to NIfTI-1 or NRRD", path.string());
+    case Format::vti:
+      return open_vti(path, options, progress);
+    case Format::zip:
+      return open_zip(path, options, progress);
     case Format::unknown:
       break;
   }
-  throw InputError("{}: not a scan; DICOM, NIfTI, NRRD, MetaImage and GE Genesis are read", path.string());
+  throw InputError(
+      "{}: not a scan; DICOM, GE Genesis, zip archives of them, NIfTI, NRRD, MetaImage and VTK (.vti) are "
+      "read",
+      path.string());
 }
 
 }  // namespace xraycast

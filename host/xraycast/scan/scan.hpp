@@ -7,8 +7,9 @@
 
 namespace xraycast {
 
-/// Opens a folder of DICOM or GE Genesis slices, or a single DICOM, Genesis, NIfTI, NRRD or MetaImage file.
-/// Headers are read now (stage "opening"), voxels by the source.
+/// Opens a folder of DICOM or GE Genesis slices, a zip archive of such a folder, or a single DICOM, Genesis,
+/// NIfTI, NRRD, MetaImage or VTK ImageData file. Headers are read now (stage "opening"), voxels by the
+/// source. An archive is unpacked into a temporary folder (stage "unpacking"), which the source removes.
 ///
 /// A folder is searched with all its subfolders, such as those of a patient's CD, and so is that of a
 /// DICOMDIR. The best CT series is chosen: the one with the most slices, then an axial one, then the

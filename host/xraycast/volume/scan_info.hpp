@@ -15,13 +15,13 @@ namespace xraycast {
 /// A scan's properties, known before its voxels are read: those of the files. `geometry()` of the source is
 /// the grid that will be delivered.
 struct ScanInfo {
-  std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage" or "GE Genesis"
+  std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage", "VTK" or "GE Genesis"
   std::string modality;  ///< "CT" where the format does not say
   std::string series;    ///< DICOM: number, description and UID of the series that was chosen
   std::vector<std::string> other_series;  ///< the other series, one readable line each
   struct Series {
     std::string number, description, uid, modality;
-    std::int64_t slices;      ///< files, before slices at the same position are left out
+    std::int64_t slices;      ///< files or frames, before slices at the same position are left out
     std::string orientation;  ///< "axial", "coronal" or "sagittal"; empty if unknown
     double thickness_mm;      ///< 0 if unknown
     bool chosen;

@@ -52,6 +52,11 @@ glm::dvec3 upward(const glm::dvec3& direction);
 /// The patient's side that a direction points to: L, R, P, A, S or I.
 char side(const glm::dvec3& direction);
 
+/// A note for values of 8 bits as they are.
+inline constexpr const char* kEightBitNote =
+    "8 bits a voxel hold grey values from 0 to 255 or so, no Hounsfield units; opacities and spectra expect "
+    "HU";
+
 /// Makes a SliceSource of a stack: without interpolation where flipping or transposing every slice suffices,
 /// resampled otherwise. Completes `info`: size, spacing, tilt, gaps, notes and warnings.
 Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions& options);
