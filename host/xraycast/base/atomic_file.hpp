@@ -40,11 +40,11 @@ class AtomicFile {
   const std::filesystem::path& temporary() const;
 
   /// Appends, for those who do not write by the temporary name. Throws `failure` when the disk is full.
-  /// `needed_B` is what the whole file takes, for that message.
+  /// `needed_B` is what the whole file takes, at most, for that message.
   void write(std::string_view bytes, std::int64_t needed_B = 0);
 
   /// What to throw where writing failed: one line that names the target, the reason, an errno or 0 where
-  /// there is none, and how much the file takes, where `needed_B` is above 0.
+  /// there is none, and how much the file takes at most, where `needed_B` is above 0.
   Error failure(int reason, std::int64_t needed_B = 0) const;
 
   /// Brings the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.

@@ -2,6 +2,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -15,5 +17,9 @@ inline constexpr int kDeepestJson = 32;
 /// front, for JSON that is nested more than kDeepestJson levels: what walks through a value calls itself for
 /// each of them.
 nlohmann::json parse_json(std::string_view text, const std::string& name);
+
+/// The integer that a value holds; nothing where it holds anything else, 1.0 and 1e300 among it, or one of
+/// more than 64 bits. The library's own conversion takes any number for an integer, whether it fits or not.
+std::optional<std::int64_t> whole_number(const nlohmann::json& value);
 
 }  // namespace xraycast

@@ -140,7 +140,7 @@ DicomHeader::DicomHeader(const std::filesystem::path& path) {
 
 void DicomHeader::read(DicomBytes& bytes) {
   const std::string start = bytes.peek(kPreamble_B + 4);
-  if (start.ends_with("DICM")) bytes.seek(kPreamble_B + 4);
+  if (start.size() == kPreamble_B + 4 && start.ends_with("DICM")) bytes.seek(kPreamble_B + 4);
 
   // The meta group is explicit whatever follows it.
   while (bytes.peek(2) == std::string{2, 0}) {

@@ -43,7 +43,7 @@ class QuietCerr {
 };
 
 std::optional<VoxelType> voxel_type(itk::IOComponentEnum component) {
-  using enum itk::IOComponentEnum;
+  using enum itk::CommonEnums::IOComponent;
   static const std::map<itk::IOComponentEnum, VoxelType> kTypes{
       {CHAR, VoxelType::int8},        {UCHAR, VoxelType::uint8},    {SHORT, VoxelType::int16},
       {USHORT, VoxelType::uint16},    {INT, VoxelType::int32},      {UINT, VoxelType::uint32},
@@ -116,9 +116,11 @@ class NiftiHeader {
   bool swapped_ = false;
 };
 
-void require_finite(const fs::path& path, const char* field, const std::vector<double>& values) {
+/// No lengths of a kilometre and more: those whose squares no float holds keep ITK busy for ever.
+void require_lengths(const fs::path& path, const char* field, const std::vector<double>& values) {
+  constexpr double kMost_mm = 1e6;
   for (const double value : values)
-    if (!std::isfinite(value))
+    if (!(std::abs(value) <= kMost_mm))
       throw InputError("{}: {} holds {}; export the file again with its orientation", path.string(), field,
                        value);
 }
@@ -132,13 +134,13 @@ void check_nifti(const fs::path& path, const NiftiHeader& header) {
     if (const auto size = header.get<std::int16_t>(40 + 2 * static_cast<std::size_t>(d)); size < 1)
       throw InputError("{}: dim holds {}; sizes have to be above zero", path.string(), size);
   require_spacing(path, "pixdim", header.floats(80, static_cast<std::size_t>(std::min(dimensions, 3))));
-  require_finite(path, "pixdim", header.floats(76, 4));
+  require_lengths(path, "pixdim", header.floats(76, 4));
 
   const bool has_qform = header.get<std::int16_t>(252) > 0, has_sform = header.get<std::int16_t>(254) > 0;
-  if (has_qform) require_finite(path, "qform", header.floats(256, 6));
+  if (has_qform) require_lengths(path, "qform", header.floats(256, 6));
   if (!has_sform) return;
   const std::vector<double> sform = header.floats(280, 12);
-  require_finite(path, "sform", sform);
+  require_lengths(path, "sform", sform);
   const auto row = [&](std::size_t r) {
     return glm::dvec3(sform[4 * r], sform[4 * r + 1], sform[4 * r + 2]);
   };
