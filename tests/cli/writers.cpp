@@ -176,7 +176,7 @@ void EveryWriter::expect_failure(const Command& on_full_disk, const std::string&
   const Finished done = run_process(on_full_disk);
   EXPECT_EQ(done.status, 1) << when << ": " << done.err;
   EXPECT_EQ(done.out, "") << when;
-  expect_one_line(done.err, "could not be written to its end");
+  expect_one_line(done.err, "could not be written completely");
   EXPECT_THAT(done.err, HasSubstr((folder_ / "out").string())) << when;
   EXPECT_THAT(done.err, HasSubstr("the disk may be full: make room ")) << when;
   if (GetParam().appearing == Appearing::one_by_one)

@@ -12,7 +12,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Where PoCL would go by itself; empty without a home.
+/// PoCL's default folder; empty without a home.
 fs::path pocl_folder() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache)
     return fs::path(cache) / "pocl/kcache";
