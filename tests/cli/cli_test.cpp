@@ -266,6 +266,7 @@ const BadCall kBadCalls[] = {
     {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3,
      ".exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png"},
     {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
+    {"HeaderThatCannotNameItsVoxels", "phantom box -o @/50%.mhd", 3, "choose another name or .mha"},
     {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},
 
     // The opacity.

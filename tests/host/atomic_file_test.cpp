@@ -213,7 +213,7 @@ TEST_F(AtomicFiles, SayWhatTheyTakeWhenTheDiskIsFull) {
   EXPECT_THAT([&] { write_whole_file(folder_ / "tree.json", std::string(2'500'000, ' ')); },
               ThrowsMessage<Error>((folder_ / "tree.json").string() +
                                    ": could not be written completely (File too large); the disk may be "
-                                   "full; it takes 2.5 MB"));
+                                   "full: make room for 2.5 MB"));
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);
   EXPECT_THAT(names(), ElementsAre("tree.json"));

@@ -8,6 +8,8 @@
 #include <gtest/gtest.h>
 #include <nlohmann/json.hpp>
 
+#include <limits>
+
 namespace xraycast {
 namespace {
 
@@ -29,6 +31,15 @@ TEST(JsonText, IsReadUpToItsDeepestLevel) {
 TEST(JsonText, IsDiscardedWhereItIsNone) {
   for (const char* text : {"", "[1", "{]", "words", "[1] 2", "\"\xff\""})
     EXPECT_TRUE(parse_json(text, "file").is_discarded()) << text;
+}
+
+TEST(JsonText, HoldsWholeNumbersOrNone) {
+  const auto number = [](const char* text) { return whole_number(parse_json(text, "file")); };
+  EXPECT_EQ(number("-7"), -7);
+  EXPECT_EQ(number("9223372036854775807"), std::numeric_limits<std::int64_t>::max());
+  for (const char* text :
+       {"9223372036854775808", "88888888888888888888", "1e300", "1.0", "true", "\"1\"", "[1]"})
+    EXPECT_EQ(number(text), std::nullopt) << text;
 }
 
 TEST(JsonText, OfGreatDepthIsRefusedByItsReaders) {

@@ -222,6 +222,20 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.nii", file.bytes());
      },
      "a.nii", "sform holds nan"},
+    // Found by the fuzzer: what stands behind the preamble ended the file.
+    {"DicomShorterThanItsPreamble",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.dcm", std::string("\2\0\20\0\6\0\0\21", 8) + std::string(10, '\0') + "DICM");
+     },
+     "a.dcm", "DICOM"},
+    // Found by the fuzzer: ITK did not come back from it.
+    {"NiftiWithSformBeyondFloats",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.sform[1] = -1.7e38F;
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "sform holds -1.69"},
     {"NiftiWithQformInfinite",
      [](const TemporaryFolder& f) {
        std::string bytes = nifti().bytes();

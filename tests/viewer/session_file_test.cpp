@@ -4,6 +4,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <string>
@@ -38,6 +39,17 @@ TEST(SessionFile, RefusesASteeredCatheterThatIsNone) {
   text.replace(text.find("0.825"), 5, "-1");
   write_whole_file(folder / "s.json", text);
   EXPECT_THROW(read_session(folder / "s.json"), InputError);
+}
+
+TEST(SessionFile, NamesTheFileOfAWordThatItDoesNotKnow) {
+  const TemporaryFolder folder;
+  write_session({}, folder / "s.json");
+  std::string text = read_whole_file(folder / "s.json");
+  text.replace(text.find("fluoro"), 6, "blurry");
+  write_whole_file(folder / "s.json", text);
+  EXPECT_THAT([&] { read_session(folder / "s.json"); },
+              testing::ThrowsMessage<InputError>(
+                  testing::StartsWith((folder / "s.json").string() + ": style: look: 'blurry'")));
 }
 
 TEST(SessionFile, RefusesDeepJson) {

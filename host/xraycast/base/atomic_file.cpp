@@ -27,8 +27,9 @@ bool is_full_disk(int reason) { return reason == ENOSPC || reason == EDQUOT || r
 Error failure_of(const fs::path& target, int reason, std::int64_t needed_B) {
   std::string line = target.string() + ": could not be written completely";
   if (reason != 0) line += fmt::format(" ({})", std::strerror(reason));
-  if (reason == 0 || is_full_disk(reason)) line += "; the disk may be full";
-  if (needed_B > 0) line += fmt::format("; it takes {:.3g} MB", static_cast<double>(needed_B) / 1e6);
+  if (reason == 0 || is_full_disk(reason))
+    line += "; the disk may be full: make room " +
+            (needed_B > 0 ? fmt::format("for {:.3g} MB", static_cast<double>(needed_B) / 1e6) : "on it");
   return Error("{}", line);
 }
 
@@ -222,8 +223,11 @@ class AtomicFile::Temporary {
     if (place_.mode) fchmod(file_(), *place_.mode);
     // Not every file system can; errors on closing a descriptor are detected without giving up the lock.
     if ((fsync(file_()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) ||
-        !Descriptor(dup(file_())).close())
-      throw failure_of(target_, errno, 0);
+        !Descriptor(dup(file_())).close()) {
+      const int reason = errno;
+      struct stat status {};
+      throw failure_of(target_, reason, fstat(file_(), &status) == 0 ? status.st_size : 0);
+    }
   }
 
   /// Under the target's name.

@@ -39,11 +39,11 @@ class AtomicFile {
   const std::filesystem::path& temporary() const;
 
   /// Appends, for callers that do not write through the temporary name. Throws `failure` when the disk is
-  /// full. `needed_B` is the size of the whole file, for that message.
+  /// full. `needed_B` is the size of the whole file, or a bound of it, for that message.
   void write(std::string_view bytes, std::int64_t needed_B = 0);
 
   /// The error to throw when writing failed: one line with the target, the reason (an errno, or 0 for none)
-  /// and, if `needed_B` is above 0, the size of the file.
+  /// and, if `needed_B` is above 0, the room that the file needs.
   Error failure(int reason, std::int64_t needed_B = 0) const;
 
   /// Flushes the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.

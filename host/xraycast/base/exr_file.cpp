@@ -51,6 +51,17 @@ Imf::FrameBuffer frame_buffer_of(const ExrPart& part) {
   return buffer;
 }
 
+/// What the file takes where nothing can be packed.
+std::int64_t most_bytes(std::span<const ExrPart> parts) {
+  constexpr std::int64_t kHeader_B = 4000, kRow_B = 16;
+  std::int64_t sum = 0;
+  for (const ExrPart& part : parts) {
+    sum += kHeader_B + kRow_B * part.height;
+    for (const ExrChannel& channel : part.channels) sum += std::ssize(std::as_bytes(channel.values));
+  }
+  return sum;
+}
+
 /// OpenEXR deflates in a pool of threads that the whole process shares, initially without threads. A
 /// program's own setting is kept.
 void use_all_cores() {
@@ -66,6 +77,7 @@ void use_all_cores() {
 
 void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path) {
   AtomicFile file(path);
+  errno = 0;
   std::ofstream out(file.temporary(), std::ios::binary);
   std::string problem;
   try {
@@ -84,9 +96,8 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
   }
   // OpenEXR's destructors write the tables of rows, and do not report when that fails; the stream does.
   out.close();
-  if (!out && problem.empty()) problem = std::strerror(errno);
-  if (!problem.empty())
-    throw Error("{}: could not be written completely; the disk may be full: {}", path.string(), problem);
+  if (!out) throw file.failure(errno, most_bytes(parts));
+  if (!problem.empty()) throw Error("{}: could not be written: {}", path.string(), problem);
   file.commit();
 }
 

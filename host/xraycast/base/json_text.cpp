@@ -4,6 +4,8 @@
 
 #include <nlohmann/json.hpp>
 
+#include <utility>
+
 namespace xraycast {
 
 nlohmann::json parse_json(std::string_view text, const std::string& name) {
@@ -15,6 +17,13 @@ nlohmann::json parse_json(std::string_view text, const std::string& name) {
     return true;
   };
   return nlohmann::json::parse(text.begin(), text.end(), check_depth, false);
+}
+
+std::optional<std::int64_t> whole_number(const nlohmann::json& value) {
+  if (!value.is_number_integer() ||
+      (value.is_number_unsigned() && !std::in_range<std::int64_t>(value.get<std::uint64_t>())))
+    return std::nullopt;
+  return value.get<std::int64_t>();
 }
 
 }  // namespace xraycast

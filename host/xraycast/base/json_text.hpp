@@ -2,6 +2,8 @@
 
 #include <nlohmann/json_fwd.hpp>
 
+#include <cstdint>
+#include <optional>
 #include <string>
 #include <string_view>
 
@@ -14,5 +16,9 @@ inline constexpr int kDeepestJson = 32;
 /// an object, so that the caller can report what was expected. Throws InputError, with `name` in front, for
 /// JSON nested more than kDeepestJson levels, because functions that visit a value recurse once per level.
 nlohmann::json parse_json(std::string_view text, const std::string& name);
+
+/// The integer that a value holds; nothing where it holds anything else, 1.0 and 1e300 among it, or one of
+/// more than 64 bits. The library's own conversion takes any number for an integer, whether it fits or not.
+std::optional<std::int64_t> whole_number(const nlohmann::json& value);
 
 }  // namespace xraycast

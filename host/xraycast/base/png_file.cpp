@@ -3,12 +3,14 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 
+#include <cerrno>
 #include <png.h>
 
 namespace xraycast {
 
 void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
                const std::filesystem::path& path) {
+  constexpr std::int64_t kOverhead_B = 1000;  // of headers, where nothing can be packed
   AtomicFile file(path);
   png_image image{};
   image.version = PNG_IMAGE_VERSION;
@@ -16,9 +18,9 @@ void write_png(std::span<const std::uint8_t> pixels, int width, int height, int 
   image.height = static_cast<png_uint_32>(height);
   image.format = channels == 1 ? PNG_FORMAT_GRAY : PNG_FORMAT_RGB;
   // It opens the file and reports on closing whether all bytes were written.
+  errno = 0;
   if (!png_image_write_to_file(&image, file.temporary().c_str(), 0, pixels.data(), channels * width, nullptr))
-    throw Error("{}: could not be written completely; the disk may be full: {}", path.string(),
-                image.message);
+    throw file.failure(errno, std::ssize(pixels) + kOverhead_B);
   file.commit();
 }
 

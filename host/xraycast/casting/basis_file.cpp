@@ -88,10 +88,19 @@ class HeaderReader {
 
   int count(const char* name) const {
     const auto field = header_.find(name);
-    if (field == header_.end() || !field->is_number_unsigned() ||
-        field->get<std::uint64_t>() > std::numeric_limits<int>::max())
+    const auto number = field == header_.end() ? std::nullopt : whole_number(*field);
+    if (!number || *number < 0 || *number > std::numeric_limits<int>::max())
       throw InputError("{}: header field {} is missing or not a count", file_, name);
-    return field->get<int>();
+    return static_cast<int>(*number);
+  }
+
+  std::vector<std::int64_t> counts(const char* name, std::size_t count) const {
+    std::vector<std::int64_t> numbers;
+    for (const json& value : get<std::vector<json>>(name))
+      if (const auto number = whole_number(value); number && *number >= 0) numbers.push_back(*number);
+    if (numbers.size() != count || header_[name].size() != count)
+      throw InputError("{}: header field {} must hold {} counts", file_, name, count);
+    return numbers;
   }
 
  private:
@@ -119,10 +128,7 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   validate(geometry, name);
   basis.knots_hu = header.get<std::vector<double>>("knots_hu");
   validate_knots(basis.knots_hu, name);
-  basis.hu_histogram = header.get<std::vector<std::int64_t>>("hu_histogram");
-  if (basis.hu_histogram.size() != XRC_HISTOGRAM_BINS ||
-      std::ranges::any_of(basis.hu_histogram, [](std::int64_t count) { return count < 0; }))
-    throw InputError("{}: header field hu_histogram must hold {} counts", name, XRC_HISTOGRAM_BINS);
+  basis.hu_histogram = header.counts("hu_histogram", XRC_HISTOGRAM_BINS);
   basis.source = header.get<std::string>("source");
   if (header.has("frame_of_reference_uid"))
     basis.frame_of_reference_uid = header.get<std::string>("frame_of_reference_uid");
@@ -135,8 +141,10 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
 
 class Writer {
  public:
-  explicit Writer(const std::filesystem::path& path) : file_(path) {
-    file_.write({kBasisMagic, 8});
+  /// `content_B` is what the chunks will hold.
+  Writer(const std::filesystem::path& path, std::int64_t content_B)
+      : file_(path), needed_B_(content_B + kOverhead_B) {
+    file_.write({kBasisMagic, 8}, needed_B_);
     put(kBasisVersion);
   }
 
@@ -145,9 +153,9 @@ class Writer {
       const auto piece = content.first(std::min<std::size_t>(content.size(), kMaxChunk_B));
       ChunkHead head{{}, piece.size()};
       std::copy_n(tag, 4, head.tag.begin());
-      file_.write({head.tag.data(), 4});
+      file_.write({head.tag.data(), 4}, needed_B_);
       put(head.size_B);
-      file_.write({piece.data(), piece.size()});
+      file_.write({piece.data(), piece.size()}, needed_B_);
       put(checksum(head, piece));
       content = content.subspan(piece.size());
     }
@@ -158,10 +166,12 @@ class Writer {
  private:
   template <typename T>
   void put(const T& value) {
-    file_.write({reinterpret_cast<const char*>(&value), sizeof value});
+    file_.write({reinterpret_cast<const char*>(&value), sizeof value}, needed_B_);
   }
 
+  static constexpr std::int64_t kOverhead_B = 1000;  // of the heads of some chunks of 8 MiB
   AtomicFile file_;
+  std::int64_t needed_B_;
 };
 
 class Reader {
@@ -255,10 +265,12 @@ class Reader {
 }  // namespace
 
 void write_basis(const Basis& basis, const std::filesystem::path& path) {
-  Writer writer(path);
-  writer.write("HEAD", header_of(basis));
-  writer.write("TILE", as_chars(std::span(basis.touched)));
-  writer.write("ROWS", as_chars(std::span(basis.weights)));
+  const std::string header = header_of(basis);
+  const auto tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
+  Writer writer(path, static_cast<std::int64_t>(header.size() + tiles.size() + rows.size()));
+  writer.write("HEAD", header);
+  writer.write("TILE", tiles);
+  writer.write("ROWS", rows);
   writer.commit();
 }
 

@@ -110,7 +110,12 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   read("row_spacing_mm", geometry.row_spacing_mm);
   read("step_mm", geometry.step_mm);
   if (geometry.projection == Projection::sphere) read("centre_z_mm", geometry.centre_z_mm);
-  if (geometry.projection == Projection::rectangle) read("views", geometry.views);
+  if (geometry.projection == Projection::rectangle) {
+    const auto views = whole_number(attribute(file, "views", path));
+    if (!views || !std::in_range<int>(*views))
+      throw InputError("{}: attribute xraycast:views is not a number of views", path);
+    geometry.views = static_cast<int>(*views);
+  }
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
   if (file.text("xraycast:field_mm")) {
     FieldOfView::Corners corners_mm{};

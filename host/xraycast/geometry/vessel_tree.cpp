@@ -230,11 +230,9 @@ const nlohmann::json& member(const nlohmann::json& object, const char* key, cons
 }
 
 std::int64_t integer(const nlohmann::json& object, const char* key, const std::string& name) {
-  const nlohmann::json& value = member(object, key, name);
-  if (!value.is_number_integer() ||
-      (value.is_number_unsigned() && !std::in_range<std::int64_t>(value.get<std::uint64_t>())))
-    throw InputError("{}: \"{}\" is not a 64-bit integer", name, key);
-  return value.get<std::int64_t>();
+  const auto number = whole_number(member(object, key, name));
+  if (!number) throw InputError("{}: \"{}\" is not a 64-bit integer", name, key);
+  return *number;
 }
 
 VesselTree read_json(const std::filesystem::path& path) {

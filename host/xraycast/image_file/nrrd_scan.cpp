@@ -37,7 +37,7 @@ class QuietCerr {
 };
 
 std::optional<VoxelType> voxel_type(itk::IOComponentEnum component) {
-  using enum itk::IOComponentEnum;
+  using enum itk::CommonEnums::IOComponent;
   static const std::map<itk::IOComponentEnum, VoxelType> kTypes{
       {CHAR, VoxelType::int8},        {UCHAR, VoxelType::uint8},    {SHORT, VoxelType::int16},
       {USHORT, VoxelType::uint16},    {INT, VoxelType::int32},      {UINT, VoxelType::uint32},

@@ -30,7 +30,7 @@ class OutputFile {
  public:
   /// `content_B` is what it will hold.
   OutputFile(const fs::path& path, bool gzipped, std::int64_t content_B)
-      : atomic_(path), needed_B_(gzipped ? 0 : content_B) {
+      : atomic_(path), needed_B_(content_B) {
     // T writes plainly through the same functions.
     file_ = gzopen(atomic_.temporary().c_str(), gzipped ? "wb6" : "wbT");
     if (!file_) throw atomic_.failure(errno, needed_B_);
@@ -57,7 +57,7 @@ class OutputFile {
 
  private:
   AtomicFile atomic_;
-  std::int64_t needed_B_;  ///< 0 where that is not known
+  std::int64_t needed_B_;
   gzFile file_;
 };
 
@@ -130,6 +130,13 @@ std::string nifti_header(const VolumeGeometry& geometry, const VoxelType& type, 
   return header;
 }
 
+/// Whether a line of text says the voxels' file, and not a pattern or list of several.
+bool is_named_by_meta_image(const std::string& stem) {
+  const auto is_control = [](unsigned char c) { return c < ' ' || c == 0x7f; };
+  return !stem.starts_with(' ') && !stem.starts_with("LIST") && stem.find('%') == std::string::npos &&
+         std::ranges::none_of(stem, is_control);
+}
+
 template <typename T>
 void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::path& path,
            Progress& progress) {
@@ -170,6 +177,11 @@ void check_volume_format(const fs::path& path) {
                            [&](std::string_view extension) { return has_extension(path, extension); }))
     throw InputError("{}: unknown volume format; end the name in .nrrd, .nii, .nii.gz, .mha or .mhd",
                      path.string());
+  if (has_extension(path, ".mhd") && !is_named_by_meta_image(path.stem().string()))
+    throw InputError(
+        "{}: a MetaImage header cannot name voxels' files that start with a blank or LIST, or hold a % or "
+        "control characters; choose another name or .mha",
+        path.string());
 }
 
 void write_volume(const Volume& volume, const fs::path& path, Progress& progress) {

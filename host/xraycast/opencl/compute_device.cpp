@@ -4,6 +4,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/kernels/embedded_kernels.h"
+#include "xraycast/opencl/kernel_cache.hpp"
 
 #include <algorithm>
 #include <array>
@@ -76,12 +77,11 @@ std::string names_of(const std::vector<Candidate>& found) {
 }
 
 const Candidate& choose(const std::vector<Candidate>& found, const std::string& choice) {
-  if (const char* cache = std::getenv("POCL_CACHE_DIR"); found.empty() && cache && access(cache, W_OK) != 0)
-    throw DeviceError("no OpenCL device: PoCL keeps kernels in POCL_CACHE_DIR={}, which cannot be written to",
-                      cache);
-  if (found.empty())
+  if (found.empty()) {
+    require_kernel_cache();
     throw DeviceError(
         "no OpenCL device: install a driver, such as Debian's pocl-opencl-icd, which runs on any processor");
+  }
   if (choice.empty()) {
     const auto gpu = std::ranges::find_if(found, [](const Candidate& c) { return c.info.is_gpu; });
     return gpu != found.end() ? *gpu : found.front();
@@ -101,9 +101,11 @@ bool is_in_path(const std::string& program) {
   return false;
 }
 
-/// PoCL links a kernel when it first runs and aborts the process on failure.
-void check_linker(const ComputeDevice::Info& info) {
-  if (info.platform == "Portable Computing Language" && !is_in_path("ld"))
+/// PoCL writes and links a kernel when it first runs, and ends the process where that fails.
+void check_compiler(const ComputeDevice::Info& info) {
+  if (info.platform != "Portable Computing Language") return;
+  require_kernel_cache();
+  if (!is_in_path("ld"))
     throw DeviceError(
         "{} links kernels with the program ld, which is not in PATH: install Debian's package binutils",
         info.name);
@@ -136,7 +138,7 @@ ComputeDevice::ComputeDevice(const std::string& choice) {
   const char* environment = std::getenv("XRAYCAST_DEVICE");
   const auto found = candidates();
   const Candidate& chosen = choose(found, choice.empty() && environment ? environment : choice);
-  check_linker(chosen.info);
+  check_compiler(chosen.info);
   try {
     device_ = chosen.device;
     info_ = chosen.info;

@@ -1,15 +1,20 @@
 #pragma once
 
+#include <cstdint>
 #include <filesystem>
 
 namespace xraycast {
 
 /// Where PoCL, the OpenCL implementation for CPUs, stores compiled kernels: the user's cache folder,
-/// $XDG_CACHE_HOME or ~/.cache. Without a writable one PoCL finds no device, and without a home it uses
-/// /tmp/pocl, where other users could plant kernels. In both cases a KernelCache makes it use a new private
-/// folder for the lifetime of the object. A POCL_CACHE_DIR set by the user is not changed.
+/// $XDG_CACHE_HOME or ~/.cache. Without a writable one PoCL finds no device, on a full disk it aborts the
+/// process, and without a home it uses /tmp/pocl, where other users could plant kernels. In these cases a
+/// KernelCache makes it use a new private folder for the lifetime of the object. A POCL_CACHE_DIR set by the
+/// user is not changed.
 class KernelCache {
  public:
+  /// What has to be left on its disk: more than all kernels take.
+  static constexpr std::uintmax_t kRoom_B = 16'000'000;
+
   /// Before OpenCL is first used, and before other threads are started: it changes the environment.
   KernelCache();
 
@@ -21,5 +26,9 @@ class KernelCache {
  private:
   std::filesystem::path own_;  ///< the private folder; empty while the user's is used
 };
+
+/// Throws DeviceError, before PoCL is used, where its folder or the one that a KernelCache looked for cannot
+/// be written to or is on a full disk.
+void require_kernel_cache();
 
 }  // namespace xraycast

@@ -4,6 +4,7 @@
 #include "xraycast/drawing/palette.hpp"
 
 #include <array>
+#include <cerrno>
 #include <gif_lib.h>
 #include <memory>
 
@@ -65,7 +66,7 @@ void GifFile::finish() {
 }
 
 void GifFile::check(bool ok) const {
-  if (!ok) throw Error("{}: could not be written completely; the disk may be full", file_.target().string());
+  if (!ok) throw file_.failure(errno);
 }
 
 }  // namespace xraycast

@@ -64,6 +64,17 @@ class Fields {
     return result;
   }
 
+  /// A word that `parse` knows.
+  template <typename Parse>
+  auto word(const char* field, Parse parse) const {
+    const auto text = get<std::string>(field);
+    try {
+      return parse(text);
+    } catch (const InputError& error) {
+      throw InputError("{}: {}: {}", name_, field, error.what());
+    }
+  }
+
   const std::string& name() const { return name_; }
   const nlohmann::json& value(const char* field) const {
     const auto found = json_.find(field);
@@ -111,8 +122,8 @@ GreyWindow window_of(const Fields& fields) {
 
 Style style_of(const Fields& fields) {
   Style style;
-  style.shading = parse_shading_mode(fields.get<std::string>("look"));
-  style.sampling.compositing = parse_compositing(fields.get<std::string>("compositing"));
+  style.shading = fields.word("look", parse_shading_mode);
+  style.sampling.compositing = fields.word("compositing", parse_compositing);
   style.sampling.reconstruction =
       fields.get<bool>("continuous") ? Reconstruction::linear : Reconstruction::constant;
   if (fields.has("wall_radius_mm"))
@@ -163,8 +174,9 @@ ViewSession read_session(const fs::path& path) {
   if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
     throw InputError("{}: not a session; save one in the viewer with Ctrl+S", name);
   const Fields fields(json, name);
-  if (const int version = fields.get<int>("xraycast_session"); version != kVersion)
-    throw InputError("{}: session version {}, but this program reads version {}", name, version, kVersion);
+  if (const auto version = whole_number(fields.value("xraycast_session")); version != kVersion)
+    throw InputError("{}: session version {}, but this program reads version {}", name,
+                     version ? std::to_string(*version) : "unknown", kVersion);
   ViewSession session;
   if (fields.has("files")) {
     const Fields named = fields.at("files");

@@ -1,0 +1,303 @@
+#include "fuzz/readers.hpp"
+
+#include "support/igtlink_bytes.hpp"
+#include "support/read_scan.hpp"
+#include "support/scan_files.hpp"
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/geometry/curved_axis.hpp"
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/haptics/igtlink_receiver.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/scene/session_file.hpp"
+#include "xraycast/simulation/script.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstring>
+#include <random>
+#include <stdexcept>
+#include <zlib.h>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+using Content = Reader::Content;
+
+// ---- whole files ------------------------------------------------------------------------------------
+
+constexpr int kColumns = 8, kRows = 6, kSlices = 4;
+
+/// No two voxels in a row the same.
+Volume volume() {
+  Volume volume({{kColumns, kRows, kSlices}, {1, 1.5, 2}, {-8, -9, 3}});
+  std::mt19937 random(7);
+  for (std::int16_t& hu : volume.hu()) hu = static_cast<std::int16_t>(random() % 2000) - 1000;
+  return volume;
+}
+
+std::string voxels() { return bytes_of(std::span<const std::int16_t>(volume().hu())); }
+
+void write_scan(const fs::path& path) {
+  Progress progress;
+  write_volume(volume(), path, progress);
+}
+
+constexpr char kNrrdHeader[] =
+    "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 8 6 4\n"
+    "space directions: (1,0,0) (0,1.5,0) (0,0,2)\nencoding: gzip\nendian: little\nspace origin: "
+    "(-8,-9,3)\n\n";
+constexpr char kMetaImageHeader[] =
+    "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = "
+    "True\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = -8 -9 3\nElementSpacing = 1 1.5 2\nDimSize = 8 6 4\n"
+    "ElementType = MET_SHORT\nElementDataFile = LOCAL\n";
+
+void write_packed_nrrd(const fs::path& path) { write_bytes(path, kNrrdHeader + gzipped(voxels())); }
+void write_packed_meta_image(const fs::path& path) {
+  write_bytes(path, kMetaImageHeader + deflated(voxels()));
+}
+
+DicomFile dicom_slice(int z) {
+  const Volume all = volume();
+  constexpr std::size_t kPixels = std::size_t{kColumns} * kRows;
+  DicomFile file(kColumns, kRows, all.hu().subspan(kPixels * static_cast<std::size_t>(z), kPixels));
+  return file.position({0, 0, z});
+}
+
+/// A slice among three others.
+void write_dicom_series(const fs::path& path) {
+  fs::create_directories(path.parent_path());
+  for (const int z : {0, 1, 3}) dicom_slice(z).write(path.parent_path() / fmt::format("{}.dcm", z));
+  dicom_slice(2).write(path);
+}
+
+void write_genesis(const fs::path& path) {
+  write_bytes(path, genesis_bytes({.columns = kColumns, .rows = kRows},
+                                  std::vector<std::uint16_t>(std::size_t{kColumns} * kRows, 1024)));
+}
+
+VesselTree tree() {
+  std::vector<VesselBranch> branches(3);
+  for (int i = 0; i < 4; ++i) branches[0].points.push_back({{0.1 * i, 0.2 * i, 15.0 * i}, 6 - 0.1 * i});
+  for (int side = 1; side <= 2; ++side) {
+    branches[side].parent = 0;
+    branches[side].points.push_back(branches[0].points.back());
+    for (int i = 1; i < 3; ++i)
+      branches[side].points.push_back({{0.3 + (side == 1 ? 9.0 : -9.0) * i, 0.6, 45 + 12.0 * i}, 3});
+  }
+  return VesselTree(std::move(branches), "tree");
+}
+
+void write_vessel_tree(const fs::path& path) { write_tree(tree(), path); }
+void write_surface(const fs::path& path) { write_mesh(tube_mesh(tree(), 3), path); }
+
+MapGeometry map_geometry() { return cylinder_map(volume().geometry(), 16, {0, 10}, {-4, -5}); }
+
+void write_small_basis(const fs::path& path) {
+  Basis basis;
+  basis.geometry = map_geometry();
+  basis.knots_hu = {-1000, 0, 1000};
+  basis.hu_histogram.assign(256, 1);
+  basis.touched.assign(static_cast<std::size_t>(tile_count(basis.geometry)), 5);
+  basis.weights.assign(basis.touched.size() * 2 * Basis::kTileSlices, 77);
+  write_basis(basis, path);
+}
+
+void write_map(const fs::path& path) {
+  BodyMap map;
+  map.geometry = map_geometry();
+  map.tau.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
+  write_body_map(map, path);
+}
+
+void write_spectrum_map(const fs::path& path) {
+  BodyMap map;
+  map.geometry = map_geometry();
+  map.spectrum = Spectrum::named("80");
+  for (auto& depths : map.depths) depths.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
+  write_body_map(map, path);
+}
+
+/// Of everything that a session may hold.
+void write_whole_session(const fs::path& path) {
+  ViewSession session;
+  for (const auto& [file, name] : {std::pair{&session.map, "map.exr"}, {&session.basis, "ct.basis"}}) {
+    *file = path.parent_path() / name;
+    write_bytes(*file, "");
+  }
+  session.steered = {{{1, 2, 3}, {4.25, 5, 6}}, 0.825, false};
+  session.camera.cone = Cone{900, 1200};
+  session.style.sampling.wall_radius_mm = 100;
+  session.style.layer_weights = {1, 0.5};
+  session.has_window = true;
+  session.opacity = Opacity::bilinear();
+  write_session(session, path);
+}
+
+void write_messages(const fs::path& path) {
+  // The first byte says in what portions the others arrive.
+  write_bytes(path, '\x20' + transform_message(20, 1) + MessageBytes{.type = "GET_STATUS"}.bytes() +
+                        transform_message(30, -3) + MessageBytes{.type = "STRING", .body = "text"}.bytes());
+}
+
+// ---- reading ----------------------------------------------------------------------------------------
+
+Content read_as_scan(const fs::path& path) {
+  const Volume read = read_scan(path).volume;
+  return bytes_of(std::span<const std::int16_t>(read.hu()));
+}
+
+Content read_as_basis(const fs::path& path) {
+  const Basis read = read_basis(path);
+  return bytes_of(std::span(read.touched)) + bytes_of(std::span(read.weights));
+}
+
+void check_pose(const HubPose& pose, double before_rad) {
+  constexpr double kHalfTurn = 3.15;  // as floats have it
+  if (!(std::abs(pose.insertion_mm) <= IgtlinkReceiver::kMaxInsertion_mm))
+    throw std::logic_error("an insertion out of range");
+  if (!(std::abs(pose.rotation_rad - before_rad) <= kHalfTurn))
+    throw std::logic_error("a rotation of more than half a turn");
+}
+
+/// Refuses the whole stream for one message's sake.
+Content read_messages(const fs::path& path) {
+  const std::string stream = read_bytes(path);
+  const auto portion_B = static_cast<unsigned char>(stream.empty() ? 0 : stream[0]);
+  auto bytes = std::as_bytes(std::span(stream)).subspan(stream.empty() ? 0 : 1);
+  IgtlinkReceiver receiver;
+  std::optional<Complaint> first;
+  for (double rotation_rad = 0; !bytes.empty();) {
+    auto portion = bytes.first(std::min<std::size_t>(portion_B > 0 ? portion_B : bytes.size(), bytes.size()));
+    bytes = bytes.subspan(portion.size());
+    while (const auto event = receiver.next(portion)) {
+      if (const auto* pose = std::get_if<HubPose>(&*event)) {
+        check_pose(*pose, rotation_rad);
+        rotation_rad = pose->rotation_rad;
+      } else if (const auto* complaint = std::get_if<Complaint>(&*event)) {
+        if (!std::ranges::all_of(complaint->text, [](char c) { return c >= ' ' && c <= '~'; }))
+          throw std::logic_error("a complaint that cannot be printed");
+        if (!first && complaint->text.find("STRING") == std::string::npos) first = *complaint;
+      }
+    }
+    if (!portion.empty()) throw std::logic_error("bytes were left over");
+  }
+  if (!first) first = receiver.end();
+  if (first) throw InputError("{}: {}", path.string(), first->text);
+  return {};
+}
+
+// ---- checksums --------------------------------------------------------------------------------------
+
+void set_message_checksums(std::span<char> bytes) {
+  igtl_header header;
+  for (auto rest = bytes.subspan(std::min<std::size_t>(bytes.size(), 1)); rest.size() >= sizeof header;) {
+    std::memcpy(&header, rest.data(), sizeof header);
+    igtl_header_convert_byte_order(&header);
+    const std::uint64_t body_B = header.body_size;
+    if (body_B > rest.size() - sizeof header) return;
+    header.crc = crc64(reinterpret_cast<unsigned char*>(rest.data()) + sizeof header, body_B, 0);
+    igtl_header_convert_byte_order(&header);
+    std::memcpy(rest.data(), &header, sizeof header);
+    rest = rest.subspan(sizeof header + body_B);
+  }
+}
+
+/// Of chunks: a tag of four bytes, a size of eight, so many bytes, and a CRC-32 of all that.
+void set_basis_checksums(std::span<char> bytes) {
+  constexpr std::size_t kStart_B = 12, kHead_B = 12, kChecksum_B = 4;
+  for (auto rest = bytes.subspan(std::min(bytes.size(), kStart_B)); rest.size() >= kHead_B + kChecksum_B;) {
+    std::uint64_t size_B = 0;
+    std::memcpy(&size_B, rest.data() + 4, sizeof size_B);
+    if (size_B > rest.size() - kHead_B - kChecksum_B) return;
+    const auto* summed = reinterpret_cast<const Bytef*>(rest.data());
+    const auto checksum = static_cast<std::uint32_t>(crc32(0, summed, static_cast<uInt>(kHead_B + size_B)));
+    std::memcpy(rest.data() + kHead_B + size_B, &checksum, sizeof checksum);
+    rest = rest.subspan(kHead_B + size_B + kChecksum_B);
+  }
+}
+
+// ---- all of them ------------------------------------------------------------------------------------
+
+/// A reader that gives nothing to compare.
+template <auto Read>
+Content without_content(const fs::path& path) {
+  Read(path);
+  return {};
+}
+
+constexpr Reader kReaders[] = {
+    {"nifti", "a.nii", write_scan, read_as_scan},
+    {"nifti_gzipped", "a.nii.gz", write_scan, read_as_scan, 0},
+    {"nrrd", "a.nrrd", write_scan, read_as_scan},
+    {"nrrd_gzipped", "a.nrrd", write_packed_nrrd, read_as_scan, sizeof kNrrdHeader - 1},
+    {"nrrd_gzipped_header", "a.nrrd", write_packed_nrrd, read_as_scan},
+    {"meta_image", "a.mha", write_scan, read_as_scan},
+    {"meta_image_of_two_files", "a.mhd", write_scan, read_as_scan},
+    {"meta_image_packed", "a.mha", write_packed_meta_image, read_as_scan, sizeof kMetaImageHeader - 1},
+    {"meta_image_packed_header", "a.mha", write_packed_meta_image, read_as_scan},
+    {"dicom", "a.dcm", [](const fs::path& path) { dicom_slice(0).write(path); }, read_as_scan},
+    {"dicom_implicit", "a.dcm", [](const fs::path& path) { dicom_slice(0).write(path, true); }, read_as_scan},
+    {"dicom_series", "series/2.dcm", write_dicom_series,
+     [](const fs::path& path) { return read_as_scan(path.parent_path()); }},
+    {"genesis", "a.fro", write_genesis, read_as_scan},
+    {"map", "map.exr", write_map, without_content<read_body_map>},
+    {"spectrum_map", "map.exr", write_spectrum_map, without_content<read_body_map>},
+    {"basis", "a.basis", write_small_basis, read_as_basis, 0, set_basis_checksums},
+    {"tree_vtp", "tree.vtp", write_vessel_tree, without_content<read_tree>},
+    {"tree_json", "tree.json", write_vessel_tree, without_content<read_tree>},
+    {"surface_vtp", "surface.vtp", write_surface, without_content<read_mesh>},
+    {"surface_stl", "surface.stl", write_surface, without_content<read_mesh>},
+    {"opacity", "opacity.json",
+     [](const fs::path& path) { write_bytes(path, Opacity::bilinear().to_json()); },
+     [](const fs::path& path) { return Opacity::named(path.string()), Content(); }},
+    {"instrument", "instrument.json",
+     [](const fs::path& path) {
+       fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "simulation/instruments/cobra-5f.json", path);
+     },
+     [](const fs::path& path) { return InstrumentModel::named(path.string()), Content(); }},
+    {"spectrum", "beam.txt",
+     [](const fs::path& path) { write_bytes(path, "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n"); },
+     [](const fs::path& path) { return Spectrum::named(path.string()), Content(); }},
+    {"script", "push.csv",
+     [](const fs::path& path) {
+       write_bytes(path, "time_s,insertion_mm,rotation_deg\n0,0,0\n1,20,180\n4,300,180\n");
+     },
+     without_content<Script::read>},
+    {"centre_line", "line.csv",
+     [](const fs::path& path) { write_bytes(path, "x,y,z\n0,0,0\n1,2,3\n-1.5,2,30\n"); },
+     [](const fs::path& path) { return CurvedAxis::from_file(path.string()), Content(); }},
+    {"session", "session.json", write_whole_session, without_content<read_session>},
+    {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
+};
+
+}  // namespace
+
+std::span<const Reader> readers() { return kReaders; }
+
+FileToRead::FileToRead(const Reader& reader, const fs::path& folder)
+    : reader_(reader), path_(folder / reader.file) {
+  reader.write(path_);
+  whole_ = read_bytes(path_);
+}
+
+std::optional<Content> FileToRead::read(const std::string& bytes) const {
+  write_bytes(path_, bytes);
+  try {
+    return reader_.read(path_);
+  } catch (const InputError& error) {
+    // A series is named by its folder, the voxels' file by its own name.
+    if (!std::string_view(error.what()).starts_with(path_.parent_path().string()))
+      throw std::logic_error(std::string("not the file's name first: ") + error.what());
+    return std::nullopt;
+  } catch (const std::exception& error) {
+    throw std::logic_error(std::string("another exception than an InputError: ") + error.what());
+  }
+}
+
+}  // namespace xraycast
