@@ -48,8 +48,8 @@ TEST(SessionFile, NamesTheFileOfAWordThatItDoesNotKnow) {
   text.replace(text.find("fluoro"), 6, "blurry");
   write_whole_file(folder / "s.json", text);
   EXPECT_THAT([&] { read_session(folder / "s.json"); },
-              testing::ThrowsMessage<InputError>(
-                  testing::StartsWith((folder / "s.json").string() + ": style: look: 'blurry'")));
+              testing::ThrowsMessage<InputError>(testing::StartsWith(
+                  (folder / "s.json").string() + ": style: look: unknown look 'blurry'")));
 }
 
 TEST(SessionFile, RefusesDeepJson) {
