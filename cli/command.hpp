@@ -78,7 +78,7 @@ void check_folder(const std::filesystem::path& folder, std::initializer_list<con
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);
 
-/// {"width", "height", "layers", "radii_mm", "centre_mm"}, the last of row 0.
+/// {"width", "height", "layers", "radii_mm", "centre_mm", "outline"}, the centre of row 0.
 Json to_json(const MapGeometry& geometry);
 
 }  // namespace xraycast::cli

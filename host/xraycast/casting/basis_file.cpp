@@ -60,6 +60,7 @@ std::string header_of(const Basis& basis) {
               {"knots_hu", basis.knots_hu},
               {"hu_histogram", basis.hu_histogram},
               {"source", basis.source}};
+  if (geometry.has_outline()) header["outline_radii"] = geometry.outline_mm.size();
   if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -129,9 +130,9 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
 
 class Writer {
  public:
-  explicit Writer(const std::filesystem::path& path) : file_(path) {
+  Writer(const std::filesystem::path& path, std::uint32_t version) : file_(path) {
     file_.write({kBasisMagic, 8});
-    put(kBasisVersion);
+    put(version);
   }
 
   void write(const char* tag, std::span<const char> content) {
@@ -167,15 +168,15 @@ class Reader {
     left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
     if (!file_ || error) throw InputError("{}: cannot be opened: {}", name_, std::strerror(errno));
     char magic[8] = {};
-    std::uint32_t version = 0;
-    if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version, 4))
+    if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
       throw InputError("{}: not a basis, as `xraycast cast` writes one beside its map", name_);
-    if (version != kBasisVersion)
-      throw InputError("{}: basis of version {}, but this program reads version {}", name_, version,
-                       kBasisVersion);
+    if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
+      throw InputError("{}: basis of version {}, but this program reads versions {} and {}", name_, version_,
+                       kBasisVersion, kBasisOutlineVersion);
   }
 
   const std::string& name() const { return name_; }
+  bool has_outline() const { return version_ == kBasisOutlineVersion; }
 
   /// A chunk of whatever size it says.
   std::vector<char> read(const char* tag) {
@@ -243,14 +244,17 @@ class Reader {
   std::string name_;
   std::ifstream file_;
   std::int64_t left_B_ = 0;
+  std::uint32_t version_ = 0;
   int chunk_ = 0;
 };
 
 }  // namespace
 
 void write_basis(const Basis& basis, const std::filesystem::path& path) {
-  Writer writer(path);
+  const bool has_outline = basis.geometry.has_outline();
+  Writer writer(path, has_outline ? kBasisOutlineVersion : kBasisVersion);
   writer.write("HEAD", header_of(basis));
+  if (has_outline) writer.write("OUTL", as_chars(std::span(basis.geometry.outline_mm)));
   writer.write("TILE", as_chars(std::span(basis.touched)));
   writer.write("ROWS", as_chars(std::span(basis.weights)));
   writer.commit();
@@ -258,7 +262,12 @@ void write_basis(const Basis& basis, const std::filesystem::path& path) {
 
 Basis read_basis(const std::filesystem::path& path) {
   Reader reader(path);
-  Basis basis = basis_of(HeaderReader(reader.read("HEAD"), reader.name()), reader.name());
+  const HeaderReader header(reader.read("HEAD"), reader.name());
+  Basis basis = basis_of(header, reader.name());
+  if (reader.has_outline()) {
+    basis.geometry.outline_mm = reader.read<float>("OUTL", header.count("outline_radii"));
+    validate(basis.geometry, reader.name());
+  }
   basis.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
   std::int64_t rows = 0;
   for (const std::uint64_t mask : basis.touched) {
