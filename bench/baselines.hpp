@@ -1,11 +1,11 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <filesystem>
 #include <vector>
 
-/// What our times are held against. Nothing here uses our kernels.
+/// Baselines of the benchmarks. Nothing here uses xraycast's kernels.
 namespace xraycast::bench {
 
 /// A part of a scan, x fastest.

@@ -11,8 +11,8 @@
 
 namespace xraycast::bench {
 
-/// Frames as the window draws them while the C-arm turns: every next one 7 deg further, finished when its
-/// last pixel is in the framebuffer. The body's height fits. Needs a current OpenGL context.
+/// Frames as the window draws them while the C-arm turns: each 7 deg further, finished when its last pixel is
+/// in the framebuffer. The body's height fits. Needs a current OpenGL context.
 class Frames {
  public:
   /// `with_vessels`: the thorax phantom's vessels too, shaded, of more than the paper's 12,264 triangles.
@@ -33,7 +33,7 @@ class Frames {
   std::unique_ptr<Gl> gl_;
 };
 
-/// From a knot of the opacity moved to the frame with the new map.
+/// The time from moving a knot of the opacity to the frame with the new map.
 class OpacityFrames : public Frames {
  public:
   OpacityFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height);
@@ -46,7 +46,7 @@ class OpacityFrames : public Frames {
   int moves_ = 0;
 };
 
-/// VTK's vtkFixedPointVolumeRayCastMapper on the same scan and window, in a process of its own
+/// VTK's vtkFixedPointVolumeRayCastMapper on the same scan and window, in a separate process
 /// (bench/vtk_frames.py): its times in milliseconds.
 class VtkRayCaster {
  public:

@@ -9,11 +9,11 @@
 
 namespace xraycast::bench {
 
-/// RTK's projector of a scan with the paper's opacity, in a Python process of its own (rtk_project.py).
+/// RTK's projector of a scan with the paper's opacity, in a separate Python process (rtk_project.py).
 class RtkProjector {
  public:
   /// `python` is an interpreter that finds the package itk-rtk. Reads the scan. Throws std::runtime_error
-  /// with the reason when RTK cannot be had.
+  /// with the reason when RTK is not available.
   RtkProjector(const std::filesystem::path& python, const std::filesystem::path& scan);
   ~RtkProjector();
   RtkProjector(const RtkProjector&) = delete;

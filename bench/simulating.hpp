@@ -7,7 +7,7 @@
 
 namespace xraycast::bench {
 
-/// A catheter of so many nodes, most of them in contact, that is kept moving.
+/// A catheter with a given number of nodes, most of them in contact, that keeps moving.
 class CatheterSteps {
  public:
   CatheterSteps(std::size_t nodes, double spacing_mm);

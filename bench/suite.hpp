@@ -18,7 +18,7 @@
 
 namespace xraycast::bench {
 
-/// What benchmarks share, made once: the thorax phantom of 512 x 512 x 720 voxels, and an OpenGL context.
+/// Shared by the benchmarks, made once: the thorax phantom of 512 x 512 x 720 voxels, and an OpenGL context.
 struct Bench {
   HeadlessContext context;
   ComputeDevice device;
@@ -38,10 +38,10 @@ struct Bench {
   MapGeometry pictures(int views) const;
 };
 
-/// An opacity that bends at `count` knots.
+/// An opacity with `count` knots.
 Opacity many_knots(int count);
 
-/// A C-arm's picture of 640 x 480 pixels under a cone.
+/// A C-arm's picture of 640 x 480 pixels with a cone beam.
 View c_arm(double angle_deg, double tilt_deg);
 
 double median(std::vector<double> values);
@@ -71,7 +71,7 @@ benchmark::internal::Benchmark* add(const std::string& name, Work work) {
 /// A cube from the middle of the scan.
 Cube cube_of(const Bench& bench, std::int64_t size);
 
-// A topic a file: each registers its benchmarks and baselines and returns its lines of the table.
+// One topic per file: each registers its benchmarks and baselines and returns its lines of the table.
 std::vector<Row> add_casting(Bench& bench);
 std::vector<Row> add_projecting(Bench& bench);
 std::vector<Row> add_drawing(Bench& bench);

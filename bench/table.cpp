@@ -14,7 +14,7 @@ std::optional<double> ratio(const Row& row, const Times& times) {
 }
 
 void print_table(const std::vector<Row>& rows, const Times& times) {
-  fmt::print("\n{:<24} {:>11}  {:<28} {:>11} {:>8}  {}\n", "name", "value", "baseline", "", "ratio", "bar");
+  fmt::print("\n{:<24} {:>11}  {:<28} {:>11} {:>8}  {}\n", "name", "value", "baseline", "", "ratio", "limit");
   for (const Row& row : rows) {
     if (!times.contains(row.name)) continue;
     const std::optional<double> r = ratio(row, times);

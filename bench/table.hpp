@@ -23,7 +23,7 @@ using Times = std::map<std::string, double>;
 /// value / baseline for at_most and reported, baseline / value for at_least; nothing without a baseline.
 std::optional<double> ratio(const Row& row, const Times& times);
 
-/// The table for people, on stdout, of the rows whose benchmarks ran.
+/// Prints the table to stdout, for the rows whose benchmarks ran.
 void print_table(const std::vector<Row>& rows, const Times& times);
 
 /// A list of {"name", "value_ms", "baseline", "baseline_ms", "ratio"}.

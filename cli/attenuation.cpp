@@ -8,15 +8,14 @@ void add_attenuation_options(CLI::App& command, AttenuationOptions& options) {
   command
       .add_option(
           "--opacity", options.opacity,
-          "HU to attenuation: paper, bilinear, subtracted (for subtracted angiograms), or a JSON file of HU "
-          "and mu; spectrum: with 80, 100, 120 (kVp) or a file of keV and fluence models beam hardening")
+          "From HU to attenuation: paper, bilinear, subtracted (for subtracted angiograms), or a JSON file "
+          "of HU and mu; spectrum: models beam hardening for 80, 100 or 120 kVp or a file of keV and fluence")
       ->capture_default_str()
       ->type_name("NAME|FILE|spectrum:KVP|spectrum:FILE");
   command
-      .add_option(
-          "--iodine", options.iodine,
-          "Under a spectrum: a mask of the vessels on the scan's grid; voxels in it that are brighter than "
-          "blood are iodine, not bone")
+      .add_option("--iodine", options.iodine,
+                  "With a spectrum: a mask of the vessels on the scan's grid; voxels in it that are brighter "
+                  "than blood count as iodine, not bone")
       ->type_name("MASK");
 }
 
@@ -32,9 +31,7 @@ void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const S
                      const Session& session) {
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (opacity && *opacity == Opacity::paper() && hu.is_subtracted())
-    session.say(
-        {"no voxel is below water, as in a subtracted angiogram: --opacity subtracted shows what is above "
-         "it"});
+    session.say({"no voxel is below 0 HU, as in a subtracted angiogram; for one, use --opacity subtracted"});
 }
 
 SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,

@@ -56,7 +56,7 @@ glm::dvec3 parse_centre(const CastArguments& options, double z_mm) {
   const std::vector<double> centre = parse_numbers(options.centre, "--centre");
   const bool has_z = centre.size() == 3 && options.projection == "sphere";
   if (centre.size() != 2 && !has_z)
-    throw InputError("--centre {}: has to be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",
+    throw InputError("--centre {}: must be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",
                      options.centre);
   return {centre[0], centre[1], has_z ? centre[2] : z_mm};
 }
@@ -64,7 +64,7 @@ glm::dvec3 parse_centre(const CastArguments& options, double z_mm) {
 std::optional<double> given_radius_mm(const CastArguments& options) {
   if (options.radius == "auto") return std::nullopt;
   const std::vector<double> radius = parse_numbers(options.radius, "--radius");
-  if (radius.size() != 1) throw InputError("--radius {}: has to be auto or one number in mm", options.radius);
+  if (radius.size() != 1) throw InputError("--radius {}: must be auto or one number in mm", options.radius);
   return radius[0];
 }
 
@@ -102,7 +102,7 @@ std::vector<double> resolve_radii(const CastArguments& options, double radius_mm
   std::vector<double> edges_mm = parse_numbers(rule, "--radii");
   if (edges_mm.size() < 2)
     throw InputError(
-        "--radii {}: has to be equal-area, equal-thickness, near-skin or all edges in mm, innermost "
+        "--radii {}: must be equal-area, equal-thickness, near-skin or all edges in mm, innermost "
         "first",
         rule);
   if (has_body_outline(options) && edges_mm.back() <= 1)  // of the outline
@@ -112,7 +112,7 @@ std::vector<double> resolve_radii(const CastArguments& options, double radius_mm
                      pluralize(edges_mm.size() - 1, "layer"), layers);
   if (const auto given_mm = given_radius_mm(options);
       given_mm && *given_mm != edges_mm.back() && !has_body_outline(options))
-    throw InputError("--radii {} ends at another radius than --radius {}; leave --radius out", rule,
+    throw InputError("--radii {} ends at a radius other than --radius {}; leave --radius out", rule,
                      options.radius);
   return edges_mm;
 }
@@ -129,7 +129,8 @@ std::vector<double> resolve_knots(const CastArguments& options,
   if (options.basis.empty()) return {};
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity || options.projection != "cylinder")
-    throw InputError("--keep-basis {}: only cylinder maps under an opacity have a basis", options.basis);
+    throw InputError("--keep-basis {}: only cylinder maps cast with an opacity have a basis; leave it out",
+                     options.basis);
   check_writable(options.basis);
   std::vector<double> knots_hu =
       options.knots.empty() ? useful_knots_hu(*opacity) : parse_numbers(options.knots, "--knots");
@@ -177,7 +178,7 @@ MapGeometry resolve_sphere(const CastArguments& options, const VolumeGeometry& v
   const glm::dvec3 centre_mm =
       options.centre == "auto" ? glm::dvec3(outline.centre_mm, middle_mm) : parse_centre(options, middle_mm);
   double radius_mm = outline.radius_mm;
-  if (options.radius == "auto")  // has to enclose the body at both ends of the scan too
+  if (options.radius == "auto")  // must enclose the body at both ends of the scan too
     radius_mm =
         std::hypot(radius_mm, std::max(volume.upper_mm().z - centre_mm.z, centre_mm.z - volume.lower_mm().z));
   return sphere_map(volume, options.angles.value_or(kAngles), resolve_radii(options, radius_mm), centre_mm);
@@ -191,7 +192,7 @@ MapGeometry resolve_cylinder(const CastArguments& options, const VolumeGeometry&
   const std::vector<glm::dvec2> centre_mm =
       CurvedAxis::from_file(options.centre_line).centre_of_rows_mm(volume);
   double radius_mm = outline.radius_mm;
-  if (options.radius == "auto") {  // has to enclose the body wherever the centre goes
+  if (options.radius == "auto") {  // must enclose the body wherever the centre goes
     double farthest_mm = 0;
     for (const glm::dvec2& centre : centre_mm)
       farthest_mm = std::max(farthest_mm, glm::distance(centre, outline.centre_mm));
@@ -248,7 +249,7 @@ std::int64_t memory_limit_B(const CastArguments& options, const ComputeDevice& d
   const std::string unit = options.memory_limit.substr(digits);
   const int shift = unit == "GiB" || unit == "G" ? 30 : unit == "MiB" || unit == "M" ? 20 : -1;
   if (digits == 0 || shift < 0 || !(number > 0 && number < 1e6))
-    throw InputError("--memory-limit {}: has to be a size such as 800M or 1.5G", options.memory_limit);
+    throw InputError("--memory-limit {}: must be a size such as 800M or 1.5G", options.memory_limit);
   return static_cast<std::int64_t>(std::ldexp(number, shift));
 }
 
@@ -321,8 +322,8 @@ Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spe
   return {std::move(result), timings};
 }
 
-/// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: then
-/// slabs take less memory, and therefore less time.
+/// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: slabs
+/// then need less memory, and therefore less time.
 bool is_best_by_slabs(const CastArguments& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const VolumeGeometry& volume) {
   return volume.size.z > kMaxSlabSlices && options.centre != "auto" && options.radius != "auto" &&
@@ -408,9 +409,9 @@ void add_cast(CLI::App& app, Session& session) {
       ->required();
   add_map_output_options(*command, options->output);
   command
-      ->add_option(
-          "--projection", options->projection,
-          "How rays run: cylinder (outwards from the axis), sphere (from a point) or rectangle (parallel)")
+      ->add_option("--projection", options->projection,
+                   "Ray geometry: cylinder (outwards from the axis), sphere (outwards from a point) or "
+                   "rectangle (parallel)")
       ->check(CLI::IsMember({"cylinder", "sphere", "rectangle"}))
       ->capture_default_str()
       ->type_name("NAME");
@@ -432,19 +433,20 @@ void add_cast(CLI::App& app, Session& session) {
                     "--outline body: an outline that holds all in the scan, such as the table");
   command
       ->add_option("--angles", options->angles,
-                   "Rays per turn around the axis: the map's width (default 360)")
+                   "Rays per full turn around the axis, the map's width (default 360)")
       ->type_name("N");
   command->add_option("--views", options->views, "rectangle: number of views over 180 deg (default 36)")
       ->type_name("N");
   command
       ->add_option("--centre", options->centre,
-                   "Position of the axis (sphere: of the centre) in LPS mm; auto: the body's centroid; "
-                   "vessels: the centroid of the vessels in a folder of `xraycast segment`")
+                   "Position of the axis (sphere: of the centre) in mm (LPS); auto: the body's centroid; "
+                   "vessels: the centroid of the vessels that `xraycast segment` wrote to DIR")
       ->capture_default_str()
       ->type_name("auto|vessels:DIR|X,Y[,Z]");
   command
-      ->add_option("--centre-line", options->centre_line,
-                   "cylinder: let the centre follow a curve, monotone in z: a CSV of x,y,z or a vessel tree")
+      ->add_option(
+          "--centre-line", options->centre_line,
+          "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree")
       ->type_name("FILE[#BRANCH]");
   command
       ->add_option("--radius", options->radius,
@@ -453,23 +455,24 @@ void add_cast(CLI::App& app, Session& session) {
       ->type_name("auto|MM");
   command
       ->add_option("--without-vessels", options->without_vessels,
-                   "Remove the contrast agent from the vessels in a folder of `xraycast segment`, which are "
-                   "then drawn as a surface instead")
+                   "Remove the contrast agent from the vessels that `xraycast segment` wrote to DIR, so that "
+                   "they can be drawn as a surface instead")
       ->type_name("DIR");
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,
-                   "Cast larger scans in slabs (default: the device's largest buffer)")
+                   "Cast a scan that exceeds this size slab by slab, such as 800M (default: the device's "
+                   "largest buffer)")
       ->type_name("SIZE");
   CLI::Option* keep_basis =
       command
           ->add_option("--keep-basis", options->basis,
-                       "Also write the basis from which `xraycast recast` makes maps under other opacities")
+                       "Also write the basis from which `xraycast recast` makes maps with other opacities")
           ->type_name("FILE");
   command
       ->add_option("--knots", options->knots,
-                   "HU at which those opacities may bend, at most 64 (default: the knots of --opacity and a "
-                   "standard set)")
+                   "CT numbers at which the slope of those opacities may change, at most 64 (default: the "
+                   "knots of --opacity and a standard set)")
       ->needs(keep_basis)
       ->type_name("HU,HU,...");
   add_scan_options(*command, options->scan);

@@ -22,10 +22,9 @@ void add_catheter_options(CLI::App& command, std::string& instrument_model, std:
   else
     model->capture_default_str();
   command
-      .add_option(
-          "--entry", entry,
-          "Vessel end at which it enters: the number of a branch, or the end nearest to a point in LPS mm "
-          "(default: the most inferior end that it fits into)")
+      .add_option("--entry", entry,
+                  "Vessel end at which the device enters: the number of a branch, or the end nearest to a "
+                  "point in mm (LPS) (default: the most inferior end that the device fits into)")
       ->type_name("BRANCH|X,Y,Z");
 }
 
@@ -36,7 +35,7 @@ EntryChoice parse_entry(const std::string& text) {
   if (numbers.size() == 3) return {glm::dvec3(numbers[0], numbers[1], numbers[2]), name};
   if (numbers.size() != 1 || numbers[0] != std::floor(numbers[0]) ||
       std::abs(numbers[0]) > std::numeric_limits<int>::max())
-    throw InputError("{}: has to be a branch's number or X,Y,Z in mm (LPS)", name);
+    throw InputError("{}: must be a branch's number or X,Y,Z in mm (LPS)", name);
   return {static_cast<int>(numbers[0]), name};
 }
 

@@ -8,8 +8,8 @@
 
 namespace xraycast::cli {
 
-/// --device-model and --entry: what is steered, and where it enters. The first is required unless
-/// `instrument_model` has a default.
+/// --device-model and --entry: the instrument and its entry. The first is required unless `instrument_model`
+/// has a default.
 void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry);
 
 /// Of --entry: a branch's number, or X,Y,Z in mm (LPS); empty for the default. Throws InputError.

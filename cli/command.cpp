@@ -32,7 +32,7 @@ std::vector<std::string> split(const std::string& text, char separator) {
   return parts;
 }
 
-/// Parses the whole text as a number; false if any of it is left.
+/// Parses the whole text as a number; false if any text remains.
 template <typename Number>
 bool parse(const std::string& text, Number& number) {
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
@@ -70,7 +70,7 @@ void Session::say(const std::vector<std::string>& lines) const {
 }
 
 void Session::answer(const Json& result, const std::string& text) const {
-  // What scans say of themselves and names of files need not be UTF-8, which JSON has to be.
+  // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
   std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))
             << std::flush;
 }
@@ -112,11 +112,10 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
   for (const std::string& part : split(text, 'x')) {
     std::int64_t size = 0;
     if (!parse(part, size) || size < 1 || size > 65536)
-      throw InputError("{} {}: has to be {} numbers of 1 to 65536, joined by x", option, text, count);
+      throw InputError("{} {}: must be {} numbers of 1 to 65536, joined by x", option, text, count);
     sizes.push_back(size);
   }
-  if (sizes.size() != count)
-    throw InputError("{} {}: has to be {} numbers, joined by x", option, text, count);
+  if (sizes.size() != count) throw InputError("{} {}: must be {} numbers, joined by x", option, text, count);
   return sizes;
 }
 
@@ -134,7 +133,7 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 void make_folder(const std::filesystem::path& folder, const std::string& name) {
   std::error_code error;
   std::filesystem::create_directories(folder, error);
-  if (error) throw InputError("{}: the folder cannot be made: {}", name, error.message());
+  if (error) throw InputError("{}: the folder cannot be created: {}", name, error.message());
 }
 
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
@@ -148,9 +147,10 @@ void check_folder(const std::filesystem::path& folder, std::initializer_list<con
   while (!fs::exists(fs::symlink_status(above, error)) && above.has_relative_path())
     above = above.parent_path();
   if (!fs::is_directory(above, error))
-    throw InputError("{}: the folder cannot be made: {} is no folder", name, above.string());
+    throw InputError("{}: the folder cannot be created: {} is not a folder", name, above.string());
   if (access(above.c_str(), W_OK | X_OK) != 0)
-    throw InputError("{}: the folder cannot be made in {}: {}", name, above.string(), std::strerror(errno));
+    throw InputError("{}: the folder cannot be created in {}: {}", name, above.string(),
+                     std::strerror(errno));
 }
 
 Json to_json(const VolumeGeometry& geometry) {

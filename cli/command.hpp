@@ -28,7 +28,7 @@ struct Session {
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
-  /// Prints one line each on stderr, unless --quiet.
+  /// Prints each line on stderr, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
   /// Prints a result on stdout: the JSON with --json, else the text.
@@ -71,7 +71,7 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 void make_folder(const std::filesystem::path& folder, const std::string& name);
 
 /// Called before long work whose results go into `folder`: throws InputError, with `name` in front, when the
-/// folder cannot be made, and as check_writable when one of the files cannot be written. Makes nothing.
+/// folder cannot be created, and as check_writable when one of the files cannot be written. Creates nothing.
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
                   const std::string& name);
 

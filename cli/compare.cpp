@@ -33,7 +33,7 @@ struct CompareArguments {
   int views = 12;
 };
 
-/// The DRR of the part of the scan that the map covers, and which pixels' rays meet its circle.
+/// The DRR of the part of the scan that the map covers, and the pixels whose rays meet its circle.
 struct Drr {
   std::vector<float> tau;
   std::vector<std::uint8_t> counts;
@@ -68,11 +68,11 @@ Json to_json(const Similarity& similarity) {
 std::shared_ptr<const BodyMap> read_map(const std::string& path) {
   auto map = std::make_shared<const BodyMap>(read_body_map(path));
   if (map->spectrum)
-    throw InputError("{}: a spectrum map; those that hold optical depths can be compared", path);
+    throw InputError("{}: a spectrum map; only maps that hold optical depths can be compared", path);
   return map;
 }
 
-/// What --plot shows of the frames, and how its axis is labelled.
+/// A measure that --plot shows, and the label of its axis.
 struct Measure {
   const char *name, *label;
   double (*of)(const ImageSimilarity&);
@@ -88,22 +88,22 @@ const Measure& parse_measure(const std::string& name) {
                             [](const Measure& measure) { return std::string(measure.name); });
 }
 
-/// At which C-arm angles frames are compared.
+/// The C-arm angles of the compared frames.
 std::vector<double> resolve_angles_deg(const CompareArguments& options) {
   if (!options.angles.empty()) return parse_angles_deg(options.angles, "--angles");
   if (options.views < 1 || options.views > 3600)
-    throw InputError("--views {}: has to be 1 to 3600", options.views);
+    throw InputError("--views {}: must be 1 to 3600", options.views);
   std::vector<double> angles_deg;
   for (int i = 0; i < options.views; ++i) angles_deg.push_back(360.0 * i / options.views);
   return angles_deg;
 }
 
-/// What a map consists of, for people.
+/// The content of a map, as text for the user.
 std::string contents_of(const MapGeometry& geometry) {
   return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
 }
 
-/// Throws InputError where --pictures cannot be a folder, in which each map's pictures go by its own name.
+/// Throws InputError when --pictures is not a folder or two maps' pictures would have the same names.
 void check_pictures(const CompareArguments& options) {
   namespace fs = std::filesystem;
   if (fs::exists(options.pictures) && !fs::is_directory(options.pictures))
@@ -112,8 +112,9 @@ void check_pictures(const CompareArguments& options) {
   for (const std::string& map : options.maps) names.push_back(fs::path(map).stem().string());
   std::ranges::sort(names);
   if (const auto twice = std::ranges::adjacent_find(names); twice != names.end())
-    throw InputError("--pictures {}: two maps are named {}, and so would be their pictures; rename one",
-                     options.pictures, *twice);
+    throw InputError(
+        "--pictures {}: two maps are named {}, so their pictures would overwrite each other; rename one",
+        options.pictures, *twice);
 }
 
 void make_picture_folder(const CompareArguments& options) {
@@ -128,7 +129,7 @@ struct Comparison {
   Curve curve;
 };
 
-/// The frame of a map at an angle, and the DRR that it should be.
+/// The frame of a map at an angle, and its reference DRR.
 struct Pair {
   View view;
   std::vector<float> frame;
@@ -264,36 +265,37 @@ void compare_maps(const CompareArguments& options, Session& session) {
 void add_compare(CLI::App& app, Session& session) {
   const auto options = std::make_shared<CompareArguments>();
   CLI::App* command = add_command(
-      app, session, "compare", "How close frames of a map are to true projections of its scan",
+      app, session, "compare", "Compare frames of body maps with true projections (DRRs) of their scan",
       "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
       "  xraycast compare chest.nii.gz chest.exr --views 4 --pictures chest-views\n"
       "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
       "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
       [options, &session] { compare_maps(*options, session); });
-  command->add_option("INPUT", options->input, "The scan that the map was cast from")->required();
-  command->add_option("MAP", options->maps, "Body maps of it")->required()->type_name("MAP.exr...");
-  auto* views = command->add_option("--views", options->views, "How many angles, evenly around the body")
-                    ->capture_default_str()
-                    ->type_name("N");
-  command->add_option("--angles", options->angles, "These angles instead")
+  command->add_option("INPUT", options->input, "The scan that the maps were cast from")->required();
+  command->add_option("MAP", options->maps, "Body maps cast from it")->required()->type_name("MAP.exr...");
+  auto* views =
+      command->add_option("--views", options->views, "Number of C-arm angles, evenly spaced around the body")
+          ->capture_default_str()
+          ->type_name("N");
+  command->add_option("--angles", options->angles, "These C-arm angles in degrees instead; TO is excluded")
       ->excludes(views)
       ->type_name("FROM:TO:STEP");
-  command->add_option("--compositing", options->compositing, "wall or path")
+  command->add_option("--compositing", options->compositing, "As in `xraycast render`")
       ->check(CLI::IsMember({"wall", "path"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command
-      ->add_option("--reconstruction", options->reconstruction, "path: mu between shells, linear or constant")
+  command->add_option("--reconstruction", options->reconstruction, "As in `xraycast render`")
       ->check(CLI::IsMember({"linear", "constant"}))
       ->capture_default_str()
       ->type_name("NAME");
   command
       ->add_option("--pictures", options->pictures,
-                   "Also a PNG for every view: the map's frame, the true projection, and their difference")
+                   "Also write a PNG per view: the map's frame, the true projection, and their difference")
       ->type_name("DIR");
-  command->add_option("--plot", options->plot, "Also a plot over the angle")->type_name("PNG");
-  command->add_option("--plot-of", options->plotted, "What the plot shows: psnr, ssim, or the error rmse")
+  command->add_option("--plot", options->plot, "Also plot the similarity over the C-arm angle")
+      ->type_name("PNG");
+  command->add_option("--plot-of", options->plotted, "What to plot: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
       ->capture_default_str()
       ->type_name("NAME");

@@ -2,7 +2,7 @@
 #include "view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/scan/ct_series.hpp"
+#include "xraycast/series/ct_series.hpp"
 
 #include <fmt/format.h>
 

@@ -17,11 +17,11 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
-#include "xraycast/scan/body_outline.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/simulation/run_script.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 #include <fmt/format.h>
 
@@ -78,7 +78,7 @@ class Report {
 
 constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
 
-// Frames stand below the true projections of the same angles.
+// Frames are placed below the true projections of the same angles.
 constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
 MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, int layers) {
@@ -159,7 +159,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
 /// The phantom's vessels as segmentation finds them, in `vessels`.
 VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
   const Mask mask = report.timed(
-      "vessels found", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
+      "vessels segmented", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
   const Centrelines centrelines =
       report.timed("centrelines", [&] { return extract_centrelines(mask, "thorax phantom"); });
   fs::create_directories(report.file("vessels"));
@@ -239,7 +239,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
   write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
-  report.picture("run-forces.png", "What the hand feels at the hub");
+  report.picture("run-forces.png", "Force and torque at the hub");
 }
 
 void run_demo(const std::string& folder, Session& session) {
@@ -257,7 +257,8 @@ void run_demo(const std::string& folder, Session& session) {
     return 0;
   });
   const BodyOutline body = find_outline(volume);
-  const ResidentScan scan = report.timed("scan to the device", [&] { return upload(device, volume); });
+  const ResidentScan scan =
+      report.timed("scan uploaded to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
   report.picture("map-1.png", "Body map, one layer");
   show_inner_layers(make_map(scan, body, 8, report, progress), report);

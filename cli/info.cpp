@@ -26,7 +26,7 @@ std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const 
   if (info.tilt_deg != 0) row("tilt", fmt::format("{:.2f} deg", info.tilt_deg));
   for (const auto& [after, mm] : info.gaps) row("gap", fmt::format("{:.2f} mm after slice {}", mm, after));
   row("HU", fmt::format("{:g} to {:g}", hu.lowest, hu.highest));
-  row("delivered",
+  row("loaded",
       fmt::format(
           "{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, from ({:.1f}, {:.1f}, {:.1f}) mm, axes towards LPS",
           geometry.size.x, geometry.size.y, geometry.size.z, geometry.spacing_mm.x, geometry.spacing_mm.y,

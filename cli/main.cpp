@@ -20,7 +20,7 @@ namespace {
 
 using namespace xraycast;
 
-// Exit statuses; scripts rely on them. What a signal ended has 128 + its number, as in a shell.
+// Exit statuses; scripts rely on them. After a signal: 128 + its number, as in a shell.
 enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFailed = 4 };
 
 /// One line, whatever the message holds.
@@ -36,7 +36,7 @@ int report_cancelled() {
                 cli::kSignalStatus + cli::SignalWatch::caught());
 }
 
-/// Of the exception that is being handled.
+/// Reports the exception that is being handled.
 int report_failure() {
   try {
     throw;
@@ -68,7 +68,7 @@ int run(const std::function<void()>& job) {
   }
 }
 
-/// Standard output may be a full disk, or a program that has read enough.
+/// Standard output may be a full disk or a closed pipe.
 int checked_output(int status) {
   std::cout.flush();
   if (std::cout || status != kDone) return status;
@@ -83,8 +83,9 @@ int main(int argc, char** argv) {
   CLI::App app{"xraycast turns CT scans into fluoroscopy that one can fly through. Not for clinical use.",
                "xraycast"};
   app.set_version_flag("--version", XRAYCAST_VERSION);
-  app.require_subcommand(0, 1);  // none is told below: CLI11 would take a misspelt one for none
-  app.fallthrough();             // global options are taken behind the subcommand too
+  app.require_subcommand(0,
+                         1);  // a missing one is reported below: CLI11 would report a misspelt one as missing
+  app.fallthrough();          // global options are accepted after the subcommand too
   app.get_formatter()->column_width(34);
 
   cli::ProgressBar* bar = nullptr;
@@ -94,7 +95,7 @@ int main(int argc, char** argv) {
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
-  app.add_flag("--quiet,-q", session.quiet, "No notes, no progress, no report of files written");
+  app.add_flag("--quiet,-q", session.quiet, "Suppress notes, progress and the report of written files");
   cli::add_info(app, session);
   cli::add_convert(app, session);
   cli::add_phantom(app, session);
@@ -120,7 +121,7 @@ int main(int argc, char** argv) {
   if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   const KernelCache kernel_cache;
   return checked_output(run([&] {
-    // Gone, and its line with it, before an error is reported.
+    // Destroyed, and its line removed, before an error is reported.
     cli::ProgressBar drawn(!session.quiet);
     bar = &drawn;
     session.job();

@@ -10,7 +10,7 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->type_name("PNG");
   command
       .add_option("--preview-window", output.window,
-                  "auto: window chosen from the map; paper: exp(-tau), unscaled")
+                  "auto: grey window from the map's values; paper: transmission exp(-tau), unscaled")
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str()
       ->type_name("auto|paper");

@@ -16,7 +16,7 @@ struct MapOutput {
 /// --output, --preview and --preview-window.
 void add_map_output_options(CLI::App& command, MapOutput& output);
 
-/// Writes the map, and the preview where there is to be one.
+/// Writes the map, and the preview if requested.
 void write_map(const BodyMap& map, const MapOutput& output);
 
 }  // namespace xraycast::cli

@@ -72,18 +72,19 @@ void add_phantom(CLI::App& app, Session& session) {
   command->add_option("-o,--output", options->output, ".nrrd, .nii, .nii.gz, .mha or .mhd")
       ->required()
       ->type_name("VOLUME");
-  command->add_option("--size", options->size, "Number of voxels; alone, the field of view stays")
+  command
+      ->add_option("--size", options->size, "Number of voxels; without --spacing, the field of view is kept")
       ->type_name("NXxNYxNZ");
   command
       ->add_option("--spacing", options->phantom.spacing_mm,
-                   "Voxel size, all axes; alone, the field of view stays")
+                   "Voxel size along all axes; without --size, the field of view is kept")
       ->type_name("MM");
   command->add_option("--noise", options->phantom.noise_hu, "Standard deviation of the image noise")
       ->type_name("HU");
   command->add_option("--seed", options->phantom.seed, "Seed of the noise")
       ->capture_default_str()
       ->type_name("N");
-  command->add_flag("--table", options->phantom.table, "With the patient table or head rest");
+  command->add_flag("--table", options->phantom.table, "Include the patient table or the head rest");
   command
       ->add_option("--truth", options->truth,
                    "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp")

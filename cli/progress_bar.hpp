@@ -8,7 +8,7 @@
 namespace xraycast::cli {
 
 /// Draws the progress of a job on one line of stderr, with rate and remaining time. Nothing where stderr is
-/// not a terminal, and nothing for stages that are over within half a second.
+/// not a terminal, and nothing for stages shorter than half a second.
 class ProgressBar {
  public:
   explicit ProgressBar(bool enabled);

@@ -55,7 +55,9 @@ void project_scan(const ProjectArguments& options, Session& session) {
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
   view = fitted(view, volume, body);
   if (is_source_within(view, volume, body))
-    session.say({"the source stands within the body: what lies behind it is not in the picture"});
+    session.say(
+        {"the X-ray source lies inside the body, so the tissue behind it is not in the picture; increase the "
+         "first distance of --cone"});
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   // A tube's spectrum ends at its voltage.
   if (spectrum) xa.tube_kvp = std::ceil(spectrum->bins().back().energy_kev);
@@ -92,9 +94,9 @@ void add_project(CLI::App& app, Session& session) {
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   command
-      ->add_option("-o,--output", options->output,
-                   ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA; .png the displayed "
-                   "picture")
+      ->add_option(
+          "-o,--output", options->output,
+          ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA image; .png the displayed picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

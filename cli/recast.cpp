@@ -63,7 +63,7 @@ void recast_map(const RecastArguments& options, Session& session) {
 void add_recast(CLI::App& app, Session& session) {
   const auto options = std::make_shared<RecastArguments>();
   CLI::App* command = add_command(
-      app, session, "recast", "Make a body map under another opacity from a basis, without the scan",
+      app, session, "recast", "Make a body map with another opacity from a basis, without the scan",
       "  xraycast cast scans/chest/ -o chest.exr --layers 8 --keep-basis chest.basis\n"
       "  xraycast recast chest.basis -o bone.exr --opacity bone.json --preview bone.png",
       [options, &session] { recast_map(*options, session); });

@@ -33,7 +33,7 @@ namespace {
 
 namespace fs = std::filesystem;
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr const char* kOldSpelling = "";  // options of no group are accepted, but not in --help
+constexpr const char* kOldSpelling = "";  // options without a group are accepted, but not shown in --help
 
 struct RenderArguments {
   std::string map, output, session, cine, layer_weights;
@@ -53,7 +53,7 @@ void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
         *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
   if (!options.wall_radius_mm) return;
   if (sampling.compositing != Compositing::wall)
-    throw InputError("--wall-radius {}: moves the walls of --compositing wall; give that too",
+    throw InputError("--wall-radius {}: applies only to --compositing wall; give that too",
                      *options.wall_radius_mm);
   sampling.wall_radius_mm = options.wall_radius_mm;
 }
@@ -74,25 +74,25 @@ void apply_style(const RenderArguments& options, Style& style) {
   if (options.grey.inverted) style.window.inverted = true;
 }
 
-/// The session, where there is one, overridden by the other options.
+/// The session, if given, overridden by the other options.
 ViewSession resolve(const RenderArguments& options) {
   ViewSession scene;
   if (!options.session.empty()) scene = read_session(options.session);
   if (!options.map.empty()) scene.map = options.map;
   apply(options.scene, scene);
-  if (scene.map.empty()) throw InputError("what to draw is missing: give a MAP.exr or --session");
+  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
   apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
   return scene;
 }
 
-/// The body map, recast when the session says so.
+/// The body map, recast if the session has an opacity.
 std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session& session) {
   auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
   const auto& weights = scene.style.layer_weights;
   if (!weights.empty() && weights.size() != static_cast<std::size_t>(map->geometry.layers()))
-    throw InputError("{} for the {} of {}", pluralize(weights.size(), "layer weight"),
+    throw InputError("{} for the {} of {}; give one per layer", pluralize(weights.size(), "layer weight"),
                      pluralize(map->geometry.layers(), "layer"), scene.map.string());
   if (!scene.opacity || scene.basis.empty()) return map;
   ComputeDevice device(session.device);
@@ -113,7 +113,7 @@ void check_output(const RenderArguments& options) {
     check_writable(options.output);
   } else {
     if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))
-      throw InputError("--cine with -o {}: has to be a folder for PNGs, or end in .gif or .dcm",
+      throw InputError("--cine with -o {}: must be a folder for PNGs, or end in .gif or .dcm",
                        options.output);
     make_folder(options.output, options.output);
     check_writable(fs::path(options.output) / "frame-000.png");
@@ -157,7 +157,7 @@ class FrameRenderer {
       road_map_.emplace(read_tree(scene.vessels));
   }
 
-  /// What is shown: in the session's grey window, or in one that is adapted to the view.
+  /// The displayed picture: in the session's grey window, or in an automatic one for the view.
   std::vector<std::uint8_t> picture(const View& view) {
     Style style = scene_.style;
     if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
@@ -258,7 +258,7 @@ void render(const RenderArguments& options, Session& session) {
 void add_render(CLI::App& app, Session& session) {
   const auto options = std::make_shared<RenderArguments>();
   CLI::App* command = add_command(
-      app, session, "render", "A frame of a body map, without a display",
+      app, session, "render", "Render a frame or a cine of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
@@ -267,49 +267,48 @@ void add_render(CLI::App& app, Session& session) {
       [options, &session] { render(*options, session); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
-      ->add_option(
-          "-o,--output", options->output,
-          ".exr, .tif, .nrrd hold float tau; .dcm a DICOM XA; .png what is shown; --cine: a folder of "
-          "PNGs, .gif or .dcm")
+      ->add_option("-o,--output", options->output,
+                   ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA image; .png the "
+                   "displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
   command
-      ->add_option(
-          "--look", options->look,
-          "fluoro (default): vessels attenuate too; surface: shaded and opaque; a float file then holds the "
-          "optical depth in front of them")
+      ->add_option("--look", options->look,
+                   "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
+                   "opaque, and a float file holds the optical depth in front of them")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->type_name("NAME");
   command
       ->add_option("--compositing", options->compositing,
-                   "path (default): by the path length through each shell; wall: the paper's")
+                   "How shells add up along a ray: path (default), by the path length in each; wall, once "
+                   "per wall, as in the paper")
       ->check(CLI::IsMember({"path", "wall"}))
       ->type_name("NAME");
   command
       ->add_option("--reconstruction", options->reconstruction,
-                   "path: mu between the shells, linear (default) or constant")
+                   "path: attenuation across the shells, linear (default) or constant")
       ->check(CLI::IsMember({"linear", "constant"}))
       ->type_name("NAME");
-  command->add_option("--wall-radius", options->wall_radius_mm, "wall: where the outermost wall stands")
+  command->add_option("--wall-radius", options->wall_radius_mm, "wall: radius of the outermost wall")
       ->check(CLI::PositiveNumber)
       ->type_name("MM");
-  constexpr const char* kWeights = "One weight a layer, innermost first; 0 hides it";
+  constexpr const char* kWeights = "One weight per layer, innermost first; 0 hides the layer";
   command->add_option("--layer-weights", options->layer_weights, kWeights)->type_name("W,W,...");
   command->add_option("--strengths", options->layer_weights, kWeights)->group(kOldSpelling);
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
   command->add_flag(
       "--full-contrast", options->full_contrast,
-      "fluoro: vessels and catheter keep the contrast that the grey window takes from the body's range");
+      "fluoro: vessels and catheter keep full contrast where the grey window compresses the body's");
   constexpr const char* kAnnotations = "Orientation letters (R L A P S I), the axis, and a scale bar";
   command->add_flag("--annotations", options->annotations, kAnnotations);
   command->add_flag("--furniture", options->annotations, kAnnotations)->group(kOldSpelling);
   command
-      ->add_option(
-          "--cine", options->cine,
-          "A rotation around the body instead of one frame; surplus frames of an earlier one are removed")
+      ->add_option("--cine", options->cine,
+                   "A rotational cine instead of one frame; TO is excluded; surplus frames of an earlier "
+                   "cine are removed")
       ->type_name("FROM:TO:STEP");
   command
       ->add_option("--session", options->session,

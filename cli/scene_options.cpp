@@ -9,14 +9,17 @@ namespace xraycast::cli {
 void add_scene_options(CLI::App& command, SceneOptions& options) {
   command
       .add_option("--vessels", options.vessels,
-                  "Vessels within the body: a surface (.vtp, .stl), or a folder that holds one")
+                  "Vessels inside the body: a surface (.vtp, .stl), or a folder that holds one")
       ->type_name("DIR|FILE");
   command
-      .add_option("--contrast", options.contrast_mg_ml,
-                  "fluoro: iodine in the vessels' blood (default 50; undiluted agents have 350)")
+      .add_option(
+          "--contrast", options.contrast_mg_ml,
+          "fluoro: iodine concentration in the vessels (default 50; undiluted contrast agent: about 350)")
       ->check(CLI::Range(0.0, kMaxContrast_mg_ml))
       ->type_name("MG/ML");
-  command.add_option("--catheter", options.catheter, "Control points x,y,z in mm of a catheter's curve")
+  command
+      .add_option("--catheter", options.catheter,
+                  "A catheter's shape: control points x,y,z in mm (LPS) of a curve")
       ->type_name("CSV");
 }
 

@@ -9,7 +9,7 @@
 
 namespace xraycast::cli {
 
-/// What is drawn within the body: --vessels, --contrast and --catheter, as given.
+/// Objects drawn inside the body: --vessels, --contrast and --catheter, as given.
 struct SceneOptions {
   std::string vessels, catheter;
   std::optional<double> contrast_mg_ml;
@@ -17,10 +17,10 @@ struct SceneOptions {
 
 void add_scene_options(CLI::App& command, SceneOptions& options);
 
-/// Puts what was given in the place of what the session has. Throws InputError for a file that is not there.
+/// Overrides the session's values with the given options. Throws InputError for a file that does not exist.
 void apply(const SceneOptions& options, ViewSession& session);
 
-/// A file of the session is another one, if one was given. Throws InputError when it is not there.
+/// Replaces a file of the session if one was given. Throws InputError when it does not exist.
 void replace_file(std::filesystem::path& file, const std::string& given);
 
 }  // namespace xraycast::cli

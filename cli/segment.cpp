@@ -35,7 +35,7 @@ std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, cons
   std::vector<glm::dvec3> points_mm;
   for (const std::string& text : texts) {
     const std::vector<double> numbers = parse_numbers(text, option);
-    if (numbers.size() != 3) throw InputError("{} {}: has to be X,Y,Z in mm (LPS)", option, text);
+    if (numbers.size() != 3) throw InputError("{} {}: must be X,Y,Z in mm (LPS)", option, text);
     points_mm.emplace_back(numbers[0], numbers[1], numbers[2]);
   }
   return points_mm;
@@ -46,12 +46,12 @@ SegmentOptions parsed(const SegmentArguments& options) {
   segment.markers.vessels_mm = parse_points(options.seeds, "--seed");
   segment.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
   if (!(segment.markers.max_radius_mm > 0))
-    throw InputError("--max-radius {}: has to be above zero", segment.markers.max_radius_mm);
-  if (options.triangles < 100) throw InputError("--triangles {}: has to be 100 or more", options.triangles);
+    throw InputError("--max-radius {}: must be above zero", segment.markers.max_radius_mm);
+  if (options.triangles < 100) throw InputError("--triangles {}: must be 100 or more", options.triangles);
   if (options.window != "auto") {
     const std::vector<double> limits = parse_numbers(options.window, "--window");
     if (limits.size() != 2 || limits[0] >= limits[1])
-      throw InputError("--window {}: has to be auto or LO,HI in HU, the lower one first", options.window);
+      throw InputError("--window {}: must be auto or LO,HI in HU, the lower one first", options.window);
     segment.window_hu = {limits[0], limits[1]};
   }
   return segment;
@@ -65,20 +65,21 @@ Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& pr
   return between(values, 1, 32767);
 }
 
-/// The components with seeds; without seeds all but the smallest, whatever their shape: the mask says what is
-/// vessel.
+/// The components with seeds; without seeds all but the smallest, whatever their shape, since the mask
+/// defines the vessels.
 Mask selected_components(const Mask& mask, const Markers& markers, const std::string& name,
                          Session& session) {
   if (!markers.vessels_mm.empty()) return select_vessels(mask, markers, name, session.progress);
   Mask kept = without_small_components(mask);
   if (const std::int64_t dropped = mask.count() - kept.count(); dropped > 0)
-    session.say({fmt::format(
-        "{}: left out components of less than 1 % of the largest one, {} in all; --seed keeps one of them",
-        name, pluralize(dropped, "voxel"))});
+    session.say(
+        {fmt::format("{}: left out components of less than 1 % of the largest one, {} in all; give a --seed "
+                     "in one to keep it",
+                     name, pluralize(dropped, "voxel"))});
   return kept;
 }
 
-/// How the components of the mask were linked to one tree, where there were several.
+/// Text on how several components of the mask were linked to one tree.
 std::string linked(const Centrelines& found) {
   std::string words;
   if (found.gaps_mm.size() == 1)
@@ -87,7 +88,7 @@ std::string linked(const Centrelines& found) {
     words = fmt::format(", {} gaps of up to {:.0f} mm closed", found.gaps_mm.size(),
                         std::ranges::max(found.gaps_mm));
   if (found.parts_left_out > 0)
-    words += fmt::format(", {} of the mask too far away to be in the tree",
+    words += fmt::format(", {} of the mask left out, too far away to be linked",
                          pluralize(found.parts_left_out, "component"));
   return words;
 }
@@ -123,7 +124,7 @@ void segment(const SegmentArguments& options, Session& session) {
   progress.advance();
 
   make_folder(folder, "-o " + options.folder);
-  OutputSet outputs;  // a mask beside another scan's report would mislead
+  OutputSet outputs;  // a mask beside another scan's report would be misleading
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
   write_tree(centrelines.tree, folder / "tree.vtp");
   write_tree(centrelines.tree, folder / "tree.json");
@@ -163,23 +164,26 @@ void add_segment(CLI::App& app, Session& session) {
       ->required();
   command
       ->add_option("-o,--output", options->folder,
-                   "Where the mask, the centreline tree, the surface and the report go")
+                   "Folder for the mask, the vessel tree, the surface and the report")
       ->required()
       ->type_name("DIR");
   command
       ->add_option("--seed", options->seeds,
-                   "A point in a vessel, LPS mm; repeatable. Without: the largest vessels")
+                   "A point in a vessel to segment, mm (LPS); repeatable; without it, the largest vessels")
       ->type_name("X,Y,Z");
   command
       ->add_option("--not", options->not_vessels,
-                   "A point in a structure that touches a vessel, such as a vein; repeatable")
+                   "A point in a structure to exclude, such as a vein that touches an artery; repeatable")
       ->type_name("X,Y,Z");
   command
       ->add_option("--max-radius", options->segment.markers.max_radius_mm,
-                   "A structure in which a larger sphere fits is a heart chamber")
+                   "Largest radius of a vessel; a structure in which a larger sphere fits is excluded as a "
+                   "heart chamber")
       ->capture_default_str()
       ->type_name("MM");
-  command->add_option("--window", options->window, "CT numbers of vessels in HU; auto: from the histogram")
+  command
+      ->add_option("--window", options->window,
+                   "Range of CT numbers of the vessels in HU; auto: from the histogram")
       ->capture_default_str()
       ->type_name("auto|LO,HI");
   command
@@ -187,15 +191,16 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("MASK");
   command
       ->add_option("--root", options->root,
-                   "The tree's root is the vessel end nearest to this point; without: the widest vessel's")
+                   "The tree's root is the vessel end nearest to this point, mm (LPS); without it, the end "
+                   "of the widest vessel")
       ->type_name("X,Y,Z");
   command
       ->add_option("--surface", options->surface,
-                   "level-set: isosurface of the mask; tubes: swept along the centrelines")
+                   "level-set: isosurface of the smoothed mask; tubes: swept along the centrelines")
       ->check(CLI::IsMember({"level-set", "tubes"}))
       ->capture_default_str()
       ->type_name("KIND");
-  command->add_option("--triangles", options->triangles, "About how many triangles the surface has")
+  command->add_option("--triangles", options->triangles, "Approximate number of triangles of the surface")
       ->capture_default_str()
       ->type_name("N");
   add_scan_options(*command, options->scan);

@@ -4,21 +4,21 @@
 
 namespace xraycast::cli {
 
-/// The exit status of a program that a signal ended is this plus the signal, as in a shell.
+/// The exit status after a signal is this plus the signal's number, as in a shell.
 inline constexpr int kSignalStatus = 128;
 
 /// Waits for SIGINT, SIGTERM and SIGHUP on a thread of its own. The first one cancels `progress`, so that the
 /// job can clean up; a second one removes temporary files and ends the process at once. SIGHUP stays ignored
-/// where it was, as under nohup. SIGPIPE and SIGXFSZ are ignored: whatever writes reports them.
+/// if it was, as under nohup. SIGPIPE and SIGXFSZ are ignored: the failing write reports the error.
 ///
 /// The signals are blocked in every thread of the program, from before its libraries are initialised: LLVM,
-/// which compiles kernels, installs handlers that delete the files it is writing, and they must never run.
+/// which compiles kernels, installs handlers that delete the files it is writing; they must never run.
 class SignalWatch {
  public:
   /// Once in a process.
   explicit SignalWatch(Progress& progress);
 
-  /// The job is done: a signal that comes now changes nothing any more, unless it is the second one.
+  /// The job is done: a signal from now on has no effect, unless it is the second one.
   ~SignalWatch();
   SignalWatch(const SignalWatch&) = delete;
   SignalWatch& operator=(const SignalWatch&) = delete;

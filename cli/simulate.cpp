@@ -37,7 +37,7 @@ std::pair<double, double> parse_injection(const std::string& text) {
   if (text.empty()) return {0, 0};
   const std::vector<double> times_s = parse_numbers(text, "--inject");
   if (times_s.size() != 2 || !(0 <= times_s[0] && times_s[0] < times_s[1]))
-    throw InputError("--inject {}: has to be FROM,TO in seconds", text);
+    throw InputError("--inject {}: must be FROM,TO in seconds", text);
   return {times_s[0], times_s[1]};
 }
 
@@ -86,7 +86,7 @@ class Cine {
   std::optional<RunCine> run_;
 };
 
-/// Samples the hub's loads during a run, as densely as a plot shows.
+/// Samples the hub's loads during a run, at the resolution of a plot.
 class HubPlot {
  public:
   explicit HubPlot(const Script& script)
@@ -118,8 +118,9 @@ void check_cine(const SimulateArguments& options) {
 
 std::string held_note(double held_s) {
   if (held_s < 0.05) return "";
-  return fmt::format("for {:.1f} s the hub did not advance, since the push would have exceeded {:g} N\n",
-                     held_s, Catheter::kMaxPush_N);
+  return fmt::format(
+      "the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N\n", held_s,
+      Catheter::kMaxPush_N);
 }
 
 void simulate(const SimulateArguments& options, Session& session) {
@@ -177,7 +178,7 @@ void simulate(const SimulateArguments& options, Session& session) {
 void add_simulate(CLI::App& app, Session& session) {
   const auto options = std::make_shared<SimulateArguments>();
   CLI::App* command = add_command(
-      app, session, "simulate", "Steer a catheter through a vessel tree by a script, without a display",
+      app, session, "simulate", "Steer a catheter through a vessel tree with a script, without a display",
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"
       "  xraycast simulate vessels/tree.vtp --device-model guidewire-035-j --script push.csv -o log.csv \\\n"
       "    --entry 19 --plot forces.png\n"
@@ -189,23 +190,28 @@ void add_simulate(CLI::App& app, Session& session) {
       ->required()
       ->type_name("TREE");
   add_catheter_options(*command, options->instrument_model, options->entry);
-  command->add_option("--script", options->script, "Motion of the hub, linear between rows")
+  command->add_option("--script", options->script, "Motion of the hub, interpolated linearly between rows")
       ->required()
       ->type_name("CSV");
   command
       ->add_option("-o,--output", options->log,
-                   "The log: one row for each row of the script, hub loads in N and N m")
+                   "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
-  command->add_option("--cine", options->cine, "Frames of the run, ten a second: a folder of PNGs, or a .gif")
+  command
+      ->add_option("--cine", options->cine, "Frames of the run, ten per second: a folder of PNGs, or a .gif")
       ->type_name("DIR|GIF");
-  command->add_option("--look", options->look, "--cine: the catheter absorbs (fluoro) or is shaded (surface)")
+  command
+      ->add_option("--look", options->look,
+                   "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface)")
       ->check(CLI::IsMember({"fluoro", "surface"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command->add_option("--inject", options->inject, "--cine: inject contrast agent at the tip, 5 ml/s")
+  command
+      ->add_option("--inject", options->inject,
+                   "--cine: inject contrast agent at the tip at 5 ml/s between these times")
       ->type_name("FROM_S,TO_S");
   add_view_options(*command, options->view);
 }

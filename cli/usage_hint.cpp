@@ -39,7 +39,7 @@ std::vector<std::string> known_words(const CLI::App& app, const CLI::App& comman
   return known;
 }
 
-/// The known word at a distance of at most a third of its length, or nothing.
+/// The valid word at a distance of at most a third of its length, or nothing.
 std::string closest(const std::vector<std::string>& known, const std::string& word) {
   std::string best;
   std::size_t best_distance = word.size();

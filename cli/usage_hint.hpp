@@ -6,7 +6,7 @@
 
 namespace xraycast::cli {
 
-/// Advice on arguments that could not be parsed: the closest known word, and which --help to read.
+/// Advice on arguments that could not be parsed: the closest valid word, and which --help to read.
 std::string usage_hint(const CLI::App& app);
 
 }  // namespace xraycast::cli

@@ -26,13 +26,13 @@ VesselnessOptions parsed(const Options& options) {
   result.measure = options.measure == "frangi" ? VesselnessMeasure::frangi : VesselnessMeasure::jerman;
   result.scales_mm = parse_numbers(options.scales, "--scales");
   if (result.scales_mm.size() > kMaxScales)
-    throw InputError("--scales {}: has to be at most {} scales", options.scales, kMaxScales);
+    throw InputError("--scales {}: must be at most {} scales", options.scales, kMaxScales);
   for (const double scale_mm : result.scales_mm)
     if (scale_mm < kMin_mm || scale_mm > kMax_mm)
-      throw InputError("--scales {}: {} mm has to be from {} to {} mm, about the radius of a vessel",
+      throw InputError("--scales {}: {} mm must be from {} to {} mm, about the radius of a vessel",
                        options.scales, scale_mm, kMin_mm, kMax_mm);
   if (!(options.contrast_hu > 0) || options.contrast_hu > 32767)
-    throw InputError("--contrast {}: has to be above 0 HU, up to 32767", options.contrast_hu);
+    throw InputError("--contrast {}: must be above 0 HU, up to 32767", options.contrast_hu);
   result.contrast_hu = options.contrast_hu;
   return result;
 }
@@ -82,13 +82,15 @@ void add_vesselness(CLI::App& app, Session& session) {
                    "Standard deviations of the filter, about the radii of the vessels")
       ->capture_default_str()
       ->type_name("MM,MM,...");
-  command->add_option("--measure", options->measure, "jerman (2016): even along a vessel; frangi (1998)")
+  command
+      ->add_option("--measure", options->measure,
+                   "jerman (2016): uniform response along a vessel; frangi (1998)")
       ->check(CLI::IsMember({"jerman", "frangi"}))
       ->capture_default_str()
       ->type_name("NAME");
   command
       ->add_option("--contrast", options->contrast_hu,
-                   "Of vessels over what surrounds them; much weaker structures are suppressed")
+                   "Contrast of the vessels to their surroundings; much weaker structures are suppressed")
       ->capture_default_str()
       ->type_name("HU");
   add_scan_options(*command, options->scan);

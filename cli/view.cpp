@@ -29,7 +29,7 @@ ViewSession resolve(const ViewArguments& options) {
   return session;
 }
 
-/// Of --listen. Throws InputError.
+/// Checks --listen. Throws InputError.
 void check_listen_address(const std::string& text) {
   if (text.empty()) return;
   try {
@@ -39,7 +39,7 @@ void check_listen_address(const std::string& text) {
   }
 }
 
-/// What is steered in a scene.
+/// The instrument to steer in a scene.
 Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene) {
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
@@ -55,7 +55,7 @@ void view(const ViewArguments& options, const Session& session) {
   std::optional<Intervention::Options> simulation;
   if (options.simulate || !options.simulation.script.empty()) {
     simulation = simulation_of(options, scene);
-    // A thin catheter in a trunk is hardly seen without; a session has chosen.
+    // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
   run_viewer(scene, session.device, session.progress, simulation);
@@ -67,7 +67,7 @@ void view(const ViewArguments& options, const Session& session) {
 void add_view(CLI::App& app, Session& session) {
   const auto options = std::make_shared<ViewArguments>();
   CLI::App* command =
-      add_command(app, session, "view", "The interactive viewer",
+      add_command(app, session, "view", "Open the interactive viewer",
                   "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
                   "  xraycast view --scan scans/chest/\n"
                   "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
@@ -77,22 +77,23 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("MAP.exr");
   command->add_option("--scan", options->scan, "The scan, for true projections beside the map")
       ->type_name("INPUT");
-  command->add_option("--basis", options->basis, "What the map is recast from while its opacity is edited")
+  command->add_option("--basis", options->basis, "The map's basis, for editing the opacity")
       ->type_name("FILE");
   add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
   Intervention::Options& simulation = options->simulation;
   add_catheter_options(*command, simulation.instrument_model, options->entry);
-  command->add_option("--haptic", simulation.haptic, "What holds the hub")
+  command->add_option("--haptic", simulation.haptic, "Input device that moves the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()
       ->type_name("DEVICE");
   command
-      ->add_option("--listen", simulation.listen, "openigtlink: where it listens (default 127.0.0.1:18944)")
+      ->add_option("--listen", simulation.listen,
+                   "openigtlink: address to listen on (default 127.0.0.1:18944)")
       ->type_name("ADDRESS:PORT");
-  command->add_option("--script", simulation.script, "Let a script steer (see `xraycast simulate`)")
+  command->add_option("--script", simulation.script, "A script that moves the hub (see `xraycast simulate`)")
       ->type_name("CSV");
-  command->add_option("--session", options->session, "What was saved with Ctrl+S; other options go first")
+  command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
       ->type_name("FILE");
 }
 

@@ -12,7 +12,7 @@ namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
 
-/// Degrees of an angle that was given in degrees: without the rounding of the way to radians and back.
+/// Degrees of an angle that was given in degrees: without the rounding of the conversion to radians and back.
 double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1e9; }
 
 }  // namespace
@@ -20,26 +20,30 @@ double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1
 void add_view_options(CLI::App& command, ViewOptions& options) {
   command
       .add_option("--angle,--lao", options.angle_deg,
-                  "Where the detector stands: LAO is positive, 0 is frontal")
+                  "C-arm angle of the detector: LAO positive, RAO negative, 0 frontal (AP)")
       ->capture_default_str()
       ->type_name("DEG");
-  command.add_option("--tilt,--cranial", options.tilt_deg, "Cranial is positive")
+  command
+      .add_option("--tilt,--cranial", options.tilt_deg,
+                  "Tilt of the detector: cranial positive, caudal negative")
       ->capture_default_str()
       ->type_name("DEG");
   add_cone_option(command, options.cone);
-  command.add_option("--size", options.size, "Pixels; default: everything fits")->type_name("WxH");
+  command.add_option("--size", options.size, "Picture size in pixels; default: the whole body fits")
+      ->type_name("WxH");
   command
       .add_option("--pixel", options.pixel_mm,
-                  "Pixel size on the detector; default: as fine as the scan, or so that everything fits")
+                  "Pixel size on the detector; default: as fine as the scan, or with --size so that the "
+                  "whole body fits")
       ->check(CLI::PositiveNumber)
       ->type_name("MM");
 }
 
 void add_grey_options(CLI::App& command, GreyOptions& options) {
-  command.add_option("--gamma", options.gamma, "Of the grey that is shown")
+  command.add_option("--gamma", options.gamma, "Gamma of the displayed greys")
       ->check(CLI::Range(0.1, 10.0))
       ->type_name("GAMMA");
-  command.add_flag("--inverted", options.inverted, "Bones light instead of dark");
+  command.add_flag("--inverted", options.inverted, "Show bone bright instead of dark");
 }
 
 void check_shown(bool is_given, const char* option, const std::string& file) {
@@ -56,7 +60,7 @@ void check_shown(const GreyOptions& options, const std::string& file) {
 void add_patient_option(CLI::App& command, std::string& patient) {
   command
       .add_option("--patient", patient,
-                  "Whose name and ID DICOM files bear, such as Doe^Jane,12345; without it nobody's")
+                  "Patient's name and ID in DICOM files, such as Doe^Jane,12345; default: none")
       ->type_name("NAME,ID");
 }
 
@@ -64,7 +68,8 @@ void add_dicom_options(CLI::App& command, DicomOptions& options) {
   add_patient_option(command, options.patient);
   command
       .add_option("--intensity", options.intensity,
-                  "A .dcm's pixels over the X-ray intensity: log (default) keeps all depths apart in 12 bits")
+                  ".dcm: pixel values follow the X-ray intensity (linear) or its logarithm (log, default, "
+                  "which keeps all depths distinct in 12 bits)")
       ->check(CLI::IsMember({"log", "linear"}))
       ->type_name("NAME");
 }
@@ -83,22 +88,22 @@ void check_dicom(const View& view, const XaOptions& xa, const std::string& file,
   if (!is_xa(file)) return;
   check_xa(file, view, xa);
   if (!view.cone)
-    session.say({file +
-                 ": a parallel beam has no source, so the distances from it are left out; --cone makes a "
-                 "C-arm's"});
+    session.say({file + ": a parallel beam has no source, so the file holds no source distances; give --cone "
+                        "for a C-arm's"});
 }
 
 void add_cone_option(CLI::App& command, std::string& cone) {
   command
-      .add_option("--cone", cone,
-                  "Distances from the source to axis and detector; without it the beam is parallel")
+      .add_option(
+          "--cone", cone,
+          "Distances from the source to the isocentre and to the detector; without it the beam is parallel")
       ->type_name("MM,MM");
 }
 
 std::optional<Cone> parse_cone(const std::string& cone) {
   if (cone.empty()) return std::nullopt;
   const std::vector<double> distances = parse_numbers(cone, "--cone");
-  if (distances.size() != 2) throw InputError("--cone {}: has to be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", cone);
+  if (distances.size() != 2) throw InputError("--cone {}: must be SOURCE_AXIS_MM,SOURCE_DETECTOR_MM", cone);
   return Cone{distances[0], distances[1]};
 }
 
@@ -107,10 +112,10 @@ std::vector<double> parse_angles_deg(const std::string& text, const std::string&
   std::ranges::replace(numbers, ':', ',');
   const std::vector<double> range = parse_numbers(numbers, option);
   if (range.size() != 3 || range[2] == 0 || (range[1] - range[0]) / range[2] <= 0)
-    throw InputError("{} {}: has to be FROM:TO:STEP in degrees", option, text);
+    throw InputError("{} {}: must be FROM:TO:STEP in degrees", option, text);
   const double count = std::ceil((range[1] - range[0]) / range[2] - 1e-9);
   constexpr double kMost = 3600;
-  if (count > kMost) throw InputError("{} {}: more than {} angles", option, text, kMost);
+  if (count > kMost) throw InputError("{} {}: more than {} angles; use a larger step", option, text, kMost);
   std::vector<double> angles;
   for (int i = 0; i < static_cast<int>(count); ++i) angles.push_back(range[0] + i * range[2]);
   return angles;

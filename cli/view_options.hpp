@@ -18,7 +18,7 @@ struct ViewOptions {
 
 void add_view_options(CLI::App& command, ViewOptions& options);
 
-/// --gamma and --inverted, as given: how a picture's grey is shown.
+/// --gamma and --inverted, as given: the display of a picture's greys.
 struct GreyOptions {
   std::optional<double> gamma;
   bool inverted = false;
@@ -26,7 +26,7 @@ struct GreyOptions {
 
 void add_grey_options(CLI::App& command, GreyOptions& options);
 
-/// Throws InputError when `option`, which is of how a picture is shown, was given for a file that holds
+/// Throws InputError when `option`, which affects only displayed pictures, was given for a file that holds
 /// optical depths.
 void check_shown(bool is_given, const char* option, const std::string& file);
 void check_shown(const GreyOptions& options, const std::string& file);
@@ -34,7 +34,7 @@ void check_shown(const GreyOptions& options, const std::string& file);
 /// --patient alone, for commands that draw nothing.
 void add_patient_option(CLI::App& command, std::string& patient);
 
-/// --patient and --intensity, as given: what only a DICOM picture has.
+/// --patient and --intensity, as given: the options for DICOM pictures only.
 struct DicomOptions {
   std::string patient, intensity;
 };
@@ -45,8 +45,8 @@ void add_dicom_options(CLI::App& command, DicomOptions& options);
 /// DICOM.
 XaOptions parse_xa(const DicomOptions& options, const std::string& file);
 
-/// Where `file` is DICOM, checks that the view and the patient fit into it, and says why a parallel beam's
-/// picture has no distances. Throws InputError.
+/// Where `file` is DICOM, checks that DICOM can represent the view and the patient, and notes why a parallel
+/// beam's picture has no source distances. Throws InputError.
 void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session);
 
 /// --cone alone, for commands that choose their own angles.

@@ -1,5 +1,5 @@
 # find_package(xraycast COMPONENTS host segmentation simulation viewer): those asked for, and what they stand on; host
-# where none is named. The libraries are static: whoever links one needs what it links. `project` has to enable C beside
+# where none is named. The libraries are static: whoever links one needs what it links. `project` must enable C beside
 # C++, for ITK.
 set(xraycast_components ${xraycast_FIND_COMPONENTS} host)
 if("viewer" IN_LIST xraycast_components)

@@ -58,7 +58,7 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylin
   for (int s = 0; s < XRC_BRICK_SLICES; ++s) {
     float total_mm = 0.0f;
     for (int k = 0; k < count; ++k) total_mm += weights_mm[k * XRC_BRICK_SLICES + s];
-    /* What fills up the last brick has no weight, nor has a shell without thickness. */
+    /* The padding of the last brick has no weight, nor has a shell without thickness. */
     const int counts = brick * XRC_BRICK_SLICES + s < scan.size_z && total_mm > 0.0f;
     units_per_mm[s] = counts ? XRC_WEIGHT_SUM / total_mm : 0.0f;
     sum_mm[s] = 0.0f;

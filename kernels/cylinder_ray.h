@@ -5,7 +5,7 @@
 #include "rays.h"
 #include "scan_access.h"
 
-/* A ray's work differs only in how many slices it takes at once: the 16 of a brick, or one of an image or,
+/* The rays differ only in the number of slices per work-item: the 16 of a brick, or one of an image or,
  * with -DONE_SLICE, where the centre differs from slice to slice. */
 #if defined(SCAN_IMAGE) || defined(ONE_SLICE)
 

@@ -3,7 +3,7 @@
 #include "scan_access.h"
 #include "xraycast/kernels/params.h"
 
-/* The picture of a flat detector: one work-item a pixel. */
+/* The picture of a flat detector: one work-item per pixel. */
 kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector detector,
                              constant const XrcOpacity* opacity, global const float2* table,
                              global float* tau) {
@@ -12,7 +12,7 @@ kernel void project_detector(SCAN voxels, const XrcScan scan, const XrcDetector 
   tau[(long)j * detector.width + i] = joseph_pixel(voxels, &scan, &detector, i, j, opacity, table);
 }
 
-/* Any rays: start and end of each, in voxels. */
+/* Arbitrary rays: start and end of each, in voxels. */
 kernel void project_rays(SCAN voxels, const XrcScan scan, const float4 spacing_mm, const int count,
                          global const float4* segments, constant const XrcOpacity* opacity,
                          global const float2* table, global float* tau) {

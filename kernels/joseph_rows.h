@@ -17,7 +17,7 @@
 #endif
 #endif
 
-/* From where a ray is to what is fetched for it: a miss takes as long as about four planes. */
+/* Prefetch distance: a cache miss takes as long as about four planes. */
 #define PLANES_AHEAD 4
 
 #define ROWS XRC_DETECTOR_ROWS
@@ -30,7 +30,7 @@ static inline float least(const float16 v) {
 
 static inline float greatest(const float16 v) { return -least(-v); }
 
-/* The plane or voxel at a coordinate, whatever the float is, not-a-number too. */
+/* The plane or voxel at a coordinate, for any float, including NaN. */
 static inline int index_at(const float coordinate, const int last) {
   return (int)fmin(fmax(coordinate, 0.0f), (float)last);
 }
@@ -45,7 +45,7 @@ typedef struct {
   int first_core, last_core;            /* planes in which sample_core may take them all */
   int is_wide;                          /* in some of these, more than 15 slices apart */
   float low_u0, low_du, low_v0, low_dv; /* the lowest u and v of all in these */
-  long ahead; /* from what they meet in a plane to what is to be fetched for them and the next column */
+  long ahead; /* from the voxels of a plane to those to prefetch for them and the next column */
   long plane_step, column_step, brick_step;
 } Rays;
 

@@ -18,7 +18,7 @@
 /* Planes that are sampled at once, so that what a group of rays needs for them stays in registers. */
 #define PLANES 4
 
-/* Compilers make calls of functions as long as these, which take as long again as what they do. */
+/* Compilers do not inline functions as long as these; the calls would double their time. */
 #define INLINE static inline __attribute__((always_inline))
 
 /* 16 slices from any of a column on; `vload16` takes them in pieces. */
@@ -148,7 +148,7 @@ kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector 
       first = min(first, detector_columns[c].first);
       last = max(last, detector_columns[c].last);
     }
-    /* Slices that no column reached count with weight 0, and so have to be numbers. */
+    /* Slices that no column reached count with weight 0, and so must be numbers. */
     Column columns[PLANES];
     for (int p = 0; p < PLANES; ++p)
       for (int b = 0; b < COLUMN_BRICKS + 2; ++b) columns[p].hu[b] = 0.0f;

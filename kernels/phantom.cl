@@ -4,8 +4,8 @@
  * where the coverage of a voxel depends on it. host/xraycast/phantom_scene.cpp says the same in double
  * precision.
  *
- * A work-item paints a row of 16 voxels: processors have vectors for them, and what is true of the whole row,
- * such as that it misses a shape, is asked once. */
+ * A work-item paints a row of 16 voxels: processors have vectors for them, and tests that hold for the whole row,
+ * such as that it misses a shape, are made once. */
 
 #define FAR_MM 1e6f
 #define TINY 1e-12f
@@ -24,7 +24,7 @@ static row3 minus_scaled(const row3 p, const row t, const float3 v) {
 static row along(const row3 p, const float3 axis) { return p.x * axis.x + p.y * axis.y + p.z * axis.z; }
 static row squared(const row3 p) { return p.x * p.x + p.y * p.y + p.z * p.z; }
 
-/* x^n for x >= 0; pow() also has to care for signs and integers, at several times the price. */
+/* x^n for x >= 0; pow() must also handle signs and integers, at several times the cost. */
 static row power(const row x, const float n) { return exp2(n * log2(x)); }
 
 /* The length of (u, v), both at least 0, in the n-norm. */
@@ -75,7 +75,7 @@ static row capsule_distance(global const XrcPrimitive* s, const row3 p) {
   const row t = clamp(along(ap, ab) / max(dot(ab, ab), TINY), 0.0f, 1.0f);
   const row3 outwards = minus_scaled(ap, t, ab);
   const row from_axis = max(sqrt(squared(outwards)), TINY);
-  /* The distance in that space, over how fast it grows in ours. */
+  /* The distance in that space, over its growth rate in the volume's space. */
   const row growth = sqrt(squared(stretch_row(outwards, axis, s->size[2]))) / from_axis;
   return (from_axis - (s->size[0] + t * (s->size[1] - s->size[0]))) / max(growth, TINY);
 }

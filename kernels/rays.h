@@ -1,8 +1,8 @@
-/* What maps of rays that run outwards from a centre share. */
+/* Shared by maps whose rays run outwards from a centre. */
 #ifndef XRAYCAST_RAYS_H
 #define XRAYCAST_RAYS_H
 
-/* Compilers make calls of functions as long as those of a ray, which take as long again as what they do. */
+/* Compilers do not inline functions as long as those of a ray; the calls would double their time. */
 #define INLINE static inline __attribute__((always_inline))
 
 /* How many samples of a ray, at centre + (i + 1/2) * step, lie within [lower, upper] along one axis. The

@@ -73,16 +73,16 @@ def manual_of(entries):
 def manual(top, commands, version):
     lines = [f'.TH XRAYCAST 1 "" "xraycast {version}" "User Commands"', ".SH NAME", roff("xraycast - " + top.purpose.removeprefix("xraycast ")),
              ".SH SYNOPSIS", ".B " + roff(top.usage), ".SH OPTIONS",
-             "These are taken behind a subcommand too.", *manual_of(top.options), ".SH SUBCOMMANDS"]
+             "These are accepted after a subcommand too.", *manual_of(top.options), ".SH SUBCOMMANDS"]
     for command in commands:
         lines += [f".SS {roff(command.name)}", roff(command.purpose) + ".", ".PP", ".B " + roff(command.usage),
                   *manual_of(command.positionals + command.options), ".PP", "Examples:", ".PP", ".nf",
                   roff(command.footer), ".fi"]
     lines += [".SH EXIT STATUS",
-              "0 done, 1 failed, 2 a command line that does not parse, 3 values or files that cannot be used, "
-              "4 OpenCL device, 128 plus the signal's number where a signal ended it.",
+              "0 done, 1 failed, 2 wrong usage, 3 unusable values or files, "
+              "4 OpenCL device failed, 128 plus the signal's number after a signal.",
               ".SH ENVIRONMENT", ".TP", ".B XRAYCAST_DEVICE", roff("The OpenCL device, as --device."),
-              ".TP", ".B XRAYCAST_GL_DEVICE", "What draws pictures where there is no display, by number or part of its name."]
+              ".TP", ".B XRAYCAST_GL_DEVICE", "The OpenGL device for drawing without a display, by number or part of its name."]
     return "\n".join(lines) + "\n"
 
 

@@ -6,14 +6,14 @@
 
 namespace xraycast::cli {
 
-/// A picture on a contact sheet: a PNG file and the words below it.
+/// A picture on a contact sheet: a PNG file and its caption.
 struct Picture {
   std::filesystem::path file;
   std::string caption;
 };
 
 /// Lays pictures out in rows of `columns`, each scaled to fit its cell, into one PNG. Throws Error when a
-/// picture cannot be read or the sheet not be written.
+/// picture cannot be read or the sheet cannot be written.
 void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
                          const std::filesystem::path& path);
 

@@ -26,7 +26,7 @@ constexpr std::array<Colour, 6> kColours{{{0.12, 0.40, 0.75},
                                           {0.45, 0.45, 0.10},
                                           {0.10, 0.55, 0.60}}};
 
-/// What an axis shows, its ends moved out to round numbers.
+/// The range of an axis, extended to round numbers.
 struct Axis {
   double low = std::numeric_limits<double>::infinity(), high = -low, step = 1;
 
@@ -43,7 +43,7 @@ struct Axis {
     const double rough = (high - low) / 6, decade = std::pow(10, std::floor(std::log10(rough)));
     for (const double nice : {10.0, 5.0, 2.0, 1.0})
       if (nice * decade >= rough) step = nice * decade;
-    // Angles are read in sixths of a right angle.
+    // Angles are labelled in multiples of 15 degrees.
     for (const double angle : {60.0, 30.0, 15.0})
       if (low == 0 && std::abs(high - 360) < angle && angle >= rough) step = angle;
     low = std::floor(low / step + 1e-9) * step;
@@ -66,7 +66,7 @@ void text(Canvas& canvas, double x, double y, const std::string& words, const Co
 
 void check_plot(const std::filesystem::path& path) {
   if (extension_of(path) != ".png")
-    throw InputError("--plot {}: a plot is a PNG; end its name in .png", path.string());
+    throw InputError("--plot {}: a plot is a PNG; the name must end in .png", path.string());
   check_writable(path);
 }
 
@@ -107,10 +107,10 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     std::vector<glm::dvec2> points;
     for (const auto& [x, y] : curves[c].points) points.emplace_back(at_x(x), at_y(y));
     canvas.line(points, colour, 2);
-    if (points.size() < 50)  // more spots run into each other
+    if (points.size() < 50)  // more spots would overlap
       for (const glm::dvec2& point : points) canvas.spot(point, 3, colour);
   }
-  // The legend stands in the upper corner where there are fewer points.
+  // The legend is drawn in the upper corner with fewer points.
   int on_right = 0;
   for (const Curve& curve : curves)
     for (const auto& [x, y] : curve.points)

@@ -24,7 +24,7 @@ constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9}, kFaint{0.6, 0.62
 
 /// The scan along one axis as grey, with the mask over it in red: row 0 is the most superior slice.
 struct Projection {
-  int axis;           ///< along which it looks: 0 from the left, 1 from the front
+  int axis;           ///< viewing direction: 0 from the left, 1 from the front
   int width, height;  ///< voxels
   double width_mm, height_mm;
   std::vector<std::uint8_t> rgb;
@@ -48,7 +48,7 @@ Projection project(const Volume& volume, const Mask& mask, int axis) {
       std::int64_t inside = 0;
       for (std::int64_t v = 0; v < depth; ++v) {
         const Index3 voxel = axis == 0 ? Index3(v, u, z) : Index3(u, v, z);
-        // What is denser than bone does not count for more, lest metal darken all else.
+        // Values above bone are clipped, so that metal does not darken everything else.
         sum += std::clamp<double>(volume.at(voxel.x, voxel.y, voxel.z) - darkest_hu, 0, 2500);
         inside += mask[voxel];
       }
@@ -58,7 +58,7 @@ Projection project(const Volume& volume, const Mask& mask, int axis) {
     }
   });
   const float lightest = std::max(1.0F, *std::ranges::max_element(mean));
-  constexpr float kSolid_mm = 6;  // so much lumen is drawn as dense as any more
+  constexpr float kSolid_mm = 6;  // lumen of this thickness or more has full colour
   for (std::size_t i = 0; i < mean.size(); ++i) {
     const float grey = 0.85F * mean[i] / lightest,
                 share = vessel[i] > 0 ? 0.35F + 0.4F * std::min(1.0F, vessel[i] / kSolid_mm) : 0;
@@ -83,8 +83,7 @@ std::vector<std::size_t> listed(const VesselTree& tree) {
   return order;
 }
 
-/// Writes branches' numbers around places in a picture, in that order, but for those that would cover
-/// another.
+/// Writes branches' numbers at points of a picture, in order, except those that would cover another.
 class Labels {
  public:
   explicit Labels(Canvas& sheet) : sheet_(sheet) {}

@@ -2,14 +2,14 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <filesystem>
 #include <string>
 
 namespace xraycast::cli {
 
-/// A branch in numbers.
+/// Measurements of a branch.
 struct BranchFacts {
   double length_mm, mean_radius_mm;
   double mean_hu;  ///< of the scan along the centreline
@@ -18,10 +18,10 @@ struct BranchFacts {
 /// One for each branch of a tree.
 std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume);
 
-/// One picture of what was found: the scan from the front and from the left (the mean of its CT numbers along
+/// A picture of the segmentation: the scan from the front and from the left (the mean of its CT numbers along
 /// each ray) with the mask over it in red and the centrelines in yellow, and a table of the longest branches,
-/// whose numbers stand at their middles where they do not cover a longer one's.
-/// Throws Error when the disk is full.
+/// whose numbers are drawn at their middles unless they would cover a longer one's. Throws Error when the
+/// disk is full.
 void write_vessel_report(const std::string& title, const Volume& volume, const Mask& mask,
                          const VesselTree& tree, const std::filesystem::path& path);
 

@@ -31,7 +31,7 @@ def includes_of(room):
     found = set()
     for file in sorted((ROOT / room).iterdir()):
         if file.suffix in (".cpp", ".hpp"):
-            found |= set(re.findall(r'^#include "(?:xraycast/)?([a-z]+)/', file.read_text(), re.MULTILINE))
+            found |= set(re.findall(r'^#include "(?:xraycast/)?([a-z_]+)/', file.read_text(), re.MULTILINE))
     return found - {name_of(room)}
 
 

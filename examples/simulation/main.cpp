@@ -1,4 +1,4 @@
-// Pushes a catheter up a phantom's aorta and prints what the hand at its hub feels.
+// Advances a catheter up a phantom's aorta and prints the force and torque at its hub.
 #include <iostream>
 #include <xraycast/mechanics/catheter.hpp>
 #include <xraycast/phantom/phantom.hpp>

@@ -164,7 +164,7 @@ class EveryWriter : public CliOutput, public testing::WithParamInterface<Writer>
     const Finished done = run_process(on_full_disk);
     EXPECT_EQ(done.status, 1) << when;
     EXPECT_EQ(done.out, "") << when;
-    expect_one_line(done.err, "could not be written to its end");
+    expect_one_line(done.err, "could not be written completely");
     EXPECT_THAT(done.err, HasSubstr((folder_ / "out").string())) << when;
     EXPECT_THAT(done.err, HasSubstr("the disk may be full")) << when;
     EXPECT_EQ(found(), old_) << when;

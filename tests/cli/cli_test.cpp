@@ -50,7 +50,7 @@ std::vector<std::string> keys_of(const Json& json) {
 NiftiFile little_scan() {
   NiftiFile file;
   file.dim = {3, 8, 8, 4, 1, 1, 1, 1};
-  file.sform = {-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0};  // LPS, so that nothing has to be reoriented
+  file.sform = {-1, 0, 0, 0, 0, -1, 0, 0, 0, 0, 1, 0};  // LPS, so that nothing needs reorienting
   file.voxels = std::string(8 * 8 * 4 * 2, '\0');
   return file;
 }
@@ -142,32 +142,32 @@ const BadCall kBadCalls[] = {
     {"SegmentSeedOutside", "segment @/a.nii -o @/v --seed 0,0,900", 3, "lies outside the scan",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentSeedInTheDark", "segment @/a.nii -o @/v --window 100,900 --seed 3,3,3", 3,
-     "is not in anything bright",
+     "does not lie in a bright structure",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentAllBright", "segment @/a.nii -o @/v --window -10,900", 3, "no vessel",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentMaskOnAnotherGrid", "segment @/a.nii -o @/v --from-mask @/ct.nii", 3, "--from-mask",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
-    {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: has to be X,Y,Z"},
+    {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: must be X,Y,Z"},
     {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
     {"SegmentIntoAFile", "segment @/nothing -o @/ct.nii/vessels", 3,
-     "ct.nii/vessels: the folder cannot be made: "},
+     "ct.nii/vessels: the folder cannot be created: "},
     {"SegmentRadiusZero", "segment @/ct.nii -o @/v --max-radius 0", 3, "--max-radius 0"},
 
     {"VesselnessScaleOfText", "vesselness @/ct.nii -o @/v.nrrd --scales 1,wide", 3, "'wide' is not a number"},
     {"VesselnessScaleZero", "vesselness @/ct.nii -o @/v.nrrd --scales 1,0", 3,
-     "--scales 1,0: 0 mm has to be from 0.1 to 20 mm"},
+     "--scales 1,0: 0 mm must be from 0.1 to 20 mm"},
     {"VesselnessManyScales", "vesselness @/ct.nii -o @/v.nrrd --scales 1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1,1", 3,
      "at most 16 scales"},
-    {"VesselnessNoContrast", "vesselness @/ct.nii -o @/v.nrrd --contrast 0", 3, "--contrast 0: has to be"},
-    {"VesselnessAsDicom", "vesselness @/ct.nii -o @/v.dcm", 3, "v.dcm: not a volume's name"},
+    {"VesselnessNoContrast", "vesselness @/ct.nii -o @/v.nrrd --contrast 0", 3, "--contrast 0: must be"},
+    {"VesselnessAsDicom", "vesselness @/ct.nii -o @/v.dcm", 3, "v.dcm: unknown volume format"},
     {"VesselnessOverItsScan", "vesselness @/ct.nii -o @/ct.nii", 3, "would overwrite it"},
     {"VesselnessUnknownMeasure", "vesselness @/ct.nii -o @/v.nrrd --measure sato", 2, "sato not in"},
     {"VesselnessOfNothing", "vesselness @/nothing -o @/v.nrrd", 3, "nothing: no such file or folder"},
 
     // The catheter. A tube of one branch, 1 mm wide.
     {"SimulateNoTree", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
-     "tree.json: there is no such file", make_push},
+     "tree.json: no such file", make_push},
     {"SimulateTooLong",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
      "push.csv: line 3: time_s 1e+09 is more than a day, 86400",
@@ -180,24 +180,24 @@ const BadCall kBadCalls[] = {
      "--entry 7: there is no branch 7", make_push_and_tree},
     {"SimulateEntryOfTwo",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7,8", 3,
-     "--entry 7,8: has to be", make_push_and_tree},
+     "--entry 7,8: must be", make_push_and_tree},
     {"SimulateEntryFarAway",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 0,0,900", 3,
      "mm away", make_push_and_tree},
     {"SimulateTooThick", "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
-     "nor into any other: take a thinner device", make_push_and_tree},
+     "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
-     "asp: no such device; there are guidewire-035-j", make_push_and_tree},
+     "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
     {"SimulateBackInTime",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
-     "push.csv: line 4: time_s 1 does not come after 2",
+     "push.csv: line 4: time_s 1 is not later than 2",
      [](const TemporaryFolder& f) {
        make_push_and_tree(f);
        write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n2,5,0\n1,6,0\n");
      }},
     {"SimulateTooFar",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
-     "push.csv: line 3: insertion_mm 1500; microcatheter-27f can be pushed in by 1280 mm",
+     "push.csv: line 3: insertion_mm 1500; microcatheter-27f can be inserted by at most 1280 mm",
      [](const TemporaryFolder& f) {
        make_push_and_tree(f);
        write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n20,1500,0\n");
@@ -238,7 +238,7 @@ const BadCall kBadCalls[] = {
        slice().write(f / "a");
        write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
      }},
-    {"DicomOfReportsOnly", "info @/cd", 3, "no images that are slices: 1 structured report",
+    {"DicomOfReportsOnly", "info @/cd", 3, "no image slices: 1 structured report",
      [](const TemporaryFolder& f) {
        fs::create_directory(f / "cd");
        slice()
@@ -257,7 +257,7 @@ const BadCall kBadCalls[] = {
      }},
     {"HugeScan", "cast @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 432000000000000 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("60000 60000 60000")); }},
-    {"SliceWithoutThickness", "cast @/a -o @/out.exr", 3, "does not say how thick",
+    {"SliceWithoutThickness", "cast @/a -o @/out.exr", 3, "single slice without a thickness",
      [](const TemporaryFolder& f) { slice().erase(0x00180050).write(f / "a"); }},
 
     // The output.
@@ -266,7 +266,7 @@ const BadCall kBadCalls[] = {
     {"OutputFolderNotWritable", "cast @/ct.nii -o /proc/out.exr", 3, "/proc/out.exr: cannot be written"},
     {"OutputIsADevice", "phantom box -o @/device.nrrd", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_symlink("/dev/null", f / "device.nrrd"); }},
-    {"OutputIsALinkToNothing", "phantom box -o @/link.nrrd", 3, "a symbolic link that leads nowhere",
+    {"OutputIsALinkToNothing", "phantom box -o @/link.nrrd", 3, "a dangling symbolic link",
      [](const TemporaryFolder& f) { fs::create_symlink("nothing.nrrd", f / "link.nrrd"); }},
     {"OutputIsAFolder", "cast @/ct.nii -o @/folder.exr", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
@@ -282,7 +282,7 @@ const BadCall kBadCalls[] = {
     {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},
 
     // The opacity.
-    {"OpacityUnknown", "cast @/ct.nii -o @/out.exr --opacity fog", 3, "fog: neither an opacity"},
+    {"OpacityUnknown", "cast @/ct.nii -o @/out.exr --opacity fog", 3, "fog: unknown opacity"},
     {"OpacityUnsorted", "cast @/ct.nii -o @/out.exr --opacity @/mu.json", 3, "sort the knots",
      [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, 0], [-9, 1]]})"); }},
     {"OpacityNotFinite", "project @/ct.nii -o @/out.exr --opacity @/mu.json", 3,
@@ -291,14 +291,14 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, -1]]})"); }},
 
     // The map.
-    {"LayersZero", "cast @/ct.nii -o @/out.exr --layers 0", 3, "layers is 0, but has to be 1 to 256"},
+    {"LayersZero", "cast @/ct.nii -o @/out.exr --layers 0", 3, "layers is 0, but must be 1 to 256"},
     {"RadiusZero", "cast @/ct.nii -o @/out.exr --radius 0", 3, "radius is 0 mm"},
     {"RadiusOfTwoNumbers", "cast @/ct.nii -o @/out.exr --radius 3,4", 3, "one number in mm"},
     {"AnglesBelowZero", "cast @/ct.nii -o @/out.exr --angles -5", 3, "-5 angles"},
-    {"AnglesZero", "cast @/ct.nii -o @/out.exr --angles 0", 3, "0 angles, but there have to be 1 to 16384"},
+    {"AnglesZero", "cast @/ct.nii -o @/out.exr --angles 0", 3, "0 angles, but there must be 1 to 16384"},
     {"CentreOutsideTheScan", "cast @/ct.nii -o @/out.exr --centre 500,0", 3, "spans 0.0 to 7.0 mm in x"},
     {"CentreOfOneNumber", "cast @/ct.nii -o @/out.exr --centre 5", 3,
-     "--centre 5: has to be auto, vessels:DIR or X,Y"},
+     "--centre 5: must be auto, vessels:DIR or X,Y"},
     {"CentreOfWords", "cast @/ct.nii -o @/out.exr --centre here", 3, "'here' is not a number"},
     {"RadiiDescending", "cast @/ct.nii -o @/out.exr --radii 4,2", 3, "does not exceed the one before it"},
     {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
@@ -316,24 +316,23 @@ const BadCall kBadCalls[] = {
     // The basis.
     {"BasisOfASphere", "cast @/ct.nii -o @/out.exr --projection sphere --keep-basis @/b", 3, "cylinder maps"},
     {"BasisOfASpectrum", "cast @/ct.nii -o @/out.exr --opacity spectrum:80 --keep-basis @/b", 3,
-     "under an opacity"},
+     "with an opacity"},
     {"BasisOfASlab", "cast @/ct.nii -o @/out.exr --memory-limit 0.0001M --keep-basis @/b", 3,
      "needs the whole scan in memory"},
     {"BasisWithoutAPlace", "cast @/ct.nii -o @/out.exr --keep-basis @/missing/b", 3, "folder does not exist"},
     {"KnotsDescending", "cast @/nothing -o @/out.exr --keep-basis @/b --knots 0,-5", 3, "knot 1 at -5 HU"},
     {"KnotsWithoutABasis", "cast @/ct.nii -o @/out.exr --knots 0,5", 2, "--keep-basis"},
-    {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: there is no such file"},
+    {"BasisMissing", "recast @/nothing -o @/out.exr --opacity paper", 3, "nothing: no such file"},
     {"BasisIsAScan", "recast @/ct.nii -o @/out.exr --opacity paper", 3,
-     "not a basis, as `xraycast cast` writes one"},
+     "not a basis; make one with `xraycast cast --keep-basis`"},
     {"RecastUnderASpectrum", "recast @/nothing -o @/out.exr --opacity spectrum:80", 3,
      "beam hardening cannot be recast"},
     {"RecastUnderNothing", "recast @/ct.nii -o @/out.exr", 2, "--opacity is required"},
 
     // The picture and the phantom.
-    {"ConeOfAHair", "project @/ct.nii -o @/out.exr --cone 1e-308,1500", 3,
-     "the source has to be 1 mm or more"},
+    {"ConeOfAHair", "project @/ct.nii -o @/out.exr --cone 1e-308,1500", 3, "the source must be 1 mm or more"},
     {"ConeOfNoEnd", "project @/ct.nii -o @/out.exr --cone 1000,1e7", 3, "within 1e+06 mm"},
-    {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: has to be 2 numbers"},
+    {"SizeOfOneNumber", "project @/ct.nii -o @/out.exr --size 640", 3, "--size 640: must be 2 numbers"},
     {"RenderOfNothing", "render -o @/out.png", 3, "give a MAP.exr or --session"},
     {"RenderOfNoMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with"},
     {"RenderOfUnknownLook", "render @/map.exr -o @/out.png --look negative", 2, "negative not in"},
@@ -354,15 +353,15 @@ const BadCall kBadCalls[] = {
     {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3,
      ".exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png"},
     {"AnglesThatRunAway", "compare @/ct.nii @/map.exr --angles 0:30:-1", 3,
-     "--angles 0:30:-1: has to be FROM:TO:STEP"},
+     "--angles 0:30:-1: must be FROM:TO:STEP"},
     {"WallRadiusWithoutWalls", "render @/map.exr -o @/out.png --wall-radius 100", 3, "--compositing wall",
      write_small_map},
     {"PicturesOfMapsOfOneName", "compare @/ct.nii @/map.exr @/sub/../map.exr --pictures @/p", 3,
      "two maps are named map", [](const TemporaryFolder& f) { fs::create_directory(f / "sub"); }},
     {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "is a file; name a folder"},
-    {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "end its name in .png"},
+    {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "must end in .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
-    {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "has to be a folder for PNGs"},
+    {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
     {"CompareWithAnotherScan", "compare @/ct.nii @/map.exr --views 1", 3, "was not cast from",
@@ -371,7 +370,7 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) {
        write_bytes(f / "s.json", R"({"xraycast_session": 1, "files": {"map": "gone.exr"}})");
      }},
-    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3, "session of version 9",
+    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3, "session version 9",
      [](const TemporaryFolder& f) { write_bytes(f / "s.json", R"({"xraycast_session": 9})"); }},
     {"CompareWithoutViews", "compare @/ct.nii @/map.exr --views 0", 3, "--views 0"},
     {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},
@@ -391,7 +390,8 @@ const BadCall kBadCalls[] = {
     {"PhantomUnknown", "phantom torso -o @/out.nrrd", 2, "torso not in"},
     {"ProjectionUnknown", "cast @/ct.nii -o @/out.exr --projection cone", 2, "cone not in"},
 
-    {"DeviceUnknown", "project @/ct.nii -o @/out.exr --device abacus", 4, "no OpenCL device fits 'abacus'"},
+    {"DeviceUnknown", "project @/ct.nii -o @/out.exr --device abacus", 4,
+     "no OpenCL device matches 'abacus'"},
 };
 
 class BadCalls : public Cli, public testing::WithParamInterface<BadCall> {};
@@ -453,7 +453,7 @@ TEST_F(Cli, TakesTheDeviceFromTheEnvironmentUnlessToldOtherwise) {
   box.environment["XRAYCAST_DEVICE"] = "abacus";
   const Finished refused = run_process(box);
   EXPECT_EQ(refused.status, 4);
-  expect_one_line(refused.err, "no OpenCL device fits 'abacus'");
+  expect_one_line(refused.err, "no OpenCL device matches 'abacus'");
   box.words.insert(box.words.end(), {"--device", "0"});
   EXPECT_EQ(run_process(box).status, 0);
 }
@@ -470,7 +470,7 @@ TEST_F(Cli, TakesTheOpenGlDeviceFromTheEnvironment) {
     EXPECT_EQ(Json::parse(with(choice).out)["device"], name) << choice;
   const Finished refused = with("abacus");
   EXPECT_EQ(refused.status, 3);
-  expect_one_line(refused.err, "no OpenGL device fits XRAYCAST_GL_DEVICE=abacus; there is 0: " + name);
+  expect_one_line(refused.err, "no OpenGL device matches XRAYCAST_GL_DEVICE=abacus; available: 0: " + name);
 }
 
 // ---- a full disk ----------------------------------------------------------------------------------
@@ -750,7 +750,7 @@ TEST_F(Cli, ProjectNotesASourceWithinTheBody) {
   output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
   const Finished within = run("project @/ct.nrrd -o @/p.exr --cone 5,1500 --size 40x30");
   EXPECT_EQ(within.status, 0);
-  expect_one_line(within.err, "the source stands within the body");
+  expect_one_line(within.err, "the X-ray source lies inside the body");
   output_of("project @/ct.nrrd -o @/p.exr --cone 500,1500 --size 40x30");
 }
 
@@ -876,7 +876,7 @@ TEST_F(Cli, TellsItsVersion) { EXPECT_EQ(output_of("--version"), XRAYCAST_VERSIO
 
 TEST_F(Cli, NotesGoToStderrAndQuietSilencesThem) {
   NiftiFile file = little_scan();
-  file.sform[0] = 1;  // grows to the right, so it has to be turned
+  file.sform[0] = 1;  // grows to the right, so it must be turned
   write_bytes(folder_ / "ct.nii", file.bytes());
   const Finished told = run("cast @/ct.nii -o @/map.exr --json");
   EXPECT_EQ(told.err, "xraycast: reoriented from RPS to LPS\n");

@@ -88,7 +88,7 @@ class DicomOutput(unittest.TestCase):
         limited = ["bash", "-c", f'ulimit -f {largest_kB}; exec "$@"', "-", PROGRAM, *map(str, words)]
         done = subprocess.run(limited, capture_output=True, text=True, timeout=100)
         self.assertEqual((done.returncode, done.stderr.count("\n")), (1, 1), done.stderr)
-        self.assertIn(f"{file}: could not be written to its end", done.stderr)
+        self.assertIn(f"{file}: could not be written completely", done.stderr)
 
     def test_a_picture_is_whole_or_not_there(self):
         file = self.folder / "whole.dcm"
@@ -281,10 +281,10 @@ class DicomOutput(unittest.TestCase):
         self.assertEqual(len(list(series.iterdir())), 80)
         status, told = refusal("convert", self.phantom(), "-o", series)
         self.assertEqual((status, told.count("\n")), (3, 1), told)
-        self.assertIn("is no empty folder", told)
+        self.assertIn("is not an empty folder", told)
 
     def test_a_conversion_that_cannot_be_is_refused(self):
-        for words, reason in ((("-o", self.folder / "x.stl"), "not a volume's name"),
+        for words, reason in ((("-o", self.folder / "x.stl"), "unknown volume format"),
                               (("-o", self.folder / "x.nrrd", "--patient", "a,b"), "--patient does not apply"),
                               (("-o", self.folder / "x", "--patient", "a"), "NAME,ID"),
                               (("-o", self.folder / "none" / "x"), "the output folder does not exist")):

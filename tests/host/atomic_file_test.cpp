@@ -123,8 +123,8 @@ TEST_F(AtomicFiles, RefuseLinksThatLeadNowhereOrToADevice) {
   fs::create_symlink("missing.csv", folder_ / "dangling.csv");
   fs::create_symlink("round.csv", folder_ / "round.csv");
   fs::create_symlink("/dev/null", folder_ / "null.csv");
-  for (const auto& [name, message] : {std::pair{"dangling.csv", "leads nowhere"},
-                                      {"round.csv", "leads nowhere"},
+  for (const auto& [name, message] : {std::pair{"dangling.csv", "dangling symbolic link"},
+                                      {"round.csv", "dangling symbolic link"},
                                       {"null.csv", "not a regular file"}})
     EXPECT_THAT([&] { write_whole_file(folder_ / name, "new"); },
                 ThrowsMessage<InputError>(HasSubstr(message)));
@@ -212,7 +212,7 @@ TEST_F(AtomicFiles, SayWhatTheyTakeWhenTheDiskIsFull) {
   setrlimit(RLIMIT_FSIZE, &small);
   EXPECT_THAT([&] { write_whole_file(folder_ / "tree.json", std::string(2'500'000, ' ')); },
               ThrowsMessage<Error>((folder_ / "tree.json").string() +
-                                   ": could not be written to its end (File too large); the disk may be "
+                                   ": could not be written completely (File too large); the disk may be "
                                    "full; it takes 2.5 MB"));
   setrlimit(RLIMIT_FSIZE, &before);
   std::signal(SIGXFSZ, handler);

@@ -105,7 +105,7 @@ TEST(BasisFile, WithADamagedOutlineIsRefused) {
           "an outline of 3 radii");
   refused("\"outline_radii\": 2,", bytes_of(10.0f) + bytes_of(-10.0f), "a radius of -10 mm");
   refused("\"outline_radii\": 2,", bytes_of(9.0f) + bytes_of(9.0f), "its outline reaches 9 mm");
-  refused("\"outline_radii\": 2000000000,", bytes_of(10.0f), "cut short");
+  refused("\"outline_radii\": 2000000000,", bytes_of(10.0f), "truncated");
 }
 
 TEST(BasisFile, ReadingBackGivesTheSame) {
@@ -175,7 +175,7 @@ TEST(BasisFile, TruncationIsFoundEverywhere) {
     for (const std::size_t size : {begin, begin + 1, begin + 12, (begin + end) / 2, end - 4, end - 1}) {
       SCOPED_TRACE(size);
       write_bytes(folder / "b.basis", bytes.substr(0, size));
-      expect_refused(folder / "b.basis", size <= 12 ? "" : "cut short");
+      expect_refused(folder / "b.basis", size <= 12 ? "" : "truncated");
     }
   }
   for (const std::size_t size : {0, 1, 8, 11}) {
@@ -196,7 +196,7 @@ std::string basis_with(const std::string& from, const std::string& to) {
 }
 
 const BadBasis kBadBases[] = {
-    {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis, as `xraycast cast`"},
+    {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis; make one with `xraycast cast"},
     {"TextModeTransfer", "\x89XRB\n\x1a\n" + basis_with("", "").substr(8), "not a basis"},
     {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{3}), "version 3, but this program"},
     {"HugeChunk", kStart + "HEAD" + bytes_of(~std::uint64_t{0}) + header(),
@@ -210,23 +210,23 @@ const BadBasis kBadBases[] = {
     {"FractionalWidth", basis_with("\"width\": 2", "\"width\": 2.5"), "header field width"},
     {"HugeWidth", basis_with("\"width\": 2", "\"width\": 99999999999999"), "header field width"},
     {"TooWide", basis_with("\"width\": 2", "\"width\": 16385"), "16385 angles"},
-    {"MoreTilesThanBytes", basis_with("\"width\": 2", "\"width\": 16384"), "cut short"},
-    {"ManySlices", basis_with("\"height\": 1", "\"height\": 65536"), "cut short"},
+    {"MoreTilesThanBytes", basis_with("\"width\": 2", "\"width\": 16384"), "truncated"},
+    {"ManySlices", basis_with("\"height\": 1", "\"height\": 65536"), "truncated"},
     {"RadiiText", basis_with("[0, 10]", "\"all\""), "header field radii_mm"},
     {"RadiiDescend", basis_with("[0, 10]", "[10, 0]"), "radii[1]"},
     {"CentreOfThree", basis_with("[[0, 0]]", "[[0]]"), "header field centre_mm"},
     {"StepOfNull", basis_with("\"step_mm\": 1", "\"step_mm\": null"), "header field step_mm"},
     {"NoKnots", basis_with("[0, 100]", "[]"), "0 knots"},
     {"KnotsDescend", basis_with("[0, 100]", "[100, 0]"), "knot 1 at 0 HU"},
-    {"ShortHistogram", basis_with("0,0,", "0,"), "hu_histogram has to hold 256"},
-    {"NegativeCount", basis_with("0,0,", "0,-1,"), "hu_histogram has to hold 256"},
+    {"ShortHistogram", basis_with("0,0,", "0,"), "hu_histogram must hold 256"},
+    {"NegativeCount", basis_with("0,0,", "0,-1,"), "hu_histogram must hold 256"},
     {"UnknownKnot", kStart + chunk("HEAD", header()) + chunk("TILE", tiles(3, 4)) + chunk("ROWS", rows(3)),
-     "TILE names a knot 2, but there are 2"},
+     "TILE names knot 2, but there are 2"},
     {"TooFewTiles",
      kStart + chunk("HEAD", header()) + chunk("TILE", bytes_of(std::uint64_t{3})) + chunk("ROWS", rows(2)),
      "chunk 2 (TILE) is damaged: it claims 8 bytes instead of 16"},
     {"TooFewRows", kStart + chunk("HEAD", header()) + chunk("TILE", tiles(3, 2)) + chunk("ROWS", rows(2)),
-     "cut short"},
+     "truncated"},
     {"TooManyRows", kStart + chunk("HEAD", header()) + chunk("TILE", tiles(3, 2)) + chunk("ROWS", rows(4)),
      "chunk 3 (ROWS) is damaged: it claims 128 bytes instead of 96"},
     {"MoreAfterTheEnd", basis_with("", "") + "x", "1 bytes follow the last chunk"},
@@ -245,8 +245,8 @@ INSTANTIATE_TEST_SUITE_P(BasisFile, BadBasisTest, testing::ValuesIn(kBadBases),
 
 TEST(BasisFile, ThatIsNotThereOrAFolderIsRefused) {
   const TemporaryFolder folder;
-  expect_refused(folder / "missing.basis", "there is no such file");
-  expect_refused(folder / "", "there is no such file");
+  expect_refused(folder / "missing.basis", "no such file");
+  expect_refused(folder / "", "no such file");
 }
 
 }  // namespace

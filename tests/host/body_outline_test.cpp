@@ -1,4 +1,4 @@
-#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 #include "xraycast/base/error.hpp"
 

@@ -70,7 +70,7 @@ TEST_P(BadLineTest, IsRefusedWithTheReason) {
 
 constexpr const char* kTree = R"({"branches": [{"id": 0, "parent": -1, "points": [[0,0,9,1],[0,0,0,1]]}]})";
 INSTANTIATE_TEST_SUITE_P(CurvedAxis, BadLineTest,
-                         testing::Values(BadLine{"Missing", "none.csv", nullptr, "there is no such file"},
+                         testing::Values(BadLine{"Missing", "none.csv", nullptr, "no such file"},
                                          BadLine{"Empty", "a.csv", "", "two points"},
                                          BadLine{"OnePoint", "a.csv", "1,2,3\n", "two points"},
                                          BadLine{"Text", "a.csv", "1,2,3\nhello\n", "line 2"},

@@ -203,7 +203,7 @@ TEST(DicomFolder, PassesOverWhatIsNoCtSlice) {
   EXPECT_EQ(info.size.z, 3);
   EXPECT_THAT(info.warnings, IsEmpty());
   EXPECT_THAT(info.notes,
-              ElementsAre("passed over 10 files that are no CT slices: 1 MR image, 2 PET images, 1 RT dose, "
+              ElementsAre("skipped 10 files that are not CT slices: 1 MR image, 2 PET images, 1 RT dose, "
                           "1 RT structure set, 1 dose report, 1 scout, 2 screen shots, 1 structured report"));
 }
 
@@ -212,7 +212,7 @@ TEST(DicomFolder, PassesOverOneFileInTheSingular) {
   write_series(folder / "ct", "1", 3);
   slice_of("4", 0).number(kColours, 3).write(folder / "colour");
   EXPECT_THAT(read_scan(folder / "").info.notes,
-              ElementsAre("passed over 1 file that is no CT slice: 1 screen shot"));
+              ElementsAre("skipped 1 file that is not a CT slice: 1 screen shot"));
 }
 
 TEST(DicomFolder, PassesOverDamageThatIsNotTheChosenSeries) {
@@ -231,16 +231,15 @@ TEST(DicomFolder, GivesImagesThatAreNoCtWhereThereIsNothingElse) {
   const ScanInfo info = read_scan(folder / "").info;
   EXPECT_EQ(info.size.z, 3);
   EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("MR is not CT")));
-  EXPECT_THAT(info.notes, ElementsAre("passed over 1 file that is no slice: 1 structured report"));
+  EXPECT_THAT(info.notes, ElementsAre("skipped 1 file that is not a slice: 1 structured report"));
 }
 
 TEST(DicomFolder, RefusesOneThatHoldsNoSlices) {
   const TemporaryFolder folder;
   slice_of("4", 0).number(kColours, 3).write(folder / "colour");
   without_image("88.11", "SR").write(folder / "report");
-  EXPECT_THAT(
-      [&] { read_scan(folder / ""); },
-      ThrowsMessage<InputError>(HasSubstr("no images that are slices: 1 screen shot, 1 structured report")));
+  EXPECT_THAT([&] { read_scan(folder / ""); },
+              ThrowsMessage<InputError>(HasSubstr("no image slices: 1 screen shot, 1 structured report")));
 }
 
 // ---- what is damaged --------------------------------------------------------------------------------

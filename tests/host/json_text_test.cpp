@@ -21,9 +21,9 @@ std::string nested(int levels) {
 TEST(JsonText, IsReadUpToItsDeepestLevel) {
   EXPECT_EQ(parse_json(R"({"a": [1, 2.5]})", "file")["a"][1], 2.5);
   EXPECT_TRUE(parse_json(nested(kDeepestJson), "file").is_array());
-  EXPECT_THAT(
-      [] { parse_json(nested(kDeepestJson + 1), "file"); },
-      testing::ThrowsMessage<InputError>(HasSubstr("file: lists and objects lie more than 32 levels")));
+  EXPECT_THAT([] { parse_json(nested(kDeepestJson + 1), "file"); },
+              testing::ThrowsMessage<InputError>(
+                  HasSubstr("file: lists and objects are nested more than 32 levels")));
 }
 
 TEST(JsonText, IsDiscardedWhereItIsNone) {

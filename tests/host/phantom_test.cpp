@@ -63,7 +63,9 @@ TEST(Phantom, RefusesWhatItCannotMake) {
     PhantomOptions options;
     std::string message;
   } kCases[] = {
-      {"torso", {}, "no phantom is named 'torso'; there is thorax, head, cylinder, sphere, box, shepp-logan"},
+      {"torso",
+       {},
+       "unknown phantom 'torso'; choose one of thorax, head, cylinder, sphere, box, shepp-logan"},
       {"box", {.size = Index3(0, 8, 8)}, "phantom box: size 0 x 8 x 8"},
       {"box", {.size = Index3(8, 8, 70000)}, "phantom box: size 8 x 8 x 70000"},
       {"box", {.spacing_mm = 0.0}, "voxel spacing 0 x 0 x 0"},

@@ -141,7 +141,7 @@ const BadScan kBadScans[] = {
      [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "nan\\1").write(f / "a"); }, "a",
      "PixelSpacing (0028,0030) is missing or damaged"},
     {"DicomSliceWithoutThickness", [](const TemporaryFolder& f) { dicom().erase(0x00180050).write(f / "a"); },
-     "a", "does not say how thick"},
+     "a", "single slice without a thickness"},
     {"DicomInColour", [](const TemporaryFolder& f) { dicom().number(0x00280002, 3).write(f / "a"); }, "a",
      "colour"},
     {"DicomOfSeveralFrames",
@@ -158,7 +158,7 @@ const BadScan kBadScans[] = {
            .erase(0x7fe00010)
            .write(f / "a");
      },
-     "", "hold no images that are slices: 1 structured report"},
+     "", "hold no image slices: 1 structured report"},
     {"DicomOfTwoSizes",
      [](const TemporaryFolder& f) {
        dicom(0).write(f / "a");
@@ -279,7 +279,7 @@ const BadScan kBadScans[] = {
        file.dim[0] = 2;
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "does not say how thick"},
+     "a.nii", "single slice without a thickness"},
 
     {"NrrdCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", without_last(nrrd("spacings: 1 1 1\n"), 5)); },
@@ -296,10 +296,10 @@ const BadScan kBadScans[] = {
      [](const TemporaryFolder& f) {
        write_bytes(f / "a.nhdr", nrrd("data file: %999999d.raw 1 3 1\nspacings: 1 1 1\n"));
      },
-     "a.nhdr", "stands for several files"},
+     "a.nhdr", "names several files"},
     {"NrrdByAList",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nhdr", nrrd("Data File: LIST\nspacings: 1 1 1\n")); },
-     "a.nhdr", "stands for several files"},
+     "a.nhdr", "names several files"},
     {"NrrdWithoutByteOrder",
      [](const TemporaryFolder& f) {
        write_bytes(f / "a.nrrd", "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 1\nencoding: gzip\n\n");
@@ -492,7 +492,7 @@ const BadScan kBadScans[] = {
        write_bytes(f / "b.fro", genesis_bytes({.columns = 3, .rows = 4, .location_mm = 1},
                                               std::vector<std::uint16_t>(12)));
      },
-     "", "take one of them away"},
+     "", "remove one of them"},
 };
 
 class BadScans : public testing::TestWithParam<BadScan> {};

@@ -115,9 +115,9 @@ const BadTree kBadTrees[] = {
     {"Cycle", {line({kA, kB}), line({kB, kC}, 2), line({kC, kB}, 1)}, {"branch 1", "cycle"}},
     {"OwnParent", {line({kA, kB}), line({kB, kC}, 1)}, {"branch 1", "cycle"}},
     {"NoPoints", {line({})}, {"branch 0", "0 points"}},
-    {"OnePoint", {line({kA})}, {"branch 0", "1 point, but two"}},
+    {"OnePoint", {line({kA})}, {"branch 0", "1 point, but at least two"}},
     {"Gap", {line({kA, kB}), line({kC, kA}, 0)}, {"branch 1", "starts 1 mm from the end of its parent 0"}},
-    {"RepeatedPoint", {line({kA, kB, kB})}, {"branch 0", "point 2", "in the place of the one before"}},
+    {"RepeatedPoint", {line({kA, kB, kB})}, {"branch 0", "point 2", "coincides with the one before"}},
     {"ZeroRadius", {line({kA, {{1, 0, 0}, 0}})}, {"branch 0", "point 1", "radius 0 mm is not above zero"}},
     {"NegativeRadius", {line({kA, {{1, 0, 0}, -1}})}, {"point 1", "radius -1 mm"}},
     {"NanRadius", {line({kA, {{1, 0, 0}, kNan}})}, {"branch 0", "point 1 is not finite"}},
@@ -361,8 +361,8 @@ void PrintTo(const BadFile& file, std::ostream* out) { *out << file.name; }
 
 const BadFile kBadFiles[] = {
     {"UnknownExtension", "tree.txt", "", {"tree.txt", ".vtp or .json"}},
-    {"NoJson", "tree.json", "branches", {"tree.json", "not JSON"}},
-    {"TruncatedJson", "tree.json", R"({"branches": [{"id": 0, "par)", {"not JSON"}},
+    {"NoJson", "tree.json", "branches", {"tree.json", "not valid JSON"}},
+    {"TruncatedJson", "tree.json", R"({"branches": [{"id": 0, "par)", {"not valid JSON"}},
     {"NoBranches", "tree.json", "{}", {"\"branches\" is missing"}},
     {"BranchesAreNoList", "tree.json", R"({"branches": 3})", {"\"branches\" is not a list"}},
     {"EmptyList", "tree.json", R"({"branches": []})", {"no branches"}},
@@ -406,12 +406,12 @@ const BadFile kBadFiles[] = {
     {"InfiniteJsonNumber",
      "tree.json",
      R"({"branches": [{"id": 4, "parent": -1, "points": [[1, 2, 3, 1e999]]}]})",
-     {"tree.json", "not JSON"}},
+     {"tree.json", "not valid JSON"}},
     {"ZeroRadiusInJson",
      "tree.json",
      R"({"branches": [{"id": 0, "parent": -1, "points": [[1, 2, 3, 1], [2, 2, 3, 0]]}]})",
      {"tree.json", "branch 0", "point 1", "radius"}},
-    {"NoVtp", "tree.vtp", "{}", {"tree.vtp", "not whole XML"}},
+    {"NoVtp", "tree.vtp", "{}", {"tree.vtp", "not well-formed XML"}},
     {"NoLines", "tree.vtp", vtp_text([](PolyData& data) { data = {}; }), {"MaximumInscribedSphereRadius"}},
     {"NoRadius",
      "tree.vtp",
@@ -443,7 +443,7 @@ const BadFile kBadFiles[] = {
        data.cell_arrays.clear();
        data.points_mm[3] = data.points_mm[1];
      }),
-     {"Lines", "lines 0 and 1 end in one point"}},
+     {"Lines", "lines 0 and 1 end at the same point"}},
     {"LinesApart",
      "tree.vtp",
      vtp_text([](PolyData& data) {

@@ -114,8 +114,9 @@ INSTANTIATE_TEST_SUITE_P(Formats, WriteVolume,
 TEST(WriteVolumeNames, RefusesAnotherExtension) {
   const TemporaryFolder folder;
   Progress progress;
-  EXPECT_THAT([&] { write_volume(numbered(kGeometry), folder / "volume.dcm", progress); },
-              testing::ThrowsMessage<InputError>(HasSubstr("end it in .nrrd, .nii, .nii.gz, .mha or .mhd")));
+  EXPECT_THAT(
+      [&] { write_volume(numbered(kGeometry), folder / "volume.dcm", progress); },
+      testing::ThrowsMessage<InputError>(HasSubstr("end the name in .nrrd, .nii, .nii.gz, .mha or .mhd")));
   EXPECT_THAT(names_in(folder / ""), IsEmpty());
 }
 

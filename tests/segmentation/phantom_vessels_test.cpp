@@ -170,11 +170,12 @@ TEST(Segmenting, TellsHowFarEachStepIs) {
   const Mask mask = segment_mask(small_thorax(device), {}, "thorax", device, progress);
   extract_centrelines(mask, "thorax", progress);
   EXPECT_EQ(wrong, "");
-  EXPECT_EQ(stages, (std::vector<std::string>{"contrast", "thresholding", "removing bone",
-                                              "separating chambers", "removing marrow", "closing gaps",
-                                              "selecting", "filling", "thinning", "centrelines"}));
+  EXPECT_EQ(stages,
+            (std::vector<std::string>{"contrast", "thresholding", "removing bone", "separating chambers",
+                                      "removing trabecular bone", "closing gaps", "selecting", "filling",
+                                      "thinning", "centrelines"}));
   for (const char* stage :
-       {"removing bone", "separating chambers", "removing marrow", "thinning", "centrelines"})
+       {"removing bone", "separating chambers", "removing trabecular bone", "thinning", "centrelines"})
     EXPECT_GE(moves[stage], 4) << stage;
 }
 

@@ -42,8 +42,8 @@ TEST(Entry, ThatDoesNotExistIsNamed) {
       return error.what();
     }
   };
-  EXPECT_EQ(message({3, "field"}), "field: there is no branch 3; the tree has 0 to 2");
-  EXPECT_EQ(message({-1}), "entry: there is no branch -1; the tree has 0 to 2");
+  EXPECT_EQ(message({3, "field"}), "field: there is no branch 3; the tree has branches 0 to 2");
+  EXPECT_EQ(message({-1}), "entry: there is no branch -1; the tree has branches 0 to 2");
   EXPECT_EQ(message({glm::dvec3(0, 0, 160)}), "entry: the nearest vessel end, 0,0,100, is 60 mm away");
 }
 

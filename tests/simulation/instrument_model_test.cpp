@@ -118,7 +118,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadDevice{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
         BadDevice{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
         BadDevice{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
-        BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it has to be above zero"},
+        BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it must be above zero"},
         BadDevice{"Density", "\"density_g_cm3\": 2", "\"density_g_cm3\": -2", "\"density_g_cm3\" is -2"},
         BadDevice{"Friction", "\"kinetic_friction\": 0.1", "\"kinetic_friction\": 0.3",
                   "\"kinetic_friction\" is 0.3"},
@@ -127,7 +127,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadDevice{"Stiffness", "[10, 30]", "[10, 0]", "sections[0]: \"bending_stiffness_Nmm2\" is 0"},
         BadDevice{"ThreeStiffnesses", "[10, 30]", "[10, 20, 30]", "a number, or two"},
         BadDevice{"Curvature", "\"curvature_per_mm\": 0.1", "\"curvature_per_mm\": 1.1",
-                  "less than its own width"},
+                  "tighter than the device's own width"},
         BadDevice{"TooLong", "\"length_mm\": 90", "\"length_mm\": 9000", "more than 5 m"}),
     [](const auto& bad) { return std::string(bad.param.name); });
 
@@ -142,7 +142,7 @@ TEST(InstrumentModel, UnknownNameListsThePresets) {
     InstrumentModel::named("cobra");
     FAIL() << "accepted";
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), HasSubstr("cobra: no such device"));
+    EXPECT_THAT(error.what(), HasSubstr("cobra: unknown device"));
     EXPECT_THAT(error.what(), HasSubstr("cobra-5f"));
   }
 }

@@ -145,7 +145,7 @@ TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
 }
 
 TEST(RodDerivatives, OfContactAreExact) {
-  // A winding tube that widens and is as wide as the rod, which has to be in its wall; it is smooth there.
+  // A winding tube that widens and is as wide as the rod, which must be in its wall; it is smooth there.
   VesselBranch branch;
   for (int i = 0; i <= 60; ++i)
     branch.points.push_back({{3 * std::sin(0.1 * i), 0, i - 10.0}, 0.8 + 0.01 * i});

@@ -225,7 +225,7 @@ TEST(Rod, TurnsWithItsHubWithoutLag) {
 }
 
 TEST(Rod, FeedingKeepsForceAndTorque) {
-  // Pushed forward against a constant load: the clamp has to bear just that, whatever node comes in or goes.
+  // Pushed forward against a constant load: the clamp must bear just that, whatever node comes in or goes.
   const InstrumentModel device = uniform();
   Rod rod(device, device.stations_mm(5), {}, 41, {.drag_mPa_s = 0, .max_iterations = 20});
   rod.set_load_N(0, {0, 0, -0.05});

@@ -22,7 +22,7 @@ std::unique_ptr<Catheter> catheter() {
 }
 
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
-  // The hand pushes at 50 mm/s; what belongs together has to fit together, whenever it is read.
+  // The hand pushes at 50 mm/s; what belongs together must fit together, whenever it is read.
   double pushed_mm = 0;
   SimulationLoop loop(catheter(), [&pushed_mm](const HubPose&, const HubLoad& load, double step_s) {
     EXPECT_TRUE(std::isfinite(load.force_N));

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec3.hpp>
 

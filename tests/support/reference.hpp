@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>

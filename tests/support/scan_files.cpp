@@ -103,14 +103,38 @@ DicomFile& DicomFile::directions(const glm::dvec3& row, const glm::dvec3& column
                           column.y, column.z));
 }
 
+DicomFile& DicomFile::sequence(std::uint32_t tag, const std::vector<std::string>& items, bool with_lengths) {
+  constexpr std::size_t kHead = 12;
+  elements_[tag] = {with_lengths ? "SQ" : "SQ undefined",
+                    dicom_sequence(tag, items, with_lengths).substr(kHead)};
+  return *this;
+}
+
+std::string dicom_element(std::uint32_t tag, const std::string& vr, const std::string& value) {
+  const std::string padded = value + std::string(value.size() % 2, vr == "UI" ? '\0' : ' ');
+  const std::string head = bytes_of(static_cast<std::uint16_t>(tag >> 16)) +
+                           bytes_of(static_cast<std::uint16_t>(tag)) + vr.substr(0, 2);
+  const auto length = static_cast<std::uint32_t>(padded.size());
+  if (vr == "OW" || vr == "OB" || vr == "SQ") return head + std::string(2, '\0') + bytes_of(length) + padded;
+  if (vr == "SQ undefined") return head + std::string(2, '\0') + bytes_of(~0U) + padded;
+  return head + bytes_of(static_cast<std::uint16_t>(length)) + padded;
+}
+
+std::string dicom_sequence(std::uint32_t tag, const std::vector<std::string>& items, bool with_lengths) {
+  const auto delimiter = [](std::uint16_t element, std::uint32_t length) {
+    return bytes_of(std::uint16_t{0xfffe}) + bytes_of(element) + bytes_of(length);
+  };
+  std::string value;
+  for (const std::string& item : items)
+    value += delimiter(0xe000, with_lengths ? static_cast<std::uint32_t>(item.size()) : ~0U) + item +
+             (with_lengths ? "" : delimiter(0xe00d, 0));
+  return dicom_element(tag, with_lengths ? "SQ" : "SQ undefined",
+                       value + (with_lengths ? "" : delimiter(0xe0dd, 0)));
+}
+
 void DicomFile::write(const std::filesystem::path& path, bool implicit) const {
   const auto explicit_element = [](std::uint32_t tag, const Element& element) {
-    const auto group = static_cast<std::uint16_t>(tag >> 16), number = static_cast<std::uint16_t>(tag);
-    const std::string head = bytes_of(group) + bytes_of(number) + element.vr;
-    const auto length = static_cast<std::uint32_t>(element.value.size());
-    if (element.vr == "OW" || element.vr == "OB")
-      return head + std::string(2, '\0') + bytes_of(length) + element.value;
-    return head + bytes_of(static_cast<std::uint16_t>(length)) + element.value;
+    return dicom_element(tag, element.vr, element.value);
   };
   const auto implicit_element = [](std::uint32_t tag, const Element& element) {
     const auto group = static_cast<std::uint16_t>(tag >> 16), number = static_cast<std::uint16_t>(tag);

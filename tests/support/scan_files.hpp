@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -46,6 +46,8 @@ class DicomFile {
   DicomFile& text(std::uint32_t tag, const std::string& vr, const std::string& value);
   DicomFile& number(std::uint32_t tag, std::uint16_t value);
   DicomFile& erase(std::uint32_t tag);
+  /// Items of elements as dicom_element() gives them; with lengths, or ended by delimiters.
+  DicomFile& sequence(std::uint32_t tag, const std::vector<std::string>& items, bool with_lengths = true);
 
   DicomFile& position(const glm::dvec3& mm);
   DicomFile& directions(const glm::dvec3& row, const glm::dvec3& column);
@@ -59,6 +61,13 @@ class DicomFile {
   };
   std::map<std::uint32_t, Element> elements_;
 };
+
+/// An element in explicit VR little endian, for an item of a sequence.
+std::string dicom_element(std::uint32_t tag, const std::string& vr, const std::string& value);
+
+/// A sequence of that kind.
+std::string dicom_sequence(std::uint32_t tag, const std::vector<std::string>& items,
+                           bool with_lengths = true);
 
 /// What a GE Genesis slice's header says.
 struct GenesisHeader {

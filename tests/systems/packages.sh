@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
-# packages.sh, as root: installs the packages of `./dev package` in a bare Debian 12, where `xraycast demo` has to work
-# without a compiler, and each example of libxraycast-dev has to be built and run. Takes the network and about 4 GB.
+# packages.sh, as root: installs the packages of `./dev package` in a bare Debian 12, where `xraycast demo` must work
+# without a compiler, and each example of libxraycast-dev must be built and run. Takes the network and about 4 GB.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 

@@ -618,7 +618,7 @@ class Window(unittest.TestCase):
         environment = {name: value for name, value in os.environ.items() if name not in ("DISPLAY", "WAYLAND_DISPLAY")}
         ended = subprocess.run([PROGRAM, "view", str(FILES / "map.exr")], env=environment, capture_output=True, text=True)
         self.assertEqual(ended.returncode, 1)
-        self.assertRegex(ended.stderr, "^xraycast: there is no display .*\n$")
+        self.assertRegex(ended.stderr, "^xraycast: no display .*\n$")
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 // The map along the rays of a rectified view's columns (column_samples.hpp). Variants: BLENDS_LAYERS where samples
 // lie between two layers, PATH where they stand for a length.
-uniform samplerBuffer map_texels;    // four rows a texel (map_texels.hpp)
+uniform samplerBuffer map_texels;    // four rows per texel (map_texels.hpp)
 uniform samplerBuffer column_table;  // ColumnSamples::Column
 uniform samplerBuffer sample_table;  // ColumnSample, two texels each
 uniform int quads, layer_stride;     // of the map, in texels

@@ -1,6 +1,6 @@
 // Adds the optical depths of the body and of absorbing surfaces and applies the grey window. Variants: TAU (optical
 // depth instead of grey), ABSORBING, RESAMPLED (columns are interpolated), GAMMA.
-uniform sampler2D body;  // four rows a texel
+uniform sampler2D body;  // four rows per texel
 uniform mat3 from_pixel;
 uniform float view_height;
 uniform vec2 origin;  // of the view within the framebuffer

@@ -1,6 +1,6 @@
-// Ray marching through a map: spheres, and cylinders about a bent axis. Variants: SPHERE, WALL,
+// Ray marching through a map: spheres, and cylinders about a curved axis. Variants: SPHERE, WALL,
 // OUTLINE.
-uniform samplerBuffer map_texels;      // four rows a texel (map_texels.hpp)
+uniform samplerBuffer map_texels;      // four rows per texel (map_texels.hpp)
 uniform samplerBuffer axis_table;      // x, y of the axis in every row; one entry for a sphere
 uniform samplerBuffer layer_table;     // layer and weight of the next one, for evenly spaced radii
 #ifdef OUTLINE

@@ -39,7 +39,7 @@ double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
     return element_attenuation_cm2_g(z, energy_kev);
   const std::unique_ptr<compoundDataNIST, decltype(&FreeCompoundDataNIST)> compound(
       GetCompoundDataNISTByName(material.c_str(), nullptr), &FreeCompoundDataNIST);
-  if (!compound) throw Error("{}: neither an element nor a compound of NIST's list", material);
+  if (!compound) throw Error("{}: neither an element nor a compound in NIST's list", material);
   double sum = 0;
   for (int i = 0; i < compound->nElements; ++i)
     sum += compound->massFractions[i] * element_attenuation_cm2_g(compound->Elements[i], energy_kev);
@@ -70,7 +70,7 @@ void check_mask_grid(const VolumeGeometry& mask, const VolumeGeometry& scan, con
   };
   if (mask.size != scan.size || !meets(mask.lower_mm(), scan.lower_mm()) ||
       !meets(mask.upper_mm(), scan.upper_mm()))
-    throw InputError("{}: has {}, but the scan has {}; a mask has to lie on the scan's grid", name,
+    throw InputError("{}: has {}, but the scan has {}; a mask must lie on the scan's grid", name,
                      text_of(mask), text_of(scan));
 }
 

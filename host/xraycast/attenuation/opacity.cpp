@@ -3,7 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -18,17 +18,17 @@ constexpr double kPaperWater_per_mm = 0.02;
 
 void validate(const std::string& name, const std::vector<Opacity::Knot>& knots) {
   if (knots.empty() || knots.size() > Opacity::kMaxKnots)
-    throw InputError("{}: knots has {} entries, but has to have 1 to {}", name, knots.size(),
+    throw InputError("{}: knots has {} entries, but must have 1 to {}", name, knots.size(),
                      Opacity::kMaxKnots);
   for (std::size_t i = 0; i < knots.size(); ++i) {
     const auto [hu, mu] = knots[i];
     if (!(hu >= kPaddingHu && hu <= kMaxHu))
       throw InputError("{}: knots[{}] is at {} HU, outside {} to {}", name, i, hu, kPaddingHu, kMaxHu);
     if (!std::isfinite(mu) || mu < 0)
-      throw InputError("{}: knots[{}] has mu = {} /mm, which has to be finite and not negative", name, i, mu);
+      throw InputError("{}: knots[{}] has mu = {} /mm, which must be finite and not negative", name, i, mu);
     if (i > 0 && hu <= knots[i - 1].hu)
-      throw InputError("{}: knots[{}] at {} HU does not lie above the one before it, {} HU; sort the knots",
-                       name, i, hu, knots[i - 1].hu);
+      throw InputError("{}: knots[{}] at {} HU is not above the one before it, {} HU; sort the knots", name,
+                       i, hu, knots[i - 1].hu);
   }
 }
 
@@ -55,9 +55,10 @@ Opacity Opacity::bilinear() {
 
 Opacity Opacity::from_json(const std::string& text, const std::string& origin) {
   const auto json = parse_json(text, origin);
-  if (!json.is_object()) throw InputError("{}: not a JSON object, so not an opacity", origin);
+  if (!json.is_object())
+    throw InputError("{}: not a JSON object; an opacity holds a name, a unit and knots", origin);
   if (const auto unit = json.find("unit"); unit != json.end() && *unit != "1/mm")
-    throw InputError("{}: unit is {}, but has to be \"1/mm\"", origin, unit->dump());
+    throw InputError("{}: unit is {}, but must be \"1/mm\"", origin, unit->dump());
   const auto knots = json.find("knots");
   if (knots == json.end() || !knots->is_array())
     throw InputError("{}: knots is missing; it is a list of [HU, mu in 1/mm] pairs", origin);
@@ -77,7 +78,7 @@ Opacity Opacity::named(const std::string& name_or_file) {
   if (name_or_file == "bilinear") return bilinear();
   if (name_or_file == "subtracted") return subtracted();
   if (!std::filesystem::is_regular_file(name_or_file))
-    throw InputError("{}: neither an opacity (paper, bilinear, subtracted) nor a file that can be read",
+    throw InputError("{}: unknown opacity; give paper, bilinear, subtracted or a readable JSON file",
                      name_or_file);
   return from_json(read_whole_file(name_or_file), name_or_file);
 }

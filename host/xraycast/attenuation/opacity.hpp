@@ -7,7 +7,7 @@
 
 namespace xraycast {
 
-/// How strongly each CT number attenuates: a piecewise-linear function from Hounsfield units to the linear
+/// The attenuation of each CT number: a piecewise-linear function from Hounsfield units to the linear
 /// attenuation coefficient mu in 1/mm, constant beyond its end knots.
 class Opacity {
  public:
@@ -25,16 +25,15 @@ class Opacity {
   /// mu = 0.02/mm (HU / 1024 + 1): equation 1 of the X-ray casting paper, and the default.
   static Opacity paper();
 
-  /// mu = 0.02/mm HU / 1024: paper's, but that water attenuates nothing, for an angiogram from which all else
-  /// was subtracted.
+  /// mu = 0.02/mm HU / 1024: as `paper`, but without the attenuation of water, for a subtracted angiogram.
   static Opacity subtracted();
 
   /// 0 up to -1000 HU, 0.0192/mm at 0 HU and 0.0573/mm at 1000 HU, linear between and above: water and bone
-  /// at about 70 keV, as nanodrr has them.
+  /// at about 70 keV, as in nanodrr.
   static Opacity bilinear();
 
   /// {"name": "bone", "unit": "1/mm", "knots": [[-1000, 0], [150, 0], [1000, 0.06]]}. Throws InputError
-  /// naming the field; `origin` (a file name) stands in front.
+  /// naming the field; `origin` (a file name) precedes the message.
   static Opacity from_json(const std::string& text, const std::string& origin);
 
   /// `paper`, `bilinear`, `subtracted`, or the name of a JSON file.

@@ -17,7 +17,7 @@
 namespace xraycast {
 namespace {
 
-constexpr double kLowest_kev = 1, kHighest_kev = 800;  // what xraylib knows
+constexpr double kLowest_kev = 1, kHighest_kev = 800;  // range of xraylib
 
 // ---- the tube, after Tucker, Barnes and Chakraborty
 
@@ -35,9 +35,9 @@ double mean_over_unit(const Function& f) {
   return sum / kSteps;
 }
 
-/// How deep in the anode electrons are slowed down to `electron_kev`, by the law of Thomson and Whiddington.
-/// Its constant is a line through the values of R. Birch and M. Marshall (Phys. Med. Biol. 24, 1979, 505-517)
-/// from 50 to 200 kV, good to 1.5 %.
+/// The depth in the anode at which electrons have slowed down to `electron_kev`, by the law of Thomson and
+/// Whiddington. Its constant is a line through the values of R. Birch and M. Marshall (Phys. Med. Biol. 24,
+/// 1979, 505-517) from 50 to 200 kV, good to 1.5 %.
 double depth_g_cm2(double tube_kv, double electron_kev) {
   return (tube_kv * tube_kv - electron_kev * electron_kev) / (1e6 * (0.39 + 0.00304 * tube_kv));
 }
@@ -53,8 +53,8 @@ double bremsstrahlung(double tube_kv, double energy_kev) {
   // alpha r_e^2 Z^2 per gram, in which the cross section is measured.
   static const double unit_cm2_g =
       kFineStructure * RE2 * AVOGNUM * kTungsten * kTungsten / AtomicWeight(kTungsten, nullptr);
-  // The paper's A0 and A1 times 1000: only so is the tube's output that of real ones, some 90 uGy/mAs of air
-  // kerma a metre from 100 kVp, and in proportion to the K lines.
+  // The paper's A0 and A1 times 1000: only then does the output match real tubes, some 90 uGy/mAs of air
+  // kerma at 1 m for 100 kVp, and the ratio to the K lines.
   const double strength = 36.85 + 0.029 * tube_kv;
   const double attenuation_cm2_g = way_out_cm2_g(energy_kev);
   const double mean = mean_over_unit([&](double share) {
@@ -100,21 +100,22 @@ Spectrum tube_spectrum(int tube_kv) {
 
 void validate(const std::string& name, const std::vector<Spectrum::Bin>& bins) {
   if (bins.empty() || bins.size() > Spectrum::kMaxBins)
-    throw InputError("{}: {} energies, but a spectrum has 1 to {}", name, bins.size(), Spectrum::kMaxBins);
+    throw InputError("{}: {} energies, but a spectrum must have 1 to {}", name, bins.size(),
+                     Spectrum::kMaxBins);
   for (std::size_t i = 0; i < bins.size(); ++i) {
     const auto [energy_kev, fluence] = bins[i];
     if (!(energy_kev >= kLowest_kev && energy_kev <= kHighest_kev))
       throw InputError("{}: energy {} keV is outside {} to {} keV", name, energy_kev, kLowest_kev,
                        kHighest_kev);
     if (i > 0 && energy_kev <= bins[i - 1].energy_kev)
-      throw InputError("{}: energy {} keV does not lie above the one before it, {} keV; sort the lines", name,
+      throw InputError("{}: energy {} keV is not above the one before it, {} keV; sort the lines", name,
                        energy_kev, bins[i - 1].energy_kev);
     if (!std::isfinite(fluence) || fluence < 0)
-      throw InputError("{}: the fluence at {} keV is {}, but has to be finite and not negative", name,
+      throw InputError("{}: the fluence at {} keV is {}, but must be finite and not negative", name,
                        energy_kev, fluence);
   }
   if (std::ranges::all_of(bins, [](const auto& bin) { return bin.fluence == 0; }))
-    throw InputError("{}: all fluences are 0", name);
+    throw InputError("{}: all fluences are 0; at least one must be above 0", name);
 }
 
 Spectrum read_columns(const std::string& file) {
@@ -144,8 +145,8 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
   for (const int tube_kv : kTubes_kv)
     if (kvp_or_file == std::to_string(tube_kv)) return tube_spectrum(tube_kv);
   if (!std::filesystem::is_regular_file(kvp_or_file))
-    throw InputError("spectrum:{}: neither a tube of {} kVp nor a file of energies and fluences", kvp_or_file,
-                     fmt::join(kTubes_kv, ", "));
+    throw InputError("spectrum:{}: give a tube voltage of {} kVp, or a file of energies in keV and fluences",
+                     kvp_or_file, fmt::join(kTubes_kv, ", "));
   return read_columns(kvp_or_file);
 }
 
@@ -158,7 +159,7 @@ Spectrum Spectrum::from_json(const std::string& text, const std::string& origin)
     validate(origin, bins);
     return {json.at("name").get<std::string>(), std::move(bins)};
   } catch (const nlohmann::json::exception&) {
-    throw InputError("{}: not a spectrum", origin);
+    throw InputError("{}: not a spectrum of energies in keV and fluences", origin);
   }
 }
 
@@ -194,7 +195,7 @@ double SpectrumModel::transmission(std::span<const double> g_cm2) const {
 std::vector<float> SpectrumModel::tau(const MaterialDepths& depths) const {
   const std::size_t rays = depths[0].size();
   std::vector<float> tau(rays);
-  constexpr std::size_t kRun = 4096;  // rays; long enough for a thread to be worth it
+  constexpr std::size_t kRun = 4096;  // rays; long enough to be worth a thread
   parallel_for(static_cast<std::int64_t>((rays + kRun - 1) / kRun), [&](std::int64_t run) {
     const std::size_t first = static_cast<std::size_t>(run) * kRun;
     for (std::size_t ray = first; ray < std::min(first + kRun, rays); ++ray) {

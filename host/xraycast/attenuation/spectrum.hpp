@@ -9,7 +9,7 @@
 
 namespace xraycast {
 
-/// The photons of an X-ray beam behind its filters: how many there are of each energy.
+/// The photon spectrum of a filtered X-ray beam: the fluence per energy bin.
 class Spectrum {
  public:
   struct Bin {
@@ -23,13 +23,13 @@ class Spectrum {
   /// 800 keV, with finite fluences >= 0, not all of them 0.
   Spectrum(std::string name, std::vector<Bin> bins);
 
-  /// `80`, `100` or `120`: a tube of that many kilovolts (constant), with a tungsten anode of 10 degrees
-  /// behind 2.5 mm of aluminium, the least total filtration that IEC 60601-1-3 allows, in bins of 1 keV.
-  /// Half-value layers are 3.07, 3.91 and 4.73 mm of aluminium, where the radiation qualities RQR 6, 8 and 9
-  /// of IEC 61267:2005 have 3.01, 3.97 and 5.00 mm.
+  /// `80`, `100` or `120`: a tube at that constant voltage in kV, with a tungsten anode of 10 degrees behind
+  /// 2.5 mm of aluminium, the least total filtration that IEC 60601-1-3 allows, in bins of 1 keV. Half-value
+  /// layers are 3.07, 3.91 and 4.73 mm of aluminium, where the radiation qualities RQR 6, 8 and 9 of IEC
+  /// 61267:2005 have 3.01, 3.97 and 5.00 mm.
   ///
   /// Anything else is a file of two columns, energy in keV and photons in that bin, with blank lines and
-  /// comments behind `#`. Throws InputError, naming file and line.
+  /// comments after `#`. Throws InputError, naming file and line.
   ///
   /// The model is D. M. Tucker, G. T. Barnes and D. P. Chakraborty, Semiempirical model for generating
   /// tungsten target x-ray spectra, Med. Phys. 18, 1991, 211-218: bremsstrahlung and K lines, both made at
@@ -37,7 +37,7 @@ class Spectrum {
   /// left out.
   static Spectrum named(const std::string& kvp_or_file);
 
-  /// {"name": "80 kVp", "bins": [[10.5, 0.001], ...]}. Throws InputError; `origin` stands in front.
+  /// {"name": "80 kVp", "bins": [[10.5, 0.001], ...]}. Throws InputError; `origin` precedes the message.
   static Spectrum from_json(const std::string& text, const std::string& origin);
   std::string to_json() const;
 
@@ -51,26 +51,26 @@ class Spectrum {
   std::vector<Bin> bins_;
 };
 
-/// How a spectrum is attenuated, as a detector sees it that takes up the whole energy of every photon, which
-/// is what fluoroscopy detectors come close to: they integrate energy and do not count photons. Scatter is
-/// not part of it.
+/// The attenuation of a spectrum as measured by a detector that absorbs the whole energy of every photon,
+/// which fluoroscopy detectors approximate: they integrate energy and do not count photons. Without scatter.
 ///
-/// Low energies are absorbed first, so that what has passed a layer is harder for the next: the optical depth
+/// Low energies are attenuated more, so that each layer hardens the beam for the next: the optical depth
 /// -ln(transmission) of two layers is less than the sum of theirs. Masses add up, so they are summed along a
 /// whole ray first.
 class SpectrumModel {
  public:
   explicit SpectrumModel(const Spectrum& spectrum, std::span<const Material> materials = kMaterials);
 
-  /// The share of the energy that passes: sum of S E exp(-sum of mu/rho(E) x) / sum of S E, over the bins,
-  /// with S photons of energy E each and the mass x of each material in g/cm2, in the constructor's order.
+  /// The fraction of the energy that is transmitted: sum of S E exp(-sum of mu/rho(E) x) / sum of S E, over
+  /// the bins, with S photons of energy E each and the mass x of each material in g/cm2, in the constructor's
+  /// order.
   double transmission(std::span<const double> g_cm2) const;
 
   /// -ln(transmission) of many rays through kMaterials, on all cores.
   std::vector<float> tau(const MaterialDepths& depths) const;
 
-  /// For those who compute it elsewhere: of every bin its share in the energy and, for models of up to three
-  /// materials, mu/rho of each in cm2/g.
+  /// For computation elsewhere (shaders, kernels): every bin's share of the energy and, for models of up to
+  /// three materials, mu/rho of each in cm2/g.
   std::vector<std::array<float, 4>> table() const;
 
  private:

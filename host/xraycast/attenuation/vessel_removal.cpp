@@ -9,7 +9,8 @@
 namespace xraycast {
 namespace {
 
-/// How much of a voxel the mask takes: 1 inside, and less the farther away its nearest voxel is.
+/// The fraction of a voxel's contrast agent that is removed: 1 inside the mask, less with the distance to its
+/// nearest voxel.
 double share(const Volume& mask, const Index3& voxel) {
   if (mask.at(voxel.x, voxel.y, voxel.z) > 0) return 1;
   const Index3 size = mask.geometry().size;

@@ -1,16 +1,16 @@
 #pragma once
 
-#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/volume/slice_source.hpp"
 
 #include <memory>
 
 namespace xraycast {
 
-/// A scan as if its vessels had no contrast agent in them: every voxel of the vessels' mask (above 0) becomes
-/// blood (kBloodHu), with whatever else is in the lumen, such as stents and plaques. The edge is soft: of
-/// what is brighter than blood and shares a face, an edge or a corner with the mask, a half, 29 % or 13 % of
-/// the difference goes. All else stays, so that vessels drawn as a surface are not in a body map a second
-/// time.
+/// A scan with the contrast agent removed from its vessels: every voxel of the vessels' mask (above 0)
+/// becomes blood (kBloodHu), with whatever else is in the lumen, such as stents and plaques. The edge is
+/// soft: voxels brighter than blood that share a face, an edge or a corner with the mask lose a half, 29 % or
+/// 13 % of the difference to blood. All other voxels are unchanged. So vessels that are drawn as a surface
+/// are not also in the body map.
 class WithoutVessels final : public SliceSource {
  public:
   /// Throws InputError when the mask does not lie on the scan's grid.
@@ -19,7 +19,7 @@ class WithoutVessels final : public SliceSource {
   const VolumeGeometry& geometry() const override { return scan_->geometry(); }
   std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override;
 
-  /// Of the scan as it was.
+  /// Range of the original scan.
   HuRange hu_range() const override { return scan_->hu_range(); }
 
  private:

@@ -25,7 +25,7 @@ std::atomic<int> written{0};
 bool is_full_disk(int reason) { return reason == ENOSPC || reason == EDQUOT || reason == EFBIG; }
 
 Error failure_of(const fs::path& target, int reason, std::int64_t needed_B) {
-  std::string line = target.string() + ": could not be written to its end";
+  std::string line = target.string() + ": could not be written completely";
   if (reason != 0) line += fmt::format(" ({})", std::strerror(reason));
   if (reason == 0 || is_full_disk(reason)) line += "; the disk may be full";
   if (needed_B > 0) line += fmt::format("; it takes {:.3g} MB", static_cast<double>(needed_B) / 1e6);
@@ -64,13 +64,13 @@ bool write_all(int file, const char* bytes, std::size_t count) {
   return true;
 }
 
-// ---- where a target's name leads --------------------------------------------------------------------
+// ---- resolving a target's name --------------------------------------------------------------------
 
 struct Place {
   fs::path file;                    ///< the file itself, behind all links
   std::optional<mode_t> mode{};     ///< the permissions of the one that is replaced
   bool is_stream = false;           ///< is written to, not replaced
-  std::optional<int> descriptor{};  ///< under which this process has the stream open
+  std::optional<int> descriptor{};  ///< the descriptor under which this process has the stream open
 };
 
 fs::path folder_of(const fs::path& path) { return path.has_parent_path() ? path.parent_path() : "."; }
@@ -110,7 +110,7 @@ Place place_of(const fs::path& target) {
   if (is_link) {
     place.file = fs::canonical(target, error);
     if (error)
-      throw InputError("{}: a symbolic link that leads nowhere ({}); remove it or choose another output name",
+      throw InputError("{}: a dangling symbolic link ({}); remove it or choose another output name",
                        target.string(), error.message());
   }
   struct stat status {};
@@ -135,7 +135,7 @@ class TemporaryName {
     const std::string name = file.filename().string();
     const auto dot = std::min(name.find('.', 1), name.size());
     std::string stem = name.substr(0, dot), extensions = name.substr(dot);
-    // A name may have 255 bytes. Of extensions that take more than their share the last one decides.
+    // A name may have 255 bytes. If the extensions are too long, only the last one is kept.
     constexpr std::size_t kMaxExtensions = 180, kMost = 220;
     if (extensions.size() > kMaxExtensions) extensions = fs::path(extensions).extension().string();
     if (extensions.size() > kMaxExtensions) extensions.clear();
@@ -159,10 +159,10 @@ class TemporaryName {
   std::string before_, after_;
 };
 
-/// How a leftover is opened for its lock: a file or a folder.
+/// The flags for opening a leftover file or folder to lock it.
 enum class Leftover { file = O_RDWR | O_NONBLOCK, folder = O_RDONLY | O_DIRECTORY };
 
-/// Removes what processes left that died while they wrote: nobody holds its lock any more.
+/// Removes the leftovers of processes that died while writing: nobody holds their lock any more.
 void remove_leftovers(const fs::path& folder, const TemporaryName& names, Leftover kind) {
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
@@ -178,7 +178,7 @@ fs::path without_slash(const fs::path& folder) {
   return folder.has_filename() ? folder : folder.parent_path();
 }
 
-/// The names of temporary files, where a signal handler finds them; those beyond this many it does not.
+/// The names of temporary files, for the signal handler, which handles at most this many.
 std::array<std::atomic<const char*>, 64> to_remove{};
 
 std::atomic<const char*>* remember(const char* name) {
@@ -216,12 +216,11 @@ class AtomicFile::Temporary {
   const fs::path& name() const { return name_; }
   bool write(std::string_view bytes) const { return write_all(file_(), bytes.data(), bytes.size()); }
 
-  /// To the disk: some file systems say only now that it is full.
+  /// Flushes to the disk: some file systems report only now that it is full.
   void sync() const {
     if (place_.is_stream) return;
     if (place_.mode) fchmod(file_(), *place_.mode);
-    // Not every file system can; what one reports when a descriptor is closed is heard without giving up the
-    // lock.
+    // Not every file system can; errors on closing a descriptor are detected without giving up the lock.
     if ((fsync(file_()) != 0 && errno != EINVAL && errno != ENOSYS && errno != EOPNOTSUPP) ||
         !Descriptor(dup(file_())).close())
       throw failure_of(target_, errno, 0);
@@ -238,7 +237,7 @@ class AtomicFile::Temporary {
 
  private:
   void create(const fs::path& folder, const TemporaryName& names) {
-    // What takes the place of a private file is never open to others.
+    // The replacement of a private file is never readable by others.
     const mode_t mode = place_.is_stream || place_.mode ? 0600 : 0666;
     struct stat status {};
     do {
@@ -246,8 +245,8 @@ class AtomicFile::Temporary {
       file_ = Descriptor(open(name_.c_str(), O_RDWR | O_CREAT | O_EXCL | O_NOFOLLOW | O_CLOEXEC, mode));
       if (file_() < 0 && is_full_disk(errno)) throw failure_of(target_, errno, 0);
       if (file_() < 0) throw InputError("{}: cannot be written: {}", target_.string(), std::strerror(errno));
-      flock(file_(), LOCK_EX);  // where a file system knows no locks, nobody takes it for a leftover either
-      // Until it was locked, it looked like one.
+      flock(file_(), LOCK_EX);  // on file systems without locks, nobody treats it as a leftover either
+      // Until locked, it looked like a leftover.
     } while (lstat(name_.c_str(), &status) != 0);
   }
 
@@ -283,7 +282,7 @@ class AtomicFile::Temporary {
   bool is_published_ = false;
 };
 
-// ---- what callers see -------------------------------------------------------------------------------
+// ---- public functions -------------------------------------------------------------------------------
 
 namespace {
 thread_local OutputSet* open_set = nullptr;
@@ -336,7 +335,7 @@ class AtomicFolder::Temporary {
       throw InputError("{}: the output folder does not exist; create it first", above.string());
     if (fs::exists(fs::symlink_status(target, error)) &&
         !(fs::is_directory(fs::symlink_status(target, error)) && fs::is_empty(target, error)))
-      throw InputError("{}: exists already and is no empty folder; choose another name or take it away",
+      throw InputError("{}: exists already and is not an empty folder; choose another name or remove it",
                        target.string());
     const TemporaryName names(target);
     remove_leftovers(above, names, Leftover::folder);

@@ -12,23 +12,22 @@
 
 namespace xraycast {
 
-/// A file that appears under its name only when it is whole. It is written under a temporary name beside the
-/// target, brought to the disk, and renamed by commit(); without commit() the temporary file is removed and
-/// the target stays as it was.
+/// A file that appears under its name only when it is complete. It is written under a temporary name beside
+/// the target, flushed to the disk, and renamed by commit(); without commit() the temporary file is removed
+/// and the target stays as it was.
 ///
 /// An existing file keeps its permissions. Through a symbolic link the file that it points to is replaced,
-/// and the link stays. A pipe, a device named itself, such as /dev/null, and what this process has open, such
-/// as /dev/stdout, is not replaced but given the content by commit().
+/// and the link stays. A pipe, a device such as /dev/null, and a file that this process has open, such as
+/// /dev/stdout, is not replaced; commit() writes the content into it.
 ///
-/// The temporary file has a name that nobody can foresee, and is locked (flock) for as long as its writer
-/// lives: the next AtomicFile of the same target removes those that dead processes left.
+/// The temporary file has an unpredictable name, and is locked (flock) for as long as its writer lives: the
+/// next AtomicFile of the same target removes those that dead processes left.
 ///
 /// Make one before long work starts: the constructor already finds out whether the target can be written.
 class AtomicFile {
  public:
-  /// Throws InputError when the folder does not exist or is not writable, when the target is a link that
-  /// leads nowhere, and when it exists and can be neither replaced nor written to. Throws Error when the disk
-  /// is full.
+  /// Throws InputError when the folder does not exist or is not writable, when the target is a dangling link,
+  /// and when it exists and can be neither replaced nor written to. Throws Error when the disk is full.
   explicit AtomicFile(std::filesystem::path target);
   ~AtomicFile();
   AtomicFile(const AtomicFile&) = delete;
@@ -39,15 +38,15 @@ class AtomicFile {
   /// Where to write, until commit(): a file with the target's extension.
   const std::filesystem::path& temporary() const;
 
-  /// Appends, for those who do not write by the temporary name. Throws `failure` when the disk is full.
-  /// `needed_B` is what the whole file takes, for that message.
+  /// Appends, for callers that do not write through the temporary name. Throws `failure` when the disk is
+  /// full. `needed_B` is the size of the whole file, for that message.
   void write(std::string_view bytes, std::int64_t needed_B = 0);
 
-  /// What to throw where writing failed: one line that names the target, the reason, an errno or 0 where
-  /// there is none, and how much the file takes, where `needed_B` is above 0.
+  /// The error to throw when writing failed: one line with the target, the reason (an errno, or 0 for none)
+  /// and, if `needed_B` is above 0, the size of the file.
   Error failure(int reason, std::int64_t needed_B = 0) const;
 
-  /// Brings the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.
+  /// Flushes the finished file to the disk and renames it, or leaves that to the OutputSet of this thread.
   /// Throws Error when that fails.
   void commit();
 
@@ -59,9 +58,9 @@ class AtomicFile {
   std::unique_ptr<Temporary> temporary_;  ///< none after commit()
 };
 
-/// Files that appear together: what this thread commits while an OutputSet lives is on the disk, but gets its
-/// name only by the set's commit(), in the order of the files' own commits. Without it all of them are
-/// removed. A set within a set hands its files over to the outer one.
+/// Files that appear together: a file that this thread commits while an OutputSet lives is on the disk, but
+/// gets its name only at the set's commit(), in the order of the files' own commits. Without it all of them
+/// are removed. A set within a set hands its files over to the outer one.
 class OutputSet {
  public:
   OutputSet();
@@ -78,19 +77,19 @@ class OutputSet {
   std::vector<std::unique_ptr<AtomicFile::Temporary>> files_;
 };
 
-/// A folder that appears under its name only when all its files are whole. They are written into a temporary
-/// folder beside the target, which has the same kind of name as an AtomicFile's and is locked and cleared up
-/// in the same way, and is renamed by commit(); without commit() it is removed.
+/// A folder that appears under its name only when all its files are complete. They are written into a
+/// temporary folder beside the target, which has the same kind of name as an AtomicFile's and is locked and
+/// cleared up in the same way, and is renamed by commit(); without commit() it is removed.
 class AtomicFolder {
  public:
-  /// Throws InputError when the target exists and is no empty folder, or cannot be made.
+  /// Throws InputError when the target exists and is not an empty folder, or cannot be created.
   explicit AtomicFolder(std::filesystem::path target);
   ~AtomicFolder();
   AtomicFolder(const AtomicFolder&) = delete;
   AtomicFolder& operator=(const AtomicFolder&) = delete;
 
-  /// Writes a file and brings it to the disk. Throws Error when that is full; `needed_B` is what the whole
-  /// folder takes, for that message.
+  /// Writes a file and flushes it to the disk. Throws Error when the disk is full; `needed_B` is the size of
+  /// the whole folder, for that message.
   void write(const std::string& name, std::initializer_list<std::string_view> parts,
              std::int64_t needed_B = 0) const;
 
@@ -110,7 +109,7 @@ inline void check_writable(const std::filesystem::path& target) { const AtomicFi
 /// How many files this process has put under their names so far.
 int files_written();
 
-/// Removes the temporary files of this process, which has to end at once. Safe in a signal handler.
+/// Removes the temporary files of this process, which must end at once. Safe in a signal handler.
 void remove_temporary_files() noexcept;
 
 }  // namespace xraycast

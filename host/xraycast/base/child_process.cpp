@@ -26,7 +26,7 @@ std::int64_t address_space_B() {
   return pages * sysconf(_SC_PAGE_SIZE);
 }
 
-/// Lowers a limit; one that is lower already stays.
+/// Lowers a limit; an already lower one is kept.
 void limit(__rlimit_resource resource, rlim_t most) {
   rlimit now{};
   getrlimit(resource, &now);
@@ -52,7 +52,7 @@ void limit(__rlimit_resource resource, rlim_t most) {
   _exit(0);
 }
 
-/// Ends the process where it takes too long. Returns whether it ended well.
+/// Ends the process if it takes too long. Returns whether it succeeded.
 bool wait_for(pid_t process, const ChildLimits& limits) {
   // glibc 2.36's pidfd_open() cannot be called from C++.
   const auto ended = static_cast<int>(syscall(SYS_pidfd_open, process, 0));
@@ -84,7 +84,7 @@ SharedMemory::~SharedMemory() { munmap(bytes_.data(), bytes_.size()); }
 bool run_in_child(const std::function<void()>& work, const ChildLimits& limits) {
   const auto most_B = static_cast<rlim_t>(address_space_B() + limits.memory_B);
   const pid_t process = fork();
-  if (process < 0) throw Error("no process can be started: {}; end other programs", std::strerror(errno));
+  if (process < 0) throw Error("no process can be started: {}; close other programs", std::strerror(errno));
   if (process == 0) work_apart(work, limits, most_B);
   return wait_for(process, limits);
 }

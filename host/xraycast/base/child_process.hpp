@@ -22,17 +22,17 @@ class SharedMemory {
   std::span<std::byte> bytes_;
 };
 
-/// What a process that works apart may take.
+/// Limits of a child process.
 struct ChildLimits {
   std::int64_t memory_B = 0;  ///< beyond what this process has now
   int processor_s = 30;       ///< of a core's time
-  int wall_s = 300;           ///< for one that waits for ever
+  int wall_s = 300;           ///< against one that never ends
 };
 
-/// Runs `work` in a process of its own, a copy of this one, and waits for it: whatever a damaged file does to
-/// a library there, this process goes on. Returns whether `work` returned; false where it threw, crashed or
-/// ran into a limit. What it writes to SharedMemory stays, all else is lost; what it says on stderr goes
-/// nowhere. May be called by several threads at once.
+/// Runs `work` in a child process, a copy of this one, and waits for it: a library that crashes on a damaged
+/// file there does not end this process. Returns whether `work` returned; false if it threw, crashed or
+/// exceeded a limit. Its writes to SharedMemory remain, all else is lost; its stderr is discarded. Several
+/// threads may call it at once.
 ///
 /// `work` must not start threads or wait for ones of this process, which its copy does not have. Throws Error
 /// when no process can be started.

@@ -22,7 +22,7 @@ gdcm::Tag gdcm_tag(DicomTag tag) {
   return {static_cast<std::uint16_t>(tag >> 16), static_cast<std::uint16_t>(tag & 0xffff)};
 }
 
-/// The dictionary leaves open whether pixels and lookup tables are of bytes or words: ours are of words.
+/// The dictionary leaves open whether pixels and lookup tables are bytes or words: here they are words.
 gdcm::VR vr_of(DicomTag tag) {
   const gdcm::VR vr = gdcm::Global::GetInstance().GetDicts().GetDictEntry(gdcm_tag(tag)).GetVR();
   if (vr == gdcm::VR::OB_OW || vr == gdcm::VR::US_OW || vr == gdcm::VR::US_SS_OW) return gdcm::VR::OW;
@@ -76,7 +76,7 @@ std::string elements_bytes(const DicomElements& elements) {
   return bytes.str();
 }
 
-/// The shortest text that gives the number again, or as many digits as 16 bytes hold.
+/// The shortest text that reads back as the same number, or as many digits as 16 bytes hold.
 std::string decimal_string(double value) {
   constexpr std::size_t kMost_B = 16;
   std::string text = fmt::format("{}", value);

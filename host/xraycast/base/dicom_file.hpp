@@ -16,11 +16,11 @@ namespace xraycast {
 /// Group and element number in one: (0020,0032) is 0x00200032.
 using DicomTag = std::uint32_t;
 
-/// A data set to be written. GDCM's dictionary knows the value representation of each tag; a value that is
+/// A DICOM data set to write. GDCM's dictionary knows the value representation of each tag; a value that is
 /// set again replaces the earlier one.
 class DicomElements {
  public:
-  /// Any text, `\` between several values: in UTF-8, as (0008,0005) then says.
+  /// Any text, `\` between several values, in UTF-8, which (0008,0005) declares.
   void text(DicomTag tag, std::string_view value);
 
   /// Decimal or integer strings, each as precise as the 16 bytes that the standard allows.
@@ -33,7 +33,7 @@ class DicomElements {
 
   void sequence(DicomTag tag, std::vector<DicomElements> items);
 
-  /// As they are written: texts padded to an even length by the writer.
+  /// The encoded elements: the writer pads texts to an even length.
   const std::map<DicomTag, std::string>& values() const { return values_; }
   const std::map<DicomTag, std::vector<DicomElements>>& sequences() const { return sequences_; }
 
@@ -45,15 +45,15 @@ class DicomElements {
 /// A new UID, made of a random UUID: `2.25.` and its decimal number (PS3.5, B.2).
 std::string new_dicom_uid();
 
-/// The elements that every file needs in the same way: who made it, when, SOP class and a new SOP instance,
-/// the patient, and a new study and series, the type 2 elements of which are empty.
+/// The elements common to every file: equipment, date and time, SOP class and a new SOP instance, the
+/// patient, and a new study and series, with their type 2 elements empty.
 DicomElements dicom_elements(std::string_view sop_class_uid, const DicomPatient& patient);
 
-/// The most bytes of pixels that one file holds: the length has 32 bits.
+/// The maximum number of pixel bytes in one file: the length has 32 bits.
 inline constexpr std::int64_t kMostDicomPixels_B = 0xfffffffe;
 
-/// A file in explicit VR, little endian, uncompressed: all of it in front of the pixels, which are OW and an
-/// even number of bytes.
+/// A file in explicit VR, little endian, uncompressed: everything before the pixels, which are OW and an even
+/// number of bytes.
 std::string dicom_header(const DicomElements& elements, std::int64_t pixels_B);
 
 /// Writes a file with these pixels and commits it. Throws Error when the disk is full.

@@ -16,7 +16,7 @@ std::ptrdiff_t characters(const std::string& text) {
 void check_patient_field(const std::string& value, const char* field) {
   constexpr std::ptrdiff_t kMost = 64;
   if (characters(value) > kMost)
-    throw InputError("the patient's {} '{}' has {} characters; DICOM holds {}", field, value,
+    throw InputError("the patient's {} '{}' has {} characters; DICOM allows {}", field, value,
                      characters(value), kMost);
   if (std::ranges::any_of(value, [](char c) { return static_cast<unsigned char>(c) < ' ' || c == '\\'; }))
     throw InputError("the patient's {} '{}' holds a backslash or a control character; leave it out", field,
@@ -29,7 +29,7 @@ DicomPatient parse_patient(const std::string& text, const std::string& name) {
   if (text.empty()) return {};
   const auto comma = text.rfind(',');
   if (comma == std::string::npos || comma == 0 || comma + 1 == text.size())
-    throw InputError("{} {}: has to be NAME,ID, such as Doe^Jane,12345", name, text);
+    throw InputError("{} {}: must be NAME,ID, such as Doe^Jane,12345", name, text);
   return {text.substr(0, comma), text.substr(comma + 1)};
 }
 

@@ -7,8 +7,8 @@
 
 namespace xraycast {
 
-/// Something failed for a reason that lies neither in the user's input nor in the OpenCL device (a full
-/// disk). `what()` is one line that says what to do; the command line prints it and exits with 1.
+/// A failure caused neither by the user's input nor by the OpenCL device, such as a full disk. `what()` is
+/// one line that says what to do; the command line prints it and exits with 1.
 class Error : public std::runtime_error {
  public:
   template <typename... Args>

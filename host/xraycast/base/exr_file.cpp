@@ -51,8 +51,8 @@ Imf::FrameBuffer frame_buffer_of(const ExrPart& part) {
   return buffer;
 }
 
-/// OpenEXR deflates in a pool of threads that the whole process shares, at first of none. A program that has
-/// set it up keeps it.
+/// OpenEXR deflates in a pool of threads that the whole process shares, initially without threads. A
+/// program's own setting is kept.
 void use_all_cores() {
   static const bool once = [] {
     if (Imf::globalThreadCount() == 0)
@@ -82,11 +82,11 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
   } catch (const std::exception& error) {
     problem = error.what();
   }
-  // OpenEXR's destructors write the tables of rows, and do not say when that fails; the stream knows.
+  // OpenEXR's destructors write the tables of rows, and do not report when that fails; the stream does.
   out.close();
   if (!out && problem.empty()) problem = std::strerror(errno);
   if (!problem.empty())
-    throw Error("{}: could not be written to its end; the disk may be full: {}", path.string(), problem);
+    throw Error("{}: could not be written completely; the disk may be full: {}", path.string(), problem);
   file.commit();
 }
 
@@ -99,8 +99,8 @@ bool is_exr(const std::filesystem::path& path) {
   return in.read(first.data(), first.size()) && first == kMagic;
 }
 
-// Files are read by OpenEXR's C library: it holds what headers claim against the file's size, where the C++
-// one takes as much memory as an attribute asks for.
+// Files are read by OpenEXR's C library: it checks the sizes in headers against the file's size, where the
+// C++ one allocates whatever an attribute claims.
 struct ExrReader::File {
   std::string name;
   exr_context_t context = nullptr;
@@ -109,7 +109,7 @@ struct ExrReader::File {
 
   void check(exr_result_t result) const {
     if (result != EXR_ERR_SUCCESS)
-      throw InputError("{}: damaged or cut short: {}", name, exr_get_default_error_message(result));
+      throw InputError("{}: damaged or truncated: {}", name, exr_get_default_error_message(result));
   }
 
   exr_attr_box2i_t window(int part) const {
@@ -190,8 +190,7 @@ void ExrReader::read(int part, std::span<const ExrTarget> targets) const {
     const auto target = std::ranges::find(targets, channel.name.str, &ExrTarget::channel);
     if (target == targets.end() || channel.pixel_type != EXR_PIXEL_FLOAT || channel.x_sampling != 1 ||
         channel.y_sampling != 1)
-      throw InputError("{}: layer {} has a channel {} that does not belong there", file_->name, part,
-                       channel.name.str);
+      throw InputError("{}: layer {} has an unexpected channel {}", file_->name, part, channel.name.str);
     values.push_back(target->values.data());
   }
   for (const ExrTarget& target : targets)

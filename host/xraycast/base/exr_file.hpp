@@ -24,7 +24,7 @@ struct ExrChannel {
 
 /// One picture of an OpenEXR file.
 struct ExrPart {
-  std::string name{};  ///< another in each part; may be empty in a file of one
+  std::string name{};  ///< different in each part; may be empty in a file of one part
   int width = 0, height = 0;
   ExrCompression compression = ExrCompression::zip;
   std::vector<ExrChannel> channels{};
@@ -48,7 +48,7 @@ struct ExrTarget {
 class ExrReader {
  public:
   /// Reads the headers. Throws InputError when the file cannot be opened, is damaged, or claims more pixels
-  /// than it can hold; so memory may be taken for the sizes it gives.
+  /// than it can hold; so memory may be allocated for its sizes.
   explicit ExrReader(const std::filesystem::path& path);
   ~ExrReader();
   ExrReader(const ExrReader&) = delete;

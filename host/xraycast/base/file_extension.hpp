@@ -6,7 +6,8 @@
 
 namespace xraycast {
 
-/// What a file's name ends in, with its dot and in lower case: `.png` of `AP.PNG`; nothing of a name without.
+/// The extension of a file's name, with its dot and in lower case: `.png` for `AP.PNG`; empty for a name
+/// without one.
 std::string extension_of(const std::filesystem::path& path);
 
 /// Whether a file's name ends in `extension`, which is in lower case and may have two dots (`.nii.gz`), in

@@ -21,7 +21,7 @@ std::uint8_t grey(double share) {
 }  // namespace
 
 double typical_depth(std::span<const float> tau) {
-  constexpr float kMatter = 0.05f;  // what is less is air and cloth, and says nothing about the window
+  constexpr float kMatter = 0.05f;  // lower values are air and cloth, which do not affect the window
   std::vector<float> matter;
   std::ranges::copy_if(tau, std::back_inserter(matter), [](float t) { return t > kMatter; });
   return matter.empty() ? double{kMatter} : quantile(std::move(matter), 0.9);
@@ -36,7 +36,7 @@ double GreyWindow::grey(double tau) const {
 GreyWindow automatic_window(std::span<const float> tau, double gamma, bool inverted, double least_depth) {
   const double scale = 2 * std::max(typical_depth(tau), least_depth);
   const std::vector<float> all(tau.begin(), tau.end());
-  constexpr double kHeadroom = 1.15;  // keeps the darkest parts off black, where nothing can be told apart
+  constexpr double kHeadroom = 1.15;  // keeps the darkest parts above black, where contrast is lost
   const double light = std::exp(-quantile(all, 0.001) / scale);
   return {scale, std::min(std::exp(-kHeadroom * quantile(all, 0.999) / scale), 0.8 * light), light, gamma,
           inverted};

@@ -9,8 +9,8 @@ namespace xraycast {
 /// The optical depth of an image's denser parts: the 90th percentile of all that is not air.
 double typical_depth(std::span<const float> tau);
 
-/// Which optical depths are told apart: grey is 0 at `dark` and 1 at `light` of exp(-tau / scale), then
-/// raised to 1 / gamma, and turned round when `inverted`, so that bones are light.
+/// The range of optical depths that is displayed: grey is 0 at `dark` and 1 at `light` of exp(-tau / scale),
+/// then raised to 1 / gamma, and inverted when `inverted`, so that bone is bright.
 struct GreyWindow {
   double scale = 1, dark = 0, light = 1;
   double gamma = 1;
@@ -20,9 +20,9 @@ struct GreyWindow {
   bool operator==(const GreyWindow&) const = default;
 };
 
-/// A window in which a person sees something, with this gamma, inverted or not: exp(-tau / s) from somewhat
-/// below the image's darkest to its lightest, with s twice the depth of its denser parts, which is close to
-/// what a radiograph's logarithm shows. An image whose denser parts are below `least_depth` is shown as if
+/// An automatic window, with this gamma, inverted or not: exp(-tau / s) from slightly below the image's
+/// darkest to its lightest value, with s twice the depth of its denser parts, which is close to the
+/// logarithmic display of a radiograph. An image whose denser parts are below `least_depth` is shown as if
 /// they were at it, and so stays faint.
 GreyWindow automatic_window(std::span<const float> tau, double gamma = 1, bool inverted = false,
                             double least_depth = 0);

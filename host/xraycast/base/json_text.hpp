@@ -7,13 +7,12 @@
 
 namespace xraycast {
 
-/// How deep lists and objects may lie within one another; what xraycast reads needs five levels.
+/// Maximum nesting of lists and objects; xraycast's own files need five levels.
 inline constexpr int kDeepestJson = 32;
 
-/// Reads JSON that others wrote; the one way in for all of it. Text that is no JSON gives a discarded value,
-/// which is no object, for the caller to say what it should have been. Throws InputError, with `name` in
-/// front, for JSON that is nested more than kDeepestJson levels: what walks through a value calls itself for
-/// each of them.
+/// Parses untrusted JSON; all JSON is read through this. Invalid text gives a discarded value, which is not
+/// an object, so that the caller can report what was expected. Throws InputError, with `name` in front, for
+/// JSON nested more than kDeepestJson levels, because functions that visit a value recurse once per level.
 nlohmann::json parse_json(std::string_view text, const std::string& name);
 
 }  // namespace xraycast

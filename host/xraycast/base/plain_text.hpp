@@ -5,7 +5,7 @@
 
 namespace xraycast {
 
-/// A text without the blanks, tabs and carriage returns around it; a part of `text` itself.
+/// A text without surrounding blanks, tabs and carriage returns; a view into `text` itself.
 std::string_view trimmed(std::string_view text);
 
 /// ASCII letters in lower case, in any locale.

@@ -9,7 +9,7 @@
 namespace xraycast {
 namespace {
 
-/// How many bytes the character at the start of `text` takes in UTF-8; 0 where there is none.
+/// Number of bytes of the UTF-8 character at the start of `text`; 0 if invalid.
 std::size_t character_size(std::string_view text) {
   const auto byte = [&](std::size_t i) { return static_cast<unsigned char>(text[i]); };
   const std::size_t size = byte(0) < 0x80   ? 1
@@ -21,13 +21,13 @@ std::size_t character_size(std::string_view text) {
   if (size > text.size()) return 0;
   for (std::size_t i = 1; i < size; ++i)
     if ((byte(i) & 0xC0) != 0x80) return 0;
-  // Longer than need be, half of a pair of UTF-16, or beyond the last character.
+  // Overlong, a UTF-16 surrogate, or beyond the last code point.
   const bool is_wrong = (byte(0) == 0xE0 && byte(1) < 0xA0) || (byte(0) == 0xED && byte(1) >= 0xA0) ||
                         (byte(0) == 0xF0 && byte(1) < 0x90) || (byte(0) == 0xF4 && byte(1) >= 0x90);
   return is_wrong ? 0 : size;
 }
 
-/// Of a whole character: those below a space, DEL, and U+0080 to U+009F.
+/// Control characters: those below a space, DEL, and U+0080 to U+009F.
 bool is_control(std::string_view character) {
   const auto first = static_cast<unsigned char>(character[0]);
   if (character.size() == 1) return first < 0x20 || first == 0x7F;

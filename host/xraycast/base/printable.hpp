@@ -5,9 +5,9 @@
 
 namespace xraycast {
 
-/// A text of unknown origin, such as a file's name or what a scan says of itself, as a terminal may be given
-/// it: control characters, which a terminal would obey, and bytes that are no UTF-8 are written in
-/// hexadecimal. Line breaks and tabs stay.
+/// An untrusted text, such as a file's name or a scan's description, made safe for a terminal: control
+/// characters, which a terminal would interpret, and bytes that are not UTF-8 are written in hexadecimal.
+/// Line breaks and tabs are kept.
 std::string printable(std::string_view text);
 
 /// The same on one line: line breaks become spaces.

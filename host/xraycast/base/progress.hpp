@@ -8,14 +8,14 @@
 
 namespace xraycast {
 
-/// How far a long call is, and the way to stop it. One object serves a whole job: the worker reports to it,
-/// and whoever waits (a progress bar, a window, a signal handler) listens and may cancel.
+/// Progress and cancellation of a long call. One object serves a whole job: the worker reports to it, and the
+/// caller (a progress bar, a window, a signal handler) listens and may cancel.
 ///
 /// Thread-safe. The listener runs on the reporting thread, one call at a time, and should return quickly.
 class Progress {
  public:
   struct State {
-    std::string stage;      ///< what is being done, such as "reading"
+    std::string stage;      ///< current activity, such as "reading"
     std::string unit;       ///< what `done` counts, such as "slices"
     std::int64_t done = 0;  ///< 0 to total
     std::int64_t total = 0;
@@ -33,7 +33,7 @@ class Progress {
   /// Starts a stage of `total` units. Throws Cancelled after cancel().
   void begin(std::string stage, std::int64_t total, std::string unit);
 
-  /// `n` more units are done. Throws Cancelled after cancel().
+  /// Reports `n` more units done. Throws Cancelled after cancel().
   void advance(std::int64_t n = 1);
 
   /// Throws Cancelled after cancel(); for work that has no units to report.

@@ -4,7 +4,7 @@
 
 namespace xraycast {
 
-/// Wall time since it was made.
+/// Wall time since construction.
 class Stopwatch {
  public:
   double ms() const { return std::chrono::duration<double, std::milli>(Clock::now() - start_).count(); }

@@ -1,5 +1,5 @@
-// TIFF revision 6.0 (Adobe 1992), with technical note 2's deflate. Debian's libtiff brings eight libraries
-// along, one of them (JBIG-KIT) under the GPL, for the one strip of floats that is written here.
+// TIFF revision 6.0 (Adobe 1992), with technical note 2's deflate. Debian's libtiff depends on eight
+// libraries, one of them (JBIG-KIT) under the GPL; only one strip of floats is written here.
 
 #include "xraycast/base/tiff_file.hpp"
 
@@ -19,7 +19,7 @@ static_assert(std::endian::native == std::endian::little, "the header says so");
 
 enum class Type : std::uint16_t { ascii = 2, u16 = 3, u32 = 4 };
 
-/// An entry of the directory of fields. Its value is a number, or where in the file an ASCII text begins.
+/// An entry of the directory of fields. Its value is a number, or the offset of an ASCII text.
 struct Field {
   std::uint16_t tag;
   Type type;
@@ -59,7 +59,7 @@ void write_tiff(std::span<const float> values, int width, int height, const std:
       {257, Type::u32, 1, h},
       {258, Type::u16, 1, 32},              // bits
       {259, Type::u16, 1, 8},               // deflate
-      {262, Type::u16, 1, 1},               // the least value is black
+      {262, Type::u16, 1, 1},               // the lowest value is black
       {270, Type::ascii, text_B, text_at},  // description
       {273, Type::u32, 1, strip_at},
       {274, Type::u16, 1, 1},  // row 0 on top, column 0 on the left

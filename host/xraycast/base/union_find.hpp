@@ -6,7 +6,7 @@
 namespace xraycast {
 
 /// Disjoint sets of the numbers from 0 on (union-find with path halving: Tarjan and van Leeuwen, Worst-case
-/// analysis of set union algorithms, 1984). Whoever unites two sets chooses which representative stays, since
+/// analysis of set union algorithms, 1984). The caller of unite chooses which representative stays, since
 /// callers attach data to it.
 class UnionFind {
  public:
@@ -15,7 +15,7 @@ class UnionFind {
     while (parents_.size() < count) add();
   }
 
-  /// Adds an element, which is a set of its own. Returns its number.
+  /// Adds an element as a set of its own. Returns its number.
   std::size_t add() {
     parents_.push_back(parents_.size());
     return parents_.size() - 1;

@@ -6,7 +6,7 @@
 
 namespace xraycast {
 
-/// Throws InputError unless there is a regular file: a pipe or a device may never end.
+/// Throws InputError unless the path is a regular file: a pipe or a device may never end.
 void require_regular_file(const std::filesystem::path& path);
 
 /// The content of a regular file. Throws InputError when there is none or it cannot be read.

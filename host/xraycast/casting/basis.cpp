@@ -64,13 +64,13 @@ std::int64_t tile_count(const MapGeometry& geometry) {
 
 void validate_knots(std::span<const double> knots_hu, const std::string& name) {
   if (knots_hu.empty() || knots_hu.size() > Opacity::kMaxKnots)
-    throw InputError("{}: {} knots, but there have to be 1 to {}", name, knots_hu.size(), Opacity::kMaxKnots);
+    throw InputError("{}: {} knots, but there must be 1 to {}", name, knots_hu.size(), Opacity::kMaxKnots);
   for (std::size_t i = 0; i < knots_hu.size(); ++i) {
     if (!(knots_hu[i] >= kPaddingHu && knots_hu[i] <= kMaxHu))
       throw InputError("{}: knot {} is at {} HU, outside {} to {}", name, i, knots_hu[i], kPaddingHu, kMaxHu);
     if (i > 0 && static_cast<float>(knots_hu[i]) <= static_cast<float>(knots_hu[i - 1]))
-      throw InputError("{}: knot {} at {} HU does not lie above the one before it, {} HU", name, i,
-                       knots_hu[i], knots_hu[i - 1]);
+      throw InputError("{}: knot {} at {} HU is not above the one before it, {} HU", name, i, knots_hu[i],
+                       knots_hu[i - 1]);
   }
 }
 
@@ -88,7 +88,7 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
                  Progress& progress) {
   validate_knots(knots_hu, "basis");
   if (geometry.projection != Projection::cylinder)
-    throw InputError("a basis is made for cylinder maps, not for a {}", to_string(geometry.projection));
+    throw InputError("only cylinder maps have a basis, not a {}", to_string(geometry.projection));
   const DeviceRays rays(scan, geometry);
   ComputeDevice& device = scan.device();
   const std::int64_t tiles = tile_count(geometry);

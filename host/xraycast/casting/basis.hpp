@@ -12,18 +12,18 @@
 
 namespace xraycast {
 
-/// What a body map needs of a scan to be made again under any opacity on given knots: tau is linear in the
-/// opacity's values at its knots, so for every texel and layer the length of every sample is kept, split
-/// between the two knots beside its HU (beyond the end knots: given to the end knot). An optical depth is
-/// then sum of mu(knot) * weight, without the scan.
+/// The part of a scan from which a body map can be made again with any opacity on given knots: tau is linear
+/// in the opacity's values at its knots, so for every texel and layer the length of every sample is stored,
+/// split between the two knots around its HU (beyond the end knots: all to the end knot). An optical depth is
+/// then the sum of mu(knot) * weight, without the scan.
 ///
 /// Stored sparsely, since a shell's samples in neighbouring slices lie between few knots. A tile is one
-/// column of one layer in 16 slices, counted from the most inferior one; tile
-/// (brick * layers + layer) * width + column has, for every knot that any of its texels touches, a row of 16
-/// weights, one a slice. Slices beyond the last have no weight.
+/// column of one layer in 16 slices, counted from the most inferior one; tile (brick * layers + layer) *
+/// width + column has, for every knot that any of its texels touches, a row of 16 weights, one per slice.
+/// Slices beyond the last have weight 0.
 ///
 /// Weights are whole multiples of the shell's thickness / 65535 and those of a texel add up to the thickness.
-/// What is rounded is their running sum over the knots, by at most half a unit; hence tau is good to
+/// The running sum over the knots is rounded, by at most half a unit; hence the error of tau is at most
 /// thickness / 131070 * (sum over neighbouring knots of |mu's difference|).
 struct Basis {
   static constexpr std::int64_t kTileSlices = ResidentScan::kBrickSlices;
@@ -32,9 +32,9 @@ struct Basis {
 
   MapGeometry geometry;
   std::vector<double> knots_hu;  ///< 1 to 64, strictly ascending
-  std::string source;            ///< what was cast, in words
-  /// Voxels of the scan, of every fourth row and column, in bins of 16 HU from -1024 HU on; the last of 256
-  /// bins holds all above. For those who draw an opacity's curve over it.
+  std::string source;            ///< description of the scan
+  /// Histogram of every fourth row and column of the scan, in bins of 16 HU from -1024 HU on; the last of 256
+  /// bins holds all above. For drawing below an opacity's curve.
   std::vector<std::int64_t> hu_histogram;
   std::vector<std::uint64_t> touched;  ///< of each tile: bit k says whether knot k has a row
   std::vector<std::uint16_t> weights;  ///< the rows, tile by tile, in the order of the knots
@@ -49,12 +49,12 @@ std::int64_t tile_count(const MapGeometry& geometry);
 /// and differ as 32-bit floats.
 void validate_knots(std::span<const double> knots_hu, const std::string& name);
 
-/// The knots of an opacity, and 31 usual ones between air and metal where both fit into 64: so that a basis
-/// cast with `paper` is good for more than straight lines.
+/// The knots of an opacity, plus 31 default ones between air and metal if both fit into 64, so that a basis
+/// cast with `paper` supports more than straight lines.
 std::vector<double> useful_knots_hu(const Opacity& opacity);
 
-/// Weighs the samples that cast() takes: recasting equals casting anew but for rounding. Stage "weighing" of
-/// `progress`. `source` is left to the caller. Errors as for cast() and validate_knots().
+/// Sums the weights of the samples that cast() takes: recasting equals casting again except for rounding.
+/// Stage "weighing" of `progress`. `source` is left to the caller. Errors as for cast() and validate_knots().
 Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vector<double> knots_hu,
                  Progress& progress);
 

@@ -66,7 +66,7 @@ std::string header_of(const Basis& basis) {
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
 }
 
-/// The members of a header, each with its name in the message when it is not what it should be.
+/// The members of a header, each named in the message when it is invalid.
 class HeaderReader {
  public:
   HeaderReader(std::span<const char> text, std::string file)
@@ -79,7 +79,7 @@ class HeaderReader {
     try {
       return header_.at(name).get<T>();
     } catch (const json::exception&) {
-      throw InputError("{}: header field {} is missing or not what it should be", file_, name);
+      throw InputError("{}: header field {} is missing or invalid", file_, name);
     }
   }
 
@@ -89,7 +89,7 @@ class HeaderReader {
     const auto field = header_.find(name);
     if (field == header_.end() || !field->is_number_unsigned() ||
         field->get<std::uint64_t>() > std::numeric_limits<int>::max())
-      throw InputError("{}: header field {} is missing or not a number of things", file_, name);
+      throw InputError("{}: header field {} is missing or not a count", file_, name);
     return field->get<int>();
   }
 
@@ -121,7 +121,7 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   basis.hu_histogram = header.get<std::vector<std::int64_t>>("hu_histogram");
   if (basis.hu_histogram.size() != XRC_HISTOGRAM_BINS ||
       std::ranges::any_of(basis.hu_histogram, [](std::int64_t count) { return count < 0; }))
-    throw InputError("{}: header field hu_histogram has to hold {} counts", name, XRC_HISTOGRAM_BINS);
+    throw InputError("{}: header field hu_histogram must hold {} counts", name, XRC_HISTOGRAM_BINS);
   basis.source = header.get<std::string>("source");
   return basis;
 }
@@ -163,22 +163,22 @@ class Reader {
  public:
   explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) throw InputError("{}: there is no such file", name_);
+    if (!std::filesystem::is_regular_file(path, error)) throw InputError("{}: no such file", name_);
     file_.open(path, std::ios::binary);
     left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
     if (!file_ || error) throw InputError("{}: cannot be opened: {}", name_, std::strerror(errno));
     char magic[8] = {};
     if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
-      throw InputError("{}: not a basis, as `xraycast cast` writes one beside its map", name_);
+      throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
     if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
-      throw InputError("{}: basis of version {}, but this program reads versions {} and {}", name_, version_,
+      throw InputError("{}: basis version {}, but this program reads versions {} and {}", name_, version_,
                        kBasisVersion, kBasisOutlineVersion);
   }
 
   const std::string& name() const { return name_; }
   bool has_outline() const { return version_ == kBasisOutlineVersion; }
 
-  /// A chunk of whatever size it says.
+  /// A chunk of the size that it states.
   std::vector<char> read(const char* tag) {
     const ChunkHead head = next(tag);
     std::vector<char> content(head.size_B);
@@ -190,7 +190,7 @@ class Reader {
   template <typename T>
   std::vector<T> read(const char* tag, std::int64_t count) {
     if (count > left_B_ / static_cast<std::int64_t>(sizeof(T)))
-      throw InputError("{}: cut short: {} bytes follow where {} needs {} numbers of {} bytes", name_, left_B_,
+      throw InputError("{}: truncated: {} bytes follow where {} needs {} numbers of {} bytes", name_, left_B_,
                        tag, count, sizeof(T));
     std::vector<T> values(static_cast<std::size_t>(count));
     std::span<char> rest(reinterpret_cast<char*>(values.data()), values.size() * sizeof(T));
@@ -220,14 +220,14 @@ class Reader {
     ++chunk_;
     ChunkHead head{};
     if (left_B_ < kChunkHead_B + kChecksum_B || !get(head.tag.data(), 4) || !get(&head.size_B, 8))
-      throw InputError("{}: cut short before chunk {} ({})", name_, chunk_, tag);
+      throw InputError("{}: truncated before chunk {} ({})", name_, chunk_, tag);
     if (std::memcmp(head.tag.data(), tag, 4) != 0)
       throw InputError("{}: chunk {} is damaged: it is not {}", name_, chunk_, tag);
     if (head.size_B > kMaxChunk_B)
       throw InputError("{}: chunk {} ({}) is damaged: it claims {} bytes, but chunks hold up to {}", name_,
                        chunk_, tag, head.size_B, kMaxChunk_B);
     if (static_cast<std::int64_t>(head.size_B) > left_B_ - kChecksum_B)
-      throw InputError("{}: cut short in chunk {} ({}): {} of {} bytes are left", name_, chunk_, tag,
+      throw InputError("{}: truncated in chunk {} ({}): {} of {} bytes are left", name_, chunk_, tag,
                        left_B_ - kChecksum_B, head.size_B);
     return head;
   }
@@ -237,7 +237,7 @@ class Reader {
     if (!get(content.data(), static_cast<std::int64_t>(content.size())) || !get(&stored, 4))
       throw InputError("{}: cannot be read: {}", name_, std::strerror(errno));
     if (stored != checksum(head, content))
-      throw InputError("{}: chunk {} ({}) is damaged: its checksum does not fit", name_, chunk_,
+      throw InputError("{}: chunk {} ({}) is damaged: its checksum does not match", name_, chunk_,
                        std::string_view(head.tag.data(), 4));
   }
 
@@ -272,7 +272,7 @@ Basis read_basis(const std::filesystem::path& path) {
   std::int64_t rows = 0;
   for (const std::uint64_t mask : basis.touched) {
     if (mask >> (basis.knots_hu.size() - 1) > 1)
-      throw InputError("{}: TILE names a knot {}, but there are {}", reader.name(), std::bit_width(mask) - 1,
+      throw InputError("{}: TILE names knot {}, but there are {}", reader.name(), std::bit_width(mask) - 1,
                        basis.knots_hu.size());
     rows += std::popcount(mask);
   }

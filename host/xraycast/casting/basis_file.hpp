@@ -11,15 +11,14 @@ namespace xraycast {
 ///   `HEAD`  one; geometry, knots, histogram and source as JSON
 ///   `OUTL`  the geometry's outline; only where there is one, which makes it a file of version 2
 ///   `TILE`  Basis::touched
-///   `ROWS`  Basis::weights
-/// Chunks hold at most 8 MiB, so the last two come in several. Not compressed: zlib takes a
-/// third off a thorax's basis, and a second for every 20 MB, which is 60 times what the checksums take.
+/// `ROWS`  Basis::weights Chunks hold at most 8 MiB, so the last two come in several. Not compressed: zlib
+///   takes a third off a thorax's basis but takes a second per 20 MB, 60 times as long as the checksums.
 ///
 /// Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_basis(const Basis& basis, const std::filesystem::path& path);
 
 /// Reads what write_basis wrote, taking no more memory than the file has bytes. Throws InputError, naming the
-/// file and the chunk or field, when it is foreign, of another version, cut short or damaged.
+/// file and the chunk or field, when it is not a basis, of another version, truncated or damaged.
 Basis read_basis(const std::filesystem::path& path);
 
 inline constexpr char kBasisMagic[] = "\x89XRB\r\n\x1a\n";

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 #include <vector>
 
@@ -29,6 +30,7 @@ class Extents {
               last = std::min(static_cast<int>(std::ceil(column + across)), first + columns_ - 1);
     const int top = std::max(static_cast<int>(std::floor(row - down)), 0),
               bottom = std::min(static_cast<int>(std::ceil(row + down)), rows_ - 1);
+    nearest_mm_ = std::min(nearest_mm_, static_cast<float>(reach_mm));
     for (int j = top; j <= bottom; ++j)
       for (int i = first; i <= last; ++i) {
         float& here = at(i, j);
@@ -40,6 +42,7 @@ class Extents {
   /// below what it was. `across` and `down` are in columns, for a row, and in rows.
   template <typename Across>
   void smooth(const Across& across, int down) {
+    are_all_around_ = std::ranges::min(mm_) > 0;
     for (const bool averages : {false, true}) {
       filter_columns(averages, down);
       for (int j = 0; j < rows_; ++j) filter_row(averages, across(j), j);
@@ -51,6 +54,8 @@ class Extents {
   }
 
   float largest() const { return std::ranges::max(mm_); }
+  float nearest_mm() const { return nearest_mm_; }
+  bool are_all_around() const { return are_all_around_; }
   std::vector<float> mm() && { return std::move(mm_); }
 
  private:
@@ -95,6 +100,8 @@ class Extents {
   }
 
   int columns_, rows_;
+  float nearest_mm_ = std::numeric_limits<float>::infinity();
+  bool are_all_around_ = false;
   std::vector<float> mm_;
 };
 
@@ -113,8 +120,7 @@ Extents around_axis(const MapGeometry& map, const OutlineFinder& finder) {
     const int row = static_cast<int>(std::lround((map.top_mm - voxel_mm.z) / map.row_spacing_mm));
     const glm::dvec2 p = glm::dvec2(voxel_mm) - map.centre_of_row_mm(std::clamp(row, 0, map.height - 1));
     const double r = glm::length(p), columns = map.width / kTurn * std::atan2(half_mm, r);
-    if (r <= map.radius_mm())
-      extents.add(turn_of(p) * map.width - 0.5, 0, columns, 0, r + half_mm + kMargin_mm);
+    extents.add(turn_of(p) * map.width - 0.5, 0, columns, 0, r + half_mm + kMargin_mm);
   };
   // About a straight axis it makes no difference in which slice a voxel lies.
   if (map.centre_mm.size() == 1)
@@ -136,7 +142,7 @@ Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
   finder.visit_skin([&](const glm::dvec3& voxel_mm) {
     const glm::dvec3 p = voxel_mm - centre_mm;
     const double r = glm::length(p), seen = std::atan2(half_mm, r);
-    if (r > map.radius_mm() || r == 0) return;
+    if (r == 0) return;
     const double row = std::acos(std::clamp(p.z / r, -1.0, 1.0)) / per_row - 0.5;
     extents.add(turn_of(glm::dvec2(p)) * map.width - 0.5, row,
                 std::min(columns_in(seen, row), 1.0 * map.width), seen / per_row, r + half_mm + kMargin_mm);
@@ -154,7 +160,8 @@ Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
 MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder) {
   Extents extents =
       circles.projection == Projection::sphere ? around_point(circles, finder) : around_axis(circles, finder);
-  if (extents.largest() == 0)
+  // A circle within which there is no skin lies in the body, which then is all around it, or beside it.
+  if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
     throw InputError(
         "nothing of the body lies within {:g} mm of the centre; give another centre or a larger radius",
         circles.radius_mm());

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
-#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 namespace xraycast {
 

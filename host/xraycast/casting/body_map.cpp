@@ -17,13 +17,14 @@
 namespace xraycast {
 namespace {
 
-// A version says which channels there are, or that an outline follows the layers.
+// The version determines the channels, or that an outline follows the layers.
 constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3;
 constexpr const char *kOutlinePart = "outline", *kOutlineChannel = "radius_mm";
 
 using nlohmann::json;
 
-/// What a map holds, by its name in the file. `Map` is BodyMap or const BodyMap, and so are the values.
+/// The channels of a map, by their names in the file. `Map` is BodyMap or const BodyMap, and so are the
+/// values.
 template <typename Map>
 auto channels_of(Map& map) {
   std::vector<std::pair<const char*, decltype(&map.tau)>> channels;
@@ -97,15 +98,16 @@ std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geomet
   return rows;
 }
 
-/// One of our attributes as text; empty when it is missing.
+/// An xraycast attribute as text; empty when it is missing.
 std::string text_attribute(const ExrReader& file, const std::string& name) {
   return file.text("xraycast:" + name).value_or("");
 }
 
-/// One of our attributes as JSON, or an InputError that names it.
+/// An xraycast attribute as JSON, or an InputError that names it.
 json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
   json value = parse_json(text_attribute(file, name), path);
-  if (value.is_discarded()) throw InputError("{}: attribute xraycast:{} is missing or damaged", path, name);
+  if (value.is_discarded())
+    throw InputError("{}: attribute xraycast:{} is missing or damaged; cast the map again", path, name);
   return value;
 }
 
@@ -122,7 +124,7 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
     try {
       attribute(file, name, path).get_to(value);
     } catch (const json::exception&) {
-      throw InputError("{}: attribute xraycast:{} is not what it should be", path, name);
+      throw InputError("{}: attribute xraycast:{} is invalid; cast the map again", path, name);
     }
   };
   std::vector<std::array<double, 2>> centres;
@@ -167,7 +169,7 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kOutlineVersion)
-    throw InputError("{}: body map of version {}, but this program reads versions up to {}", name, version,
+    throw InputError("{}: body map version {}, but this program reads versions up to {}", name, version,
                      kOutlineVersion);
 
   BodyMap map;
@@ -186,7 +188,7 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   }
   for (int k = 0; k < layers; ++k)
     if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
-      throw InputError("{}: layer {} has another size than layer 0", name, k);
+      throw InputError("{}: layer {} differs in size from layer 0", name, k);
 
   const auto channels = channels_of(map);
   for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
@@ -203,8 +205,7 @@ BodyMap read_body_map(const std::filesystem::path& path) {
 }
 
 void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
-  // Every layer has its own window, but one that holds next to nothing must not look like one that holds
-  // bones.
+  // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;
   const std::vector<float> under_spectrum =
       map.spectrum ? SpectrumModel(*map.spectrum).tau(map.depths) : std::vector<float>{};

@@ -12,17 +12,17 @@
 
 namespace xraycast {
 
-/// What the rays of a geometry met: K x H x W floats, layer 0 innermost, row 0 superior, column 0 anterior.
-/// The sum over layers is that of the whole ray.
+/// The sums along the rays of a geometry: K x H x W floats, layer 0 innermost, row 0 superior, column 0
+/// anterior. The sum over layers is that of the whole ray.
 ///
 /// Most maps hold optical depths, by an opacity. A spectrum map holds the masses of materials instead, from
 /// which SpectrumModel gives the optical depth once they are summed along the view ray.
 struct BodyMap {
   MapGeometry geometry;
   Opacity opacity = Opacity::paper();
-  std::string source;                  ///< what was cast, in words
+  std::string source;                  ///< description of the scan
   std::vector<float> tau;              ///< empty in a spectrum map
-  std::optional<Spectrum> spectrum{};  ///< set in a spectrum map, which has no use for `opacity`
+  std::optional<Spectrum> spectrum{};  ///< set in a spectrum map, which ignores `opacity`
   MaterialDepths depths{};             ///< of a spectrum map
 
   std::size_t layer_size() const { return static_cast<std::size_t>(geometry.width) * geometry.height; }
@@ -47,7 +47,7 @@ enum class PreviewWindow {
 };
 
 /// 8-bit RGB PNG of the layers, stacked from the innermost down; W x (K H) pixels. A spectrum is applied to
-/// each layer on its own, as if rays met nothing else. Errors as for write_body_map.
+/// each layer separately, as if there were no other. Errors as for write_body_map.
 void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path);
 
 }  // namespace xraycast

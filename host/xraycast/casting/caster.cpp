@@ -41,7 +41,7 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
   return result;
 }
 
-/// One parallel picture a view, by the projector, of what lies within the map's radius.
+/// One parallel picture per view, by the projector, limited to the map's radius.
 CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
                            Progress& progress) {
   validate(geometry, "map");
@@ -55,7 +55,7 @@ CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry
   progress.begin("casting", geometry.views, "views");
   for (int k = 0; k < geometry.views; ++k) {
     view.angle_rad = geometry.view_rad(k);
-    Progress one;  // the whole map's is ours
+    Progress one;  // the whole map's progress is reported here
     const ProjectionImage image = project(scan, view, opacity, one, within);
     result.map.tau.insert(result.map.tau.end(), image.tau.begin(), image.tau.end());
     result.kernel_ms += image.kernel_ms;

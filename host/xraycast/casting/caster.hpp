@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A map and what it took.
+/// A map and the time that it took.
 struct CastResult {
   BodyMap map;
   double kernel_ms = 0;  ///< wall time of the kernels on the device
@@ -19,7 +19,7 @@ struct CastResult {
 /// interpolated bilinearly within the slice, then classified; a sample that straddles a shell's edge is split
 /// by length. Rays that leave the slice see air (-1024 HU). Stage "casting" of `progress`.
 ///
-/// Throws InputError when the geometry does not belong to the scan, DeviceError when the device fails.
+/// Throws InputError when the geometry does not match the scan, DeviceError when the device fails.
 CastResult cast(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
                 Progress& progress);
 

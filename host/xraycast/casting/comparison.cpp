@@ -12,7 +12,7 @@ namespace {
 
 constexpr int kReach = 5;  // of an SSIM window, on both sides of its middle
 
-/// Weighted sums over windows, by rows and then by columns; windows that reach out of the picture repeat its
+/// Weighted sums over windows, by rows and then by columns; windows that extend beyond the picture repeat its
 /// border.
 std::vector<double> windowed(const std::vector<double>& image, int width, int height) {
   std::array<double, 2 * kReach + 1> weights{};
@@ -77,7 +77,7 @@ ImageSimilarity compare(std::span<const float> tau, std::span<const float> drr,
     ++count;
   }
   if (count == 0) return {0, 1, 0, 0};
-  constexpr double kLeast = 1e-12;  // pictures that are equal have 120 dB
+  constexpr double kLeast = 1e-12;  // equal pictures have 120 dB
   return {-10 * std::log10(std::max(kLeast, transmission / count)),
           ssim(displayed(tau), displayed(drr), counts, width, height),
           deepest > 0 ? std::sqrt(depth / count) / deepest : 0, deepest};

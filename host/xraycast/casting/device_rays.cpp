@@ -37,7 +37,7 @@ cl::Buffer upload_centres(ComputeDevice& device, const MapGeometry& geometry, co
   return device.upload(std::span<const Pair>(centres));
 }
 
-/// Edges in units of a step. One that meets the sample grid but for rounding is put on it.
+/// Edges in units of a step. An edge on the sample grid up to rounding is snapped to it.
 double on_grid(double edge) {
   return std::abs(edge - std::round(edge)) < 1e-9 * (1 + edge) ? std::round(edge) : edge;
 }
@@ -79,8 +79,9 @@ DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
   validate(geometry, "map");
   if (geometry.projection == Projection::rectangle) throw InputError("a rectangle map has no shells");
   if (geometry.projection == Projection::cylinder && geometry.height != scan.geometry().size.z)
-    throw InputError("a map of {} rows does not belong to a scan of {} slices", geometry.height,
-                     scan.geometry().size.z);
+    throw InputError(
+        "a map of {} rows does not match a scan of {} slices; give the scan that it was cast from",
+        geometry.height, scan.geometry().size.z);
   ComputeDevice& device = scan.device();
   azimuths_ = upload_directions(device, geometry.width, [&](int column) { return geometry.phi_rad(column); });
   scales_ = upload_scales(device, geometry);

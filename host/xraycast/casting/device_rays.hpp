@@ -8,11 +8,11 @@
 
 namespace xraycast {
 
-/// The rays of a cylinder or sphere map through a resident scan, in the form that the kernels follow: the
-/// same samples, split at the shells' edges by length, for every kernel.
+/// The rays of a cylinder or sphere map through a resident scan, in the form that the kernels use: the same
+/// samples, split at the shells' edges by length, for every kernel.
 class DeviceRays {
  public:
-  /// Throws InputError when the geometry does not belong to the scan, or is a rectangle's.
+  /// Throws InputError when the geometry does not match the scan, or is a rectangle's.
   DeviceRays(const ResidentScan& scan, const MapGeometry& geometry);
 
   XrcCylinder cylinder() const;
@@ -24,8 +24,8 @@ class DeviceRays {
   const cl::Buffer& scales() const { return scales_; }      ///< see upload_scales
   const cl::Buffer& shells() const { return shells_; }
 
-  /// How the kernels that follow these rays are built, and how many slices one of their work-items takes at
-  /// once: one where every slice has a centre or an outline of its own.
+  /// Build options of the kernels for these rays, and the number of slices per work-item: one where every
+  /// slice has a centre or an outline of its own.
   std::string build_options() const;
   int slices_per_item() const;
 

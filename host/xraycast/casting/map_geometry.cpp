@@ -28,7 +28,7 @@ void check_within(const VolumeGeometry& volume, const glm::dvec3& centre_mm) {
         centre_mm.x, centre_mm.y, centre_mm.z, lower.x, upper.x, lower.y, upper.y, lower.z, upper.z);
 }
 
-/// What maps with a row a slice have in common.
+/// Common to maps with one row per slice.
 MapGeometry map_of_slices(const VolumeGeometry& volume) {
   MapGeometry map;
   map.height = static_cast<int>(volume.size.z);
@@ -85,14 +85,14 @@ std::string to_string(Projection projection) {
 Projection parse_projection(const std::string& name) {
   for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
     if (to_string(projection) == name) return projection;
-  throw InputError("'{}' is not a projection; there are cylinder, sphere and rectangle", name);
+  throw InputError("unknown projection '{}'; choose cylinder, sphere or rectangle", name);
 }
 
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm) {
   if (layers < 1 || layers > kMaxLayers)
-    throw InputError("layers is {}, but has to be 1 to {}", layers, kMaxLayers);
+    throw InputError("layers is {}, but must be 1 to {}", layers, kMaxLayers);
   if (!std::isfinite(radius_mm) || radius_mm <= 0)
-    throw InputError("radius is {} mm, but has to be above 0", radius_mm);
+    throw InputError("radius is {} mm, but must be above 0", radius_mm);
   std::vector<double> radii;
   for (int k = 0; k <= layers; ++k) {
     const double share = static_cast<double>(k) / layers;
@@ -194,7 +194,7 @@ MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius
   const auto pixels = [&](double length_mm) {
     const double count = std::ceil(length_mm / pixel_mm - 1e-6);  // but for rounding
     if (!(count >= 1 && count <= kMaxAngles))
-      throw InputError("rectangle: {:g} mm at {:g} mm a pixel do not make a picture of 1 to {} pixels",
+      throw InputError("rectangle: {:g} mm at {:g} mm per pixel does not give a picture 1 to {} pixels wide",
                        length_mm, pixel_mm, kMaxAngles);
     return static_cast<int>(count);
   };
@@ -227,13 +227,13 @@ MapGeometry with_outline(MapGeometry circles, std::vector<float> outline_mm) {
 
 void validate(const MapGeometry& geometry, const std::string& name) {
   if (geometry.width < 1 || geometry.width > kMaxAngles)
-    throw InputError("{}: {} angles, but there have to be 1 to {}", name, geometry.width, kMaxAngles);
+    throw InputError("{}: {} angles, but there must be 1 to {}", name, geometry.width, kMaxAngles);
   if (geometry.height < 1 || geometry.height > 65536)
     throw InputError("{}: height is {}", name, geometry.height);
   if (geometry.projection == Projection::rectangle && (geometry.views < 1 || geometry.views > kMaxViews))
-    throw InputError("{}: {} views, but there have to be 1 to {}", name, geometry.views, kMaxViews);
+    throw InputError("{}: {} views, but there must be 1 to {}", name, geometry.views, kMaxViews);
   if (geometry.radii_mm.size() < 2 || geometry.radii_mm.size() > kMaxLayers + 1)
-    throw InputError("{}: {} radii, but there have to be 2 to {}", name, geometry.radii_mm.size(),
+    throw InputError("{}: {} radii, but there must be 2 to {}", name, geometry.radii_mm.size(),
                      kMaxLayers + 1);
   for (std::size_t k = 0; k < geometry.radii_mm.size(); ++k) {
     const double radius = geometry.radii_mm[k];
@@ -252,15 +252,15 @@ void validate(const MapGeometry& geometry, const std::string& name) {
   if (!std::isfinite(geometry.centre_z_mm)) throw InputError("{}: the centre is not finite", name);
   if (!std::isfinite(geometry.top_mm) || !std::isfinite(geometry.row_spacing_mm) ||
       geometry.row_spacing_mm <= 0)
-    throw InputError("{}: top or row spacing is not usable", name);
+    throw InputError("{}: top or row spacing is invalid", name);
   for (int axis = 0; geometry.field && axis < 3; ++axis) {
     const double lower = geometry.field->lower_mm[axis], upper = geometry.field->upper_mm[axis];
     if (!std::isfinite(lower) || !std::isfinite(upper) || lower > upper)
-      throw InputError("{}: its field from {:g} to {:g} mm is not usable", name, lower, upper);
+      throw InputError("{}: its field from {:g} to {:g} mm is invalid", name, lower, upper);
   }
   if (geometry.has_outline()) validate_outline(geometry, name);
   if (!(geometry.step_mm > 0) || !(geometry.radius_mm() / geometry.step_mm < 1e6))
-    throw InputError("{}: step of {} mm is not usable", name, geometry.step_mm);
+    throw InputError("{}: step of {} mm is invalid", name, geometry.step_mm);
 }
 
 }  // namespace xraycast

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec2.hpp>
 
@@ -11,16 +11,16 @@
 
 namespace xraycast {
 
-/// Along which rays a body map collects attenuation.
+/// The rays along which a body map sums attenuation.
 enum class Projection {
   cylinder,   ///< outwards from the body's axis, within each slice
   sphere,     ///< outwards from a point, in all directions
-  rectangle,  ///< parallel, across the body: one picture a view angle
+  rectangle,  ///< parallel, across the body: one picture per view angle
 };
 
 std::string to_string(Projection projection);
 
-/// Throws InputError, naming the known ones, for another name.
+/// Throws InputError, naming the valid ones, for another name.
 Projection parse_projection(const std::string& name);
 
 /// How the radii of concentric shells are spaced.
@@ -35,22 +35,22 @@ enum class RadiiRule {
 /// The `layers` + 1 edges from 0 to `radius_mm`, innermost first.
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm);
 
-/// Where a scan has matter, LPS millimetres: from the first to the last voxel's centre in x and y, and by
+/// The extent of a scan's data, LPS millimetres: from the first to the last voxel's centre in x and y, and by
 /// whole slices in z.
 struct FieldOfView {
   glm::dvec3 lower_mm, upper_mm;
   bool operator==(const FieldOfView&) const = default;
 
-  /// As files have it: the lower corner, then the upper one.
+  /// As stored in files: the lower corner, then the upper one.
   using Corners = std::array<std::array<double, 3>, 2>;
   Corners corners_mm() const;
   static FieldOfView between(const Corners& corners_mm);
 };
 
-/// Of a scan.
+/// The field of view of a scan.
 FieldOfView field_of(const VolumeGeometry& volume);
 
-/// Where every texel of a body map looks. A map is K layers of `height` x `width` texels.
+/// The ray of every texel of a body map. A map is K layers of `height` x `width` texels.
 ///
 /// - cylinder: angle phi = 0 is anterior and grows towards the patient's left; column i is centred on phi =
 ///   (i + 1/2) * 360 deg / width; row 0 is the most superior slice; layer k is the shell between radii k and
@@ -68,7 +68,7 @@ struct MapGeometry {
   int views = 0;    ///< rectangle only
   std::vector<double>
       radii_mm;  ///< K + 1 edges of the shells, innermost first; rectangle: 0 and half the width
-  std::vector<glm::dvec2> centre_mm;  ///< x, y of the axis: one for all rows, or one a row (cylinder)
+  std::vector<glm::dvec2> centre_mm;  ///< x, y of the axis: one for all rows, or one per row (cylinder)
   double centre_z_mm = 0;             ///< sphere only
   double top_mm = 0;                  ///< z of row 0; not for spheres
   double row_spacing_mm = 1;          ///< row j lies at top_mm - j * row_spacing_mm; not for spheres
@@ -80,8 +80,8 @@ struct MapGeometry {
   /// Cylinder and sphere.
   std::vector<float> outline_mm{};
 
-  /// Of the scan that the rays went through: beyond it they met nothing. Cylinder and sphere; unknown in
-  /// files of earlier versions.
+  /// The field of view of the scan, beyond which rays meet nothing. Cylinder and sphere; absent in files of
+  /// earlier versions.
   std::optional<FieldOfView> field{};
 
   int layers() const {
@@ -103,8 +103,8 @@ struct MapGeometry {
   double theta_rad(double row) const;
   double view_rad(double layer) const;
 
-  /// At which radius, as radii_mm have it, a texel's ray leaves the field, by the whole samples that lie
-  /// within it, as maps are cast; radius_mm() where it does not.
+  /// The radius, in the units of radii_mm, at which a texel's ray leaves the field, rounded to the whole
+  /// samples within it, as in casting; radius_mm() if it does not leave.
   double reach_mm(int column, int row) const;
 
   double z_mm(double row) const { return top_mm - row * row_spacing_mm; }
@@ -119,7 +119,7 @@ struct MapGeometry {
 MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
                          glm::dvec2 centre_mm);
 
-/// The same about a centre that follows the anatomy: one a row, the most superior first.
+/// The same about a centre that follows the anatomy: one per row, the most superior first.
 MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
                          std::vector<glm::dvec2> centre_of_row_mm);
 
@@ -128,15 +128,16 @@ MapGeometry cylinder_map(const VolumeGeometry& volume, int angles, std::vector<d
 MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<double> radii_mm,
                        const glm::dvec3& centre_mm);
 
-/// `views` parallel pictures of what lies within `radius_mm` of an axis, as fine as the scan's slices. Throws
-/// InputError likewise, and for `views` outside 1 to 3600 or pictures of more than 16384 pixels a side.
+/// `views` parallel pictures of the cylinder of `radius_mm` about an axis, as fine as the scan's slices.
+/// Throws InputError likewise, and for `views` outside 1 to 3600 or pictures of more than 16384 pixels per
+/// side.
 MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius_mm, glm::dvec2 centre_mm);
 
 /// The same cylinder or sphere map with shells that reach as far as an outline, in place of circles: see
 /// MapGeometry::outline_mm. Throws InputError as validate() does.
 MapGeometry with_outline(MapGeometry circles, std::vector<float> outline_mm);
 
-/// Throws InputError, with `name` in front, when a geometry that came from a file is not usable.
+/// Throws InputError, with `name` in front, when a geometry read from a file is invalid.
 void validate(const MapGeometry& geometry, const std::string& name);
 
 }  // namespace xraycast

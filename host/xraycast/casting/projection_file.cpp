@@ -38,7 +38,7 @@ json view_to_json(const View& view) {
 
 void write_float_image(const ProjectionImage& image, const std::filesystem::path& path) {
   const std::string view = view_to_json(image.view).dump();
-  // TIFF keeps no attributes of ours, so the description holds all of it.
+  // TIFF has no custom attributes, so the description holds everything.
   const std::string description = "xraycast: optical depth tau; transmission is exp(-tau); view " + view;
   if (extension_of(path) != ".exr")
     return write_tiff(image.tau, image.view.width, image.view.height, description, path);

@@ -8,18 +8,18 @@
 namespace xraycast {
 
 /// Writes a projection by the extension: `.exr` and `.tif` hold float tau with the view in their metadata;
-/// `.nrrd` holds float tau with the picture's place in space, which 3D Slicer loads; `.dcm` is a DICOM X-Ray
-/// Angiographic Image of the transmission (see XaWriter); `.png` holds what is shown: exp(-tau) in the
-/// automatic window, with this gamma, inverted or not. Throws InputError for another extension or a path that
-/// cannot be written, Error when the disk is full.
+/// `.nrrd` holds float tau with the picture's pose in space, which 3D Slicer loads; `.dcm` is a DICOM X-Ray
+/// Angiographic Image of the transmission (see XaWriter); `.png` holds the displayed picture: exp(-tau) in
+/// the automatic window, with this gamma, inverted or not. Throws InputError for another extension or a path
+/// that cannot be written, Error when the disk is full.
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma = 1,
                       bool inverted = false, const XaOptions& xa = {});
 
-/// Whether write_projection writes what is shown under this name, and not the optical depths.
+/// Whether write_projection writes the displayed picture under this name instead of optical depths.
 bool is_picture(const std::filesystem::path& path);
 
-/// Throws InputError, naming the known ones, when `path` has an extension that write_projection does not
-/// know.
+/// Throws InputError, naming the supported ones, when write_projection does not support the extension of
+/// `path`.
 void check_projection_format(const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -64,7 +64,7 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
             "project_untilted",
             {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
             {1, 1, 1}};
-  constexpr int kTile = 32;  // columns; what they share of the scan fits in a second-level cache
+  constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
   return {"joseph_rows",
           "project_rows",
           {kTile, parts(view.height, XRC_DETECTOR_ROWS), parts(view.width, kTile)},
@@ -102,9 +102,9 @@ std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment>
   std::vector<std::array<float, 4>> ends;  // in voxels, start and end interleaved
   for (const RaySegment& ray : rays) {
     for (const glm::dvec3& end_mm : {ray.start_mm, ray.end_mm}) {
-      constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit voxel coordinates lose the voxel
+      constexpr double kFarthest_mm = 1e6;  // beyond, 32-bit coordinates cannot resolve a voxel
       if (!(glm::length(end_mm) <= kFarthest_mm))
-        throw InputError("ray {}: its ends have to lie within {:g} mm of the origin", ends.size() / 2,
+        throw InputError("ray {}: its ends must lie within {:g} mm of the origin", ends.size() / 2,
                          kFarthest_mm);
       const glm::vec3 index(scan.geometry().to_index(end_mm));
       ends.push_back({index.x, index.y, index.z, 0});

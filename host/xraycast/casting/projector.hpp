@@ -4,7 +4,7 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
-#include "xraycast/scan/body_outline.hpp"
+#include "xraycast/volume/body_outline.hpp"
 
 #include <optional>
 #include <span>
@@ -25,20 +25,20 @@ struct ProjectionImage {
   double kernel_ms = 0;
 };
 
-/// Projects a resident scan to a DRR by Joseph's method:
-/// the scan is sampled where the ray crosses the planes of voxels across its dominant axis, bilinearly within
-/// the plane, then classified, and every sample counts for the length of ray between planes (P. M. Joseph,
-/// IEEE Trans. Med. Imaging 1982). The ray is clipped to the scan, from the first to the last voxel's centre
-/// in x and y and by whole slices in z, and every plane counts as far as the half-spacings around it lie on
-/// what is left between source and detector. Stage "projecting" of `progress`. With `within`, only what lies
-/// in the cylinder over that circle counts, which is what a map of that radius sees.
+/// Projects a resident scan to a DRR by Joseph's method: the scan is sampled where the ray crosses the planes
+/// of voxels across its dominant axis, bilinearly within the plane, then classified, and every sample counts
+/// for the length of ray between planes (P. M. Joseph, IEEE Trans. Med. Imaging 1982). The ray is clipped to
+/// the scan, from the first to the last voxel's centre in x and y and by whole slices in z, and every plane
+/// counts for the part of the half-spacings around it that lies on the clipped ray between source and
+/// detector. Stage "projecting" of `progress`. With `within`, only the cylinder over that circle counts,
+/// which is the part that a map of that radius covers.
 ///
-/// `view` has to be complete (see `fitted`). Throws DeviceError when the device fails.
+/// `view` must be complete (see `fitted`). Throws DeviceError when the device fails.
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
                         Progress& progress, const std::optional<BodyOutline>& within = {});
 
-/// The same along any lines, for detectors that are not flat: one optical depth a segment. Throws InputError
-/// when an end is not finite or farther than a kilometre.
+/// The same along any lines, for detectors that are not flat: one optical depth per segment. Throws
+/// InputError when an end is not finite or farther than a kilometre.
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
                            Progress& progress);
 

@@ -117,7 +117,7 @@ std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& g
 
 std::vector<std::optional<RaySegment>> rays_within(const View& view, const MapGeometry& geometry) {
   if (geometry.centre_mm.size() > 1)
-    throw InputError("a map about a bent axis covers no cylinder that a true projection could be limited to");
+    throw InputError("a map with a curved axis cannot be compared; cast it with a straight axis");
   const bool is_sphere = geometry.projection == Projection::sphere;
   const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
   const double top_mm = geometry.z_mm(-0.5), bottom_mm = geometry.z_mm(geometry.height - 0.5);

@@ -7,19 +7,19 @@
 
 namespace xraycast {
 
-/// A basis on the device, and the map that it makes under the latest opacity. Equal to casting the scan again
-/// but for the rounding of the weights (see Basis). Move-only.
+/// A basis on the device, and its map with the latest opacity. Equal to casting the scan again except for the
+/// rounding of the weights (see Basis). Move-only.
 class RecastSession {
  public:
-  /// Copies the weights to the device, which has to outlive the session. Throws DeviceError
+  /// Copies the weights to the device, which must outlive the session. Throws DeviceError
   /// when the device has not enough memory.
   RecastSession(ComputeDevice& device, const Basis& basis);
   RecastSession(RecastSession&&) = default;  // tau_ is the memory of map_.tau, which moves with it
   RecastSession& operator=(RecastSession&&) = default;
 
-  /// The map under `opacity`, whose knots have to be among those of the basis: any function that is linear
-  /// between them and constant beyond its own ends. Valid until the next call. Throws InputError that names a
-  /// knot which is not.
+  /// The map with `opacity`, whose knots must be among those of the basis: any function that is linear
+  /// between them and constant beyond its own ends. Valid until the next call. Throws InputError, naming a
+  /// knot that is not.
   const BodyMap& recast(const Opacity& opacity);
 
   double kernel_ms() const { return kernel_ms_; }  ///< of the last recast()

@@ -10,7 +10,7 @@
 namespace xraycast {
 namespace {
 
-/// Whole slices, as many as there are left, up to the slab's size.
+/// Reads the remaining slices, up to the slab's size.
 struct Slab {
   std::unique_ptr<std::int16_t[]> hu;
   std::int64_t slices = 0;
@@ -22,12 +22,14 @@ void fill(Slab& slab, SliceSource& source, std::int64_t wanted, Progress& progre
     const std::int64_t count = source.read(
         {slab.hu.get() + slab.slices * slice, static_cast<std::size_t>((wanted - slab.slices) * slice)},
         progress);
-    if (count == 0) throw InputError("the scan ended before its {} slices", source.geometry().size.z);
+    if (count == 0)
+      throw InputError("the scan ended before the last of its {} slices; copy it again",
+                       source.geometry().size.z);
     slab.slices += count;
   }
 }
 
-/// The part of a map that slices `first` to `first + count - 1` make; superior rows come first.
+/// The part of a map made from slices `first` to `first + count - 1`; superior rows come first.
 MapGeometry rows_of(const MapGeometry& whole, std::int64_t first, std::int64_t count) {
   MapGeometry part = whole;
   const std::int64_t top_row = whole.height - first - count;

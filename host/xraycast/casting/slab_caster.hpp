@@ -2,20 +2,19 @@
 
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
-#include "xraycast/scan/slice_source.hpp"
+#include "xraycast/volume/slice_source.hpp"
 
 #include <cstdint>
 
 namespace xraycast {
 
-/// Of a slab: enough slices for every core to have some to read, and few enough to stay in a processor's
+/// Slices of a slab: enough for every core to have some to read, and few enough to stay in a processor's
 /// cache.
 inline constexpr std::int64_t kMaxSlabSlices = 64;
 
-/// How many slices at once a cast by slabs takes, a multiple of ResidentScan::kBrickSlices, so that it stays
-/// within `limit_B` bytes: two slabs in the host's memory, of which one is read while the other is cast, and
-/// one on the device. The map comes on top. Throws InputError when not even the smallest slab is within the
-/// limit.
+/// Number of slices per slab, a multiple of ResidentScan::kBrickSlices, so that it stays within `limit_B`
+/// bytes: two slabs in the host's memory, of which one is read while the other is cast, and one on the
+/// device. The map is not included. Throws InputError when even the smallest slab exceeds the limit.
 std::int64_t slab_slices_within(const VolumeGeometry& volume, std::int64_t limit_B);
 
 /// Bytes that a whole scan takes on the device.
@@ -25,12 +24,12 @@ std::int64_t resident_bytes(const VolumeGeometry& volume);
 void look_through(SliceSource& source, OutlineFinder& finder, Progress& progress);
 
 /// Casts a cylinder map of a scan that need not fit in memory, slab by slab; reading the next slab overlaps
-/// uploading and casting this one. Rays stay within their slices, so the map is the one cast whole, bit for
-/// bit. Stage "casting" of `progress`. `timings` gets the time that was waited for slices, and that of
-/// uploading them.
+/// uploading and casting this one. Rays stay within their slices, so the map equals that of a whole cast, bit
+/// for bit. Stage "casting" of `progress`. `timings` receives the time spent waiting for slices and uploading
+/// them.
 ///
-/// `source` has not been read from yet. Throws InputError for other projections, whose rays cross slices, and
-/// when the source ends early.
+/// `source` must not have been read from yet. Throws InputError for other projections, whose rays cross
+/// slices, and when the source ends early.
 CastResult cast_by_slabs(ComputeDevice& device, SliceSource& source, const MapGeometry& geometry,
                          const Opacity& opacity, std::int64_t slab_slices, LoadTimings& timings,
                          Progress& progress);

@@ -7,9 +7,8 @@
 namespace xraycast {
 namespace {
 
-/// Calls `collect(scan, contents)` for each material with the scan that shows it, and returns what it gave.
-/// Water ends in dense bone, where the ramps that a kernel adds up cancel but for rounding; no mass is below
-/// 0.
+/// Calls `collect(scan, contents)` for each material with the scan that contains it, and returns the results.
+/// Water ends in dense bone, where the ramps that a kernel sums cancel up to rounding; no mass is negative.
 template <typename Collect>
 MaterialDepths depths_of(const SpectralScan& scan, std::size_t rays, const Collect& collect) {
   const auto contents = material_contents();

@@ -9,16 +9,16 @@
 
 namespace xraycast {
 
-/// A scan in a device's memory, with the contrast agent apart when its vessels are known: CT numbers alone
+/// A scan in a device's memory, with the contrast agent separate when its vessels are known: CT numbers alone
 /// cannot tell iodine from bone.
 struct SpectralScan {
-  ResidentScan native;                   ///< the scan; with the enhancement taken out if that is apart
+  ResidentScan native;                   ///< the scan; without the enhancement if that is separate
   std::optional<ResidentScan> contrast;  ///< the enhancement in HU
 };
 
-/// Reads a scan and its vessel mask, which both are held in the host's memory meanwhile (see take_contrast).
-/// `finder` sees every slice. Stage "reading" of `progress`, twice. Throws InputError when the mask lies on
-/// another grid.
+/// Reads a scan and its vessel mask, both held in the host's memory meanwhile (see take_contrast). `finder`
+/// sees every slice. Stage "reading" of `progress`, twice. Throws InputError when the mask lies on another
+/// grid.
 SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels, OutlineFinder& finder,
                   LoadTimings& timings, Progress& progress);
 
@@ -27,9 +27,8 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
                 Progress& progress);
 
-/// The DRR under a spectrum: the masses of kMaterials are summed along each ray, and the optical
-/// depth is that of all of them together. Otherwise as `project` of an opacity, with a stage "projecting" for
-/// each material.
+/// The DRR with a spectrum: the masses of kMaterials are summed along each ray, and the optical depth follows
+/// from their total. Otherwise as `project` of an opacity, with a stage "projecting" for each material.
 ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,
                         Progress& progress);
 

@@ -13,28 +13,28 @@ namespace {
 
 constexpr double kDegrees = 180 / std::numbers::pi;
 constexpr int kMaxSide = 16384;
-// Pixels between them are of a size that 32-bit coordinates tell apart.
+// Pixel sizes within these limits are resolved by 32-bit coordinates.
 constexpr double kNearestSource_mm = 1, kFarthestDetector_mm = 1e6;
 
 void check(const View& view) {
   if (!std::isfinite(view.angle_rad) || !std::isfinite(view.tilt_rad))
-    throw InputError("the view's angles have to be finite");
+    throw InputError("the view's angles must be finite");
   if (view.width < 0 || view.width > kMaxSide || view.height < 0 || view.height > kMaxSide)
-    throw InputError("a picture of {} x {} pixels: sides have to be 1 to {}", view.width, view.height,
+    throw InputError("a picture of {} x {} pixels: each side must be 1 to {}", view.width, view.height,
                      kMaxSide);
   if (!std::isfinite(view.pixel_mm) || view.pixel_mm < 0)
-    throw InputError("pixel size of {} mm has to be above 0", view.pixel_mm);
+    throw InputError("pixel size of {} mm must be above 0", view.pixel_mm);
   if (!view.cone) return;
   const auto [axis, detector] = *view.cone;
   if (!(axis >= kNearestSource_mm) || !(detector >= axis) || !(detector <= kFarthestDetector_mm))
     throw InputError(
-        "cone {:g},{:g}: the source has to be {:g} mm or more from the axis, the detector beyond the axis, "
+        "cone {:g},{:g}: the source must be {:g} mm or more from the axis, the detector beyond the axis, "
         "within {:g} mm",
         axis, detector, kNearestSource_mm, kFarthestDetector_mm);
 }
 
-/// How many pixels a length takes. A whole number of them but for rounding stays that: with one more, all of
-/// them would lie half a pixel elsewhere, between the rows of a map that was made for this very picture.
+/// The number of pixels of a length. A whole number up to rounding is kept: one more would shift all pixels
+/// by a half, between the rows of a map made for the same picture.
 int pixels(double length_mm, double pixel_mm) {
   return static_cast<int>(std::clamp(std::ceil(length_mm / pixel_mm - 1e-6), 1.0, double(kMaxSide)));
 }
@@ -74,7 +74,7 @@ View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body) {
   check(view);
   const double half_height_mm = 0.5 * (volume.upper_mm().z - volume.lower_mm().z);
   const double ct = std::abs(std::cos(view.tilt_rad)), st = std::abs(std::sin(view.tilt_rad));
-  // A cone enlarges most what is nearest to the source.
+  // A cone magnifies most the part nearest to the source.
   double magnification = 1;
   if (view.cone) {
     const double nearest_mm = view.cone->source_axis_mm - (body.radius_mm * ct + half_height_mm * st);

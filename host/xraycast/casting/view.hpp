@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/scan/body_outline.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/body_outline.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -10,14 +10,14 @@
 
 namespace xraycast {
 
-/// A C-arm's beam that spreads from a point.
+/// The cone beam of a C-arm.
 struct Cone {
-  double source_axis_mm;      ///< from the source to the view's centre
+  double source_axis_mm;      ///< from the source to the view's centre, the isocentre
   double source_detector_mm;  ///< from the source to the detector
   bool operator==(const Cone&) const = default;
 };
 
-/// A C-arm and its detector. The angle is where the detector stands: LAO is positive; cranial tilt is
+/// A C-arm and its detector. The angle is the position of the detector: LAO is positive; cranial tilt is
 /// positive. The picture is seen from the detector, so that at 0 deg the patient's left is on the right, and
 /// up is superior.
 struct View {
@@ -32,23 +32,23 @@ struct View {
   glm::dvec3 right() const;             ///< (cos a, sin a, 0)
   glm::dvec3 up() const;                ///< n x right
 
-  /// The middle of pixel (i, j), row 0 on top: on the detector under a cone, else in the plane through the
+  /// The middle of pixel (i, j), row 0 on top: on the detector of a cone, else in the plane through the
   /// centre.
   glm::dvec3 pixel_on_detector_mm(double i, double j) const;
 
-  /// The cone's source. Only for cones.
+  /// The position of the cone's source. Only with a cone.
   glm::dvec3 source_mm() const;
 
   bool operator==(const View&) const = default;
 };
 
-/// `LAO 30 / CRA 10`, as C-arm angles are read out; never a bare sign.
+/// `LAO 30 / CRA 10`, as a C-arm displays its angles; never a bare sign.
 std::string label(const View& view);
 
 /// Sets pixel size and picture size where they are 0, so that the body's circle and the whole height of the
-/// scan fit at every angle. `pixel_mm` of 0: the scan's finest spacing, or what makes the given picture size
-/// fit. Throws InputError when something is not usable: a picture above 16384 pixels a side, a source within
-/// the centre, a detector nearer than the centre.
+/// scan fit at every angle. `pixel_mm` of 0: the scan's finest spacing, or the pixel size with which the
+/// given picture size fits. Throws InputError for an invalid view: a picture above 16384 pixels per side, a
+/// source at the centre, a detector nearer than the centre.
 View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body);
 
 }  // namespace xraycast

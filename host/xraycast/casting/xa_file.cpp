@@ -18,7 +18,7 @@ constexpr double kXaDegrees = 180 / std::numbers::pi;
 constexpr int kFullIntensity = 4095;
 constexpr double kGreysPerTau = 256;  // tau 16 is black: a ten-millionth of the beam
 
-/// Without the rounding of the way to radians and back.
+/// Without the rounding of the conversion to radians and back.
 double xa_degrees(double radians) { return std::round(radians * kXaDegrees * 1e9) / 1e9; }
 
 /// Positioner angles: LAO and cranial are positive, -180 to 180 and -90 to 90 deg.
@@ -27,11 +27,11 @@ double positioner_deg(double radians) { return std::remainder(xa_degrees(radians
 std::uint16_t pixel_of(float tau, XaIntensity intensity) {
   const double value = intensity == XaIntensity::linear ? kFullIntensity * std::exp(-double{tau})
                                                         : kFullIntensity - kGreysPerTau * double{tau};
-  // These take what is no number for black.
+  // NaN becomes black.
   return static_cast<std::uint16_t>(std::lround(std::fmin(std::fmax(value, 0), kFullIntensity)));
 }
 
-/// Back from logarithmic pixels to the intensity, as 16 bits: what the standard asks of LOG images.
+/// From logarithmic pixels back to the intensity, as 16 bits: required by the standard for LOG images.
 DicomElements intensity_table() {
   std::vector<std::uint16_t> intensities;
   for (int pixel = 0; pixel <= kFullIntensity; ++pixel) {
@@ -66,8 +66,7 @@ void add_image(DicomElements& image, const View& view, std::span<const std::uint
   image.number(0x00281051, std::max(1.0, 1.0 * lightest - darkest));  // Window Width
 }
 
-/// The patient's sides that a direction points to, the foremost first, such as LP: those by more than a few
-/// degrees.
+/// The patient's sides that a direction points to by more than a few degrees, the main one first, such as LP.
 std::string sides(const glm::dvec3& direction) {
   std::vector<std::pair<double, char>> found;
   constexpr char kPositive[] = "LPH", kNegative[] = "RAF";
@@ -95,7 +94,7 @@ void add_pose(DicomElements& image, std::span<const View> views) {
   image.number(0x00181510, positioner_deg(first.angle_rad));
   image.number(0x00181511, positioner_deg(first.tilt_rad));
   image.text(0x00200060, "");  // Laterality
-  // Of the rows and the columns; of a run that turns there is no one orientation.
+  // Of rows and columns; a rotating run has no single orientation.
   image.text(0x00200020, views.size() == 1 ? sides(first.right()) + '\\' + sides(-first.up()) : "");
   image.numbers(0x00181164, std::vector{first.pixel_mm, first.pixel_mm});  // Imager Pixel Spacing
   if (first.cone) {
@@ -104,7 +103,7 @@ void add_pose(DicomElements& image, std::span<const View> views) {
     image.number(0x00181114, first.cone->source_detector_mm / first.cone->source_axis_mm);
   }
   if (views.size() == 1) return;
-  // Offsets from the first frame, one a frame (C.8.7.5.1.3), on beyond half a turn.
+  // Offsets from the first frame, one per frame (C.8.7.5.1.3), continuous beyond half a turn.
   std::vector<double> primary_deg, secondary_deg;
   for (const View& view : views) {
     primary_deg.push_back(xa_degrees(view.angle_rad - first.angle_rad));
@@ -150,7 +149,7 @@ XaWriter::XaWriter(std::filesystem::path path, const View& view, std::int64_t fr
   const std::int64_t most = kMostDicomPixels_B / (pixels * static_cast<std::int64_t>(sizeof(std::uint16_t)));
   if (frames > most)
     throw InputError(
-        "{}: {} frames of {} x {} pixels; one DICOM file holds {} of them: take fewer or smaller",
+        "{}: {} frames of {} x {} pixels; one DICOM file holds {} of them: draw fewer or smaller frames",
         file_.target().string(), frames, view.width, view.height, most);
   pixels_.reserve(static_cast<std::size_t>(pixels * frames));
 }

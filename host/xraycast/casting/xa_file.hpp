@@ -12,34 +12,35 @@
 
 namespace xraycast {
 
-/// How an X-Ray Angiographic Image's 12 bits follow from the X-ray intensity exp(-tau), full at 4095. Both
-/// are the lighter, the more arrives at the detector (MONOCHROME2), as on a fluoroscope.
+/// The 12-bit pixel values of an X-Ray Angiographic Image as a function of the X-ray intensity exp(-tau),
+/// 4095 for the unattenuated beam. Both are brighter for a higher intensity (MONOCHROME2), as on a
+/// fluoroscope.
 enum class XaIntensity {
-  logarithmic,  ///< 4095 - 256 tau, black from tau 16 on; a Modality LUT leads back to the intensity
+  logarithmic,  ///< 4095 - 256 tau, black from tau 16 on; a Modality LUT restores the intensity
   linear,       ///< 4095 exp(-tau)
 };
 
-/// What an X-Ray Angiographic Image says besides its picture.
+/// The attributes of an X-Ray Angiographic Image besides its pixels.
 struct XaOptions {
   XaIntensity intensity = XaIntensity::logarithmic;
   DicomPatient patient{};
   std::optional<double> tube_kvp{};  ///< where a spectrum was used
 };
 
-/// Whether a file's name is that of an X-Ray Angiographic Image, `.dcm`.
+/// Whether a file's name has the extension of an X-Ray Angiographic Image, `.dcm`.
 bool is_xa(const std::filesystem::path& path);
 
-/// Throws InputError when the file could not say what it has to: a tilt beyond 90 deg, or a name or ID of the
-/// patient that does not fit DICOM's fields.
+/// Throws InputError when DICOM cannot represent the view or the patient: a tilt beyond 90 deg, or a name or
+/// ID of the patient that does not fit DICOM's fields.
 void check_xa(const std::filesystem::path& path, const View& view, const XaOptions& options);
 
 /// Writes DRRs as a DICOM X-Ray Angiographic Image (1.2.840.10008.5.1.4.1.1.12.1): one picture, or a run of
 /// them, in which the C-arm may turn. The positioner's angles, the distances from the source and the pixel
 /// spacing on the detector are those of the views; a parallel beam has no source and leaves the distances
-/// out. The Derivation Description says that it is simulated, and where the isocentre lies in the scan.
+/// out. The Derivation Description states that it is simulated, and the isocentre's position in the scan.
 class XaWriter {
  public:
-  /// Of `frames` pictures that differ from `view` in their angles alone. Throws as check_xa, and InputError
+  /// For `frames` pictures that differ from `view` only in their angles. Throws as check_xa, and InputError
   /// when `path` cannot be written or the frames are too many for one file.
   XaWriter(std::filesystem::path path, const View& view, std::int64_t frames, XaOptions options);
 

@@ -16,7 +16,7 @@
 namespace xraycast {
 namespace {
 
-/// x, y and z, which start a CSV line; nothing where something else does.
+/// x, y and z at the start of a CSV line; nothing for other lines.
 std::optional<glm::dvec3> parse_point(std::string line) {
   std::ranges::replace_if(
       line, [](char c) { return c == ',' || c == ';'; }, ' ');
@@ -53,14 +53,14 @@ std::vector<glm::dvec3> read_branch(const std::string& path, std::size_t branch)
 
 CurvedAxis::CurvedAxis(std::vector<glm::dvec3> points_mm, const std::string& name)
     : points_mm_(std::move(points_mm)) {
-  if (points_mm_.size() < 2) throw InputError("{}: a centre line needs two points or more", name);
+  if (points_mm_.size() < 2) throw InputError("{}: a centre line needs at least two points", name);
   if (points_mm_.back().z < points_mm_.front().z) std::ranges::reverse(points_mm_);
   for (std::size_t i = 0; i < points_mm_.size(); ++i) {
     const glm::dvec3& p = points_mm_[i];
     if (!std::isfinite(p.x) || !std::isfinite(p.y) || !std::isfinite(p.z))
       throw InputError("{}: the centre line has a point that is not finite", name);
     if (i > 0 && !(p.z > points_mm_[i - 1].z))
-      throw InputError("{}: the centre line turns back at z = {:g} mm; it has to rise or fall throughout",
+      throw InputError("{}: the centre line turns back at z = {:g} mm; it must rise or fall monotonically",
                        name, p.z);
   }
 }
@@ -74,7 +74,7 @@ CurvedAxis CurvedAxis::from_file(const std::string& name) {
     const char *first = name.data() + hash + 1, *last = name.data() + name.size();
     const auto [end, error] = std::from_chars(first, last, branch);
     if (error != std::errc{} || end != last)
-      throw InputError("{}: what follows # has to be the number of a branch", name);
+      throw InputError("{}: the text after # must be the number of a branch", name);
   }
   return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
 }

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
@@ -10,7 +10,7 @@
 
 namespace xraycast {
 
-/// A line along the body, such as a vessel's or the spine's, that a cylinder map's centre can follow.
+/// A line along the body, such as a vessel's centreline or the spine, that a cylinder map's axis can follow.
 class CurvedAxis {
  public:
   /// Two or more points in LPS millimetres, in order. Throws InputError, with `name` in front, when a number
@@ -18,10 +18,10 @@ class CurvedAxis {
   CurvedAxis(std::vector<glm::dvec3> points_mm, const std::string& name);
 
   /// `FILE` is a CSV of x, y, z with or without a heading; `FILE[#BRANCH]` a vessel tree (.vtp or .json), of
-  /// which branch 0 is taken when none is named. Throws InputError, naming file and line.
+  ///   which branch 0 is the default. Throws InputError, naming file and line.
   static CurvedAxis from_file(const std::string& name);
 
-  /// Where the line is at a height. Beyond its ends it is held there.
+  /// x, y of the line at a height z; beyond its ends, those of its end points.
   glm::dvec2 at_mm(double z_mm) const;
 
   /// The centre of every row of a cylinder map of `volume`, the most superior slice first.

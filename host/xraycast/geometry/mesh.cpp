@@ -26,7 +26,7 @@ namespace {
 static_assert(std::endian::native == std::endian::little, "STL is little endian and copied as it stands");
 constexpr std::size_t kStlHeader_B = 80, kStlStart_B = kStlHeader_B + sizeof(std::uint32_t);
 
-/// What a binary STL holds of a triangle, without the padding that a compiler would add at the end.
+/// A triangle of a binary STL, without the padding that a compiler would add at the end.
 struct StlTriangle {
   glm::vec3 normal;
   std::array<glm::vec3, 3> corners_mm;
@@ -90,7 +90,7 @@ class StlMesh {
   }
 
   std::string_view name_;
-  float sign_;  ///< of x and y: a file marked RAS is turned to LPS
+  float sign_;  ///< of x and y: a file marked RAS is converted to LPS
   Mesh mesh_;
   std::unordered_map<glm::vec3, std::uint32_t, Hash> index_;
 };
@@ -152,13 +152,13 @@ Mesh read_ascii_stl(std::string_view text, const std::string& name) {
     }
     ended = line.starts_with("endsolid") || (ended && line.empty());
   }
-  if (!ended) throw InputError("{}: cut off: it does not end with \"endsolid\"", name);
+  if (!ended) throw InputError("{}: truncated: it does not end with \"endsolid\"", name);
   return mesh.take();
 }
 
 Mesh read_stl(const std::filesystem::path& path) {
   const std::string bytes = read_whole_file(path);
-  // Some programs start their binary files with "solid" too; then only the size tells.
+  // Some programs start their binary files with "solid" too; then only the size distinguishes them.
   std::uint32_t count = 0;
   if (bytes.size() >= kStlStart_B) std::memcpy(&count, bytes.data() + kStlHeader_B, sizeof count);
   const bool binary = bytes.size() == kStlStart_B + count * kStlTriangle_B || !bytes.starts_with("solid");
@@ -181,7 +181,8 @@ Mesh read_polys(const std::filesystem::path& path) {
   for (const glm::dvec3& point : data.points_mm) {
     for (int axis = 0; axis < 3; ++axis)
       if (std::abs(point[axis]) > std::numeric_limits<float>::max())
-        throw InputError("{}: Points: {} mm is too far away", path.string(), point[axis]);
+        throw InputError("{}: Points: a coordinate of {} mm is too large; lengths are in mm", path.string(),
+                         point[axis]);
     mesh.points_mm.emplace_back(point);
   }
   for (std::size_t i = 0; i < data.polys.size(); ++i) {
@@ -217,7 +218,7 @@ bool is_watertight(const Mesh& mesh) {
 
 double volume_mm3(const Mesh& mesh) {
   if (mesh.points_mm.empty()) return 0;
-  const glm::dvec3 apex = mesh.points_mm.front();  // near the surface, so that little cancels
+  const glm::dvec3 apex = mesh.points_mm.front();  // near the surface, against cancellation
   double sum = 0;
   for (const auto& [a, b, c] : mesh.triangles)
     sum += glm::dot(glm::dvec3(mesh.points_mm[a]) - apex,

@@ -27,9 +27,9 @@ double volume_mm3(const Mesh& mesh);
 void write_mesh(const Mesh& mesh, const std::filesystem::path& path);
 
 /// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (see read_vtp). Polygons
-/// are cut into fans, strips into triangles; points of an STL that coincide exactly become one; a file marked
-/// `SPACE=RAS` is turned to LPS. Throws InputError when the file is damaged, has non-finite points or indices
-/// out of range.
+/// are split into triangle fans, strips into triangles; points of an STL that coincide exactly are merged; a
+/// file marked `SPACE=RAS` is converted to LPS. Throws InputError when the file is damaged, has non-finite
+/// points or indices out of range.
 Mesh read_mesh(const std::filesystem::path& path);
 
 }  // namespace xraycast

@@ -38,24 +38,24 @@ NurbsCurve::NurbsCurve(int degree, std::vector<ControlPoint> points, std::vector
                        const std::string& name)
     : degree_(degree), points_(std::move(points)), knots_(std::move(knots)) {
   if (degree < 1 || degree > kMaxDegree)
-    throw InputError("{}: a curve of degree {}, but it has to be 1 to {}", name, degree, kMaxDegree);
+    throw InputError("{}: a curve of degree {}, but it must be 1 to {}", name, degree, kMaxDegree);
   const auto order = static_cast<std::size_t>(degree) + 1;
   if (points_.size() < order)
     throw InputError("{}: {} control points, but a curve of degree {} needs at least {}", name,
                      points_.size(), degree, order);
   for (std::size_t i = 0; i < points_.size(); ++i)
     if (!all_finite(points_[i].position_mm) || !(points_[i].weight > 0) || !std::isfinite(points_[i].weight))
-      throw InputError("{}: control point {} is not finite, or its weight not above 0", name, i);
+      throw InputError("{}: control point {} is not finite, or its weight is not above 0", name, i);
   if (knots_.size() != points_.size() + order)
     throw InputError("{}: {} knots, but {} points of degree {} need {}", name, knots_.size(), points_.size(),
                      degree, points_.size() + order);
   if (!std::ranges::is_sorted(knots_) || std::ranges::any_of(knots_, [](double k) { return std::isnan(k); }))
-    throw InputError("{}: the knots fall", name);
+    throw InputError("{}: the knots decrease", name);
   if (knots_[order - 1] != 0 || knots_.front() != 0 || knots_[points_.size()] != 1 || knots_.back() != 1)
-    throw InputError("{}: the first {} knots have to be 0 and the last {} have to be 1", name, order, order);
+    throw InputError("{}: the first {} knots must be 0 and the last {} must be 1", name, order, order);
   for (std::size_t i = 0; i + degree < knots_.size(); ++i)
     if (knots_[i] > 0 && knots_[i] < 1 && knots_[i] == knots_[i + degree])
-      throw InputError("{}: knot {} is there more than {} times", name, knots_[i], degree);
+      throw InputError("{}: knot {} is repeated more than {} times", name, knots_[i], degree);
 }
 
 NurbsCurve NurbsCurve::cubic(const std::vector<glm::dvec3>& points_mm, const std::string& name) {

@@ -19,19 +19,19 @@ class NurbsCurve {
   };
 
   /// Throws InputError, with `name` in front, unless there are more points than `degree` (1 to 9), all of
-  /// them finite with weights above 0, and points + degree + 1 knots that never fall, of which the first
+  /// them finite with weights above 0, and points + degree + 1 non-decreasing knots, of which the first
   /// degree + 1 are 0, the last degree + 1 are 1, and no more than `degree` of the others are the same.
   NurbsCurve(int degree, std::vector<ControlPoint> points, std::vector<double> knots,
              const std::string& name);
 
-  /// The clamped cubic with these control points of weight 1 and evenly spaced knots: what a catheter's shape
-  /// is kept as. Throws InputError for fewer than four points.
+  /// The clamped cubic with these control points of weight 1 and evenly spaced knots: the form in which a
+  /// catheter's shape is stored. Throws InputError for fewer than four points.
   static NurbsCurve cubic(const std::vector<glm::dvec3>& points_mm, const std::string& name);
 
   const std::vector<ControlPoint>& points() const { return points_; }
   const std::vector<double>& knots() const { return knots_; }
 
-  /// The point at t, which is held to [0, 1].
+  /// The point at t, which is clamped to [0, 1].
   glm::dvec3 at_mm(double t) const;
 
  private:

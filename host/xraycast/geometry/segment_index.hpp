@@ -15,7 +15,7 @@ class SegmentIndex {
   struct Segment {
     glm::dvec3 start_mm, end_mm;  ///< apart from each other
     double start_radius_mm, end_radius_mm;
-    int branch, point;  ///< where its start stands in the tree it was taken from; only carried along
+    int branch, point;  ///< its start's position in the original tree; only carried along
   };
 
   /// One segment or more.
@@ -33,13 +33,13 @@ class SegmentIndex {
   bool inside(const glm::dvec3& point_mm) const;
 
  private:
-  /// One cache line. Children stand after their parent, the left one at once, so that only the right one is
-  /// named.
+  /// One cache line. Children are stored after their parent, the left one directly, so that only the right
+  /// one needs an index.
   struct Node {
-    glm::dvec3 lower_mm, upper_mm;  ///< of the segments; their radii are apart in `max_radius_mm`
+    glm::dvec3 lower_mm, upper_mm;  ///< bounds of the segments without their radii, see `max_radius_mm`
     double max_radius_mm;
-    std::uint32_t first;  ///< of a leaf: its first segment; else its right child
-    std::uint32_t count;  ///< of a leaf: how many segments; else 0
+    std::uint32_t first;  ///< leaf: its first segment; else: its right child
+    std::uint32_t count;  ///< leaf: number of segments; else: 0
   };
 
   void build(std::uint32_t first, std::uint32_t last);

@@ -15,12 +15,12 @@ struct Ring {
   double radius_mm;
   glm::dvec3 normal, binormal;  ///< unit vectors in its plane
 
-  /// The outline at an angle from the normal towards the binormal.
+  /// The point of the outline at an angle from the normal towards the binormal.
   glm::dvec3 at_mm(double angle_rad) const;
 };
 
-/// The cross-sections at the points of a line, two or more, none in the place of the one before it. They are
-/// carried along without twist and stand halfway between the directions before and after their point.
+/// The cross-sections at the points of a line, two or more, consecutive ones distinct. Frames are parallel
+/// transported (no twist); each bisects the directions before and after its point.
 std::vector<Ring> rings_along(std::span<const VesselPoint> points);
 
 }  // namespace xraycast

@@ -46,7 +46,8 @@ int link(std::vector<VesselBranch>& branches, const std::string& name) {
     } else if (root < 0) {
       root = i;
     } else {
-      throw InputError("{}: branches {} and {} both have no parent; a tree has one root", name, root, i);
+      throw InputError("{}: branches {} and {} both have no parent; a tree must have one root", name, root,
+                       i);
     }
   }
   if (root < 0) throw InputError("{}: no branch is the root: the parents form a cycle", name);
@@ -67,7 +68,7 @@ int link(std::vector<VesselBranch>& branches, const std::string& name) {
 /// Checks the points of a branch and fills in its arc lengths.
 void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
   if (branch.points.size() < 2)
-    throw InputError("{}: branch {}: has {}, but two are needed", name, index,
+    throw InputError("{}: branch {}: has {}, but at least two are needed", name, index,
                      pluralize(branch.points.size(), "point"));
   branch.arc_length_mm.assign(1, 0.0);
   for (std::size_t k = 0; k < branch.points.size(); ++k) {
@@ -90,7 +91,7 @@ void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
     const double before = branch.arc_length_mm.back();
     const double length = before + glm::distance(branch.points[k - 1].position_mm, point.position_mm);
     if (length <= before)
-      throw InputError("{}: branch {}: point {} is in the place of the one before it", name, index, k);
+      throw InputError("{}: branch {}: point {} coincides with the one before it", name, index, k);
     branch.arc_length_mm.push_back(length);
   }
 }
@@ -154,7 +155,7 @@ void write_lines(const VesselTree& tree, const std::filesystem::path& path) {
     if (branch.children.empty()) ++leaf;
     waiting.insert(waiting.end(), branch.children.rbegin(), branch.children.rend());
   }
-  // VMTK takes its arrays for vtkIntArray without looking.
+  // VMTK assumes vtkIntArray without checking.
   data.cell_arrays = {{"GroupIds", VtkType::kInt32, 1, std::move(groups)},
                       {"CenterlineIds", VtkType::kInt32, 1, std::move(leaves)},
                       {"TractIds", VtkType::kInt32, 1, std::move(depths)},
@@ -172,8 +173,9 @@ void find_parents(std::vector<VesselBranch>& branches, const std::string& name) 
   for (int i = 0; i < static_cast<int>(branches.size()); ++i) {
     if (branches[i].points.empty()) throw InputError("{}: Lines: line {} has no points", name, i);
     if (const auto [other, added] = ends.emplace(key(branches[i].points.back()), i); !added)
-      throw InputError("{}: Lines: lines {} and {} end in one point; in a tree each branch has its own end",
-                       name, other->second, i);
+      throw InputError(
+          "{}: Lines: lines {} and {} end at the same point; in a tree each branch has its own end", name,
+          other->second, i);
   }
   for (VesselBranch& branch : branches)
     if (const auto parent = ends.find(key(branch.points.front())); parent != ends.end())
@@ -185,14 +187,14 @@ VesselTree read_lines(const std::filesystem::path& path) {
   const PolyData data = read_vtp(path);
   const PolyData::Array* radius = find_array(data.point_arrays, kRadius);
   if (radius == nullptr || radius->components != 1)
-    throw InputError("{}: {}: a tree needs this point array, one number a point", name, kRadius);
+    throw InputError("{}: {}: a tree needs this point array, one number per point", name, kRadius);
   std::vector<VesselBranch> branches(data.lines.size());
   for (std::size_t i = 0; i < branches.size(); ++i)
     for (const std::uint32_t point : data.lines[i])
       branches[i].points.push_back({data.points_mm[point], radius->values[point]});
 
   if (const PolyData::Array* parents = find_array(data.cell_arrays, "ParentIds")) {
-    if (parents->components != 1) throw InputError("{}: ParentIds: one number a line is needed", name);
+    if (parents->components != 1) throw InputError("{}: ParentIds: one number per line is needed", name);
     for (std::size_t i = 0; i < branches.size(); ++i) {
       const double parent = parents->values[data.verts.size() + i];
       if (!(parent >= -1 && parent < static_cast<double>(branches.size())) || parent != std::floor(parent))
@@ -221,7 +223,7 @@ void write_json(const VesselTree& tree, const std::filesystem::path& path) {
   write_whole_file(path, nlohmann::ordered_json{{"branches", std::move(list)}}.dump() + "\n");
 }
 
-/// The member of an object of the file, or its owner is told what is missing.
+/// The member of an object of the file; throws when it is missing.
 const nlohmann::json& member(const nlohmann::json& object, const char* key, const std::string& name) {
   if (!object.is_object() || !object.contains(key)) throw InputError("{}: \"{}\" is missing", name, key);
   return object[key];
@@ -238,7 +240,7 @@ std::int64_t integer(const nlohmann::json& object, const char* key, const std::s
 VesselTree read_json(const std::filesystem::path& path) {
   const std::string name = path.string();
   const nlohmann::json document = parse_json(read_whole_file(path), name);
-  if (document.is_discarded()) throw InputError("{}: not JSON; write it again", name);
+  if (document.is_discarded()) throw InputError("{}: not valid JSON; write it again", name);
 
   const nlohmann::json& list = member(document, "branches", name);
   if (!list.is_array()) throw InputError("{}: \"branches\" is not a list", name);

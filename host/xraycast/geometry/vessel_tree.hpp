@@ -19,19 +19,20 @@ struct VesselPoint {
 
 /// A vessel between two bifurcations or ends, from its parent's side onwards.
 struct VesselBranch {
-  std::vector<VesselPoint> points;    ///< two or more; the first one coincides with the parent's last one
-  int parent = -1;                    ///< index of the branch it leaves; -1 for the root
-  std::vector<int> children;          ///< indices of the branches that leave its end
-  std::vector<double> arc_length_mm;  ///< from the first point, one a point, growing; filled in by VesselTree
+  std::vector<VesselPoint> points;  ///< two or more; the first one coincides with the parent's last one
+  int parent = -1;                  ///< index of the branch it leaves; -1 for the root
+  std::vector<int> children;        ///< indices of the branches that leave its end
+  std::vector<double>
+      arc_length_mm;  ///< from the first point, one per point, ascending; filled in by VesselTree
 };
 
 /// The vasculature as a connected tree of centrelines with radii. Immutable.
 ///
 /// Connected by construction: the constructor throws InputError for an empty tree, a cycle, a missing or
 /// second root, a parent that does not exist, a branch of fewer than two points, a first point that is not
-/// its parent's last (to a micrometre), a point in the place of the one before it, a radius that is not above
-/// zero, a number that is not finite, or what no body holds: a radius above kLargestRadius_mm or a coordinate
-/// beyond kFarthest_mm. `name` stands in front of the message.
+/// its parent's last (to a micrometre), a point that coincides with the one before it, a radius that is not
+/// above zero, a number that is not finite, or sizes beyond any body: a radius above kLargestRadius_mm or a
+/// coordinate beyond kFarthest_mm. `name` precedes the message.
 class VesselTree {
  public:
   static constexpr double kLargestRadius_mm = 1000, kFarthest_mm = 10000;
@@ -64,34 +65,34 @@ class VesselTree {
   SegmentIndex segments_;
 };
 
-/// The middle of a tree's lumen: the mean of its centrelines, weighed by their cross-sections.
+/// The centroid of a tree's lumen: the mean of its centrelines, weighted by their cross-sections.
 glm::dvec3 centroid_mm(const VesselTree& tree);
 
-/// Throws InputError, with `name` in front, when a point that was given for a vessel's end lies more than 50
-/// mm from `end_mm`, the nearest one: as far as one may be off who reads it from a picture.
+/// Throws InputError, with `name` in front, when a point given by the user for a vessel's end lies more than
+/// 50 mm from `end_mm`, the nearest one: the tolerance for a position read from a picture.
 void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name);
 
 /// `.vtp` by VMTK's conventions, or `.json`, by the extension. Throws InputError for another one, Error when
 /// the disk is full.
 ///
-/// VTP, as vmtkcenterlinemerge leaves it: one line a branch, from its parent's side onwards. Point array
+/// VTP, as vmtkcenterlinemerge leaves it: one line per branch, from its parent's side onwards. Point array
 /// `MaximumInscribedSphereRadius`; cell arrays `GroupIds` (the branch), `CenterlineIds` (the first of the
-/// leaves that are reached through it), `TractIds` (how many branches lie before it), `Blanking` (0), and our
-/// own `ParentIds` (-1 for the root).
+/// leaves that are reached through it), `TractIds` (the number of branches before it), `Blanking` (0), and
+/// xraycast's own `ParentIds` (-1 for the root).
 ///
 /// JSON: {"branches": [{"id", "parent" (-1 for the root), "children", "points": [[x, y, z, radius], ...]},
 /// ...]}
 void write_tree(const VesselTree& tree, const std::filesystem::path& path);
 
-/// Reads what write_tree writes, and other programs' files of the same shape; of a folder its tree.vtp. In a
-/// VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id` may be
-/// any integer from 0 on and `children` is not needed. Throws InputError, naming file and field.
+/// Reads what write_tree writes, and other programs' files with the same fields; in a folder, its tree.vtp.
+/// In a VTP without `ParentIds` a line's parent is the one that ends exactly where it starts; in JSON `id`
+/// may be any integer from 0 on and `children` is not needed. Throws InputError, naming file and field.
 VesselTree read_tree(const std::filesystem::path& path);
 
-/// The tree's surface: each branch a closed swept tube of `sides` (3 or more) corners around, its frames
-/// carried along without twist, with round ends. The ends of a bifurcation's branches reach into each other,
-/// so that no gap is seen between them. All tubes together enclose what VesselTree::inside accepts, up to the
-/// flatness of their sides and the mitres of their bends.
+/// The tree's surface: each branch is a closed swept tube of `sides` (3 or more) corners around, with
+/// parallel transported frames and round ends. The tubes overlap at bifurcations, so that there is no gap
+/// between them. Together they enclose the points that VesselTree::inside accepts, up to the flatness of
+/// their sides and the mitres of their bends.
 Mesh tube_mesh(const VesselTree& tree, int sides = 24);
 
 }  // namespace xraycast

@@ -90,12 +90,12 @@ class ByteStream {
  public:
   ByteStream(std::string_view stored, bool base64) : stored_(stored), base64_(base64) {}
 
-  /// What is left at most; white space and padding count too.
+  /// Upper limit of the remaining bytes; white space and padding count too.
   std::size_t most_left() const {
     return group_size_ - group_next_ + (base64_ ? stored_.size() / 4 * 3 : stored_.size());
   }
 
-  /// False when the stream ends or is no base64 before `bytes` is full.
+  /// False when the stream ends or is not base64 before `bytes` is full.
   bool read(std::span<char> bytes) {
     if (!base64_) {
       if (bytes.size() > stored_.size()) return false;
@@ -210,20 +210,20 @@ class VtpReader {
     throw InputError("{}: {}: {}", name_, field, fmt::format(format, std::forward<Args>(args)...));
   }
 
-  /// Parses the XML, reads what holds for the whole file, and returns its one piece.
+  /// Parses the XML, reads the attributes of the whole file, and returns its one piece.
   pugi::xml_node open() {
-    // Raw appended data is no XML, so the parser sees the file only up to it, and closed after that.
+    // Raw appended data is not XML, so the parser gets the file only up to it, with closing tags added.
     std::string_view xml = content_;
     std::string closed;
     if (const auto tag = content_.find("<AppendedData"); tag != std::string::npos) {
       const auto begin = content_.find('>', tag), underscore = content_.find('_', begin);
-      if (underscore == std::string::npos) fail("AppendedData", "the file is cut off");
+      if (underscore == std::string::npos) fail("AppendedData", "the file is truncated");
       closed = content_.substr(0, begin + 1) + "</AppendedData></VTKFile>";
       xml = closed;
       appended_ = std::string_view(content_).substr(underscore + 1);
     }
     if (const auto result = document_.load_buffer(xml.data(), xml.size()); !result)
-      throw InputError("{}: not whole XML: {} at byte {}", name_, result.description(), result.offset);
+      throw InputError("{}: not well-formed XML: {} at byte {}", name_, result.description(), result.offset);
 
     const pugi::xml_node file = document_.child("VTKFile");
     const std::string_view type = file.attribute("type").value(),
@@ -255,7 +255,7 @@ class VtpReader {
     // 32 bits index the points of anything that fits in memory, and products of two such numbers fit in 64.
     if (error != std::errc() || end != text.data() + text.size() ||
         number > std::numeric_limits<std::uint32_t>::max() / 3)
-      fail(attribute, "\"{}\" is not a possible number", text);
+      fail(attribute, "\"{}\" is not a valid number", text);
     return number;
   }
 
@@ -278,7 +278,7 @@ class VtpReader {
     for (const double offset :
          values(section.find_child_by_attribute("Name", "offsets"), offsets_name, size)) {
       if (!is_index(offset, std::numeric_limits<std::uint32_t>::max()) || offset < static_cast<double>(end))
-        fail(offsets_name, "{} is not a possible end of cell {}", offset, cells.ends.size());
+        fail(offsets_name, "{} is not a valid end of cell {}", offset, cells.ends.size());
       end = static_cast<std::uint64_t>(offset);
       cells.ends.push_back(end);
     }
@@ -310,7 +310,7 @@ class VtpReader {
   /// The numbers of an array; `expected` of them where that is known.
   std::vector<double> values(pugi::xml_node array, std::string_view field,
                              std::optional<std::uint64_t> expected) const {
-    if (expected == 0) return {};  // some writers leave out what would be empty
+    if (expected == 0) return {};  // some writers omit empty arrays
     if (!array) fail(field, "is missing");
     const std::string_view format = array.attribute("format").value(), type = array.attribute("type").value();
     const auto stored = std::ranges::find(kStoredTypes, type, &StoredType::name);
@@ -342,7 +342,7 @@ class VtpReader {
       if (next == end) return numbers;
       double number = 0;
       const auto [rest, error] = std::from_chars(next, end, number);
-      if (rest == next) fail(field, "has something else than numbers");
+      if (rest == next) fail(field, "holds something other than numbers");
       if (error == std::errc::result_out_of_range) number = std::numeric_limits<double>::infinity();
       numbers.push_back(number);
       next = rest;
@@ -352,7 +352,7 @@ class VtpReader {
   std::uint64_t read_header(ByteStream& stream, std::string_view field) const {
     std::array<char, 8> bytes{};
     if (!stream.read(std::span(bytes).first(header_size_B_)))
-      fail(field, "the file is cut off in its header");
+      fail(field, "the file is truncated within its header");
     return std::bit_cast<std::uint64_t>(bytes);
   }
 
@@ -361,11 +361,11 @@ class VtpReader {
       const std::uint64_t size = read_header(stream, field);
       if (size > stream.most_left()) fail(field, "claims {} bytes, more than the file holds", size);
       std::string bytes(size, '\0');
-      if (!stream.read(bytes)) fail(field, "the file is cut off or is not base64");
+      if (!stream.read(bytes)) fail(field, "the file is truncated or not base64");
       return bytes;
     }
 
-    // All blocks unpack to `block_size` but the last one, if `last_size` is not 0.
+    // All blocks decompress to `block_size` but the last one, if `last_size` is not 0.
     const std::uint64_t blocks = read_header(stream, field), block_size = read_header(stream, field),
                         last_size = read_header(stream, field);
     if (blocks > stream.most_left() / header_size_B_)
@@ -374,16 +374,15 @@ class VtpReader {
     for (std::uint64_t& size : packed_sizes) size = read_header(stream, field);
     std::string bytes, packed;
     for (std::size_t i = 0; i < blocks; ++i) {
-      constexpr std::uint64_t kDeflateLimit =
-          1032;  // no byte unpacks to more (https://zlib.net/zlib_tech.html)
+      constexpr std::uint64_t kDeflateLimit = 1032;  // maximum ratio (https://zlib.net/zlib_tech.html)
       const std::uint64_t packed_size = packed_sizes[i],
                           size = i + 1 == blocks && last_size != 0 ? last_size : block_size;
       if (packed_size > stream.most_left())
         fail(field, "claims {} bytes, more than the file holds", packed_size);
       if (size > packed_size * kDeflateLimit)
-        fail(field, "claims {} bytes from {} packed ones", size, packed_size);
+        fail(field, "claims {} bytes from {} compressed ones", size, packed_size);
       packed.resize(packed_size);
-      if (!stream.read(packed)) fail(field, "the file is cut off or is not base64");
+      if (!stream.read(packed)) fail(field, "the file is truncated or not base64");
       const std::size_t begin = bytes.size();
       bytes.resize(begin + size);
       uLongf unpacked_size = size;

@@ -11,13 +11,12 @@
 
 namespace xraycast {
 
-/// The number types that arrays are written with. Readers take any of VTK's.
+/// The number types of written arrays. Readers accept all of VTK's.
 enum class VtkType { kFloat32, kFloat64, kInt32, kInt64 };
 
 /// VTK's vtkPolyData: points, cells between them, and named arrays over points and cells.
 struct PolyData {
-  /// `components` values a point or cell. Held as double, which all indices and all numbers of ours fit
-  /// exactly.
+  /// `components` values per point or cell. Stored as double, which holds all indices and values exactly.
   struct Array {
     std::string name;
     VtkType type = VtkType::kFloat64;
@@ -57,11 +56,11 @@ const PolyData::Array* find_array(const std::vector<PolyData::Array>& arrays, st
 void write_vtp(const PolyData& data, const std::filesystem::path& path);
 
 /// Reads VTK XML PolyData of one piece: ASCII, inline base64 or appended (raw or base64), uncompressed or
-/// zlib, little endian. Points of a file whose `SPACE` says RAS are turned to LPS. Arrays of strings are
-/// passed over.
+/// zlib, little endian. Points of a file whose `SPACE` is RAS are converted to LPS. Arrays of strings are
+/// skipped.
 ///
-/// Nothing in the file is trusted: sizes are checked against what the file can hold before memory is taken,
-/// every array has its full length, cells name existing points, and points are finite. Throws InputError,
+/// Nothing in the file is trusted: sizes are checked against the file's size before memory is allocated,
+/// every array has its full length, cells index existing points, and points are finite. Throws InputError,
 /// naming file and array.
 PolyData read_vtp(const std::filesystem::path& path);
 

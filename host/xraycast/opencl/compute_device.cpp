@@ -78,7 +78,7 @@ const Candidate& choose(const std::vector<Candidate>& found, const std::string& 
   const auto fits = std::ranges::find_if(
       found, [&](const Candidate& c) { return names_device(choice, c.info.index, c.info.name); });
   if (fits == found.end())
-    throw DeviceError("no OpenCL device fits '{}'; there is {}", choice, names_of(found));
+    throw DeviceError("no OpenCL device matches '{}'; available: {}", choice, names_of(found));
   return *fits;
 }
 
@@ -90,7 +90,7 @@ bool is_in_path(const std::string& program) {
   return false;
 }
 
-/// PoCL links a kernel when it first runs and ends the process where that fails.
+/// PoCL links a kernel when it first runs and aborts the process on failure.
 void check_linker(const ComputeDevice::Info& info) {
   if (info.platform == "Portable Computing Language" && !is_in_path("ld"))
     throw DeviceError(
@@ -104,7 +104,7 @@ std::string_view source_of(const std::string& file) {
   throw DeviceError("no kernel file '{}' is embedded", file);
 }
 
-/// The last lines of a build log, on one line: the error message has to fit one.
+/// The last lines of a build log, on one line: the error message must fit one.
 std::string tail(std::string log) {
   while (!log.empty() && std::isspace(static_cast<unsigned char>(log.back()))) log.pop_back();
   constexpr std::size_t kMost = 600;
@@ -168,7 +168,7 @@ cl::Buffer ComputeDevice::buffer(cl_mem_flags flags, std::int64_t bytes, void* h
   try {
     return {context_, flags, static_cast<cl::size_type>(bytes), host};
   } catch (const cl::Error& error) {
-    throw DeviceError("{} has no room for a buffer of {} MiB: {}", info_.name, bytes >> 20,
+    throw DeviceError("{} has no memory left for a buffer of {} MiB: {}", info_.name, bytes >> 20,
                       status_name(error.err()));
   }
 }
@@ -183,8 +183,8 @@ cl::Image3D ComputeDevice::image(const cl::ImageFormat& format, std::int64_t wid
             static_cast<cl::size_type>(height),
             static_cast<cl::size_type>(depth)};
   } catch (const cl::Error& error) {
-    throw DeviceError("{} has no room for an image of {} x {} x {}: {}", info_.name, width, height, depth,
-                      status_name(error.err()));
+    throw DeviceError("{} has no memory left for an image of {} x {} x {}: {}", info_.name, width, height,
+                      depth, status_name(error.err()));
   }
 }
 

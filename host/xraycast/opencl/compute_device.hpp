@@ -8,7 +8,7 @@
 #include <string>
 #include <vector>
 
-// The OpenCL that the project is written for; repeated nowhere else.
+// The OpenCL version that the project targets; defined only here.
 #define CL_HPP_ENABLE_EXCEPTIONS
 #define CL_HPP_MINIMUM_OPENCL_VERSION 120
 #define CL_HPP_TARGET_OPENCL_VERSION 120
@@ -17,11 +17,11 @@
 namespace xraycast {
 
 /// One OpenCL device: its context, an in-order queue with profiling, and the programs built so far. Passed
-/// explicitly; objects that hold one keep a reference, so it has to outlive them.
+/// explicitly; objects that hold one keep a reference, so it must outlive them.
 class ComputeDevice {
  public:
   struct Info {
-    int index = 0;  ///< what `--device` takes
+    int index = 0;  ///< number for `--device`
     std::string name;
     std::string platform;
     std::string version;
@@ -37,8 +37,8 @@ class ComputeDevice {
 
   /// Chooses by number or by part of the name, case ignored. An empty choice takes the environment's
   /// XRAYCAST_DEVICE, and without that the first GPU or else the first device. Throws DeviceError when there
-  /// is no device, or none that fits, and names those there are; and when what the driver links kernels with
-  /// is missing.
+  /// is no device, or none that matches (naming the available ones), and when the linker that the driver
+  /// needs for kernels is missing.
   explicit ComputeDevice(const std::string& choice = "");
 
   const Info& info() const { return info_; }
@@ -46,14 +46,13 @@ class ComputeDevice {
   cl::CommandQueue& queue() { return queue_; }
 
   /// Kernel `entry` of kernels/`file`.cl, built with `options` at first use. Throws DeviceError with the end
-  /// of the build log. Drivers keep their own cache of binaries on disk, so the first build on a machine is
-  /// the slow one.
+  /// of the build log. Drivers cache binaries on disk, so only the first build on a machine is slow.
   cl::Kernel kernel(const std::string& file, const std::string& entry, const std::string& options = "");
 
   /// A buffer of `bytes`, checked against the device's largest allocation first. Throws DeviceError.
   cl::Buffer buffer(cl_mem_flags flags, std::int64_t bytes, void* host = nullptr);
 
-  /// A read-only 3-D image, and whether the device takes one of that size. Throws DeviceError.
+  /// A read-only 3-D image, and whether the device supports one of that size. Throws DeviceError.
   cl::Image3D image(const cl::ImageFormat& format, std::int64_t width, std::int64_t height,
                     std::int64_t depth);
   bool takes_image(std::int64_t width, std::int64_t height, std::int64_t depth) const;
@@ -79,11 +78,11 @@ class ComputeDevice {
     read(source, values.data(), values.size_bytes());
   }
 
-  /// Waits until what kernels wrote to a buffer of CL_MEM_USE_HOST_PTR is in that memory; a processor's
-  /// driver writes there in the first place. Throws DeviceError.
+  /// Waits until the kernels' writes to a CL_MEM_USE_HOST_PTR buffer are in host memory; a CPU driver writes
+  /// there directly. Throws DeviceError.
   void bring_to_host(const cl::Buffer& buffer);
 
-  /// Waits for all that was enqueued. Throws DeviceError.
+  /// Waits for all enqueued commands. Throws DeviceError.
   void finish();
 
   /// Writes and reads back known values through a buffer and, where the device has them, through a 3-D image.
@@ -108,15 +107,15 @@ class ComputeDevice {
   std::map<std::string, cl::Program> programs_;  ///< by file and options
 };
 
-/// Sets all of a kernel's arguments, in the order of its declaration. Their types have to be the kernel's own
-/// (cl_int for int, cl_long for long); buffers have to outlive the run.
+/// Sets all of a kernel's arguments, in the order of its declaration. Their types must be the kernel's own
+/// (cl_int for int, cl_long for long); buffers must outlive the run.
 template <typename... Arguments>
 void set_args(cl::Kernel& kernel, const Arguments&... arguments) {
   cl_uint index = 0;
   (kernel.setArg(index++, arguments), ...);
 }
 
-/// Wall time that the device spent between the start and the end of a finished, profiled command.
+/// Wall time on the device from the start to the end of a finished, profiled command.
 double duration_ms(const cl::Event& event);
 
 /// The name of an OpenCL status such as CL_OUT_OF_RESOURCES, or its number.

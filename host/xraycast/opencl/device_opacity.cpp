@@ -1,7 +1,7 @@
 #include "xraycast/opencl/device_opacity.hpp"
 
 #include "xraycast/kernels/params.h"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <fmt/format.h>
 

@@ -7,9 +7,9 @@
 
 namespace xraycast {
 
-/// An opacity in the form that kernels/classify.h evaluates. With up to four bends (`paper` has one,
-/// `bilinear` two) it is a sum of ramps, exact and without memory traffic; with more it is a table with an
-/// entry for every whole HU, linear between, hence exact for knots on whole HU.
+/// An opacity in the form that kernels/classify.h evaluates. With up to four changes of slope (`paper` has
+/// one, `bilinear` two) it is a sum of ramps, exact and without memory traffic; with more it is a table with
+/// an entry for every whole HU, linear between, hence exact for knots on whole HU.
 class DeviceOpacity {
  public:
   DeviceOpacity(ComputeDevice& device, const Opacity& opacity);

@@ -10,7 +10,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// Where PoCL would go by itself; empty without a home.
+/// PoCL's default folder; empty without a home.
 fs::path pocl_folder() {
   if (const char* cache = std::getenv("XDG_CACHE_HOME"); cache && *cache)
     return fs::path(cache) / "pocl/kcache";
@@ -36,7 +36,7 @@ KernelCache::KernelCache() {
   if (const fs::path folder = pocl_folder(); !folder.empty() && is_private_and_writable(folder)) return;
   std::error_code error;
   std::string name = (fs::temp_directory_path(error) / "xraycast-kernels-XXXXXX").string();
-  if (error || mkdtemp(name.data()) == nullptr) return;  // a ComputeDevice says what is missing
+  if (error || mkdtemp(name.data()) == nullptr) return;  // ComputeDevice reports what is missing
   own_ = name;
   setenv("POCL_CACHE_DIR", own_.c_str(), 1);
 }

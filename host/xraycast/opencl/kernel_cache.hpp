@@ -4,22 +4,22 @@
 
 namespace xraycast {
 
-/// Where PoCL, the OpenCL of processors, keeps the kernels that it has compiled. That is the user's cache
-/// folder, $XDG_CACHE_HOME or ~/.cache. Without one that can be written to PoCL finds no device, and without
-/// a home it takes /tmp/pocl, where others can leave kernels to be run. While a KernelCache lives it takes a
-/// new folder of this process alone in both cases. POCL_CACHE_DIR, where the user sets it, is left alone.
+/// Where PoCL, the OpenCL implementation for CPUs, stores compiled kernels: the user's cache folder,
+/// $XDG_CACHE_HOME or ~/.cache. Without a writable one PoCL finds no device, and without a home it uses
+/// /tmp/pocl, where other users could plant kernels. In both cases a KernelCache makes it use a new private
+/// folder for the lifetime of the object. A POCL_CACHE_DIR set by the user is not changed.
 class KernelCache {
  public:
   /// Before OpenCL is first used, and before other threads are started: it changes the environment.
   KernelCache();
 
-  /// Removes the folder, where it is our own.
+  /// Removes the private folder, if there is one.
   ~KernelCache();
   KernelCache(const KernelCache&) = delete;
   KernelCache& operator=(const KernelCache&) = delete;
 
  private:
-  std::filesystem::path own_;  ///< empty where the user's serves
+  std::filesystem::path own_;  ///< the private folder; empty while the user's is used
 };
 
 }  // namespace xraycast

@@ -15,7 +15,7 @@ static_assert(sizeof(XrcScan) == 24);
 XrcScan layout_of(const VolumeGeometry& geometry) {
   constexpr std::int64_t kMost = std::numeric_limits<int>::max() - XRC_BRICK_SLICES;
   if ((geometry.size.x + 1) * (geometry.size.y + 1) > kMost || geometry.size.z > kMost)
-    throw InputError("slices of {} x {} pixels are larger than the kernels can number; crop the scan",
+    throw InputError("slices of {} x {} pixels are too large for the kernels' 32-bit indices; crop the scan",
                      geometry.size.x, geometry.size.y);
   XrcScan layout{};
   layout.size_x = static_cast<int>(geometry.size.x);
@@ -97,7 +97,8 @@ ResidentScan load(ComputeDevice& device, SliceSource& source, OutlineFinder& fin
       const auto offset = static_cast<std::size_t>(got * geometry.slice_voxels());
       const auto rest = static_cast<std::size_t>((wanted - got) * geometry.slice_voxels());
       const std::int64_t count = source.read({slab.get() + offset, rest}, progress);
-      if (count == 0) throw InputError("the scan ended after {} of {} slices", done + got, geometry.size.z);
+      if (count == 0)
+        throw InputError("the scan ended after {} of {} slices; copy it again", done + got, geometry.size.z);
       got += count;
     }
     const std::span<const std::int16_t> slices(slab.get(),

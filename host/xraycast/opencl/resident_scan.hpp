@@ -2,9 +2,9 @@
 
 #include "xraycast/kernels/params.h"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/body_outline.hpp"
-#include "xraycast/scan/slice_source.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/body_outline.hpp"
+#include "xraycast/volume/slice_source.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <cstdint>
 #include <span>
@@ -12,7 +12,7 @@
 
 namespace xraycast {
 
-/// How a device keeps a scan.
+/// How a scan is stored on a device.
 enum class ScanStorage {
   bricks,  ///< a buffer of 16 interleaved slices each (XrcScan of xraycast/kernels/params.h); for processors
   image,   ///< a 3-D image of 16-bit integers, whose cache follows rays in any direction; for GPUs
@@ -24,7 +24,7 @@ ScanStorage preferred_storage(ComputeDevice& device, const VolumeGeometry& geome
 /// A scan in a device's memory, where the kernels read it. Move-only.
 class ResidentScan {
  public:
-  /// Takes the memory; throws DeviceError when the device has not enough.
+  /// Allocates the memory; throws DeviceError when the device has not enough.
   ResidentScan(ComputeDevice& device, const VolumeGeometry& geometry, ScanStorage storage);
   ResidentScan(ComputeDevice& device, const VolumeGeometry& geometry)
       : ResidentScan(device, geometry, preferred_storage(device, geometry)) {}
@@ -32,10 +32,10 @@ class ResidentScan {
   ResidentScan& operator=(ResidentScan&&) = default;
 
   /// The next slices, from slice 0 on. All calls but the last take a multiple of kBrickSlices. Returns when
-  /// the slices are no longer needed.
+  /// `hu` may be reused.
   void append(std::span<const std::int16_t> hu);
 
-  /// Makes room for another scan in the same memory: of the same slices, and not more of them than at first.
+  /// Reuses the memory for another scan with slices of the same size, and not more of them than at first.
   void restart(const VolumeGeometry& geometry);
 
   static constexpr std::int64_t kBrickSlices = XRC_BRICK_SLICES;
@@ -49,7 +49,7 @@ class ResidentScan {
   const cl::Memory& voxels() const { return voxels_; }
   std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
 
-  /// How many slices a work-item of the casting kernel takes at once.
+  /// Number of slices per work-item of the casting kernel.
   int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
 
  private:
@@ -73,7 +73,7 @@ struct LoadTimings {
 ResidentScan load(ComputeDevice& device, SliceSource& source, OutlineFinder& finder, LoadTimings& timings,
                   Progress& progress);
 
-/// A volume that is already there.
+/// Uploads a volume that is in memory.
 ResidentScan upload(ComputeDevice& device, const Volume& volume);
 ResidentScan upload(ComputeDevice& device, const Volume& volume, ScanStorage storage);
 

@@ -5,7 +5,7 @@
 
 namespace xraycast {
 
-/// One file of phantom/data/, whole.
+/// The content of one file of phantom/data/.
 struct EmbeddedPhantom {
   std::string_view name;  ///< of the file, without .json
   std::string_view source;

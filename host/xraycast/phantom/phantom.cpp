@@ -35,7 +35,7 @@ const Kind kKinds[] = {
 const Kind& parse_kind(const std::string& name) {
   const auto kind = std::ranges::find_if(kKinds, [&](const Kind& k) { return k.name == name; });
   if (kind == std::end(kKinds))
-    throw InputError("no phantom is named '{}'; there is {}", name, fmt::join(phantom_names(), ", "));
+    throw InputError("unknown phantom '{}'; choose one of {}", name, fmt::join(phantom_names(), ", "));
   return *kind;
 }
 
@@ -44,7 +44,7 @@ VolumeGeometry geometry_of(const Kind& kind, const PhantomOptions& options) {
   const glm::dvec3 extent_mm = glm::dvec3(kind.size) * kind.spacing_mm;
   if (options.spacing_mm) geometry.spacing_mm = glm::dvec3(*options.spacing_mm);
   if (options.size) geometry.size = *options.size;
-  // Checked before they divide, and again once the other one has followed.
+  // Checked before the division, and again after the other one is computed.
   validate(geometry, fmt::format("phantom {}", kind.name));
   if (options.size && !options.spacing_mm) geometry.spacing_mm = extent_mm / glm::dvec3(geometry.size);
   if (options.spacing_mm && !options.size)
@@ -82,7 +82,7 @@ Phantom make_phantom(const std::string& name, const PhantomOptions& options) {
   const Kind& kind = parse_kind(name);
   const double noise_hu = options.noise_hu.value_or(kind.noise_hu);
   if (!std::isfinite(noise_hu) || noise_hu < 0)
-    throw InputError("phantom {}: noise of {} HU has to be finite and not below zero", name, noise_hu);
+    throw InputError("phantom {}: noise of {} HU must be finite and not negative", name, noise_hu);
   const VolumeGeometry geometry = geometry_of(kind, options);
   PhantomBody body = kind.make(options.table);
   return {name,

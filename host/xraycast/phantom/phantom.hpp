@@ -2,8 +2,8 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/slice_source.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/slice_source.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <cstdint>
 #include <memory>
@@ -15,18 +15,18 @@ namespace xraycast {
 
 class PhantomScene;
 
-/// What to change about a phantom.
+/// Changes to a phantom's defaults.
 struct PhantomOptions {
-  std::optional<Index3> size = std::nullopt;        ///< alone, the extent in mm stays and the spacing follows
-  std::optional<double> spacing_mm = std::nullopt;  ///< alone, the extent in mm stays and the size follows
+  std::optional<Index3> size = std::nullopt;        ///< without spacing, the extent in mm is kept
+  std::optional<double> spacing_mm = std::nullopt;  ///< without size, the extent in mm is kept
   std::optional<double> noise_hu =
       std::nullopt;        ///< standard deviation; otherwise mild for a body, none for a geometric shape
   bool table = false;      ///< a body lies on the scanner's table
   std::uint32_t seed = 1;  ///< of the noise
 };
 
-/// A scan made from a description: the same shapes are painted into voxels by the device and answer for any
-/// point here, so that a test knows what a scan of it holds.
+/// A scan made from a description: the device paints the shapes into voxels, and the same shapes give the
+/// value at any point here, so that tests know the true content of the scan.
 class Phantom {
  public:
   /// `noise_hu` is not negative.
@@ -40,10 +40,10 @@ class Phantom {
   std::uint32_t seed() const { return seed_; }
 
   /// Over this distance a surface fades from outside to inside: a voxel's size, so that a voxel holds the
-  /// mean of what is in it.
+  /// mean of its content.
   double edge_mm() const;
 
-  /// The value at a point in double precision, without noise: what the voxel centred there holds before
+  /// The value at a point in double precision, without noise: the value of a voxel centred there before
   /// rounding.
   double hu_at(const glm::dvec3& world_mm) const;
 
@@ -64,8 +64,8 @@ class Phantom {
 std::vector<std::string> phantom_names();
 
 /// Makes a phantom by name:
-/// - `thorax`: a trunk from the neck to the hips, arms raised, with contrast in the arteries;
-/// - `head`: a head and neck with contrast in the arteries and an aneurysm among them;
+/// - `thorax`: a trunk from the neck to the hips, arms raised, with contrast agent in the arteries;
+/// - `head`: a head and neck with contrast agent in the arteries, one of which has an aneurysm;
 /// - `cylinder` (radius 80 mm, along the whole axis), `sphere` (radius 80 mm) and `box` (half sizes 80, 60
 /// and
 ///   70 mm), of water in air (-1000 HU), centred;
@@ -75,7 +75,7 @@ std::vector<std::string> phantom_names();
 /// negative noise.
 Phantom make_phantom(const std::string& name, const PhantomOptions& options = {});
 
-/// An ellipsoid turned about z, which adds `density` to what it lies in.
+/// An ellipsoid rotated about z, which adds `density` inside.
 struct Ellipsoid {
   glm::dvec3 centre_mm;
   glm::dvec3 half_axes_mm;
@@ -84,14 +84,14 @@ struct Ellipsoid {
 };
 
 /// The ten ellipsoids of the 3-D Shepp-Logan head (Kak and Slaney, Principles of Computerized Tomographic
-/// Imaging, 1988, page 102) in a cube of 256 mm; its x, y, z are ours. Density d is 1024 (d - 1) HU, so that
-/// the opacity `paper` makes it d * mu_water exactly.
+/// Imaging, 1988, page 102) in a cube of 256 mm; its x, y, z are those of the volume. Density d is 1024 (d -
+/// 1) HU, so that the opacity `paper` makes it d * mu_water exactly.
 std::vector<Ellipsoid> shepp_logan_ellipsoids();
 
 /// 1 where a voxel's centre lies in a contrast-filled vessel, 0 elsewhere; x fastest.
 std::vector<std::uint8_t> vessel_mask(const Phantom& phantom);
 
-/// Paints a phantom slice by slice on a device; both have to outlive it.
+/// Paints a phantom slice by slice on a device; both must outlive it.
 class PhantomSource final : public SliceSource {
  public:
   /// Throws DeviceError.

@@ -6,7 +6,7 @@
 
 namespace xraycast {
 
-/// The shapes of a phantom, around the origin, and what is known of the vessels among them.
+/// The shapes of a phantom, around the origin, and the courses of its vessels.
 struct PhantomBody {
   PhantomScene scene;
   std::vector<VesselBranch> vessels = {};

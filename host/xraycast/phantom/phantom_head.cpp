@@ -101,9 +101,9 @@ void ventricles(PhantomScene& scene) {
                       at(32, 26, 26, 4.5), at(36, 2, 16, 3)}));
     scene.tube(curve({at(24, 36, 44, 6), at(22, 58, 42, 3)}));
   }
-  scene.ellipsoid({0, 6, 34}, {3, 14, 12});  // third
+  scene.ellipsoid({0, 6, 34}, {3, 14, 12});  // third ventricle
   scene.tube(std::vector<VesselPoint>{
-      {{0, 18, 24}, 1.5}, {{0, 26, 6}, 2}, {{0, 32, -4}, 6}, {{0, 34, -16}, 3}});  // fourth
+      {{0, 18, 24}, 1.5}, {{0, 26, 6}, 2}, {{0, 32, -4}, 6}, {{0, 34, -16}, 3}});  // fourth ventricle
 }
 
 /// In the clefts between hemispheres and cerebellum; and the clefts on either side of the insulae.
@@ -139,7 +139,7 @@ void cranium(PhantomScene& scene) {
   cranium_layer(scene, 4.4);
 }
 
-/// The floor of the skull, painted over the brain's lower border.
+/// The skull base, painted over the brain's lower border.
 void skull_base(PhantomScene& scene) {
   scene.paint(kMuscle_hu);  // what lies below the frontal and temporal lobes is face and jaw muscles
   scene.superellipsoid({0, -64, -22}, {58, 46, 38}, 2.6, 2.6);
@@ -147,7 +147,7 @@ void skull_base(PhantomScene& scene) {
     scene.paint(thinner > 0 ? 400 : kBone_hu);
     for (const double side : kSides) {
       const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
-      // Roof of the orbit, lesser and greater wing of the sphenoid, floor of the middle fossa.
+      // Orbital roof, lesser and greater wing of the sphenoid, floor of the middle cranial fossa.
       scene.plate(at(4, -80, 22), at(52, -70, 26), at(6, -32, 17), 2.4 - thinner);
       scene.plate(at(52, -70, 26), at(6, -32, 17), at(56, -42, 22), 2.4 - thinner);
       scene.plate(at(56, -42, 24), at(60, -28, -2), at(18, -26, 4), 2.4 - thinner);
@@ -162,11 +162,11 @@ void skull_base(PhantomScene& scene) {
     }
     scene.capsule(shrunk({{0, -14, -2}, 6.5}, thinner), shrunk({{0, 2, -26}, 6}, thinner));  // clivus
     scene.capsule(shrunk({{-9, -12, 8}, 2.5}, thinner),
-                  shrunk({{9, -12, 8}, 2.5}, thinner));  // back of the sella
+                  shrunk({{9, -12, 8}, 2.5}, thinner));  // dorsum sellae
   }
 }
 
-/// The petrous bones, the mastoids with their air cells, and the ear canals.
+/// The petrous bones, the mastoids with their air cells, and the external auditory canals.
 void temporal_bones(PhantomScene& scene) {
   for (const double side : kSides) {
     const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
@@ -202,7 +202,7 @@ void orbits(PhantomScene& scene) {
     scene.paint(kFat_hu);
     scene.ellipsoid(at(31, -65, 10), {19.5, 17, 28}, axes);
     scene.ellipsoid(at(34, -80, 10), {17, 14, 15});
-    scene.paint(50);  // muscles, optic nerve, lids
+    scene.paint(50);  // extraocular muscles, optic nerve, eyelids
     for (const double turn : {0.8, 2.4, 3.9, 5.5})
       scene.capsule({at(33 + 12 * std::cos(turn), -70, 10 + 11 * std::sin(turn)), 2.2},
                     {at(15, -38, 12), 1.5});
@@ -263,7 +263,7 @@ void nose_and_sinuses(PhantomScene& scene) {
   scene.plate({0, -92, -2}, {0, -34, -28}, {0, -34, 4}, 1);
 }
 
-/// Nasopharynx, throat, larynx and windpipe; a little air over the tongue.
+/// Nasopharynx, oropharynx, larynx and trachea; a little air over the tongue.
 void upper_airway(PhantomScene& scene) {
   scene.paint(kAir_hu);
   scene.tube(curve({{{0, -34, -16}, 9},
@@ -307,7 +307,7 @@ void hyoid(PhantomScene& scene) {
                     {{20, -8, -94}, 2.2}}));
 }
 
-/// Eight a side and jaw, from the incisors to the molars: a root in the bone and a crown.
+/// Eight teeth per side and jaw, from the incisors to the molars: a root in the bone and a crown.
 void teeth(PhantomScene& scene) {
   constexpr double kX[] = {4, 11.5, 18, 23, 26, 28.5, 30.5, 32},
                    kY[] = {-83, -80.5, -75, -69, -62.5, -54, -44, -35};
@@ -349,7 +349,7 @@ void cervical_spine(PhantomScene& scene) {
       scene.capsule(shrunk({{side * 22, 16, -43}, 4}, thinner), shrunk({{side * 36, 18, -44}, 4}, thinner));
     }
   }
-  scene.paint(30);  // the cord down to the second vertebra
+  scene.paint(30);  // the spinal cord down to the second vertebra
   scene.tube(std::vector<VesselPoint>{{{0, 24, -30}, 9}, {{0, 24, -44}, 8.5}, {{0, 27, -62}, 8}});
 }
 
@@ -383,8 +383,9 @@ PhantomBody make_head(bool table) {
   hyoid(scene);
   teeth(scene);
   // One tree, so the circle of Willis is open, as it is in many people: no communicating arteries, and the
-  // right vertebral artery ends in the cerebellum without reaching the basilar. What joins the four supplies
-  // is an aortic arch below the scan. A berry aneurysm sits where the left middle cerebral artery forks.
+  // right vertebral artery ends in the cerebellum without reaching the basilar. The aortic arch that joins
+  // the four supplying arteries lies below the scan. A berry aneurysm sits at the bifurcation of the left
+  // middle cerebral artery.
   std::vector<VesselBranch> arteries = grow_vessels(vessel_courses("head_vessels"));
   scene.paint(kContrast_hu);
   for (const VesselBranch& artery : arteries) scene.tube(artery.points);

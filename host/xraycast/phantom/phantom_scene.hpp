@@ -18,7 +18,7 @@ struct ShapeAxes {
 /// Axes whose third one, u x v, points along `w`; u lies as far along x as that allows.
 ShapeAxes axes_along(const glm::dvec3& w);
 
-/// A body of super-elliptic sections across z, given by stations between which it is smooth.
+/// A body with superelliptic cross-sections along z, interpolated smoothly between stations.
 struct Loft {
   struct Section {
     double z_mm;
@@ -35,23 +35,23 @@ struct Loft {
   /// for the patient's left and -1 for the right.
   glm::dvec3 surface(double z_mm, double angle_rad, double side) const;
 
-  /// The same body with `dx_mm` and `dy_mm` taken off its half axes.
+  /// The same body with its half axes reduced by `dx_mm` and `dy_mm`.
   Loft inset(double dx_mm, double dy_mm) const;
 
   /// The part between two heights.
   Loft between(double bottom_mm, double top_mm) const;
 };
 
-/// Shapes painted one layer after the other, each over what is there: a description of a body from which both
-/// the voxels (kernels/phantom.cl) and the truth (hu_at) are made.
+/// Shapes painted layer by layer, each over the earlier ones: a description of a body from which both the
+/// voxels (kernels/phantom.cl) and the truth (hu_at) are made.
 ///
 /// The shapes added after paint() or add(), up to the next call of either, are one layer: their union.
 class PhantomScene {
  public:
   explicit PhantomScene(double background_hu) : background_hu_(background_hu) {}
 
-  void paint(double hu) { begin_layer(hu, false); }  ///< the layer replaces what is there
-  void add(double hu) { begin_layer(hu, true); }     ///< the layer adds to what is there
+  void paint(double hu) { begin_layer(hu, false); }  ///< the layer replaces earlier values
+  void add(double hu) { begin_layer(hu, true); }     ///< the layer adds to earlier values
 
   void ellipsoid(const glm::dvec3& centre, const glm::dvec3& half_axes, const ShapeAxes& axes = {});
   /// `section` is the exponent in the plane of the first two axes, `height` the one along the third.
@@ -69,13 +69,13 @@ class PhantomScene {
   std::span<const XrcPrimitive> primitives() const { return primitives_; }
   std::span<const XrcStation> stations() const { return stations_; }
 
-  /// The value at a point, surfaces fading over `edge_mm`, in double precision.
+  /// The value at a point, with surfaces fading over `edge_mm`, in double precision.
   double hu_at(const glm::dvec3& point_mm, double edge_mm) const;
 
   struct Box {
     glm::dvec3 lower_mm, upper_mm;
   };
-  /// The shape fills all of the box, its faded edge excluded, so that what was painted earlier does not show.
+  /// The shape fills the whole box, its faded edge excluded, so that it hides everything painted earlier.
   bool covers(const XrcPrimitive& shape, const Box& box, double edge_mm) const;
 
  private:

@@ -121,7 +121,7 @@ std::int64_t PhantomSource::read(std::span<std::int16_t> hu, Progress& progress)
   const std::int64_t slice = geometry().slice_voxels();
   const std::int64_t wanted =
       std::min(static_cast<std::int64_t>(hu.size()) / slice, geometry().size.z - next_);
-  // A slab at a time, so that whoever waits sees progress and memory on the device stays small.
+  // A slab at a time, so that progress is visible and device memory stays small.
   for (std::int64_t done = 0; done < wanted;) {
     const std::int64_t count = std::min(kBrick, wanted - done);
     const auto slices =

@@ -35,7 +35,7 @@ void arch(PhantomScene& scene, const Vertebra& v, double thinner_mm) {
   for (const double side : kSides) {
     const glm::dvec3 pedicle = at(side * 0.75 * w, d - 3, 0.18 * h),
                      joint = at(side * 0.82 * w, d + 12 * size, 0.1 * h);
-    // Those of the chest carry the ribs; they reach less far from the first to the last.
+    // Thoracic transverse processes carry the ribs; they become shorter from the first to the last.
     const glm::dvec3 tips[] = {at(side * 25, d - 2, 0), at(side * (54 - 1.25 * w), d + 24, 0.12 * h),
                                at(side * 43, d + 10, 0.05 * h)};
     scene.capsule(shrunk({pedicle, 4.2 * size}, thinner_mm), shrunk({joint, 4.5 * size}, thinner_mm));

@@ -42,7 +42,7 @@ Loft trunk() {
           2.35};
 }
 
-/// The middle of the ribs.
+/// The mid-surface of the ribs.
 Loft cage() {
   return {{{-110, 0, 4, 122, 84},
            {-60, 0, 4, 134, 92},
@@ -61,7 +61,7 @@ Loft cage() {
           2.2};
 }
 
-/// What lies between the lungs.
+/// The mediastinum.
 Loft mediastinum() {
   return {{{-20, 2, -12, 34, 82},
            {60, 4, -14, 31, 82},
@@ -76,7 +76,7 @@ Loft mediastinum() {
           2};
 }
 
-/// Where the abdomen's organs and fat lie.
+/// The abdominal cavity.
 Loft abdomen() {
   return {{{-345, 0, 0, 20, 25},
            {-325, 0, 0, 48, 48},
@@ -89,8 +89,8 @@ Loft abdomen() {
           2.3};
 }
 
-/// The mid-line of the vertebral bodies: forwards in the neck, back in the chest, forwards again in the
-/// loins.
+/// The mid-line of the vertebral bodies: lordosis in the neck, kyphosis in the chest, lordosis again in the
+/// lumbar spine.
 Loft spine_curve() {
   return {{{-330, 0, 58, 1, 1},
            {-285, 0, 66, 1, 1},
@@ -142,7 +142,7 @@ void arms(PhantomScene& scene, double thinner_mm) {
   }
 }
 
-/// Thin over the ribs and shoulders and thick over the hips.
+/// Subcutaneous fat: thin over the ribs and shoulders, thick over the hips.
 double fat_mm(double z_mm) { return glm::mix(17.0, 7.0, glm::smoothstep(-200.0, 150.0, z_mm)); }
 
 void body_wall(PhantomScene& scene) {
@@ -192,7 +192,7 @@ void liver(PhantomScene& scene) {
                        {glm::normalize(glm::dvec3(1, 0, 0.35)), {0, 1, 0}});
 }
 
-/// The muscles of the back, to the wall of the body, and those along the loins down to the groins.
+/// The muscles of the back, to the body wall, and the psoas down to the groins.
 void deep_muscles(PhantomScene& scene) {
   struct Station {
     double z_mm, front_mm, half_width_mm;
@@ -268,7 +268,7 @@ std::vector<VesselPoint> colon() {
   return wall;
 }
 
-/// Loops within the colon.
+/// Small bowel loops within the frame of the colon.
 void small_bowel(PhantomScene& scene) {
   std::mt19937 random(7);
   const auto uniform = [&](double low, double high) {
@@ -285,7 +285,7 @@ void small_bowel(PhantomScene& scene) {
   scene.tube(curve(loops));
 }
 
-/// Gas in parts of the colon, where it rises to the front.
+/// Gas in the anterior parts of the colon.
 void bowel_gas(PhantomScene& scene, const std::vector<VesselPoint>& wall) {
   scene.paint(kAir_hu);
   const auto gas = [&](std::size_t from, std::size_t to, double share) {
@@ -320,7 +320,7 @@ void heart(PhantomScene& scene) {
   scene.ellipsoid({-18, -18, 112}, {28, 32, 38});
   scene.ellipsoid({6, 10, 128}, {36, 22, 26});
   scene.tube(curve({{{18, -42, 128}, 17}, {{24, -32, 158}, 15}, {{22, -14, 172}, 13}}));  // pulmonary trunk
-  scene.paint(55);  // chambers: left and right ventricle, left and right atrium
+  scene.paint(55);  // heart chambers: left and right ventricle, left and right atrium
   scene.ellipsoid({40, -34, 92}, {20, 20, 42}, axes_along({0.66, -0.5, -0.56}));
   scene.ellipsoid({6, -54, 96}, {18, 18, 42}, axes_along({0.75, -0.35, -0.56}));
   scene.ellipsoid({6, 10, 128}, {31, 17, 21});
@@ -347,13 +347,13 @@ void airways(PhantomScene& scene) {
   }
 }
 
-/// A stretch of a pulmonary vessel that is still to be grown.
+/// A segment of a pulmonary vessel yet to be grown.
 struct Shoot {
   glm::dvec3 from, direction;
   double radius_mm, length_mm;
 };
 
-/// Those that leave both hila.
+/// The pulmonary vessels that leave both hila.
 std::vector<Shoot> hilar_shoots() {
   std::vector<Shoot> shoots;
   for (const double side : kSides)
@@ -366,8 +366,8 @@ std::vector<Shoot> hilar_shoots() {
   return shoots;
 }
 
-/// The vessels of the lungs: from each hilum outwards, forking until they are too fine to see or leave the
-/// lung.
+/// The vessels of the lungs: from each hilum outwards, branching until they are too fine to resolve or leave
+/// the lung.
 void pulmonary_vessels(PhantomScene& scene) {
   const PhantomScene lungs_only = scene;
   const auto is_lung = [&](const glm::dvec3& p) { return lungs_only.hu_at(p, 1) < kLung_hu + 50; };
@@ -410,17 +410,17 @@ void pulmonary_vessels(PhantomScene& scene) {
 
 // ---- bones ----------------------------------------------------------------------------------------
 
-/// A rib, from its head at the spine to its cartilage's end.
+/// A rib, from its head at the spine to the end of its cartilage.
 struct Rib {
   double end_deg;         ///< angle of the bone's front end from the back's mid-line
-  double drop_mm;         ///< how far it has come down there
+  double drop_mm;         ///< caudal descent at that point
   double cartilage_z_mm;  ///< where its cartilage meets the sternum, or the cartilage above
   double cartilage_x_mm;  ///< and how far from the mid-line
 };
 constexpr Rib kRibs[12] = {{140, 34, 224, 22},  {146, 62, 181, 20}, {148, 78, 158, 18}, {147, 90, 136, 18},
                            {145, 100, 116, 18}, {141, 108, 98, 18}, {136, 114, 82, 16}, {127, 116, 58, 42},
                            {116, 114, 34, 62},  {105, 108, 8, 80},  {78, 82, 0, 0},     {50, 48, 0, 0}};
-constexpr std::size_t kWithCartilage = 10;  ///< the last two ribs end free
+constexpr std::size_t kWithCartilage = 10;  ///< the last two are floating ribs
 
 /// The middle of a rib's bone.
 std::vector<VesselPoint> rib_bone(const Loft& surface, const Vertebra& vertebra, std::size_t i, double side) {
@@ -442,8 +442,7 @@ std::vector<VesselPoint> rib_bone(const Loft& surface, const Vertebra& vertebra,
   return curve(controls);
 }
 
-/// A rib is a strap that stands on edge: thin across the wall of the chest, piece by piece. The first one
-/// lies flat.
+/// A rib is a strap on edge: thin across the chest wall, piece by piece. The first one lies flat.
 void rib_strap(PhantomScene& scene, const Loft& surface, const std::vector<VesselPoint>& bone, bool is_first,
                double thinner_mm) {
   for (std::size_t k = 1; k < bone.size(); ++k) {
@@ -525,7 +524,7 @@ std::vector<VesselPoint> humerus_shaft(double side) {
                 {at(240, -15, 430), 11}});
 }
 
-/// Thin, with thick rims, a socket, a spine that ends over the joint, and the coracoid.
+/// Scapula: thin, with thick rims, glenoid, a spine that ends over the joint, and the coracoid process.
 void scapula(PhantomScene& scene, double side, double thinner) {
   const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
   const glm::dvec3 neck = at(124, 28, 232), below = at(124, 76, 122), medial = at(80, 72, 190),
@@ -554,7 +553,7 @@ void shoulder(PhantomScene& scene, double side) {
   }
 }
 
-/// Five fused bodies, wings to the sacro-iliac joints, and the coccyx.
+/// Sacrum: five fused bodies, alae to the sacroiliac joints, and the coccyx.
 void sacrum(PhantomScene& scene) {
   const Loft spine = spine_curve();
   for (const double thinner : {0.0, 1.5}) {
@@ -583,7 +582,7 @@ void sacral_foramina(PhantomScene& scene) {
                       {4.2, 16, 3.6});
 }
 
-/// The wing with its thick rim, from the iliac crest down to the roof of the socket.
+/// Ilium: the wing with its thick rim, from the iliac crest to the acetabular roof.
 void ilium(PhantomScene& scene, double side, double thinner) {
   const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
   const glm::dvec3 spina = at(119, -62, -232), crest1 = at(133, -32, -192), crest2 = at(131, 8, -170),
@@ -605,7 +604,7 @@ void ilium(PhantomScene& scene, double side, double thinner) {
 
 glm::dvec3 hip_centre(double side) { return mirrored(side, {91, 0, -283}); }
 
-/// The socket, and pubis and ischium around the obturator foramen.
+/// Acetabulum, and pubis and ischium around the obturator foramen.
 void pubis_and_ischium(PhantomScene& scene, double side, double thinner) {
   const auto at = [&](double x, double y, double z) { return mirrored(side, {x, y, z}); };
   scene.ellipsoid(hip_centre(side), glm::dvec3(33, 33, 33) - thinner);

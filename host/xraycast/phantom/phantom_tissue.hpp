@@ -6,8 +6,7 @@
 #include <array>
 #include <vector>
 
-// What the bodies share: CT numbers of tissues, and shapes made twice, once on either side or once more
-// inside.
+// Shared by the bodies: CT numbers of tissues, and shapes made twice, mirrored or once more inside.
 namespace xraycast {
 
 inline constexpr double kAir_hu = -1000, kLung_hu = -850, kFat_hu = -100, kFluid_hu = 10, kSkin_hu = 30;

@@ -2,10 +2,10 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/scan/dicom_header.hpp"
-#include "xraycast/scan/dicom_scan.hpp"
-#include "xraycast/scan/genesis_scan.hpp"
-#include "xraycast/scan/image_file_scan.hpp"
+#include "xraycast/image_file/image_file_scan.hpp"
+#include "xraycast/series/dicom_header.hpp"
+#include "xraycast/series/dicom_scan.hpp"
+#include "xraycast/series/genesis_scan.hpp"
 
 #include <algorithm>
 #include <memory>
@@ -51,7 +51,7 @@ std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
   for (const auto& entry :
        fs::recursive_directory_iterator(folder, fs::directory_options::skip_permission_denied)) {
     progress.check();
-    // What a link in a loop leads to is an error.
+    // A link in a loop is an error.
     std::error_code error;
     if (entry.is_regular_file(error)) files.push_back(entry.path());
   }
@@ -59,7 +59,7 @@ std::vector<fs::path> files_within(const fs::path& folder, Progress& progress) {
   return files;
 }
 
-/// Genesis slices do not say to which series they belong; the folder does.
+/// Genesis slices do not state their series; the folder does.
 std::vector<fs::path> of_one_folder(std::vector<fs::path> genesis, const fs::path& path) {
   const auto directly = [&](const fs::path& file) { return fs::equivalent(file.parent_path(), path); };
   if (std::ranges::any_of(genesis, directly))
@@ -109,7 +109,7 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
 
   switch (format_of(path)) {
     case Format::dicom:
-      // Beside a DICOMDIR lie the files that it lists.
+      // The files that a DICOMDIR lists are in its folder.
       if (is_dicom_directory(path)) return open_folder(fs::absolute(path).parent_path(), options, progress);
       return open_dicom(path, {path}, options, progress);
     case Format::genesis:

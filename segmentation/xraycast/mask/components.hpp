@@ -7,7 +7,8 @@
 
 namespace xraycast {
 
-/// The connected components of a mask, run-length encoded along x: little memory however large the grid is.
+/// The connected components of a mask, run-length encoded along x, so that memory is small also on large
+/// grids.
 class Components {
  public:
   /// Labels the components by 26-connectivity: voxels that share a face, an edge or a corner.

@@ -7,8 +7,8 @@
 namespace xraycast {
 
 /// Euclidean distance transform: for every voxel the distance from its centre to the nearest voxel centre of
-/// the background; 0 in the background. What lies beyond the grid is not background, so that a vessel that
-/// leaves the scan keeps its radius. A mask without background has the grid's diagonal everywhere. Exact
+/// the background; 0 in the background. Outside the grid there is no background, so that a vessel that leaves
+/// the scan keeps its radius. A mask without background has the grid's diagonal everywhere. Exact
 /// (Felzenszwalb and Huttenlocher, Distance Transforms of Sampled Functions, 2012).
 std::vector<float> distance_to_background_mm(const Mask& mask);
 

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <array>
 #include <cstdint>
@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A part of space on a volume's grid: 1 inside, 0 outside, x fastest. What lies beyond the grid is outside.
+/// A binary mask on a volume's grid: 1 inside, 0 outside, x fastest. Beyond the grid is outside.
 struct Mask {
   VolumeGeometry geometry;
   std::vector<std::uint8_t> voxels;
@@ -31,7 +31,7 @@ struct Mask {
   std::int64_t count() const;
 };
 
-/// The voxel that lies at an offset, x fastest.
+/// The voxel at an offset, x fastest.
 inline Index3 voxel_at(const VolumeGeometry& grid, std::int64_t offset) {
   const Index3& size = grid.size;
   return {offset % size.x, offset / size.x % size.y, offset / (size.x * size.y)};
@@ -46,7 +46,7 @@ struct Box {
 /// Encloses all voxels of a mask; empty for an empty one.
 Box bounding_box(const Mask& mask);
 
-/// Grown by `margin` voxels, as far as the grid goes.
+/// Grown by `margin` voxels, clipped to the grid.
 Box grown(const Box& box, std::int64_t margin, const Index3& size);
 
 /// The part of a mask in a box, at the same place in space.

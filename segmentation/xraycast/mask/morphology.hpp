@@ -6,7 +6,7 @@
 
 namespace xraycast {
 
-/// A slice of a mask as OpenCV sees it, without a copy. Slices run in parallel, so that whoever uses it calls
+/// A slice of a mask as an OpenCV matrix, without a copy. Slices are processed in parallel, so callers call
 /// cv::setNumThreads(1) first.
 cv::Mat slice_view(Mask& mask, std::int64_t z);
 const cv::Mat slice_view(const Mask& mask, std::int64_t z);
@@ -14,7 +14,7 @@ const cv::Mat slice_view(const Mask& mask, std::int64_t z);
 /// A structuring element within a slice: a disc of a radius in mm; at least a voxel.
 cv::Mat disc(const VolumeGeometry& grid, double radius_mm);
 
-/// Dilation by a cylinder that stands on the slices: a disc of that radius, as far above and below.
+/// Dilation by a cylinder along z: a disc of that radius, extended by the radius above and below.
 Mask dilated_by_cylinder(const Mask& mask, double radius_mm);
 
 /// Calls `visit(hole, box, area)` for every hole of a slice's mask, which is a 4-connected component of the

@@ -20,7 +20,7 @@ struct SkeletonGraph {
     std::array<int, 2> nodes;
     std::vector<glm::dvec3> points_mm;  ///< from the first node to the second, both included
     bool closes_loop = false;           ///< it closed a cycle, and was cut open at its second node
-    bool is_beyond_scan = false;        ///< it stands for what joins two vessels beyond the scan
+    bool is_beyond_scan = false;        ///< a link for two vessels that join beyond the scan
   };
   std::vector<Node> nodes;
   std::vector<Edge> edges;
@@ -42,21 +42,22 @@ struct ComponentLink {
 
 struct ComponentLinks {
   std::vector<ComponentLink> links;
-  int left_out;  ///< components that nothing links
+  int left_out;  ///< number of components without a link
 };
 
 /// The lines that link the components of a skeleton to its largest one: their minimum spanning tree (Prim,
 /// Shortest connection networks and some generalizations, 1957). Ends that leave the scan through the same
-/// face come first, then others by their length; it counts twice where one side is no end, and three times
-/// where both are none, because a vessel that was interrupted has two ends. Within the scan no line is longer
-/// than the longer of the components that it links; components without one are removed from the skeleton.
-/// `face_of` names the face of the scan through which a vessel leaves that ends in a voxel, or gives -1.
+/// face come first, then others by length; a link's length counts twice where one of its points is not an
+/// end, and three times where neither is, because an interrupted vessel has two ends. Within the scan no line
+/// is longer than the longer of the components that it links; components without a link are removed from the
+/// skeleton. `face_of` returns the face of the scan through which a vessel that ends in a voxel leaves, or
+/// -1.
 ComponentLinks link_components(Mask& skeleton, const std::function<int(const Index3&)>& face_of);
 
 /// Draws a link as a line of voxels.
 void rasterise(const ComponentLink& link, Mask& skeleton);
 
-/// Adds a link to a graph, as an edge between the two nodes that lie there.
+/// Adds a link to a graph, as an edge between the nodes at its two points.
 void add_edge(const ComponentLink& link, const VolumeGeometry& grid, SkeletonGraph& graph);
 
 }  // namespace xraycast

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <functional>
 #include <span>
@@ -36,8 +36,8 @@ class BlockFilter {
  private:
   cl::Buffer block();
 
-  /// Runs a kernel of vesselness.cl over the block. Its first arguments are where it reads, where it writes
-  /// and the size; `arguments` are the rest.
+  /// Runs a kernel of vesselness.cl over the block. Its first arguments are input, output and size;
+  /// `arguments` are the rest.
   template <typename... Arguments>
   void run(const char* name, const cl::Buffer& source, const cl::Buffer& target,
            const Arguments&... arguments);
@@ -46,8 +46,8 @@ class BlockFilter {
   Index3 size_;
 };
 
-/// Filters a whole scan slab by slab, each with `halo` slices more on either side. Advances `progress`, where
-/// there is one, by the slices that are done. Throws DeviceError.
+/// Filters a whole scan slab by slab, each with `halo` additional slices on either side. Advances `progress`,
+/// if given, by the finished slices. Throws DeviceError.
 std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
                             const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
                             Progress* progress = nullptr);

@@ -74,7 +74,7 @@ void fit_end(Line& line, const Lumen& lumen, double step_mm) {
   constexpr std::size_t kTangentReach = 6;
   const std::size_t inner = line.size() - 1 - std::min(line.size() - 1, 2 * kTangentReach);
   const double radius_mm = lumen.inscribed_radius_mm(line[inner]),
-               min_radius_mm = radius_mm - 0.2 * lumen.voxel_mm();  // what voxels can tell
+               min_radius_mm = radius_mm - 0.2 * lumen.voxel_mm();  // the resolution of voxels
   // A vessel as thin as a voxel has the least distance to a wall that there is, beyond its end as well.
   const auto fits = [&](const glm::dvec3& p) {
     return lumen.contains(p) && lumen.occupancy(p) > 0.5 && lumen.inscribed_radius_mm(p) >= min_radius_mm;
@@ -272,7 +272,7 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
   });
   const SkeletonGraph graph = prune(linked_graph(std::move(skeleton), found.links), lumen);
   if (graph.edges.empty())
-    throw InputError("{}: no vessel: nothing in the mask is longer than it is wide", name);
+    throw InputError("{}: no vessel: no structure in the mask is longer than it is wide", name);
   Centrelines centrelines = TreeBuilder(graph, lumen, progress).build(root_mm, name);
   for (const ComponentLink& link : found.links) centrelines.gaps_mm.push_back(link.length_mm);
   centrelines.parts_left_out = found.left_out;

@@ -10,7 +10,7 @@
 
 namespace xraycast {
 
-/// A vessel tree, and what in the mask was no tree.
+/// A vessel tree, and the parts of the mask that did not fit a tree.
 struct Centrelines {
   VesselTree tree;
   std::vector<int> loops;       ///< branches that closed a cycle, and were cut open there
@@ -20,13 +20,13 @@ struct Centrelines {
 
 /// Extracts the centrelines of a vessel mask: topology-preserving thinning, the skeleton's graph, its pruning
 /// to a forest (cycles opened at their thinnest edge, spurs within their parent's lumen removed), lines moved
-/// to the centroids of their cross-sections and smoothed. The radius is the one of the cross-section, bounded
-/// by the distance transform; within its parent's lumen a branch keeps the radius that it has outside. Points
-/// are at most one voxel apart. The root is the free end nearest to `root_mm`; without it the thickest one of
-/// a vessel that is longer than wide, which an aneurysm's dome is not.
+/// to the centroids of their cross-sections and smoothed. The radius is that of the cross-section, bounded by
+/// the distance transform; within its parent's lumen a branch keeps the radius that it has outside. Points
+/// are at most one voxel apart. The root is the free end nearest to `root_mm`; without it the thickest free
+/// end of an elongated vessel, which excludes the dome of an aneurysm.
 ///
-/// Throws InputError, with `name` in front, when nothing in the mask is longer than it is wide. Thinning and
-/// centring are stages of `progress`.
+/// Throws InputError, with `name` in front, when no structure in the mask is longer than it is wide. Thinning
+/// and centring are stages of `progress`.
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
                                 const std::optional<glm::dvec3>& root_mm = {});
 inline Centrelines extract_centrelines(const Mask& mask, const std::string& name) {

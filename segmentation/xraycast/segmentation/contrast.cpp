@@ -71,7 +71,7 @@ class Histogram {
   std::vector<double> counts_;
 };
 
-/// The highest local peak within the range that contrast media give: a place denser than all within 60 HU,
+/// The highest local peak within the range of contrast agent: a value more frequent than all within 60 HU,
 /// and half as dense again as the deepest valley between it and soft tissue.
 std::optional<double> contrast_peak_hu(const Histogram& histogram, double tissue_hu) {
   constexpr int kWidth_hu = 15, kReach_hu = 60;
@@ -195,7 +195,7 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
   const auto peak_hu = contrast_peak_hu(insides, tissue_hu);
   if (!peak_hu)
     throw InputError(
-        "{}: no vessel: no contrast medium shows between {} and {} HU; give the window of the vessels' CT "
+        "{}: no vessel: no contrast agent shows between {} and {} HU; give the window of the vessels' CT "
         "numbers",
         name, kContrastLow_hu, kContrastHigh_hu);
   return {tissue_hu, *peak_hu, noise_hu};

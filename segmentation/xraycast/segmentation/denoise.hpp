@@ -1,13 +1,13 @@
 #pragma once
 
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <optional>
 
 namespace xraycast {
 
-/// A scan smoothed by a Gaussian of 0.7 voxels; nothing where its noise is low enough for thresholds. Throws
+/// A scan smoothed by a Gaussian of 0.7 voxels; nothing if its noise is low enough for thresholds. Throws
 /// DeviceError.
 std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device);
 

@@ -122,7 +122,7 @@ class Fronts {
   const Mask& candidates_;
   const std::vector<float>& depth_mm_;
   static constexpr std::int32_t kUnvisited = -1;
-  std::vector<std::int32_t> slots_;  ///< where in `visited_` a voxel is
+  std::vector<std::int32_t> slots_;  ///< the index of a voxel in `visited_`
   std::vector<Visited> visited_;
   using Queued = std::pair<double, std::int64_t>;
   std::priority_queue<Queued, std::vector<Queued>, std::greater<>> queue_;

@@ -14,8 +14,7 @@ std::unique_ptr<LevelSet> level_set_of(const Mask& mask) {
   static const auto make =
       module ? reinterpret_cast<LevelSet* (*)(const Mask&)>(dlsym(module, "xraycast_level_set")) : nullptr;
   if (!make)
-    throw Error("{} cannot be loaded; is it installed beside the program? {}", XRAYCAST_LEVEL_SET_MODULE,
-                reason);
+    throw Error("{} cannot be loaded; install it beside the program: {}", XRAYCAST_LEVEL_SET_MODULE, reason);
   return std::unique_ptr<LevelSet>(make(mask));
 }
 

@@ -7,17 +7,17 @@
 
 namespace xraycast {
 
-/// How much of each voxel is inside a mask, smoothed with a Gaussian of half a voxel.
+/// The fraction of each voxel inside a mask, smoothed by a Gaussian of half a voxel.
 class LevelSet {
  public:
   virtual ~LevelSet() = default;
 
-  /// The closed surface where that share is `1 - level`: the higher the level, the larger.
+  /// The closed surface where that fraction is `1 - level`: the higher the level, the larger.
   virtual Mesh mesh_at(double level) const = 0;
 };
 
-/// By OpenVDB, whose library takes longer to load than all others together. It is loaded by the first call
-/// and not when the program starts. Throws Error when it is not where the program was installed.
+/// By OpenVDB, whose library takes longer to load than all others together, so the first call loads it, not
+/// the start of the program. Throws Error when it is not installed beside the program.
 std::unique_ptr<LevelSet> level_set_of(const Mask& mask);
 
 }  // namespace xraycast

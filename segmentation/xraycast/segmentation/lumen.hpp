@@ -6,8 +6,8 @@
 
 namespace xraycast {
 
-/// A vessel mask and its distance transform between voxel centres, by trilinear interpolation. The mask has
-/// to outlive it.
+/// A vessel mask and its distance transform between voxel centres, by trilinear interpolation. The mask must
+/// outlive it.
 class Lumen {
  public:
   explicit Lumen(const Mask& mask);
@@ -32,14 +32,14 @@ class Lumen {
   double voxel_mm_, coarsest_mm_;
 };
 
-/// What a plane across a vessel shows of its lumen.
+/// The cross-section of a vessel's lumen.
 struct CrossSection {
-  glm::dvec3 to_middle_mm{0, 0, 0};  ///< from the point to the middle of what the rays reach
+  glm::dvec3 to_middle_mm{0, 0, 0};  ///< from the point to the middle of the area that the rays reach
   double radius_mm = 0;              ///< the median of the rays
 };
 
 /// Casts rays to the wall in the plane across `tangent`. None goes farther beyond the inscribed sphere than a
-/// voxel and a half: where a branch leaves there is no wall to be met.
+/// voxel and a half: where a branch leaves, rays do not meet a wall.
 CrossSection cross_section(const Lumen& lumen, const glm::dvec3& point_mm, const glm::dvec3& tangent);
 
 }  // namespace xraycast

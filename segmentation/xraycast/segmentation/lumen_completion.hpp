@@ -5,12 +5,12 @@
 
 namespace xraycast {
 
-/// Adds the outermost voxels of a lumen that were removed with the rim of bone beside it: what is `bright`
-/// and shares a face with it.
+/// Adds the outermost voxels of a lumen that were removed with the rim of bone beside it: `bright` voxels
+/// that share a face with it.
 void add_partial_volume_rim(const Mask& bright, Mask& vessels);
 
-/// Adds what is denser than a vessel and lies within 1.5 mm of one, but is no bone: plaques in its wall, and
-/// a stent's struts and their blooming.
+/// Adds voxels denser than a vessel within 1.5 mm of one that are not bone: plaques in its wall, and a
+/// stent's struts and their blooming.
 void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bone, Mask& vessels);
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-// A module of its own, which level_set.cpp loads. It uses of this project only what headers hold.
+// A module of its own, which level_set.cpp loads. It uses only headers of this project.
 
 #include "xraycast/segmentation/level_set.hpp"
 

@@ -64,15 +64,15 @@ void remove_thin_components(Mask& mask) {
 void check(const Volume& volume, const SegmentOptions& options, const std::string& name) {
   const VolumeGeometry& g = volume.geometry();
   if (g.size.z < kMinSlices)
-    throw InputError("{}: {}, too few to follow vessels; {} are needed", name, pluralize(g.size.z, "slice"),
-                     kMinSlices);
+    throw InputError("{}: {}, too few to follow vessels; at least {} are needed", name,
+                     pluralize(g.size.z, "slice"), kMinSlices);
   for (const auto* points : {&options.markers.vessels_mm, &options.markers.not_vessels_mm})
     for (const glm::dvec3& p : *points) {
       const glm::dvec3 lower = g.lower_mm(), upper = g.upper_mm();
       for (int axis = 0; axis < 3; ++axis)
         if (p[axis] < lower[axis] || p[axis] > upper[axis])
           throw InputError(
-              "{}: the point ({:.1f}, {:.1f}, {:.1f}) mm lies outside the scan, which reaches from ({:.1f}, "
+              "{}: the point ({:.1f}, {:.1f}, {:.1f}) mm lies outside the scan, which extends from ({:.1f}, "
               "{:.1f}, {:.1f}) to ({:.1f}, {:.1f}, {:.1f}) mm",
               name, p.x, p.y, p.z, lower.x, lower.y, lower.z, upper.x, upper.y, upper.z);
     }
@@ -105,7 +105,7 @@ Mask segment_in_noise(const Volume& volume, const Markers& markers, const std::s
   Mask vessels = recover_lumen(ridges, contrast_to_noise(volume, kLumen_vox, device));
   if (vessels.count() == 0)
     throw InputError(
-        "{}: no vessel: nothing thin and bright stands out of the noise; a scan with less noise is needed",
+        "{}: no vessel: no thin bright structure stands out from the noise; give a scan with less noise",
         name);
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_small_components(vessels);
   separate_chambers(vessels, markers, name, progress);
@@ -124,8 +124,8 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       keep[static_cast<std::size_t>(components.at(nearest_voxel(mask, seed, name)))] = true;
     return components.select(keep);
   }
-  // Weighed by the integral of the distance transform. A vessel that forks by Murray's law into n ends holds
-  // as much as n^(1/3) tubes as wide as its trunk; plates and shells hold more than one of 125 ends.
+  // Weighted by the integral of the distance transform. A vessel that branches by Murray's law into n ends
+  // has as much as n^(1/3) tubes as wide as its trunk; plates and shells have more than one with 125 ends.
   constexpr double kMinSlenderness = 2, kMaxOfATube = 5, kMinShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(components.count()));
   std::iota(order.begin(), order.end(), 0);
@@ -151,7 +151,7 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
   for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = weights[i] > 0 && weights[i] >= kMinShare * best;
   if (best > 0) return components.select(keep);
   throw InputError(
-      "{}: no vessel: nothing bright is longer than it is wide; give a seed, a point in a vessel", name);
+      "{}: no vessel: no bright structure is longer than it is wide; give a seed, a point in a vessel", name);
 }
 
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
@@ -176,13 +176,13 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   if (has_air(scan)) intersect(mask, find_body_mask(scan));
   progress.advance();
   if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
-    return without_small_components(mask);  // nothing but vessels is left in a subtracted scan
+    return without_small_components(mask);  // only vessels remain in a subtracted scan
 
   const Mask bright = mask;
   const Mask bone = has_air(scan) ? find_bone(scan, window, bright, progress) : Mask(mask.geometry);
   subtract(mask, bone);
   separate_chambers(mask, options.markers, name, progress);
-  progress.begin("removing marrow", 7, "passes");
+  progress.begin("removing trabecular bone", 7, "passes");
   Mask candidates = mask;
   if (has_air(scan)) {
     constexpr double kBeside_mm = 3;

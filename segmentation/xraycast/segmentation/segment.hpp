@@ -13,27 +13,27 @@
 
 namespace xraycast {
 
-/// What to change about a segmentation.
+/// Options of a segmentation.
 struct SegmentOptions {
   std::optional<std::pair<double, double>>
       window_hu;    ///< lowest and highest HU; otherwise from the histogram
-  Markers markers;  ///< seeds, what is no vessel, and the largest radius
+  Markers markers;  ///< seeds, excluded structures, and the largest radius
 };
 
 /// The vessels' mask on the scan's own grid, by the steps in this folder: denoising where noise is heavy,
-/// thresholds, removal of bone, separation of chambers, removal of marrow, closing of the gaps that both have
-/// left, and the selection of components by select_vessels. A stage of `progress` for each step.
+/// thresholds, removal of bone, separation of chambers, removal of trabecular bone, closing of the gaps that
+/// both have left, and the selection of components by select_vessels. A stage of `progress` for each step.
 ///
 /// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
 /// fewer than 10 slices.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   ComputeDevice& device, Progress& progress);
 
-/// Keeps the connected components of a mask in which seeds lie. Without seeds all that are longer than wide,
-/// no plate or shell, and whose distance transform adds up to a hundredth of the largest one's or more: both
-/// sides of a neck whose arteries join below the scan, and not every small component. Chambers are not
-/// recognised here: a wide vessel of which the scan shows a short stretch is as stout as one. A stage of
-/// `progress`. Throws InputError, with `name` in front, where there is none.
+/// Keeps the connected components of a mask in which seeds lie. Without seeds all that are elongated, neither
+/// plates nor shells, and whose distance transform sums to at least a hundredth of the largest one's: both
+/// sides of a neck whose arteries join below the scan, but not every small component. Heart chambers are not
+/// recognised here: a short stretch of a wide vessel has the same shape. A stage of `progress`. Throws
+/// InputError, with `name` in front, where there is none.
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress);
 inline Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
   Progress unheard;

@@ -7,12 +7,12 @@ namespace xraycast {
 
 /// The forest of centrelines in a skeleton's graph:
 /// - of every cycle the thinnest edge is cut open a voxel before its second node, where it is marked
-///   `closes_loop`; an edge shorter than the lumen's circumference only runs around a hole in the mask, and
-///   is removed (maximum spanning forest by thickness: Kruskal, On the shortest spanning subtree of a graph,
+///   `closes_loop`; an edge shorter than the lumen's circumference only surrounds a hole in the mask, and is
+///   removed (maximum spanning forest by thickness: Kruskal, On the shortest spanning subtree of a graph,
 ///   1956);
-/// - spurs, which are leaves whose tip does not reach out of the sphere inscribed where they leave, are
-///   removed, the shortest first;
-/// - bifurcations within half a radius of each other become one, where more than two branches leave.
+/// - spurs, which are leaves whose tip stays within the sphere inscribed at their origin, are removed, the
+///   shortest first;
+/// - bifurcations within half a radius of each other are merged into one with more than two branches.
 SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen);
 
 }  // namespace xraycast

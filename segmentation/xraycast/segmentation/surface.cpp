@@ -90,7 +90,7 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
   std::vector<unsigned> kept(indices.size());
   // The error allowed is a share of the mesh's extent; half a percent of a trunk is a few millimetres, so the
-  // number of triangles is what ends it.
+  // number of triangles is the stopping criterion.
   constexpr float kMaxError = 0.005F;
   kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
                                mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMaxError));

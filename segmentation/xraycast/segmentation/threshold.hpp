@@ -8,11 +8,11 @@ namespace xraycast {
 /// The CT numbers of vessels.
 struct HuWindow {
   double low_hu;   ///< at a vessel's edge, by the partial volume of lumen and tissue
-  double core_hu;  ///< within a vessel
+  double core_hu;  ///< in a vessel's core
   double high_hu;  ///< above is bone, calcification or metal
 };
 
-/// The edge lies halfway from tissue to vessel; the core begins at 70 % of the way, which leaves out a second
+/// The edge lies halfway from tissue to vessel; the core begins at 70 % of the way, which excludes a weaker
 /// filling such as a false lumen's, and ends a quarter of the way or three standard deviations of the noise
 /// above the vessels' CT number, whichever is more.
 HuWindow window_of(const Contrast& contrast);

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <span>
 #include <vector>
@@ -11,7 +11,7 @@ namespace xraycast {
 
 enum class VesselnessMeasure { frangi, jerman };
 
-/// What counts as a bright tube.
+/// The measure of a bright tube.
 struct VesselnessOptions {
   VesselnessMeasure measure = VesselnessMeasure::jerman;
   std::vector<double> scales_mm = {0.8, 1.2, 1.8};  ///< standard deviations; about a vessel's radius
@@ -20,10 +20,10 @@ struct VesselnessOptions {
 
 /// Multiscale vesselness of each voxel, 0 to 1, from the eigenvalues of the Hessian; the maximum over all
 /// scales: Frangi et al., Multiscale vessel enhancement filtering, 1998, or Jerman et al., Enhancement of
-/// vascular structures in 3D and 2D angiographic images, 2016, with the regularisation a share of
-/// `contrast_hu` in place of the image's largest response, so that it does not depend on what else is in the
-/// scan. Values beyond the grid are those of its border. Runs on the device by separable Gaussians. `hu` is x
-/// fastest on the grid. Throws DeviceError.
+/// vascular structures in 3D and 2D angiographic images, 2016, with the regularisation a fraction of
+/// `contrast_hu` in place of the image's largest response, so that it does not depend on other structures in
+/// the scan. Values beyond the grid are those of its border. Runs on the device by separable Gaussians. `hu`
+/// is x fastest on the grid. Throws DeviceError.
 std::vector<float> vesselness(std::span<const float> hu, const VolumeGeometry& grid,
                               const VesselnessOptions& options, ComputeDevice& device);
 

@@ -82,7 +82,7 @@ std::vector<std::size_t> deepest_first(const Mask& mask, const std::vector<float
   return order;
 }
 
-/// What a basin's marker says.
+/// The meaning of a basin's marker.
 enum class Label : std::uint8_t { unlabelled, vessel, chamber };
 
 /// Floods a mask from the maxima of its distance transform on, in descending order. Where two basins meet,
@@ -216,7 +216,8 @@ Index3 nearest_voxel(const Mask& mask, const glm::dvec3& point_mm, const std::st
       }
   if (best.x < 0)
     throw InputError(
-        "{}: the point ({:.1f}, {:.1f}, {:.1f}) mm is not in anything bright; look up its place in the scan",
+        "{}: the point ({:.1f}, {:.1f}, {:.1f}) mm does not lie in a bright structure; check its coordinates "
+        "in the scan",
         name, point_mm.x, point_mm.y, point_mm.z);
   return best;
 }

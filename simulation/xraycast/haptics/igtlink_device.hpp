@@ -19,8 +19,8 @@ namespace xraycast {
 ///
 /// Its server has its own thread. One client at a time: another one receives STATUS (busy) and is rejected,
 /// unless the first has sent no pose for two seconds, as after a cable was pulled, or when it only watches.
-/// Nothing queues: loads that a client does not read in time are dropped, and what it sends in excess waits
-/// in its own socket.
+/// Nothing queues: loads that a client does not read in time are dropped, and its excess messages wait in its
+/// own socket.
 class IgtlinkDevice final : public HapticDevice {
  public:
   /// Receives one line at a time, on the server's thread: connections and invalid messages.
@@ -47,7 +47,7 @@ class IgtlinkDevice final : public HapticDevice {
   void serve();
 
   TripleBuffer<HandPose> poses_;  ///< from the server's thread to the simulation's
-  TripleBuffer<HubLoad> loads_;   ///< and back
+  TripleBuffer<HubLoad> loads_;   ///< from the simulation's thread to the server's
   ListenAddress address_;
   std::unique_ptr<Server> server_;
   std::exception_ptr failure_;  ///< of the server's thread; written before `failed_` is set

@@ -27,7 +27,7 @@ struct Complaint {
 /// anything is stored, and memory is the object's own and constant.
 ///
 /// TRANSFORM: insertion is the translation along z in mm; the rotation about z is the twist of the matrix's
-/// rotation about z, unwrapped to the turn nearest to the previous pose, so that a device has to send at
+/// rotation about z, unwrapped to the turn nearest to the previous pose, so that a device must send at
 /// least twice a turn. GET_STATUS asks for a STATUS. Other types and damaged messages are skipped with a
 /// complaint. Framing depends on the headers: after an invalid one synchronisation, and with it the
 /// connection, is lost.
@@ -38,7 +38,7 @@ class IgtlinkReceiver {
  public:
   using Event = std::variant<HubPose, StatusRequest, Complaint>;
 
-  /// A longer body than this is taken for a damaged header: no message to a hub is nearly as long.
+  /// A body longer than this means a damaged header: no message to a hub is nearly as long.
   static constexpr std::uint64_t kMaxBody_B = 1 << 20;
   /// The longest body of a supported type that is parsed; metadata may make it long.
   static constexpr std::size_t kMaxParsed_B = 4096;

@@ -18,13 +18,14 @@ struct CouplingAxis {
 /// Parameters of the virtual coupling between hand and hub.
 ///
 /// The defaults. The load is sampled every T = 1 ms, which is passive while the device's own damping exceeds
-/// stiffness * T / 2 (Colgate and Schenkel, Passivity of a class of sampled-data systems, 1994): 0.25
-/// N s/m and 1e-5 N m s/rad, about what gears and bearings have. A network delay adds to T / 2 in full. The
-/// inertia is small, since the damping that goes with it is felt as drag, 2 N s/m and 4e-5 N m s/rad; and not
-/// smaller, since the rod's load reaches the hub a step late, which is stable while the rod's stiffness at
+/// stiffness * T / 2 (Colgate and Schenkel, Passivity of a class of sampled-data systems, 1994): 0.25 N s/m
+/// and 1e-5 N m s/rad, about that of gears and bearings. A network delay adds to T / 2 in full. The inertia
+/// is small, because the damping that goes with it is felt as drag, 2 N s/m and 4e-5 N m s/rad; and not
+/// smaller, because the rod's load reaches the hub a step late, which is stable while the rod's stiffness at
 /// the hub is less than 13 N/mm and 0.2 N m/rad. That of the presets in the thorax phantom is at most 2 N/mm
-/// and 0.0024 N m/rad. 5 N and 0.05 N m exceed what a catheter in a vessel bears and are within what two
-/// fingers can hold. No hand feeds a catheter faster than 250 mm/s or rotates it faster than 4 turns/s.
+/// and 0.0024 N m/rad. 5 N and 0.05 N m exceed the loads of a catheter in a vessel and are within the
+/// strength of two fingers. No hand feeds a catheter faster than 250 mm/s or rotates it faster than 4
+/// turns/s.
 struct CouplingSettings {
   CouplingAxis insertion{.stiffness = 500, .inertia = 0.002, .max_load = 5, .max_speed = 0.25};
   CouplingAxis rotation{.stiffness = 0.02, .inertia = 2e-8, .max_load = 0.05, .max_speed = 25};

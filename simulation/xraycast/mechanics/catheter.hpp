@@ -18,11 +18,11 @@
 
 namespace xraycast {
 
-/// The node spacing with which the edges still follow the vessels' bends: one and a half times the radius of
+/// The node spacing at which the edges still follow the vessels' bends: one and a half times the radius of
 /// the narrowest vessel that the instrument fits into, between 1.5 and 5 mm.
 double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument);
 
-/// Where a catheter's tip is.
+/// The location of a catheter's tip.
 struct CatheterTip {
   glm::dvec3 position_mm{0, 0, 0};
   glm::dvec3 direction{0, 0, 1};  ///< unit
@@ -50,7 +50,7 @@ class Catheter {
     int max_iterations = 400;           ///< of Newton's method in a step
   };
 
-  // The hub moves no faster than a hand; a pose that runs ahead is followed at these speeds.
+  // The hub moves no faster than a hand; a pose further ahead is approached at these speeds.
   static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
 
   /// Against a larger force an instrument buckles outside the introducer or slips through the fingers: the
@@ -71,7 +71,9 @@ class Catheter {
   double max_insertion_mm() const;
 
   const HubPose& pose() const { return pose_; }  ///< where the hub is
-  bool is_held() const { return is_held_; }      ///< the push was refused: it bears kMaxPush_N already
+  bool is_held() const {
+    return is_held_;
+  }  ///< the hub did not advance: the push force is kMaxPush_N already
   HubLoad load() const;
   CatheterTip tip() const;
 

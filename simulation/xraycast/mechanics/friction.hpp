@@ -32,13 +32,13 @@ struct Friction {
             limit_mN / length * (Eigen::Matrix2d::Identity() - direction * direction.transpose())};
   }
 
-  /// Where a step ended.
+  /// The state at the end of a step.
   struct Returned {
     bool slips = false;
-    Eigen::Vector2d force_mN;         ///< on what moves
+    Eigen::Vector2d force_mN;         ///< on the moving surface
     Eigen::Vector2d displacement_mm;  ///< of the spring, from the anchor that it has dragged along
   };
-  /// `kinetic_share`: of the limit, what is left once it slips.
+  /// `kinetic_share`: the fraction of the limit that remains while slipping.
   Returned return_map(const Eigen::Vector2d& displacement_mm, double kinetic_share) const {
     const double length = displacement_mm.norm();
     Returned returned{slips(length), -derivatives(displacement_mm).gradient_mN, displacement_mm};

@@ -42,7 +42,7 @@ Range range(const Json& object, const std::string& where, const char* key,
   }
   const Json& pair = object[key];
   if (pair.size() != 2 || !pair[0].is_number() || !pair[1].is_number())
-    throw InputError("{}: \"{}\" has to be a number, or two: [tip's side, hub's side]", where, key);
+    throw InputError("{}: \"{}\" must be a number, or two: [tip's side, hub's side]", where, key);
   return {pair[0].get<double>(), pair[1].get<double>()};
 }
 
@@ -51,7 +51,7 @@ void check(double value, bool is_valid, const std::string& where, const char* ke
 }
 
 void check_above_zero(double value, const std::string& where, const char* key) {
-  check(value, value > 0, where, key, "it has to be above zero");
+  check(value, value > 0, where, key, "it must be above zero");
 }
 
 }  // namespace
@@ -62,21 +62,21 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
   check_above_zero(p.radius_mm, origin, "radius_mm");
   check_above_zero(p.mass_per_length_g_mm, origin, "mass_per_length_g_mm");
   check_above_zero(p.axial_stiffness_N, origin, "axial_stiffness_N");
-  check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it has to be zero or more");
+  check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it must be zero or more");
   check(p.kinetic_friction, p.kinetic_friction >= 0 && p.kinetic_friction <= p.static_friction, origin,
-        "kinetic_friction", "it has to lie between zero and \"static_friction\"");
+        "kinetic_friction", "it must lie between zero and \"static_friction\"");
   if (p.sections.empty()) throw InputError("{}: \"sections\" is empty; a device has one or more", origin);
   for (std::size_t i = 0; i < p.sections.size(); ++i) {
     const InstrumentSection& section = p.sections[i];
     const std::string where = fmt::format("{}: sections[{}]", origin, i);
     check_above_zero(section.length_mm, where, "length_mm");
-    check(section.plane_rad, true, where, "plane_deg", "it has to be finite");
+    check(section.plane_rad, true, where, "plane_deg", "it must be finite");
     for (const auto side : {&Range::at_tip, &Range::at_hub}) {
       check_above_zero(section.bending_stiffness_Nmm2.*side, where, "bending_stiffness_Nmm2");
       check_above_zero(section.torsional_stiffness_Nmm2.*side, where, "torsional_stiffness_Nmm2");
       const double curvature = section.curvature_per_mm.*side;
       check(curvature, std::abs(curvature) * 2 * p.radius_mm <= 1, where, "curvature_per_mm",
-            "a device cannot be bent to less than its own width");
+            "the bend is tighter than the device's own width");
     }
     starts_mm_.push_back(length_mm_);
     length_mm_ += section.length_mm;
@@ -93,7 +93,7 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   check_above_zero(p.radius_mm, origin, "radius_mm");
   const double inner_mm = number(json, origin, "inner_radius_mm", 0);
   check(inner_mm, inner_mm >= 0 && inner_mm < p.radius_mm, origin, "inner_radius_mm",
-        "it has to lie between zero and \"radius_mm\"");
+        "it must lie between zero and \"radius_mm\"");
   const double density = number(json, origin, "density_g_cm3");
   check_above_zero(density, origin, "density_g_cm3");
   constexpr double kBlood_g_cm3 = 1.06, kCubicMillimetre_cm3 = 1e-3;
@@ -104,7 +104,8 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   p.static_friction = number(json, origin, "static_friction");
   p.kinetic_friction = number(json, origin, "kinetic_friction");
   if (!json.contains("sections") || !json["sections"].is_array())
-    throw InputError("{}: \"sections\" is missing; it lists the device's parts from the tip on", origin);
+    throw InputError("{}: \"sections\" is missing; it lists the device's sections, starting at the tip",
+                     origin);
   for (const Json& part : json["sections"]) {
     const std::string where = fmt::format("{}: sections[{}]", origin, p.sections.size());
     if (!part.is_object()) throw InputError("{}: not an object", where);
@@ -127,7 +128,7 @@ InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   for (const EmbeddedInstrument& preset : embedded_instruments())
     if (preset.name == name_or_file) return from_json(std::string(preset.source), name_or_file);
   if (extension_of(name_or_file) != ".json")
-    throw InputError("{}: no such device; there are {}, or a file that ends in .json", name_or_file,
+    throw InputError("{}: unknown device; choose one of {}, or give a file that ends in .json", name_or_file,
                      fmt::join(preset_names(), ", "));
   return from_json(read_whole_file(name_or_file), name_or_file);
 }

@@ -65,7 +65,7 @@ class InstrumentModel {
   /// in the two planes through its axis.
   glm::dvec2 rest_turn_rad(double from_mm, double to_mm) const;
 
-  /// Where a rod's nodes stand, from the tip on: `spacing_mm` apart or closer, so that the rest shape bends
+  /// The positions of a rod's nodes from the tip: `spacing_mm` apart or closer, so that the rest shape bends
   /// by no more than a quarter of a radian at a node, and sections start and end at nodes.
   std::vector<double> stations_mm(double spacing_mm) const;
 

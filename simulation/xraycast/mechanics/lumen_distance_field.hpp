@@ -14,24 +14,23 @@ namespace xraycast {
 /// closed by half a sphere.
 ///
 /// A query searches along the tree from where the previous one ended, so that it takes a fraction of a
-/// microsecond. Vessels that intersect without a common bifurcation do not see each other; nor do those that
-/// touch beyond their bifurcation: from four radii away from it the clearance within another branch than the
-/// last falls, and from six on there is none.
-/// Immutable, so safe to share.
+/// microsecond. Vessels that intersect without a common bifurcation are independent; so are those that touch
+/// beyond their bifurcation: from four radii away from it the clearance within another branch than the last
+/// decreases, and from six on there is none. Immutable, so safe to share.
 class LumenDistanceField {
  public:
-  /// Where on the centrelines a search starts.
+  /// The place on the centrelines where a search starts.
   struct SearchHint {
     int branch = 0, segment = 0;
   };
 
-  /// At `opening`, if given, the vessel goes on straight as a tube of `opening_length_mm` instead of being
+  /// At `opening`, if given, the vessel continues straight as a tube of `opening_length_mm` instead of being
   /// closed.
   explicit LumenDistanceField(const VesselTree& tree, const VesselEnd* opening = nullptr,
                               double opening_length_mm = 0);
 
-  /// The second derivative of one vessel's clearance, as what it is computed from: a sphere's, but along the
-  /// vessel, where the next spheres take over.
+  /// The second derivative of one vessel's clearance, in the quantities that it is computed from: a sphere's,
+  /// except along the vessel, where the next spheres take over.
   struct WallCurvature {
     double distance_mm;          ///< from the sphere's centre
     Eigen::Vector3d transverse;  ///< the centreline's derivative without its part along the gradient
@@ -52,8 +51,8 @@ class LumenDistanceField {
   };
   Sample at(const Eigen::Vector3d& point_mm, const SearchHint& from) const;
 
-  /// The hint for a point about which nothing is known: the whole tree is searched for the sphere that
-  /// reaches furthest beyond the point. Slow.
+  /// The hint for a point without a previous one: the whole tree is searched for the sphere that reaches
+  /// furthest beyond the point. Slow.
   SearchHint locate(const Eigen::Vector3d& point_mm) const;
 
  private:
@@ -101,7 +100,7 @@ class LumenDistanceField {
   struct Bifurcation {
     Eigen::Vector3d position_mm;
     double merge_radius_mm = 0;   ///< within which its branches are one lumen wherever they overlap
-    double search_radius_mm = 0;  ///< within which its branches see each other
+    double search_radius_mm = 0;  ///< within which its branches interact
     std::vector<int> branches;
   };
   /// The sphere of one branch that reaches furthest beyond a point.
@@ -113,7 +112,7 @@ class LumenDistanceField {
     double blend_mm = 0, separation_mm = 0;  ///< see Separation
     double clearance_mm() const { return radius_mm - wall.distance_mm - separation_mm; }
   };
-  /// What is taken off the clearance in another branch beyond its bifurcation, with its derivatives.
+  /// The reduction of the clearance in another branch beyond its bifurcation, with its derivatives.
   struct Separation {
     double distance_mm;
     Eigen::Vector3d gradient;

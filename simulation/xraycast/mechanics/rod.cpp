@@ -24,7 +24,7 @@ constexpr double kDragCoefficient = 1;
 // 1980).
 constexpr double kRetardation_s = 1e-3;
 
-// A Newton step that would go further is scaled down: beyond, the quadratic model says nothing.
+// A longer Newton step is scaled down: beyond, the quadratic model is not valid.
 constexpr double kMaxMove_mm = 2, kMaxRotation_rad = 0.5;
 // Converged when an iteration decreases the potential by less than the first, five millinewton against 1
 // N/mm, and its quadratic model is off by less than the second. What the model is off by is left where the
@@ -134,7 +134,7 @@ Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clam
   update_clamp_reaction();
 }
 
-// ---- what depends on the material -----------------------------------------------------------------------
+// ---- material properties -----------------------------------------------------------------------
 
 void Rod::update_edge(std::size_t edge) {
   edges_[edge].rest_mm = nodes_[edge].from_tip_mm - nodes_[edge + 1].from_tip_mm;

@@ -25,7 +25,7 @@ struct RodState {
   };
   std::vector<Eigen::Vector3d> nodes_mm;
   std::vector<Frame> edges;
-  std::vector<Strain> strains;     ///< one a node, the tip's unused
+  std::vector<Strain> strains;     ///< one per node, the tip's unused
   std::vector<double> thetas_rad;  ///< rotation of each edge's frame about its tangent since the step began
 };
 
@@ -62,7 +62,7 @@ class RodSystem {
   friend class Rod;
   friend class RodDerivatives;
 
-  /// Rows before the first unknown: position and angle of what the clamp holds.
+  /// Rows before the first unknown: position and angle of the clamped end.
   static constexpr std::size_t kClampedRows = 8;
   /// The row of an edge's angle; the position of the node after it follows.
   static constexpr std::size_t theta_row(std::size_t edge) { return kClampedRows + 4 * edge; }
@@ -97,23 +97,21 @@ class ExternalPotential {
 ///
 /// Discrete elastic rods (Bergou et al., Discrete Elastic Rods, SIGGRAPH 2008, and Discrete Viscous Threads,
 /// 2010): a polyline with a material frame on each edge; frames are parallel transported in time, so that a
-/// step's unknowns are 3 coordinates a node and 1 angle an edge. A step is implicit Euler: it minimises the
-/// incremental potential (inertia, elasticity, dissipation, drag, external) by Newton's method with Armijo's
-/// line search and the exact Hessian or, where that is indefinite, its PSD projection: Gauss-Newton for
-/// bending and twisting, the positive semidefinite part of the rest.
-/// Bending and twisting are damped as in a Kelvin-Voigt solid, whose moment has a part in proportion to the
-/// strain rate.
-/// Blood exerts the drag of a cylinder: viscous, linear in the velocity, and that of its wake, quadratic in
-/// the transverse velocity (Morison et al., The force exerted by surface waves on piles, 1950; the
-/// coefficient: White, Viscous Fluid Flow, 3rd ed., 2006, section 3-9). A tip that snaps moves at metres a
-/// second, where the quadratic drag is a hundred times the linear one and more.
-/// The potential falls in every step, so that without input the energy never grows. The cost of the banded
-/// solve is linear in the nodes. A step allocates nothing.
+/// step's unknowns are 3 coordinates per node and 1 angle per edge. A step is implicit Euler: it minimises
+/// the incremental potential (inertia, elasticity, dissipation, drag, external) by Newton's method with
+/// Armijo's line search and the exact Hessian or, where that is indefinite, its PSD projection: Gauss-Newton
+/// for bending and twisting, the positive semidefinite part of the rest. Bending and twisting are damped as
+/// in a Kelvin-Voigt solid, whose moment has a part in proportion to the strain rate. Blood exerts the drag
+/// of a cylinder: viscous, linear in the velocity, and form drag, quadratic in the transverse velocity
+/// (Morison et al., The force exerted by surface waves on piles, 1950; the coefficient: White, Viscous Fluid
+/// Flow, 3rd ed., 2006, section 3-9). A snapping tip moves at metres per second, where the quadratic drag is
+/// at least a hundred times the linear one. The potential falls in every step, so that without input the
+/// energy never grows. The cost of the banded solve is linear in the nodes. A step allocates nothing.
 ///
 /// Inside, in mm, kg and s: forces in mN, energies in uJ.
 class Rod {
  public:
-  /// How the first node is held: its position, the tangent of its first edge, and the rotation about it.
+  /// The clamp of the first node: its position, the tangent of its first edge, and the rotation about it.
   struct Clamp {
     Eigen::Vector3d position_mm{0, 0, 0};
     Eigen::Vector3d axis{0, 0, 1};  ///< unit; towards the tip
@@ -138,9 +136,9 @@ class Rod {
   /// Rotates the clamp.
   void rotate_to(double rotation_rad);
 
-  /// Feeds the rod through the clamp, which stays where it is: the edge at the clamp grows or shrinks, and a
-  /// node is inserted into or removed from that straight piece, its strain kept, so that no force jumps.
-  /// Clamped to what the stations allow.
+  /// Feeds the rod through the clamp, which does not move: the edge at the clamp grows or shrinks, and a node
+  /// is inserted into or removed from that straight piece, its strain kept, so that no force jumps. Clamped
+  /// to the range of the stations.
   void feed_to(double fed_mm, ExternalPotential* external = nullptr);
 
   /// A constant force on a node, counted from the tip (0), in newton.

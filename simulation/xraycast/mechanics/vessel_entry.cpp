@@ -42,7 +42,7 @@ const VesselEnd& most_inferior(const std::vector<VesselEnd>& ends) {
 
 VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& name) {
   if (branch < 0 || branch >= static_cast<int>(tree.branches().size()))
-    throw InputError("{}: there is no branch {}; the tree has 0 to {}", name, branch,
+    throw InputError("{}: there is no branch {}; the tree has branches 0 to {}", name, branch,
                      tree.branches().size() - 1);
   for (const VesselEnd& end : vessel_ends(tree))
     if (end.branch == branch) return end;
@@ -100,7 +100,7 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
   throw InputError(
       "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
       instrument.name(), instrument.radius_mm(), entry.branch, entry.radius_mm,
-      wide_enough.empty() ? "nor into any other: take a thinner device"
+      wide_enough.empty() ? "nor into any other end; choose a thinner device"
                           : "choose another entry, such as " + wide_enough);
 }
 

@@ -24,16 +24,16 @@ struct VesselEnd {
 /// All ends of a tree, in the order of its branches.
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
 
-/// The end with the smallest z: where a femoral puncture leads to.
+/// The end with the smallest z: the entry from a femoral puncture.
 VesselEnd most_inferior_end(const VesselTree& tree);
 
 /// The end nearest to a point.
 VesselEnd nearest_end(const VesselTree& tree, const glm::dvec3& point_mm);
 
-/// Which end an instrument is to enter at.
+/// The end at which an instrument enters.
 struct EntryChoice {
-  /// A branch's index, or a point (LPS mm) whose nearest end is meant, no farther than 50 mm away. Neither:
-  /// the most inferior end that the instrument fits into.
+  /// A branch's index, or a point (LPS mm) that selects the nearest end, at most 50 mm away. Neither: the
+  /// most inferior end that the instrument fits into.
   std::variant<std::monostate, int, glm::dvec3> end = {};
   std::string name = "entry";  ///< in front of messages about it
 };
@@ -43,8 +43,8 @@ struct EntryChoice {
 /// check_fits.
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument);
 
-/// Throws InputError, which names up to three wider ends, when an instrument is as thick as the vessel at its
-/// entry or thicker.
+/// Throws InputError, naming up to three wider ends, when an instrument is at least as thick as the vessel at
+/// its entry.
 void check_fits(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument);
 
 }  // namespace xraycast

@@ -14,17 +14,17 @@ namespace xraycast {
 /// A vessel's wall around a rod: penalty contact with a compliant wall, and Coulomb friction along the wall
 /// and around the rod's axis.
 ///
-/// The wall gives way like an elastic half-space under a cylinder (Johnson, Contact Mechanics, 1985, section
+/// The wall yields like an elastic half-space under a cylinder (Johnson, Contact Mechanics, 1985, section
 /// 4.2(c)): pi/4 E / (1 - nu^2) of force per length and depth, 0.5 N/mm^2 with an artery's E of 0.5 MPa and
 /// nu 0.5, rounded down; and it stiffens as it is stretched, as its collagen takes up the load (Fung,
 /// Biomechanics, 2nd ed., 1993, section 8.3): the force is stiffness * depth * (1 + (depth / d)^2), d a fifth
 /// of the vessel's radius, 0.3 to 1 mm. A contact point bears it over its Voronoi length.
 ///
-/// Friction (see Friction) has its limit from the normal force at the step's start, so that all of it is a
-/// potential within a step.
+/// Friction (see Friction) has its limit from the normal force at the step's start, so that it is a potential
+/// within a step.
 ///
-/// At the entry an introducer keeps on its axis what has not been fed through it, without friction; its
-/// stiffness fades out over its last millimetres, so that no force jumps when a point leaves it.
+/// At the entry an introducer keeps the part of the rod not yet fed through it on its axis, without friction;
+/// its stiffness fades out over its last millimetres, so that no force jumps when a point leaves it.
 class WallContact final : public ExternalPotential {
  public:
   struct Options {
@@ -67,7 +67,7 @@ class WallContact final : public ExternalPotential {
   void end_step(const RodState& state) override;
 
  private:
-  /// What a contact keeps over a step, in mN and mm.
+  /// The state of a contact over a step, in mN and mm.
   struct FrictionState {
     LumenDistanceField::SearchHint hint;
     double voronoi_length_mm = 0;

@@ -28,8 +28,8 @@ std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, cons
                                   const std::function<void(const Catheter&, double)>& after_step) {
   for (const Script::Row& row : script.rows())
     if (row.pose.insertion_mm > catheter.max_insertion_mm())
-      throw InputError("{}: line {}: insertion_mm {}; {} can be pushed in by {:.0f} mm", name, row.line,
-                       row.pose.insertion_mm, catheter.rod().instrument().name(),
+      throw InputError("{}: line {}: insertion_mm {}; {} can be inserted by at most {:.0f} mm", name,
+                       row.line, row.pose.insertion_mm, catheter.rod().instrument().name(),
                        catheter.max_insertion_mm());
 
   const HubPose& first = script.rows().front().pose;

@@ -10,7 +10,7 @@
 
 namespace xraycast {
 
-/// What is logged at a row of a script.
+/// The record logged at a row of a script.
 struct RunRecord {
   double time_s = 0;
   HubPose pose;
@@ -32,7 +32,7 @@ std::vector<RunRecord> run_script(
     Catheter& catheter, const Script& script, const std::string& name, Progress& progress,
     const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
 
-/// CSV: a header with the columns' names and units, then a line a record.
+/// CSV: a header with the columns' names and units, then a line per record.
 std::string to_csv(const std::vector<RunRecord>& records);
 
 }  // namespace xraycast

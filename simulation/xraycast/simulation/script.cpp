@@ -59,7 +59,7 @@ double number(const std::string& cell, std::string_view column, const std::strin
 void check_pace(const Script::Row& from, const Script::Row& to, const std::string& where) {
   const double time_s = to.time_s - from.time_s;
   if (!(time_s > 0))
-    throw InputError("{}: time_s {} does not come after {}, that of line {}", where, to.time_s, from.time_s,
+    throw InputError("{}: time_s {} is not later than {}, that of line {}", where, to.time_s, from.time_s,
                      from.line);
   const double speed = std::abs(to.pose.insertion_mm - from.pose.insertion_mm) / time_s;
   const double turning = std::abs(to.pose.rotation_rad - from.pose.rotation_rad) / time_s;
@@ -94,7 +94,7 @@ Script Script::parse(const std::string& text, const std::string& origin) {
       throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
     if (values.size() != kColumns.size())
-      throw InputError("{}: {}; there are {} columns", where, pluralize(values.size(), "value"),
+      throw InputError("{}: {}, but there are {} columns", where, pluralize(values.size(), "value"),
                        kColumns.size());
     Row row;
     row.line = number_of_line;
@@ -111,7 +111,7 @@ Script Script::parse(const std::string& text, const std::string& origin) {
     if (!rows.empty()) check_pace(rows.back(), row, where);
     rows.push_back(row);
   }
-  if (rows.empty()) throw InputError("{}: no rows below the first line", origin);
+  if (rows.empty()) throw InputError("{}: no rows after the first line", origin);
   return Script(std::move(rows));
 }
 

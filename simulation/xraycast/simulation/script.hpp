@@ -22,8 +22,8 @@ class Script {
   /// CSV with the columns time_s,insertion_mm,rotation_deg in any order, named in its first line; blank lines
   /// only at its end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong
   /// number of values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after
-  /// the previous one, an insertion below zero, a hub that would have to move faster than
-  /// Catheter::kMaxSpeed_mm_s or rotate faster than Catheter::kMaxSpeed_rad_s, and a file without rows.
+  /// the previous one, an insertion below zero, a hub motion faster than Catheter::kMaxSpeed_mm_s or rotation
+  /// faster than Catheter::kMaxSpeed_rad_s, and a file without rows.
   static Script parse(const std::string& text, const std::string& origin);
 
   /// Throws InputError.

@@ -13,7 +13,7 @@
 
 namespace xraycast {
 
-/// How well the loop keeps its deadlines.
+/// Timing of the loop against its deadlines.
 struct LoopTiming {
   std::int64_t steps = 0;
   std::int64_t missed = 0;  ///< steps that ended after the next one was due

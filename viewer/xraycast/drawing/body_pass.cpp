@@ -62,8 +62,9 @@ void check_columns(const MapGeometry& drawn) {
   constexpr std::int64_t kMaxColumns = 1 << 24;
   if (const std::int64_t columns = std::int64_t{drawn.layers()} * (drawn.width + 1); columns > kMaxColumns)
     throw InputError(
-        "the body map has {} columns in its {} layers, but frames are drawn of up to {}; cast fewer", columns,
-        drawn.layers(), kMaxColumns);
+        "the body map has {} columns in its {} layers, but at most {} can be drawn; cast fewer angles or "
+        "layers",
+        columns, drawn.layers(), kMaxColumns);
 }
 
 /// Four rows of a picture to a texel.

@@ -16,7 +16,7 @@
 
 namespace xraycast {
 
-/// Where a view's pixels find the body in the texture that a BodyPass has drawn.
+/// Maps a view's pixels to the texture that a BodyPass has drawn.
 struct BodyPicture {
   glm::dmat3 from_pixel{1};  ///< (i + 1/2, j + 1/2, 1) of the view to homogeneous (column, row)
   ScreenBox box{};           ///< outside of it there is no body
@@ -27,37 +27,37 @@ struct BodyPicture {
 
 /// Draws the body's optical depth into a texture of its own: for maps about a straight axis on the columns of
 /// a RectifiedView, whose rays sample the map at the same places of its circles, and otherwise by ray
-/// marching, pixel by pixel. Four rows of a column share a texel. Under a spectrum the masses of the
-/// materials are drawn first, one texture each, and the spectrum is applied to their sums.
+/// marching, pixel by pixel. Four rows of a column share a texel. With a spectrum the masses of the materials
+/// are drawn first, one texture each, and the spectrum is applied to their sums.
 ///
-/// The texture is kept: it is drawn again only for another map, view or style.
+/// The texture is cached: it is redrawn only for another map, view or style.
 class BodyPass {
  public:
-  /// `screen` has to outlive the pass.
+  /// `screen` must outlive the pass.
   explicit BodyPass(FullscreenPass& screen);
 
   /// None: no body.
   void set_map(std::shared_ptr<const BodyMap> map);
   bool has_spectrum() const { return map_ && map_->spectrum; }
 
-  /// Of the map, as it lies in the GPU's memory.
+  /// Size of the map in GPU memory.
   std::size_t texture_B() const;
 
-  /// The view has to be complete. Throws InputError when the map cannot be drawn so.
+  /// The view must be complete. Throws InputError when the map cannot be drawn so.
   BodyPicture draw(const View& view, const Style& style);
 
-  /// A DRR in the place of the map.
+  /// A DRR instead of the map.
   BodyPicture draw(const ProjectionImage& drr);
 
   /// Binds what `draw` has drawn.
   void bind(const gl::Program& program, const char* name, int unit) const { body_.bind(program, name, unit); }
 
-  /// How surfaces have to measure their depth for draw_in_front.
+  /// How surfaces must measure their depth for draw_in_front.
   DepthMeasure depth_measure() const;
 
-  /// Draws what of the body lies between opaque surfaces and the detector into a second texture, in the
-  /// pixels of `box` that `depth` has surfaces in: the optical depth, or under a spectrum the masses of the
-  /// materials. `surface_depth` is by depth_measure().
+  /// Draws the part of the body between opaque surfaces and the detector into a second texture, in the pixels
+  /// of `box` where `depth` has surfaces: the optical depth, or with a spectrum the masses of the materials.
+  /// `surface_depth` is measured as depth_measure() says.
   void draw_in_front(const View& view, const Style& style, const gl::Target& surface_depth,
                      const gl::Target& depth, const ScreenBox& box);
 
@@ -65,7 +65,7 @@ class BodyPass {
   void bind_in_front(const gl::Program& program, const char* name, int unit) const;
 
  private:
-  /// What lies in `body_`, and what it was drawn for.
+  /// The content of `body_`, and the map, view and style that it was drawn for.
   struct Drawn {
     View view;
     Style style;
@@ -90,7 +90,7 @@ class BodyPass {
 
   FullscreenPass& screen_;
   std::shared_ptr<const BodyMap> map_;
-  MapGeometry geometry_;           ///< of the map, without a field where there is more beyond it
+  MapGeometry geometry_;           ///< of the map, without its field if the body extends beyond it
   std::optional<Style> prepared_;  ///< the style that the map's texels are made for
   MapTexels texels_;               ///< of each channel
   std::vector<gl::Table> map_texels_;
@@ -98,7 +98,7 @@ class BodyPass {
   int spectrum_bins_ = 0;
   std::optional<Drawn> drawn_;
   gl::Target body_;
-  std::array<gl::Target, 3> masses_;  ///< of the materials, under a spectrum
+  std::array<gl::Target, 3> masses_;  ///< of the materials, with a spectrum
   gl::Target near_, near_masses_;
 };
 

@@ -9,11 +9,11 @@ namespace xraycast {
 
 class GifFile;
 
-/// Whether a cine's name is that of an animation (.gif) and not of a folder of PNGs.
+/// Whether a cine's name means an animation (.gif) and not a folder of PNGs.
 bool is_animation(const std::filesystem::path& path);
 
-/// Writes the frames of a cine, all of one size, as they come: PNGs into a folder, which has to exist, or one
-/// animation of 20 frames a second, which appears once it is finished. A folder holds one cine: surplus
+/// Writes the frames of a cine, all of one size, as they arrive: PNGs into a folder, which must exist, or one
+/// animation of 20 frames per second, which appears once it is finished. A folder holds one cine: surplus
 /// frames of an earlier one, numbered on from the last, are removed.
 class CineWriter {
  public:
@@ -24,7 +24,7 @@ class CineWriter {
   /// 8-bit RGB, row 0 on top. Throws InputError when the file cannot be written, Error when the disk is full.
   void add(std::span<const std::uint8_t> rgb);
 
-  /// Once, in the end. An animation without frames is not written. Throws as `add`.
+  /// Call once, at the end. An animation without frames is not written. Throws as `add`.
   void finish();
 
  private:

@@ -15,7 +15,7 @@ namespace xraycast {
 class FullscreenPass {
  public:
   /// The triangle lies behind all surfaces, at the depth to which buffers are cleared. So a depth test
-  /// against it tells the pixels on which opaque surfaces are seen from those beside them.
+  /// against it separates pixels with opaque surfaces from those without.
   static constexpr GLenum kOnSurfaces = GL_GREATER, kBesideSurfaces = GL_EQUAL;
 
   /// A fragment shader of viewer/shaders, compiled with `defines` (see gl::Program), as the current program.
@@ -28,7 +28,7 @@ class FullscreenPass {
   /// A depth buffer for the targets, as large as they are.
   void attach_depth(const gl::Target& depth);
 
-  /// Shades all pixels of the viewport, or those of a box that is counted from `corner`.
+  /// Shades all pixels of the viewport, or those of a box relative to `corner`.
   void draw() const;
   void draw(const ScreenBox& box, glm::ivec2 corner = {0, 0}) const;
 

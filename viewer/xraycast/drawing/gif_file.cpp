@@ -65,7 +65,7 @@ void GifFile::finish() {
 }
 
 void GifFile::check(bool ok) const {
-  if (!ok) throw Error("{}: could not be written to its end; the disk may be full", file_.target().string());
+  if (!ok) throw Error("{}: could not be written completely; the disk may be full", file_.target().string());
 }
 
 }  // namespace xraycast

@@ -10,7 +10,7 @@ struct GifFileType;
 
 namespace xraycast {
 
-/// An animated GIF of 20 frames a second that runs on and on, written frame by frame.
+/// An endlessly repeating animated GIF of 20 frames per second, written frame by frame.
 class GifFile {
  public:
   /// Throws as AtomicFile's constructor.

@@ -40,7 +40,7 @@ GLuint compiled(GLenum stage, const std::string& name, const std::string& define
     std::vector<char> log(4096);
     glGetShaderInfoLog(id, static_cast<GLsizei>(log.size()), nullptr, log.data());
     glDeleteShader(id);
-    throw Error("shader {} does not compile with this OpenGL: {}", name, log.data());
+    throw Error("shader {} does not compile with this OpenGL driver: {}", name, log.data());
   }
   return id;
 }
@@ -49,7 +49,7 @@ GLuint compiled(GLenum stage, const std::string& name, const std::string& define
 bool is_out_of_memory() { return glGetError() == GL_OUT_OF_MEMORY; }
 
 [[noreturn]] void throw_no_memory(const std::string& what, std::size_t size_B) {
-  throw InputError("{}: this OpenGL has no {} MB of memory left; cast fewer layers or angles", what,
+  throw InputError("{}: the OpenGL driver has no {} MB of memory left; cast fewer layers or angles", what,
                    size_B >> 20);
 }
 
@@ -74,7 +74,7 @@ Program::Program(const std::string& vertex, const std::string& fragment, const s
   glGetProgramInfoLog(id_, static_cast<GLsizei>(log.size()), nullptr, log.data());
   glDeleteProgram(id_);
   --detail::alive;
-  throw Error("shaders {} and {} do not link with this OpenGL: {}", vertex, fragment, log.data());
+  throw Error("shaders {} and {} do not link with this OpenGL driver: {}", vertex, fragment, log.data());
 }
 
 Program::~Program() {
@@ -107,8 +107,9 @@ void Table::allocate(std::size_t count, const float* values, const std::string& 
   GLint limit = 0;
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &limit);
   if (count / channels > static_cast<std::size_t>(limit))
-    throw InputError("{}: {} texels, but this OpenGL takes {} in one texture; cast fewer layers or angles",
-                     what, count / channels, limit);
+    throw InputError(
+        "{}: {} texels, but the OpenGL driver allows {} in one texture; cast fewer layers or angles", what,
+        count / channels, limit);
   size_B_ = count * sizeof(float);
   glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
   glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values, GL_DYNAMIC_DRAW);
@@ -135,7 +136,8 @@ void Table::fill(std::size_t count, const std::function<void(std::span<float>)>&
     glUnmapBuffer(GL_TEXTURE_BUFFER);
     throw;
   }
-  if (!glUnmapBuffer(GL_TEXTURE_BUFFER)) throw Error("{}: this OpenGL has lost it; draw it again", what);
+  if (!glUnmapBuffer(GL_TEXTURE_BUFFER))
+    throw Error("{}: the OpenGL driver lost its data; draw it again", what);
 }
 
 void Table::bind(const Program& program, const char* name, int unit) const {
@@ -151,8 +153,9 @@ void Target::resize(int width, int height) {
   GLint limit = 0;
   glGetIntegerv(GL_MAX_TEXTURE_SIZE, &limit);
   if (width > limit || height > limit)
-    throw InputError("a picture of {} x {} texels exceeds this OpenGL's limit of {} a side; make it smaller",
-                     width, height, limit);
+    throw InputError(
+        "a picture of {} x {} texels exceeds the OpenGL driver's limit of {} per side; make it smaller",
+        width, height, limit);
   width_ = width;
   height_ = height;
   glBindTexture(GL_TEXTURE_2D, texture_.id());
@@ -161,7 +164,9 @@ void Target::resize(int width, int height) {
                is_depth ? GL_DEPTH_COMPONENT : GL_RGBA, GL_FLOAT, nullptr);
   if (is_out_of_memory()) {
     width_ = height_ = 0;
-    throw InputError("a picture of {} x {} texels: this OpenGL has no memory left for it", width, height);
+    throw InputError(
+        "a picture of {} x {} texels: the OpenGL driver has no memory left for it; make it smaller", width,
+        height);
   }
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MIN_FILTER, GL_NEAREST);
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAG_FILTER, GL_NEAREST);

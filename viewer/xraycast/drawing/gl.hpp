@@ -9,11 +9,11 @@
 #include <string>
 #include <utility>
 
-/// The few OpenGL objects that the viewer needs, as move-only handles. A context has to be current wherever
+/// The few OpenGL objects that the viewer needs, as move-only handles. A context must be current wherever
 /// they are made, used and destroyed.
 namespace xraycast::gl {
 
-/// The number of OpenGL objects of all kinds that exist now; for leak tests.
+/// The number of existing OpenGL objects of all kinds; for leak tests.
 int objects_alive();
 
 namespace detail {
@@ -71,9 +71,8 @@ using Framebuffer = detail::Object<detail::FramebufferKind>;
 /// A linked pair of embedded shaders.
 class Program {
  public:
-  /// Files of viewer/shaders, compiled with `defines` (names apart by spaces): variants and not branches,
-  /// since software drivers take both sides of a branch. Throws Error with the driver's log, which is a
-  /// mistake of ours or the driver's.
+  /// Files of viewer/shaders, compiled with `defines` (names separated by spaces): variants instead of
+  /// branches, because software drivers execute both sides of a branch. Throws Error with the driver's log.
   Program(const std::string& vertex, const std::string& fragment, const std::string& defines = "");
   ~Program();
   Program(Program&& other) noexcept : id_(std::exchange(other.id_, 0)) {}
@@ -104,7 +103,7 @@ class Table {
   /// GL_R32F, GL_RG32F or GL_RGBA32F.
   explicit Table(GLenum format) : format_(format) {}
 
-  /// Throws InputError, naming `what`, when it has more texels than the driver takes, or has memory for.
+  /// Throws InputError, naming `what`, when it has more texels than the driver supports or has memory for.
   void fill(std::span<const float> values, const std::string& what);
 
   /// The same with `count` values, at least one, that `write` puts into the mapped buffer, in any order and
@@ -132,7 +131,7 @@ class Target {
   explicit Target(GLenum format) : format_(format) {}
 
   /// Reallocates it as `width` x `height`, at least 1 x 1; its contents are lost where the size changes.
-  /// Throws InputError when it is larger than the driver draws, or has memory for.
+  /// Throws InputError when it is larger than the driver supports or has memory for.
   void resize(int width, int height);
 
   /// Uploads a rectangle of pixels at (x, y), the bottom row first.

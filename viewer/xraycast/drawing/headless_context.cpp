@@ -81,8 +81,8 @@ HeadlessContext::HeadlessContext() : display_(nullptr) {
     names += fmt::format("{}{}: {}", names.empty() ? "" : ", ", number++, gl_device_name());
     release(display, context_);
   }
-  if (names.empty()) throw Error("there is no OpenGL 3.3 without a display; {}", kAdvice);
-  throw InputError("no OpenGL device fits XRAYCAST_GL_DEVICE={}; there is {}", choice, names);
+  if (names.empty()) throw Error("no OpenGL 3.3 without a display; {}", kAdvice);
+  throw InputError("no OpenGL device matches XRAYCAST_GL_DEVICE={}; available: {}", choice, names);
 }
 
 HeadlessContext::~HeadlessContext() { release(display_, context_); }

@@ -4,14 +4,14 @@
 
 namespace xraycast {
 
-/// An OpenGL 3.3 core context without a display or window, through EGL: on what the environment's
-/// XRAYCAST_GL_DEVICE says, by number or part of its name; without that on the first GPU that has one, or
-/// else on Mesa's surfaceless platform, which draws in software. Current on the thread that made it for as
-/// long as it lives. There is one at a time.
+/// An OpenGL 3.3 core context without a display or window, through EGL: on the device that the environment
+/// variable XRAYCAST_GL_DEVICE selects by number or part of its name, otherwise on the first GPU that
+/// supports it, or else on Mesa's surfaceless platform, which draws in software. Current on the thread that
+/// made it for its lifetime. At most one exists at a time.
 class HeadlessContext {
  public:
-  /// Throws Error, saying what to install, when there is no such OpenGL, and InputError, naming what there
-  /// is, when none fits XRAYCAST_GL_DEVICE.
+  /// Throws Error, saying what to install, when there is no such OpenGL, and InputError, naming the available
+  /// devices, when none matches XRAYCAST_GL_DEVICE.
   HeadlessContext();
   ~HeadlessContext();
   HeadlessContext(const HeadlessContext&) = delete;
@@ -22,7 +22,7 @@ class HeadlessContext {
   void* context_ = nullptr;
 };
 
-/// The name of what draws for the current context, such as `llvmpipe (LLVM 15.0.6, 256 bits)`.
+/// The name of the current context's renderer, such as `llvmpipe (LLVM 15.0.6, 256 bits)`.
 std::string gl_device_name();
 
 }  // namespace xraycast

@@ -15,8 +15,8 @@ struct IndexedPicture {
   std::vector<std::uint8_t> indices;
 };
 
-/// The colours of an 8-bit RGB picture brought down to 256 by median cut (Heckbert 1982); a picture of no
-/// more keeps its own.
+/// The colours of an 8-bit RGB picture reduced to 256 by median cut (Heckbert 1982); a picture with no more
+/// colours keeps its own.
 IndexedPicture with_palette(std::span<const std::uint8_t> rgb);
 
 }  // namespace xraycast

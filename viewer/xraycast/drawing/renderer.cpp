@@ -11,7 +11,7 @@ GLuint bound_framebuffer() {
   return static_cast<GLuint>(id);
 }
 
-/// The bound framebuffer's pixels, turned from OpenGL's bottom row first to ours.
+/// The bound framebuffer's pixels, flipped from OpenGL's bottom row first to the top row first.
 template <typename Value>
 void read_rows(int width, int height, GLenum format, GLenum type, std::vector<Value>& values) {
   glPixelStorei(GL_PACK_ALIGNMENT, 1);

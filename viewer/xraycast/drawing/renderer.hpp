@@ -20,31 +20,31 @@ namespace xraycast {
 /// Draws a body map, or a DRR in its place, with surfaces within it. Needs an OpenGL 3.3 context
 /// (HeadlessContext or a window's), the same for all calls.
 ///
-/// A frame is made in passes: the body's optical depth (BodyPass); the surfaces; what lies in front of opaque
-/// ones; and the display, which looks all of these up and turns them into grey. The body's is kept while map,
-/// view and style stay: under a C-arm that stands still a catheter's frames cost no more than the catheter.
-/// Optical depths are 32-bit floats throughout.
+/// A frame is made in passes: the body's optical depth (BodyPass); the surfaces; the body in front of opaque
+/// ones; and the display, which combines these into grey. The body's pass is cached while map, view and style
+/// do not change: with a C-arm at rest the frames of a moving catheter cost only the catheter. Optical depths
+/// are 32-bit floats throughout.
 class Renderer {
  public:
   Renderer();
   Renderer(const Renderer&) = delete;
   Renderer& operator=(const Renderer&) = delete;
 
-  /// What the body is drawn from; none: nothing but surfaces.
+  /// The map to draw; none: surfaces only.
   void set_map(std::shared_ptr<const BodyMap> map) { body_.set_map(std::move(map)); }
 
   /// Throws InputError as `check` does.
   void set_surfaces(std::span<const Surface> surfaces);
 
-  /// Replaces one of the surfaces, or appends one; what moves is replaced at every frame. Throws as
+  /// Replaces one of the surfaces, or appends one; moving surfaces are replaced every frame. Throws as
   /// set_surfaces.
   void replace_surface(std::size_t index, const Surface& surface);
 
   /// The picture on the bound framebuffer, whose viewport begins at (x, y) and is as large as the view, which
-  /// has to be complete. Throws InputError when the map cannot be drawn so.
+  /// must be complete. Throws InputError when the map cannot be drawn so.
   void draw(const View& view, const Style& style, int x = 0, int y = 0);
 
-  /// The same with a DRR for the body; surfaces absorb, whatever the shading mode.
+  /// The same with a DRR instead of the map; surfaces attenuate, whatever the shading mode.
   void draw(const ProjectionImage& drr, const Style& style, int x = 0, int y = 0);
 
   /// Optical depth of the picture: height x width, row 0 on top. Where surfaces are shaded it ends at them.
@@ -57,14 +57,14 @@ class Renderer {
   std::vector<std::uint8_t> picture(const View& view, const Style& style);
   std::vector<std::uint8_t> picture(const ProjectionImage& drr, const Style& style);
 
-  /// Of the map, as it lies in the GPU's memory.
+  /// Size of the map in GPU memory.
   std::size_t texture_B() const { return body_.texture_B(); }
 
  private:
   enum class Output { grey, tau };
   enum class Surfaces { none, opaque, absorbing };
 
-  /// What the passes before the display have drawn.
+  /// The results of the passes before the display.
   struct Frame {
     View view;
     BodyPicture body;

@@ -14,7 +14,7 @@
 
 namespace xraycast {
 
-/// The frames of a catheter's run under a fixed C-arm: the body, the catheter, contrast agent while it is
+/// The frames of a catheter's run with a fixed C-arm: the body, the catheter, contrast agent while it is
 /// injected, and the vessels' outline as a road map. Needs a current OpenGL context.
 class RunCine {
  public:
@@ -28,10 +28,10 @@ class RunCine {
   /// Takes a frame: 8-bit RGB, row 0 on top.
   using Screen = std::function<void(std::vector<std::uint8_t> rgb)>;
 
-  /// The tree has to outlive the cine.
+  /// The tree must outlive the cine.
   RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options, Screen screen);
 
-  /// To be called after every step of the simulation; draws a frame when one is due.
+  /// Call after every step of the simulation; draws a frame when one is due.
   void see(const Catheter& catheter, double time_s);
 
  private:

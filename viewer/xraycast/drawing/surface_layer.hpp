@@ -24,17 +24,17 @@ class SurfaceLayer {
   /// Surfaces are as `check` accepts them; those with weights are left out.
   void set(std::span<const Surface> surfaces);
 
-  /// Replaces surface `index`, or appends one where `index` is their count; what moves is replaced at every
+  /// Replaces surface `index`, or appends one if `index` is their count; moving surfaces are replaced every
   /// frame.
   void replace(std::size_t index, const Surface& surface);
 
   bool empty() const;
 
-  /// Encloses them in a view.
+  /// The bounding box of all surfaces in a view.
   ScreenBox box(const View& view) const;
 
   /// Draws the visible surfaces into `shade` (RGBA8) and `depth` (R32F) of the bound framebuffer, by its
-  /// depth buffer, which alone is cleared: elsewhere both targets keep their contents.
+  /// depth buffer; only that is cleared: elsewhere both targets keep their contents.
   void draw_shaded(const View& view, DepthMeasure measure) const;
 
  private:

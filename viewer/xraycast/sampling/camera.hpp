@@ -18,7 +18,7 @@ struct BodyBounds {
   bool holds(const glm::dvec3& point_mm) const;
 };
 
-/// The bounds of a map's rays. About a bent axis the circle encloses every row's circle.
+/// The bounds of a map's rays. About a curved axis the circle encloses every row's circle.
 BodyBounds bounds_of(const MapGeometry& geometry);
 
 /// The pose of C-arm and table: rotation about the body's axis, cranial or caudal tilt, the table's travel
@@ -26,7 +26,7 @@ BodyBounds bounds_of(const MapGeometry& geometry);
 struct Camera {
   double angle_rad = 0;  ///< LAO is positive
   double tilt_rad = 0;   ///< cranial is positive
-  double table_mm = 0;   ///< how far above mid-height the picture's centre lies
+  double table_mm = 0;   ///< height of the picture's centre above mid-height
   double zoom = 1;       ///< 1: the whole body fits
   std::optional<Cone> cone{};
 
@@ -42,7 +42,7 @@ struct Camera {
   bool operator==(const Camera&) const = default;
 };
 
-/// A projection that has a name.
+/// A named standard projection.
 struct CameraPreset {
   const char* name;
   double angle_deg;
@@ -50,7 +50,7 @@ struct CameraPreset {
 inline constexpr CameraPreset kCameraPresets[] = {
     {"AP", 0}, {"LAO 45", 45}, {"RAO 30", -30}, {"Lateral", 90}};
 
-/// What a camera sees of a body on a detector of that many pixels. Throws InputError as `fitted` does.
+/// A camera's view of a body on a detector of that many pixels. Throws InputError as `fitted` does.
 View view_of(const Camera& camera, const BodyBounds& bounds, int width, int height);
 
 /// The view with pixel size and picture size set where they are 0, as `fitted` does for a scan.

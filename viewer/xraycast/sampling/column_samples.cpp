@@ -202,10 +202,11 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
 
 ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options) {
-  if (!has_columns(geometry)) throw InputError("column sampling takes maps about one straight axis only");
+  if (!has_columns(geometry))
+    throw InputError("column sampling needs a map with one straight axis and one outline");
   const bool is_rectangle = geometry.projection == Projection::rectangle;
   if (is_rectangle && (rectified.is_cone() || rectified.slope != 0))
-    throw InputError("a rectangle map holds untilted parallel projections and can show no other views");
+    throw InputError("a rectangle map can show only untilted parallel views");
   ColumnSamples result;
   Sampler sampler(geometry, options, result.samples);
   for (int column = 0; column < rectified.columns; ++column) {

@@ -9,10 +9,10 @@
 
 namespace xraycast {
 
-/// How a body map becomes a picture.
+/// How the shells of a body map add up to a picture.
 enum class Compositing {
-  wall,  ///< the paper: every shell is a thin wall, which counts with its texel where the ray meets it
-  path,  ///< every shell counts with the length that the ray takes through it
+  wall,  ///< the paper: every shell is a thin wall, which adds its texel where the ray crosses it
+  path,  ///< every shell adds mu times the ray's length within it
 };
 
 /// One sample of the map by a column's rays, interpolated between two texel columns and two layers. In the
@@ -45,7 +45,7 @@ struct ColumnSamples {
 struct SampleOptions {
   Compositing compositing = Compositing::path;
   Reconstruction reconstruction = Reconstruction::linear;
-  std::optional<double> wall_radius_mm{};  ///< wall: the outermost wall stands here, the others in proportion
+  std::optional<double> wall_radius_mm{};  ///< wall: radius of the outermost wall, the others in proportion
   double texels_per_step = 3;              ///< path: texel columns spanned by a two-point quadrature, at most
 
   /// Whether samples are interpolated between layers; otherwise every layer_fraction is 0.
@@ -67,10 +67,10 @@ bool has_columns(const MapGeometry& geometry);
 /// of weight times the interpolated map, at the heights that the rays have there.
 ///
 /// path: between the radii at which the slope of mu changes, two-point Gauss-Legendre quadrature on steps
-/// that span a few texel columns at most, and one point where the whole interval spans half of that; a
-/// column's weights add up to the horizontal length of its rays within the map and the field of its scan.
-/// wall: one sample at every crossing of a wall, far and near. Rectangle maps: the two stored projections
-/// beside the view, interpolated linearly; they have no depth, and stand for the whole chord.
+/// that span a few texel columns at most, and one point if the whole interval spans half of that; a column's
+/// weights add up to the horizontal length of its rays within the map and the field of its scan. wall: one
+/// sample at every crossing of a wall, far and near. Rectangle maps: the two stored projections beside the
+/// view, interpolated linearly; they have no depth, and represent the whole chord.
 ///
 /// `geometry` is of the drawn shells. Throws InputError for a map without columns, and a rectangle map under
 /// a cone or tilt.

@@ -22,10 +22,10 @@ struct MapTexels {
 /// Of a map that is drawn in these shells (see drawn_shells).
 MapTexels texels_of(const MapGeometry& drawn);
 
-/// Converts one channel of a map (K x H x W, as in BodyMap) to what the compositing sums up: the optical
+/// Converts one channel of a map (K x H x W, as in BodyMap) to the values that compositing sums: the optical
 /// depth of a wall, or mu in the middles of the drawn shells (see drawn_shells, RadialProfile), each layer
 /// times its weight. Rectangle maps are copied. `layer_weights` is empty, for 1 everywhere, or has one weight
-/// a layer. `texels` holds as many values as texels_of says; they are written and never read.
+/// per layer. `texels` holds as many values as given by texels_of; they are written and never read.
 void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
                  std::span<const float> layer_weights, std::span<float> texels);
 

@@ -5,7 +5,7 @@
 
 namespace xraycast {
 
-/// The model of mu along a radius, of which a map knows only the shells' integrals.
+/// The model of mu along a radius, of which a map holds only the shells' integrals.
 enum class Reconstruction {
   linear,    ///< linear between the middles of the shells, with each shell's sum as the map has it
   constant,  ///< constant within each shell; its edges show as bands

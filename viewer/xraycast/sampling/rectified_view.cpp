@@ -68,7 +68,7 @@ void check_steepness(const View& view) {
     steepest +=
         std::atan(0.5 * std::hypot(view.width, view.height) * view.pixel_mm / view.cone->source_detector_mm);
   if (steepest > kSteepest_rad)
-    throw InputError("a tilt of {:g} deg looks along the map's axis; rays have to stay 10 deg away from it",
+    throw InputError("a tilt of {:g} deg looks along the map's axis; rays must be at least 10 deg from it",
                      view.tilt_rad * 180 / std::numbers::pi);
 }
 
@@ -120,7 +120,7 @@ class Homography {
   glm::dmat3 matrix_{1};
 };
 
-/// What the picture shows of the plane, and the body takes of that.
+/// The part of the plane that the picture shows, and the body's part of that.
 struct VisibleBody {
   Range x_mm, z_mm;
   bool is_seen() const { return x_mm.low < x_mm.high && z_mm.low <= z_mm.high; }

@@ -9,8 +9,8 @@ namespace xraycast {
 
 /// A view's rays resampled onto a rectified detector: the vertical plane through the view's centre that faces
 /// the detector. All rays of one of its columns lie in one vertical plane, also when the C-arm is tilted or
-/// its beam a cone, so that they sample a map's circles at the same places, merely at other heights. To draw
-/// the rectified picture and look each pixel up in it is much less work than to march along every pixel's
+/// its beam a cone, so that they sample a map's circles at the same places, merely at other heights. Drawing
+/// the rectified picture and looking each pixel up in it is much cheaper than marching along every pixel's
 /// ray.
 ///
 /// Columns and rows are counted from the left and downwards, centred on whole numbers. The parameter of a ray
@@ -37,9 +37,8 @@ struct RectifiedView {
 /// One column of the rectified picture for every pixel of the view; a row is no coarser either.
 inline constexpr int kFullResolution = 1;
 
-/// The rectified picture of what a cylinder or rectangle map shows in `view`, which has to be complete.
-/// Untilted parallel views have the map's own rows. Throws InputError when rays run within 10 deg of the
-/// axis.
+/// The rectified picture of a cylinder or rectangle map in `view`, which must be complete. Untilted parallel
+/// views have the map's own rows. Throws InputError when rays run within 10 deg of the axis.
 RectifiedView rectified_view(const View& view, const MapGeometry& geometry,
                              int pixels_per_column = kFullResolution);
 

@@ -15,7 +15,7 @@ struct ShellPiece {
 /// The intersections of a line with concentric shells, in order along the line: the far ones from the
 /// outermost shell inwards, then the near ones outwards, each beginning where the one before it ends (but for
 /// a hole within the first radius). `offset_mm` is the line's distance from the axis. Shells that it misses
-/// or merely touches have no piece.
+/// or only touches have no piece.
 ///
 /// A line out of the plane of the circles crosses cylinders like its projection into that plane; its lengths
 /// are longer by the secant of its elevation.

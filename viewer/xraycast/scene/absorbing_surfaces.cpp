@@ -61,7 +61,7 @@ std::optional<Facet> facet_of(const std::array<Projected, 3>& corners, const Scr
       (b.pixel.x - a.pixel.x) * (c.pixel.y - a.pixel.y) - (b.pixel.y - a.pixel.y) * (c.pixel.x - a.pixel.x);
   if (area == 0 || (is_cone && std::min({a.depth_mm, b.depth_mm, c.depth_mm}) < kMinDepth_mm)) return {};
   Facet facet;
-  facet.winding = area < 0 ? 1 : -1;  // rays leave through what faces the detector
+  facet.winding = area < 0 ? 1 : -1;  // rays leave through faces towards the detector
   if (area < 0) {
     std::swap(b, c);
     area = -area;

@@ -11,8 +11,8 @@ namespace xraycast {
 
 /// The attenuation of vessels and catheter, computed on the processor and without OpenGL.
 ///
-/// At every point of a ray the largest mu counts alone: surfaces that intersect, enclose or touch each other,
-/// or themselves, stand for their union, and a catheter displaces the blood. A ray is within a surface where
+/// At every point of a ray only the largest mu counts: surfaces that intersect, enclose or touch each other,
+/// or themselves, represent their union, and a catheter displaces the blood. A ray is within a surface where
 /// it has entered more often than left (a winding number above zero). Hence the depths of all entries and
 /// exits are collected per pixel and sorted, as in an A-buffer (Carpenter, Computer Graphics 18(3):103,
 /// 1984); sums of the exits' depths minus the entries', which need no order, would count overlaps twice.
@@ -26,7 +26,7 @@ class AbsorbingSurfaces {
 
   bool empty() const;
 
-  /// Encloses them in a view.
+  /// The bounding box of all surfaces in a view.
   ScreenBox box(const View& view) const;
 
   /// Optical depth of a view's rays in that part of its picture: height x width, the lowest row first, as

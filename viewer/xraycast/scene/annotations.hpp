@@ -10,8 +10,8 @@
 
 namespace xraycast {
 
-/// Where a direction points in the patient, as radiographs are marked: `L`, or `LA` between left and
-/// anterior, the larger share first; R L A P S I.
+/// The patient's side that a direction points to, as in DICOM's Patient Orientation: `L`, or `LA` between
+/// left and anterior, the larger component first; R L A P S I.
 std::string orientation_label(const glm::dvec3& direction);
 
 /// The annotations of a picture, in its pixels, row 0 on top: orientation letters at its edges, the body's

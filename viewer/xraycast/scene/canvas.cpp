@@ -79,7 +79,7 @@ struct Canvas::Drawing {
                 box.height / cairo_image_surface_get_height(picture));
     cairo_set_source_surface(cairo.get(), picture, 0, 0);
     cairo_pattern_set_filter(cairo_get_source(cairo.get()), CAIRO_FILTER_GOOD);
-    cairo_pattern_set_extend(cairo_get_source(cairo.get()), CAIRO_EXTEND_PAD);  // else borders fade
+    cairo_pattern_set_extend(cairo_get_source(cairo.get()), CAIRO_EXTEND_PAD);  // otherwise borders fade
     cairo_fill(cairo.get());
     cairo_restore(cairo.get());
   }

@@ -11,7 +11,7 @@
 
 namespace xraycast {
 
-/// Shares of 0 to 1.
+/// RGB components, 0 to 1.
 struct Colour {
   double red, green, blue;
 };
@@ -23,9 +23,9 @@ struct PixelBox {
   double left, top, width, height;
 };
 
-/// A picture to draw lines, other pictures and words into. Lengths are in pixels; (0, 0) is the picture's
-/// upper left corner, and so (0.5, 0.5) the middle of its first pixel, through which a crisp line of one
-/// pixel runs. Edges are smoothed. Throws Error when there is no memory for it.
+/// A picture for drawing lines, other pictures and text. Lengths are in pixels; (0, 0) is the picture's upper
+/// left corner, and so (0.5, 0.5) the middle of its first pixel, through which a crisp line of one pixel
+/// runs. Edges are smoothed. Throws Error when there is no memory for it.
 class Canvas {
  public:
   Canvas(int width, int height, const Colour& paper);
@@ -53,15 +53,15 @@ class Canvas {
   /// A PNG file, scaled to fit into a box, in its middle. Throws Error when it cannot be read.
   void png(const std::filesystem::path& file, const PixelBox& box);
 
-  /// Words in a sans-serif font of `size` pixels. `at` is on their baseline, at their left, middle or right.
+  /// Text in a sans-serif font of `size` pixels. `at` is on their baseline, at their left, middle or right.
   void text(const glm::dvec2& at, const std::string& words, double size, const Colour& colour,
             Align align = Align::left);
 
-  /// Words that a black rim of `rim` pixels sets off from what lies below.
+  /// Text with a black rim of `rim` pixels, legible on any background.
   void rimmed_text(const glm::dvec2& at, const std::string& words, double size, const Colour& colour,
                    double rim, Align align = Align::left);
 
-  /// How wide `text` draws words.
+  /// The width of a text drawn by `text`.
   double text_width(const std::string& words, double size);
 
   /// The picture: 8-bit RGB, row 0 on top.

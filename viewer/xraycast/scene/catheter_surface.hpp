@@ -13,7 +13,7 @@ namespace xraycast {
 /// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
 
-/// Where contrast agent leaves a catheter, as a location in its vessel tree.
+/// The place where contrast agent leaves a catheter, as a location in its vessel tree.
 VesselTree::Location place_of(const CatheterTip& tip);
 
 }  // namespace xraycast

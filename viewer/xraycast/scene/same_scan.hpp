@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/map_geometry.hpp"
-#include "xraycast/scan/volume.hpp"
+#include "xraycast/volume/volume.hpp"
 
 #include <string>
 
@@ -12,8 +12,8 @@ namespace xraycast {
 void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
                      const std::string& scan);
 
-/// The same for what a map is to be recast from: both are of one field of view, or, where a file does not
-/// tell it, of one geometry. Layers and angles may be others.
+/// The same for a map and its basis: both must have the same field of view or, if a file does not state it,
+/// the same geometry. Layers and angles may differ.
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name);
 

@@ -15,7 +15,7 @@ enum class ShadingMode {
   fluoro,   ///< attenuating like the body; transmissions multiply
 };
 
-/// `surface` and `fluoro`; `wall` and `path`. Throw InputError, naming the known ones, for other names.
+/// `surface` and `fluoro`; `wall` and `path`. Throw InputError, naming the valid ones, for other names.
 ShadingMode parse_shading_mode(const std::string& name);
 Compositing parse_compositing(const std::string& name);
 std::string to_string(ShadingMode shading);
@@ -26,14 +26,14 @@ struct Surface {
   Mesh mesh;
   double mu_per_mm = 0.03;            ///< fluoro: its attenuation, added to the body's
   glm::dvec3 colour{0.8, 0.2, 0.15};  ///< surface: RGB, 0 to 1
-  /// Factors of mu_per_mm, one a point of the mesh, the same at a triangle's corners; empty: 1 everywhere. A
-  /// surface with weights consists of several closed bodies, of matter that only X-rays show: it is rendered
-  /// in fluoro alone.
+  /// Factors of mu_per_mm, one per point of the mesh, the same at a triangle's corners; empty: 1 everywhere.
+  /// A surface with weights consists of several closed bodies, visible only in X-rays: it is rendered only in
+  /// fluoro.
   std::vector<float> mu_weights{};
 };
 
-/// Throws InputError when a surface has points that are not finite, triangles with invalid indices, or
-/// another number of weights than of points.
+/// Throws InputError when a surface has points that are not finite, triangles with invalid indices, or a
+/// number of weights that differs from that of points.
 void check(const Surface& surface);
 
 /// How a scene is rendered.
@@ -43,9 +43,9 @@ struct Style {
   std::vector<float> layer_weights{};  ///< of the layers, 0 hides one; empty: 1 everywhere
   GreyWindow window{};
   /// The grey window compresses the dynamic range of the body to a few to one, and with it the contrast of
-  /// fine detail, which C-arms enhance again. If true, so do fluoro's vessels and catheters: before window
-  /// and gamma they attenuate the grey by as much as they attenuate the beam. Optical depths stay as they
-  /// are.
+  /// fine detail, which C-arms enhance again. If true, vessels and catheters are enhanced likewise in fluoro:
+  /// before window and gamma they attenuate the grey by as much as they attenuate the beam. Optical depths do
+  /// not change.
   bool full_contrast = false;
   int pixels_per_column = kFullResolution;  ///< 2: the body is drawn at every other column and interpolated
 };

@@ -120,7 +120,7 @@ Style style_of(const Fields& fields) {
   style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
   style.layer_weights = fields.get<std::vector<float>>("strengths");
   if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= 100; }))
-    throw InputError("{}: strengths have to be 0 to 100", fields.name());
+    throw InputError("{}: strengths must be 0 to 100", fields.name());
   return style;
 }
 
@@ -152,7 +152,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
   try {
     text = json.dump(2) + "\n";
   } catch (const Json::exception&) {
-    throw InputError("{}: the name of one of the session's files is no UTF-8; rename it", path.string());
+    throw InputError("{}: the name of one of the session's files is not UTF-8; rename it", path.string());
   }
   write_whole_file(path, text);
 }
@@ -161,10 +161,10 @@ ViewSession read_session(const fs::path& path) {
   const std::string name = path.string();
   const nlohmann::json json = parse_json(read_whole_file(path), name);
   if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
-    throw InputError("{}: not a session; the viewer writes them", name);
+    throw InputError("{}: not a session; save one in the viewer with Ctrl+S", name);
   const Fields fields(json, name);
   if (const int version = fields.get<int>("xraycast_session"); version != kVersion)
-    throw InputError("{}: session of version {}, but this program reads version {}", name, version, kVersion);
+    throw InputError("{}: session version {}, but this program reads version {}", name, version, kVersion);
   ViewSession session;
   if (fields.has("files")) {
     const Fields named = fields.at("files");

@@ -13,7 +13,7 @@
 
 namespace xraycast {
 
-/// A simulated catheter as a picture showed it. The vessels are then seen by their outline alone.
+/// A simulated catheter as shown in a picture. Only the outline of the vessels is then visible.
 struct SteeredCatheter {
   std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's far end to the tip; see curve_through
   double radius_mm = 1;
@@ -22,14 +22,14 @@ struct SteeredCatheter {
   bool operator==(const SteeredCatheter&) const = default;
 };
 
-/// A viewer's scene and how it is shown, as it is saved and opened again. Absent files are empty paths.
+/// A viewer's scene and display settings, as saved and reopened. Absent files are empty paths.
 struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
   double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
   std::optional<SteeredCatheter> steered{};      ///< instead of vessels and catheter
   Camera camera{};
   Style style{};
-  bool has_window = false;           ///< style.window was chosen; otherwise it follows the picture
+  bool has_window = false;           ///< style.window was chosen by the user; otherwise it is automatic
   std::optional<Opacity> opacity{};  ///< recast from the basis; none: the map's own
 };
 

@@ -10,9 +10,9 @@
 
 namespace xraycast {
 
-/// The vessel that is seen at a place of a view's picture, in pixels from its upper left corner: the place of
-/// the tree nearest to where the ray first meets a lumen on its way from the detector; where it meets none,
-/// the nearest within four pixels beside it.
+/// The vessel visible at a point of a view's picture, in pixels from its upper left corner: the place of the
+/// tree nearest to where the ray first meets a lumen on its way from the detector; where it meets none, the
+/// nearest within four pixels beside it.
 std::optional<VesselTree::Location> vessel_at(const VesselTree& tree, const View& view,
                                               const glm::dvec2& pixel);
 

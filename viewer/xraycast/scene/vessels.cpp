@@ -48,8 +48,8 @@ std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, c
       std::ranges::count_if(vessels_mm, [&](const glm::vec3& point) { return bounds.holds(point); });
   const double outside = 1 - static_cast<double>(within) / static_cast<double>(vessels_mm.size());
   if (!(outside > 0.5)) return {};
-  return {fmt::format("{}: {:.0f} % of it lies outside the body map; are both of the same scan?", name,
-                      100 * outside)};
+  return {fmt::format("{}: {:.0f} % of it lies outside the body map; check that both come from the same scan",
+                      name, 100 * outside)};
 }
 
 Surface read_catheter(const std::filesystem::path& path) {

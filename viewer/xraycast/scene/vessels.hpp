@@ -12,11 +12,11 @@
 namespace xraycast {
 
 /// Vessels as a surface to draw: a mesh (.stl or .vtp), or a folder that `segment` or `phantom --truth`
-/// wrote, with surface.vtp or surface.stl, or else tree.vtp, which is meshed as tubes. In fluoro
-/// they hold blood with that much iodine. Throws InputError.
+/// wrote, with surface.vtp or surface.stl, or else tree.vtp, which is meshed as tubes. In fluoro they hold
+/// blood with this iodine concentration. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
-/// A line of warning when most of the vessels lie outside a map's body, as those of another scan do; or none.
+/// A warning when most of the vessels lie outside a map's body, as those of another scan would; or none.
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
                                         const std::string& name);
 
@@ -28,7 +28,7 @@ Surface read_catheter(const std::filesystem::path& path);
 /// g/ml; the mean over wall and lumen.
 double catheter_per_mm();
 
-/// A tube around a curve, of so many rings for each control point and so many sides.
+/// A tube around a curve, with the given numbers of rings per control point and of sides.
 Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point = 16, int sides = 12);
 
 }  // namespace xraycast

@@ -11,21 +11,21 @@
 
 namespace xraycast {
 
-/// DRRs of the scan, projected beside the window, and how similar the map's frames are to them.
+/// DRRs of the scan, projected in the background, and the similarity of the map's frames to them.
 class DrrComparison {
  public:
-  /// `request_redraw` is called on other threads when there is something to take.
+  /// `request_redraw` is called on other threads when there is a new result.
   explicit DrrComparison(const std::function<void()>& request_redraw);
 
-  /// Projects a view, unless it was the last one that was asked for.
+  /// Projects a view, unless it was the last one requested.
   void request(const View& view, const Opacity& opacity,
                const std::shared_ptr<OpenedFiles::ScanOnDevice>& scan);
 
-  /// Takes what has been made since the last call; true when there is another DRR. Throws what projecting or
-  /// comparing threw.
+  /// Takes the results since the last call; true when there is a new DRR. Throws the errors of projecting and
+  /// comparing.
   bool take_results();
 
-  /// The latest DRR, which may be of an earlier view; null: there is none yet.
+  /// The latest DRR, which may be of an earlier view; null before the first.
   const ProjectionImage* latest() const { return latest_.get(); }
 
   /// Compares a frame of the map, height x width optical depths of the body in latest()'s view, to latest().

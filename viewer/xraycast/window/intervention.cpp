@@ -32,7 +32,7 @@ std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) 
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
-    throw InputError("haptic {}: has to be one of {}", options.haptic, fmt::join(names, ", "));
+    throw InputError("haptic {}: must be one of {}", options.haptic, fmt::join(names, ", "));
   return std::make_unique<ManualDevice>(options.haptic);
 }
 

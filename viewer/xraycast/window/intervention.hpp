@@ -14,8 +14,8 @@
 
 namespace xraycast {
 
-/// A simulated intervention under the C-arm: a catheter is steered, with fluoroscopy while the pedal is down
-/// and last image hold after, and contrast agent is injected. All calls on one thread.
+/// A simulated intervention with a C-arm: a catheter is steered, with fluoroscopy while the pedal is down and
+/// last image hold after, and contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
@@ -23,8 +23,8 @@ class Intervention {
     std::string instrument_model = "cobra-5f";
     EntryChoice entry{};
     std::string haptic = "keyboard";  ///< one of haptic_names()
-    std::string listen{};             ///< openigtlink: where; empty: its default
-    std::filesystem::path script{};   ///< of the hub; steers instead of a device
+    std::string listen{};             ///< openigtlink: address; empty: the default
+    std::filesystem::path script{};   ///< motion of the hub, instead of a device
   };
 
   static std::vector<std::string> haptic_names();
@@ -32,7 +32,7 @@ class Intervention {
   /// Throws InputError for a missing tree, an unknown device, a device that does not fit, a port in use.
   explicit Intervention(const Options& options);
 
-  /// Exposes a picture of the newest state while the pedal is down. Once a frame.
+  /// Exposes a picture of the newest state while the pedal is down. Call once per frame.
   void update(const Camera& camera, double passed_s);
 
   SimulatedRun& run() { return *run_; }
@@ -65,7 +65,7 @@ class Intervention {
   std::span<const glm::ivec2> road_map(const View& view);
 
   /// Starts again at the entry, with the device of the options. A recording restarts. Throws as the
-  /// constructor; the run then goes on, or, if only the port is lost, a new one is steered by keys.
+  /// constructor; the run then goes on, or, if only the port is lost, a new run is steered by keys.
   void restart() { start(options_.script); }
 
   /// Steers by a script, once, from the entry on. Throws InputError as `restart`.

@@ -19,18 +19,18 @@ const char* const kInterventionHelp =
     "X (hold)       pedal: fluoroscopy\n"
     "I (hold)       inject contrast agent\n"
     "M              road map\n"
-    "Up, Down       push and pull (with Shift slowly)\n"
-    "Left, Right    rotate\n"
-    "Enter          begin a recording, and end it\n"
+    "Up, Down       advance and withdraw (with Shift: slowly)\n"
+    "Left, Right    rotate (torque)\n"
+    "Enter          start or stop a recording\n"
     "L              replay the last recording\n"
-    "Backspace      back to the entrance";
+    "Backspace      restart at the vessel entry";
 
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
 constexpr double kInjection_ml_s = 5;
 
-/// With Control held, the mouse holds the hub.
+/// With Control held, the mouse moves the hub.
 void drag_hub(ManualDevice& hand) {
   const ImGuiIO& io = ImGui::GetIO();
   if (io.WantCaptureMouse || !io.KeyCtrl) return;
@@ -84,19 +84,19 @@ void draw_intervention_panel(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
-  line(fmt::format("{}, held by {}", run.model().name(), intervention->run().device().status()));
-  line(fmt::format("in {:.1f} mm, turned {:.0f} deg", now.pose.insertion_mm,
+  line(fmt::format("{}, hub moved by: {}", run.model().name(), intervention->run().device().status()));
+  line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", now.pose.insertion_mm,
                    now.pose.rotation_rad / kRadians));
   line(fmt::format("tip in branch {}, {:.0f} mm along it", now.tip.branch, now.tip.arc_length_mm));
   strip("force", run, &HubLoad::force_N, 1, "N");
   strip("torque", run, &HubLoad::torque_Nm, 1000, "N mm");
   const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
-  line(fmt::format("fluoroscopy {}:{:04.1f} min, contrast {:.0f} ml", minutes,
+  line(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
                    intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
   line(intervention->is_live() ? "X-rays on" : "last image hold: press X");
   ImGui::Checkbox("road map", &intervention->has_road_map);
   const LoopTiming& timing = now.timing;
-  line(fmt::format("step {:.2f} ms, 99.9 % {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
+  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
                    100.0 * static_cast<double>(timing.missed) /
                        static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
   if (ImGui::Button("Restart")) viewer.restart_run();

@@ -6,13 +6,14 @@ struct GLFWwindow;
 
 namespace xraycast {
 
-/// Help on the keys of an intervention, a line each.
+/// Help on the keys of an intervention, one line each.
 extern const char* const kInterventionHelp;
 
-/// Applies the held keys, mouse or gamepad to hub, pedal and injector. Once a frame.
+/// Applies the held keys, mouse or gamepad to hub, pedal and injector. Call once per frame.
 void handle_intervention(Viewer& viewer, GLFWwindow* window);
 
-/// Shows the loads at the hub, the tip's location, fluoroscopy time and contrast agent used. Once a frame.
+/// Shows the loads at the hub, the tip's location, fluoroscopy time and contrast agent used. Call once per
+/// frame.
 void draw_intervention_panel(Viewer& viewer);
 
 }  // namespace xraycast

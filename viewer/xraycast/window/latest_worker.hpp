@@ -17,7 +17,7 @@ class LatestWorker {
  public:
   using Work = std::function<Result(const Request&)>;
 
-  /// `notify` is called on the worker's thread when there is something to take.
+  /// `notify` is called on the worker's thread when there is a new result.
   LatestWorker(Work work, std::function<void()> notify)
       : work_(std::move(work)), notify_(std::move(notify)), thread_([this] { run(); }) {}
   ~LatestWorker() {

@@ -15,14 +15,14 @@ namespace xraycast {
 /// undo and redo.
 class OpacityEditor {
  public:
-  /// `session` has to outlive the editor.
+  /// `session` must outlive the editor.
   explicit OpacityEditor(ViewSession& session) : session_(session) {}
 
-  /// Takes over what was opened, and recasts the map where the session has an opacity. `recast` may be null:
-  /// the opacity is then that of the map. The history is cleared when either is another one than before.
+  /// Takes over the opened files, and recasts the map if the session has an opacity. `recast` may be null:
+  /// the opacity is then that of the map. The history is cleared when either has changed.
   void open(std::shared_ptr<const BodyMap> map, std::shared_ptr<OpenedFiles::RecastOnDevice> recast);
 
-  /// As opened, or under the opacity of the session; null before a map was opened.
+  /// As opened, or with the opacity of the session; null before a map was opened.
   const std::shared_ptr<const BodyMap>& map() const { return map_; }
 
   bool can_recast() const { return recast_ != nullptr; }

@@ -44,7 +44,7 @@ OpacityPanel::Edit OpacityPanel::draw(std::span<const double> knots_hu, std::spa
                   origin.y + size.y * static_cast<float>(1 - std::min(1.0, mu / kMax_per_mm)));
   };
   draw.AddRectFilled(origin, {origin.x + size.x, origin.y + size.y}, IM_COL32(24, 26, 31, 255));
-  // On a logarithmic scale, or air and water would dwarf all else.
+  // On a logarithmic scale, otherwise air and water would dwarf everything else.
   double highest = 1;
   for (const std::int64_t count : histogram)
     highest = std::max(highest, std::log1p(static_cast<double>(count)));

@@ -10,7 +10,7 @@ namespace xraycast {
 /// The transfer function: an opacity's curve over a scan's HU histogram, edited by dragging its knots.
 class OpacityPanel {
  public:
-  /// What the mouse has edited in this frame.
+  /// The edit by the mouse in this frame.
   struct Edit {
     int knot = -1;  ///< -1: nothing
     double mu_per_mm = 0;
@@ -26,7 +26,7 @@ class OpacityPanel {
   int dragged_ = -1;
 };
 
-/// mu at given HU under one of kOpacityPresets.
+/// mu at given HU with one of kOpacityPresets.
 std::vector<double> preset_mu_per_mm(const std::string& preset, std::span<const double> knots_hu);
 inline constexpr const char* kOpacityPresets[] = {"paper",   "bone", "soft tissue",
                                                   "vessels", "lung", "subtracted"};

@@ -41,9 +41,9 @@ struct OpenedFiles {
   std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
 };
 
-/// Opens the files of a session, on a worker's thread; what `before` has from the same files is reused. A
-/// scan without a map is cast with sixteen layers, and can be recast. `device` as for ComputeDevice. Throws
-/// as the readers do, and as check_same_scan where basis or scan are not the map's.
+/// Opens the files of a session, on a worker's thread; contents that `before` has read from the same files
+/// are reused. A scan without a map is cast with sixteen layers, and can be recast. `device` as for
+/// ComputeDevice. Throws as the readers do, and as check_same_scan if basis or scan do not match the map.
 OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, const std::string& device,
                        Progress& progress);
 

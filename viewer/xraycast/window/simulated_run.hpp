@@ -15,7 +15,7 @@
 
 namespace xraycast {
 
-/// A catheter that is steered in real time, as the operator meets it: its shape and loads, the contrast agent
+/// A catheter steered in real time, as the operator experiences it: its shape and loads, the contrast agent
 /// injected through it, and a recording of the hub. All calls on one thread; the simulation has its own,
 /// which never waits for it.
 class SimulatedRun {
@@ -24,7 +24,8 @@ class SimulatedRun {
   SimulatedRun(std::shared_ptr<const VesselTree> tree, const InstrumentModel& model, const VesselEnd& entry,
                std::unique_ptr<HapticDevice> device);
 
-  /// Takes the newest state of the simulation and advances the contrast agent to its time. Once a frame.
+  /// Takes the newest state of the simulation and advances the contrast agent to its time. Call once per
+  /// frame.
   void update();
 
   const CatheterSnapshot& now() const { return *now_; }
@@ -32,7 +33,7 @@ class SimulatedRun {
   HapticDevice& device() { return *device_; }
   const InstrumentModel& model() const { return model_; }
 
-  /// Injects contrast agent (350 mg iodine a millilitre) at the tip at this rate from now on; 0 stops.
+  /// Injects contrast agent (350 mg iodine per ml) at the tip at this rate from now on; 0 stops.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
   double injected_ml() const { return injected_ml_; }
 

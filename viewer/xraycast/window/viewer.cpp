@@ -21,7 +21,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// `xraycast-001.png`, or the first number that is free.
+/// `xraycast-001.png`, or the first free number.
 fs::path unused(const std::string& stem, const std::string& extension) {
   fs::path path;
   for (int number = 1; path.empty() || fs::exists(path); ++number)
@@ -212,7 +212,7 @@ std::optional<Worker::Status> Viewer::status() const {
 
 // ---- the catheter ---------------------------------------------------------------------------------
 
-/// As it was in the last exposure.
+/// The catheter as in the last exposure.
 void Viewer::show_catheter() {
   intervention_->update(session_.camera, since_frame_.ms() / 1000);
   if (intervention_->exposures() == shown_exposures_) return;
@@ -233,8 +233,7 @@ void Viewer::toggle_recording() {
 
 void Viewer::replay() {
   attempt([&] {
-    if (recording_.empty())
-      throw InputError("there is no recording yet; press Record, and once more to end it");
+    if (recording_.empty()) throw InputError("there is no recording yet; press Record, then Stop recording");
     intervention_->replay(recording_);
   });
 }
@@ -338,8 +337,8 @@ void Viewer::draw_drr(const Pane& pane) {
     renderer_.draw(*drr, session_.style, pane.x, 0);
 }
 
-/// The grey window follows the C-arm and the table, until one is chosen by hand. What moves or is edited in a
-/// view that stays does not change it.
+/// The grey window follows the C-arm and the table, until one is chosen by hand. Motion and edits within the
+/// same view do not change it.
 void Viewer::adapt_brightness(const View& view) {
   if (session_.has_window) return adapted_to_.reset();
   if (adapted_to_ == view) return;

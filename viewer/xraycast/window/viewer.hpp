@@ -20,7 +20,7 @@
 
 namespace xraycast {
 
-/// What the body is drawn from: the map, by either compositing, or DRRs of the scan.
+/// The source of the body's picture: the map, with either compositing, or DRRs of the scan.
 enum class BodySource { path, wall, drr };
 
 /// The viewer's state and commands, without the window, the mouse and the panels, which call them. It lives
@@ -40,8 +40,8 @@ class Viewer {
   void save_cine();
 
   // ---- the catheter
-  /// Steers a catheter from here on, in the place of the session's vessels and catheter. Throws as
-  /// Intervention does.
+  /// Steers a catheter from now on, instead of the session's vessels and catheter. Throws as Intervention
+  /// does.
   void simulate(const Intervention::Options& options) { intervention_.emplace(options); }
   Intervention* intervention() { return intervention_ ? &*intervention_ : nullptr; }
   const Intervention* intervention() const { return intervention_ ? &*intervention_ : nullptr; }
@@ -51,7 +51,8 @@ class Viewer {
   std::span<const glm::ivec2> road_map(const View& view);
 
   // ---- the vessels
-  /// Of the folder of vessels, or that in which the catheter is steered; none: there is just a surface.
+  /// The tree of the folder of vessels, or that in which the catheter is steered; none: there is only a
+  /// surface.
   const VesselTree* tree() const;
 
   /// Picks the vessel at a position in a window of that size, in pixels from its upper left corner.
@@ -72,7 +73,7 @@ class Viewer {
   bool is_split = false;     ///< a DRR beside the map
   bool shows_help = false;
 
-  /// Opacity and layers, with undo. What it throws is for `attempt`.
+  /// Opacity and layers, with undo. `attempt` handles its errors.
   OpacityEditor& opacity() { return opacity_; }
 
   // ---- what there is
@@ -94,8 +95,8 @@ class Viewer {
   };
   std::vector<Pane> panes(int width, int height) const;
 
-  /// Takes the workers' results and draws the picture on the default framebuffer. Throws as open_files where
-  /// the session that the viewer was made with cannot be opened.
+  /// Takes the workers' results and draws the picture on the default framebuffer. Throws as open_files if the
+  /// viewer's first session cannot be opened.
   void draw(int width, int height);
 
   /// Errors become the message.
@@ -122,7 +123,7 @@ class Viewer {
   std::shared_ptr<const BodyMap> shown_;  ///< the editor's, as the renderer has it
   BodyBounds bounds_;
   bool shows_drr_ = false;
-  bool is_first_ = true;  ///< nothing but the session that the viewer was made with was to be opened yet
+  bool is_first_ = true;  ///< no other session than the constructor's was opened yet
 
   std::string message_;
   DrrComparison drrs_;

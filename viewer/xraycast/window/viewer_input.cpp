@@ -11,7 +11,7 @@ namespace {
 
 constexpr double kDegreesPerPixel = 0.4;
 
-/// The left button was released where it was pressed, within what hands move.
+/// The left button was released where it was pressed, up to small hand motions.
 bool is_clicked() {
   constexpr float kStill_px = 3;
   return ImGui::IsMouseReleased(ImGuiMouseButton_Left) &&
@@ -29,7 +29,7 @@ void drag_window(GreyWindow& window, double across, double down) {
 }  // namespace
 
 const char* const kHelp =
-    "left drag      rotate (with Shift also tilt)\n"
+    "left drag      rotate the C-arm (with Shift also tilt)\n"
     "left click     identify a vessel branch\n"
     "wheel          zoom\n"
     "middle drag    move the table\n"
@@ -39,7 +39,7 @@ const char* const kHelp =
     "F              look: fluoro, surface\n"
     "C              compositing: path, wall, true\n"
     "I              invert (with a catheter: inject)\n"
-    "S              split with the true projection\n"
+    "S              split view with the true projection\n"
     "P              save a picture\n"
     "Space          cine rotation\n"
     "Ctrl+O         open\n"
@@ -97,7 +97,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
     case GLFW_KEY_C:
       viewer.next_source();
       break;
-    case GLFW_KEY_I:  // at the table it injects
+    case GLFW_KEY_I:  // with a catheter it injects
       if (!viewer.intervention()) style.window.inverted = !style.window.inverted;
       break;
     case GLFW_KEY_M:

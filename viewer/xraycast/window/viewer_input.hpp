@@ -5,19 +5,19 @@
 namespace xraycast {
 
 /// Whether the mouse moves while a button is held. The frame in which the button went down does not count:
-/// during a slow one the mouse may have come from far away.
+/// during a slow frame the mouse may have moved far.
 bool is_dragged(int button);
 
 /// Handles the mouse where no panel captures it: left drag rotates (with Shift, and for spheres, it also
 /// tilts), left click picks a vessel, middle drag moves the table, right drag changes window and level, the
-/// wheel magnifies. Within a frame of Dear ImGui.
+/// wheel magnifies. Call within a frame of Dear ImGui.
 void handle_mouse(Viewer& viewer);
 
 /// Handles a pressed key, by GLFW's numbers. Returns true for Ctrl+O, which asks for the panel's file
 /// dialogue.
 bool handle_key(Viewer& viewer, int key, int mods);
 
-/// Help on mouse and keys, a line each.
+/// Help on mouse and keys, one line each.
 extern const char* const kHelp;
 
 }  // namespace xraycast

@@ -153,7 +153,7 @@ void ViewerPanel::style_controls(Viewer& viewer) {
   if (ImGui::Combo("compositing", &source, viewer.has_scan() ? "path\0wall\0true\0" : "path\0wall\0"))
     viewer.set_source(static_cast<BodySource>(source));
   bool is_continuous = style.sampling.reconstruction == Reconstruction::linear;
-  if (ImGui::Checkbox("continuous between layers", &is_continuous))
+  if (ImGui::Checkbox("linear between layers", &is_continuous))
     style.sampling.reconstruction = is_continuous ? Reconstruction::linear : Reconstruction::constant;
   ImGui::Checkbox("inverted", &style.window.inverted);
   ImGui::SameLine();
@@ -162,7 +162,7 @@ void ViewerPanel::style_controls(Viewer& viewer) {
   if (style.shading == ShadingMode::fluoro)
     ImGui::Checkbox("vessels and catheter at full contrast", &style.full_contrast);
   if (viewer.has_scan())
-    ImGui::Checkbox("split with the true projection", &viewer.is_split);
+    ImGui::Checkbox("split view with the true projection", &viewer.is_split);
   else
     ImGui::TextDisabled("(open a scan for true projections)");
   auto gamma = static_cast<float>(style.window.gamma);
@@ -187,7 +187,7 @@ void ViewerPanel::layer_controls(Viewer& viewer) {
 void ViewerPanel::opacity_controls(Viewer& viewer) {
   OpacityEditor& opacity = viewer.opacity();
   const std::string why_not =
-      opacity.can_recast() ? "" : "no basis: open one,\nor a scan, to edit the opacity";
+      opacity.can_recast() ? "" : "no basis: open a basis\nor a scan to edit the opacity";
   const auto edit = curve_.draw(opacity.knots_hu(), opacity.mu_per_mm(), opacity.hu_histogram(),
                                 Basis::kHistogramBin_hu, why_not);
   if (edit.knot >= 0) {

@@ -10,7 +10,7 @@ namespace xraycast {
 /// The viewer's controls, and the text and marks over its picture, by Dear ImGui.
 class ViewerPanel {
  public:
-  /// Within a frame of Dear ImGui.
+  /// Call within a frame of Dear ImGui.
   void draw(Viewer& viewer);
 
   /// Shows the file dialogue from the next frame on.

@@ -3,7 +3,7 @@
 #include "xraycast/base/error.hpp"
 
 #include <epoxy/gl.h>
-// GLFW would bring a header of OpenGL of its own.
+// Keeps GLFW from including its own OpenGL header.
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <backends/imgui_impl_glfw.h>
@@ -24,7 +24,7 @@ std::string glfw_error() {
 
 Window::Window() {
   if (!glfwInit())
-    throw Error("there is no display to open a window on ({}); `xraycast render` needs none", glfw_error());
+    throw Error("no display to open a window on ({}); `xraycast render` needs none", glfw_error());
   glfwWindowHint(GLFW_CONTEXT_VERSION_MAJOR, 3);
   glfwWindowHint(GLFW_CONTEXT_VERSION_MINOR, 3);
   glfwWindowHint(GLFW_OPENGL_PROFILE, GLFW_OPENGL_CORE_PROFILE);
@@ -33,7 +33,7 @@ Window::Window() {
   if (!window_) {
     const std::string reason = glfw_error();
     glfwTerminate();
-    throw Error("there is no OpenGL 3.3 for a window ({}); `xraycast render` draws without one", reason);
+    throw Error("no OpenGL 3.3 for a window ({}); `xraycast render` draws without one", reason);
   }
   glfwMakeContextCurrent(window_);
   glfwSwapInterval(1);

@@ -4,8 +4,8 @@ struct GLFWwindow;
 
 namespace xraycast {
 
-/// A window with OpenGL 3.3 core, current on the thread that made it, and Dear ImGui on it. There is one at a
-/// time.
+/// A window with OpenGL 3.3 core, current on the thread that made it, with Dear ImGui. At most one exists at
+/// a time.
 class Window {
  public:
   /// Throws Error, naming the command that needs neither, when there is no display or no OpenGL 3.3 on it.
@@ -16,10 +16,10 @@ class Window {
 
   GLFWwindow* handle() const { return window_; }
 
-  /// To be called after our own callbacks are set: Dear ImGui chains to them.
+  /// Call after setting other callbacks: Dear ImGui chains to them.
   void attach_gui();
 
-  /// The framebuffer's size in pixels; 0 x 0 while the window is an icon.
+  /// The framebuffer's size in pixels; 0 x 0 while the window is minimised.
   struct Size {
     int width = 0, height = 0;
   };

@@ -26,8 +26,8 @@ class Worker {
 
   void cancel();
 
-  /// Delivers a finished job's result. Throws what the job threw; a cancelled job has no result. To be polled
-  /// on the window's thread.
+  /// Delivers a finished job's result. Throws the job's exception; a cancelled job has no result. Poll it on
+  /// the window's thread.
   void poll();
 
   /// The running job's progress; none when there is no job.

@@ -1,0 +1,84 @@
+#pragma once
+
+#include "xraycast/image_file/inflated_voxels.hpp"
+#include "xraycast/volume/slice_stack.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <array>
+#include <cstdint>
+#include <filesystem>
+#include <string>
+#include <variant>
+#include <vector>
+
+namespace xraycast {
+
+/// The stored type of a voxel.
+enum class VoxelType { int8, uint8, int16, uint16, int32, uint32, int64, uint64, float32, float64 };
+
+std::int64_t bytes_of(VoxelType type);
+
+/// The content of an image file's header.
+struct ImageHeader {
+  std::filesystem::path path;           ///< the user's path, for messages
+  std::vector<std::int64_t> size;       ///< voxels along each axis, the one stored next to each other first
+  std::array<glm::dvec3, 3> step_mm{};  ///< LPS, from a voxel to the next along each of the first three axes
+  glm::dvec3 origin_mm{0, 0, 0};        ///< LPS, of the first voxel
+  std::int64_t numbers_per_voxel = 1;
+  VoxelType type = VoxelType::int16;
+  bool is_big_endian = false;
+  double slope = 1, intercept = 0;  ///< HU = slope * stored + intercept
+};
+
+/// The files with uncompressed voxels, from `offset_B` of each on, with the same number of slices in each.
+struct PlainVoxels {
+  static constexpr std::int64_t kAtTheEnd = -1;  ///< the last bytes, however many lie before them
+  std::vector<std::filesystem::path> files;
+  std::int64_t offset_B = 0;
+};
+
+using StoredVoxels = std::variant<PlainVoxels, PackedVoxels>;
+
+/// A volume within one file or in a few.
+class ImageFileStack final : public SliceStack {
+ public:
+  /// Throws InputError unless the file is a three-dimensional scan with one number per voxel, and for files
+  /// that are missing, not regular, or too short for the header.
+  ImageFileStack(ImageHeader header, StoredVoxels voxels);
+
+ private:
+  void prepare() override;
+  SliceSource::HuRange decode_slice(std::int64_t slice, std::span<std::int16_t> hu) const override;
+  void check_header() const;
+  void check_files();
+  std::int64_t slice_B() const { return columns * rows * bytes_of(header_.type); }
+  void read_slice(std::int64_t stored, std::span<char> bytes) const;
+
+  ImageHeader header_;
+  StoredVoxels voxels_;
+  std::int64_t slices_;
+  bool reversed_;                     ///< the last stored slice is the lowest
+  std::unique_ptr<char[]> unpacked_;  ///< all slices, once the first compressed one was requested
+};
+
+/// The NIfTI, NRRD and MetaImage readers' last step.
+Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
+                   std::vector<std::string> warnings, const ScanOptions& options);
+
+/// The patient's sides towards which the stored axes point, three letters.
+std::string orientation_of(const ImageHeader& header);
+
+/// A warning that the file does not state the patient's orientation, since `field` is missing.
+std::string unknown_orientation(const char* field, const ImageHeader& header);
+
+/// A file that a header names, beside it. Throws InputError, with the header's name in front, where there is
+/// no such regular file.
+std::filesystem::path data_file_beside(const std::filesystem::path& header, const std::string& name);
+
+/// Throws InputError, naming the field, for spacings that are not finite and above zero: libraries replace
+/// them by 1.
+void require_spacing(const std::filesystem::path& path, const char* field,
+                     std::span<const double> spacing_mm);
+
+}  // namespace xraycast

@@ -1,0 +1,240 @@
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
+#include "xraycast/image_file/image_file_scan.hpp"
+#include "xraycast/image_file/image_file_stack.hpp"
+#include "xraycast/image_file/raw_voxels.hpp"
+#include "xraycast/image_file/text_header.hpp"
+
+#include <algorithm>
+#include <array>
+#include <charconv>
+#include <cmath>
+#include <map>
+#include <sstream>
+
+// The format is that of https://itk.org/Wiki/ITK/MetaIO/Documentation. Its header is read here and not by
+// ITK's MetaIO, which believes any number of dimensions, writes past its memory for some fields, and reads
+// files that are missing as zeros.
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+std::vector<std::string> words_of(const std::string& text) {
+  std::istringstream stream(text);
+  std::vector<std::string> words;
+  for (std::string word; stream >> word;) words.push_back(word);
+  return words;
+}
+
+template <typename Number>
+bool parse(const std::string& text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc{} && end == text.data() + text.size();
+}
+
+/// A MetaImage's header with its path, for messages.
+class MetaFields {
+ public:
+  MetaFields(const fs::path& path, const TextHeader& header) : path_(path), header_(header) {}
+
+  const std::string& text(const char* field) const { return header_.get(field); }
+
+  bool is_true(const char* field) const {
+    const std::string& value = text(field);
+    return !value.empty() && std::string_view("Tt1").find(value[0]) != std::string_view::npos;
+  }
+
+  /// `count` numbers, or `otherwise` where the field is missing.
+  template <typename Number>
+  std::vector<Number> numbers(const char* field, std::size_t count,
+                              std::vector<Number> otherwise = {}) const {
+    const std::vector<std::string> words = words_of(text(field));
+    if (words.empty() && !otherwise.empty()) return otherwise;
+    std::vector<Number> values(words.size());
+    for (std::size_t i = 0; i < words.size(); ++i)
+      if (!parse(words[i], values[i]))
+        throw InputError("{}: {} holds '{}', not a number; export the file again", path_.string(), field,
+                         words[i]);
+    if (values.size() != count)
+      throw InputError("{}: {} holds {} numbers instead of {}; export the file again", path_.string(), field,
+                       values.size(), count);
+    return values;
+  }
+
+  template <typename Number>
+  Number number(const char* field, std::vector<Number> otherwise = {}) const {
+    return numbers<Number>(field, 1, std::move(otherwise))[0];
+  }
+
+  /// The first of several names that has a value.
+  const char* named(std::initializer_list<const char*> names) const {
+    const auto* const found =
+        std::ranges::find_if(names, [&](const char* name) { return !text(name).empty(); });
+    return found == names.end() ? *names.begin() : *found;
+  }
+
+  std::vector<double> finite(const char* field, std::size_t count, std::vector<double> otherwise) const {
+    std::vector<double> values = numbers(field, count, std::move(otherwise));
+    for (const double value : values)
+      if (!std::isfinite(value))
+        throw InputError("{}: {} holds {}; export the file again", path_.string(), field, value);
+    return values;
+  }
+
+ private:
+  const fs::path& path_;
+  const TextHeader& header_;
+};
+
+VoxelType meta_type(const fs::path& path, const std::string& name) {
+  static const std::map<std::string, VoxelType> types{
+      {"MET_CHAR", VoxelType::int8},       {"MET_UCHAR", VoxelType::uint8},
+      {"MET_SHORT", VoxelType::int16},     {"MET_USHORT", VoxelType::uint16},
+      {"MET_INT", VoxelType::int32},       {"MET_UINT", VoxelType::uint32},
+      {"MET_LONG", VoxelType::int32},      {"MET_ULONG", VoxelType::uint32},
+      {"MET_LONG_LONG", VoxelType::int64}, {"MET_ULONG_LONG", VoxelType::uint64},
+      {"MET_FLOAT", VoxelType::float32},   {"MET_DOUBLE", VoxelType::float64}};
+  const auto found = types.find(name);
+  if (found == types.end())
+    throw InputError("{}: ElementType '{}' is not supported; save the scan as MET_SHORT", path.string(),
+                     name);
+  return found->second;
+}
+
+ImageHeader header_of(const fs::path& path, const MetaFields& fields) {
+  ImageHeader header;
+  header.path = path;
+  const auto dimensions = fields.number<std::int64_t>("NDims");
+  constexpr std::int64_t kMaxDimensions = 10;
+  if (dimensions < 1 || dimensions > kMaxDimensions)
+    throw InputError("{}: NDims is {}; a scan has 3", path.string(), dimensions);
+  const auto count = static_cast<std::size_t>(dimensions);
+  header.size = fields.numbers<std::int64_t>("DimSize", count);
+
+  const char* const spacing_field = fields.named({"ElementSpacing", "ElementSize"});
+  const std::vector<double> spacing_mm =
+      fields.numbers<double>(spacing_field, count, std::vector<double>(count, 1));
+  require_spacing(path, spacing_field, spacing_mm);
+  std::vector<double> identity(count * count);
+  for (std::size_t d = 0; d < count; ++d) identity[d * (count + 1)] = 1;
+  const std::vector<double> matrix =
+      fields.finite(fields.named({"TransformMatrix", "Rotation", "Orientation"}), count * count, identity);
+  const std::vector<double> origin_mm =
+      fields.finite(fields.named({"Offset", "Position", "Origin"}), count, std::vector<double>(count, 0));
+  for (std::size_t axis = 0; axis < std::min<std::size_t>(3, count); ++axis) {
+    for (std::size_t d = 0; d < std::min<std::size_t>(3, count); ++d)
+      header.step_mm[axis][static_cast<int>(d)] = matrix[axis * count + d] * spacing_mm[axis];
+    header.origin_mm[static_cast<int>(axis)] = origin_mm[axis];
+  }
+
+  header.numbers_per_voxel = fields.number<std::int64_t>("ElementNumberOfChannels", {1});
+  header.type = meta_type(path, fields.text("ElementType"));
+  header.is_big_endian = fields.is_true("BinaryDataByteOrderMSB") || fields.is_true("ElementByteOrderMSB");
+  return header;
+}
+
+// ---- where the voxels are ------------------------------------------------------------------------
+
+/// `name%03d.raw FIRST LAST STEP`, the last three numbers 1, the number of slices and 1 unless given.
+std::vector<std::string> names_by_pattern(const fs::path& path, const std::string& text,
+                                          std::int64_t slices) {
+  const std::vector<std::string> words = words_of(text);
+  const std::string& pattern = words[0];
+  const auto percent = pattern.find('%');
+  const auto letter = pattern.find_first_not_of("0123456789", percent + 1);
+  const std::string width_text = pattern.substr(percent + 1, std::min(letter, pattern.size()) - percent - 1);
+  std::int64_t width = 0, first = 1, last = slices, step = 1;
+  const bool is_plain = letter != std::string::npos && pattern[letter] == 'd' &&
+                        pattern.find('%', letter) == std::string::npos &&
+                        (width_text.empty() || (parse(width_text, width) && width < 10));
+  if (!is_plain || (words.size() > 1 && !parse(words[1], first)) ||
+      (words.size() > 2 && !parse(words[2], last)) || (words.size() > 3 && !parse(words[3], step)))
+    throw InputError("{}: ElementDataFile '{}' is not a pattern such as slice%03d.raw 1 20 1", path.string(),
+                     text);
+  if (words.size() == 2) last = first + slices - 1;
+  constexpr std::int64_t kMost = 1'000'000;
+  if (step < 1 || first < 0 || last > kMost || (last - first) / step + 1 != slices || last < first)
+    throw InputError("{}: ElementDataFile '{}' does not name {} files, one per slice", path.string(), text,
+                     slices);
+  std::vector<std::string> names;
+  for (std::int64_t number = first; number <= last; number += step) {
+    const std::string digits = std::to_string(number);
+    const std::string padding(static_cast<std::size_t>(std::max<std::int64_t>(0, width - std::ssize(digits))),
+                              width_text.starts_with('0') ? '0' : ' ');
+    names.push_back(
+        fmt::format("{}{}{}{}", pattern.substr(0, percent), padding, digits, pattern.substr(letter + 1)));
+  }
+  return names;
+}
+
+/// The files of a LIST or pattern, one a slice, all of them there.
+PlainVoxels several_files(const fs::path& path, const TextHeader& text, const ImageHeader& header) {
+  const std::string& data_file = text.get("ElementDataFile");
+  const std::int64_t slices = header.size.size() == 3 ? header.size[2] : 0;
+  const bool is_list = data_file.starts_with("LIST");
+  if (is_list && data_file != "LIST" && data_file != "LIST 2" && data_file != "LIST 2D")
+    throw InputError("{}: ElementDataFile '{}' is not supported; list one file per slice", path.string(),
+                     data_file);
+  const std::vector<std::string> names = is_list ? text.rest : names_by_pattern(path, data_file, slices);
+  if (std::ssize(names) != slices)
+    throw InputError("{}: ElementDataFile lists {} files, but there are {} slices; list one file per slice",
+                     path.string(), names.size(), slices);
+  PlainVoxels voxels;
+  for (const std::string& name : names) voxels.files.push_back(data_file_beside(path, name));
+  return voxels;
+}
+
+StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const MetaFields& fields,
+                           const ImageHeader& header) {
+  if (!fields.text("BinaryData").empty() && !fields.is_true("BinaryData"))
+    throw InputError("{}: BinaryData is False: voxels as text are not supported; save them as binary",
+                     path.string());
+  const std::string& data_file = fields.text("ElementDataFile");
+  const bool is_packed = fields.is_true("CompressedData");
+  const auto header_B = fields.number<std::int64_t>("HeaderSize", {0});
+  constexpr std::int64_t kMaxHeader_B = std::int64_t{1} << 40;
+  if (header_B < -1 || header_B > kMaxHeader_B || (header_B < 0 && is_packed))
+    throw InputError("{}: HeaderSize is {}; save the file again without it", path.string(), header_B);
+
+  if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos) {
+    if (is_packed)
+      throw InputError("{}: ElementDataFile '{}' names several files, which must hold uncompressed voxels",
+                       path.string(), data_file);
+    PlainVoxels voxels = several_files(path, text, header);
+    voxels.offset_B = header_B < 0 ? PlainVoxels::kAtTheEnd : header_B;
+    return voxels;
+  }
+
+  const bool is_local = data_file == "LOCAL" || data_file == "Local" || data_file == "local";
+  const fs::path file = is_local ? path : data_file_beside(path, data_file);
+  const std::int64_t start_B = header_B > 0 ? header_B : is_local ? text.end_B : 0;
+  if (!is_packed) return PlainVoxels{{file}, header_B < 0 ? PlainVoxels::kAtTheEnd : start_B};
+  if (const auto packed_B = fields.number<std::int64_t>("CompressedDataSize", {0}); packed_B > 0)
+    RawVoxels(file, start_B, packed_B);
+  return PackedVoxels{file, start_B, 0};
+}
+
+}  // namespace
+
+Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  progress.begin("opening", 1, "files");
+  const TextHeader text = read_meta_image_header(path);
+  const MetaFields fields(path, text);
+  ImageHeader header = header_of(path, fields);
+  StoredVoxels voxels = stored_voxels(path, text, fields, header);
+  progress.advance();
+  return deliver_image(std::move(header), std::move(voxels), "MetaImage", {}, options);
+}
+
+bool is_meta_image(const std::string& leading_bytes) {
+  const auto line_end = leading_bytes.find('\n');
+  const auto equals = leading_bytes.find('=');
+  if (line_end == std::string::npos || equals == std::string::npos || equals > line_end) return false;
+  const std::string_view key = trimmed(std::string_view(leading_bytes).substr(0, equals));
+  constexpr std::array kFirstKeys{"ObjectType", "NDims", "Comment", "ObjectSubType", "Name", "ID"};
+  return std::ranges::find(kFirstKeys, key) != kFirstKeys.end() &&
+         leading_bytes.find("NDims") != std::string::npos;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,152 @@
+#include "xraycast/series/dicom_scan.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/series/dicom_pixels.hpp"
+#include "xraycast/series/dicom_series.hpp"
+#include "xraycast/series/dicom_slice.hpp"
+#include "xraycast/volume/slice_stack.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+class DicomStack final : public SliceStack {
+ public:
+  explicit DicomStack(std::vector<DicomSlice> slices) : slices_(std::move(slices)) {
+    columns = slices_.front().columns;
+    rows = slices_.front().rows;
+    thickness_mm = slices_.front().thickness_mm;
+    for (const DicomSlice& slice : slices_) planes.push_back(slice.plane);
+  }
+
+ private:
+  void prepare() override { decoder_.prepare(slices_); }
+  SliceSource::HuRange decode_slice(std::int64_t index, std::span<std::int16_t> hu) const override {
+    return decoder_.decode(slices_[static_cast<std::size_t>(index)], hu);
+  }
+
+  std::vector<DicomSlice> slices_;
+  DicomPixelDecoder decoder_;
+};
+
+// ---- a series' slices ------------------------------------------------------------------------------
+
+void leave_out(const std::string& fault, ScanInfo& info) { info.warnings.push_back("left out " + fault); }
+
+/// Slices that GDCM must decode are decoded once, to find those that it cannot.
+std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info, Progress& progress) {
+  std::vector<std::string> faults(slices.size());
+  parallel_for(std::ssize(slices), [&](std::int64_t i) {
+    progress.check();
+    const DicomSlice& slice = slices[static_cast<std::size_t>(i)];
+    if (slice.pixels.is_plain()) return;
+    std::vector<std::int16_t> hu(static_cast<std::size_t>(slice.columns * slice.rows));
+    try {
+      DicomPixelDecoder().decode(slice, hu);
+    } catch (const DamagedSlice& error) {
+      faults[static_cast<std::size_t>(i)] = error.what();
+    }
+  });
+  std::vector<DicomSlice> good;
+  for (std::size_t i = 0; i < slices.size(); ++i)
+    if (faults[i].empty())
+      good.push_back(std::move(slices[i]));
+    else
+      leave_out(faults[i], info);
+  return good;
+}
+
+std::vector<DicomSlice> usable_slices(const DicomSeries& series, const fs::path& path, bool skip_damaged,
+                                      ScanInfo& info, Progress& progress) {
+  std::vector<DicomSlice> slices;
+  for (const DicomFileSummary& file : series.files) {
+    if (!file.fault.empty() && !file.is_damaged) throw InputError("{}", file.fault);
+    if (!file.fault.empty() && !skip_damaged) throw DamagedSlice("{}", file.fault);
+    if (!file.fault.empty()) leave_out(file.fault, info);
+    if (!file.note.empty()) info.warnings.push_back(file.note);
+    slices.insert(slices.end(), file.slices.begin(), file.slices.end());
+  }
+  if (skip_damaged) slices = decodable(std::move(slices), info, progress);
+  if (slices.empty())
+    throw InputError("{}: all slices of the series are damaged; copy it again", path.string());
+  return slices;
+}
+
+void require_equal_slices(const std::vector<DicomSlice>& series) {
+  const DicomSlice& first = series.front();
+  for (const DicomSlice& slice : series) {
+    if (slice.columns != first.columns || slice.rows != first.rows)
+      throw InputError(
+          "{}: {} x {} pixels, but {} of the same series has {} x {} (Rows, Columns); remove one of them",
+          slice.name(), slice.columns, slice.rows, first.name(), first.columns, first.rows);
+    const auto turned = [](const glm::dvec3& a, const glm::dvec3& b) {
+      return glm::distance(glm::normalize(a), glm::normalize(b)) > 1e-3;
+    };
+    if (turned(slice.plane.i_step_mm, first.plane.i_step_mm) ||
+        turned(slice.plane.j_step_mm, first.plane.j_step_mm))
+      throw InputError(
+          "{}: ImageOrientationPatient (0020,0037) differs from that of {} in the same series; remove the "
+          "localizer or the slices of the other orientation",
+          slice.name(), first.name());
+  }
+}
+
+void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
+  const glm::dvec3 normal = upward(glm::cross(glm::normalize(series.front().plane.i_step_mm),
+                                              glm::normalize(series.front().plane.j_step_mm)));
+  const auto height_mm = [&](const DicomSlice& slice) { return glm::dot(slice.plane.origin_mm, normal); };
+  std::ranges::stable_sort(series, {}, height_mm);
+
+  // Positions are printed to a thousandth of a millimetre or finer.
+  const auto same = [&](const DicomSlice& a, const DicomSlice& b) {
+    return height_mm(b) - height_mm(a) < 1e-3;
+  };
+  const std::size_t before = series.size();
+  series.erase(std::unique(series.begin(), series.end(), same), series.end());
+  if (series.size() < before)
+    info.warnings.push_back(
+        fmt::format("{} left out at a position that the series already has; it may hold "
+                    "several phases or reconstructions",
+                    pluralize(before - series.size(), "slice")));
+}
+
+}  // namespace
+
+Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const ScanOptions& options,
+                Progress& progress) {
+  progress.begin("opening", std::ssize(files), "files");
+  std::vector<DicomFileSummary> summaries(files.size());
+  parallel_for(std::ssize(files), [&](std::int64_t i) {
+    summaries[static_cast<std::size_t>(i)] = summarise_dicom(files[static_cast<std::size_t>(i)]);
+    progress.advance();
+  });
+
+  ScanInfo info;
+  info.format = "DICOM";
+  const DicomSeries series = choose_series(std::move(summaries), options.series, path, info);
+  info.modality = series.files.front().modality;
+  if (info.modality != "CT")
+    info.warnings.push_back(fmt::format("modality {} is not CT, so its values are not Hounsfield units",
+                                        info.modality.empty() ? "unknown" : info.modality));
+  std::vector<DicomSlice> slices = usable_slices(series, path, options.skip_damaged, info, progress);
+  require_equal_slices(slices);
+  sort_by_position(slices, info);
+
+  const SlicePlane& plane = slices.front().plane;
+  info.orientation = {side(plane.i_step_mm), side(plane.j_step_mm),
+                      side(upward(glm::cross(plane.i_step_mm, plane.j_step_mm)))};
+  auto stack = std::make_unique<DicomStack>(std::move(slices));
+  stack->name = path.string();
+  return deliver(std::move(stack), std::move(info), options);
+}
+
+bool is_dicom_directory(const fs::path& file) { return summarise_dicom(file).is_directory; }
+
+}  // namespace xraycast

@@ -1,0 +1,194 @@
+#include "xraycast/series/dicom_series.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <limits>
+#include <map>
+#include <tuple>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// Of the first slice that can be read.
+const DicomSlice* first_slice(const DicomSeries& series) {
+  const auto readable =
+      std::ranges::find_if(series.files, [](const auto& file) { return !file.slices.empty(); });
+  return readable == series.files.end() ? nullptr : &readable->slices.front();
+}
+
+/// Frames count as slices, and a file that cannot be used as one.
+std::int64_t slice_count(const DicomSeries& series) {
+  std::int64_t count = 0;
+  for (const DicomFileSummary& file : series.files)
+    count += std::max<std::int64_t>(1, std::ssize(file.slices));
+  return count;
+}
+
+std::string plane_of(const DicomSeries& series) {
+  const DicomSlice* slice = first_slice(series);
+  if (!slice) return "";
+  switch (side(upward(glm::cross(slice->plane.i_step_mm, slice->plane.j_step_mm)))) {
+    case 'S':
+      return "axial";
+    case 'P':
+      return "coronal";
+    default:
+      return "sagittal";
+  }
+}
+
+double thickness_mm(const DicomSeries& series) {
+  const DicomSlice* slice = first_slice(series);
+  return slice ? slice->thickness_mm : 0;
+}
+
+std::string name_of(const DicomSeries& series) {
+  const DicomFileSummary& file = series.files.front();
+  return fmt::format("{}{}{}", file.series_number.empty() ? "" : file.series_number + ": ",
+                     file.series_description.empty() ? "" : file.series_description + ", ",
+                     pluralize(slice_count(series), series.is_ct ? "slice" : "image"));
+}
+
+std::string describe(const DicomSeries& series) {
+  const std::string& uid = series.files.front().series_uid;
+  return fmt::format("{}, UID {}", name_of(series), uid.empty() ? "unknown" : uid);
+}
+
+std::string list_of(const std::vector<DicomSeries>& all) {
+  std::string list;
+  for (const DicomSeries& series : all) list += (list.empty() ? "" : "; ") + describe(series);
+  return list;
+}
+
+/// CT first, then most slices, axial, thinner; the remaining keys make the order deterministic.
+bool is_better(const DicomSeries& a, const DicomSeries& b) {
+  const auto rank = [](const DicomSeries& series) {
+    const double mm = thickness_mm(series);
+    return std::tuple(!series.is_ct, -slice_count(series), plane_of(series) != "axial",
+                      mm > 0 ? mm : std::numeric_limits<double>::infinity(),
+                      series.files.front().series_number, series.files.front().series_uid);
+  };
+  return rank(a) < rank(b);
+}
+
+/// "2 scouts, 1 screen shot", of the files that `counts` accepts.
+template <typename Counts>
+std::string count_kinds(const std::vector<DicomFileSummary>& files, Counts counts) {
+  std::map<std::string, std::int64_t> kinds;
+  for (const DicomFileSummary& file : files)
+    if (counts(file)) ++kinds[file.noun];
+  std::string text;
+  for (const auto& [noun, count] : kinds) text += (text.empty() ? "" : ", ") + pluralize(count, noun);
+  return text;
+}
+
+std::vector<DicomSeries> group_by_uid(const std::vector<DicomFileSummary>& files) {
+  std::map<std::pair<std::string, bool>, DicomSeries> by_uid;
+  for (const DicomFileSummary& file : files) {
+    if (!file.is_image) continue;
+    DicomSeries& series = by_uid[{file.series_uid, file.is_ct_slice}];
+    series.is_ct = file.is_ct_slice;
+    series.files.push_back(file);
+  }
+  std::vector<DicomSeries> all;
+  for (auto& [uid, series] : by_uid) all.push_back(std::move(series));
+  return all;
+}
+
+/// Files truncated before the UID of their series may belong to any series. They are removed from `files`,
+/// unless there are no others.
+std::vector<DicomFileSummary> take_strays(std::vector<DicomFileSummary>& files) {
+  const auto belongs = [](const DicomFileSummary& file) {
+    return !(file.is_ct_slice && file.is_cut_off && file.series_uid.empty());
+  };
+  const auto first_stray = std::stable_partition(files.begin(), files.end(), belongs);
+  if (std::none_of(files.begin(), first_stray, [](const auto& file) { return file.is_image; })) return {};
+  std::vector<DicomFileSummary> strays(first_stray, files.end());
+  files.erase(first_stray, files.end());
+  return strays;
+}
+
+bool matches(const DicomFileSummary& file, const std::string& wanted) {
+  return file.series_uid.find(wanted) != std::string::npos ||
+         file.series_description.find(wanted) != std::string::npos;
+}
+
+/// A complete series number takes precedence over the same digits within a UID, and CT over other modalities.
+std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& all, const fs::path& path) {
+  for (const bool by_number : {true, false})
+    for (const bool is_ct : {true, false}) {
+      const auto fits = [&](const DicomSeries& series) {
+        const DicomFileSummary& file = series.files.front();
+        return series.is_ct == is_ct && (by_number ? file.series_number == wanted : matches(file, wanted));
+      };
+      const auto found = std::ranges::find_if(all, fits);
+      if (found == all.end()) continue;
+      if (std::ranges::count_if(all, fits) > 1)
+        throw InputError("{}: several series match '{}'; it holds {}", path.string(), wanted, list_of(all));
+      return static_cast<std::size_t>(found - all.begin());
+    }
+  throw InputError("{}: no series matches '{}'; it holds {}", path.string(), wanted, list_of(all));
+}
+
+[[noreturn]] void refuse(const std::vector<DicomFileSummary>& files, const fs::path& path) {
+  if (files.size() == 1 && !files.front().fault.empty()) throw InputError("{}", files.front().fault);
+  const std::string kinds = count_kinds(files, [](const auto& file) { return !file.is_directory; });
+  throw InputError("{}: the DICOM files hold no image slices{}; give the folder of a CT series",
+                   path.string(), kinds.empty() ? "" : ": " + kinds);
+}
+
+/// Notes the files that are not slices of any series.
+void note_passed_over(const std::vector<DicomFileSummary>& files, bool only_ct, ScanInfo& info) {
+  const auto is_passed_over = [&](const DicomFileSummary& file) {
+    return !file.is_directory && !(only_ct ? file.is_ct_slice : file.is_image);
+  };
+  const auto count = std::ranges::count_if(files, is_passed_over);
+  if (count == 0) return;
+  info.notes.push_back(fmt::format("skipped {} that {} {}slice{}: {}", pluralize(count, "file"),
+                                   count == 1 ? "is not a" : "are not", only_ct ? "CT " : "",
+                                   count == 1 ? "" : "s", count_kinds(files, is_passed_over)));
+}
+
+ScanInfo::Series summary_of(const DicomSeries& series, bool chosen) {
+  const DicomFileSummary& file = series.files.front();
+  return {file.series_number,  file.series_description, file.series_uid,      file.modality,
+          slice_count(series), plane_of(series),        thickness_mm(series), chosen};
+}
+
+}  // namespace
+
+DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string& wanted,
+                          const fs::path& path, ScanInfo& info) {
+  const std::vector<DicomFileSummary> strays = take_strays(files);
+  std::vector<DicomSeries> all = group_by_uid(files);
+  if (all.empty()) refuse(files, path);
+  std::ranges::sort(all, is_better);
+  const std::size_t chosen = wanted.empty() ? 0 : index_of(wanted, all, path);
+
+  const bool only_ct = all[chosen].is_ct;
+  for (std::size_t i = 0; i < all.size(); ++i) {
+    info.all_series.push_back(summary_of(all[i], i == chosen));
+    if (i == chosen || (only_ct && !all[i].is_ct)) continue;
+    info.other_series.push_back(describe(all[i]));
+    if (wanted.empty()) info.notes.push_back("other series " + name_of(all[i]));
+  }
+  if (wanted.empty() && !info.other_series.empty())
+    info.warnings.push_back(
+        fmt::format("{} series in the folder, the one with the most slices was chosen ({}); choose another "
+                    "series by its number, description or UID",
+                    info.other_series.size() + 1, name_of(all[chosen])));
+  note_passed_over(files, only_ct, info);
+
+  DicomSeries series = std::move(all[chosen]);
+  info.series = describe(series);
+  series.files.insert(series.files.end(), strays.begin(), strays.end());
+  return series;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,114 @@
+#include "xraycast/series/dicom_slice.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/series/dicom_frames.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <string_view>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+constexpr DicomTag kMediaClass = 0x00020002, kImageType = 0x00080008, kObjectClass = 0x00080016,
+                   kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSeriesUid = 0x0020000e,
+                   kSeriesNumber = 0x00200011, kSamplesPerPixel = 0x00280002, kRows = 0x00280010,
+                   kColumns = 0x00280011;
+
+// ---- what it is ----------------------------------------------------------------------------------
+
+/// The name of object classes that hold no greyscale images of one modality; empty for the others. DICOM
+/// PS3.4, annex B.5: the numbers behind 1.2.840.10008.5.1.4.1.1.
+std::string noun_of_class(std::string_view uid) {
+  constexpr std::string_view kStorage = "1.2.840.10008.5.1.4.1.1.";
+  struct Class {
+    std::string_view number;
+    const char* noun;
+  };
+  // The more specific ones first.
+  constexpr Class kClasses[] = {
+      {"7", "screen shot"},     {"11", "presentation state"},  {"66.4", "segmentation"},
+      {"88.67", "dose report"}, {"88", "structured report"},   {"104", "document"},
+      {"481.2", "RT dose"},     {"481.3", "RT structure set"}, {"481.5", "RT plan"}};
+  if (!uid.starts_with(kStorage)) return {};
+  uid.remove_prefix(kStorage.size());
+  for (const auto& [number, noun] : kClasses)
+    if (uid.starts_with(number) && (uid.size() == number.size() || uid[number.size()] == '.')) return noun;
+  return {};
+}
+
+/// Of a slice, or of frames, native or converted from slices.
+bool is_ct_class(const std::string& uid) {
+  constexpr std::array kClasses{"1.2.840.10008.5.1.4.1.1.2", "1.2.840.10008.5.1.4.1.1.2.1",
+                                "1.2.840.10008.5.1.4.1.1.2.2"};
+  return std::ranges::find(kClasses, uid) != kClasses.end();
+}
+
+std::string noun_of(const DicomHeader& header, const std::string& object_class, const std::string& modality,
+                    bool is_image) {
+  if (std::string noun = noun_of_class(object_class); !noun.empty()) return noun;
+  if (!is_image) return "other DICOM file";
+  if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1) return "screen shot";
+  if (modality == "PT") return "PET image";
+  if (modality != "CT") return modality.empty() ? "image" : modality + " image";
+  return header.text(kImageType).find("LOCALIZER") != std::string::npos ? "scout" : "CT slice";
+}
+
+}  // namespace
+
+std::int64_t DicomPixels::size_B() const {
+  std::int64_t sum_B = 0;
+  for (const ByteRange& piece : pieces) sum_B += piece.length_B;
+  return sum_B;
+}
+
+bool DicomPixels::is_plain() const {
+  return !is_encapsulated && bits_allocated == 16 && high_bit < 16 && bits_stored > 0 &&
+         bits_stored <= high_bit + 1;
+}
+
+std::string DicomSlice::name() const {
+  return frame == 0 ? file.string() : fmt::format("{}: frame {}", file.string(), frame);
+}
+
+DicomFileSummary summarise_dicom(const fs::path& file) {
+  constexpr const char* kDirectoryClass = "1.2.840.10008.1.3.10";
+  const DicomHeader header(file);
+  DicomFileSummary summary;
+  const std::string media_class = header.text(kMediaClass);
+  const std::string object_class =
+      header.text(kObjectClass).empty() ? media_class : header.text(kObjectClass);
+  summary.is_directory = media_class == kDirectoryClass;
+  summary.modality = header.text(kModality);
+  summary.series_uid = header.text(kSeriesUid);
+  summary.series_description = header.text(kSeriesDescription);
+  summary.series_number = header.text(kSeriesNumber);
+
+  // A truncated header may be that of a CT slice unless it says otherwise.
+  summary.is_cut_off = header.is_cut_off() || (is_ct_class(object_class) && !header.pixel_data());
+  if (summary.is_cut_off && summary.modality.empty() && (object_class.empty() || is_ct_class(object_class)))
+    summary.modality = "CT";
+  const bool has_size =
+      header.unsigned_short(kColumns).value_or(0) > 0 && header.unsigned_short(kRows).value_or(0) > 0;
+  const bool may_be_image = has_size || (summary.is_cut_off && summary.modality == "CT");
+  summary.noun = noun_of(header, object_class, summary.modality, may_be_image);
+  const bool is_image = may_be_image && summary.noun != "segmentation";
+  summary.is_ct_slice = summary.noun == "CT slice";
+  summary.is_image = is_image && header.unsigned_short(kSamplesPerPixel).value_or(1) == 1;
+  if (!is_image) return summary;
+  try {
+    read_slices(header, file, summary);
+  } catch (const DamagedSlice& error) {
+    summary.fault = error.what();
+    summary.is_damaged = true;
+  } catch (const InputError& error) {
+    summary.fault = error.what();
+  }
+  return summary;
+}
+
+}  // namespace xraycast

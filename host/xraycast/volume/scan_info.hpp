@@ -1,0 +1,61 @@
+#pragma once
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/volume/slice_source.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A scan's properties, known before its voxels are read: those of the files. `geometry()` of the source is
+/// the grid that will be delivered.
+struct ScanInfo {
+  std::string format;    ///< "DICOM", "NIfTI", "NRRD", "MetaImage" or "GE Genesis"
+  std::string modality;  ///< "CT" where the format does not say
+  std::string series;    ///< DICOM: number, description and UID of the series that was chosen
+  std::vector<std::string> other_series;  ///< the other series, one readable line each
+  struct Series {
+    std::string number, description, uid, modality;
+    std::int64_t slices;      ///< files, before slices at the same position are left out
+    std::string orientation;  ///< "axial", "coronal" or "sagittal"; empty if unknown
+    double thickness_mm;      ///< 0 if unknown
+    bool chosen;
+  };
+  std::vector<Series> all_series;  ///< DICOM: all series of greyscale images, the best CT series first
+  Index3 size{0, 0, 0};            ///< columns, rows and slices as stored
+  glm::dvec3 spacing_mm{1, 1,
+                        1};  ///< along the stored axes; the third is the median distance along the normal
+  std::string orientation;   ///< direction in which each stored axis grows, such as "LPS" or "RAS"
+  double tilt_deg = 0;       ///< gantry tilt, from the slice positions; 0 when the stack is not sheared
+  struct Gap {
+    std::int64_t after_slice;  ///< index of the slice below it, 0 the most inferior
+    double mm;                 ///< distance to the next slice along the normal
+  };
+  std::vector<Gap> gaps;           ///< distances that differ from the median by more than 1 %
+  std::vector<std::string> notes;  ///< changes to the data (resampled, reoriented), one line each
+  std::vector<std::string>
+      warnings;  ///< what the user should look at (MR, a choice made alone, gaps), one line each
+};
+
+/// How to open a scan.
+struct ScanOptions {
+  std::string series;         ///< DICOM: part of a series' UID, description or its number; empty: the best CT
+  bool keep_slices = false;   ///< reject an unevenly spaced stack instead of resampling it
+  bool skip_damaged = false;  ///< leave damaged slices of a series out, and interpolate across them
+};
+
+/// Thrown for a damaged slice that ScanOptions::skip_damaged would leave out.
+class DamagedSlice : public InputError {
+  using InputError::InputError;
+};
+
+/// An opened scan: its properties, and the source of its slices.
+struct Scan {
+  ScanInfo info;
+  std::unique_ptr<SliceSource> source;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,43 @@
+#include "xraycast/volume/volume.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <cmath>
+#include <string>
+#include <unistd.h>
+
+namespace xraycast {
+namespace {
+
+std::int64_t physical_memory_B() {
+  return static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) *
+         static_cast<std::int64_t>(sysconf(_SC_PAGE_SIZE));
+}
+
+}  // namespace
+
+void validate(const VolumeGeometry& geometry, const std::string& name) {
+  constexpr std::int64_t kMaxSize = 65536;
+  for (int axis = 0; axis < 3; ++axis) {
+    if (geometry.size[axis] < 1 || geometry.size[axis] > kMaxSize)
+      throw InputError("{}: size {} x {} x {} is outside 1 to {} per axis", name, geometry.size.x,
+                       geometry.size.y, geometry.size.z, kMaxSize);
+    if (!std::isfinite(geometry.spacing_mm[axis]) || geometry.spacing_mm[axis] <= 0)
+      throw InputError("{}: voxel spacing {} x {} x {} mm must be finite and above zero", name,
+                       geometry.spacing_mm.x, geometry.spacing_mm.y, geometry.spacing_mm.z);
+    if (!std::isfinite(geometry.origin_mm[axis]))
+      throw InputError("{}: the origin ({}, {}, {}) must be finite", name, geometry.origin_mm.x,
+                       geometry.origin_mm.y, geometry.origin_mm.z);
+  }
+}
+
+Volume::Volume(const VolumeGeometry& geometry) : geometry_(geometry) {
+  validate(geometry, "volume");
+  const std::int64_t bytes = geometry.voxel_count() * static_cast<std::int64_t>(sizeof(std::int16_t));
+  if (bytes > physical_memory_B())
+    throw InputError("{} x {} x {} voxels need {} GiB, more than this machine's memory", geometry.size.x,
+                     geometry.size.y, geometry.size.z, bytes >> 30);
+  hu_ = std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(geometry.voxel_count()));
+}
+
+}  // namespace xraycast
