@@ -98,7 +98,7 @@ std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm)
     const double share = static_cast<double>(k) / layers;
     radii.push_back(radius_mm * (rule == RadiiRule::equal_area        ? std::sqrt(share)
                                  : rule == RadiiRule::equal_thickness ? share
-                                                                      : std::pow(share, 0.44)));
+                                                                      : std::pow(share, 0.43)));
   }
   return radii;
 }

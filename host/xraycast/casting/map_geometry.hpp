@@ -28,7 +28,7 @@ enum class RadiiRule {
   equal_area,  ///< radii ~ sqrt(k): every shell holds the same area of a slice; the most accurate for its
                ///< price
   equal_thickness,  ///< radii ~ k
-  near_skin,  ///< radii ~ k^0.44: finer outside, where shells that follow the body have its skin and what is
+  near_skin,  ///< radii ~ k^0.43: finer outside, where shells that follow the body have its skin and what is
               ///< parallel to it
 };
 
