@@ -9,7 +9,9 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/caster.hpp"
+#include "xraycast/casting/rays_within.hpp"
 #include "xraycast/casting/slab_caster.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -31,13 +33,20 @@ struct CastArguments {
   MapOutput output;
   ScanOptions scan;
   std::string projection = "cylinder", centre = "auto", radius = "auto", centre_line, memory_limit,
-              without_vessels;
+              without_vessels, outline = "circle";
+  bool keeps_table = false;
   AttenuationOptions attenuation;
   std::optional<int> layers, angles, views;
   std::optional<std::string> radii;
 };
 
 constexpr int kAngles = 360, kViews = 36;
+
+bool has_body_outline(const CastArguments& options) { return options.outline == "body"; }
+
+OutlineFinder finder_for(const CastArguments& options, const VolumeGeometry& volume) {
+  return OutlineFinder(volume, {.finds_skin = has_body_outline(options), .keeps_table = options.keeps_table});
+}
 
 /// --centre vessels:DIR, X,Y, or X,Y,Z for a sphere, whose z is `z_mm` otherwise.
 glm::dvec3 parse_centre(const CastArguments& options, double z_mm) {
@@ -62,8 +71,8 @@ std::optional<double> given_radius_mm(const CastArguments& options) {
 /// Suggests a smaller radius where a small part of the body, such as the arms, widens all shells.
 void hint_at_radius(const CastArguments& options, const BodyOutline& outline, const Session& session) {
   constexpr double kMuch = 0.85;  // shells get at least 15 % thinner; heads and trunks without arms lie above
-  const bool is_free =
-      options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() && !options.radii;
+  const bool is_free = options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() &&
+                       !options.radii && !has_body_outline(options);
   if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
   const double radius_99_mm = std::ceil(outline.radius_99_mm);
   if (radius_99_mm < kMuch * outline.radius_mm)
@@ -86,17 +95,23 @@ BodyOutline resolve_outline(const CastArguments& options, const OutlineFinder& f
 
 std::vector<double> resolve_radii(const CastArguments& options, double radius_mm) {
   const int layers = options.layers.value_or(1);
-  const std::string rule = options.radii.value_or("equal-area");
+  const std::string rule = options.radii.value_or(has_body_outline(options) ? "near-skin" : "equal-area");
   if (rule == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
   if (rule == "equal-thickness") return shell_radii_mm(RadiiRule::equal_thickness, layers, radius_mm);
+  if (rule == "near-skin") return shell_radii_mm(RadiiRule::near_skin, layers, radius_mm);
   std::vector<double> edges_mm = parse_numbers(rule, "--radii");
   if (edges_mm.size() < 2)
-    throw InputError("--radii {}: must be equal-area, equal-thickness or all edges in mm, innermost first",
-                     rule);
+    throw InputError(
+        "--radii {}: must be equal-area, equal-thickness, near-skin or all edges in mm, innermost "
+        "first",
+        rule);
+  if (has_body_outline(options) && edges_mm.back() <= 1)  // of the outline
+    for (double& edge_mm : edges_mm) edge_mm *= radius_mm;
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
     throw InputError("--radii {} makes {}, but --layers asks for {}", rule,
                      pluralize(edges_mm.size() - 1, "layer"), layers);
-  if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges_mm.back())
+  if (const auto given_mm = given_radius_mm(options);
+      given_mm && *given_mm != edges_mm.back() && !has_body_outline(options))
     throw InputError("--radii {} ends at a radius other than --radius {}; leave --radius out", rule,
                      options.radius);
   return edges_mm;
@@ -134,6 +149,9 @@ void check_applies(const CastArguments& options) {
   check(options.angles.has_value(), "--angles", {"cylinder", "sphere"});
   check(options.views.has_value(), "--views", {"rectangle"});
   check(!options.centre_line.empty(), "--centre-line", {"cylinder"});
+  check(has_body_outline(options), "--outline body", {"cylinder", "sphere"});
+  if (options.keeps_table && !has_body_outline(options))
+    throw InputError("--keep-table: circles do not leave the table out; give --outline body too");
   if (!options.centre_line.empty() && options.centre != "auto")
     throw InputError("--centre {} and --centre-line {}: give only one of them", options.centre,
                      options.centre_line);
@@ -191,6 +209,33 @@ MapGeometry resolve_geometry(const CastArguments& options, const VolumeGeometry&
                                         : resolve_cylinder(options, volume, outline);
 }
 
+/// The same with shells that follow the body, if that is asked for.
+MapGeometry resolve_shells(const CastArguments& options, const VolumeGeometry& volume,
+                           const OutlineFinder& finder, const Session& session) {
+  const MapGeometry circles = resolve_geometry(options, volume, resolve_outline(options, finder, session));
+  return has_body_outline(options) ? fit_to_body(circles, finder) : circles;
+}
+
+/// The share of the scan's attenuation that lies outside of the map's shells, by a coarse projection.
+double share_outside(const ResidentScan& scan, const MapGeometry& geometry, const Opacity& opacity,
+                     Progress& progress) {
+  constexpr double kPixel_mm = 4;
+  const VolumeGeometry& volume = scan.geometry();
+  View view{.centre_mm = 0.5 * (volume.lower_mm() + volume.upper_mm()), .pixel_mm = kPixel_mm};
+  view = fitted(view, volume,
+                {glm::dvec2(view.centre_mm),
+                 0.5 * glm::distance(glm::dvec2(volume.lower_mm()), glm::dvec2(volume.upper_mm()))});
+  const auto sum = [](const std::vector<float>& taus) {
+    double total = 0;
+    for (const float tau : taus) total += tau;
+    return total;
+  };
+  std::vector<RaySegment> segments;
+  for (const PixelSegment& part : segments_within(view, geometry)) segments.push_back(part.segment);
+  const double whole = sum(project(scan, view, opacity, progress).tau);
+  return whole > 0 ? std::max(0.0, 1 - sum(project(scan, segments, opacity, progress)) / whole) : 0;
+}
+
 /// `--memory-limit` in bytes, by default the device's largest buffer.
 std::int64_t memory_limit_B(const CastArguments& options, const ComputeDevice& device) {
   if (options.memory_limit.empty()) return device.info().max_allocation_B;
@@ -214,18 +259,18 @@ struct Casting {
   LoadTimings timings;
   std::optional<Basis> basis{};
   double basis_ms = 0;
+  std::optional<double> outside{};  ///< see share_outside
 };
 
 Casting cast_resident(const CastArguments& options, const std::variant<Opacity, Spectrum>& attenuation,
                       const std::vector<double>& knots_hu, const Scan& scan, ComputeDevice& device,
                       Session& session) {
   Progress& progress = session.progress;
-  OutlineFinder finder(scan.source->geometry());
+  OutlineFinder finder = finder_for(options, scan.source->geometry());
   LoadTimings timings;
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
-  const MapGeometry geometry =
-      resolve_geometry(options, resident.native.geometry(), resolve_outline(options, finder, session));
+  const MapGeometry geometry = resolve_shells(options, resident.native.geometry(), finder, session);
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   Casting casting{spectrum ? cast(resident, geometry, *spectrum, progress)
                            : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
@@ -235,6 +280,9 @@ Casting cast_resident(const CastArguments& options, const std::variant<Opacity, 
     casting.basis = make_basis(resident.native, geometry, knots_hu, progress);
     casting.basis_ms = making.ms();
   }
+  if (const auto* opacity = std::get_if<Opacity>(&attenuation);
+      opacity && geometry.has_outline() && geometry.centre_mm.size() == 1)
+    casting.outside = share_outside(resident.native, geometry, *opacity, progress);
   return casting;
 }
 
@@ -260,15 +308,15 @@ Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spe
   const std::int64_t slices = slab_slices_within(volume, limit_B);
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity) throw InputError("a spectrum map needs the whole scan in memory; raise --memory-limit");
-  OutlineFinder finder(volume);
+  OutlineFinder finder = finder_for(options, volume);
   LoadTimings timings;
-  if (options.centre == "auto" || options.radius == "auto") {
+  if (options.centre == "auto" || options.radius == "auto" || has_body_outline(options)) {
     const Stopwatch looking;
     look_through(*scan.source, finder, progress);
     scan = open(options, progress);
     timings.read_ms = looking.ms();
   }
-  const MapGeometry geometry = resolve_geometry(options, volume, resolve_outline(options, finder, session));
+  const MapGeometry geometry = resolve_shells(options, volume, finder, session);
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
   return {std::move(result), timings};
@@ -280,7 +328,7 @@ bool is_best_by_slabs(const CastArguments& options, const std::variant<Opacity, 
                       const VolumeGeometry& volume) {
   return volume.size.z > kMaxSlabSlices && options.centre != "auto" && options.radius != "auto" &&
          options.centre_line.empty() && options.basis.empty() && options.projection == "cylinder" &&
-         std::holds_alternative<Opacity>(attenuation);
+         !has_body_outline(options) && std::holds_alternative<Opacity>(attenuation);
 }
 
 void cast_map(const CastArguments& options, Session& session) {
@@ -298,7 +346,7 @@ void cast_map(const CastArguments& options, Session& session) {
   const std::int64_t limit_B = memory_limit_B(options, device);
   const VolumeGeometry& volume = scan.source->geometry();
   const bool fits = resident_bytes(volume) <= limit_B;
-  auto [result, load_timings, basis, basis_ms] =
+  auto [result, load_timings, basis, basis_ms, outside] =
       fits && !is_best_by_slabs(options, attenuation, volume)
           ? cast_resident(options, attenuation, knots_hu, scan, device, session)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
@@ -332,6 +380,13 @@ void cast_map(const CastArguments& options, Session& session) {
       pluralize(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
       geometry.centre_mm[0].y, std::visit([](const auto& a) { return a.name(); }, attenuation),
       load_timings.read_ms, load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
+  if (outside) {
+    json["outside_share"] = *outside;
+    text += fmt::format(
+        "{:.2g} % of the scan's attenuation, that of air included where it absorbs, lies outside of "
+        "the outline\n",
+        100 * *outside);
+  }
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;
@@ -365,9 +420,20 @@ void add_cast(CLI::App& app, Session& session) {
       ->type_name("NAME");
   command->add_option("--layers", options->layers, "Number of concentric shells (default 1)")->type_name("K");
   command
-      ->add_option("--radii", options->radii,
-                   "equal-area (default), equal-thickness, or all edges in mm, innermost first")
+      ->add_option(
+          "--radii", options->radii,
+          "equal-area (default for circles), near-skin (for --outline body), equal-thickness, or all edges "
+          "in mm, innermost first; of a body's outline, numbers up to 1 are fractions")
       ->type_name("RULE|MM,MM,...");
+  command
+      ->add_option("--outline", options->outline,
+                   "What the shells follow: circle, or body, the body's own outline without the table, which "
+                   "shows more with as many layers")
+      ->check(CLI::IsMember({"body", "circle"}))
+      ->capture_default_str()
+      ->type_name("NAME");
+  command->add_flag("--keep-table", options->keeps_table,
+                    "--outline body: an outline that holds all in the scan, such as the table");
   command
       ->add_option("--angles", options->angles,
                    "Rays per full turn around the axis, the map's width (default 360)")
@@ -385,7 +451,9 @@ void add_cast(CLI::App& app, Session& session) {
           "--centre-line", options->centre_line,
           "cylinder: the axis follows a curve, monotonic in z: a CSV of x,y,z in mm (LPS) or a vessel tree")
       ->type_name("FILE[#BRANCH]");
-  command->add_option("--radius", options->radius, "Outermost radius in mm; auto: encloses the body")
+  command
+      ->add_option("--radius", options->radius,
+                   "Outermost radius in mm, which also cuts an outline off; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
   command

@@ -170,7 +170,8 @@ Json to_json(const MapGeometry& geometry) {
           {"height", geometry.height},
           {"layers", geometry.layers()},
           {"radii_mm", geometry.radii_mm},
-          {"centre_mm", {centre_mm.x, centre_mm.y}}};
+          {"centre_mm", {centre_mm.x, centre_mm.y}},
+          {"outline", geometry.has_outline() ? "body" : "circle"}};
 }
 
 }  // namespace xraycast::cli

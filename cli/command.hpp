@@ -81,7 +81,7 @@ std::string frame_of_reference_uid(const ScanInfo& scan);
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);
 
-/// {"width", "height", "layers", "radii_mm", "centre_mm"}, the last of row 0.
+/// {"width", "height", "layers", "radii_mm", "centre_mm", "outline"}, the centre of row 0.
 Json to_json(const MapGeometry& geometry);
 
 }  // namespace xraycast::cli

@@ -23,9 +23,10 @@ static void weigh(const float hu, const float length_mm, global const float2* kn
  * is exact. */
 kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
                         global const float2* centres, global const float2* directions,
-                        constant const XrcShell* shells, global const float2* knots,
-                        global const uchar* below, const int count, const long first_tile, const int tiles,
-                        global ulong* touched, global ushort* weights) {
+                        global const float* scales, constant const XrcShell* shells,
+                        global const float2* knots, global const uchar* below, const int count,
+                        const long first_tile, const int tiles, global ulong* touched,
+                        global ushort* weights) {
   const int item = (int)get_global_id(0);
   if (item >= tiles) return;
   const long tile = first_tile + item;
@@ -40,7 +41,8 @@ kernel void weigh_tiles(SCAN voxels, const XrcScan scan, const XrcCylinder cylin
   for (int start = 0; start < XRC_BRICK_SLICES; start += SLICES) {
     const int run = (brick * XRC_BRICK_SLICES + start) / SLICES;
     if (run * SLICES >= scan.size_z) break;
-    const Ray ray = ray_along(centres[run * SLICES], directions[column], run, &cylinder, &scan);
+    const float scale = scales[(scan.size_z - 1 - run * SLICES) * cylinder.map.scale_stride + column];
+    const Ray ray = ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan);
     for (int i = first; i < last; ++i) {
       const float length_mm = i < shell.first  ? shell.head_mm
                               : i < shell.last ? cylinder.map.step_mm

@@ -67,14 +67,16 @@ static Slices sum_of_mu(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
 #include "shell_loop.h"
 
 /* One work-item follows the rays of one angle through SLICES slices and writes their texel of every layer.
- * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle. */
+ * `centres` holds every slice's centre in voxels, `directions` the sine and cosine of every angle, `scales`
+ * by what the texels' rays and their shells are longer (MapGeometry::outline_mm). */
 kernel void cast_cylinder(SCAN voxels, const XrcScan scan, const XrcCylinder cylinder,
                           global const float2* centres, global const float2* directions,
-                          constant const XrcShell* shells, constant const XrcOpacity* opacity,
-                          global const float2* table, global float* tau) {
+                          global const float* scales, constant const XrcShell* shells,
+                          constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), run = (int)get_global_id(1);
   if (column >= cylinder.map.width || run * SLICES >= scan.size_z) return;
-  const Ray ray = ray_along(centres[run * SLICES], directions[column], run, &cylinder, &scan);
   const int row = scan.size_z - 1 - run * SLICES; /* row 0 is the most superior slice */
-  cast_shells(voxels, &scan, &ray, &cylinder.map, column, row, shells, opacity, table, tau);
+  const float scale = scales[row * cylinder.map.scale_stride + column];
+  const Ray ray = ray_along(centres[run * SLICES], directions[column] * scale, run, &cylinder, &scan);
+  cast_shells(voxels, &scan, &ray, &cylinder.map, column, row, scale, shells, opacity, table, tau);
 }

@@ -15,10 +15,11 @@ static TilePlace place_of(const long tile, const int width, const int height, co
   return place;
 }
 
-/* tau = sum over the knots of mu * weight. */
+/* tau = sum over the knots of mu * weight, times the scale of the texel's ray (see cast_cylinder). */
 kernel void recast(global const ulong* touched, global const uint* first_row, global const ushort* weights,
                    const long tiles, const int run, const int width, const int height, const int layers,
-                   constant const float* unit_mm, constant const float* mu, global float* tau) {
+                   constant const float* unit_mm, global const float* scales, const int scale_stride,
+                   constant const float* mu, global float* tau) {
   const long first = (long)get_global_id(0) * run;
   for (long tile = first; tile < min(first + run, tiles); ++tile) {
     float16 sum = 0.0f;
@@ -33,6 +34,7 @@ kernel void recast(global const ulong* touched, global const uint* first_row, gl
     vstore16(sum * unit_mm[place.layer], 0, texels);
     global float* texel = tau + ((long)place.layer * height + place.row) * width + place.column;
     const int slices = min(XRC_BRICK_SLICES, place.row + 1);
-    for (int s = 0; s < slices; ++s) texel[-(long)s * width] = texels[s];
+    global const float* scale = scales + (long)place.row * scale_stride + place.column;
+    for (int s = 0; s < slices; ++s) texel[-(long)s * width] = texels[s] * scale[-(long)s * scale_stride];
   }
 }

@@ -20,11 +20,12 @@
 #endif
 
 /* Writes the texels of every layer: `row` is that of the lowest slice, whose neighbours have the rows above.
+ * `scale` is by what the ray's samples are longer than the map's step.
  * All layers share one sample grid; a sample that straddles a shell's edge is taken once and split by length.
  */
 INLINE void cast_shells(SCAN voxels, const XrcScan* scan, const Ray* ray, const XrcMap* map, const int column,
-                        const int row, constant const XrcShell* shells, constant const XrcOpacity* opacity,
-                        global const float2* table, global float* tau) {
+                        const int row, const float scale, constant const XrcShell* shells,
+                        constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
   const float air_mu = mu_of(XRC_PADDING_HU, opacity, table);
 
 #define MU_AT(i) mu_of_slices(hu_along(voxels, scan, ray, i), opacity, table)
@@ -42,7 +43,7 @@ INLINE void cast_shells(SCAN voxels, const XrcScan* scan, const Ray* ray, const 
       layer_tau = fma(edge_mu, (Slices)shell.tail_mm, layer_tau);
     }
     float texels[SLICES];
-    store(layer_tau, texels);
+    store(layer_tau * scale, texels);
     for (int s = 0; s < SLICES; ++s)
       if (row - s >= 0) tau[((long)k * map->height + row - s) * map->width + column] = texels[s];
   }

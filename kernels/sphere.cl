@@ -46,12 +46,13 @@ INLINE void store(const Slices value, float* values) { *values = value; }
 #include "shell_loop.h"
 
 /* The ray at the angles whose sine and cosine are `azimuth` and `polar`. */
-INLINE Ray ray_along(const float2 azimuth, const float2 polar, const XrcSphere* sphere, const XrcScan* scan) {
+INLINE Ray ray_along(const float2 azimuth, const float2 polar, const float scale, const XrcSphere* sphere,
+                     const XrcScan* scan) {
   const int samples = sphere->map.samples;
   Ray ray;
   ray.centre = (float3)(sphere->centre[0], sphere->centre[1], sphere->centre[2]);
-  ray.step = (float3)(polar.x * azimuth.x * sphere->step[0], -polar.x * azimuth.y * sphere->step[1],
-                      polar.y * sphere->step[2]);
+  ray.step = scale * (float3)(polar.x * azimuth.x * sphere->step[0], -polar.x * azimuth.y * sphere->step[1],
+                              polar.y * sphere->step[2]);
   ray.inside = min(min(samples_within(ray.centre.x, ray.step.x, 0.0f, (float)(scan->size_x - 1), samples),
                        samples_within(ray.centre.y, ray.step.y, 0.0f, (float)(scan->size_y - 1), samples)),
                    samples_within(ray.centre.z, ray.step.z, -0.5f, (float)scan->size_z - 0.5f, samples));
@@ -59,12 +60,14 @@ INLINE Ray ray_along(const float2 azimuth, const float2 polar, const XrcSphere* 
 }
 
 /* One work-item follows one ray and writes its texel of every layer, as in cast_cylinder. `azimuths` and
- * `polars` hold the sine and cosine of every column's phi and every row's theta. */
+ * `polars` hold the sine and cosine of every column's phi and every row's theta, `scales` is as there. */
 kernel void cast_sphere(SCAN voxels, const XrcScan scan, const XrcSphere sphere, global const float2* polars,
-                        global const float2* azimuths, constant const XrcShell* shells,
-                        constant const XrcOpacity* opacity, global const float2* table, global float* tau) {
+                        global const float2* azimuths, global const float* scales,
+                        constant const XrcShell* shells, constant const XrcOpacity* opacity,
+                        global const float2* table, global float* tau) {
   const int column = (int)get_global_id(0), row = (int)get_global_id(1);
   if (column >= sphere.map.width || row >= sphere.map.height) return;
-  const Ray ray = ray_along(azimuths[column], polars[row], &sphere, &scan);
-  cast_shells(voxels, &scan, &ray, &sphere.map, column, row, shells, opacity, table, tau);
+  const float scale = scales[row * sphere.map.scale_stride + column];
+  const Ray ray = ray_along(azimuths[column], polars[row], scale, &sphere, &scan);
+  cast_shells(voxels, &scan, &ray, &sphere.map, column, row, scale, shells, opacity, table, tau);
 }

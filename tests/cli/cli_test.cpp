@@ -203,6 +203,19 @@ const BadCall kBadCalls[] = {
        write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n20,1500,0\n");
      }},
 
+    // Outlines.
+    {"OutlineOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --outline body", 3,
+     "--outline body does not apply to --projection rectangle; leave it out"},
+    {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table", 3,
+     "--keep-table: circles do not leave"},
+    {"OutlineOfAir", "cast @/a.nii -o @/out.exr --outline body", 3, "nothing in the scan lies above -300 HU",
+     [](const TemporaryFolder& f) {
+       NiftiFile air = water(12);
+       const std::vector<std::int16_t> hu(air.voxels.size() / 2, -1000);
+       air.voxels.assign(reinterpret_cast<const char*>(hu.data()), 2 * hu.size());
+       write_bytes(f / "a.nii", air.bytes());
+     }},
+
     // The scan.
     {"MissingScan", "cast @/nothing -o @/out.exr", 3, "nothing: no such file or folder"},
     {"EmptyFolder", "cast @/empty -o @/out.exr", 3, "the folder is empty",
@@ -611,8 +624,10 @@ TEST_F(Cli, CastSaysWhatItMade) {
   EXPECT_THAT(keys_of(said), ElementsAre("input", "map", "timings_ms"));
   EXPECT_EQ(said["input"], (folder_ / "ct.nrrd").string());
   EXPECT_EQ(said["map"], Json::parse(R"({"width": 90, "height": 32, "layers": 2,
-                                         "radii_mm": [0.0, 20.0, 30.5], "centre_mm": [-3.5, 2.0]})"));
-  EXPECT_THAT(keys_of(said["map"]), ElementsAre("width", "height", "layers", "radii_mm", "centre_mm"));
+                                         "radii_mm": [0.0, 20.0, 30.5], "centre_mm": [-3.5, 2.0],
+                                         "outline": "circle"})"));
+  EXPECT_THAT(keys_of(said["map"]),
+              ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline"));
   EXPECT_THAT(keys_of(said["timings_ms"]), ElementsAre("read", "upload", "kernel", "write", "total"));
   for (const auto& [stage, ms] : said["timings_ms"].items()) {
     EXPECT_GT(ms, 0) << stage;
@@ -622,6 +637,32 @@ TEST_F(Cli, CastSaysWhatItMade) {
   EXPECT_THAT(map.geometry.radii_mm, ElementsAre(0, 20, 30.5));
   EXPECT_EQ(map.geometry.width, 90);
   EXPECT_THAT(map.source, HasSubstr("ct.nrrd"));
+}
+
+TEST_F(Cli, CastFollowsTheBody) {
+  output_of("phantom thorax --size 80x80x40 --spacing 5 -o @/ct.nrrd");
+  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --outline body --keep-basis @/b.basis");
+  EXPECT_EQ(said["map"]["outline"], "body");
+  EXPECT_GT(said["outside_share"], 0);
+  EXPECT_LT(said["outside_share"], 0.5);
+  const MapGeometry map = read_body_map(folder_ / "map.exr").geometry;
+  EXPECT_EQ(map.outline_mm.size(), 360u);
+  EXPECT_NEAR(said["map"]["radii_mm"][4], std::ranges::max(map.outline_mm), 1e-3);
+  // A recast keeps the outline, and frames are compared with what lies within.
+  EXPECT_EQ(json_of("recast @/b.basis -o @/recast.exr --opacity bilinear")["map"]["outline"], "body");
+  const Json body = json_of("compare @/ct.nrrd @/map.exr --views 2")["mean"];
+  output_of("cast @/ct.nrrd -o @/circle.exr --layers 4");
+  const Json circle = json_of("compare @/ct.nrrd @/circle.exr --views 2")["mean"];
+  EXPECT_GT(body["psnr_db"], circle["psnr_db"]);
+  EXPECT_THAT(keys_of(body), ElementsAre("psnr_db", "ssim", "rmse", "whole_psnr_db"));
+
+  const Json fractions =
+      json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1 --outline body")["map"]["radii_mm"];
+  EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);
+  EXPECT_NEAR(fractions[2], said["map"]["radii_mm"][4], 1e-9);
+  const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60 --outline body")["map"];
+  EXPECT_EQ(narrow["radii_mm"][1], 60.0);
+  json_of("cast @/ct.nrrd -o @/all.exr --outline body --keep-table");
 }
 
 TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
@@ -780,7 +821,7 @@ TEST_F(Cli, CompareFindsMoreLayersCloser) {
   for (const char* layers : {"2", "8", "24"}) {
     output_of("-q cast @/ct.nrrd -o @/map.exr --layers " + std::string(layers));
     const Json json = json_of("compare @/ct.nrrd @/map.exr --views 3 --plot @/plot.png");
-    EXPECT_THAT(keys_of(json["mean"]), ElementsAre("psnr_db", "ssim", "rmse"));
+    EXPECT_THAT(keys_of(json["mean"]), ElementsAre("psnr_db", "ssim", "rmse", "whole_psnr_db"));
     ASSERT_EQ(json["views"].size(), 3u);
     EXPECT_EQ(json["views"][1]["angle_deg"], 120);
     EXPECT_GT(json["mean"]["psnr_db"], before + 3);

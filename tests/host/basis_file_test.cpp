@@ -36,6 +36,15 @@ Basis make_basis(int layers = 4) {
   return basis;
 }
 
+/// The same for shells that follow a body.
+Basis make_outlined_basis() {
+  Basis basis = make_basis();
+  std::vector<float> outline_mm;
+  for (int i = 0; i < basis.geometry.width; ++i) outline_mm.push_back(static_cast<float>(20 + i % 7));
+  basis.geometry = with_outline(basis.geometry, std::move(outline_mm));
+  return basis;
+}
+
 /// A chunk as write_basis documents it.
 std::string chunk(const std::string& tag, const std::string& content) {
   const std::string bytes = tag + bytes_of(std::uint64_t{content.size()}) + content;
@@ -71,6 +80,32 @@ void expect_refused(const std::filesystem::path& path, const std::string& messag
     EXPECT_THAT(error.what(), HasSubstr(message));
     EXPECT_THAT(error.what(), testing::Not(HasSubstr("\n")));
   }
+}
+
+TEST(BasisFile, WithAnOutlineReadsBackTheSame) {
+  const TemporaryFolder folder;
+  const Basis basis = make_outlined_basis();
+  write_basis(basis, folder / "a.basis");
+  const Basis read = read_basis(folder / "a.basis");
+  EXPECT_EQ(read.geometry, basis.geometry);
+  EXPECT_EQ(read.touched, basis.touched);
+  EXPECT_EQ(read.weights, basis.weights);
+}
+
+TEST(BasisFile, WithADamagedOutlineIsRefused) {
+  const TemporaryFolder folder;
+  const std::string start = std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{2});
+  const auto refused = [&](const std::string& count, const std::string& radii, const std::string& message) {
+    write_bytes(folder / "a.basis", start + chunk("HEAD", header("\"source\"", count + "\"source\"")) +
+                                        chunk("OUTL", radii) + chunk("TILE", tiles(0, 0)));
+    expect_refused(folder / "a.basis", message);
+  };
+  refused("", bytes_of(10.0f) + bytes_of(10.0f), "header field outline_radii");
+  refused("\"outline_radii\": 3,", bytes_of(10.0f) + bytes_of(10.0f) + bytes_of(10.0f),
+          "an outline of 3 radii");
+  refused("\"outline_radii\": 2,", bytes_of(10.0f) + bytes_of(-10.0f), "a radius of -10 mm");
+  refused("\"outline_radii\": 2,", bytes_of(9.0f) + bytes_of(9.0f), "its outline reaches 9 mm");
+  refused("\"outline_radii\": 2000000000,", bytes_of(10.0f), "truncated");
 }
 
 TEST(BasisFile, ReadingBackGivesTheSame) {
@@ -165,7 +200,7 @@ std::string basis_with(const std::string& from, const std::string& to) {
 const BadBasis kBadBases[] = {
     {"Foreign", "\x76\x2f\x31\x01 an OpenEXR file, perhaps", "not a basis; make one with `xraycast cast"},
     {"TextModeTransfer", "\x89XRB\n\x1a\n" + basis_with("", "").substr(8), "not a basis"},
-    {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{2}), "version 2, but this program"},
+    {"LaterVersion", std::string(kBasisMagic, 8) + bytes_of(std::uint32_t{3}), "version 3, but this program"},
     {"HugeChunk", kStart + "HEAD" + bytes_of(~std::uint64_t{0}) + header(),
      "chunk 1 (HEAD) is damaged: it claims"},
     {"NotJson", kStart + chunk("HEAD", "{]"), "not a JSON object"},

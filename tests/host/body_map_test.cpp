@@ -78,6 +78,27 @@ TEST(BodyMapFile, OfASpectrumReadsBackTheSame) {
   }
 }
 
+/// An outline for every texel or, of `rows` 1, for every column.
+std::vector<float> outline(const MapGeometry& geometry, int rows) {
+  std::vector<float> radii_mm;
+  for (int i = 0; i < rows * geometry.width; ++i)
+    radii_mm.push_back(static_cast<float>(31 - 7 * std::sin(0.1 * i)));
+  return radii_mm;
+}
+
+TEST(BodyMapFile, WithAnOutlineReadsBackTheSame) {
+  const TemporaryFolder folder;
+  for (BodyMap written : {make_map(3), make_spectrum_map(3)})
+    for (const int rows : {1, written.geometry.height}) {
+      written.geometry = with_outline(written.geometry, outline(written.geometry, rows));
+      write_body_map(written, folder / "map.exr");
+      const BodyMap read = read_body_map(folder / "map.exr");
+      EXPECT_EQ(read.geometry, written.geometry);
+      EXPECT_EQ(read.tau, written.tau);
+      EXPECT_EQ(read.depths, written.depths);
+    }
+}
+
 /// A file's headers, by OpenEXR's C++ library.
 std::vector<Imf::Header> headers_of(const std::filesystem::path& path) {
   const Imf::MultiPartInputFile file(path.c_str());
@@ -108,6 +129,19 @@ TEST(BodyMapFile, VersionSaysWhetherItIsOfASpectrum) {
   const Imf::Header header = headers_of(folder / "spectrum.exr")[0];
   EXPECT_EQ(attribute<int>(header, "version"), 2);
   EXPECT_THAT(channels_of(header), testing::UnorderedElementsAre("water", "bone", "iodine"));
+}
+
+TEST(BodyMapFile, OutlineIsItsLastPart) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(3);
+  map.geometry = with_outline(map.geometry, outline(map.geometry, 1));
+  write_body_map(map, folder / "map.exr");
+  const std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  ASSERT_EQ(headers.size(), 4u);
+  EXPECT_EQ(attribute<int>(headers[0], "version"), 3);
+  EXPECT_EQ(headers[3].name(), "outline");
+  EXPECT_EQ(channels_of(headers[3]), std::vector<std::string>{"radius_mm"});
+  EXPECT_EQ(headers[3].dataWindow(), headers[0].dataWindow());
 }
 
 TEST(BodyMapFile, IsAMultiPartExrThatOthersRead) {

@@ -146,6 +146,59 @@ TEST(CylinderCast, HomogeneousMatterGivesMuTimesThickness) {
   }
 }
 
+/// Half axes of 60 and 35 mm, from the axis at (2, -3).
+std::vector<float> ellipse(const MapGeometry& geometry) {
+  std::vector<float> outline_mm;
+  for (int i = 0; i < geometry.width; ++i) {
+    const double phi = geometry.phi_rad(i);
+    outline_mm.push_back(static_cast<float>(1 / std::hypot(std::sin(phi) / 60, std::cos(phi) / 35)));
+  }
+  return outline_mm;
+}
+
+TEST(OutlinedCast, HomogeneousMatterGivesMuTimesTheShellsThicknessInThatDirection) {
+  const Volume volume = make_volume({128, 128, 18}, {1, 1, 1}, [](const glm::dvec3&) { return 0; });
+  const MapGeometry circles =
+      cylinder_map(volume.geometry(), 360, shell_radii_mm(RadiiRule::near_skin, 8, 60), {2, -3});
+  const MapGeometry geometry = with_outline(circles, ellipse(circles));
+  const auto tau = cast_map(volume, geometry);
+  const std::size_t layer = 360 * 18;
+  for (std::size_t i = 0; i < tau.size(); ++i) {
+    const double thickness_mm = (geometry.radii_mm[i / layer + 1] - geometry.radii_mm[i / layer]) *
+                                geometry.outline_mm[i % 360] / geometry.radius_mm();
+    ASSERT_NEAR(tau[i], water(0) * thickness_mm, kFloat * water(0) * 60) << "texel " << i;
+  }
+}
+
+TEST(OutlinedCast, OfAConstantOutlineIsThatOfTheCircleBitForBit) {
+  const Volume volume = textured_volume({60, 50, 20}, {1, 1, 2});
+  const MapGeometry circles =
+      cylinder_map(volume.geometry(), 90, shell_radii_mm(RadiiRule::equal_area, 8, 24), {1, -2});
+  const MapGeometry same = with_outline(circles, std::vector<float>(90, 24));
+  EXPECT_EQ(cast_map(volume, circles), cast_map(volume, same));
+}
+
+TEST(OutlinedCast, LayersAddUpToOneAndRowsOfTheirOwnAreCastAlike) {
+  const Volume volume = textured_volume({60, 50, 20}, {1, 1, 2});
+  const MapGeometry circles = cylinder_map(volume.geometry(), 90, {0, 30}, {1, -2});
+  std::vector<float> outline_mm;
+  for (int i = 0; i < 90; ++i) outline_mm.push_back(static_cast<float>(23 + 5 * std::sin(0.2 * i)));
+  MapGeometry one = with_outline(circles, outline_mm), many = one;
+  many.radii_mm = shell_radii_mm(RadiiRule::near_skin, 7, one.radius_mm());
+  const auto single = cast_map(volume, one), layers = cast_map(volume, many);
+  std::vector<double> sum(single.size(), 0);
+  for (std::size_t i = 0; i < layers.size(); ++i) sum[i % single.size()] += layers[i];
+  // 1e-5 relative, of sums of 7 floats each.
+  EXPECT_LE(largest_difference(sum, single), 1e-5 * largest(single));
+
+  MapGeometry of_rows = many;
+  of_rows.outline_mm.clear();
+  for (int row = 0; row < of_rows.height; ++row)
+    of_rows.outline_mm.insert(of_rows.outline_mm.end(), outline_mm.begin(), outline_mm.end());
+  // One slice at a time in place of sixteen adds the same up in another order.
+  EXPECT_LE(largest_difference(cast_map(volume, of_rows), layers), kFloat * largest(layers));
+}
+
 TEST(CylinderCast, OffAxisCylindersMatchTheirClosedForm) {
   const glm::dvec2 axis_mm(3, -4), circle_mm(20, 12);
   // The edge falls over one voxel, so that voxels hold what is in them.

@@ -86,6 +86,48 @@ TEST(MapGeometry, RaysReachTheFieldsBorderInWholeSamples) {
   EXPECT_EQ(unknown.reach_mm(90, 3), 40);
 }
 
+/// A circle's map of 8 columns and 2 rows, 40 mm wide, with this outline.
+MapGeometry outlined(std::vector<float> outline_mm) {
+  MapGeometry circles = cylinder_map({{100, 100, 2}, {1, 1, 1}, {-49.5, -49.5, 0}}, 8, {0, 20, 40}, {0, 0});
+  return with_outline(circles, std::move(outline_mm));
+}
+
+TEST(MapOutline, ShellsAreFractionsOfItsLargestRadius) {
+  const MapGeometry map = outlined({10, 20, 30, 20, 10, 20, 30, 20});
+  EXPECT_THAT(map.radii_mm, testing::ElementsAre(0, 15, 30));
+  EXPECT_EQ(map.step_mm, 1);
+  EXPECT_EQ(map.scale(2, 1), 1);
+  EXPECT_NEAR(map.scale(0, 0), 1.0 / 3, 1e-7);  // of a 32-bit float
+  // Half of the outline's way out is half of the shells', in the direction of a column and between two.
+  EXPECT_NEAR(map.shell_radius_mm(5, 0, 0.3), 15, 1e-5);
+  EXPECT_NEAR(map.shell_radius_mm(7.5, -0.5, 1), 15, 1e-5);
+}
+
+TEST(MapOutline, RaysReachTheFieldsBorderInTheirOwnSamples) {
+  MapGeometry map = outlined({10, 20, 30, 20, 10, 20, 30, 20});
+  map.field = FieldOfView{{-49.5, -5, 0}, {49.5, 49.5, 2}};
+  // Column 0 is 22.5 deg from anterior: the border is 5.41 mm away, and its 30 samples are 1/3 mm long.
+  EXPECT_EQ(map.reach_mm(0, 0), 16);
+}
+
+TEST(MapOutline, ThatCannotBeIsRefusedWithTheReason) {
+  const float nan = std::numeric_limits<float>::quiet_NaN();
+  const std::vector<std::pair<std::vector<float>, const char*>> cases{
+      {{10, 20, 30}, "an outline of 3 radii for 8 x 2 texels"},
+      {{10, 20, 30, 20, 10, 0, 30, 20}, "a radius of 0 mm"},
+      {{10, 20, 30, 20, 10, -4, 30, 20}, "a radius of -4 mm"},
+      {{10, 20, 30, 20, 10, nan, 30, 20}, "a radius of nan mm"}};
+  for (const auto& [outline_mm, message] : cases) try {
+      outlined(outline_mm);
+      ADD_FAILURE() << "accepted: " << message;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), testing::HasSubstr(message));
+    }
+  MapGeometry other = outlined(std::vector<float>(8, 30));
+  other.radii_mm = {0, 35};
+  EXPECT_THROW(validate(other, "map"), InputError);
+}
+
 class BadMapTest : public testing::TestWithParam<BadMap> {};
 
 TEST_P(BadMapTest, IsRefusedWithTheReason) {

@@ -95,6 +95,26 @@ class Recast : public testing::TestWithParam<Case> {
   }
 };
 
+TEST(RecastUnderAnOutline, EqualsAColdCast) {
+  const Volume volume = texture();
+  const ResidentScan scan = upload(device(), volume);
+  const MapGeometry circles = geometry_of(volume, 60, 5);
+  std::mt19937 random(5);
+  Progress progress;
+  for (const int rows : {1, circles.height}) {
+    std::vector<float> outline_mm;
+    for (int i = 0; i < rows * circles.width; ++i)
+      outline_mm.push_back(static_cast<float>(25 + 5 * std::sin(0.21 * i)));
+    const MapGeometry geometry = with_outline(circles, outline_mm);
+    const auto knots_hu = random_knots_hu(random, 20);
+    RecastSession session(device(), make_basis(scan, geometry, knots_hu, progress));
+    for (int i = 0; i < 5; ++i) {
+      const Opacity opacity = random_opacity(random, knots_hu);
+      expect_same(session.recast(opacity), cast(scan, geometry, opacity, progress).map);
+    }
+  }
+}
+
 TEST_P(Recast, EqualsAColdCast) {
   const Volume volume = GetParam().volume();
   const ResidentScan scan = upload(device(), volume);

@@ -26,6 +26,24 @@ std::vector<float> cast_map(const Volume& volume, const MapGeometry& geometry,
   return cast(upload(device, volume, storage), geometry, lengths(), progress).map.tau;
 }
 
+TEST(OutlinedSphereCast, HomogeneousMatterGivesTheShellsThicknessInThatDirection) {
+  const Volume volume = make_volume({90, 90, 60}, {1, 1, 1.5}, [](const glm::dvec3&) { return 0; });
+  const MapGeometry circles =
+      sphere_map(volume.geometry(), 64, shell_radii_mm(RadiiRule::near_skin, 6, 38), {1, -2, 0.5});
+  std::vector<float> outline_mm;
+  for (int i = 0; i < circles.width * circles.height; ++i)
+    outline_mm.push_back(static_cast<float>(30 + 8 * std::sin(0.05 * i)));
+  const MapGeometry map = with_outline(circles, outline_mm);
+  const auto tau = cast_map(volume, map);
+  const std::size_t layer = outline_mm.size();
+  for (std::size_t i = 0; i < tau.size(); ++i) {
+    const double scale = outline_mm[i % layer] / map.radius_mm();
+    // As under circles.
+    ASSERT_NEAR(tau[i], scale * (map.radii_mm[i / layer + 1] - map.radii_mm[i / layer]), 1e-3)
+        << "texel " << i;
+  }
+}
+
 /// Water in a ball, its edge over one voxel.
 Volume ball(const glm::dvec3& centre_mm, double radius_mm) {
   return make_volume({90, 90, 60}, {1, 1, 1.5}, [&](const glm::dvec3& p) {

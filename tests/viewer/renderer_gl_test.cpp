@@ -408,6 +408,96 @@ TEST_F(RendererTest, MarchingABentAxisAgreesWithColumnsAboutAStraightOne) {
   }
 }
 
+/// An elliptic cylinder of water, or a round one, and shells that follow it.
+std::shared_ptr<BodyMap> water_cylinder(ComputeDevice& device, double a_mm, double b_mm,
+                                        const ResidentScan** scan) {
+  static std::vector<std::unique_ptr<ResidentScan>> scans;
+  Volume volume({{240, 240, 24}, {1, 1, 2}, {-119.5, -119.5, -23}});
+  const VolumeGeometry& g = volume.geometry();
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x) {
+        const glm::dvec3 p = g.to_world_mm({x, y, z});
+        volume.at(x, y, z) = std::hypot(p.x / a_mm, p.y / b_mm) < 0.96 ? 0 : -1024;
+      }
+  scans.push_back(std::make_unique<ResidentScan>(upload(device, volume)));
+  *scan = scans.back().get();
+  const MapGeometry circles =
+      cylinder_map(g, 360, shell_radii_mm(RadiiRule::near_skin, 16, a_mm), glm::dvec2(0));
+  std::vector<float> outline_mm;
+  for (int i = 0; i < 360; ++i) {
+    const double phi = circles.phi_rad(i);
+    outline_mm.push_back(static_cast<float>(1 / std::hypot(std::sin(phi) / a_mm, std::cos(phi) / b_mm)));
+  }
+  Progress progress;
+  const MapGeometry geometry = a_mm == b_mm ? circles : with_outline(circles, outline_mm);
+  return std::make_shared<BodyMap>(cast(**scan, geometry, Opacity::paper(), progress).map);
+}
+
+/// RMS difference of frames to the matter in the shells, as a share of the largest depth.
+double error_of(const std::shared_ptr<BodyMap>& map, const ResidentScan& scan, const View& view) {
+  Renderer renderer;
+  renderer.set_map(map);
+  const auto drawn = renderer.tau(view, {});
+  std::vector<RaySegment> segments;
+  const auto parts = segments_within(view, map->geometry);
+  for (const PixelSegment& part : parts) segments.push_back(part.segment);
+  Progress progress;
+  const auto depths = project(scan, segments, map->opacity, progress);
+  std::vector<double> truth(drawn.size());
+  for (std::size_t i = 0; i < parts.size(); ++i) truth[parts[i].pixel] += depths[i];
+  double squares = 0;
+  for (std::size_t i = 0; i < drawn.size(); ++i) squares += (drawn[i] - truth[i]) * (drawn[i] - truth[i]);
+  return std::sqrt(squares / static_cast<double>(drawn.size())) / std::ranges::max(truth);
+}
+
+TEST_F(RendererTest, AnEllipticCylinderUnderItsOutlineIsDrawnAsExactlyAsARoundOneUnderCircles) {
+  ComputeDevice device;
+  const ResidentScan *round_scan = nullptr, *elliptic_scan = nullptr;
+  const auto round = water_cylinder(device, 90, 90, &round_scan),
+             elliptic = water_cylinder(device, 110, 70, &elliptic_scan);
+  for (const auto& [tilt_deg, cone] :
+       {std::pair(0.0, std::optional<Cone>()), std::pair(20.0, std::optional<Cone>(Cone{1000, 1500}))})
+    for (const double angle_deg : {0.0, 30.0, 90.0}) {
+      const double as_round = error_of(round, *round_scan, view_of_map(*round, angle_deg, tilt_deg, cone)),
+                   as_elliptic =
+                       error_of(elliptic, *elliptic_scan, view_of_map(*elliptic, angle_deg, tilt_deg, cone));
+      // Shells are as thick, as shares of R; voxels are not, as shares of the narrow side.
+      EXPECT_LT(as_elliptic, 1.3 * as_round + 5e-4) << angle_deg << ' ' << tilt_deg;
+      EXPECT_LT(as_elliptic, 0.01) << angle_deg << ' ' << tilt_deg;
+    }
+}
+
+TEST_F(RendererTest, MarchingUnderAnOutlineAgreesWithColumns) {
+  ComputeDevice device;
+  const ResidentScan* scan = nullptr;
+  const auto straight = water_cylinder(device, 110, 70, &scan);
+  auto bent = std::make_shared<BodyMap>(*straight);
+  bent->geometry.centre_mm.assign(static_cast<std::size_t>(bent->geometry.height), glm::dvec2(0));
+  auto of_rows = std::make_shared<BodyMap>(*straight);
+  of_rows->geometry.outline_mm.clear();
+  for (int row = 0; row < of_rows->geometry.height; ++row)
+    for (const float radius_mm : straight->geometry.outline_mm)
+      of_rows->geometry.outline_mm.push_back(radius_mm);
+  Renderer columns, march;
+  columns.set_map(straight);
+  const View view = view_of_map(*straight, 55, 12, Cone{800, 1200});
+  for (const Compositing compositing : {Compositing::path, Compositing::wall}) {
+    Style style;
+    style.sampling.compositing = compositing;
+    const auto a = columns.tau(view, style);
+    for (const auto& map : {bent, of_rows}) {
+      march.set_map(map);
+      const auto b = march.tau(view, style);
+      double squares = 0;
+      for (std::size_t i = 0; i < a.size(); ++i) squares += (a[i] - b[i]) * (a[i] - b[i]);
+      // Two quadratures of the same function; walls have hard edges, which a ray's steps miss by up to one.
+      EXPECT_LT(std::sqrt(squares / static_cast<double>(a.size())) / std::ranges::max(a),
+                compositing == Compositing::path ? 0.01 : 0.05);
+    }
+  }
+}
+
 TEST_F(RendererTest, ManyLayersApproachTheTrueProjection) {
   ComputeDevice device;
   Progress progress;

@@ -1,7 +1,11 @@
-// Ray marching through a map: spheres, and cylinders about a curved axis. Variants: SPHERE, WALL.
+// Ray marching through a map: spheres, and cylinders about a curved axis. Variants: SPHERE, WALL,
+// OUTLINE.
 uniform samplerBuffer map_texels;      // four rows per texel (map_texels.hpp)
 uniform samplerBuffer axis_table;      // x, y of the axis in every row; one entry for a sphere
 uniform samplerBuffer layer_table;     // layer and weight of the next one, for evenly spaced radii
+#ifdef OUTLINE
+uniform samplerBuffer outline_table;   // R of every column (and the first again) and row, as a share of the largest
+#endif
 uniform int quads, layer_stride, layer_places, layers;
 uniform float map_rows, map_columns;
 uniform vec3 body_centre_mm;           // of the cylinder or sphere that bounds the map
@@ -58,7 +62,20 @@ vec2 within_bounds(Ray ray) {
   return range;
 }
 
-// A point's coordinates in the map: column, row and radius in mm.
+#ifdef OUTLINE
+float scale_at(vec2 place) {
+  float column = place.x < 0.0 ? place.x + map_columns : place.x;
+  int left = int(column), upper = int(place.y), lower = min(upper + 1, int(map_rows) - 1);
+  int stride = int(map_columns) + 1;
+  vec2 weight = vec2(column - float(left), place.y - float(upper));
+  return mix(mix(texelFetch(outline_table, upper * stride + left).x,
+                 texelFetch(outline_table, upper * stride + left + 1).x, weight.x),
+             mix(texelFetch(outline_table, lower * stride + left).x,
+                 texelFetch(outline_table, lower * stride + left + 1).x, weight.x), weight.y);
+}
+#endif
+
+// A point's coordinates in the map: column, row, and radius in mm as the shells have it.
 vec3 map_coordinates(vec3 point) {
 #ifdef SPHERE
   vec3 p = point - body_centre_mm;
@@ -72,7 +89,11 @@ vec3 map_coordinates(vec3 point) {
   float radius = length(p);
 #endif
   float turn = atan(p.x, -p.y) / kTurn;
-  return vec3((turn < 0.0 ? turn + 1.0 : turn) * map_columns - 0.5, clamp(row, 0.0, map_rows - 1.0), radius);
+  vec2 place = vec2((turn < 0.0 ? turn + 1.0 : turn) * map_columns - 0.5, clamp(row, 0.0, map_rows - 1.0));
+#ifdef OUTLINE
+  radius /= scale_at(place);
+#endif
+  return vec3(place, radius);
 }
 
 float texel(int layer, int column, int row) {

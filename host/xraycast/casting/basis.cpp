@@ -113,7 +113,7 @@ Basis make_basis(const ResidentScan& scan, const MapGeometry& geometry, std::vec
   for (std::int64_t first = 0; first < tiles; first += step) {
     const std::int64_t count = std::min(step, tiles - first);
     set_args(kernel, scan.voxels(), scan.layout(), rays.cylinder(), rays.centres(), rays.azimuths(),
-             rays.shells(), knots, below, static_cast<cl_int>(basis.knots_hu.size()),
+             rays.scales(), rays.shells(), knots, below, static_cast<cl_int>(basis.knots_hu.size()),
              static_cast<cl_long>(first), static_cast<cl_int>(count), touched, weights);
     device.run(kernel, {count, 1, 1}, {device.info().is_gpu ? 64 : 1, 1, 1});
     const std::span masks = std::span(basis.touched).subspan(first, count);

@@ -62,6 +62,7 @@ std::string header_of(const Basis& basis) {
               {"hu_histogram", basis.hu_histogram},
               {"source", basis.source}};
   if (!basis.frame_of_reference_uid.empty()) header["frame_of_reference_uid"] = basis.frame_of_reference_uid;
+  if (geometry.has_outline()) header["outline_radii"] = geometry.outline_mm.size();
   if (geometry.field) header["field_mm"] = geometry.field->corners_mm();
   // A file's name need not be UTF-8.
   return header.dump(-1, ' ', false, json::error_handler_t::replace);
@@ -142,10 +143,10 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
 class Writer {
  public:
   /// `content_B` is what the chunks will hold.
-  Writer(const std::filesystem::path& path, std::int64_t content_B)
+  Writer(const std::filesystem::path& path, std::uint32_t version, std::int64_t content_B)
       : file_(path), needed_B_(content_B + kOverhead_B) {
     file_.write({kBasisMagic, 8}, needed_B_);
-    put(kBasisVersion);
+    put(version);
   }
 
   void write(const char* tag, std::span<const char> content) {
@@ -183,15 +184,15 @@ class Reader {
     left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
     if (!file_ || error) throw InputError("{}: cannot be opened: {}", name_, std::strerror(errno));
     char magic[8] = {};
-    std::uint32_t version = 0;
-    if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version, 4))
+    if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
       throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
-    if (version != kBasisVersion)
-      throw InputError("{}: basis version {}, but this program reads version {}", name_, version,
-                       kBasisVersion);
+    if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
+      throw InputError("{}: basis version {}, but this program reads versions {} and {}", name_, version_,
+                       kBasisVersion, kBasisOutlineVersion);
   }
 
   const std::string& name() const { return name_; }
+  bool has_outline() const { return version_ == kBasisOutlineVersion; }
 
   /// A chunk of the size that it states.
   std::vector<char> read(const char* tag) {
@@ -259,16 +260,21 @@ class Reader {
   std::string name_;
   std::ifstream file_;
   std::int64_t left_B_ = 0;
+  std::uint32_t version_ = 0;
   int chunk_ = 0;
 };
 
 }  // namespace
 
 void write_basis(const Basis& basis, const std::filesystem::path& path) {
+  const bool has_outline = basis.geometry.has_outline();
   const std::string header = header_of(basis);
-  const auto tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
-  Writer writer(path, static_cast<std::int64_t>(header.size() + tiles.size() + rows.size()));
+  const auto outline = as_chars(std::span(basis.geometry.outline_mm)),
+             tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
+  Writer writer(path, has_outline ? kBasisOutlineVersion : kBasisVersion,
+                static_cast<std::int64_t>(header.size() + outline.size() + tiles.size() + rows.size()));
   writer.write("HEAD", header);
+  if (has_outline) writer.write("OUTL", outline);
   writer.write("TILE", tiles);
   writer.write("ROWS", rows);
   writer.commit();
@@ -276,7 +282,12 @@ void write_basis(const Basis& basis, const std::filesystem::path& path) {
 
 Basis read_basis(const std::filesystem::path& path) {
   Reader reader(path);
-  Basis basis = basis_of(HeaderReader(reader.read("HEAD"), reader.name()), reader.name());
+  const HeaderReader header(reader.read("HEAD"), reader.name());
+  Basis basis = basis_of(header, reader.name());
+  if (reader.has_outline()) {
+    basis.geometry.outline_mm = reader.read<float>("OUTL", header.count("outline_radii"));
+    validate(basis.geometry, reader.name());
+  }
   basis.touched = reader.read<std::uint64_t>("TILE", tile_count(basis.geometry));
   std::int64_t rows = 0;
   for (const std::uint64_t mask : basis.touched) {

@@ -9,6 +9,7 @@ namespace xraycast {
 /// Writes a basis. Numbers are little-endian: the 8 bytes of kBasisMagic, a 32-bit version, then chunks of a
 /// four-letter tag, a 64-bit length, that many bytes, and the CRC-32 (zlib's) of all three:
 ///   `HEAD`  one; geometry, knots, histogram and source as JSON
+///   `OUTL`  the geometry's outline; only where there is one, which makes it a file of version 2
 ///   `TILE`  Basis::touched
 /// `ROWS`  Basis::weights Chunks hold at most 8 MiB, so the last two come in several. Not compressed: zlib
 ///   takes a third off a thorax's basis but takes a second per 20 MB, 60 times as long as the checksums.
@@ -21,6 +22,6 @@ void write_basis(const Basis& basis, const std::filesystem::path& path);
 Basis read_basis(const std::filesystem::path& path);
 
 inline constexpr char kBasisMagic[] = "\x89XRB\r\n\x1a\n";
-inline constexpr std::uint32_t kBasisVersion = 1;
+inline constexpr std::uint32_t kBasisVersion = 1, kBasisOutlineVersion = 2;
 
 }  // namespace xraycast

@@ -18,8 +18,9 @@
 namespace xraycast {
 namespace {
 
-// The version determines the channels.
-constexpr int kTauVersion = 1, kSpectrumVersion = 2;
+// The version determines the channels, or that an outline follows the layers.
+constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3;
+constexpr const char *kOutlinePart = "outline", *kOutlineChannel = "radius_mm";
 
 using nlohmann::json;
 
@@ -54,7 +55,7 @@ ExrPart part_of_layer(const BodyMap& map, int layer) {
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
   };
-  set("version", map.spectrum ? kSpectrumVersion : kTauVersion);
+  set("version", geometry.has_outline() ? kOutlineVersion : map.spectrum ? kSpectrumVersion : kTauVersion);
   set("projection", to_string(geometry.projection));
   set("radii_mm", json(geometry.radii_mm).dump());
   set("centre_mm", centres_to_json(geometry.centre_mm).dump());
@@ -72,6 +73,31 @@ ExrPart part_of_layer(const BodyMap& map, int layer) {
   if (!map.frame_of_reference_uid.empty()) set("frame_of_reference_uid", map.frame_of_reference_uid);
   set("layer", layer);
   return part;
+}
+
+/// The outline of every row.
+std::vector<float> outline_rows(const MapGeometry& geometry) {
+  std::vector<float> rows = geometry.outline_mm;
+  while (rows.size() < static_cast<std::size_t>(geometry.width) * geometry.height)
+    rows.insert(rows.end(), geometry.outline_mm.begin(), geometry.outline_mm.end());
+  return rows;
+}
+
+/// The outline behind the layers: one row of it where all are the same.
+std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
+  const int part = geometry.layers();
+  if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
+  if (file.width(part) != geometry.width || file.height(part) != geometry.height)
+    throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
+                     file.width(part), file.height(part), geometry.width, geometry.height);
+  const auto width = static_cast<std::ptrdiff_t>(geometry.width);
+  std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
+  file.read(part, std::array{ExrTarget{kOutlineChannel, rows}});
+  bool are_alike = geometry.projection == Projection::cylinder;
+  for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
+    are_alike = std::equal(row, row + width, rows.begin());
+  if (are_alike) rows.resize(static_cast<std::size_t>(width));
+  return rows;
 }
 
 /// An xraycast attribute as text; empty when it is missing.
@@ -131,6 +157,15 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
 void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
   std::vector<ExrPart> parts;
   for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, k));
+  std::vector<float> outline;
+  if (map.geometry.has_outline()) {
+    outline = outline_rows(map.geometry);
+    parts.push_back({.name = kOutlinePart,
+                     .width = map.geometry.width,
+                     .height = map.geometry.height,
+                     .compression = ExrCompression::zip,
+                     .channels = {{kOutlineChannel, outline}}});
+  }
   write_exr(parts, path);
 }
 
@@ -140,13 +175,13 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   const ExrReader file(path);
   const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  if (version != kTauVersion && version != kSpectrumVersion)
+  if (version < kTauVersion || version > kOutlineVersion)
     throw InputError("{}: body map version {}, but this program reads versions up to {}", name, version,
-                     kSpectrumVersion);
+                     kOutlineVersion);
 
   BodyMap map;
   map.geometry = geometry_of(file, name);
-  if (version == kSpectrumVersion)
+  if (version == kSpectrumVersion || (version == kOutlineVersion && file.text("xraycast:spectrum")))
     map.spectrum =
         Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
   else
@@ -158,6 +193,10 @@ BodyMap read_body_map(const std::filesystem::path& path) {
                      name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
+  if (version == kOutlineVersion) {
+    map.geometry.outline_mm = read_outline(file, map.geometry, name);
+    validate(map.geometry, name);
+  }
   for (int k = 0; k < layers; ++k)
     if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
       throw InputError("{}: layer {} differs in size from layer 0", name, k);

@@ -32,9 +32,10 @@ struct BodyMap {
 
 /// Writes a multi-part OpenEXR file: part k is layer k, with a 32-bit float channel `tau`, or with `water`,
 /// `bone` and `iodine` (g/cm2). Every part carries the geometry, the opacity or spectrum, and the source in
-/// attributes `xraycast:*`. Spectrum maps are files of version 2, others of version 1, which every version
-/// of the program reads. Lossless: reading back gives the same floats. Throws InputError when `path` cannot
-/// be written, Error when the disk is full.
+/// attributes `xraycast:*`. A map with an outline has one part more, the last: `outline`, with a channel
+/// `radius_mm` for every texel. Spectrum maps are files of version 2, maps with an outline of version 3,
+/// others of version 1, which every version of the program reads. Lossless: reading back gives the same
+/// floats. Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 
 /// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.

@@ -23,8 +23,8 @@ CastResult cast_shells(const ResidentScan& scan, const MapGeometry& geometry, co
       device.kernel(is_sphere ? "sphere" : "cylinder", is_sphere ? "cast_sphere" : "cast_cylinder",
                     device_opacity.build_options() + rays.build_options());
   const auto set = [&](const auto& map, const cl::Buffer& of_rows) {
-    set_args(kernel, scan.voxels(), scan.layout(), map, of_rows, rays.azimuths(), rays.shells(),
-             device_opacity.parameters(), device_opacity.table(), tau);
+    set_args(kernel, scan.voxels(), scan.layout(), map, of_rows, rays.azimuths(), rays.scales(),
+             rays.shells(), device_opacity.parameters(), device_opacity.table(), tau);
   };
   if (is_sphere)
     set(rays.sphere(), rays.polars());

@@ -76,11 +76,11 @@ ImageSimilarity compare(std::span<const float> tau, std::span<const float> drr,
     deepest = std::max(deepest, b);
     ++count;
   }
-  if (count == 0) return {0, 1, 0};
+  if (count == 0) return {0, 1, 0, 0};
   constexpr double kLeast = 1e-12;  // equal pictures have 120 dB
   return {-10 * std::log10(std::max(kLeast, transmission / count)),
           ssim(displayed(tau), displayed(drr), counts, width, height),
-          deepest > 0 ? std::sqrt(depth / count) / deepest : 0};
+          deepest > 0 ? std::sqrt(depth / count) / deepest : 0, deepest};
 }
 
 }  // namespace xraycast

@@ -10,6 +10,7 @@ struct ImageSimilarity {
   double psnr_db;  ///< of the transmissions exp(-tau), peak 1
   double ssim;     ///< of the displayed picture, 1 - exp(-tau / 2.2)
   double rmse;     ///< of the optical depths, relative to the DRR's maximum
+  double deepest;  ///< that maximum
 };
 
 /// Compares two pictures (height x width) over the pixels where `counts` is not 0. Transmission is

@@ -10,8 +10,8 @@ namespace xraycast {
 namespace {
 
 static_assert(sizeof(XrcShell) == 16);
-static_assert(sizeof(XrcCylinder) == 28);
-static_assert(sizeof(XrcSphere) == 44);
+static_assert(sizeof(XrcCylinder) == 32);
+static_assert(sizeof(XrcSphere) == 48);
 
 using Pair = std::array<float, 2>;
 
@@ -64,7 +64,12 @@ std::vector<XrcShell> shells_of(const MapGeometry& geometry) {
 
 XrcMap map_of(const MapGeometry& geometry) {
   const auto samples = static_cast<int>(std::ceil(on_grid(geometry.radius_mm() / geometry.step_mm)));
-  return {geometry.width, geometry.height, geometry.layers(), samples, static_cast<float>(geometry.step_mm)};
+  return {geometry.width,
+          geometry.height,
+          geometry.layers(),
+          samples,
+          static_cast<float>(geometry.step_mm),
+          scale_stride(geometry)};
 }
 
 }  // namespace
@@ -79,6 +84,7 @@ DeviceRays::DeviceRays(const ResidentScan& scan, const MapGeometry& geometry)
         geometry.height, scan.geometry().size.z);
   ComputeDevice& device = scan.device();
   azimuths_ = upload_directions(device, geometry.width, [&](int column) { return geometry.phi_rad(column); });
+  scales_ = upload_scales(device, geometry);
   shells_ = device.upload(std::span<const XrcShell>(shells_of(geometry)));
   if (geometry.projection == Projection::cylinder)
     centres_ = upload_centres(device, geometry, scan.geometry());
@@ -101,14 +107,26 @@ XrcSphere DeviceRays::sphere() const {
   return parameters;
 }
 
+bool DeviceRays::has_rows_alike() const {
+  return geometry_.centre_mm.size() == 1 && geometry_.has_plane_outline();
+}
+
 std::string DeviceRays::build_options() const {
-  return scan_.build_options() + (geometry_.centre_mm.size() > 1 ? " -DONE_SLICE" : "");
+  return scan_.build_options() + (has_rows_alike() ? "" : " -DONE_SLICE");
 }
 
 int DeviceRays::slices_per_item() const {
-  return geometry_.projection == Projection::sphere || geometry_.centre_mm.size() > 1
-             ? 1
-             : scan_.slices_per_item();
+  return geometry_.projection == Projection::sphere || !has_rows_alike() ? 1 : scan_.slices_per_item();
 }
+
+cl::Buffer upload_scales(ComputeDevice& device, const MapGeometry& geometry) {
+  std::vector<float> scales;
+  for (int row = 0; row < (geometry.has_plane_outline() ? 1 : geometry.height); ++row)
+    for (int column = 0; column < geometry.width; ++column)
+      scales.push_back(static_cast<float>(geometry.scale(column, row)));
+  return device.upload(std::span<const float>(scales));
+}
+
+int scale_stride(const MapGeometry& geometry) { return geometry.has_plane_outline() ? 0 : geometry.width; }
 
 }  // namespace xraycast

@@ -42,6 +42,25 @@ double step_within(const std::vector<double>& radii_mm, double most_mm) {
   return radii_mm.empty() ? most_mm : radii_mm.back() / std::max(1.0, std::ceil(radii_mm.back() / most_mm));
 }
 
+void validate_outline(const MapGeometry& geometry, const std::string& name) {
+  const std::size_t width = static_cast<std::size_t>(geometry.width), size = geometry.outline_mm.size();
+  if (geometry.projection == Projection::rectangle)
+    throw InputError("{}: a rectangle map has no outline", name);
+  if (size != width && size != width * static_cast<std::size_t>(geometry.height))
+    throw InputError("{}: an outline of {} radii for {} x {} texels", name, size, geometry.width,
+                     geometry.height);
+  float largest_mm = 0;
+  for (const float radius_mm : geometry.outline_mm) {
+    if (!(radius_mm > 0 && radius_mm <= kMaxRadius_mm))
+      throw InputError("{}: its outline has a radius of {} mm, outside 0 to {}", name, radius_mm,
+                       kMaxRadius_mm);
+    largest_mm = std::max(largest_mm, radius_mm);
+  }
+  if (std::abs(largest_mm - geometry.radius_mm()) > 1e-6 * geometry.radius_mm())
+    throw InputError("{}: its outline reaches {:g} mm, but its shells {:g} mm", name, largest_mm,
+                     geometry.radius_mm());
+}
+
 }  // namespace
 
 FieldOfView field_of(const VolumeGeometry& volume) {
@@ -77,7 +96,9 @@ std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm)
   std::vector<double> radii;
   for (int k = 0; k <= layers; ++k) {
     const double share = static_cast<double>(k) / layers;
-    radii.push_back(radius_mm * (rule == RadiiRule::equal_area ? std::sqrt(share) : share));
+    radii.push_back(radius_mm * (rule == RadiiRule::equal_area        ? std::sqrt(share)
+                                 : rule == RadiiRule::equal_thickness ? share
+                                                                      : std::pow(share, 0.43)));
   }
   return radii;
 }
@@ -97,12 +118,31 @@ FieldOfView FieldOfView::between(const Corners& corners_mm) {
 
 double MapGeometry::view_rad(double layer) const { return layer * std::numbers::pi / views; }
 
+double MapGeometry::scale(int column, int row) const {
+  if (!has_outline()) return 1;
+  const std::size_t first = has_plane_outline() ? 0 : static_cast<std::size_t>(row) * width;
+  return outline_mm[first + static_cast<std::size_t>(column)] / radius_mm();
+}
+
+double MapGeometry::shell_radius_mm(double radius_mm, double column, double row) const {
+  if (!has_outline()) return radius_mm;
+  const double left = std::floor(column), held = std::clamp(row, 0.0, height - 1.0), upper = std::floor(held);
+  const int i = static_cast<int>(left), j = static_cast<int>(upper);
+  const auto at = [&](int dx, int dy) {
+    return scale(((i + dx) % width + width) % width, std::min(j + dy, height - 1));
+  };
+  const double across = column - left, down = held - upper;
+  return radius_mm /
+         std::lerp(std::lerp(at(0, 0), at(1, 0), across), std::lerp(at(0, 1), at(1, 1), across), down);
+}
+
 double MapGeometry::reach_mm(int column, int row) const {
   if (!field) return radius_mm();
   const double phi = phi_rad(column), theta = theta_rad(row);
   glm::dvec3 from(centre_of_row_mm(row), centre_z_mm), along(std::sin(phi), -std::cos(phi), 0);
   if (projection == Projection::sphere)
     along = {std::sin(theta) * along.x, std::sin(theta) * along.y, std::cos(theta)};
+  along *= scale(column, row);
   double samples = radius_mm() / step_mm;
   for (int axis = 0; axis < 3; ++axis) {
     const double room_mm =
@@ -172,6 +212,19 @@ MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius
   return map;
 }
 
+MapGeometry with_outline(MapGeometry circles, std::vector<float> outline_mm) {
+  const double largest_mm = outline_mm.empty() ? 0 : std::ranges::max(outline_mm);
+  if (largest_mm > 0) {
+    const double shrinks = largest_mm / circles.radius_mm();
+    for (double& radius_mm : circles.radii_mm) radius_mm *= shrinks;
+    circles.radii_mm.back() = largest_mm;
+    circles.step_mm = step_within(circles.radii_mm, circles.step_mm);
+  }
+  circles.outline_mm = std::move(outline_mm);
+  validate(circles, "map");
+  return circles;
+}
+
 void validate(const MapGeometry& geometry, const std::string& name) {
   if (geometry.width < 1 || geometry.width > kMaxAngles)
     throw InputError("{}: {} angles, but there must be 1 to {}", name, geometry.width, kMaxAngles);
@@ -205,6 +258,7 @@ void validate(const MapGeometry& geometry, const std::string& name) {
     if (!std::isfinite(lower) || !std::isfinite(upper) || lower > upper)
       throw InputError("{}: its field from {:g} to {:g} mm is invalid", name, lower, upper);
   }
+  if (geometry.has_outline()) validate_outline(geometry, name);
   if (!(geometry.step_mm > 0) || !(geometry.radius_mm() / geometry.step_mm < 1e6))
     throw InputError("{}: step of {} mm is invalid", name, geometry.step_mm);
 }

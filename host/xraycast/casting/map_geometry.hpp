@@ -28,6 +28,8 @@ enum class RadiiRule {
   equal_area,  ///< radii ~ sqrt(k): every shell holds the same area of a slice; the most accurate for its
                ///< price
   equal_thickness,  ///< radii ~ k
+  near_skin,  ///< radii ~ k^0.43: finer outside, where shells that follow the body have its skin and what is
+              ///< parallel to it
 };
 
 /// The `layers` + 1 edges from 0 to `radius_mm`, innermost first.
@@ -72,6 +74,12 @@ struct MapGeometry {
   double row_spacing_mm = 1;          ///< row j lies at top_mm - j * row_spacing_mm; not for spheres
   double step_mm = 1;  ///< sample i of a ray covers the radii [i, i + 1] * step_mm, taken in its middle
 
+  /// Shells that follow the body: R, how far they reach, in the direction of every column (for all rows
+  /// alike), or of every texel, as in the map. Shell k then lies between radii k and k + 1, taken as
+  /// fractions of the largest R, of the R of its direction. Empty: circles, R is radius_mm() everywhere.
+  /// Cylinder and sphere.
+  std::vector<float> outline_mm{};
+
   /// The field of view of the scan, beyond which rays meet nothing. Cylinder and sphere; absent in files of
   /// earlier versions.
   std::optional<FieldOfView> field{};
@@ -80,12 +88,23 @@ struct MapGeometry {
     return projection == Projection::rectangle ? views : static_cast<int>(radii_mm.size()) - 1;
   }
   double radius_mm() const { return radii_mm.back(); }
+  bool has_outline() const { return !outline_mm.empty(); }
+
+  /// Whether the outline, if there is one, is the same in all rows.
+  bool has_plane_outline() const { return outline_mm.size() <= static_cast<std::size_t>(width); }
+
+  /// R as a share of the largest: what a length along the ray of a texel is to that between its radii_mm.
+  double scale(int column, int row) const;
+
+  /// The radius, as radii_mm have it, of a place that is `radius_mm` from the axis or centre, at a column and
+  /// a row of the map which need not be whole.
+  double shell_radius_mm(double radius_mm, double column, double row) const;
   double phi_rad(double column) const;
   double theta_rad(double row) const;
   double view_rad(double layer) const;
 
-  /// The radius at which a texel's ray leaves the field, rounded to the whole samples within it, as in
-  /// casting; radius_mm() if it does not leave.
+  /// The radius, in the units of radii_mm, at which a texel's ray leaves the field, rounded to the whole
+  /// samples within it, as in casting; radius_mm() if it does not leave.
   double reach_mm(int column, int row) const;
 
   double z_mm(double row) const { return top_mm - row * row_spacing_mm; }
@@ -113,6 +132,10 @@ MapGeometry sphere_map(const VolumeGeometry& volume, int angles, std::vector<dou
 /// Throws InputError likewise, and for `views` outside 1 to 3600 or pictures of more than 16384 pixels per
 /// side.
 MapGeometry rectangle_map(const VolumeGeometry& volume, int views, double radius_mm, glm::dvec2 centre_mm);
+
+/// The same cylinder or sphere map with shells that reach as far as an outline, in place of circles: see
+/// MapGeometry::outline_mm. Throws InputError as validate() does.
+MapGeometry with_outline(MapGeometry circles, std::vector<float> outline_mm);
 
 /// Throws InputError, with `name` in front, when a geometry read from a file is invalid.
 void validate(const MapGeometry& geometry, const std::string& name);

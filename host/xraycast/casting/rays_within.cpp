@@ -1,13 +1,18 @@
 #include "xraycast/casting/rays_within.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/casting/outline_crossings.hpp"
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 #include <glm/vec2.hpp>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
+#include <numbers>
 
 namespace xraycast {
 namespace {
@@ -25,7 +30,90 @@ std::optional<glm::dvec2> within_radius(const Vector& from, const Vector& along,
   return glm::dvec2(-b - root, -b + root) / a;
 }
 
+/// Of a ray in a map's circle, what lies in its outline: `is_within` of the share of the way, between places
+/// where that changes.
+template <typename IsWithin>
+std::vector<RaySegment> parts_within(const RaySegment& ray, const std::vector<double>& changes,
+                                     const IsWithin& is_within) {
+  std::vector<RaySegment> parts;
+  for (std::size_t i = 0; i + 1 < changes.size(); ++i)
+    if (changes[i] < changes[i + 1] && is_within(0.5 * (changes[i] + changes[i + 1])))
+      parts.push_back({glm::mix(ray.start_mm, ray.end_mm, changes[i]),
+                       glm::mix(ray.start_mm, ray.end_mm, changes[i + 1])});
+  return parts;
+}
+
+/// In a cylinder whose outline is the same in all rows.
+std::vector<RaySegment> within_plane_outline(const RaySegment& ray, const MapGeometry& geometry,
+                                             const OutlineCrossings& outline) {
+  const glm::dvec2 start = glm::dvec2(ray.start_mm) - geometry.centre_mm[0],
+                   run = glm::dvec2(ray.end_mm) - glm::dvec2(ray.start_mm);
+  const double length = glm::length(run);
+  if (length < 1e-9) return {ray};  // along the axis
+  const glm::dvec2 direction = run / length;
+  const double foot_mm = -glm::dot(start, direction);
+  const OutlineCrossings::Line line(outline, start + foot_mm * direction, direction);
+  std::vector<double> changes{0};
+  for (const auto& crossing : outline.crossings(line, std::array{geometry.radius_mm()}))
+    changes.push_back(std::clamp((crossing.along_mm + foot_mm) / length, 0.0, 1.0));
+  changes.push_back(1);
+  return parts_within(ray, changes, [&](double share) {
+    return line.shell_radius_mm(share * length - foot_mm) < geometry.radius_mm();
+  });
+}
+
+/// In any outline, looked for in steps of a millimetre.
+std::vector<RaySegment> within_outline(const RaySegment& ray, const MapGeometry& geometry) {
+  const bool is_sphere = geometry.projection == Projection::sphere;
+  const glm::dvec3 centre(geometry.centre_mm[0], geometry.centre_z_mm);
+  const auto is_within = [&](double share) {
+    const glm::dvec3 place = glm::mix(ray.start_mm, ray.end_mm, share), p = place - centre;
+    const double radius = is_sphere ? glm::length(p) : glm::length(glm::dvec2(p));
+    const double turn = std::atan2(p.x, -p.y) / (2 * std::numbers::pi);
+    const double row = is_sphere ? std::acos(std::clamp(p.z / std::max(radius, 1e-9), -1.0, 1.0)) /
+                                           std::numbers::pi * geometry.height -
+                                       0.5
+                                 : (geometry.top_mm - place.z) / geometry.row_spacing_mm;
+    return geometry.shell_radius_mm(radius, turn * geometry.width - 0.5, row) < geometry.radius_mm();
+  };
+  const int steps = static_cast<int>(std::ceil(glm::distance(ray.start_mm, ray.end_mm)));
+  std::vector<double> changes{0};
+  bool was_within = is_within(0);
+  for (int i = 1; i <= steps; ++i) {
+    double from = (i - 1.0) / steps, to = 1.0 * i / steps;
+    if (is_within(to) == was_within) continue;
+    for (int halving = 0; halving < 20; ++halving) {
+      const double middle = 0.5 * (from + to);
+      (is_within(middle) == was_within ? from : to) = middle;
+    }
+    changes.push_back(0.5 * (from + to));
+    was_within = !was_within;
+  }
+  changes.push_back(1);
+  return parts_within(ray, changes, is_within);
+}
+
 }  // namespace
+
+std::vector<PixelSegment> segments_within(const View& view, const MapGeometry& geometry) {
+  const auto rays = rays_within(view, geometry);
+  const bool is_plane = geometry.has_plane_outline() && geometry.projection == Projection::cylinder;
+  std::optional<OutlineCrossings> outline;
+  if (geometry.has_outline() && is_plane) outline.emplace(geometry);
+  std::vector<std::vector<RaySegment>> parts(rays.size());
+  parallel_for(view.height, [&](std::int64_t row) {
+    for (std::size_t i = static_cast<std::size_t>(row) * view.width;
+         i < static_cast<std::size_t>(row + 1) * view.width; ++i)
+      if (rays[i])
+        parts[i] = outline                  ? within_plane_outline(*rays[i], geometry, *outline)
+                   : geometry.has_outline() ? within_outline(*rays[i], geometry)
+                                            : std::vector{*rays[i]};
+  });
+  std::vector<PixelSegment> segments;
+  for (std::size_t pixel = 0; pixel < parts.size(); ++pixel)
+    for (const RaySegment& part : parts[pixel]) segments.push_back({pixel, part});
+  return segments;
+}
 
 std::vector<std::optional<RaySegment>> rays_within(const View& view, const MapGeometry& geometry) {
   if (geometry.centre_mm.size() > 1)

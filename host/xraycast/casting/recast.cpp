@@ -1,6 +1,7 @@
 #include "xraycast/casting/recast.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/device_rays.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -49,7 +50,8 @@ RecastSession::RecastSession(ComputeDevice& device, const Basis& basis)
       touched_(device.upload(std::span<const std::uint64_t>(basis.touched))),
       first_row_(device.upload(std::span<const std::uint32_t>(first_rows(basis.touched)))),
       weights_(device.upload(std::span<const std::uint16_t>(basis.weights))),
-      unit_mm_(device.upload(std::span<const float>(units_mm(basis)))) {
+      unit_mm_(device.upload(std::span<const float>(units_mm(basis)))),
+      scales_(upload_scales(device, basis.geometry)) {
   map_.frame_of_reference_uid = basis.frame_of_reference_uid;
   map_.tau.assign(static_cast<std::size_t>(basis.geometry.layers()) * map_.layer_size(), 0.0f);
   tau_ = device.buffer(CL_MEM_READ_WRITE | CL_MEM_USE_HOST_PTR,
@@ -68,7 +70,7 @@ const BodyMap& RecastSession::recast(const Opacity& opacity) {
   const cl_long tiles = tile_count(geometry);
   cl::Kernel kernel = device_->kernel("recast", "recast");
   set_args(kernel, touched_, first_row_, weights_, tiles, tiles_per_item, geometry.width, geometry.height,
-           geometry.layers(), unit_mm_, mu, tau_);
+           geometry.layers(), unit_mm_, scales_, scale_stride(geometry), mu, tau_);
   const cl::Event done = device_->run(kernel, {(tiles + tiles_per_item - 1) / tiles_per_item, 1, 1},
                                       {device_->info().is_gpu ? 64 : 1, 1, 1});
   device_->bring_to_host(tau_);

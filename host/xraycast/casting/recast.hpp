@@ -28,7 +28,7 @@ class RecastSession {
   ComputeDevice* device_;
   std::vector<double> knots_hu_;
   BodyMap map_;
-  cl::Buffer touched_, first_row_, weights_, unit_mm_;
+  cl::Buffer touched_, first_row_, weights_, unit_mm_, scales_;
   cl::Buffer tau_;  ///< the memory of map_.tau
   double kernel_ms_ = 0;
 };

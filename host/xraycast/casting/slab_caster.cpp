@@ -88,6 +88,9 @@ CastResult cast_by_slabs(ComputeDevice& device, SliceSource& source, const MapGe
     throw InputError(
         "a {} map needs the whole scan at once, since its rays cross slices; raise the memory limit",
         to_string(geometry.projection));
+  if (!geometry.has_plane_outline())
+    throw InputError(
+        "an outline that differs from slice to slice needs the whole scan at once; raise the memory limit");
   CastResult result{{geometry, opacity, {}, {}}};
   result.map.tau.resize(static_cast<std::size_t>(geometry.layers()) * result.map.layer_size());
 

@@ -5,7 +5,10 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <array>
+#include <bit>
 #include <cmath>
+#include <cstring>
 
 namespace xraycast {
 namespace {
@@ -13,6 +16,7 @@ namespace {
 constexpr std::int16_t kBodyHu = -300;
 constexpr double kGrid_mm = 3;
 constexpr double kOpening_mm = 5;  // to each side
+constexpr double kFineGrid_mm = 1;
 
 /// Erodes (keep = all) or dilates (keep = any) one line of `n` cells, `stride` apart, by `reach` to each
 /// side. Beyond the line's ends there is nothing to erode from: a body cut by the scan's edge is not opened
@@ -67,8 +71,13 @@ std::vector<std::int64_t> largest_component(std::vector<std::uint8_t>& dense, co
   return largest;
 }
 
-std::int64_t stride_for(double spacing_mm) {
-  return std::max<std::int64_t>(1, std::llround(kGrid_mm / spacing_mm));
+std::int64_t stride_for(double grid_mm, double spacing_mm) {
+  return std::max<std::int64_t>(1, std::llround(grid_mm / spacing_mm));
+}
+
+Index3 strides_for(double grid_mm, const glm::dvec3& spacing_mm) {
+  return {stride_for(grid_mm, spacing_mm.x), stride_for(grid_mm, spacing_mm.y),
+          stride_for(grid_mm, spacing_mm.z)};
 }
 
 std::int64_t reach_for(double cell_mm) {
@@ -77,17 +86,21 @@ std::int64_t reach_for(double cell_mm) {
 
 }  // namespace
 
-OutlineFinder::OutlineFinder(const VolumeGeometry& geometry)
+OutlineFinder::OutlineFinder(const VolumeGeometry& geometry, OutlineOptions options)
     : geometry_(geometry),
-      stride_(stride_for(geometry.spacing_mm.x), stride_for(geometry.spacing_mm.y),
-              stride_for(geometry.spacing_mm.z)),
-      size_((geometry.size + stride_ - Index3(1)) / stride_) {
+      options_(options),
+      stride_(strides_for(kGrid_mm, geometry.spacing_mm)),
+      size_((geometry.size + stride_ - Index3(1)) / stride_),
+      fine_stride_(strides_for(kFineGrid_mm, geometry.spacing_mm)),
+      fine_size_((geometry.size + fine_stride_ - Index3(1)) / fine_stride_),
+      fine_words_((fine_size_.x + 63) / 64) {
   dense_.reserve(static_cast<std::size_t>(size_.x * size_.y * size_.z));
 }
 
 void OutlineFinder::add(std::span<const std::int16_t> hu) {
   const std::int64_t slice = geometry_.slice_voxels(), count = static_cast<std::int64_t>(hu.size()) / slice;
   for (std::int64_t z = 0; z < count; ++z, ++slices_seen_) {
+    if (options_.finds_skin && slices_seen_ % fine_stride_.z == 0) add_fine(hu.subspan(z * slice, slice));
     if (slices_seen_ % stride_.z != 0) continue;
     for (std::int64_t y = 0; y < geometry_.size.y; y += stride_.y)
       for (std::int64_t x = 0; x < geometry_.size.x; x += stride_.x)
@@ -95,7 +108,35 @@ void OutlineFinder::add(std::span<const std::int16_t> hu) {
   }
 }
 
-BodyOutline OutlineFinder::finish() const {
+namespace {
+
+/// Where 64 voxels lie above the threshold.
+std::uint64_t dense_bits(const std::int16_t* hu, std::int64_t stride, std::int64_t count) {
+  std::array<std::uint8_t, 64> above{};
+  for (std::int64_t i = 0; i < count; ++i) above[i] = hu[i * stride] > kBodyHu;
+  std::uint64_t bits = 0;
+  for (int eight = 0; eight < 8; ++eight) {
+    std::uint64_t bytes = 0;
+    std::memcpy(&bytes, &above[8 * eight], 8);
+    bits |= (bytes * 0x0102040810204080ULL) >> 56 << 8 * eight;  // bit i is that of byte i
+  }
+  return bits;
+}
+
+}  // namespace
+
+void OutlineFinder::add_fine(std::span<const std::int16_t> slice) {
+  for (std::int64_t y = 0; y < fine_size_.y; ++y) {
+    const std::int16_t* row = &slice[y * fine_stride_.y * geometry_.size.x];
+    for (std::int64_t first = 0; first < fine_size_.x; first += 64)
+      fine_.push_back(dense_bits(row + first * fine_stride_.x, fine_stride_.x,
+                                 std::min<std::int64_t>(64, fine_size_.x - first)));
+  }
+}
+
+/// The cells of the body on the coarse grid.
+const std::vector<std::int64_t>& OutlineFinder::body_cells() const {
+  if (!body_cells_.empty()) return body_cells_;
   const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
   std::vector<std::uint8_t> opened = dense_;
   for (std::size_t first = 0; first < opened.size(); first += static_cast<std::size_t>(size_.x * size_.y))
@@ -108,7 +149,12 @@ BodyOutline OutlineFinder::finish() const {
   if (body.empty())
     throw InputError("nothing in the scan lies above {} HU, so no body was found; give a centre and a radius",
                      kBodyHu);
+  return body_cells_ = std::move(body);
+}
 
+BodyOutline OutlineFinder::finish() const {
+  const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
+  std::vector<std::int64_t> body = body_cells();
   const auto position_mm = [&](std::int64_t cell) {
     const glm::dvec2 index(static_cast<double>(cell % size_.x),
                            static_cast<double>(cell / size_.x % size_.y));
@@ -117,6 +163,11 @@ BodyOutline OutlineFinder::finish() const {
   glm::dvec2 sum_mm(0);
   for (const std::int64_t cell : body) sum_mm += position_mm(cell);
   BodyOutline outline{sum_mm / static_cast<double>(body.size()), 0};
+  if (options_.keeps_table) {
+    body.clear();
+    for (std::size_t cell = 0; cell < dense_.size(); ++cell)
+      if (dense_[cell]) body.push_back(static_cast<std::int64_t>(cell));
+  }
   std::vector<double> distances_mm;
   distances_mm.reserve(body.size());
   for (const std::int64_t cell : body)
@@ -129,6 +180,101 @@ BodyOutline OutlineFinder::finish() const {
   outline.radius_mm = *std::max_element(most, distances_mm.end()) + reach_mm;
   outline.radius_99_mm = *most + reach_mm;
   return outline;
+}
+
+/// Of every coarse cell: 1 within one cell of the body, 2 at the border of that.
+std::vector<std::uint8_t> OutlineFinder::cells_around_body() const {
+  if (options_.keeps_table) return std::vector<std::uint8_t>(dense_.size(), 1);
+  const auto widened = [&](std::vector<std::uint8_t> cells) {
+    for (int axis = 0; axis < 3; ++axis) {
+      const std::int64_t stride = axis == 0 ? 1 : axis == 1 ? size_.x : size_.x * size_.y;
+      const std::vector<std::uint8_t> before = cells;
+      for (std::int64_t cell = 0; cell < static_cast<std::int64_t>(cells.size()); ++cell) {
+        const std::int64_t place = cell / stride % size_[axis];
+        cells[cell] |= static_cast<std::uint8_t>((place > 0 && before[cell - stride]) ||
+                                                 (place + 1 < size_[axis] && before[cell + stride]));
+      }
+    }
+    return cells;
+  };
+  std::vector<std::uint8_t> inner(dense_.size(), 0);
+  for (const std::int64_t cell : body_cells()) inner[cell] = 1;
+  std::vector<std::uint8_t> around = widened(inner);
+  for (std::size_t cell = 0; cell < around.size(); ++cell)
+    if (around[cell] && !inner[cell]) around[cell] = 2;
+  return around;
+}
+
+std::uint64_t OutlineFinder::fine_word(std::int64_t word, std::int64_t y, std::int64_t z) const {
+  const bool exists =
+      word >= 0 && word < fine_words_ && y >= 0 && y < fine_size_.y && z >= 0 && z < fine_size_.z;
+  return exists ? fine_[(z * fine_size_.y + y) * fine_words_ + word] : 0;
+}
+
+/// The dense voxels of a word with a neighbour that is not.
+std::uint64_t OutlineFinder::skin_word(std::int64_t word, std::int64_t y, std::int64_t z) const {
+  const std::uint64_t here = fine_word(word, y, z);
+  if (here == 0) return 0;
+  const std::uint64_t left = here << 1 | fine_word(word - 1, y, z) >> 63,
+                      right = here >> 1 | fine_word(word + 1, y, z) << 63;
+  return here & ~(left & right & fine_word(word, y - 1, z) & fine_word(word, y + 1, z) &
+                  fine_word(word, y, z - 1) & fine_word(word, y, z + 1));
+}
+
+std::int64_t OutlineFinder::coarse(std::int64_t fine, int axis) const {
+  return std::min((fine * fine_stride_[axis] + stride_[axis] / 2) / stride_[axis], size_[axis] - 1);
+}
+
+void OutlineFinder::visit_skin(const std::function<void(const glm::dvec3&)>& visit) const {
+  const std::vector<std::uint8_t> around = cells_around_body();
+  for (std::int64_t z = 0; z < fine_size_.z; ++z)
+    for (std::int64_t y = 0; y < fine_size_.y; ++y) {
+      const std::uint8_t* cells = &around[(coarse(z, 2) * size_.y + coarse(y, 1)) * size_.x];
+      for (std::int64_t word = 0; word < fine_words_; ++word) {
+        const std::uint64_t skin = skin_word(word, y, z);
+        for (std::uint64_t left = fine_word(word, y, z); left != 0; left &= left - 1) {
+          const std::int64_t x = 64 * word + std::countr_zero(left);
+          const std::uint8_t cell = cells[coarse(x, 0)];
+          // Beyond the border lies what is no body, such as the table, and may be as dense.
+          if (cell == 0 || (cell == 1 && (skin & (left & -left)) == 0)) continue;
+          visit(geometry_.to_world_mm(glm::dvec3(Index3(x, y, z) * fine_stride_)));
+        }
+      }
+    }
+}
+
+/// The body's voxels of all slices together: rows of words.
+std::vector<std::uint64_t> OutlineFinder::shadow() const {
+  const std::vector<std::uint8_t> around = cells_around_body();
+  std::vector<std::uint64_t> shadow(static_cast<std::size_t>(fine_size_.y * fine_words_), 0),
+      mask(fine_words_);
+  for (std::int64_t y = 0; y < fine_size_.y; ++y) {
+    std::int64_t masked = -1;  // the coarse slice that `mask` is of
+    for (std::int64_t z = 0; z < fine_size_.z; ++z) {
+      if (coarse(z, 2) != masked) {
+        masked = coarse(z, 2);
+        const std::uint8_t* cells = &around[(masked * size_.y + coarse(y, 1)) * size_.x];
+        std::ranges::fill(mask, 0);
+        for (std::int64_t x = 0; x < fine_size_.x; ++x)
+          mask[x / 64] |= std::uint64_t{cells[coarse(x, 0)] != 0} << x % 64;
+      }
+      for (std::int64_t word = 0; word < fine_words_; ++word)
+        shadow[y * fine_words_ + word] |= mask[word] & fine_word(word, y, z);
+    }
+  }
+  return shadow;
+}
+
+void OutlineFinder::visit_shadow_skin(const std::function<void(const glm::dvec3&)>& visit) const {
+  const std::vector<std::uint64_t> all = shadow();
+  const auto at = [&](std::int64_t x, std::int64_t y) {
+    return x >= 0 && x < fine_size_.x && y >= 0 && y < fine_size_.y &&
+           (all[y * fine_words_ + x / 64] >> x % 64 & 1) != 0;
+  };
+  for (std::int64_t y = 0; y < fine_size_.y; ++y)
+    for (std::int64_t x = 0; x < fine_size_.x; ++x)
+      if (at(x, y) && !(at(x - 1, y) && at(x + 1, y) && at(x, y - 1) && at(x, y + 1)))
+        visit(geometry_.to_world_mm(glm::dvec3(Index3(x, y, 0) * fine_stride_)));
 }
 
 BodyOutline find_outline(const Volume& volume) {

@@ -5,6 +5,7 @@
 #include <glm/vec2.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <span>
 #include <vector>
 
@@ -17,6 +18,12 @@ struct BodyOutline {
   double radius_99_mm = 0;  ///< of one that encloses 99 % of the body's voxels
 };
 
+/// What an OutlineFinder looks for besides the circle around the body.
+struct OutlineOptions {
+  bool finds_skin = false;   ///< see OutlineFinder::visit_skin
+  bool keeps_table = false;  ///< all that lies above the threshold counts as body, but for the centre
+};
+
 /// Finds the body while the slices are read, on a grid of about 3 mm: everything above -300 HU, opened by
 /// about 10 mm in each slice which removes the table's thin shells; the largest connected component is the
 /// body.
@@ -24,7 +31,7 @@ struct BodyOutline {
 /// Centre and radius are accurate to about one grid step; the radius errs on the large side.
 class OutlineFinder {
  public:
-  explicit OutlineFinder(const VolumeGeometry& geometry);
+  explicit OutlineFinder(const VolumeGeometry& geometry, OutlineOptions options = {});
 
   /// Slices in order, from slice 0 on; `hu` holds whole slices.
   void add(std::span<const std::int16_t> hu);
@@ -32,12 +39,37 @@ class OutlineFinder {
   /// After the last slice. Throws InputError when nothing lies above -300 HU.
   BodyOutline finish() const;
 
+  /// Visits the middles (LPS mm) of the body's outermost voxels, on a grid of about a millimetre: those with
+  /// a neighbour that is not above the threshold. The body is what lies within one coarse cell of what
+  /// finish() takes for it. After the last slice; only for finders that look for the skin.
+  void visit_skin(const std::function<void(const glm::dvec3&)>& visit) const;
+
+  /// The same of the body's shadow along z: the outermost of all slices' voxels, each once, in slice 0.
+  void visit_shadow_skin(const std::function<void(const glm::dvec3&)>& visit) const;
+
+  /// The size of the voxels that are visited.
+  glm::dvec3 skin_voxel_mm() const { return geometry_.spacing_mm * glm::dvec3(fine_stride_); }
+
  private:
+  const std::vector<std::int64_t>& body_cells() const;
+  std::vector<std::uint8_t> cells_around_body() const;
+  std::vector<std::uint64_t> shadow() const;
+  std::int64_t coarse(std::int64_t fine, int axis) const;
+  void add_fine(std::span<const std::int16_t> slice);
+  std::uint64_t fine_word(std::int64_t word, std::int64_t y, std::int64_t z) const;
+  std::uint64_t skin_word(std::int64_t word, std::int64_t y, std::int64_t z) const;
+
   VolumeGeometry geometry_;
+  OutlineOptions options_;
   Index3 stride_;  ///< in voxels
   Index3 size_;    ///< of the coarse grid
   std::int64_t slices_seen_ = 0;
-  std::vector<std::uint8_t> dense_;  ///< 1 above the threshold; x fastest
+  std::vector<std::uint8_t> dense_;               ///< 1 above the threshold; x fastest
+  mutable std::vector<std::int64_t> body_cells_;  ///< once they have been asked for
+
+  Index3 fine_stride_, fine_size_;   ///< of the grid on which the skin is found
+  std::int64_t fine_words_ = 0;      ///< of a row
+  std::vector<std::uint64_t> fine_;  ///< a bit a voxel, 1 above the threshold; rows of whole words
 };
 
 /// The outline of a volume in memory.

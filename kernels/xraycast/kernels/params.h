@@ -43,6 +43,7 @@ typedef struct {
   XRC_INT width, height, layers; /* texels */
   XRC_INT samples;               /* of a whole ray */
   XRC_FLOAT step_mm;
+  XRC_INT scale_stride; /* from a row's scales of rays to the next one's; 0 where all rows have the same */
 } XrcMap;
 
 typedef struct {

@@ -53,6 +53,7 @@ std::string march_defines(const MapGeometry& geometry, const SampleOptions& opti
   std::string defines;
   if (geometry.projection == Projection::sphere) defines += "SPHERE ";
   if (options.compositing == Compositing::wall) defines += "WALL ";
+  if (geometry.has_outline()) defines += "OUTLINE ";
   return defines;
 }
 
@@ -85,6 +86,7 @@ BodyPass::BodyPass(FullscreenPass& screen)
       sample_table_(GL_RGBA32F),
       axis_table_(GL_RG32F),
       layer_table_(GL_RG32F),
+      outline_table_(GL_R32F),
       spectrum_table_(GL_RGBA32F),
       body_(GL_RGBA32F),
       masses_{gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F), gl::Target(GL_RGBA32F)},
@@ -113,12 +115,8 @@ std::size_t BodyPass::texture_B() const {
   return size;
 }
 
-bool BodyPass::has_columns() const {
-  return geometry_.projection != Projection::sphere && geometry_.centre_mm.size() == 1;
-}
-
 DepthMeasure BodyPass::depth_measure() const {
-  return map_ && has_columns() ? DepthMeasure::horizontal : DepthMeasure::along_ray;
+  return map_ && has_columns(geometry_) ? DepthMeasure::horizontal : DepthMeasure::along_ray;
 }
 
 ScreenBox BodyPass::body_box(const View& view) const {
@@ -131,7 +129,7 @@ void BodyPass::prepare(const Style& style) {
   const MapGeometry drawn = drawn_shells(geometry_, style.sampling);
   check_columns(drawn);
   upload_map(drawn, style);
-  if (!has_columns()) upload_march_tables(drawn, style.sampling);
+  if (!has_columns(geometry_)) upload_march_tables(drawn, style.sampling);
   prepared_ = style;
 }
 
@@ -160,6 +158,12 @@ void BodyPass::upload_march_tables(const MapGeometry& drawn, const SampleOptions
     places.emplace_back(place.layer, place.fraction);
   }
   layer_table_.fill(floats(places), "the map's radii");
+  if (!drawn.has_outline()) return;
+  std::vector<float> scales;
+  for (int row = 0; row < drawn.height; ++row)
+    for (int column = 0; column <= drawn.width; ++column)
+      scales.push_back(static_cast<float>(drawn.scale(column % drawn.width, row)));
+  outline_table_.fill(scales, "the map's outline");
 }
 
 void BodyPass::upload_samples(const RectifiedView& rectified, const SampleOptions& options) {
@@ -194,6 +198,7 @@ const gl::Program& BodyPass::use_march(const std::string& fragment, const View& 
   const gl::Program& program = screen_.use(fragment, march_defines(geometry, options));
   axis_table_.bind(program, "axis_table", 1);
   layer_table_.bind(program, "layer_table", 2);
+  if (geometry.has_outline()) outline_table_.bind(program, "outline_table", 4);
   program.set("quads", texels_.quads);
   program.set("layer_stride", texels_.layer_stride());
   program.set("layer_places", kLayerPlaces);
@@ -236,7 +241,7 @@ BodyPicture BodyPass::draw(const View& view, const Style& style) {
   if (drawn_ && drawn_->view == view && same_body(drawn_->style, style)) return drawn_->picture;
   drawn_.reset();  // should drawing fail
   prepare(style);
-  drawn_ = {view, style, has_columns() ? draw_columns(view, style) : draw_march(view, style)};
+  drawn_ = {view, style, has_columns(geometry_) ? draw_columns(view, style) : draw_march(view, style)};
   return drawn_->picture;
 }
 
@@ -324,7 +329,7 @@ void BodyPass::draw_in_front(const View& view, const Style& style, const gl::Tar
       program.set("view_height", double(view.height));
       screen_.draw(box);
     };
-    if (has_columns()) {
+    if (has_columns(geometry_)) {
       const RectifiedView rectified = rectified_view(view, geometry_, pixels_per_column(style));
       const gl::Program& program = use_columns("near_columns.frag", "", rectified, style.sampling);
       program.set("from_pixel", rectified.from_pixel);

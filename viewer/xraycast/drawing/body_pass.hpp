@@ -72,7 +72,6 @@ class BodyPass {
     BodyPicture picture;
   };
 
-  bool has_columns() const;
   int channels() const { return has_spectrum() ? 3 : 1; }
   void prepare(const Style& style);
   void upload_map(const MapGeometry& drawn, const Style& style);
@@ -95,7 +94,7 @@ class BodyPass {
   std::optional<Style> prepared_;  ///< the style that the map's texels are made for
   MapTexels texels_;               ///< of each channel
   std::vector<gl::Table> map_texels_;
-  gl::Table column_table_, sample_table_, axis_table_, layer_table_, spectrum_table_;
+  gl::Table column_table_, sample_table_, axis_table_, layer_table_, outline_table_, spectrum_table_;
   int spectrum_bins_ = 0;
   std::optional<Drawn> drawn_;
   gl::Target body_;

@@ -1,6 +1,7 @@
 #include "xraycast/sampling/column_samples.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/casting/outline_crossings.hpp"
 #include "xraycast/sampling/shell_halves.hpp"
 #include "xraycast/sampling/shell_pieces.hpp"
 
@@ -39,13 +40,19 @@ class Sampler {
       : geometry_(geometry),
         options_(options),
         profile_(geometry.radii_mm, options.reconstruction),
-        out_(out) {}
+        knots_mm_(profile_.knots_mm()),
+        out_(out) {
+    if (geometry.has_outline()) outline_.emplace(geometry);
+    const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
+    for (int k = 0; k < geometry.layers(); ++k) walls_mm_.push_back(scale * geometry.radii_mm[k + 1]);
+  }
 
   void sample(const Line& line) {
-    if (options_.compositing == Compositing::wall)
-      sample_walls(line);
+    const bool has_walls = options_.compositing == Compositing::wall;
+    if (outline_)
+      has_walls ? sample_outlined_walls(line) : sample_outlined_path(line);
     else
-      sample_path(line);
+      has_walls ? sample_walls(line) : sample_path(line);
   }
 
  private:
@@ -65,11 +72,10 @@ class Sampler {
   }
 
   void sample_walls(const Line& line) {
-    const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
     for (const int side : {-1, 1})
       for (int k = 0; k < geometry_.layers(); ++k) {
         const int layer = side < 0 ? geometry_.layers() - 1 - k : k;
-        const double radius = scale * geometry_.radii_mm[layer + 1], offset = line.offset_mm();
+        const double radius = walls_mm_[layer], offset = line.offset_mm();
         if (radius <= offset) continue;
         const double along = side * std::sqrt((radius - offset) * (radius + offset));
         add(line, along, along, along, 1, {layer, 0});
@@ -95,38 +101,64 @@ class Sampler {
   }
 
   void sample_path(const Line& line) {
-    const std::vector<double> knots_mm = profile_.knots_mm();
     const double offset = line.offset_mm();
-    const auto [enters_mm, leaves_mm] = within_field(line);
-    for (ShellPiece piece : shell_pieces(knots_mm, offset)) {
-      piece.from_mm = std::max(piece.from_mm, enters_mm);
-      piece.to_mm = std::min(piece.to_mm, leaves_mm);
-      if (piece.from_mm >= piece.to_mm) continue;
-      const double turned = std::abs(std::atan2(piece.to_mm, offset) - std::atan2(piece.from_mm, offset));
-      const double texels = turned / kTurn * geometry_.width;
-      if (texels <= 0.5 * options_.texels_per_step) {
-        const double middle = 0.5 * (piece.from_mm + piece.to_mm);
-        add(line, middle, piece.from_mm, piece.to_mm, piece.length_mm(),
-            profile_.at(std::hypot(middle, offset)));
-        continue;
-      }
-      const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
-      const double step = piece.length_mm() / steps;
-      const double gauss = 0.5 * step / std::numbers::sqrt3;
-      for (int i = 0; i < steps; ++i) {
-        const double middle = piece.from_mm + (i + 0.5) * step;
-        for (const int side : {-1, 1}) {
-          const double along = middle + side * gauss, end = middle + side * 0.5 * step;
-          add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step,
-              profile_.at(std::hypot(along, offset)));
-        }
+    const auto field = within_field(line);
+    for (const ShellPiece& piece : shell_pieces(knots_mm_, offset))
+      sample_piece(line, piece.from_mm, piece.to_mm, field,
+                   [offset](double along) { return std::hypot(along, offset); });
+  }
+
+  /// What lies between two knots and in the scan's field. `radius_of` a place is as the shells' radii.
+  template <typename RadiusOf>
+  void sample_piece(const Line& line, double from_mm, double to_mm, const std::pair<double, double>& field,
+                    const RadiusOf& radius_of) {
+    from_mm = std::max(from_mm, field.first);
+    to_mm = std::min(to_mm, field.second);
+    if (from_mm >= to_mm) return;
+    const double offset = line.offset_mm();
+    const double turned = std::abs(std::atan2(to_mm, offset) - std::atan2(from_mm, offset));
+    const double texels = turned / kTurn * geometry_.width;
+    if (texels <= 0.5 * options_.texels_per_step) {
+      const double middle = 0.5 * (from_mm + to_mm);
+      return add(line, middle, from_mm, to_mm, to_mm - from_mm, profile_.at(radius_of(middle)));
+    }
+    const int steps = static_cast<int>(std::ceil(texels / options_.texels_per_step));
+    const double step = (to_mm - from_mm) / steps;
+    const double gauss = 0.5 * step / std::numbers::sqrt3;
+    for (int i = 0; i < steps; ++i) {
+      const double middle = from_mm + (i + 0.5) * step;
+      for (const int side : {-1, 1}) {
+        const double along = middle + side * gauss, end = middle + side * 0.5 * step;
+        add(line, along, std::min(middle, end), std::max(middle, end), 0.5 * step,
+            profile_.at(radius_of(along)));
       }
     }
+  }
+
+  void sample_outlined_path(const Line& line) {
+    const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
+    const auto field = within_field(line);
+    const auto radius_of = [&](double along_mm) { return across.shell_radius_mm(along_mm); };
+    const auto crossings = outline_->crossings(across, knots_mm_);
+    for (std::size_t i = 0; i + 1 < crossings.size(); ++i) {
+      const double from_mm = crossings[i].along_mm, to_mm = crossings[i + 1].along_mm;
+      const double radius_mm = radius_of(0.5 * (from_mm + to_mm));
+      if (radius_mm > knots_mm_.front() && radius_mm < knots_mm_.back())
+        sample_piece(line, from_mm, to_mm, field, radius_of);
+    }
+  }
+
+  void sample_outlined_walls(const Line& line) {
+    const OutlineCrossings::Line across(*outline_, line.foot_mm, line.direction);
+    for (const auto& [along_mm, wall] : outline_->crossings(across, walls_mm_))
+      add(line, along_mm, along_mm, along_mm, 1, {wall, 0});
   }
 
   const MapGeometry& geometry_;
   const SampleOptions& options_;
   RadialProfile profile_;
+  std::vector<double> knots_mm_, walls_mm_;
+  std::optional<OutlineCrossings> outline_;
   std::vector<ColumnSample>& out_;
 };
 
@@ -157,6 +189,11 @@ void sample_projections(const RectifiedView& rectified, int column, const MapGeo
 
 }  // namespace
 
+bool has_columns(const MapGeometry& geometry) {
+  return geometry.projection != Projection::sphere && geometry.centre_mm.size() == 1 &&
+         geometry.has_plane_outline();
+}
+
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options) {
   MapGeometry drawn = geometry;
   if (options.blends_layers(geometry)) drawn.radii_mm = halved_radii_mm(geometry.radii_mm);
@@ -165,8 +202,8 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
 
 ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options) {
-  if (geometry.projection == Projection::sphere || geometry.centre_mm.size() > 1)
-    throw InputError("column sampling needs a map with one straight axis");
+  if (!has_columns(geometry))
+    throw InputError("column sampling needs a map with one straight axis and one outline");
   const bool is_rectangle = geometry.projection == Projection::rectangle;
   if (is_rectangle && (rectified.is_cone() || rectified.slope != 0))
     throw InputError("a rectangle map can show only untilted parallel views");

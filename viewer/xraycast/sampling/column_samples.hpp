@@ -59,6 +59,10 @@ struct SampleOptions {
 /// The shells that are drawn of a map: its own, or their halves where layers are blended (ShellHalves).
 MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& options);
 
+/// Whether a map's rays can be sampled by columns: about one straight axis, and under one outline for all
+/// rows.
+bool has_columns(const MapGeometry& geometry);
+
 /// Samples a map along every column's rays: the optical depth of a picture is the sum over a column's samples
 /// of weight times the interpolated map, at the heights that the rays have there.
 ///
@@ -68,8 +72,8 @@ MapGeometry drawn_shells(const MapGeometry& geometry, const SampleOptions& optio
 /// sample at every crossing of a wall, far and near. Rectangle maps: the two stored projections beside the
 /// view, interpolated linearly; they have no depth, and represent the whole chord.
 ///
-/// `geometry` is of the drawn shells. Throws InputError for a map with a curved axis, a sphere map, and a
-/// rectangle map with a cone or tilt.
+/// `geometry` is of the drawn shells. Throws InputError for a map without columns, and a rectangle map under
+/// a cone or tilt.
 ColumnSamples column_samples(const RectifiedView& rectified, const MapGeometry& geometry,
                              const SampleOptions& options);
 

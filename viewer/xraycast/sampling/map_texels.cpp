@@ -20,17 +20,23 @@ class RowSolver {
         profile_(drawn_shells(geometry, options).radii_mm, options.reconstruction) {
     if (options.blends_layers(geometry)) halves_.emplace(geometry.radii_mm);
     // About a straight axis all rows are alike.
-    if (solves_ && geometry.projection == Projection::cylinder && geometry.centre_mm.size() == 1)
+    if (solves_ && geometry.projection == Projection::cylinder && has_columns(geometry))
       common_ = system_of(0);
   }
 
   /// Drawn shells to one of the map's.
   std::size_t parts() const { return halves_ ? 2 : 1; }
 
-  /// From K x width to layers of that many texels, `stride` apart.
-  void solve(int row, std::span<const float> shells, std::span<float> drawn, std::size_t stride) const {
+  /// From K x width to layers of that many texels, `stride` apart. Along rays that an outline shortens, mu is
+  /// solved for over the lengths of the longest.
+  void solve(int row, std::span<float> shells, std::span<float> drawn, std::size_t stride) const {
     const auto layers = static_cast<std::size_t>(geometry_.layers()),
                width = static_cast<std::size_t>(geometry_.width);
+    if (solves_ && geometry_.has_outline())
+      for (std::size_t i = 0; i < width; ++i) {
+        const auto longer = static_cast<float>(1 / geometry_.scale(static_cast<int>(i), row));
+        for (std::size_t k = 0; k < layers; ++k) shells[k * width + i] *= longer;
+      }
     const System own = solves_ && !common_ ? system_of(row) : System();
     const System& system = common_ ? *common_ : own;
     if (halves_)

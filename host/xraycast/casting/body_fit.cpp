@@ -1,0 +1,172 @@
+#include "xraycast/casting/body_fit.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <vector>
+
+namespace xraycast {
+namespace {
+
+constexpr double kTurn = 2 * std::numbers::pi;
+constexpr double kMargin_mm = 1;                  // outside of the skin
+constexpr double kSmoothing = kTurn * 2.5 / 360;  // to each side
+constexpr double kNarrowest = 0.05;               // of the largest R
+
+/// How far the body reaches in the directions of a grid's columns and rows; 0 where there is none.
+class Extents {
+ public:
+  Extents(int columns, int rows)
+      : columns_(columns), rows_(rows), mm_(static_cast<std::size_t>(columns) * rows) {}
+
+  /// What lies at a column and a row and `across` columns and `down` rows around.
+  void add(double column, double row, double across, double down, double reach_mm) {
+    const int first = static_cast<int>(std::floor(column - across)),
+              last = std::min(static_cast<int>(std::ceil(column + across)), first + columns_ - 1);
+    const int top = std::max(static_cast<int>(std::floor(row - down)), 0),
+              bottom = std::min(static_cast<int>(std::ceil(row + down)), rows_ - 1);
+    nearest_mm_ = std::min(nearest_mm_, static_cast<float>(reach_mm));
+    for (int j = top; j <= bottom; ++j)
+      for (int i = first; i <= last; ++i) {
+        float& here = at(i, j);
+        here = std::max(here, static_cast<float>(reach_mm));
+      }
+  }
+
+  /// The largest around every place, then the mean of these with a Hann window as wide: smooth, and nowhere
+  /// below what it was. `across` and `down` are in columns, for a row, and in rows.
+  template <typename Across>
+  void smooth(const Across& across, int down) {
+    are_all_around_ = std::ranges::min(mm_) > 0;
+    for (const bool averages : {false, true}) {
+      filter_columns(averages, down);
+      for (int j = 0; j < rows_; ++j) filter_row(averages, across(j), j);
+    }
+  }
+
+  void limit(double least_mm, double most_mm) {
+    for (float& mm : mm_) mm = std::clamp(mm, static_cast<float>(least_mm), static_cast<float>(most_mm));
+  }
+
+  float largest() const { return std::ranges::max(mm_); }
+  float nearest_mm() const { return nearest_mm_; }
+  bool are_all_around() const { return are_all_around_; }
+  std::vector<float> mm() && { return std::move(mm_); }
+
+ private:
+  float& at(int column, int row) {
+    return mm_[static_cast<std::size_t>(row) * columns_ + ((column % columns_) + columns_) % columns_];
+  }
+
+  /// Of the places up to `reach` to each side, which `place` gives.
+  template <typename Place>
+  static float filtered(bool averages, int reach, const Place& place) {
+    double largest = 0, sum = 0, weights = 0;
+    for (int i = -reach; i <= reach; ++i) {
+      const double weight = 1 + std::cos(std::numbers::pi * i / (reach + 1)), value = place(i);
+      largest = std::max(largest, value);
+      sum += weight * value;
+      weights += weight;
+    }
+    return static_cast<float>(averages ? sum / weights : largest);
+  }
+
+  void filter_row(bool averages, int reach, int row) {
+    std::vector<float> line(static_cast<std::size_t>(columns_));
+    for (int i = 0; i < columns_; ++i)
+      line[i] = filtered(averages, std::min(reach, columns_ / 2), [&](int d) { return at(i + d, row); });
+    for (int i = 0; i < columns_; ++i) at(i, row) = line[i];
+  }
+
+  void filter_columns(bool averages, int reach) {
+    if (rows_ == 1) return;
+    std::vector<float> line(static_cast<std::size_t>(rows_));
+    for (int i = 0; i < columns_; ++i) {
+      // Beyond a pole the rows go on half a turn around.
+      const auto place = [&](int row) {
+        return row < 0        ? at(i + columns_ / 2, -1 - row)
+               : row >= rows_ ? at(i + columns_ / 2, 2 * rows_ - 1 - row)
+                              : at(i, row);
+      };
+      for (int j = 0; j < rows_; ++j)
+        line[j] = filtered(averages, std::min(reach, rows_ / 2), [&](int d) { return place(j + d); });
+      for (int j = 0; j < rows_; ++j) at(i, j) = line[j];
+    }
+  }
+
+  int columns_, rows_;
+  float nearest_mm_ = std::numeric_limits<float>::infinity();
+  bool are_all_around_ = false;
+  std::vector<float> mm_;
+};
+
+int steps(double angle, double step) { return std::max(1, static_cast<int>(std::lround(angle / step))); }
+
+double turn_of(const glm::dvec2& p) {
+  const double turn = std::atan2(p.x, -p.y) / kTurn;
+  return turn < 0 ? turn + 1 : turn;
+}
+
+/// About the axis, in all rows at once.
+Extents around_axis(const MapGeometry& map, const OutlineFinder& finder) {
+  Extents extents(map.width, 1);
+  const double half_mm = 0.5 * glm::length(glm::dvec2(finder.skin_voxel_mm()));
+  const auto add = [&](const glm::dvec3& voxel_mm) {
+    const int row = static_cast<int>(std::lround((map.top_mm - voxel_mm.z) / map.row_spacing_mm));
+    const glm::dvec2 p = glm::dvec2(voxel_mm) - map.centre_of_row_mm(std::clamp(row, 0, map.height - 1));
+    const double r = glm::length(p), columns = map.width / kTurn * std::atan2(half_mm, r);
+    extents.add(turn_of(p) * map.width - 0.5, 0, columns, 0, r + half_mm + kMargin_mm);
+  };
+  // About a straight axis it makes no difference in which slice a voxel lies.
+  if (map.centre_mm.size() == 1)
+    finder.visit_shadow_skin(add);
+  else
+    finder.visit_skin(add);
+  extents.smooth([&](int) { return steps(kSmoothing, kTurn / map.width); }, 0);
+  return extents;
+}
+
+/// About the centre of a sphere.
+Extents around_point(const MapGeometry& map, const OutlineFinder& finder) {
+  Extents extents(map.width, map.height);
+  const glm::dvec3 centre_mm(map.centre_mm[0], map.centre_z_mm);
+  const double half_mm = 0.5 * glm::length(finder.skin_voxel_mm()), per_row = 0.5 * kTurn / map.height;
+  const auto columns_in = [&](double angle, double row) {
+    return angle / std::max(1e-6, std::sin(map.theta_rad(row))) * map.width / kTurn;
+  };
+  finder.visit_skin([&](const glm::dvec3& voxel_mm) {
+    const glm::dvec3 p = voxel_mm - centre_mm;
+    const double r = glm::length(p), seen = std::atan2(half_mm, r);
+    if (r == 0) return;
+    const double row = std::acos(std::clamp(p.z / r, -1.0, 1.0)) / per_row - 0.5;
+    extents.add(turn_of(glm::dvec2(p)) * map.width - 0.5, row,
+                std::min(columns_in(seen, row), 1.0 * map.width), seen / per_row, r + half_mm + kMargin_mm);
+  });
+  extents.smooth(
+      [&](int row) {
+        return std::max(1, static_cast<int>(std::min(columns_in(kSmoothing, row), map.width / 4.0)));
+      },
+      steps(kSmoothing, per_row));
+  return extents;
+}
+
+}  // namespace
+
+MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder) {
+  Extents extents =
+      circles.projection == Projection::sphere ? around_point(circles, finder) : around_axis(circles, finder);
+  // A circle within which there is no skin lies in the body, which then is all around it, or beside it.
+  if (extents.nearest_mm() > circles.radius_mm() && !extents.are_all_around())
+    throw InputError(
+        "nothing of the body lies within {:g} mm of the centre; give another centre or a larger radius",
+        circles.radius_mm());
+  extents.limit(kNarrowest * std::min<double>(extents.largest(), circles.radius_mm()), circles.radius_mm());
+  return with_outline(circles, std::move(extents).mm());
+}
+
+}  // namespace xraycast

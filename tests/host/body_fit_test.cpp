@@ -1,0 +1,135 @@
+#include "xraycast/casting/body_fit.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <functional>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kSpacing_mm = 1.5;
+using Inside = std::function<bool(const glm::dvec3&)>;
+
+Volume make(const Inside& inside) {
+  Volume volume({{200, 200, 30}, {kSpacing_mm, kSpacing_mm, 3}, {-149.25, -149.25, 0}});
+  const VolumeGeometry& g = volume.geometry();
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x)
+        volume.at(x, y, z) = inside(g.to_world_mm({x, y, z})) ? 0 : -1000;
+  return volume;
+}
+
+/// A trunk of 130 x 80 mm, which narrows to 60 % at its lower end.
+bool in_trunk(const glm::dvec3& p) {
+  const double width = 0.6 + 0.4 * p.z / 87;
+  return std::hypot(p.x / (130 * width), (p.y + 10) / (80 * width)) < 1;
+}
+bool in_table(const glm::dvec3& p) { return p.y > 95 && p.y < 99 && std::abs(p.x) < 100; }
+
+OutlineFinder seen(const Volume& volume, bool keeps_table = false) {
+  OutlineFinder finder(volume.geometry(), {.finds_skin = true, .keeps_table = keeps_table});
+  finder.add(volume.hu());
+  return finder;
+}
+
+MapGeometry circles(const Volume& volume, const OutlineFinder& finder) {
+  const BodyOutline body = finder.finish();
+  return cylinder_map(volume.geometry(), 360, shell_radii_mm(RadiiRule::near_skin, 4, body.radius_mm),
+                      body.centre_mm);
+}
+
+/// How far inside of the outline a place lies, as a length along its ray.
+double depth_mm(const MapGeometry& map, const glm::dvec3& p) {
+  const glm::dvec2 from = glm::dvec2(p) - map.centre_mm[0];
+  const double column = std::atan2(from.x, -from.y) / (2 * std::numbers::pi) * map.width - 0.5;
+  const double r = glm::length(from), shell = map.shell_radius_mm(r, column, 0);
+  return r * (map.radius_mm() / shell - 1);
+}
+
+TEST(BodyFit, EnclosesTheBodyAMillimetreOutsideOfItsSkin) {
+  const Volume volume = make(in_trunk);
+  const OutlineFinder finder = seen(volume);
+  // A circle with room around the body: no outline lies beyond it.
+  const MapGeometry map =
+      fit_to_body(cylinder_map(volume.geometry(), 360, {0, 145}, finder.finish().centre_mm), finder);
+  ASSERT_TRUE(map.has_plane_outline());
+  const VolumeGeometry& g = volume.geometry();
+  double least = 1e9;
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x)
+        if (volume.at(x, y, z) == 0) least = std::min(least, depth_mm(map, g.to_world_mm({x, y, z})));
+  EXPECT_GE(least, 1);
+}
+
+TEST(BodyFit, IsTightAndNowhereWiderThanTheCircle) {
+  const Volume volume = make(in_trunk);
+  const OutlineFinder finder = seen(volume);
+  const MapGeometry circle = circles(volume, finder), map = fit_to_body(circle, finder);
+  EXPECT_LE(map.radius_mm(), circle.radius_mm() + 1e-4);  // of a 32-bit float
+  // The margin, half a voxel's diagonal, and what an ellipse gains within the five degrees over which the
+  // outline is smooth.
+  for (int column = 0; column < 360; ++column) {
+    const double phi = map.phi_rad(column), a = std::sin(phi) / 130, b = std::cos(phi) / 80;
+    const glm::dvec2 c = map.centre_mm[0];
+    const double centre_moves = glm::length(c - glm::dvec2(0, -10));
+    EXPECT_LE(map.outline_mm[static_cast<std::size_t>(column)], 1 / std::hypot(a, b) + centre_moves + 7)
+        << column;
+  }
+}
+
+TEST(BodyFit, LeavesTheTableOutUnlessItIsKept) {
+  const Volume volume = make([](const glm::dvec3& p) { return in_trunk(p) || in_table(p); });
+  const OutlineFinder without = seen(volume), with = seen(volume, true);
+  const MapGeometry body = fit_to_body(circles(volume, without), without),
+                    all = fit_to_body(circles(volume, with), with);
+  const glm::dvec3 table(20, 97, 40);
+  EXPECT_LT(depth_mm(body, table), 0);
+  EXPECT_GT(depth_mm(all, table), 1);
+}
+
+TEST(BodyFit, IsPositiveWhereTheAxisLiesOutsideOfTheBody) {
+  const Volume volume = make(in_trunk);
+  const OutlineFinder finder = seen(volume);
+  const MapGeometry map =
+      fit_to_body(cylinder_map(volume.geometry(), 360, {0, 50, 250}, glm::dvec2(140, 0)), finder);
+  EXPECT_GT(std::ranges::min(map.outline_mm), 0);
+  EXPECT_LE(map.radius_mm(), 250);
+}
+
+TEST(BodyFit, OfASphereEnclosesTheBodyInEveryDirection) {
+  const Volume volume = make(in_trunk);
+  const OutlineFinder finder = seen(volume);
+  const glm::dvec3 centre(3, -8, 45);
+  const MapGeometry map = fit_to_body(sphere_map(volume.geometry(), 180, {0, 80, 160}, centre), finder);
+  ASSERT_FALSE(map.has_plane_outline());
+  const VolumeGeometry& g = volume.geometry();
+  double least = 1e9;
+  for (std::int64_t z = 0; z < g.size.z; ++z)
+    for (std::int64_t y = 0; y < g.size.y; ++y)
+      for (std::int64_t x = 0; x < g.size.x; ++x) {
+        const glm::dvec3 p = g.to_world_mm({x, y, z}) - centre;
+        const double r = glm::length(p);
+        if (volume.at(x, y, z) != 0 || r == 0) continue;
+        const double column = std::atan2(p.x, -p.y) / (2 * std::numbers::pi) * map.width - 0.5,
+                     row = std::acos(p.z / r) / std::numbers::pi * map.height - 0.5;
+        least = std::min(least, r * (map.radius_mm() / map.shell_radius_mm(r, column, row) - 1));
+      }
+  EXPECT_GE(least, 1);
+}
+
+TEST(BodyFit, WithNothingInTheCircleIsRefused) {
+  const Volume volume = make(in_trunk);
+  const OutlineFinder finder = seen(volume);
+  EXPECT_THROW(fit_to_body(cylinder_map(volume.geometry(), 360, {0, 5}, glm::dvec2(140, 130)), finder),
+               InputError);
+}
+
+}  // namespace
+}  // namespace xraycast
