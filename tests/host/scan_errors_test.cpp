@@ -235,7 +235,7 @@ const BadScan kBadScans[] = {
        file.sform[1] = -1.7e38F;
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "sform holds -1.69"},
+     "a.nii", "sform is a singular matrix"},
     {"NiftiWithQformInfinite",
      [](const TemporaryFolder& f) {
        std::string bytes = nifti().bytes();

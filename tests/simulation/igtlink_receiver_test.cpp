@@ -6,9 +6,6 @@
 #include <gtest/gtest.h>
 #include <rapidcheck/gtest.h>
 
-#include <filesystem>
-#include <fstream>
-#include <iterator>
 #include <limits>
 #include <numbers>
 #include <vector>
@@ -243,22 +240,6 @@ RC_GTEST_PROP(IgtlinkReceiver, SurvivesDamagedMessages, ()) {
   for (int i = 0; i < damages; ++i)
     bytes[*rc::gen::inRange<std::size_t>(0, bytes.size())] = *rc::gen::arbitrary<char>();
   expect_sense(bytes);
-}
-
-TEST(IgtlinkReceiver, SurvivesTheFuzzersCorpus) {
-  std::size_t files = 0;
-  for (const auto& entry :
-       std::filesystem::directory_iterator(XRAYCAST_SOURCE_DIR "/tests/fuzz/corpus/igtlink_receiver")) {
-    SCOPED_TRACE(entry.path());
-    std::ifstream file(entry.path(), std::ios::binary);
-    const std::string bytes{std::istreambuf_iterator<char>(file), {}};
-    ASSERT_FALSE(bytes.empty());
-    // As in the fuzzer: the first byte says in what portions the others arrive.
-    const auto portion_B = static_cast<unsigned char>(bytes.front());
-    expect_sense(bytes.substr(1), portion_B == 0 ? std::string::npos : portion_B);
-    ++files;
-  }
-  EXPECT_GT(files, 10);
 }
 
 }  // namespace
