@@ -19,6 +19,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstring>
+#include <map>
 #include <random>
 #include <stdexcept>
 #include <zlib.h>
@@ -62,6 +63,44 @@ void write_packed_meta_image(const fs::path& path) {
   write_bytes(path, kMetaImageHeader + deflated(voxels()));
 }
 
+void write_nifti2(const fs::path& path) {
+  NiftiFile file;
+  file.dim = {3, kColumns, kRows, kSlices, 1, 1, 1, 1};
+  file.pixdim = {1, 1, 1.5, 2, 1, 1, 1, 1};
+  file.voxels = voxels();
+  write_bytes(path, file.bytes2());
+}
+
+/// Up to the voxels, which are appended as they are or packed by zlib.
+std::string vti_header(bool is_packed) {
+  return fmt::format(
+      R"(<VTKFile type="ImageData" byte_order="LittleEndian" header_type="UInt32"{}>
+<ImageData WholeExtent="0 7 0 5 0 3" Origin="-8 -9 3" Spacing="1 1.5 2" Direction="1 0 0 0 1 0 0 0 1">
+<FieldData><Array type="String" Name="SPACE" NumberOfTuples="1" format="ascii">76 80 83 0</Array></FieldData>
+<Piece Extent="0 7 0 5 0 3"><PointData Scalars="ct">
+<DataArray type="Int16" Name="ct" format="appended" offset="0"/>
+</PointData></Piece></ImageData><AppendedData encoding="raw">_)",
+      is_packed ? R"( compressor="vtkZLibDataCompressor")" : "");
+}
+
+void write_vti(const fs::path& path) {
+  const std::string bytes = voxels();
+  write_bytes(path, vti_header(false) + bytes_of(static_cast<std::uint32_t>(bytes.size())) + bytes +
+                        "</AppendedData></VTKFile>");
+}
+
+/// In two blocks, of which the second is smaller.
+void write_packed_vti(const fs::path& path) {
+  constexpr std::uint32_t kBlock_B = 256;
+  const std::string bytes = voxels(), first = deflated(bytes.substr(0, kBlock_B)),
+                    last = deflated(bytes.substr(kBlock_B));
+  const std::uint32_t sizes[] = {2, kBlock_B, static_cast<std::uint32_t>(bytes.size()) - kBlock_B,
+                                 static_cast<std::uint32_t>(first.size()),
+                                 static_cast<std::uint32_t>(last.size())};
+  write_bytes(path, vti_header(true) + bytes_of(std::span<const std::uint32_t>(sizes)) + first + last +
+                        "</AppendedData></VTKFile>");
+}
+
 DicomFile dicom_slice(int z) {
   const Volume all = volume();
   constexpr std::size_t kPixels = std::size_t{kColumns} * kRows;
@@ -74,6 +113,28 @@ void write_dicom_series(const fs::path& path) {
   fs::create_directories(path.parent_path());
   for (const int z : {0, 1, 3}) dicom_slice(z).write(path.parent_path() / fmt::format("{}.dcm", z));
   dicom_slice(2).write(path);
+}
+
+/// In two stacks, with the values that all frames share in the data set.
+void write_dicom_frames(const fs::path& path) {
+  DicomFile file(kColumns, kRows, volume().hu());
+  std::vector<std::string> frames;
+  for (int z = 0; z < kSlices; ++z) {
+    const std::string position = dicom_element(0x00200032, "DS", fmt::format("0\\0\\{}", z)),
+                      content = dicom_element(0x00209056, "SH", z < kSlices - 1 ? "1" : "2");
+    frames.push_back(dicom_sequence(0x00209111, {content}) + dicom_sequence(0x00209113, {position}));
+  }
+  file.text(0x00080016, "UI", "1.2.840.10008.5.1.4.1.1.2.1").text(0x00280008, "IS", std::to_string(kSlices));
+  file.erase(0x00200032).sequence(0x52009230, frames).write(path);
+}
+
+void write_zip(const fs::path& path) {
+  std::map<std::string, std::string> files{{"report.txt", "no slice"}};
+  for (const int z : {0, 1, 2}) {
+    dicom_slice(z).write(path);
+    files.emplace(fmt::format("series/{}.dcm", z), read_bytes(path));
+  }
+  write_bytes(path, zip_bytes(files));
 }
 
 void write_genesis(const fs::path& path) {
@@ -98,9 +159,17 @@ void write_surface(const fs::path& path) { write_mesh(tube_mesh(tree(), 3), path
 
 MapGeometry map_geometry() { return cylinder_map(volume().geometry(), 16, {0, 10}, {-4, -5}); }
 
+/// Shells that are not round.
+MapGeometry map_geometry_with_outline() {
+  std::vector<float> outline_mm;
+  for (int i = 0; i < map_geometry().width; ++i) outline_mm.push_back(10 - 0.25f * static_cast<float>(i));
+  return with_outline(map_geometry(), outline_mm);
+}
+
+template <auto Geometry>
 void write_small_basis(const fs::path& path) {
   Basis basis;
-  basis.geometry = map_geometry();
+  basis.geometry = Geometry();
   basis.knots_hu = {-1000, 0, 1000};
   basis.hu_histogram.assign(256, 1);
   basis.touched.assign(static_cast<std::size_t>(tile_count(basis.geometry)), 5);
@@ -108,9 +177,10 @@ void write_small_basis(const fs::path& path) {
   write_basis(basis, path);
 }
 
+template <auto Geometry>
 void write_map(const fs::path& path) {
   BodyMap map;
-  map.geometry = map_geometry();
+  map.geometry = Geometry();
   map.tau.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
   write_body_map(map, path);
 }
@@ -154,7 +224,8 @@ Content read_as_scan(const fs::path& path) {
 
 Content read_as_basis(const fs::path& path) {
   const Basis read = read_basis(path);
-  return bytes_of(std::span(read.touched)) + bytes_of(std::span(read.weights));
+  return bytes_of(std::span(read.geometry.outline_mm)) + bytes_of(std::span(read.touched)) +
+         bytes_of(std::span(read.weights));
 }
 
 void check_pose(const HubPose& pose, double before_rad) {
@@ -231,9 +302,10 @@ Content without_content(const fs::path& path) {
   return {};
 }
 
-constexpr Reader kReaders[] = {
+const Reader kReaders[] = {
     {"nifti", "a.nii", write_scan, read_as_scan},
     {"nifti_gzipped", "a.nii.gz", write_scan, read_as_scan, 0},
+    {"nifti2", "a.nii", write_nifti2, read_as_scan},
     {"nrrd", "a.nrrd", write_scan, read_as_scan},
     {"nrrd_gzipped", "a.nrrd", write_packed_nrrd, read_as_scan, sizeof kNrrdHeader - 1},
     {"nrrd_gzipped_header", "a.nrrd", write_packed_nrrd, read_as_scan},
@@ -241,14 +313,26 @@ constexpr Reader kReaders[] = {
     {"meta_image_of_two_files", "a.mhd", write_scan, read_as_scan},
     {"meta_image_packed", "a.mha", write_packed_meta_image, read_as_scan, sizeof kMetaImageHeader - 1},
     {"meta_image_packed_header", "a.mha", write_packed_meta_image, read_as_scan},
+    {"vti", "a.vti", write_vti, read_as_scan},
+    {"vti_packed", "a.vti", write_packed_vti, read_as_scan, vti_header(true).size()},
+    {"vti_packed_header", "a.vti", write_packed_vti, read_as_scan},
     {"dicom", "a.dcm", [](const fs::path& path) { dicom_slice(0).write(path); }, read_as_scan},
-    {"dicom_implicit", "a.dcm", [](const fs::path& path) { dicom_slice(0).write(path, true); }, read_as_scan},
+    {"dicom_implicit", "a.dcm",
+     [](const fs::path& path) { dicom_slice(0).write(path, DicomFile::Syntax::implicit_little); },
+     read_as_scan},
+    {"dicom_deflated", "a.dcm",
+     [](const fs::path& path) { dicom_slice(0).write(path, DicomFile::Syntax::deflated); }, read_as_scan},
+    {"dicom_frames", "a.dcm", write_dicom_frames, read_as_scan},
     {"dicom_series", "series/2.dcm", write_dicom_series,
      [](const fs::path& path) { return read_as_scan(path.parent_path()); }},
+    {"zip", "a.zip", write_zip, read_as_scan},
     {"genesis", "a.fro", write_genesis, read_as_scan},
-    {"map", "map.exr", write_map, without_content<read_body_map>},
+    {"map", "map.exr", write_map<map_geometry>, without_content<read_body_map>},
+    {"map_outline", "map.exr", write_map<map_geometry_with_outline>, without_content<read_body_map>},
     {"spectrum_map", "map.exr", write_spectrum_map, without_content<read_body_map>},
-    {"basis", "a.basis", write_small_basis, read_as_basis, 0, set_basis_checksums},
+    {"basis", "a.basis", write_small_basis<map_geometry>, read_as_basis, 0, set_basis_checksums},
+    {"basis_outline", "a.basis", write_small_basis<map_geometry_with_outline>, read_as_basis, 0,
+     set_basis_checksums},
     {"tree_vtp", "tree.vtp", write_vessel_tree, without_content<read_tree>},
     {"tree_json", "tree.json", write_vessel_tree, without_content<read_tree>},
     {"surface_vtp", "surface.vtp", write_surface, without_content<read_mesh>},

@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <random>
+#include <sys/resource.h>
 
 namespace xraycast {
 namespace {
@@ -78,6 +79,40 @@ TEST(DicomFramesErrors, EndSequencesThatNestForEver) {
   DicomFile file = frames_file(true);
   file.sequence(kSharedGroups, {nested}, false).write(folder / "frames.dcm");
   EXPECT_THROW(read_scan(folder / "frames.dcm"), DamagedSlice);
+}
+
+/// Frames of one voxel at one place, in a study with long texts.
+void write_many_frames(std::size_t count, const std::filesystem::path& path) {
+  DicomFile file(1, 1, std::vector<std::int16_t>(count));
+  file.text(0x00280008, "IS", std::to_string(count));
+  file.sequence(kPerFrameGroups, std::vector<std::string>(count));
+  for (const std::uint32_t tag : {0x00080050U, 0x00080090U, 0x00100010U, 0x00100020U, 0x00200010U})
+    file.text(tag, "LO", std::string(1000, 'x'));
+  file.write(path, DicomFile::Syntax::deflated);
+}
+
+TEST(DicomFramesErrors, NameAnImpossibleNumberOfFrames) {
+  const TemporaryFolder folder;
+  write_many_frames(65537, folder / "frames.dcm");
+  EXPECT_THAT([&] { read_scan(folder / "frames.dcm"); },
+              testing::ThrowsMessage<InputError>(
+                  HasSubstr("frames.dcm: 65537 frames (NumberOfFrames (0028,0008)) are more than 65536")));
+}
+
+TEST(DicomFramesMemory, HoldsTheirStudyOnce) {
+  const TemporaryFolder folder;
+  constexpr std::size_t kCount = 60000;
+  write_many_frames(kCount, folder / "frames.dcm");
+  const auto most_kB = [] {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return usage.ru_maxrss;
+  };
+  const auto before_kB = most_kB();
+  EXPECT_EQ(read_scan(folder / "frames.dcm").volume.geometry().size, Index3(1, 1, 1));
+  // Texts of 5 kB for each of the frames would take 300 MB; the frames themselves take some 40 MB, and
+  // sanitizers take more.
+  EXPECT_LT(most_kB() - before_kB, 250'000);
 }
 
 TEST(DicomFramesErrors, OfAnyDamageAreInputErrors) {

@@ -78,8 +78,8 @@ TEST(DicomScan, SortsByPositionAndNotByNumberOrName) {
 
 TEST(DicomScan, ReadsImplicitSyntaxAndFilesWithoutExtensionAmongForeignOnes) {
   const TemporaryFolder folder;
-  slice_at({0, 0, 0}).write(folder / "IM0", true);
-  slice_at({0, 0, 2}).write(folder / "IM1", true);
+  slice_at({0, 0, 0}).write(folder / "IM0", DicomFile::Syntax::implicit_little);
+  slice_at({0, 0, 2}).write(folder / "IM1", DicomFile::Syntax::implicit_little);
   write_bytes(folder / "README.txt", "not a slice\n");
   write_bytes(folder / "preview.dcm", std::string(500, 'x'));
   const auto [info, volume, hu_range] = read_scan(folder / "");

@@ -132,7 +132,7 @@ std::string dicom_sequence(std::uint32_t tag, const std::vector<std::string>& it
                        value + (with_lengths ? "" : delimiter(0xe0dd, 0)));
 }
 
-void DicomFile::write(const std::filesystem::path& path, bool implicit) const {
+void DicomFile::write(const std::filesystem::path& path, Syntax syntax) const {
   const auto explicit_element = [](std::uint32_t tag, const Element& element) {
     return dicom_element(tag, element.vr, element.value);
   };
@@ -142,18 +142,23 @@ void DicomFile::write(const std::filesystem::path& path, bool implicit) const {
     return bytes_of(group) + bytes_of(number) + bytes_of(length) + element.value;
   };
 
-  std::string syntax = implicit ? "1.2.840.10008.1.2" : "1.2.840.10008.1.2.1";
-  if (syntax.size() % 2 == 1) syntax += '\0';
+  std::string uid = "1.2.840.10008.1.2";
+  if (syntax == Syntax::explicit_little) uid += ".1";
+  if (syntax == Syntax::deflated) uid += ".1.99";
+  if (uid.size() % 2 == 1) uid += '\0';
   // The meta group is always explicit, and starts with its own length.
   const std::string meta = explicit_element(0x00020002, elements_.at(0x00080016)) +
                            explicit_element(0x00020003, elements_.at(0x00080018)) +
-                           explicit_element(0x00020010, {"UI", syntax});
-  std::string bytes =
-      std::string(128, '\0') + "DICM" +
-      explicit_element(0x00020000, {"UL", bytes_of(static_cast<std::uint32_t>(meta.size()))}) + meta;
+                           explicit_element(0x00020010, {"UI", uid});
+  std::string bytes;
   for (const auto& [tag, element] : elements_)
-    bytes += implicit ? implicit_element(tag, element) : explicit_element(tag, element);
-  write_bytes(path, bytes);
+    bytes +=
+        syntax == Syntax::implicit_little ? implicit_element(tag, element) : explicit_element(tag, element);
+  if (syntax == Syntax::deflated) bytes = packed(bytes, -MAX_WBITS);
+  write_bytes(path,
+              std::string(128, '\0') + "DICM" +
+                  explicit_element(0x00020000, {"UL", bytes_of(static_cast<std::uint32_t>(meta.size()))}) +
+                  meta + bytes);
 }
 
 std::string genesis_bytes(const GenesisHeader& header, std::span<const std::uint16_t> stored) {
@@ -193,6 +198,45 @@ std::string NiftiFile::bytes() const {
   put(result, 280, sform);
   result.replace(344, 3, "n+1");
   return result + voxels;
+}
+
+std::string NiftiFile::bytes2() const {
+  constexpr std::int64_t kVoxels_B = 544;
+  std::string result(kVoxels_B, '\0');
+  put(result, 0, std::int32_t{540});
+  result.replace(4, 8, {"n+2\0\r\n\x1a\n", 8});
+  put(result, 12, datatype);
+  put(result, 14, bitpix);
+  for (std::size_t i = 0; i < dim.size(); ++i) put(result, 16 + 8 * i, std::int64_t{dim[i]});
+  for (std::size_t i = 0; i < pixdim.size(); ++i) put(result, 104 + 8 * i, double{pixdim[i]});
+  put(result, 168, kVoxels_B);
+  put(result, 176, double{slope});
+  put(result, 184, double{intercept});
+  put(result, 348, std::int32_t{sform_code});
+  for (std::size_t i = 0; i < sform.size(); ++i) put(result, 400 + 8 * i, double{sform[i]});
+  return result + voxels;
+}
+
+std::string zip_bytes(const std::map<std::string, std::string>& files) {
+  const auto u16 = [](std::size_t value) { return bytes_of(static_cast<std::uint16_t>(value)); };
+  const auto u32 = [](std::size_t value) { return bytes_of(static_cast<std::uint32_t>(value)); };
+  std::string bytes, directory;
+  for (const auto& [name, content] : files) {
+    constexpr std::size_t kVersion = 20, kDeflate = 8, kNewYear1980 = 0x21;
+    const std::string body = packed(content, -MAX_WBITS);
+    const auto checksum =
+        crc32(0, reinterpret_cast<const Bytef*>(content.data()), static_cast<uInt>(content.size()));
+    // Both heads of a file say this: versions, flags, packing, date, sizes, and no extra field.
+    const std::string common = u16(kVersion) + u16(0) + u16(kDeflate) + u16(0) + u16(kNewYear1980) +
+                               u32(checksum) + u32(body.size()) + u32(content.size()) + u16(name.size()) +
+                               u16(0);
+    // No comment, disk 0, no attributes.
+    directory += "PK\1\2" + u16(kVersion) + common + std::string(10, '\0') + u32(bytes.size()) + name;
+    bytes += "PK\3\4" + common + name + body;
+  }
+  const std::string end = "PK\5\6" + u32(0) + u16(files.size()) + u16(files.size()) + u32(directory.size()) +
+                          u32(bytes.size()) + u16(0);
+  return bytes + directory + end;
 }
 
 }  // namespace xraycast

@@ -52,8 +52,8 @@ class DicomFile {
   DicomFile& position(const glm::dvec3& mm);
   DicomFile& directions(const glm::dvec3& row, const glm::dvec3& column);
 
-  /// Explicit VR little endian, or implicit.
-  void write(const std::filesystem::path& path, bool implicit = false) const;
+  enum class Syntax { explicit_little, implicit_little, deflated };
+  void write(const std::filesystem::path& path, Syntax syntax = Syntax::explicit_little) const;
 
  private:
   struct Element {
@@ -90,6 +90,11 @@ struct NiftiFile {
   std::string voxels;
 
   std::string bytes() const;
+  /// The same as NIfTI-2.
+  std::string bytes2() const;
 };
+
+/// A zip archive of files, by their names in it.
+std::string zip_bytes(const std::map<std::string, std::string>& files);
 
 }  // namespace xraycast

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <cmath>
 #include <map>
+#include <memory>
 
 namespace xraycast {
 namespace {
@@ -102,9 +103,9 @@ void read_values(const ValueHolders& holders, bool is_ct, DicomSlice& slice) {
 
 // ---- pixels ------------------------------------------------------------------------------------------
 
-DicomStudy read_study(const DicomHeader& header) {
-  DicomStudy study;
-  for (const auto& [tag, text] : kDicomStudyFields) study.*text = header.text(tag);
+std::shared_ptr<const DicomStudy> read_study(const DicomHeader& header) {
+  auto study = std::make_shared<DicomStudy>();
+  for (const auto& [tag, text] : kDicomStudyFields) (*study).*text = header.text(tag);
   return study;
 }
 
@@ -215,6 +216,11 @@ std::vector<Frame> read_frames(const DicomHeader& header, const fs::path& file, 
   if (number_or(header, kNumberOfFrames, 1) != static_cast<double>(groups.size()))
     throw DamagedSlice("{}: NumberOfFrames (0028,0008) is {}, but {} frames are described; export it again",
                        file.string(), header.text(kNumberOfFrames), groups.size());
+  // A few bytes of a deflated file may describe a million frames.
+  constexpr std::size_t kMostFrames = 65536;
+  if (groups.size() > kMostFrames)
+    throw InputError("{}: {} frames (NumberOfFrames (0028,0008)) are more than {}; export it in parts",
+                     file.string(), groups.size(), kMostFrames);
   const DicomSlice common = common_of(header, file);
   const DicomHeader::PixelData& pixels = *header.pixel_data();
   if (!pixels.encapsulated && common.pixels.bits_allocated % 8 != 0)

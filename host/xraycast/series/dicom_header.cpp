@@ -21,6 +21,8 @@ constexpr const char* kDeflated = "1.2.840.10008.1.2.1.99";
 constexpr const char* kBigEndian = "1.2.840.10008.1.2.2";
 constexpr std::uint32_t kUndefined = 0xffffffff;
 constexpr std::int64_t kPreamble_B = 128;
+/// What is kept of a file is short.
+constexpr std::uint32_t kLongestKept_B = 1024;
 
 /// The functional groups of multi-frame files, and what in them is used: PS3.3, C.7.6.16.
 constexpr std::array<DicomTag, 7> kSequences{0x52009229,      // shared
@@ -204,7 +206,10 @@ class DicomReader {
     // The meta group is explicit whatever follows it.
     while (bytes_.peek(2) == std::string{2, 0}) {
       const ElementHead head = take_head(bytes_, {true, false});
-      header.values_[head.tag] = bytes_.take(head.length);
+      if (head.length > kLongestKept_B)
+        bytes_.skip(head.length);
+      else
+        header.values_[head.tag] = bytes_.take(head.length);
     }
     std::string& transfer_syntax = header.transfer_syntax_;
     if (header.contains(kTransferSyntax)) transfer_syntax = header.text(kTransferSyntax);
@@ -237,15 +242,13 @@ class DicomReader {
   }
 
   void read_element(const ElementHead& head, const Syntax& syntax, DicomItem& item, int depth) {
-    // The elements that a CT slice needs are short.
-    constexpr std::uint32_t kShort_B = 1024;
     const Syntax& inner = head.unknown_vr ? kImplicitSyntax : syntax;
     const bool wanted = depth == 0 || std::ranges::find(kItemElements, head.tag) != kItemElements.end();
     if (std::ranges::find(kSequences, head.tag) != kSequences.end()) {
       item.sequences_[head.tag] = read_items(head.length, inner, depth + 1);
     } else if (head.length == kUndefined) {
       skip_items(bytes_, inner);
-    } else if (head.length > kShort_B || !wanted) {
+    } else if (head.length > kLongestKept_B || !wanted) {
       bytes_.skip(head.length);
     } else {
       spend();

@@ -124,15 +124,15 @@ std::string uid_or_nothing(const std::string& text) { return is_dicom_uid(text) 
 
 /// A UID that all slices have to share.
 std::string common_uid(const std::vector<DicomSlice>& slices, std::string DicomStudy::*uid) {
-  const std::string& first = slices.front().study.*uid;
+  const std::string& first = (*slices.front().study).*uid;
   const bool is_shared =
-      std::ranges::all_of(slices, [&](const DicomSlice& slice) { return slice.study.*uid == first; });
+      std::ranges::all_of(slices, [&](const DicomSlice& slice) { return (*slice.study).*uid == first; });
   return is_shared ? uid_or_nothing(first) : "";
 }
 
 DicomOrigin origin_of(const std::vector<DicomSlice>& slices, const std::string& series_uid) {
   DicomOrigin origin;
-  origin.study = slices.front().study;
+  origin.study = *slices.front().study;
   origin.study.uid = common_uid(slices, &DicomStudy::uid);
   origin.study.frame_of_reference_uid = common_uid(slices, &DicomStudy::frame_of_reference_uid);
   origin.series_uid = uid_or_nothing(series_uid);

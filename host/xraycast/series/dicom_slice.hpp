@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <filesystem>
+#include <memory>
 #include <optional>
 #include <string>
 #include <vector>
@@ -35,7 +36,7 @@ struct DicomSlice {
   SlicePlane plane;
   double thickness_mm = 0, slope = 1, intercept = 0;
   DicomPixels pixels;
-  DicomStudy study;
+  std::shared_ptr<const DicomStudy> study;  ///< that of all frames of a file
   std::string sop_class_uid, sop_instance_uid;
 
   /// The file, and the frame if there are several: for messages.
