@@ -383,8 +383,9 @@ void cast_map(const CastArguments& options, Session& session) {
   if (outside) {
     json["outside_share"] = *outside;
     text += fmt::format(
-        "{:.2g} % of the scan's attenuation, that of air included where it absorbs, lies outside of "
-        "the outline\n",
+        "left out: {:.2g} % of the scan's attenuation, which lies outside of the outline (table, clothes, "
+        "and air "
+        "under an opacity in which it absorbs)\n",
         100 * *outside);
   }
   if (basis) {

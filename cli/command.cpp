@@ -99,7 +99,7 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
       .add_option("--series", options.series,
-                  "DICOM series to read: part of its description, its number or UID")
+                  "DICOM series to read: its number, part of its description, or UID")
       ->type_name("TEXT");
   command.add_flag("--keep-slices", options.keep_slices,
                    "Reject unevenly spaced slices instead of resampling them");

@@ -117,7 +117,10 @@ void remove_stale_seg(const ScanInfo& scan, const fs::path& folder) {
 std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
   if (!why_none.empty()) return fmt::format("no {}: {}\n", kSegName, why_none);
   if (frame_of_reference_uid(scan).empty())
-    return fmt::format("{}: in a frame of reference of its own, since the slices share none\n", kSegName);
+    return fmt::format(
+        "{}: in a frame of reference of its own, since the slices share none; some viewers will not "
+        "overlay it on them\n",
+        kSegName);
   return "";
 }
 
@@ -168,20 +171,20 @@ void segment(const SegmentArguments& options, Session& session) {
   remove_stale_seg(scan.info, folder);
   const std::string why_none = why_no_seg(scan.info);
   const double total_ms = stopwatch.ms();
-  session.report(
-      {{"input", options.input},
-       {"folder", options.folder},
-       {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
-       {"no_seg", why_none.empty() ? Json() : Json(why_none)},
-       {"voxels", mask.count()},
-       {"branches", centrelines.tree.branches().size()},
-       {"loops", centrelines.loops},
-       {"gaps_mm", centrelines.gaps_mm},
-       {"parts_left_out", centrelines.parts_left_out},
-       {"triangles", surface.triangles.size()},
-       {"timings_ms", {{"total", total_ms}}}},
-      fmt::format("{}: {}{}, {} triangles, {:.0f} ms\n{}", options.folder, found, linked(centrelines),
-                  surface.triangles.size(), total_ms, seg_note(scan.info, why_none)));
+  session.report({{"input", options.input},
+                  {"folder", options.folder},
+                  {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
+                  {"no_seg", why_none.empty() ? Json() : Json(why_none)},
+                  {"voxels", mask.count()},
+                  {"branches", centrelines.tree.branches().size()},
+                  {"loops", centrelines.loops},
+                  {"gaps_mm", centrelines.gaps_mm},
+                  {"parts_left_out", centrelines.parts_left_out},
+                  {"triangles", surface.triangles.size()},
+                  {"timings_ms", {{"total", total_ms}}}},
+                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder, found,
+                             linked(centrelines), surface.triangles.size(), total_ms,
+                             (folder / "report.png").string(), seg_note(scan.info, why_none)));
 }
 
 }  // namespace

@@ -205,11 +205,14 @@ void simulate(const SimulateArguments& options, Session& session) {
                 {"arc_length_mm", tip.arc_length_mm},
                 {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
-  session.report(result,
-                 fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
-                             "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}",
-                             options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
-                             times_faster, entry.branch, tip.branch, tip.arc_length_mm, held_note(held_s)));
+  std::string pictures;
+  for (const std::string& file : {options.plot, options.cine})
+    if (!file.empty()) pictures += fmt::format("{}: written\n", file);
+  session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+                                     "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}{}",
+                                     options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
+                                     times_faster, entry.branch, tip.branch, tip.arc_length_mm,
+                                     held_note(held_s), pictures));
 }
 
 }  // namespace

@@ -615,7 +615,7 @@ TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
   EXPECT_EQ(info["all_series"][0]["chosen"], true);
   EXPECT_EQ(info["all_series"][1], Json::parse(R"({"number": "1", "description": "", "uid": "1.2.1",
       "modality": "CT", "slices": 3, "orientation": "axial", "thickness_mm": 1.0, "chosen": false})"));
-  EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices\n"));
+  EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices"));
 }
 
 TEST_F(Cli, CastSaysWhatItMade) {

@@ -85,7 +85,7 @@ TEST(DicomFolder, IsSearchedThroughAllItsFolders) {
   const ReadScan scan = read_scan(folder / "");
   EXPECT_EQ(scan.volume.geometry().size.z, 5);
   EXPECT_THAT(scan.info.series, HasSubstr("3: 5 slices"));
-  EXPECT_THAT(scan.info.notes, ElementsAre("other series 2: 3 slices"));
+  EXPECT_THAT(scan.info.notes, ElementsAre("other series 2: 3 slices, axial, 1 mm"));
 }
 
 TEST(DicomFolder, IsThatOfItsDicomdir) {
@@ -114,6 +114,33 @@ TEST(DicomFolder, MayHoldLinksToItselfAndToNothing) {
   fs::create_symlink("nothing", folder / "dangling");
   fs::create_directory_symlink(".", folder / "itself");
   EXPECT_EQ(read_scan(folder / "").info.size.z, 3);
+}
+
+TEST(DicomFolder, WarnsOfEmptyAndShortFilesBesideItsSlices) {
+  const TemporaryFolder folder;
+  write_series(folder / "ct", "2", 3);
+  write_bytes(folder / "ct/I0a", "");
+  write_bytes(folder / "ct/I9", std::string(100, '\0'));
+  write_bytes(folder / "ct/notes.txt", "short, but not named like a slice");
+  write_bytes(folder / "AUTORUN", "");
+  EXPECT_THAT(read_scan(folder / "").info.warnings,
+              ElementsAre(AllOf(HasSubstr("skipped 2 files beside the slices"), HasSubstr("ct/I0a"))));
+}
+
+TEST(DicomFolder, TakesDigitsForANumberAndNotForAPartOfAUid) {
+  const TemporaryFolder folder;
+  write_series(folder / "a", "1", 2);
+  write_series(folder / "b", "23", 2);
+  EXPECT_THAT(taken_from(folder / "", {.series = "1"}), StartsWith("1:"));
+  EXPECT_THAT([&] { taken_from(folder / "", {.series = "3"}); },
+              ThrowsMessage<InputError>(HasSubstr("no series matches '3'")));
+  EXPECT_THAT(taken_from(folder / "", {.series = "3.23"}), StartsWith("23:"));
+}
+
+TEST(DicomFolder, WarnsOfASingleSliceThatWasGivenAlone) {
+  const TemporaryFolder folder;
+  write_series(folder / "ct", "2", 3);
+  EXPECT_THAT(read_scan(folder / "ct/I1").info.warnings, Contains(HasSubstr("give its folder")));
 }
 
 TEST(DicomFolder, KeepsGenesisSlicesOfOneFolder) {

@@ -13,6 +13,8 @@ void require_regular_file(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
   if (!std::filesystem::exists(status)) throw InputError("{}: no such file", path.string());
+  if (std::filesystem::is_directory(status))
+    throw InputError("{}: a folder, but a file is needed here", path.string());
   if (!std::filesystem::is_regular_file(status)) throw InputError("{}: not a regular file", path.string());
 }
 

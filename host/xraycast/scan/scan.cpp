@@ -1,7 +1,9 @@
 #include "xraycast/scan/scan.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
 #include "xraycast/scan/unpacked_zip.hpp"
 #include "xraycast/series/dicom_header.hpp"
@@ -10,6 +12,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <set>
 #include <span>
 #include <zlib.h>
 
@@ -75,6 +78,39 @@ std::vector<fs::path> of_one_folder(std::vector<fs::path> genesis, const fs::pat
   return genesis;
 }
 
+/// A scan is larger than the masks beside it.
+fs::path largest(const std::vector<fs::path>& files) {
+  const auto size_B = [](const fs::path& file) {
+    std::error_code error;
+    const std::uintmax_t size = fs::file_size(file, error);
+    return error ? 0 : size;
+  };
+  return *std::ranges::max_element(files, {}, size_B);
+}
+
+/// Warns of files beside slices that are named like them and too short for a DICOM file: most likely what an
+/// interrupted copy left of slices.
+void warn_of_stumps(const std::vector<fs::path>& unknown, const std::vector<fs::path>& slices,
+                    ScanInfo& info) {
+  constexpr std::uintmax_t kPreamble_B = 132;
+  std::set<std::pair<fs::path, std::string>> places;
+  for (const fs::path& slice : slices) places.emplace(slice.parent_path(), extension_of(slice));
+  std::int64_t stumps = 0;
+  fs::path example;
+  for (const fs::path& file : unknown) {
+    std::error_code error;
+    if (fs::file_size(file, error) >= kPreamble_B || error) continue;
+    if (!places.contains({file.parent_path(), extension_of(file)})) continue;
+    if (stumps++ == 0) example = file;
+  }
+  if (stumps > 0)
+    info.warnings.push_back(
+        fmt::format("skipped {} beside the slices, empty or too short to be DICOM, such as {}: if slices are "
+                    "missing, copy "
+                    "the folder again",
+                    pluralize(stumps, "file"), example.string()));
+}
+
 Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& progress) {
   const std::vector<fs::path> files = files_within(path, progress);
   if (files.empty()) throw InputError("{}: the folder is empty", path.string());
@@ -84,22 +120,32 @@ Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& pro
     formats[static_cast<std::size_t>(i)] = format_of(files[static_cast<std::size_t>(i)]);
   });
 
-  std::vector<fs::path> dicom, genesis;
-  fs::path other;
+  std::vector<fs::path> dicom, genesis, unknown, others;
   for (std::size_t i = 0; i < files.size(); ++i) {
     if (formats[i] == Format::dicom)
       dicom.push_back(files[i]);
     else if (formats[i] == Format::genesis)
       genesis.push_back(files[i]);
-    else if (formats[i] != Format::unknown)
-      other = files[i];
+    else
+      (formats[i] == Format::unknown ? unknown : others).push_back(files[i]);
   }
-  if (!dicom.empty()) return open_dicom(path, dicom, options, progress);
+  if (!dicom.empty()) {
+    Scan scan = open_dicom(path, dicom, options, progress);
+    warn_of_stumps(unknown, dicom, scan.info);
+    return scan;
+  }
   if (!genesis.empty()) return open_genesis(path, of_one_folder(genesis, path), options, progress);
-  if (!other.empty())
+  if (!others.empty())
     throw InputError("{}: the folder holds no DICOM or GE Genesis slices; give the file itself, such as {}",
-                     path.string(), other.lexically_relative(path).string());
+                     path.string(), largest(others).lexically_relative(path).string());
   throw InputError("{}: the folder holds no images; give the one that holds the slices", path.string());
+}
+
+Scan open_dicom_file(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  Scan scan = open_dicom(path, {path}, options, progress);
+  if (scan.info.size.z == 1)
+    scan.info.warnings.emplace_back("a single slice; give its folder for the whole series");
+  return scan;
 }
 
 /// What `work` returns; errors name what lies in the archive.
@@ -152,7 +198,7 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
     case Format::dicom:
       // The files that a DICOMDIR lists are in its folder.
       if (is_dicom_directory(path)) return open_folder(fs::absolute(path).parent_path(), options, progress);
-      return open_dicom(path, {path}, options, progress);
+      return open_dicom_file(path, options, progress);
     case Format::genesis:
       return open_genesis(path, {path}, options, progress);
     case Format::nifti:

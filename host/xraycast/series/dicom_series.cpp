@@ -1,6 +1,7 @@
 #include "xraycast/series/dicom_series.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 
 #include <glm/geometric.hpp>
@@ -48,11 +49,15 @@ double thickness_mm(const DicomSeries& series) {
   return slice ? slice->thickness_mm : 0;
 }
 
+/// As in "7: chest, 3 slices, axial, 1.25 mm".
 std::string name_of(const DicomSeries& series) {
   const DicomFileSummary& file = series.files.front();
-  return fmt::format("{}{}{}", file.series_number.empty() ? "" : file.series_number + ": ",
-                     file.series_description.empty() ? "" : file.series_description + ", ",
-                     pluralize(slice_count(series), series.is_ct ? "slice" : "image"));
+  std::string name = file.series_number.empty() ? "" : file.series_number + ": ";
+  if (!file.series_description.empty()) name += file.series_description + ", ";
+  name += pluralize(slice_count(series), series.is_ct ? "slice" : "image");
+  if (const std::string plane = plane_of(series); !plane.empty()) name += ", " + plane;
+  if (const double mm = thickness_mm(series); mm > 0) name += fmt::format(", {:.3g} mm", mm);
+  return name;
 }
 
 std::string describe(const DicomSeries& series) {
@@ -114,12 +119,15 @@ std::vector<DicomFileSummary> take_strays(std::vector<DicomFileSummary>& files) 
   return strays;
 }
 
+/// Digits alone are a number, which lies within many UIDs by chance.
 bool matches(const DicomFileSummary& file, const std::string& wanted) {
-  return file.series_uid.find(wanted) != std::string::npos ||
-         file.series_description.find(wanted) != std::string::npos;
+  const bool is_part_of_uid = wanted.find('.') != std::string::npos;
+  return (is_part_of_uid && file.series_uid.find(wanted) != std::string::npos) ||
+         lower_case(file.series_description).find(lower_case(wanted)) != std::string::npos;
 }
 
-/// A complete series number takes precedence over the same digits within a UID, and CT over other modalities.
+/// A complete series number takes precedence over the same digits within a description, and CT over other
+/// modalities.
 std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& all, const fs::path& path) {
   for (const bool by_number : {true, false})
     for (const bool is_ct : {true, false}) {

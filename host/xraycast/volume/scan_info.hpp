@@ -47,7 +47,7 @@ struct ScanInfo {
 
 /// How to open a scan.
 struct ScanOptions {
-  std::string series;         ///< DICOM: part of a series' UID, description or its number; empty: the best CT
+  std::string series;         ///< DICOM: its number, or part of its description or UID; empty: the best CT
   bool keep_slices = false;   ///< reject an unevenly spaced stack instead of resampling it
   bool skip_damaged = false;  ///< leave damaged slices of a series out, and interpolate across them
 };
