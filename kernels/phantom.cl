@@ -4,8 +4,8 @@
  * where the coverage of a voxel depends on it. host/xraycast/phantom_scene.cpp says the same in double
  * precision.
  *
- * A work-item paints a row of 16 voxels: processors have vectors for them, and tests that hold for the whole row,
- * such as that it misses a shape, are made once. */
+ * A work-item paints a row of 16 voxels: processors have vectors for them, and tests that hold for the whole
+ * row, such as that it misses a shape, are made once. */
 
 #define FAR_MM 1e6f
 #define TINY 1e-12f

@@ -136,7 +136,8 @@ TEST_F(VtkFiles, WeReadVtksImages) {
     ASSERT_EQ(volume.geometry(), (VolumeGeometry{{11, 13, 12}, {0.5, 2, 0.75}, {-6, 8, 9.75 - 11 * 0.75}}));
     EXPECT_EQ(info.format, "VTK");
     EXPECT_EQ(info.orientation, "LIP");
-    EXPECT_THAT(info.warnings, testing::ElementsAre(testing::HasSubstr("does not state the patient's orientation")));
+    EXPECT_THAT(info.warnings,
+                testing::ElementsAre(testing::HasSubstr("does not state the patient's orientation")));
     const bool is_byte = std::string_view(encoding).ends_with("char");
     for (std::int64_t z = 0; z < 12; ++z)
       for (std::int64_t y = 0; y < 13; ++y)
