@@ -231,8 +231,10 @@ std::string zip_bytes(const std::map<std::string, std::string>& files) {
                                u32(checksum) + u32(body.size()) + u32(content.size()) + u16(name.size()) +
                                u16(0);
     // No comment, disk 0, no attributes.
-    directory += "PK\1\2" + u16(kVersion) + common + std::string(10, '\0') + u32(bytes.size()) + name;
-    bytes += "PK\3\4" + common + name + body;
+    const std::string nothing(10, '\0'), place = u32(bytes.size());
+    for (const std::string& part : {"PK\1\2" + u16(kVersion), common, nothing, place, name})
+      directory += part;
+    for (const std::string& part : {std::string("PK\3\4"), common, name, body}) bytes += part;
   }
   const std::string end = "PK\5\6" + u32(0) + u16(files.size()) + u16(files.size()) + u32(directory.size()) +
                           u32(bytes.size()) + u16(0);
