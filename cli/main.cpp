@@ -114,7 +114,8 @@ int main(int argc, char** argv) {
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
   app.add_flag("--json", session.json, "Machine-readable results on stdout");
-  app.add_flag("--quiet,-q", session.quiet, "Suppress notes, warnings, progress and the report of written files");
+  app.add_flag("--quiet,-q", session.quiet,
+               "Suppress notes, warnings, progress and the report of written files");
   cli::add_info(app, session);
   cli::add_convert(app, session);
   cli::add_phantom(app, session);

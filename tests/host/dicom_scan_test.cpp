@@ -17,6 +17,7 @@
 namespace xraycast {
 namespace {
 
+using ::testing::Contains;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
@@ -439,7 +440,7 @@ TEST(DicomScan, WarnsOfAnotherModality) {
   slice_at({0, 0, 0}).text(kModality, "CS", "MR").write(folder / "slice");
   const ScanInfo info = read_scan(folder / "slice").info;
   EXPECT_EQ(info.modality, "MR");
-  EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("MR is not CT")));
+  EXPECT_THAT(info.warnings, Contains(HasSubstr("MR is not CT")));
 }
 
 TEST(DicomScan, YieldsTheSameSlicesInAnyRuns) {

@@ -11,8 +11,10 @@ namespace xraycast {
 ///   `HEAD`  one; geometry, knots, histogram and source as JSON
 ///   `OUTL`  the geometry's outline; only where there is one, which makes it a file of version 2
 ///   `TILE`  Basis::touched
-/// `ROWS`  Basis::weights Chunks hold at most 8 MiB, so the last two come in several. Not compressed: zlib
-///   takes a third off a thorax's basis but takes a second per 20 MB, 60 times as long as the checksums.
+///   `ROWS`  Basis::weights
+///
+/// Chunks hold at most 8 MiB, so the last two come in several. They are not compressed: zlib saves a third of
+/// a thorax's basis and takes a second per 20 MB, 60 times as long as the checksums.
 ///
 /// Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_basis(const Basis& basis, const std::filesystem::path& path);
