@@ -74,10 +74,10 @@ std::int64_t left_by_groups(const fs::path& root) {
 }
 
 void require(std::string_view purpose, std::int64_t need_B, const MemoryLimit& limit) {
-  const auto MB = [](std::int64_t bytes) { return std::max<std::int64_t>(0, bytes) >> 20; };
+  const auto megabytes = [](std::int64_t bytes) { return std::max<std::int64_t>(0, bytes) >> 20; };
   if (need_B > limit.left_B)
     throw Error("{} needs {} MB of memory, and {} leaves {} MB: raise that limit or close other programs",
-                purpose, MB(need_B) + 1, limit.name, MB(limit.left_B));
+                purpose, megabytes(need_B) + 1, limit.name, megabytes(limit.left_B));
 }
 
 }  // namespace

@@ -218,12 +218,12 @@ StoredVoxels nifti_voxels(const fs::path& path, const NiftiHeader& header) {
 }
 
 VoxelType nifti_type(const fs::path& path, int datatype) {
-  static const std::map<int, VoxelType> kTypes{
+  static const std::map<int, VoxelType> types{
       {2, VoxelType::uint8},    {4, VoxelType::int16},    {8, VoxelType::int32},    {16, VoxelType::float32},
       {64, VoxelType::float64}, {256, VoxelType::int8},   {512, VoxelType::uint16}, {768, VoxelType::uint32},
       {1024, VoxelType::int64}, {1280, VoxelType::uint64}};
-  const auto found = kTypes.find(datatype);
-  if (found == kTypes.end())
+  const auto found = types.find(datatype);
+  if (found == types.end())
     throw InputError(
         "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float per voxel",
         path.string(), datatype);

@@ -12,13 +12,13 @@ namespace xraycast {
 namespace {
 
 VoxelType vti_type(const VtkXmlFile& file, const std::string& field, const std::string& name) {
-  static const std::map<std::string, VoxelType> kTypes{
+  static const std::map<std::string, VoxelType> types{
       {"Int8", VoxelType::int8},      {"UInt8", VoxelType::uint8},   {"Int16", VoxelType::int16},
       {"UInt16", VoxelType::uint16},  {"Int32", VoxelType::int32},   {"UInt32", VoxelType::uint32},
       {"Int64", VoxelType::int64},    {"UInt64", VoxelType::uint64}, {"Float32", VoxelType::float32},
       {"Float64", VoxelType::float64}};
-  const auto found = kTypes.find(name);
-  if (found == kTypes.end()) file.fail(field, "the type \"{}\" is not supported", name);
+  const auto found = types.find(name);
+  if (found == types.end()) file.fail(field, "the type \"{}\" is not supported", name);
   return found->second;
 }
 
@@ -34,8 +34,7 @@ pugi::xml_node scalars_of(const VtkXmlFile& file) {
 
 /// Indices of the first and the last voxel along x, y and z: {x0, x1, y0, y1, z0, z1}.
 std::vector<double> extent_of(const VtkXmlFile& file) {
-  const std::vector<double> extent =
-      file.attribute_numbers(file.piece(), "Extent", std::vector<double>(6, 0));
+  std::vector<double> extent = file.attribute_numbers(file.piece(), "Extent", std::vector<double>(6, 0));
   constexpr double kMost = 1e9;
   for (const double index : extent)
     if (index != std::floor(index) || !(std::abs(index) < kMost))

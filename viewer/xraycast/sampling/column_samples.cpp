@@ -44,7 +44,8 @@ class Sampler {
         out_(out) {
     if (geometry.has_outline()) outline_.emplace(geometry);
     const double scale = options_.wall_radius_mm.value_or(geometry_.radius_mm()) / geometry_.radius_mm();
-    for (int k = 0; k < geometry.layers(); ++k) walls_mm_.push_back(scale * geometry.radii_mm[k + 1]);
+    for (std::size_t k = 1; k < geometry.radii_mm.size(); ++k)
+      walls_mm_.push_back(scale * geometry.radii_mm[k]);
   }
 
   void sample(const Line& line) {
