@@ -11,7 +11,7 @@ import unittest
 PROGRAM, VENV = sys.argv[1:3]
 if pathlib.Path(sys.prefix).resolve() != pathlib.Path(VENV).resolve():
     python = pathlib.Path(VENV) / "bin" / "python"
-    if not python.exists():
+    if not python.exists() or subprocess.run([python, "-c", "import highdicom"], capture_output=True).returncode != 0:
         print(f"skipped: {VENV} has no highdicom; run ./dev test-systems")
         sys.exit(77)
     os.execv(python, [str(python), *sys.argv])
