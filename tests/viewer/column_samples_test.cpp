@@ -57,14 +57,18 @@ TEST(ColumnSamples, WeightsAddUpToTheChord) {
   }
 }
 
-TEST(ColumnSamples, UnderAnEllipseAddUpToItsChords) {
-  const MapGeometry circles = map({0, 30, 50, 100}, {0, 0});
+/// The map under an outline with half axes of 100 mm to the sides and 60 mm to the front.
+MapGeometry under_ellipse(const MapGeometry& circles) {
   std::vector<float> outline_mm;
   for (int i = 0; i < circles.width; ++i) {
     const double phi = circles.phi_rad(i);
     outline_mm.push_back(static_cast<float>(1 / std::hypot(std::sin(phi) / 100, std::cos(phi) / 60)));
   }
-  const MapGeometry geometry = with_outline(circles, outline_mm);
+  return with_outline(circles, outline_mm);
+}
+
+TEST(ColumnSamples, UnderAnEllipseAddUpToItsChords) {
+  const MapGeometry geometry = under_ellipse(map({0, 30, 50, 100}, {0, 0}));
   const RectifiedView rectified = view_of_map(geometry, {}, 0);
   const ColumnSamples samples = column_samples(rectified, geometry, {});
   for (int column = 0; column < rectified.columns; ++column) {
@@ -80,13 +84,7 @@ TEST(ColumnSamples, UnderAnEllipseAddUpToItsChords) {
 }
 
 TEST(ColumnSamples, UnderAnOutlineHaveWallsWhereItStands) {
-  const MapGeometry circles = map({0, 50, 100}, {0, 0});
-  std::vector<float> outline_mm;
-  for (int i = 0; i < circles.width; ++i) {
-    const double phi = circles.phi_rad(i);
-    outline_mm.push_back(static_cast<float>(1 / std::hypot(std::sin(phi) / 100, std::cos(phi) / 60)));
-  }
-  const MapGeometry geometry = with_outline(circles, outline_mm);
+  const MapGeometry geometry = under_ellipse(map({0, 50, 100}, {0, 0}));
   const RectifiedView rectified = view_of_map(geometry, {}, 0);
   const ColumnSamples samples = column_samples(rectified, geometry, {.compositing = Compositing::wall});
   for (int column = 0; column < rectified.columns; ++column) {

@@ -1,13 +1,13 @@
 #include "xraycast/base/child_process.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/memory_limit.hpp"
 
 #include <algorithm>
 #include <cerrno>
 #include <csignal>
 #include <cstring>
 #include <fcntl.h>
-#include <fstream>
 #include <new>
 #include <poll.h>
 #include <sys/mman.h>
@@ -19,12 +19,6 @@
 
 namespace xraycast {
 namespace {
-
-std::int64_t address_space_B() {
-  std::int64_t pages = 0;
-  std::ifstream("/proc/self/statm") >> pages;
-  return pages * sysconf(_SC_PAGE_SIZE);
-}
 
 /// Lowers a limit; an already lower one is kept.
 void limit(__rlimit_resource resource, rlim_t most) {
@@ -82,7 +76,7 @@ SharedMemory::SharedMemory(std::size_t size_B) {
 SharedMemory::~SharedMemory() { munmap(bytes_.data(), bytes_.size()); }
 
 bool run_in_child(const std::function<void()>& work, const ChildLimits& limits) {
-  const auto most_B = static_cast<rlim_t>(address_space_B() + limits.memory_B);
+  const auto most_B = static_cast<rlim_t>(address_space_taken_B() + limits.memory_B);
   const pid_t process = fork();
   if (process < 0) throw Error("no process can be started: {}; close other programs", std::strerror(errno));
   if (process == 0) work_apart(work, limits, most_B);

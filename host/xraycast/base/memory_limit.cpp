@@ -82,12 +82,14 @@ void require(std::string_view purpose, std::int64_t need_B, const MemoryLimit& l
 
 }  // namespace
 
+std::int64_t address_space_taken_B() { return number_in("/proc/self/statm", 0) * sysconf(_SC_PAGESIZE); }
+
 MemoryLimit address_space_left() {
   MemoryLimit limit{kUnlimited, "`ulimit -v`"};
   rlimit most{};
   if (getrlimit(RLIMIT_AS, &most) != 0 || most.rlim_cur == RLIM_INFINITY) return limit;
-  const std::int64_t taken_B = number_in("/proc/self/statm", 0) * sysconf(_SC_PAGESIZE);
-  limit.left_B = static_cast<std::int64_t>(std::min<rlim_t>(most.rlim_cur, kUnlimited)) - taken_B;
+  limit.left_B =
+      static_cast<std::int64_t>(std::min<rlim_t>(most.rlim_cur, kUnlimited)) - address_space_taken_B();
   return limit;
 }
 

@@ -16,6 +16,9 @@ struct MemoryLimit {
   static constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
 };
 
+/// How much of the address space this process has mapped.
+std::int64_t address_space_taken_B();
+
 /// What `ulimit -v` (RLIMIT_AS) leaves of the address space.
 MemoryLimit address_space_left();
 

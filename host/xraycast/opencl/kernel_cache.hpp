@@ -7,7 +7,7 @@ namespace xraycast {
 
 /// Where PoCL, the OpenCL implementation for CPUs, stores compiled kernels: the user's cache folder,
 /// $XDG_CACHE_HOME or ~/.cache. Without a writable one PoCL finds no device, on a full disk it aborts the
-/// process, and without a home it uses /tmp/pocl, where other users could plant kernels. In these cases a
+/// process, and without a home it uses a folder in which other users could plant kernels. In these cases a
 /// KernelCache makes it use a new private folder for the lifetime of the object. A POCL_CACHE_DIR set by the
 /// user is not changed.
 class KernelCache {

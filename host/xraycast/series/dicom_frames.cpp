@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/series/dicom_pixels.hpp"
+#include "xraycast/series/dicom_tags.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -15,17 +16,6 @@ namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr DicomTag kObjectClass = 0x00080016, kObjectInstance = 0x00080018, kModality = 0x00080060,
-                   kSliceThickness = 0x00180050, kImagePosition = 0x00200032, kImageOrientation = 0x00200037,
-                   kStackId = 0x00209056, kFrameContent = 0x00209111, kPlanePosition = 0x00209113,
-                   kPlaneOrientation = 0x00209116, kTemporalIndex = 0x00209128, kSamplesPerPixel = 0x00280002,
-                   kNumberOfFrames = 0x00280008, kRows = 0x00280010, kColumns = 0x00280011,
-                   kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100, kBitsStored = 0x00280101,
-                   kHighBit = 0x00280102, kPixelRepresentation = 0x00280103, kRescaleIntercept = 0x00281052,
-                   kRescaleSlope = 0x00281053, kPixelMeasures = 0x00289110,
-                   kPixelValueTransformation = 0x00289145, kSharedGroups = 0x52009229,
-                   kPerFrameGroups = 0x52009230;
 
 // ---- where a slice lies and what its values mean ----------------------------------------------------
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/inflater.hpp"
+#include "xraycast/series/dicom_tags.hpp"
 
 #include <algorithm>
 #include <array>
@@ -14,8 +15,6 @@
 namespace xraycast {
 namespace {
 
-constexpr DicomTag kTransferSyntax = 0x00020010, kPixelData = 0x7fe00010, kItem = 0xfffee000,
-                   kItemEnd = 0xfffee00d, kSequenceEnd = 0xfffee0dd;
 constexpr const char* kImplicit = "1.2.840.10008.1.2";
 constexpr const char* kDeflated = "1.2.840.10008.1.2.1.99";
 constexpr const char* kBigEndian = "1.2.840.10008.1.2.2";
@@ -25,21 +24,11 @@ constexpr std::int64_t kPreamble_B = 128;
 constexpr std::uint32_t kLongestKept_B = 1024;
 
 /// The functional groups of multi-frame files, and what in them is used: PS3.3, C.7.6.16.
-constexpr std::array<DicomTag, 7> kSequences{0x52009229,      // shared
-                                             0x52009230,      // per frame
-                                             0x00209111,      // frame content
-                                             0x00209113,      // plane position
-                                             0x00209116,      // plane orientation
-                                             0x00289110,      // pixel measures
-                                             0x00289145};     // pixel value transformation
-constexpr std::array<DicomTag, 8> kItemElements{0x00180050,   // SliceThickness
-                                                0x00200032,   // ImagePositionPatient
-                                                0x00200037,   // ImageOrientationPatient
-                                                0x00209056,   // StackID
-                                                0x00209128,   // TemporalPositionIndex
-                                                0x00280030,   // PixelSpacing
-                                                0x00281052,   // RescaleIntercept
-                                                0x00281053};  // RescaleSlope
+constexpr std::array kSequences{
+    kSharedGroups,  kPerFrameGroups,          kFrameContent, kPlanePosition, kPlaneOrientation,
+    kPixelMeasures, kPixelValueTransformation};
+constexpr std::array kItemElements{kSliceThickness, kImagePosition, kImageOrientation, kStackId,
+                                   kTemporalIndex,  kPixelSpacing,  kRescaleIntercept, kRescaleSlope};
 
 struct Syntax {
   bool explicit_vr, big_endian;

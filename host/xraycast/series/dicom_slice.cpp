@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/series/dicom_frames.hpp"
+#include "xraycast/series/dicom_tags.hpp"
 
 #include <fmt/format.h>
 
@@ -13,11 +14,6 @@ namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr DicomTag kMediaClass = 0x00020002, kImageType = 0x00080008, kObjectClass = 0x00080016,
-                   kModality = 0x00080060, kSeriesDescription = 0x0008103e, kSeriesUid = 0x0020000e,
-                   kSeriesNumber = 0x00200011, kSamplesPerPixel = 0x00280002, kRows = 0x00280010,
-                   kColumns = 0x00280011;
 
 // ---- what it is ----------------------------------------------------------------------------------
 
