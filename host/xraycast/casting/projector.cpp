@@ -51,6 +51,7 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
 struct Projector {
   std::string file, entry;
   std::array<std::int64_t, 3> items, group;
+  bool takes_blocks = false;  ///< see find_block_mu
 };
 
 /// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
@@ -63,7 +64,8 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
     return {"joseph_untilted",
             "project_untilted",
             {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
-            {1, 1, 1}};
+            {1, 1, 1},
+            true};
   constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
   return {"joseph_rows",
           "project_rows",
@@ -71,10 +73,24 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
           {1, 1, 1}};
 }
 
+/// mu of every block in which it is the same everywhere, and NaN for the others.
+cl::Buffer find_block_mu(const ResidentScan& scan, const Opacity& opacity, const DeviceOpacity& on_device) {
+  ComputeDevice& device = scan.device();
+  const std::int64_t count = scan.block_count();
+  const cl::Buffer mu = device.buffer(CL_MEM_READ_WRITE, count * static_cast<std::int64_t>(sizeof(float)));
+  const XrcPlateaus one_mu = plateaus_of(opacity);
+  const cl::Buffer plateaus = device.upload(std::span(&one_mu, 1));
+  cl::Kernel kernel = device.kernel("blocks", "block_mu", on_device.build_options());
+  set_args(kernel, scan.block_ranges(), static_cast<cl_int>(count), on_device.parameters(), on_device.table(),
+           plateaus, mu);
+  device.run(kernel, {count, 1, 1}, {64, 1, 1});
+  return mu;
+}
+
 }  // namespace
 
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress, const std::optional<BodyOutline>& within) {
+                        Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
   ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
@@ -86,6 +102,13 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   set_args(kernel, scan.voxels(), scan.layout(), detector_of(view, scan.geometry(), within),
            device_opacity.parameters(), device_opacity.table(), tau);
+  cl::Buffer block_mu = device_opacity.table();  // of no block
+  if (projector.takes_blocks) {
+    const bool skips = sampling == Sampling::but_constant_blocks;
+    if (skips) block_mu = find_block_mu(scan, opacity, device_opacity);
+    kernel.setArg(6, block_mu);
+    kernel.setArg(7, static_cast<cl_int>(skips));
+  }
   progress.begin("projecting", view.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);
   device.download(tau, std::span(image.tau));
