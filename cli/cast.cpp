@@ -352,6 +352,7 @@ void cast_map(const CastArguments& options, Session& session) {
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
   result.map.source = source;
   result.map.frame_of_reference_uid = frame_of_reference;
+  result.map.precision = parse_map_precision(options.output.precision);
   const MapGeometry& geometry = result.map.geometry;
 
   const Stopwatch writing;
@@ -366,7 +367,7 @@ void cast_map(const CastArguments& options, Session& session) {
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
 
   Json json{{"input", options.input},
-            {"map", to_json(geometry)},
+            {"map", to_json(result.map)},
             {"timings_ms",
              {{"read", load_timings.read_ms},
               {"upload", load_timings.upload_ms},

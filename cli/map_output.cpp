@@ -14,6 +14,14 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str()
       ->type_name("auto|paper");
+  command
+      .add_option(
+          "--precision", output.precision,
+          "How values are stored, in the file and in the texture that it is drawn from: float (32 bits), "
+          "half (16 bits) or byte (8 bits, from the least to the largest value of each layer)")
+      ->check(CLI::IsMember({"float", "half", "byte"}))
+      ->capture_default_str()
+      ->type_name("NAME");
 }
 
 void write_map(const BodyMap& map, const MapOutput& output) {
@@ -21,6 +29,12 @@ void write_map(const BodyMap& map, const MapOutput& output) {
   if (!output.preview.empty())
     write_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
                   output.preview);
+}
+
+Json to_json(const BodyMap& map) {
+  Json json = to_json(map.geometry);
+  json["precision"] = to_string(map.precision);
+  return json;
 }
 
 }  // namespace xraycast::cli

@@ -35,7 +35,8 @@ void recast_map(const RecastArguments& options, Session& session) {
   const Stopwatch uploading;
   RecastSession recasting(device, basis);
   const double upload_ms = uploading.ms();
-  const BodyMap& map = recasting.recast(opacity);
+  BodyMap map = recasting.recast(opacity);
+  map.precision = parse_map_precision(options.output.precision);
 
   const Stopwatch writing;
   OutputSet outputs;
@@ -43,7 +44,7 @@ void recast_map(const RecastArguments& options, Session& session) {
   outputs.commit();
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
   session.report({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
-                  {"map", to_json(map.geometry)},
+                  {"map", to_json(map)},
                   {"timings_ms",
                    {{"read", read_ms},
                     {"upload", upload_ms},

@@ -625,9 +625,9 @@ TEST_F(Cli, CastSaysWhatItMade) {
   EXPECT_EQ(said["input"], (folder_ / "ct.nrrd").string());
   EXPECT_EQ(said["map"], Json::parse(R"({"width": 90, "height": 32, "layers": 2,
                                          "radii_mm": [0.0, 20.0, 30.5], "centre_mm": [-3.5, 2.0],
-                                         "outline": "circle"})"));
+                                         "outline": "circle", "precision": "float"})"));
   EXPECT_THAT(keys_of(said["map"]),
-              ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline"));
+              ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline", "precision"));
   EXPECT_THAT(keys_of(said["timings_ms"]), ElementsAre("read", "upload", "kernel", "write", "total"));
   for (const auto& [stage, ms] : said["timings_ms"].items()) {
     EXPECT_GT(ms, 0) << stage;
@@ -663,6 +663,28 @@ TEST_F(Cli, CastFollowsTheBody) {
   const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60 --outline body")["map"];
   EXPECT_EQ(narrow["radii_mm"][1], 60.0);
   json_of("cast @/ct.nrrd -o @/all.exr --outline body --keep-table");
+}
+
+TEST_F(Cli, MapsAreStoredInLessPrecision) {
+  output_of("phantom head --size 64x64x48 -o @/ct.nrrd");
+  double before_db = 200;
+  std::uintmax_t before_B = 1 << 30, before_texture_B = 1 << 30;
+  for (const char* precision : {"float", "half", "byte"}) {
+    const std::string option = fmt::format(" --precision {}", precision);
+    EXPECT_EQ(
+        json_of("cast @/ct.nrrd -o @/map.exr --layers 16 --keep-basis @/b" + option)["map"]["precision"],
+        precision);
+    EXPECT_EQ(json_of("recast @/b -o @/recast.exr --opacity paper" + option)["map"]["precision"], precision);
+    const double psnr_db = json_of("compare @/ct.nrrd @/map.exr --views 3")["mean"]["psnr_db"];
+    // Half a step in 255 of a layer, of which a ray sums many, is small beside what 16 layers cannot show.
+    EXPECT_NEAR(psnr_db, before_db == 200 ? psnr_db : before_db, 0.3) << precision;
+    before_db = psnr_db;
+    EXPECT_LT(fs::file_size(folder_ / "map.exr"), before_B) << precision;
+    before_B = fs::file_size(folder_ / "map.exr");
+    const std::uintmax_t texture_B = json_of("render @/map.exr -o @/f.png")["texture_B"];
+    EXPECT_LT(texture_B, before_texture_B) << precision;
+    before_texture_B = texture_B;
+  }
 }
 
 TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {

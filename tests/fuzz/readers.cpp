@@ -177,10 +177,11 @@ void write_small_basis(const fs::path& path) {
   write_basis(basis, path);
 }
 
-template <auto Geometry>
+template <auto Geometry, MapPrecision Precision = MapPrecision::float32>
 void write_map(const fs::path& path) {
   BodyMap map;
   map.geometry = Geometry();
+  map.precision = Precision;
   map.tau.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
   write_body_map(map, path);
 }
@@ -329,6 +330,8 @@ const Reader kReaders[] = {
     {"genesis", "a.fro", write_genesis, read_as_scan},
     {"map", "map.exr", write_map<map_geometry>, without_content<read_body_map>},
     {"map_outline", "map.exr", write_map<map_geometry_with_outline>, without_content<read_body_map>},
+    {"map_bytes", "map.exr", write_map<map_geometry_with_outline, MapPrecision::byte>,
+     without_content<read_body_map>},
     {"spectrum_map", "map.exr", write_spectrum_map, without_content<read_body_map>},
     {"basis", "a.basis", write_small_basis<map_geometry>, read_as_basis, 0, set_basis_checksums},
     {"basis_outline", "a.basis", write_small_basis<map_geometry_with_outline>, read_as_basis, 0,

@@ -112,10 +112,10 @@ T attribute(const Imf::Header& header, const std::string& name) {
   return header.typedAttribute<Imf::TypedAttribute<T>>("xraycast:" + name).value();
 }
 
-std::vector<std::string> channels_of(const Imf::Header& header) {
+std::vector<std::string> channels_of(const Imf::Header& header, Imf::PixelType type = Imf::FLOAT) {
   std::vector<std::string> names;
   for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
-    EXPECT_EQ(channel.channel().type, Imf::FLOAT);
+    EXPECT_EQ(channel.channel().type, type);
     names.emplace_back(channel.name());
   }
   return names;
@@ -239,6 +239,87 @@ TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
   headers[2].channels() = {};
   headers[2].channels().insert("tau", Imf::Channel(Imf::HALF));
   EXPECT_THAT(refusal_with(headers), testing::HasSubstr("layer 2 has an unexpected channel tau"));
+}
+
+TEST(BodyMapFile, HalvesAndBytesReadBackWithinHalfAStep) {
+  const TemporaryFolder folder;
+  for (const MapPrecision precision : {MapPrecision::float16, MapPrecision::byte})
+    for (BodyMap written : {make_map(3), make_spectrum_map(3)}) {
+      written.precision = precision;
+      written.geometry = with_outline(written.geometry, outline(written.geometry, 1));
+      write_body_map(written, folder / "map.exr");
+      const BodyMap read = read_body_map(folder / "map.exr");
+      EXPECT_EQ(read.precision, precision);
+      EXPECT_EQ(read.geometry, written.geometry);
+      EXPECT_EQ(read.spectrum, written.spectrum);
+      // Values are 0 to 9. Halves above 8 are 1/128 apart; bytes of a layer 9/255. And 32-bit rounding.
+      const float half_a_step = 1e-5f + 0.5f * (precision == MapPrecision::byte ? 9.0f / 255 : 1.0f / 128);
+      EXPECT_THAT(read.tau, testing::Pointwise(testing::FloatNear(half_a_step), written.tau));
+      for (std::size_t m = 0; m < kMaterials.size(); ++m)
+        EXPECT_THAT(read.depths[m], testing::Pointwise(testing::FloatNear(half_a_step), written.depths[m]));
+    }
+}
+
+TEST(BodyMapFile, OfBytesTakesLessThanAByteOfATexel) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(4);
+  // Smooth, as bodies are.
+  for (std::size_t i = 0; i < map.tau.size(); ++i) map.tau[i] = std::sin(1e-2f * static_cast<float>(i)) + 1;
+  std::uintmax_t before_B = std::numeric_limits<std::uintmax_t>::max();
+  for (const MapPrecision precision : {MapPrecision::float32, MapPrecision::float16, MapPrecision::byte}) {
+    map.precision = precision;
+    write_body_map(map, folder / "map.exr");
+    const std::uintmax_t size_B = std::filesystem::file_size(folder / "map.exr");
+    EXPECT_LT(size_B, before_B) << to_string(precision);
+    before_B = size_B;
+  }
+  constexpr std::uintmax_t kHeaders_B = 4 * 4000;
+  EXPECT_LT(before_B, map.tau.size() + kHeaders_B);
+}
+
+TEST(BodyMapFile, BytesOfALayerReachFromItsLeastToItsLargestValue) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(2);
+  map.precision = MapPrecision::byte;
+  std::fill_n(map.tau.begin(), map.layer_size(), 3.5f);  // all alike
+  map.tau[map.layer_size()] = 2;
+  map.tau[map.layer_size() + 1] = 20;
+  write_body_map(map, folder / "map.exr");
+  const std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  EXPECT_EQ(attribute<int>(headers[0], "version"), 4);
+  EXPECT_EQ(channels_of(headers[0], Imf::HALF), std::vector<std::string>{"tau"});
+  const BodyMap read = read_body_map(folder / "map.exr");
+  EXPECT_THAT(read.layer(0), testing::Each(3.5f));
+  EXPECT_FLOAT_EQ(std::ranges::max(read.layer(1)), 20);
+}
+
+TEST(BodyMapFile, DamagedByteRangesAreRefused) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(2);
+  map.precision = MapPrecision::byte;
+  write_body_map(map, folder / "map.exr");
+  std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  const auto refusal_with = [&](const char* name, const std::string& text) {
+    std::vector<Imf::Header> changed = headers;
+    for (Imf::Header& header : changed) header.insert(name, Imf::StringAttribute(text));
+    write_layers(folder / "odd.exr", changed);
+    return refusal_of(folder / "odd.exr");
+  };
+  EXPECT_EQ(refusal_with("xraycast:byte_ranges", R"({"tau": [[0, 0.1], [1, 0]]})"), "");
+  for (const char* ranges :
+       {R"({"tau": [[0, 0.1]]})", R"({"tau": [[0, 0.1], [1, -1]]})", R"({"tau": [[0, 0.1], [-1, 1]]})",
+        R"({"tau": [[0, 0.1], [0, 1e99]]})", R"({"tau": [[0, 0.1], [0]]})", R"({"tau": [[0, 0.1], "no"]})",
+        R"({"bone": [[0, 0.1], [0, 1]]})", "[]"})
+    EXPECT_THAT(refusal_with("xraycast:byte_ranges", ranges),
+                testing::HasSubstr("attribute xraycast:byte_ranges must hold an offset and a scale"))
+        << ranges;
+  EXPECT_THAT(refusal_with("xraycast:byte_ranges", "{"),
+              testing::HasSubstr("attribute xraycast:byte_ranges is missing or damaged"));
+  EXPECT_THAT(refusal_with("xraycast:precision", "nibble"),
+              testing::HasSubstr("attribute xraycast:precision: precision 'nibble' is not known"));
+  map.precision = MapPrecision::float16;
+  map.tau[5] = 1e6f;
+  EXPECT_THROW(write_body_map(map, folder / "map.exr"), InputError);
 }
 
 TEST(BodyMapFile, ClaimsBeyondTheFilesSizeAreRefusedBeforeMemoryIsTaken) {
