@@ -13,7 +13,7 @@ import subprocess
 import sys
 import tempfile
 
-LAYERS = {"byte": (1, 2, 5, 8, 16, 24, 32, 64), "half": (2, 8, 24, 64), "float": (1, 8, 24, 64)}
+LAYERS = {"byte": (1, 2, 5, 8, 16, 24, 32, 64), "half": (2, 8, 24, 64), "float": (2, 8, 24, 64)}
 COLOURS = {"byte": "#0b6e4f", "half": "#c1666b", "float": "#2e4057"}
 PICTURE = pathlib.Path(__file__).parents[1] / "images" / "accuracy-storage.svg"
 MB = 1e6

@@ -205,8 +205,8 @@ const BadCall kBadCalls[] = {
 
     // Outlines.
     {"OutlineOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --outline body", 3,
-     "--outline body does not apply to --projection rectangle; leave it out"},
-    {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table", 3,
+     "--outline does not apply to --projection rectangle; leave it out"},
+    {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table --outline circle", 3,
      "--keep-table: circles do not leave"},
     {"OutlineOfAir", "cast @/a.nii -o @/out.exr --outline body", 3, "nothing in the scan lies above -300 HU",
      [](const TemporaryFolder& f) {
@@ -304,7 +304,8 @@ const BadCall kBadCalls[] = {
     {"RadiiDescending", "cast @/ct.nii -o @/out.exr --radii 4,2", 3, "does not exceed the one before it"},
     {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
      "makes 2 layers, but --layers asks for 3"},
-    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
+    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --outline circle --radii 0,2,4 --radius 5", 3,
+     "leave --radius out"},
     {"LayersOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --layers 8", 3,
      "--layers does not apply to --projection rectangle"},
     {"ViewsOfACylinder", "cast @/ct.nii -o @/out.exr --views 8", 3, "--views does not apply"},
@@ -620,7 +621,8 @@ TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
 
 TEST_F(Cli, CastSaysWhatItMade) {
   output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
-  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,20,30.5 --angles 90 --centre -3.5,2");
+  const Json said =
+      json_of("cast @/ct.nrrd -o @/map.exr --radii 0,20,30.5 --angles 90 --centre -3.5,2 --outline circle");
   EXPECT_THAT(keys_of(said), ElementsAre("input", "map", "timings_ms"));
   EXPECT_EQ(said["input"], (folder_ / "ct.nrrd").string());
   EXPECT_EQ(said["map"], Json::parse(R"({"width": 90, "height": 32, "layers": 2,
@@ -641,7 +643,7 @@ TEST_F(Cli, CastSaysWhatItMade) {
 
 TEST_F(Cli, CastFollowsTheBody) {
   output_of("phantom thorax --size 80x80x40 --spacing 5 -o @/ct.nrrd");
-  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --outline body --keep-basis @/b.basis");
+  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --keep-basis @/b.basis");
   EXPECT_EQ(said["map"]["outline"], "body");
   EXPECT_GT(said["outside_share"], 0);
   EXPECT_LT(said["outside_share"], 0.5);
@@ -651,18 +653,28 @@ TEST_F(Cli, CastFollowsTheBody) {
   // A recast keeps the outline, and frames are compared with what lies within.
   EXPECT_EQ(json_of("recast @/b.basis -o @/recast.exr --opacity bilinear")["map"]["outline"], "body");
   const Json body = json_of("compare @/ct.nrrd @/map.exr --views 2")["mean"];
-  output_of("cast @/ct.nrrd -o @/circle.exr --layers 4");
+  output_of("cast @/ct.nrrd -o @/circle.exr --layers 4 --outline circle");
   const Json circle = json_of("compare @/ct.nrrd @/circle.exr --views 2")["mean"];
   EXPECT_GT(body["psnr_db"], circle["psnr_db"]);
   EXPECT_THAT(keys_of(body), ElementsAre("psnr_db", "ssim", "rmse", "whole_psnr_db"));
 
-  const Json fractions =
-      json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1 --outline body")["map"]["radii_mm"];
+  const Json fractions = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1")["map"]["radii_mm"];
   EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);
   EXPECT_NEAR(fractions[2], said["map"]["radii_mm"][4], 1e-9);
-  const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60 --outline body")["map"];
+  const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60")["map"];
   EXPECT_EQ(narrow["radii_mm"][1], 60.0);
-  json_of("cast @/ct.nrrd -o @/all.exr --outline body --keep-table");
+  json_of("cast @/ct.nrrd -o @/all.exr --keep-table");
+}
+
+TEST_F(Cli, CastMakesCirclesWhereThereIsNoBody) {
+  NiftiFile air = water(12);
+  const std::vector<std::int16_t> hu(air.voxels.size() / 2, -1000);
+  air.voxels.assign(reinterpret_cast<const char*>(hu.data()), 2 * hu.size());
+  write_bytes(folder_ / "air.nii", air.bytes());
+  const Finished done = run("cast @/air.nii -o @/map.exr --centre 3,3 --radius 3");
+  EXPECT_EQ(done.status, 0);
+  expect_one_line(done.err, "the shells are circles: nothing in the scan lies above -300 HU");
+  EXPECT_FALSE(read_body_map(folder_ / "map.exr").geometry.has_outline());
 }
 
 TEST_F(Cli, MapsAreStoredInLessPrecision) {
@@ -707,13 +719,15 @@ TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
   write("arm.nii", true);
   write("trunk.nii", false);
 
-  const auto hint = [&](const std::string& line) { return run("cast -o @/map.exr " + line).err; };
+  const auto hint = [&](const std::string& line) {
+    return run("cast -o @/map.exr --outline circle " + line).err;
+  };
   // Both radii are those of the body, by a grid of 8 mm.
   EXPECT_THAT(hint("@/arm.nii --layers 8"),
               testing::ContainsRegex("within 11[0-9] mm of the axis, the rest "
                                      "extends to 20[0-9] mm: --radius 11[0-9] crops"));
   for (const char* line : {"@/trunk.nii --layers 8", "@/arm.nii", "@/arm.nii --layers 8 --radius 117",
-                           "@/arm.nii --layers 2 --radii 0,100,200", "@/arm.nii --projection rectangle"})
+                           "@/arm.nii --layers 2 --radii 0,100,200"})
     EXPECT_EQ(hint(line), "") << line;
 }
 
@@ -849,6 +863,19 @@ TEST_F(Cli, CompareFindsMoreLayersCloser) {
     EXPECT_GT(json["mean"]["psnr_db"], before + 3);
     before = json["mean"]["psnr_db"];
   }
+}
+
+TEST_F(Cli, FramesUnderAConeAndATiltAreAsCloseAsUprightParallelOnes) {
+  output_of("-q phantom head --size 96x96x80 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --layers 16");
+  const auto psnr_db = [&](const std::string& beam) {
+    const double mean_db = json_of("compare @/ct.nrrd @/map.exr --views 3" + beam)["mean"]["psnr_db"];
+    return mean_db;
+  };
+  const double upright_db = psnr_db("");
+  // What the user is promised; shells are as thick under any beam, and rows are interpolated across.
+  for (const char* beam : {" --cone 1000,1500", " --tilt 20", " --cone 1000,1500 --tilt 20", " --tilt -20"})
+    EXPECT_GT(psnr_db(beam), upright_db - 1.5) << beam;
 }
 
 TEST_F(Cli, CompareDrawsMapTruthAndDifferenceSideBySide) {

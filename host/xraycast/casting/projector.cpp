@@ -5,8 +5,10 @@
 
 #include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 
 namespace xraycast {
@@ -73,8 +75,10 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
           {1, 1, 1}};
 }
 
-/// mu of every block in which it is the same everywhere, and NaN for the others.
-cl::Buffer find_block_mu(const ResidentScan& scan, const Opacity& opacity, const DeviceOpacity& on_device) {
+/// mu of every block in which it is the same everywhere, and NaN for the others; none where skipping so few
+/// blocks saves less than looking them up takes.
+std::optional<cl::Buffer> find_block_mu(const ResidentScan& scan, const Opacity& opacity,
+                                        const DeviceOpacity& on_device) {
   ComputeDevice& device = scan.device();
   const std::int64_t count = scan.block_count();
   const cl::Buffer mu = device.buffer(CL_MEM_READ_WRITE, count * static_cast<std::int64_t>(sizeof(float)));
@@ -84,7 +88,11 @@ cl::Buffer find_block_mu(const ResidentScan& scan, const Opacity& opacity, const
   set_args(kernel, scan.block_ranges(), static_cast<cl_int>(count), on_device.parameters(), on_device.table(),
            plateaus, mu);
   device.run(kernel, {count, 1, 1}, {64, 1, 1});
-  return mu;
+  std::vector<float> of_blocks(static_cast<std::size_t>(count));
+  device.download(mu, std::span(of_blocks));
+  constexpr std::int64_t kFewest = 20;  // one in so many
+  const auto constant = std::ranges::count_if(of_blocks, [](float one) { return !std::isnan(one); });
+  return constant * kFewest >= count ? std::optional(mu) : std::nullopt;
 }
 
 }  // namespace
@@ -102,12 +110,11 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   set_args(kernel, scan.voxels(), scan.layout(), detector_of(view, scan.geometry(), within),
            device_opacity.parameters(), device_opacity.table(), tau);
-  cl::Buffer block_mu = device_opacity.table();  // of no block
+  std::optional<cl::Buffer> block_mu;
   if (projector.takes_blocks) {
-    const bool skips = sampling == Sampling::but_constant_blocks;
-    if (skips) block_mu = find_block_mu(scan, opacity, device_opacity);
-    kernel.setArg(6, block_mu);
-    kernel.setArg(7, static_cast<cl_int>(skips));
+    if (sampling == Sampling::but_constant_blocks) block_mu = find_block_mu(scan, opacity, device_opacity);
+    kernel.setArg(6, block_mu.value_or(device_opacity.table()));
+    kernel.setArg(7, static_cast<cl_int>(block_mu.has_value()));
   }
   progress.begin("projecting", view.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);
