@@ -35,8 +35,8 @@ void add_recast(Bench& bench, const std::string& name, const MapGeometry& map, i
   const Opacity opacity = many_knots(knots);
   std::vector<double> knots_hu;
   for (const Opacity::Knot& knot : opacity.knots()) knots_hu.push_back(knot.hu);
-  const auto session = std::make_shared<RecastSession>(
-      bench.device, make_basis(bench.scan, map, knots_hu, bench.progress));
+  const auto session =
+      std::make_shared<RecastSession>(bench.device, make_basis(bench.scan, map, knots_hu, bench.progress));
   std::vector<Opacity::Knot> brighter(opacity.knots().begin(), opacity.knots().end());
   for (Opacity::Knot& knot : brighter) knot.mu_per_mm *= 1.5;
   const std::array opacities{opacity, Opacity("brighter", brighter)};
@@ -65,8 +65,7 @@ std::vector<Row> add_casting(Bench& bench) {
   for (const int layers : {1, 8, 16})
     add(fmt::format("cast_resident_{}", layers),
         [&bench, map = bench.body_map(layers)] { return kernel_ms(bench, map, Opacity::paper()); });
-  add("cast_circles_16",
-      [&bench, map = bench.map(16)] { return kernel_ms(bench, map, Opacity::paper()); });
+  add("cast_circles_16", [&bench, map = bench.map(16)] { return kernel_ms(bench, map, Opacity::paper()); });
   add("cast_64knots_1", [&bench, map = bench.body_map(1)] { return kernel_ms(bench, map, many_knots(64)); });
   add_recast(bench, "recast_1", bench.body_map(1), 64);
   add_recast(bench, "recast_8", bench.body_map(8), 32);

@@ -18,8 +18,8 @@ std::vector<Row> add_drawing(Bench& bench) {
         std::tuple{"frame_8_1280", 8, 1280, 720, false, path},
         std::tuple{"frame_8_vessels_1280", 8, 1280, 720, true, path},
         std::tuple{"frame_8_640", 8, 640, 480, false, path}}) {
-    auto frames =
-        std::make_shared<Frames>(bench.scan, bench.body_map(layers), width, height, with_vessels, compositing);
+    auto frames = std::make_shared<Frames>(bench.scan, bench.body_map(layers), width, height, with_vessels,
+                                           compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
   constexpr double kTilt_rad = 0.35;
