@@ -227,7 +227,7 @@ MapGeometry resolve_geometry(const CastArguments& options, const VolumeGeometry&
 MapGeometry resolve_shells(const CastArguments& options, const VolumeGeometry& volume,
                            const OutlineFinder& finder, const Session& session) {
   const BodyOutline outline = resolve_outline(options, finder, session);
-  const MapGeometry circles = resolve_geometry(options, volume, outline);
+  MapGeometry circles = resolve_geometry(options, volume, outline);
   if (!has_body_outline(options)) return circles;
   try {
     return fit_to_body(circles, finder);

@@ -32,11 +32,15 @@ def measure(program, scan, precision, layers, folder):
             "psnr": mean["psnr_db"], "rmse": mean["rmse"]}
 
 
+def megabytes(size):
+    return f"{size:.{2 if size < 1 else 1}f} MB"
+
+
 def table(rows):
     yield "| layers | precision | on disk | texture | PSNR | RMSE |"
     yield "|---|---|---|---|---|---|"
     for row in sorted(rows, key=lambda row: (row["texture"], row["layers"])):
-        yield (f"| {row['layers']} | {row['precision']} | {row['disk']:.2g} MB | {row['texture']:.2g} MB | "
+        yield (f"| {row['layers']} | {row['precision']} | {megabytes(row['disk'])} | {megabytes(row['texture'])} | "
                f"{row['psnr']:.1f} dB | {100 * row['rmse']:.2f} % |")
 
 
