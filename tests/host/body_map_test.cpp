@@ -206,7 +206,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
   for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
-  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("no such file"));
+  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith(": no such file; check its name"));
 }
 
 TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {
