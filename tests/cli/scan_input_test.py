@@ -260,6 +260,46 @@ class ScanInput(unittest.TestCase):
                             nibabel.save(image, self.folder / name)
                             self.assert_lies_where_nibabel_says(self.folder / name)
 
+    def test_sform_and_qform_that_disagree_are_told(self):
+        path, data = self.folder / "scan.nii.gz", numpy.arange(60, dtype="<i2").reshape(3, 4, 5)
+        affine = numpy.array([[-0.7, 0, 0, 90.3], [0, 0.7, 0, -80.2], [0, 0, 1.5, 12.6], [0, 0, 0, 1]])
+
+        def turned(deg):
+            c, s = numpy.cos(numpy.radians(deg)), numpy.sin(numpy.radians(deg))
+            return numpy.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+        for kind in (nibabel.Nifti1Image, nibabel.Nifti2Image):
+            for change, told in ((numpy.eye(4), None), (turned(0.09), None), (turned(0.11), "0.11 deg"),
+                                 (numpy.diag([1, 1, 1.1, 1]), "0.75 mm"), (numpy.diag([-1, 1, 1, 1]), "180 deg")):
+                for unit, scale in (("mm", 1), ("meter", 1e-3)):
+                    with self.subTest((kind.__name__, told, unit)):
+                        image = kind(data, None)
+                        size = numpy.diag([scale, scale, scale, 1])
+                        moved = affine @ change
+                        moved[:3, 3] = affine[:3, 3]
+                        image.set_sform(size @ affine, 1)
+                        image.set_qform(size @ moved, 1)
+                        image.header.set_xyzt_units(unit)
+                        nibabel.save(image, path)
+                        warnings = json.loads(run("info", path, "--json").stdout)["warnings"]
+                        self.assertEqual(len(warnings), 0 if told is None else 1, warnings)
+                        self.assertIn(told or "", (warnings or [""])[0])
+        shifted = affine.copy()
+        for shift, count in ((0.09, 0), (0.11, 1)):
+            shifted[0, 3] = affine[0, 3] + shift
+            image = nibabel.Nifti1Image(data, None)
+            image.set_sform(affine, 1)
+            image.set_qform(shifted, 1)
+            nibabel.save(image, path)
+            self.assertEqual(len(json.loads(run("info", path, "--json").stdout)["warnings"]), count)
+        # A row of zeros says nothing, whatever the qform says.
+        image = nibabel.Nifti1Image(data, None)
+        image.set_qform(affine, 1)
+        image.set_sform(affine, 1)
+        image.header["srow_y"] = 0
+        nibabel.save(nibabel.Nifti1Image(data, None, image.header), path)
+        self.fails(path, "scan.nii.gz", "sform (srow_x, srow_y, srow_z) is a singular matrix", "set sform_code to 0")
+
     def test_nifti_in_the_other_byte_order(self):
         data = numpy.arange(60).reshape(3, 4, 5)
         for kind, header in ((nibabel.Nifti1Image, nibabel.Nifti1Header), (nibabel.Nifti2Image, nibabel.Nifti2Header)):

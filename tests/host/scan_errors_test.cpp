@@ -235,7 +235,7 @@ const BadScan kBadScans[] = {
        file.sform[1] = -1.7e38F;
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "sform is a singular matrix"},
+     "a.nii", "sform (srow_x, srow_y, srow_z) is a singular matrix"},
     {"NiftiWithQformInfinite",
      [](const TemporaryFolder& f) {
        std::string bytes = nifti().bytes();
@@ -292,7 +292,7 @@ const BadScan kBadScans[] = {
        file.sform = {1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0};
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "sform is a singular matrix"},
+     "a.nii", "sform (srow_x, srow_y, srow_z) is a singular matrix"},
     {"NiftiOfOneSlice",
      [](const TemporaryFolder& f) {
        NiftiFile file = nifti();
