@@ -27,7 +27,7 @@ void convert(const ConvertArguments& options, Session& session) {
   }
   const DicomPatient patient = parse_patient(options.patient, "--patient");
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   session.say(scan.info.notes);
   if (is_series) check_ct_series(scan.source->geometry(), options.output, patient);
 

@@ -227,7 +227,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves it out",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves out "
+     "what is damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -614,7 +615,8 @@ TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
   ASSERT_EQ(info["all_series"].size(), 2);
   EXPECT_EQ(info["all_series"][0]["chosen"], true);
   EXPECT_EQ(info["all_series"][1], Json::parse(R"({"number": "1", "description": "", "uid": "1.2.1",
-      "modality": "CT", "slices": 3, "orientation": "axial", "thickness_mm": 1.0, "chosen": false})"));
+      "modality": "CT", "study_date": "", "body_part": "", "slices": 3, "orientation": "axial",
+      "thickness_mm": 1.0, "chosen": false})"));
   EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices"));
 }
 

@@ -336,6 +336,33 @@ class ScanInput(unittest.TestCase):
         for z in range(SLICES):
             numpy.testing.assert_array_equal(voxels[z], stored_pixels(z).astype(int) - 1024)
 
+    def test_studies_and_patients_in_one_folder(self):
+        def other(data, number, study, date, patient):
+            data.SeriesInstanceUID, data.SeriesNumber = f"1.2.9.{number}", number
+            data.StudyInstanceUID, data.StudyDate, data.PatientID = study, date, patient
+            data.PatientName = "Secret^Other"
+
+        both = self.folder / "both"
+        both.mkdir()
+        write_enhanced(both / "a.dcm", range(SLICES), True)
+        self.assertNotIn("warning", run("info", both).stdout)
+        write_enhanced(both / "b.dcm", range(3), True, change=lambda data: other(data, 8, "1.2.8", "20251224", "1"))
+        write_enhanced(both / "c.dcm", range(2), True, change=lambda data: other(data, 9, "1.2.10", "20250131", "2"))
+        for words in (("info", both), ("convert", both, "-o", self.folder / "both.nrrd")):
+            done = run(*words)
+            said = (done.stdout if words[0] == "info" else done.stderr).splitlines()
+            about = [line for line in said if "studies" in line]
+            self.assertEqual(len(about), 1, said)
+            self.assertIn("3 studies of 2 patients in the folder; the chosen series is of the study of 2026-01-01; "
+                          "--series chooses another", about[0])
+            self.assertNotIn("Secret", done.stdout + done.stderr)
+        said = json.loads(run("info", both, "--json").stdout)
+        self.assertEqual((said["studies"], said["patients"]), (3, 2))
+        self.assertEqual([s["study_date"] for s in said["all_series"]], ["2026-01-01", "2025-12-24", "2025-01-31"])
+        self.assertEqual(sum("3 studies" in warning for warning in said["warnings"]), 1)
+        # Who names a series has chosen.
+        self.assertNotIn("studies", run("info", both, "--series", "9").stdout)
+
     # ---- frames -----------------------------------------------------------------------------------
 
     def test_frames_out_of_order_equal_slices(self):
@@ -442,9 +469,16 @@ class ScanInput(unittest.TestCase):
 
         write_enhanced(path, range(SLICES), True)
         path.write_bytes(path.read_bytes()[:-ROWS * COLUMNS * 3])
-        self.fails(path, "frame 5", "truncated")
+        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again; --skip-damaged leaves out")
         voxels, _, _ = self.voxels(path, "--skip-damaged")
         self.assertEqual(len(voxels), SLICES - 2)
+        said = json.loads(run("info", path, "--skip-damaged", "--json").stdout)
+        self.assertEqual(said["all_series"][0]["slices"], SLICES)
+        self.assertEqual(said["left_out"], {"damaged": 2, "same_place": 0})
+        self.assertEqual(said["size"][2], SLICES - 2)
+        text = run("info", path, "--skip-damaged").stdout
+        self.assertIn(f"left out of {SLICES} slices: 2 damaged", text)
+        self.assertIn("left out 2 frames of ", text)
 
     # ---- transfer syntaxes --------------------------------------------------------------------------
 
