@@ -388,6 +388,7 @@ void cast_map(const CastArguments& options, Session& session) {
         "under an opacity in which it absorbs)\n",
         100 * *outside);
   }
+  report_preview(geometry, options.output, json, text);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;
