@@ -239,6 +239,14 @@ const BadCall kBadCalls[] = {
        slice().write(f / "a");
        write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
      }},
+    {"ColourScreenShot", "info @/a", 3, "such as a screen shot; give the folder of a CT series",
+     [](const TemporaryFolder& f) { slice().number(0x00280002, 3).write(f / "a"); }},
+    {"FolderForAMap", "render @/ -o @/out.png", 3,
+     "a body map is needed; make one of a scan with `xraycast cast`"},
+    {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
+    {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
+    {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "no tree.vtp; give the one that `xraycast segment` wrote", make_push_and_tree},
     {"DicomOfReportsOnly", "info @/cd", 3, "no image slices: 1 structured report",
      [](const TemporaryFolder& f) {
        fs::create_directory(f / "cd");

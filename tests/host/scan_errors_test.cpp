@@ -414,7 +414,7 @@ const BadScan kBadScans[] = {
      "a.mha", "DimSize holds 2 numbers instead of 3"},
     {"MetaImageByAFormatString",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mhd", meta_image_in("%n%n%n.raw 0 1 1")); }, "a.mhd",
-     "is not a pattern such as"},
+     "is not a pattern; write one such as"},
     {"MetaImageByAPatternOfMissingFiles",
      [](const TemporaryFolder& f) {
        write_bytes(f / "0.raw", kVoxels.substr(0, 12));
