@@ -35,6 +35,8 @@ constexpr char kTree[] =
 
 TEST_P(EveryWriter, KeepsTheOldFilesOnAFullDisk) {
   expect_failure(on_disk_of(0), "from the start");
+  for (const unsigned thirds : {1U, 2U})
+    expect_failure(on_disk_of(thirds * size_B_ / 3), fmt::format("after {} thirds", thirds));
   // Not by a byte: how long a DICOM file's UIDs are differs from run to run.
   expect_failure(on_disk_of(size_B_ - 1 - size_B_ / 100), "just before the end");
   expect_failure(on_late_disk(), "when it is synced");
