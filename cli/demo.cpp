@@ -1,6 +1,7 @@
 #include "command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
+#include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/error.hpp"
@@ -92,7 +93,7 @@ BodyMap make_map(const ResidentScan& scan, const OutlineFinder& body, int layers
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
-  write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
+  write_map_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
   return std::move(result.map);
 }
 
@@ -104,8 +105,9 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
-                                     geometry.layers(), share(k), share(k + 1)));
+    report.picture(
+        name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
+                          geometry.layers(), share(k), share(k + 1)));
   }
 }
 
@@ -264,7 +266,8 @@ void run_demo(const std::string& folder, Session& session) {
   report.picture("map-1.png", "Body map, one layer");
   show_inner_layers(make_map(scan, body, 8, report, progress), report);
   const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
-  for (const double angle_deg : kAngles_deg) make_projection(scan, body.finish(), angle_deg, report, progress);
+  for (const double angle_deg : kAngles_deg)
+    make_projection(scan, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
   const VesselTree tree = find_vessels(volume, device, report, progress);
   make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);

@@ -23,4 +23,7 @@ void write_map(const BodyMap& map, const MapOutput& output);
 /// A map's geometry and precision.
 Json to_json(const BodyMap& map);
 
+/// Adds the preview, if there is one, to what is printed.
+void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text);
+
 }  // namespace xraycast::cli

@@ -6,7 +6,7 @@
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/remedy.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -229,8 +229,7 @@ std::vector<ByteRange> byte_ranges_of(const json& attribute, const char* channel
   if (std::ssize(ranges) != layers || ranges.size() != pairs.size())
     throw InputError(
         "{}: attribute xraycast:byte_ranges must hold an offset and a scale, neither negative, of {} for "
-        "each "
-        "of the {} layers; cast the map again",
+        "each of the {} layers; cast the map again",
         path, channel, layers);
   return ranges;
 }
@@ -247,33 +246,17 @@ void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) 
   }
 }
 
-}  // namespace
-
-void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
-  const StoredValues stored = stored_values(map);
-  std::vector<ExrPart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
-  std::vector<float> outline;
-  if (map.geometry.has_outline()) {
-    outline = outline_rows(map.geometry);
-    parts.push_back({.name = kOutlinePart,
-                     .width = map.geometry.width,
-                     .height = map.geometry.height,
-                     .compression = ExrCompression::zip,
-                     .channels = {{kOutlineChannel, outline}}});
-  }
-  write_exr(parts, path);
-}
-
-BodyMap read_body_map(const std::filesystem::path& path) {
+BodyMap read_map(const std::filesystem::path& path) {
   const std::string name = path.string();
+  if (std::filesystem::is_directory(path))
+    throw InputError("{}: a folder, but a body map is needed; make one of a scan with `xraycast cast`", name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   const ExrReader file(path);
   const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
-    throw InputError("{}: body map version {}, but this program reads versions up to {}", name, version,
-                     kPrecisionVersion);
+    throw InputError("{}: body map version {}, but this program reads versions up to {}; use a newer one",
+                     name, version, kPrecisionVersion);
 
   BodyMap map;
   map.geometry = geometry_of(file, name);
@@ -314,7 +297,29 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   return map;
 }
 
-void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
+}  // namespace
+
+void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
+  const StoredValues stored = stored_values(map);
+  std::vector<ExrPart> parts;
+  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
+  std::vector<float> outline;
+  if (map.geometry.has_outline()) {
+    outline = outline_rows(map.geometry);
+    parts.push_back({.name = kOutlinePart,
+                     .width = map.geometry.width,
+                     .height = map.geometry.height,
+                     .compression = ExrCompression::zip,
+                     .channels = {{kOutlineChannel, outline}}});
+  }
+  write_exr(parts, path);
+}
+
+BodyMap read_body_map(const std::filesystem::path& path) {
+  return with_remedy("cast the map again", [&] { return read_map(path); });
+}
+
+std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {
   // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;
   const std::vector<float> under_spectrum =
@@ -323,13 +328,13 @@ void write_preview(const BodyMap& map, PreviewWindow window, const std::filesyst
   const auto layer = [&](int k) { return tau.subspan(k * map.layer_size(), map.layer_size()); };
   double deepest = 0;
   for (int k = 0; k < map.geometry.layers(); ++k) deepest = std::max(deepest, typical_depth(layer(k)));
-  std::vector<std::uint8_t> rgb;
+  std::vector<std::uint8_t> all;
   for (int k = 0; k < map.geometry.layers(); ++k) {
     const auto greys = window == PreviewWindow::paper ? plain_transmission(layer(k))
                                                       : windowed_transmission(layer(k), kFaintest * deepest);
-    for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+    all.insert(all.end(), greys.begin(), greys.end());
   }
-  write_png(rgb, map.geometry.width, map.geometry.height * map.geometry.layers(), 3, path);
+  return all;
 }
 
 }  // namespace xraycast
