@@ -112,13 +112,19 @@ Mask component_at(const Mask& mask, const glm::dvec3& point_mm, double reach_mm)
   return components.select(keep);
 }
 
-/// What spheres of more than a radius reach within a mask.
+/// What spheres of more than a radius reach within a mask, once thin structures within it are closed, such as
+/// the vessels of an organ.
 Mask wider_than(const Mask& mask, double radius_mm) {
+  constexpr double kOrganVessels_mm = 4;
   const glm::dvec3& s = mask.geometry.spacing_mm;
   const double wall_mm = 0.5 * std::max({s.x, s.y, s.z});  // nearer than the next voxel's centre
-  const std::vector<float> depth_mm = distance_to_background_mm(mask);
+  Mask closed(mask.geometry);
+  const std::vector<float> to_mask_mm = distance_to_foreground_mm(mask);
+  for (std::size_t i = 0; i < to_mask_mm.size(); ++i) closed.voxels[i] = to_mask_mm[i] <= kOrganVessels_mm;
+  const std::vector<float> depth_mm = distance_to_background_mm(closed);
   Mask wide(mask.geometry);
-  for (std::size_t i = 0; i < depth_mm.size(); ++i) wide.voxels[i] = depth_mm[i] - wall_mm > radius_mm;
+  for (std::size_t i = 0; i < depth_mm.size(); ++i)
+    wide.voxels[i] = depth_mm[i] - wall_mm > radius_mm + kOrganVessels_mm;
   if (wide.count() == 0) return wide;
   const std::vector<float> away_mm = distance_to_foreground_mm(wide);
   for (std::size_t i = 0; i < away_mm.size(); ++i)
@@ -157,7 +163,10 @@ Mask lumen_at(const Volume& scan, const Seed& seed, const HuWindow& window, cons
   for (std::size_t i = 0; i < alike.voxels.size(); ++i) alike.voxels[i] &= body.voxels[i];
   Mask lumen = component_at(eroded(alike), seed.point_mm, 0.5 * kReach_mm);
   if (lumen.count() == 0) return thin_lumen_at(alike, seed, kReach_mm);
-  const Box box = grown(bounding_box(lumen), 3, scan.geometry().size);
+  constexpr double kMargin_mm = 6;  // more than anything below reaches
+  const glm::dvec3& s = scan.geometry().spacing_mm;
+  const auto margin = static_cast<std::int64_t>(std::ceil(kMargin_mm / std::min({s.x, s.y, s.z})));
+  const Box box = grown(bounding_box(lumen), margin, scan.geometry().size);
   Mask part = grown_by_a_voxel(crop(lumen, box), crop(alike, box));
   if (is_enclosed_by_denser(part, scan, box.lower, seed.hu + seed.tolerance_hu))
     throw lost(LostSeed::Cause::bone, seed, name, "in bone, which encloses it");
@@ -173,6 +182,26 @@ Mask lumen_at(const Volume& scan, const Seed& seed, const HuWindow& window, cons
   std::ranges::fill(lumen.voxels, 0);
   paste(part, box, lumen);
   return lumen;
+}
+
+/// Whether a voxel that shares a face with a lumen is brighter than halfway from the darkest voxel to the
+/// brightest of the lumen, both within two steps.
+bool is_half_filled(const Volume& scan, const Mask& lumen, const Index3& here) {
+  if (std::none_of(kNeighbours.begin(), kNeighbours.begin() + 6,
+                   [&](const Index3& step) { return lumen.at(here + step); }))
+    return false;
+  const double own_hu = scan.at(here.x, here.y, here.z);
+  double lumen_hu = own_hu, darkest_hu = own_hu;
+  for (const Index3& step : kNeighbours)
+    for (const Index3& near : {here + step, here + step + step}) {
+      if (!lumen.contains(near)) continue;
+      const double hu = scan.at(near.x, near.y, near.z);
+      if (lumen[near] != 0)
+        lumen_hu = std::max(lumen_hu, hu);
+      else
+        darkest_hu = std::min(darkest_hu, hu);
+    }
+  return own_hu > 0.5 * (lumen_hu + darkest_hu);
 }
 
 }  // namespace
@@ -205,11 +234,16 @@ std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers, cons
   return seeds;
 }
 
-HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name) {
-  double low_hu = kMaxHu, high_hu = kPaddingHu;
-  for (const Seed& seed : seeds) {
+void check_contrast(const std::vector<Seed>& seeds, const std::string& name) {
+  for (const Seed& seed : seeds)
     if (seed.hu < kBrightTissue_hu)
       throw lost(LostSeed::Cause::tissue, seed, name, "in tissue without contrast agent");
+}
+
+HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name) {
+  check_contrast(seeds, name);
+  double low_hu = kMaxHu, high_hu = kPaddingHu;
+  for (const Seed& seed : seeds) {
     low_hu = std::min(low_hu, seed.hu - seed.tolerance_hu);
     high_hu = std::max(high_hu, seed.hu + seed.tolerance_hu);
   }
@@ -225,10 +259,15 @@ bool is_near(const Mask& mask, const glm::dvec3& point_mm) {
 
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
                  const std::string& name) {
-  for (const Seed& seed : seeds)
-    if (!is_near(mask, seed.point_mm))
-      throw lost(cause, seed, name,
-                 cause == LostSeed::Cause::body ? "outside the body" : "outside the window of CT numbers");
+  using Cause = LostSeed::Cause;
+  for (const Seed& seed : seeds) {
+    if (is_near(mask, seed.point_mm)) continue;
+    check_contrast({seed}, name);
+    if (cause == Cause::window) throw lost(cause, seed, name, "outside the window of CT numbers");
+    if (cause == Cause::body) throw lost(cause, seed, name, "outside the body");
+    throw lost(cause, seed, name,
+               cause == Cause::bone ? "in bone" : "in a structure wider than the largest radius");
+  }
 }
 
 Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
@@ -253,26 +292,23 @@ Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const Hu
 }
 
 void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels) {
-  const Mask before = vessels;
-  const Box box = grown(bounding_box(before), 1, vessels.geometry.size);
-  parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-    const std::int64_t z = box.lower.z + i;
-    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-      for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
-        const Index3 here(x, y, z);
-        if (before[here] != 0 || excluded[here] != 0) continue;
-        const double own_hu = scan.at(x, y, z);
-        double lumen_hu = own_hu, darkest_hu = own_hu;
-        for (std::size_t n = 0; n < kNeighbours.size(); ++n) {
-          const Index3 near = here + kNeighbours[n], beyond = near + kNeighbours[n];
-          if (n < 6 && before.at(near))
-            lumen_hu = std::max<double>(lumen_hu, scan.at(near.x, near.y, near.z));
-          if (before.contains(beyond) && before[beyond] == 0)
-            darkest_hu = std::min<double>(darkest_hu, scan.at(beyond.x, beyond.y, beyond.z));
+  // A seed's tolerance ends 0.8 of the way up an edge that is as blurred as smoothed_for_seeds leaves it:
+  // less than 1.5 mm within the middle of the edge.
+  constexpr double kWidth_mm = 1.5;
+  const glm::dvec3& s = vessels.geometry.spacing_mm;
+  const auto passes = std::max(1L, std::lround(kWidth_mm / std::min({s.x, s.y, s.z})));
+  const Box box = grown(bounding_box(vessels), passes, vessels.geometry.size);
+  for (long pass = 0; pass < passes; ++pass) {
+    const Mask before = vessels;
+    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
+      const std::int64_t z = box.lower.z + i;
+      for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
+          const Index3 here(x, y, z);
+          if (before[here] == 0 && excluded[here] == 0) vessels[here] = is_half_filled(scan, before, here);
         }
-        vessels[here] = lumen_hu > own_hu && own_hu > 0.5 * (lumen_hu + darkest_hu);
-      }
-  });
+    });
+  }
 }
 
 }  // namespace xraycast

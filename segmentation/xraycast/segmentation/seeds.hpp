@@ -48,14 +48,17 @@ std::optional<Volume> smoothed_for_seeds(const Volume& volume, ComputeDevice& de
 /// with `name` in front, for a seed in air, in metal, or in bone denser than any contrast agent.
 std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers, const std::string& name);
 
-/// The CT numbers of the seeds, with their tolerances. Throws LostSeed for a seed that is no brighter than
-/// soft tissue.
+/// Throws LostSeed for a seed that is no brighter than soft tissue.
+void check_contrast(const std::vector<Seed>& seeds, const std::string& name);
+
+/// The CT numbers of the seeds, with their tolerances. Throws as check_contrast.
 HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name);
 
 /// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
 bool is_near(const Mask& mask, const glm::dvec3& point_mm);
 
-/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask.
+/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask; of tissue, for one that is no
+/// brighter than that.
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
                  const std::string& name);
 
