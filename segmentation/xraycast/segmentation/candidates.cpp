@@ -16,6 +16,8 @@
 namespace xraycast {
 namespace {
 
+constexpr float kBrighterThanTissue_hu = 90, kDarkerThanBone_hu = 300;
+
 std::vector<float> local_means(const Volume& volume, ComputeDevice& device) {
   constexpr double kWidth_mm = 2.5, kWidest_vox = 4;
   const glm::dvec3 sigma_vox = glm::min(kWidth_mm / volume.geometry().spacing_mm, glm::dvec3(kWidest_vox));
@@ -37,7 +39,6 @@ Mask excluded_from_candidates(const Volume& volume, const Mask& body) {
 
 /// The voxels that may be candidates, the brightest first.
 std::vector<std::size_t> brightest_first(const std::vector<float>& means, const Mask& skipped) {
-  constexpr float kBrighterThanTissue_hu = 90, kDarkerThanBone_hu = 300;
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < means.size(); ++i)
     if (skipped.voxels[i] == 0 && means[i] > kBrighterThanTissue_hu && means[i] < kDarkerThanBone_hu)
@@ -81,6 +82,7 @@ std::vector<Candidate> brightest_candidates(const Volume& volume, ComputeDevice&
       Markers markers;
       markers.vessels_mm = {p};
       const std::vector<Seed> seeds = look_at_seeds(scan, markers, "");
+      if (seeds.front().hu >= kDarkerThanBone_hu) continue;
       const Mask lumen = lumen_at_seeds(scan, seeds, window_of_seeds(seeds, ""), body, markers, "");
       for (std::size_t k = 0; k < known.voxels.size(); ++k) known.voxels[k] |= lumen.voxels[k];
       (is_slender(lumen) ? slender : others).push_back({p, seeds.front().hu});
