@@ -65,7 +65,7 @@ void StepPictures::finish(const Volume& volume) const {
     sheet.text({left + 24, y}, words, kFont, kInk);
     y += kLine;
   };
-  row(kKept, "left");
+  row(kKept, "vessels");
   for (std::size_t i = 0; i < steps_.size(); ++i) {
     const Step& step = steps_[i];
     std::string words = step.name;
