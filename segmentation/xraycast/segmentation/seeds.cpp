@@ -273,6 +273,7 @@ void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cau
 Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
                     const Mask& body, const Markers& markers, const std::string& name) {
   Mask lumen(scan.geometry());
+  if (seeds.empty()) return lumen;
   for (const Seed& seed : seeds) {
     const Mask more = lumen_at(scan, seed, window, body, markers, name);
     for (std::size_t i = 0; i < more.voxels.size(); ++i) lumen.voxels[i] |= more.voxels[i];

@@ -286,15 +286,19 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     return without_small_components(mask);  // only vessels remain in a subtracted scan
 
   const Mask lumen = lumen_at_seeds(at_seeds, seeds, window.hu, body, markers, name);
-  mask = united(std::move(mask), lumen);
+  const auto give_lumen_back = [&] {
+    if (!seeds.empty()) mask = united(std::move(mask), lumen);
+  };
+  give_lumen_back();
+  body = Mask(VolumeGeometry{});  // a byte a voxel
   const Mask bright = mask;
   const Mask bone = is_subtracted ? Mask(mask.geometry) : find_bone(scan, window.hu, bright, progress);
   subtract(mask, bone);
-  mask = united(std::move(mask), lumen);
+  give_lumen_back();
   check_seeds(seeds, mask, LostSeed::Cause::bone, name);
   heard.on_step("bone", mask);
   separate_chambers(mask, live(markers, bright, mask, name), name, progress);
-  mask = united(std::move(mask), lumen);
+  give_lumen_back();
   check_seeds(seeds, mask, LostSeed::Cause::chamber, name);
   heard.on_step("chambers", mask);
   progress.begin("removing trabecular bone", 7, "passes");
@@ -309,7 +313,7 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
       check_contrast(seeds, name);
       throw_without_contrast(volume, name, device);
     }
-    mask = united(std::move(mask), lumen);
+    give_lumen_back();
     check_seeds(seeds, mask, LostSeed::Cause::bone, name);
     heard.on_step("trabecular-bone", mask);
   }
