@@ -6,6 +6,7 @@
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/segmentation/segment.hpp"
 
+#include <glm/common.hpp>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -158,14 +159,14 @@ TEST(SeedsInAnAbdomen, AreToldWhatTheyLieIn) {
   const struct {
     glm::dvec3 seed;
     const char* message;
-  } kCases[] = {
+  } cases[] = {
       {{0, -180, -40}, "lies in air (-1"},
       {{60, -60, -140}, "lies in metal ("},
       {{6, -60, -40}, "lies in tissue without contrast agent (-"},
       {{0, 17, -100}, "lies in bone, which encloses it (1"},                    // spongy bone
       {{-110, -20, -20}, "lies in a structure wider than 17 mm in radius (1"},  // the liver
   };
-  for (const auto& [seed, message] : kCases)
+  for (const auto& [seed, message] : cases)
     EXPECT_THAT(abdomen.message_for(seed), HasSubstr(message)) << seed.x << ' ' << seed.y << ' ' << seed.z;
   SegmentOptions options;
   options.markers.vessels_mm = {kAorta};
@@ -206,12 +207,12 @@ TEST(SeedsInAnAbdomen, MoreOfThemFindMoreAndPointsToExcludeWin) {
               common(abdomen.part("cava"), veins) > 9 * abdomen.part("cava").count() / 10);
   EXPECT_GE(both.count(), veins.count() + abdomen.part("aorta").count() * 8 / 10);
   // The right hepatic vein, by a point in it.
-  const glm::dvec3 kHepaticVein(-78, 6, 18);
+  const glm::dvec3 hepatic_vein(-78, 6, 18);
   options.markers.vessels_mm = {kCava};
-  options.markers.not_vessels_mm = {kHepaticVein};
+  options.markers.not_vessels_mm = {hepatic_vein};
   const Mask without = abdomen.found(options);
   EXPECT_TRUE(is_within(without, veins));
-  EXPECT_FALSE(without.at(Index3(glm::round(without.geometry.to_index(kHepaticVein)))));
+  EXPECT_FALSE(without.at(Index3(glm::round(without.geometry.to_index(hepatic_vein)))));
   EXPECT_TRUE(without.at(Index3(glm::round(without.geometry.to_index(kCava)))));
 }
 
