@@ -337,7 +337,7 @@ void cast_map(const CastArguments& options, Session& session) {
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open(options, session.progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
   const std::string frame_of_reference = frame_of_reference_uid(scan.info);
@@ -388,6 +388,7 @@ void cast_map(const CastArguments& options, Session& session) {
         "under an opacity in which it absorbs)\n",
         100 * *outside);
   }
+  report_preview(geometry, options.output, json, text);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;

@@ -1,6 +1,7 @@
 #include "command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
+#include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/error.hpp"
@@ -94,7 +95,7 @@ BodyMap make_map(const ResidentScan& scan, const BodyOutline& body, int layers, 
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
-  write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
+  write_map_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
   return std::move(result.map);
 }
 

@@ -1,5 +1,10 @@
 #include "map_output.hpp"
 
+#include "pictures/map_preview.hpp"
+#include "xraycast/base/pluralize.hpp"
+
+#include <fmt/format.h>
+
 namespace xraycast::cli {
 
 void add_map_output_options(CLI::App& command, MapOutput& output) {
@@ -19,8 +24,14 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
 void write_map(const BodyMap& map, const MapOutput& output) {
   write_body_map(map, output.map);
   if (!output.preview.empty())
-    write_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
-                  output.preview);
+    write_map_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
+                      output.preview);
+}
+
+void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text) {
+  if (output.preview.empty()) return;
+  json["preview"] = output.preview;
+  text += fmt::format("{}: picture of {}\n", output.preview, pluralize(geometry.layers(), "layer"));
 }
 
 }  // namespace xraycast::cli

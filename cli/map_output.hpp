@@ -1,5 +1,6 @@
 #pragma once
 
+#include "command.hpp"
 #include "xraycast/casting/body_map.hpp"
 
 #include <CLI/CLI.hpp>
@@ -18,5 +19,8 @@ void add_map_output_options(CLI::App& command, MapOutput& output);
 
 /// Writes the map, and the preview if requested.
 void write_map(const BodyMap& map, const MapOutput& output);
+
+/// Adds the preview, if there is one, to what is printed.
+void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text);
 
 }  // namespace xraycast::cli

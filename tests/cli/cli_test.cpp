@@ -227,7 +227,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves it out",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves out "
+     "what is damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -238,6 +239,14 @@ const BadCall kBadCalls[] = {
        slice().write(f / "a");
        write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
      }},
+    {"ColourScreenShot", "info @/a", 3, "such as a screen shot; give the folder of a CT series",
+     [](const TemporaryFolder& f) { slice().number(0x00280002, 3).write(f / "a"); }},
+    {"FolderForAMap", "render @/ -o @/out.png", 3,
+     "a body map is needed; make one of a scan with `xraycast cast`"},
+    {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
+    {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
+    {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "no tree.vtp; give the one that `xraycast segment` wrote", make_push_and_tree},
     {"DicomOfReportsOnly", "info @/cd", 3, "no image slices: 1 structured report",
      [](const TemporaryFolder& f) {
        fs::create_directory(f / "cd");
@@ -614,7 +623,8 @@ TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
   ASSERT_EQ(info["all_series"].size(), 2);
   EXPECT_EQ(info["all_series"][0]["chosen"], true);
   EXPECT_EQ(info["all_series"][1], Json::parse(R"({"number": "1", "description": "", "uid": "1.2.1",
-      "modality": "CT", "slices": 3, "orientation": "axial", "thickness_mm": 1.0, "chosen": false})"));
+      "modality": "CT", "study_date": "", "body_part": "", "slices": 3, "orientation": "axial",
+      "thickness_mm": 1.0, "chosen": false})"));
   EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices"));
 }
 
@@ -697,14 +707,40 @@ TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
 
 TEST_F(Cli, PaperPreviewIsPlainTransmission) {
   output_of("phantom thorax --size 64x64x40 -o @/ct.nrrd");
-  output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper");
+  const std::string said =
+      output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper --json");
+  EXPECT_EQ(Json::parse(said)["preview"], (folder_ / "map.png").string());
   const BodyMap map = read_body_map(folder_ / "map.exr");
   const Png picture = read_png(folder_ / "map.png");
-  ASSERT_EQ(picture.width, 360);
-  ASSERT_EQ(picture.height, 3 * 40);
+  // A scale to the left of the layers, a title above each.
+  constexpr int kLeft = 64, kTitle = 22, kWidth = 360, kHeight = 40, kLayers = 3;
+  ASSERT_GE(picture.width, kLeft + kWidth);
+  ASSERT_EQ(picture.height, kLayers * (kTitle + kHeight));
   ASSERT_EQ(picture.channels, 3);
-  for (std::size_t i = 0; i < picture.values.size(); ++i)
-    ASSERT_EQ(picture.values[i], std::lround(255 * std::exp(-map.tau[i / 3]))) << i;
+  const auto lightest_in = [&](int left, int top, int width, int height) {
+    int lightest = 0;
+    for (int y = top; y < top + height; ++y)
+      for (int x = left; x < left + width; ++x)
+        lightest =
+            std::max<int>(lightest, picture.values[static_cast<std::size_t>(3 * (y * picture.width + x))]);
+    return lightest;
+  };
+  for (int k = 0; k < kLayers; ++k) {
+    const int top = k * (kTitle + kHeight) + kTitle;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x) {
+        const auto pixel = static_cast<std::size_t>((top + y) * picture.width + kLeft + x);
+        const float tau = map.tau[static_cast<std::size_t>((k * kHeight + y) * kWidth + x)];
+        for (std::size_t channel = 0; channel < 3; ++channel)
+          ASSERT_EQ(picture.values[3 * pixel + channel], std::lround(255 * std::exp(-tau))) << k << " " << y;
+      }
+    // Something is written there, lighter than the paper.
+    constexpr int kMuchLighter = 150;
+    EXPECT_GT(lightest_in(kLeft, top - kTitle, kWidth, kTitle), kMuchLighter);
+    EXPECT_GT(lightest_in(0, top, kLeft, kHeight), kMuchLighter);
+  }
+  EXPECT_THAT(output_of("cast @/ct.nrrd -o @/map.exr --preview @/map.png"),
+              HasSubstr("map.png: picture of 1 layer"));
 }
 
 TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {

@@ -206,7 +206,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
   for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
-  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("no such file"));
+  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith(": no such file; check its name"));
 }
 
 TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {
@@ -226,11 +226,13 @@ TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
     return refusal_of(folder / "odd.exr");
   };
   EXPECT_EQ(refusal_with(good), "");
-  EXPECT_THAT(refusal_with({good[0], good[1]}), testing::EndsWith(": layer 2 of 3 is missing"));
+  EXPECT_THAT(refusal_with({good[0], good[1]}),
+              testing::EndsWith(": layer 2 of 3 is missing; cast the map again"));
 
   std::vector<Imf::Header> headers = good;
   headers[1].dataWindow().max.x -= 1;
-  EXPECT_THAT(refusal_with(headers), testing::EndsWith(": layer 1 differs in size from layer 0"));
+  EXPECT_THAT(refusal_with(headers),
+              testing::EndsWith(": layer 1 differs in size from layer 0; cast the map again"));
 
   headers = good;
   headers[2].channels() = {};
@@ -287,21 +289,16 @@ TEST(BodyMapFile, AnyChangedByteIsRefusedOrHarmless) {
 }
 
 TEST(Preview, StacksLayersFromTheInnermostDown) {
-  const TemporaryFolder folder;
   BodyMap map = make_map(2);
   std::ranges::fill(map.tau, 0.0f);
   std::fill(map.tau.begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.tau.end(), 20.0f);
-  write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const Png png = read_png(folder / "map.png");
-  EXPECT_EQ(png.width, 90);
-  EXPECT_EQ(png.height, 40);
-  EXPECT_EQ(png.channels, 3);
-  EXPECT_EQ(png.values.front(), 255);  // exp(-0)
-  EXPECT_EQ(png.values.back(), 0);     // exp(-20), below half a grey level
+  const std::vector<std::uint8_t> greys = preview_of(map, PreviewWindow::paper);
+  EXPECT_EQ(greys.size(), 90U * 40);
+  EXPECT_EQ(greys.front(), 255);  // exp(-0)
+  EXPECT_EQ(greys.back(), 0);     // exp(-20), below half a grey level
 }
 
 TEST(Preview, AppliesTheSpectrumToEachLayer) {
-  const TemporaryFolder folder;
   BodyMap map = make_spectrum_map(2);
   map.spectrum = Spectrum("a line", {{60, 1}});
   // A transmission of a half in the inner layer, of a quarter in the outer one.
@@ -310,16 +307,13 @@ TEST(Preview, AppliesTheSpectrumToEachLayer) {
   std::ranges::fill(map.depths[0], half_g_cm2);
   std::fill(map.depths[0].begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.depths[0].end(),
             2 * half_g_cm2);
-  write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
+  const std::vector<std::uint8_t> pixels = preview_of(map, PreviewWindow::paper);
   EXPECT_NEAR(pixels.front(), 127.5, 1);  // a grey level
   EXPECT_NEAR(pixels.back(), 63.75, 1);
 }
 
 TEST(Preview, WindowUsesMostOfTheRangeOfGrey) {
-  const TemporaryFolder folder;
-  write_preview(make_map(1), PreviewWindow::automatic, folder / "map.png");
-  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
+  const std::vector<std::uint8_t> pixels = preview_of(make_map(1), PreviewWindow::automatic);
   EXPECT_LT(*std::ranges::min_element(pixels), 40);
   EXPECT_EQ(*std::ranges::max_element(pixels), 255);
 }

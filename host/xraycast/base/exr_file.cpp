@@ -105,7 +105,8 @@ bool is_exr(const std::filesystem::path& path) {
   constexpr std::array<char, 4> kMagic{0x76, 0x2f, 0x31, 0x01};
   require_regular_file(path);
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));
+  if (!in)
+    throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
   std::array<char, 4> first{};
   return in.read(first.data(), first.size()) && first == kMagic;
 }

@@ -6,7 +6,7 @@
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/remedy.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -152,32 +152,17 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   return geometry;
 }
 
-}  // namespace
-
-void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
-  std::vector<ExrPart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, k));
-  std::vector<float> outline;
-  if (map.geometry.has_outline()) {
-    outline = outline_rows(map.geometry);
-    parts.push_back({.name = kOutlinePart,
-                     .width = map.geometry.width,
-                     .height = map.geometry.height,
-                     .compression = ExrCompression::zip,
-                     .channels = {{kOutlineChannel, outline}}});
-  }
-  write_exr(parts, path);
-}
-
-BodyMap read_body_map(const std::filesystem::path& path) {
+BodyMap read_map(const std::filesystem::path& path) {
   const std::string name = path.string();
+  if (std::filesystem::is_directory(path))
+    throw InputError("{}: a folder, but a body map is needed; make one of a scan with `xraycast cast`", name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   const ExrReader file(path);
   const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kOutlineVersion)
-    throw InputError("{}: body map version {}, but this program reads versions up to {}", name, version,
-                     kOutlineVersion);
+    throw InputError("{}: body map version {}, but this program reads versions up to {}; use a newer one",
+                     name, version, kOutlineVersion);
 
   BodyMap map;
   map.geometry = geometry_of(file, name);
@@ -215,7 +200,28 @@ BodyMap read_body_map(const std::filesystem::path& path) {
   return map;
 }
 
-void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
+}  // namespace
+
+void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
+  std::vector<ExrPart> parts;
+  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, k));
+  std::vector<float> outline;
+  if (map.geometry.has_outline()) {
+    outline = outline_rows(map.geometry);
+    parts.push_back({.name = kOutlinePart,
+                     .width = map.geometry.width,
+                     .height = map.geometry.height,
+                     .compression = ExrCompression::zip,
+                     .channels = {{kOutlineChannel, outline}}});
+  }
+  write_exr(parts, path);
+}
+
+BodyMap read_body_map(const std::filesystem::path& path) {
+  return with_remedy("cast the map again", [&] { return read_map(path); });
+}
+
+std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {
   // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;
   const std::vector<float> under_spectrum =
@@ -224,13 +230,13 @@ void write_preview(const BodyMap& map, PreviewWindow window, const std::filesyst
   const auto layer = [&](int k) { return tau.subspan(k * map.layer_size(), map.layer_size()); };
   double deepest = 0;
   for (int k = 0; k < map.geometry.layers(); ++k) deepest = std::max(deepest, typical_depth(layer(k)));
-  std::vector<std::uint8_t> rgb;
+  std::vector<std::uint8_t> all;
   for (int k = 0; k < map.geometry.layers(); ++k) {
     const auto greys = window == PreviewWindow::paper ? plain_transmission(layer(k))
                                                       : windowed_transmission(layer(k), kFaintest * deepest);
-    for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+    all.insert(all.end(), greys.begin(), greys.end());
   }
-  write_png(rgb, map.geometry.width, map.geometry.height * map.geometry.layers(), 3, path);
+  return all;
 }
 
 }  // namespace xraycast

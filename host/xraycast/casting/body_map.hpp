@@ -4,6 +4,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -47,8 +48,8 @@ enum class PreviewWindow {
   paper,      ///< exp(-tau), unscaled
 };
 
-/// 8-bit RGB PNG of the layers, stacked from the innermost down; W x (K H) pixels. A spectrum is applied to
-/// each layer separately, as if there were no other. Errors as for write_body_map.
-void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path);
+/// 8-bit greys of the layers, stacked from the innermost down: W x (K H). A spectrum is applied to each layer
+/// separately, as if there were no other.
+std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window);
 
 }  // namespace xraycast
