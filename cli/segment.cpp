@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/segment.hpp"
 
 #include "command.hpp"
+#include "pictures/step_pictures.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/materials.hpp"
 #include "xraycast/base/atomic_file.hpp"
@@ -9,6 +10,8 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/series/seg_file.hpp"
 
@@ -25,7 +28,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SegmentArguments {
-  std::string input, folder, from_mask, window = "auto", surface = "level-set", root;
+  std::string input, folder, explain, from_mask, window = "auto", surface = "level-set", root;
   std::vector<std::string> seeds, not_vessels;
   ScanOptions scan;
   SegmentOptions segment;
@@ -124,6 +127,38 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
   return "";
 }
 
+/// What would make a segmentation accept a seed.
+const char* remedy(LostSeed::Cause cause) {
+  switch (cause) {
+    case LostSeed::Cause::window:
+      return "; give a --window that holds it, or leave --window out";
+    case LostSeed::Cause::chamber:
+      return ", and counts as a heart chamber; raise --max-radius";
+    case LostSeed::Cause::body:
+      return "; a mask of it can be given by --from-mask";
+    default:
+      return "; give a --seed in a vessel";
+  }
+}
+
+/// The mask by the steps, which --explain shows.
+Mask segmented(const Volume& volume, const SegmentOptions& segmenting, const SegmentArguments& options,
+               ComputeDevice& device, Session& session, SegmentLog& log) {
+  std::optional<StepPictures> steps;
+  if (!options.explain.empty()) {
+    make_folder(options.explain, "--explain " + options.explain);
+    steps.emplace(options.explain);
+    log.on_step = [&](const std::string& step, const Mask& mask) { steps->add(step, mask); };
+  }
+  try {
+    Mask mask = segment_mask(volume, segmenting, options.input, device, session.progress, &log);
+    if (steps) steps->finish(volume);
+    return mask;
+  } catch (const LostSeed& error) {
+    throw InputError("{}{}", error.what(), remedy(error.cause()));
+  }
+}
+
 void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
@@ -140,8 +175,9 @@ void segment(const SegmentArguments& options, Session& session) {
   const Volume volume = collect(*scan.source, progress);
   ComputeDevice device(session.device);
 
+  SegmentLog log;
   const Mask mask = options.from_mask.empty()
-                        ? segment_mask(volume, segmenting, options.input, device, progress)
+                        ? segmented(volume, segmenting, options, device, session, log)
                         : selected_components(read_mask(options.from_mask, volume.geometry(), progress),
                                               segmenting.markers, options.from_mask, session);
   const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm);
@@ -165,8 +201,12 @@ void segment(const SegmentArguments& options, Session& session) {
   write_mesh(surface, folder / "surface.stl");
   const std::string found = pluralize(centrelines.tree.branches().size(), "branch") + ", " +
                             pluralize(centrelines.loops.size(), "loop");
-  write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
-                      folder / "report.png");
+  if (!options.from_mask.empty()) log.noise_hu = measure_noise_hu(volume);
+  const double weak = weak_share(centrelines.tree, volume, log.noise_hu);
+  write_vessel_report(
+      fmt::format("{}: {}", options.input, found),
+      options.from_mask.empty() ? assumptions(log, segmenting, weak) : "the mask " + options.from_mask,
+      volume, mask, centrelines.tree, folder / "report.png");
   outputs.commit();
   remove_stale_seg(scan.info, folder);
   const std::string why_none = why_no_seg(scan.info);
@@ -176,6 +216,9 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
                   {"no_seg", why_none.empty() ? Json() : Json(why_none)},
                   {"voxels", mask.count()},
+                  {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
+                  {"noise_hu", log.noise_hu},
+                  {"weak_share", weak},
                   {"branches", centrelines.tree.branches().size()},
                   {"loops", centrelines.loops},
                   {"gaps_mm", centrelines.gaps_mm},
@@ -226,6 +269,10 @@ void add_segment(CLI::App& app, Session& session) {
                    "Range of CT numbers of the vessels in HU; auto: from the histogram")
       ->capture_default_str()
       ->type_name("auto|LO,HI");
+  command
+      ->add_option("--explain", options->explain,
+                   "Folder for the mask that each step left, and a picture of what each took off")
+      ->type_name("DIR");
   command
       ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")
       ->type_name("MASK");

@@ -8,11 +8,13 @@
 #include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/bone.hpp"
+#include "xraycast/segmentation/candidates.hpp"
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
 #include "xraycast/segmentation/ridge_detection.hpp"
 #include "xraycast/segmentation/ridge_tracking.hpp"
+#include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
 
 #include <glm/common.hpp>
@@ -78,14 +80,42 @@ void check(const Volume& volume, const SegmentOptions& options, const std::strin
     }
 }
 
-HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                        Progress& progress) {
-  if (!options.window_hu) return window_of(measure_contrast(volume, name, progress));
-  const auto [low, high] = *options.window_hu;
-  if (low >= high)
-    throw InputError("{}: the window's lower limit, {} HU, is not below its upper one, {} HU", name, low,
-                     high);
-  return {low, low, high};
+/// The window of CT numbers, and whether it is that of the seeds.
+struct ChosenWindow {
+  HuWindow hu;
+  bool is_of_seeds;
+};
+
+[[noreturn]] void throw_without_contrast(const Volume& volume, const std::string& name,
+                                         ComputeDevice& device) {
+  std::string places;
+  for (const Candidate& c : brightest_candidates(volume, device))
+    places += fmt::format("{}({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU", places.empty() ? "" : ", ",
+                          c.point_mm.x, c.point_mm.y, c.point_mm.z, c.hu);
+  throw InputError(
+      "{}: no vessel: no vessels filled with contrast agent stand out; give a seed, a point in a vessel{}{}",
+      name, places.empty() ? "" : "; the brightest candidates are ", places);
+}
+
+ChosenWindow choose_window(const Volume& scan, const std::vector<Seed>& seeds, const SegmentOptions& options,
+                           const std::string& name, ComputeDevice& device, Progress& progress) {
+  if (options.window_hu) {
+    const auto [low, high] = *options.window_hu;
+    if (low >= high)
+      throw InputError("{}: the window's lower limit, {} HU, is not below its upper one, {} HU", name, low,
+                       high);
+    return {{low, low, high}, false};
+  }
+  const std::optional<Contrast> contrast = find_contrast(scan, name, progress);
+  if (!contrast && seeds.empty()) throw_without_contrast(scan, name, device);
+  if (!contrast) return {window_of_seeds(seeds, name), true};
+  const HuWindow window = window_of(*contrast);
+  constexpr double kContrast_hu = 100;  // darker ones were meant for the vessel beside them
+  const bool are_others = std::ranges::any_of(seeds, [&](const Seed& seed) {
+    return seed.hu > window.high_hu || (seed.hu > kContrast_hu && seed.hu < window.low_hu);
+  });
+  if (are_others) return {window_of_seeds(seeds, name), true};
+  return {window, false};
 }
 
 /// Whether there is air around the body; a scan without it was subtracted, so that only vessels are bright.
@@ -125,8 +155,10 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
     return components.select(keep);
   }
   // Weighted by the integral of the distance transform. A vessel that branches by Murray's law into n ends
-  // has as much as n^(1/3) tubes as wide as its trunk; plates and shells have more than one with 125 ends.
-  constexpr double kMinSlenderness = 2, kMaxOfATube = 5, kMinShare = 0.01;
+  // which all are as long as the whole has as much as n^(1/3) tubes as wide as its trunk: 2.5 with sixteen.
+  // Arteries of the head, the trunk and a dissected aorta have 0.5 to 1.8, plates and shells more than 5, and
+  // a ventricle full of papillary muscles 2.7 to 3.
+  constexpr double kMinSlenderness = 2, kMaxOfATube = 2.5, kMinShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(components.count()));
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(order, [&](int a, int b) { return components.voxels(a) > components.voxels(b); });
@@ -154,57 +186,144 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       "{}: no vessel: no bright structure is longer than it is wide; give a seed, a point in a vessel", name);
 }
 
-Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress) {
-  check(volume, options, name);
-  progress.begin("contrast", 5, "passes");
-  if (!options.window_hu && is_dominated_by_noise(volume))
-    return segment_in_noise(volume, options.markers, name, device, progress);
-  progress.advance();
-  std::optional<Volume> quiet = denoised(volume, device);
-  progress.advance();
-  const Volume& scan = quiet ? *quiet : volume;
-  const HuWindow window = resolve_window(scan, options, name, progress);
+namespace {
 
-  progress.begin("thresholding", 1, "scans");
-  Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
-  if (2 * mask.count() > volume.geometry().voxel_count())
-    throw InputError(
-        "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
-        "numbers",
-        name, window.low_hu);
-  if (has_air(scan)) intersect(mask, find_body_mask(scan));
-  progress.advance();
-  if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
-    return without_small_components(mask);  // only vessels remain in a subtracted scan
+/// Those points to exclude that lie in what is left; what the others lie in is gone.
+Markers live(const Markers& markers, const Mask& bright, const Mask& left, const std::string& name) {
+  Markers result = markers;
+  std::erase_if(result.not_vessels_mm, [&](const glm::dvec3& p) {
+    nearest_voxel(bright, p, name);  // throws where nothing was bright
+    return !is_near(left, p);
+  });
+  return result;
+}
 
-  const Mask bright = mask;
-  const Mask bone = has_air(scan) ? find_bone(scan, window, bright, progress) : Mask(mask.geometry);
-  subtract(mask, bone);
-  separate_chambers(mask, options.markers, name, progress);
-  progress.begin("removing trabecular bone", 7, "passes");
-  Mask candidates = mask;
-  if (has_air(scan)) {
-    constexpr double kBeside_mm = 3;
-    intersect(candidates, dilated_by_cylinder(bone, kBeside_mm));
-    progress.advance();
-    const Mask trabecular = find_trabecular_bone(mask, bone, progress);
-    subtract(mask, trabecular);
-    remove_marrow(mask, united(bone, trabecular));
-    progress.advance();
-    remove_thin_components(mask);
-    progress.advance();
-  }
-  close_gaps(mask, candidates, progress);
-  Mask vessels = select_vessels(mask, options.markers, name, progress);
-  progress.begin("filling", 3, "passes");
-  add_partial_volume_rim(bright, vessels);
+void remove_trabecular_bone(Mask& mask, const Mask& bone, Progress& progress) {
+  const Mask trabecular = find_trabecular_bone(mask, bone, progress);
+  subtract(mask, trabecular);
+  remove_marrow(mask, united(bone, trabecular));
   progress.advance();
-  add_dense_wall(scan, window, bone, vessels);
+  remove_thin_components(mask);
+  progress.advance();
+}
+
+/// The rim of a lumen, its dense wall and its holes.
+void complete_lumen(const Volume& scan, const ChosenWindow& window, const Mask& bright, const Mask& bone,
+                    Mask& vessels, Progress& progress) {
+  if (window.is_of_seeds)
+    add_half_filled_rim(scan, between(scan, window.hu.high_hu, kMaxHu), vessels);
+  else
+    add_partial_volume_rim(bright, vessels);
+  progress.advance();
+  if (!window.is_of_seeds) add_dense_wall(scan, window.hu, bone, vessels);
   progress.advance();
   constexpr double kStrut_mm2 = 30;
   fill_holes(vessels, kStrut_mm2);
   progress.advance();
+}
+
+/// Whether what was bright is bone alone: with contrast agent, 9 % (a head) to 60 % (a trunk) is not
+/// recognised as trabecular bone; in scans without it 5 % and less.
+bool is_bone_alone(std::int64_t before_trabecular, std::int64_t after) {
+  return 15 * after < before_trabecular;
+}
+
+/// Everything within the window, in the body.
+Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& body,
+                   const std::string& name) {
+  Mask mask = window.is_of_seeds ? between(scan, window.hu.low_hu, window.hu.high_hu)
+              : has_air(scan)    ? threshold(scan, window.hu)
+                                 : threshold_with_hysteresis(scan, window.hu);
+  if (2 * mask.count() > scan.geometry().voxel_count())
+    throw InputError(
+        "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
+        "numbers",
+        name, window.hu.low_hu);
+  intersect(mask, body);
+  return mask;
+}
+
+}  // namespace
+
+Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                  ComputeDevice& device, Progress& progress, SegmentLog* log) {
+  check(volume, options, name);
+  SegmentLog unheard;
+  SegmentLog& heard = log != nullptr ? *log : unheard;
+  const Markers& markers = options.markers;
+  progress.begin("contrast", 5, "passes");
+  heard.noise_hu = measure_noise_hu(volume);
+  if (!options.window_hu && is_dominated_by_noise(volume))
+    return segment_in_noise(volume, markers, name, device, progress);
+  progress.advance();
+  std::optional<Volume> quiet = denoised(volume, device), smooth;
+  progress.advance();
+  const Volume& denoised_scan = quiet ? *quiet : volume;
+  const bool is_subtracted = !has_air(denoised_scan);
+  if (!markers.vessels_mm.empty()) smooth = smoothed_for_seeds(volume, device);
+  const Volume& at_seeds = smooth ? *smooth : denoised_scan;
+  const std::vector<Seed> seeds =
+      is_subtracted ? std::vector<Seed>{} : look_at_seeds(at_seeds, markers, name);
+  const ChosenWindow window = choose_window(denoised_scan, seeds, options, name, device, progress);
+  const Volume& scan = window.is_of_seeds ? at_seeds : denoised_scan;
+  heard.window = window.hu;
+  heard.is_window_of_seeds = window.is_of_seeds;
+
+  progress.begin("thresholding", 1, "scans");
+  Mask body(volume.geometry());
+  std::ranges::fill(body.voxels, 1);
+  Mask mask = bright_voxels(scan, window, body, name);
+  check_seeds(seeds, mask, LostSeed::Cause::window, name);
+  heard.on_step("window", mask);
+  if (!is_subtracted) {
+    body = find_body_mask(scan);
+    intersect(mask, body);
+    check_seeds(seeds, mask, LostSeed::Cause::body, name);
+    heard.on_step("body", mask);
+  }
+  progress.advance();
+  if (is_subtracted && markers.vessels_mm.empty() && markers.not_vessels_mm.empty())
+    return without_small_components(mask);  // only vessels remain in a subtracted scan
+
+  const Mask lumen = lumen_at_seeds(at_seeds, seeds, window.hu, body, markers, name);
+  const auto give_lumen_back = [&] {
+    if (!seeds.empty()) mask = united(std::move(mask), lumen);
+  };
+  give_lumen_back();
+  body = Mask(VolumeGeometry{});  // a byte a voxel
+  const Mask bright = mask;
+  const Mask bone = is_subtracted ? Mask(mask.geometry) : find_bone(scan, window.hu, bright, progress);
+  subtract(mask, bone);
+  give_lumen_back();
+  check_seeds(seeds, mask, LostSeed::Cause::bone, name);
+  heard.on_step("bone", mask);
+  separate_chambers(mask, live(markers, bright, mask, name), name, progress);
+  give_lumen_back();
+  check_seeds(seeds, mask, LostSeed::Cause::chamber, name);
+  heard.on_step("chambers", mask);
+  progress.begin("removing trabecular bone", 7, "passes");
+  Mask candidates = mask;
+  if (!is_subtracted) {
+    constexpr double kBeside_mm = 3;
+    intersect(candidates, dilated_by_cylinder(bone, kBeside_mm));
+    progress.advance();
+    const std::int64_t before = mask.count();
+    remove_trabecular_bone(mask, bone, progress);
+    if (!options.window_hu && is_bone_alone(before, mask.count()) && lumen.count() == 0) {
+      check_contrast(seeds, name);
+      throw_without_contrast(volume, name, device);
+    }
+    give_lumen_back();
+    check_seeds(seeds, mask, LostSeed::Cause::bone, name);
+    heard.on_step("trabecular-bone", mask);
+  }
+  close_gaps(mask, candidates, progress);
+  heard.on_step("gaps", mask);
+  Mask vessels = select_vessels(mask, markers, name, progress);
+  heard.on_step("selection", vessels);
+  progress.begin("filling", 3, "passes");
+  complete_lumen(scan, window, bright, bone, vessels, progress);
+  heard.on_step("filling", vessels);
   return vessels;
 }
 

@@ -6,6 +6,7 @@
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -20,14 +21,27 @@ struct SegmentOptions {
   Markers markers;  ///< seeds, excluded structures, and the largest radius
 };
 
+/// What a segmentation assumed and what each of its steps left, for those who ask.
+struct SegmentLog {
+  std::optional<HuWindow> window;   ///< none where vessels were found as ridges in noise
+  bool is_window_of_seeds = false;  ///< from the seeds' neighbourhoods, not from the histogram
+  double noise_hu = 0;              ///< standard deviation
+  /// Called after each step with its name and the mask that it leaves.
+  std::function<void(const std::string& step, const Mask& mask)> on_step = [](const auto&, const auto&) {};
+};
+
 /// The vessels' mask on the scan's own grid, by the steps in this folder: denoising where noise is heavy,
 /// thresholds, removal of bone, separation of chambers, removal of trabecular bone, closing of the gaps that
 /// both have left, and the selection of components by select_vessels. A stage of `progress` for each step.
 ///
-/// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
-/// fewer than 10 slices.
+/// Without a window, seeds outside that of the histogram set it from their own neighbourhoods. What is
+/// connected to a seed by lumen of its own brightness, narrower than the largest radius, stays whatever the
+/// steps recognise in it.
+///
+/// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, and InputError when there is no
+/// vessel, or the scan has fewer than 10 slices.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress);
+                  ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
 
 /// Keeps the connected components of a mask in which seeds lie. Without seeds all that are elongated, neither
 /// plates nor shells, and whose distance transform sums to at least a hundredth of the largest one's: both
