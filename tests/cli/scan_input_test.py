@@ -197,8 +197,9 @@ class ScanInput(unittest.TestCase):
         self.assertEqual(self.leftovers(), [])
 
     def test_what_a_killed_run_left_is_removed(self):
-        abandoned = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-zip-", dir=self.temporary))
-        (abandoned / "000000").mkdir()
+        abandoned = self.temporary / "xraycast-zip-0123456789abcdef"
+        (abandoned / "000000").mkdir(parents=True)
+        abandoned.chmod(0o700)
         run("info", self.zipped())
         self.assertFalse(abandoned.exists())
 
