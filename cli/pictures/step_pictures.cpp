@@ -87,8 +87,10 @@ void StepPictures::finish(const Volume& volume) const {
   for (std::size_t i = 0; i < steps_.size(); ++i) {
     const Step& step = steps_[i];
     std::string words = step.name;
-    if (step.taken_off_ml > 0) words += fmt::format(": took off {:.1f} ml", step.taken_off_ml);
-    if (step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
+    const bool both = step.taken_off_ml > 0 && step.added_ml > 0;  // too long for the sheet in words
+    if (both) words += fmt::format(": -{:.1f} ml, +{:.1f} ml", step.taken_off_ml, step.added_ml);
+    if (!both && step.taken_off_ml > 0) words += fmt::format(": took off {:.1f} ml", step.taken_off_ml);
+    if (!both && step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
     row(colours[i + 1], words);
   }
   write_png(sheet.rgb(), kWidth, kHeight, 3, folder_ / "steps.png");

@@ -236,6 +236,7 @@ std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers) {
 bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask) {
   if (seed.hu < kBrightTissue_hu || seed.hu > kDensestContrast_hu) return !is_near(mask, seed.point_mm);
   if (seed.hu > window.high_hu) return true;
+  if (!is_near(mask, seed.point_mm)) return true;
   if (seed.hu >= window.low_hu) return false;
   // On the rim of a vessel a quarter and more of the sphere is vessel; voxels that noise alone has raised are
   // fewer than a tenth.
