@@ -128,10 +128,11 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
 }
 
 /// What would make a segmentation accept a seed.
-const char* remedy(LostSeed::Cause cause) {
+const char* remedy(LostSeed::Cause cause, bool has_window) {
   switch (cause) {
     case LostSeed::Cause::window:
-      return "; give a --window that holds it, or leave --window out";
+      return has_window ? "; give a --window that holds it, or leave --window out"
+                        : "; give a --window that holds it";
     case LostSeed::Cause::chamber:
       return ", and counts as a heart chamber; raise --max-radius";
     case LostSeed::Cause::body:
@@ -155,7 +156,11 @@ Mask segmented(const Volume& volume, const SegmentOptions& segmenting, const Seg
     if (steps) steps->finish(volume);
     return mask;
   } catch (const LostSeed& error) {
-    throw InputError("{}{}", error.what(), remedy(error.cause()));
+    if (steps) steps->finish(volume);
+    throw InputError("{}{}", error.what(), remedy(error.cause(), segmenting.window_hu.has_value()));
+  } catch (const NoContrast& error) {
+    if (steps) steps->finish(volume);
+    throw InputError("{}; give one by --seed X,Y,Z", error.what());
   }
 }
 
@@ -275,6 +280,7 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("DIR");
   command
       ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")
+      ->excludes("--explain")
       ->type_name("MASK");
   command
       ->add_option("--root", options->root,
