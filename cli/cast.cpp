@@ -20,11 +20,11 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <memory>
 #include <optional>
+#include <variant>
 
 namespace xraycast::cli {
 namespace {
@@ -39,7 +39,8 @@ struct CastArguments {
   bool keeps_table = false;
   AttenuationOptions attenuation;
   std::optional<int> layers, angles, views;
-  std::optional<std::string> radii;
+  std::optional<std::string> radii_text;
+  std::optional<std::variant<RadiiRule, std::vector<double>>> radii;  ///< of radii_text
 };
 
 constexpr int kAngles = 360, kViews = 36;
@@ -76,7 +77,7 @@ std::optional<double> given_radius_mm(const CastArguments& options) {
 void hint_at_radius(const CastArguments& options, const BodyOutline& outline, const Session& session) {
   constexpr double kMuch = 0.85;  // shells get at least 15 % thinner; heads and trunks without arms lie above
   const bool is_free = options.centre == "auto" && options.radius == "auto" && options.centre_line.empty() &&
-                       !options.radii && !has_body_outline(options);
+                       !options.radii_text && !has_body_outline(options);
   if (!is_free || options.projection != "cylinder" || options.layers.value_or(1) < 2) return;
   const double radius_99_mm = std::ceil(outline.radius_99_mm);
   if (radius_99_mm < kMuch * outline.radius_mm)
@@ -97,35 +98,52 @@ BodyOutline resolve_outline(const CastArguments& options, const OutlineFinder& f
   return outline;
 }
 
+/// --radii: a rule, or at least two edges.
+std::variant<RadiiRule, std::vector<double>> parse_radii(const std::string& text) {
+  if (text == "equal-area") return RadiiRule::equal_area;
+  if (text == "equal-thickness") return RadiiRule::equal_thickness;
+  if (text == "near-skin") return RadiiRule::near_skin;
+  std::vector<double> edges = parse_numbers(text, "--radii");
+  if (edges.size() < 2)
+    throw InputError(
+        "--radii {}: must be equal-area, equal-thickness, near-skin or all edges in mm, innermost first",
+        text);
+  return edges;
+}
+
+/// The edges that --radii lists, in mm or as fractions; null where it names a rule.
+const std::vector<double>* given_edges(const CastArguments& options) {
+  return options.radii ? std::get_if<std::vector<double>>(&*options.radii) : nullptr;
+}
+
 /// Whether --radii are fractions of the body's outline.
 bool has_fractions(const CastArguments& options) {
-  const bool has_numbers = options.radii && !options.radii->empty() &&
-                           std::isdigit(static_cast<unsigned char>(options.radii->front()));
-  return has_numbers && has_body_outline(options) && parse_numbers(*options.radii, "--radii").back() <= 1;
+  const std::vector<double>* edges = given_edges(options);
+  return edges && has_body_outline(options) && edges->back() <= 1;
+}
+
+/// The edges that --radii lists.
+std::vector<double> resolve_edges(const CastArguments& options, std::vector<double> edges, double radius_mm) {
+  if (options.layers && static_cast<std::size_t>(*options.layers) + 1 != edges.size())
+    throw InputError("--radii {} makes {}, but --layers asks for {}", *options.radii_text,
+                     pluralize(edges.size() - 1, "layer"), *options.layers);
+  if (has_fractions(options)) {
+    for (double& edge : edges) edge *= radius_mm;
+    return edges;
+  }
+  if (const auto given_mm = given_radius_mm(options); given_mm && *given_mm != edges.back())
+    throw InputError("--radii {} ends at a radius other than --radius {}; leave --radius out",
+                     *options.radii_text, options.radius);
+  return edges;
 }
 
 std::vector<double> resolve_radii(const CastArguments& options, double radius_mm) {
-  const int layers = options.layers.value_or(1);
-  const std::string rule = options.radii.value_or(has_body_outline(options) ? "near-skin" : "equal-area");
-  if (rule == "equal-area") return shell_radii_mm(RadiiRule::equal_area, layers, radius_mm);
-  if (rule == "equal-thickness") return shell_radii_mm(RadiiRule::equal_thickness, layers, radius_mm);
-  if (rule == "near-skin") return shell_radii_mm(RadiiRule::near_skin, layers, radius_mm);
-  std::vector<double> edges_mm = parse_numbers(rule, "--radii");
-  if (edges_mm.size() < 2)
-    throw InputError(
-        "--radii {}: must be equal-area, equal-thickness, near-skin or all edges in mm, innermost "
-        "first",
-        rule);
-  if (has_fractions(options))
-    for (double& edge_mm : edges_mm) edge_mm *= radius_mm;
-  if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
-    throw InputError("--radii {} makes {}, but --layers asks for {}", rule,
-                     pluralize(edges_mm.size() - 1, "layer"), layers);
-  if (const auto given_mm = given_radius_mm(options);
-      given_mm && *given_mm != edges_mm.back() && !has_body_outline(options))
-    throw InputError("--radii {} ends at a radius other than --radius {}; leave --radius out", rule,
-                     options.radius);
-  return edges_mm;
+  if (const std::vector<double>* edges = given_edges(options))
+    return resolve_edges(options, *edges, radius_mm);
+  const RadiiRule rule = options.radii               ? std::get<RadiiRule>(*options.radii)
+                         : has_body_outline(options) ? RadiiRule::near_skin
+                                                     : RadiiRule::equal_area;
+  return shell_radii_mm(rule, options.layers.value_or(1), radius_mm);
 }
 
 void check_name(const std::filesystem::path& path, const char* extension) {
@@ -156,7 +174,7 @@ void check_applies(const CastArguments& options) {
       throw InputError("{} does not apply to --projection {}; leave it out", option, options.projection);
   };
   check(options.layers.has_value(), "--layers", {"cylinder", "sphere"});
-  check(options.radii.has_value(), "--radii", {"cylinder", "sphere"});
+  check(options.radii_text.has_value(), "--radii", {"cylinder", "sphere"});
   check(options.angles.has_value(), "--angles", {"cylinder", "sphere"});
   check(options.views.has_value(), "--views", {"rectangle"});
   check(!options.centre_line.empty(), "--centre-line", {"cylinder"});
@@ -256,7 +274,8 @@ double share_outside(const ResidentScan& scan, const MapGeometry& geometry, cons
   };
   std::vector<RaySegment> segments;
   for (const PixelSegment& part : segments_within(view, geometry)) segments.push_back(part.segment);
-  const double whole = sum(project(scan, view, opacity, progress).tau);
+  // One small picture takes less time than finding the constant blocks of the scan.
+  const double whole = sum(project(scan, view, opacity, progress, {}, Sampling::everywhere).tau);
   return whole > 0 ? std::max(0.0, 1 - sum(project(scan, segments, opacity, progress)) / whole) : 0;
 }
 
@@ -283,6 +302,7 @@ struct Casting {
   LoadTimings timings;
   std::optional<Basis> basis{};
   double basis_ms = 0;
+  double outline_ms = 0;            ///< to find the outline, and the share outside of it
   std::optional<double> outside{};  ///< see share_outside
 };
 
@@ -294,19 +314,26 @@ Casting cast_resident(const CastArguments& options, const std::variant<Opacity, 
   LoadTimings timings;
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
+  const Stopwatch finding;
   const MapGeometry geometry = resolve_shells(options, resident.native.geometry(), finder, session);
+  const double finding_ms = finding.ms();
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  Casting casting{spectrum ? cast(resident, geometry, *spectrum, progress)
-                           : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
-                  timings};
+  Casting casting{.result = spectrum
+                                ? cast(resident, geometry, *spectrum, progress)
+                                : cast(resident.native, geometry, std::get<Opacity>(attenuation), progress),
+                  .timings = timings,
+                  .outline_ms = finding_ms};
   if (!knots_hu.empty()) {
     const Stopwatch making;
     casting.basis = make_basis(resident.native, geometry, knots_hu, progress);
     casting.basis_ms = making.ms();
   }
   if (const auto* opacity = std::get_if<Opacity>(&attenuation);
-      opacity && geometry.has_outline() && geometry.centre_mm.size() == 1)
+      opacity && geometry.has_outline() && geometry.centre_mm.size() == 1) {
+    const Stopwatch projecting;
     casting.outside = share_outside(resident.native, geometry, *opacity, progress);
+    casting.outline_ms += projecting.ms();
+  }
   return casting;
 }
 
@@ -340,10 +367,12 @@ Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spe
     scan = open(options, progress);
     timings.read_ms = looking.ms();
   }
+  const Stopwatch finding;
   const MapGeometry geometry = resolve_shells(options, volume, finder, session);
+  const double outline_ms = finding.ms();
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
-  return {std::move(result), timings};
+  return {.result = std::move(result), .timings = timings, .outline_ms = outline_ms};
 }
 
 /// Whether the geometry is known before the first slice is read, and nothing needs the scan afterwards: slabs
@@ -355,8 +384,22 @@ bool is_best_by_slabs(const CastArguments& options, const std::variant<Opacity, 
          !has_body_outline(options) && std::holds_alternative<Opacity>(attenuation);
 }
 
-void cast_map(const CastArguments& options, Session& session) {
+/// One line on what the outline leaves out; none for circles.
+std::string left_out_line(const MapGeometry& geometry, const std::optional<double>& outside,
+                          bool keeps_table) {
+  if (outside)
+    return fmt::format(
+        "left out: {:.2g} % of the scan's attenuation, which lies outside of the outline (table, clothes, "
+        "and air under an opacity in which it absorbs)\n",
+        100 * *outside);
+  if (!geometry.has_outline()) return "";
+  return keeps_table ? "left out: what lies outside of the outline, which holds the table too\n"
+                     : "left out: what lies outside of the outline; --keep-table holds the table\n";
+}
+
+void cast_map(CastArguments options, Session& session) {
   const Stopwatch stopwatch;
+  if (options.radii_text) options.radii = parse_radii(*options.radii_text);
   const auto attenuation = resolve(options.attenuation);
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
@@ -370,7 +413,7 @@ void cast_map(const CastArguments& options, Session& session) {
   const std::int64_t limit_B = memory_limit_B(options, device);
   const VolumeGeometry& volume = scan.source->geometry();
   const bool fits = resident_bytes(volume) <= limit_B;
-  auto [result, load_timings, basis, basis_ms, outside] =
+  auto [result, load_timings, basis, basis_ms, outline_ms, outside] =
       fits && !is_best_by_slabs(options, attenuation, volume)
           ? cast_resident(options, attenuation, knots_hu, scan, device, session)
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
@@ -395,24 +438,21 @@ void cast_map(const CastArguments& options, Session& session) {
             {"timings_ms",
              {{"read", load_timings.read_ms},
               {"upload", load_timings.upload_ms},
+              {"outline", outline_ms},
               {"kernel", result.kernel_ms},
               {"write", write_ms},
               {"total", total_ms}}}};
   std::string text = fmt::format(
-      "{}: {} of {} x {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
-      "read {:.0f} ms, upload {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} ms\n",
+      "{}: {} of {} x {}, outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "read {:.0f} ms, upload {:.0f} ms, outline {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} "
+      "ms\n",
       options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
-      pluralize(geometry.height, "slice"), geometry.radius_mm(), geometry.centre_mm[0].x,
-      geometry.centre_mm[0].y, std::visit([](const auto& a) { return a.name(); }, attenuation),
-      load_timings.read_ms, load_timings.upload_ms, result.kernel_ms, write_ms, total_ms);
-  if (outside) {
-    json["outside_share"] = *outside;
-    text += fmt::format(
-        "left out: {:.2g} % of the scan's attenuation, which lies outside of the outline (table, clothes, "
-        "and air "
-        "under an opacity in which it absorbs)\n",
-        100 * *outside);
-  }
+      pluralize(geometry.height, "slice"), geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
+      geometry.centre_mm[0].x, geometry.centre_mm[0].y,
+      std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
+      load_timings.upload_ms, outline_ms, result.kernel_ms, write_ms, total_ms);
+  if (outside) json["outside_share"] = *outside;
+  text += left_out_line(geometry, outside, options.keeps_table);
   report_preview(geometry, options.output, json, text);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
@@ -448,7 +488,7 @@ void add_cast(CLI::App& app, Session& session) {
   command->add_option("--layers", options->layers, "Number of concentric shells (default 1)")->type_name("K");
   command
       ->add_option(
-          "--radii", options->radii,
+          "--radii", options->radii_text,
           "near-skin (default), equal-area (default for circles), equal-thickness, or all edges in mm, "
           "innermost first; of a body's outline, numbers up to 1 are fractions")
       ->type_name("RULE|MM,MM,...");

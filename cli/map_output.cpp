@@ -1,6 +1,7 @@
 #include "map_output.hpp"
 
 #include "pictures/map_preview.hpp"
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 
 #include <fmt/format.h>
@@ -30,6 +31,8 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
 }
 
 void write_map(const BodyMap& map, const MapOutput& output) {
+  if (!fits_precision(map))
+    throw InputError("{}: the map's values exceed 16-bit floats; give --precision float or byte", output.map);
   write_body_map(map, output.map);
   if (!output.preview.empty())
     write_map_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,

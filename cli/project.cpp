@@ -64,7 +64,9 @@ void project_scan(const ProjectArguments& options, Session& session) {
   if (spectrum) xa.tube_kvp = std::ceil(spectrum->bins().back().energy_kev);
   const ProjectionImage image =
       spectrum ? project(resident, view, *spectrum, session.progress)
-               : project(resident.native, view, std::get<Opacity>(attenuation), session.progress);
+               // One picture takes less time than finding the constant blocks of the scan.
+               : project(resident.native, view, std::get<Opacity>(attenuation), session.progress, {},
+                         Sampling::everywhere);
   write_projection(image, options.output, options.grey.gamma.value_or(1), options.grey.inverted, xa);
 
   const double total_ms = stopwatch.ms();

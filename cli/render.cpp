@@ -99,7 +99,9 @@ std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session&
   const Basis basis = read_basis(scene.basis);
   check_same_scan(map->geometry, scene.map.string(), basis.geometry, scene.basis.string());
   RecastSession recast(device, basis);
-  return std::make_shared<BodyMap>(recast.recast(*scene.opacity));
+  auto recast_map = std::make_shared<BodyMap>(recast.recast(*scene.opacity));
+  recast_map->precision = map->precision;
+  return recast_map;
 }
 
 void check_output(const RenderArguments& options) {

@@ -316,8 +316,10 @@ const BadCall kBadCalls[] = {
     {"RadiiDescending", "cast @/ct.nii -o @/out.exr --radii 4,2", 3, "does not exceed the one before it"},
     {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
      "makes 2 layers, but --layers asks for 3"},
-    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --outline circle --radii 0,2,4 --radius 5", 3,
-     "leave --radius out"},
+    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
+    {"RadiiOfAnotherRadiusOfCircles", "cast @/ct.nii -o @/out.exr --outline circle --radii 0,2,4 --radius 5",
+     3, "leave --radius out"},
+    {"RadiiOfOneEdge", "cast @/ct.nii -o @/out.exr --radii 4", 3, "all edges in mm, innermost first"},
     {"LayersOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --layers 8", 3,
      "--layers does not apply to --projection rectangle"},
     {"ViewsOfACylinder", "cast @/ct.nii -o @/out.exr --views 8", 3, "--views does not apply"},
@@ -644,7 +646,8 @@ TEST_F(Cli, CastSaysWhatItMade) {
                                          "outline": "circle", "precision": "float"})"));
   EXPECT_THAT(keys_of(said["map"]),
               ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline", "precision"));
-  EXPECT_THAT(keys_of(said["timings_ms"]), ElementsAre("read", "upload", "kernel", "write", "total"));
+  EXPECT_THAT(keys_of(said["timings_ms"]),
+              ElementsAre("read", "upload", "outline", "kernel", "write", "total"));
   for (const auto& [stage, ms] : said["timings_ms"].items()) {
     EXPECT_GT(ms, 0) << stage;
     EXPECT_LE(ms, said["timings_ms"]["total"]) << stage;
@@ -675,9 +678,35 @@ TEST_F(Cli, CastFollowsTheBody) {
   const Json fractions = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1")["map"]["radii_mm"];
   EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);
   EXPECT_NEAR(fractions[2], said["map"]["radii_mm"][4], 1e-9);
+  // Also without a leading zero, and of a radius that cuts the outline off.
+  EXPECT_EQ(json_of("cast @/ct.nrrd -o @/map.exr --radii .0,.5,1")["map"]["radii_mm"], fractions);
+  const Json cut_mm = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,.5,1 --radius 60")["map"]["radii_mm"];
+  EXPECT_EQ(cut_mm, Json::parse("[0.0, 30.0, 60.0]"));
   const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60")["map"];
   EXPECT_EQ(narrow["radii_mm"][1], 60.0);
   json_of("cast @/ct.nrrd -o @/all.exr --keep-table");
+}
+
+TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
+  output_of("phantom thorax --size 80x80x120 --spacing 5 -o @/ct.nrrd");
+  write_bytes(folder_ / "line.csv", "0,0,-400\n5,0,400\n");
+  const auto said = [&](const char* options) {
+    return output_of("cast @/ct.nrrd -o @/map.exr --layers 2 " + std::string(options));
+  };
+  EXPECT_THAT(said(""), testing::AllOf(HasSubstr(", outline body, "),
+                                       HasSubstr("% of the scan's attenuation"), HasSubstr(" ms, outline ")));
+  for (const char* options : {"--opacity spectrum:80", "--memory-limit 1.2M", "--centre-line @/line.csv"}) {
+    EXPECT_THAT(said(options), testing::AllOf(HasSubstr(", outline body, "),
+                                              HasSubstr("\nleft out: what lies outside of the outline; "
+                                                        "--keep-table holds the table\n")))
+        << options;
+    EXPECT_THAT(
+        said((std::string(options) + " --keep-table").c_str()),
+        testing::AllOf(HasSubstr("left out: what lies outside"), testing::Not(HasSubstr("--keep-table"))))
+        << options;
+  }
+  EXPECT_THAT(said("--outline circle"),
+              testing::AllOf(HasSubstr(", outline circle, "), testing::Not(HasSubstr("left out"))));
 }
 
 TEST_F(Cli, CastMakesCirclesWhereThereIsNoBody) {
@@ -711,6 +740,32 @@ TEST_F(Cli, MapsAreStoredInLessPrecision) {
     EXPECT_LT(texture_B, before_texture_B) << precision;
     before_texture_B = texture_B;
   }
+}
+
+TEST_F(Cli, ValuesBeyondHalvesNameTheOption) {
+  output_of("phantom sphere --size 24x24x24 -o @/ct.nrrd");
+  write_bytes(folder_ / "mu.json", R"({"knots": [[-1000, 0], [0, 1e4]]})");
+  const Finished done = run("cast @/ct.nrrd -o @/map.exr --precision half --opacity @/mu.json");
+  EXPECT_EQ(done.status, 3);
+  expect_one_line(done.err, "map.exr: the map's values exceed 16-bit floats; give --precision float or byte");
+  output_of("cast @/ct.nrrd -o @/map.exr --precision byte --opacity @/mu.json");
+}
+
+TEST_F(Cli, ASessionsOpacityKeepsTheMapsPrecision) {
+  output_of("phantom head --size 48x48x40 -o @/ct.nrrd");
+  output_of("cast @/ct.nrrd -o @/map.exr --layers 4 --keep-basis @/b.basis --precision byte");
+  Json session = Json::parse(R"({
+      "xraycast_session": 1, "files": {"map": "map.exr", "basis": "b.basis"},
+      "camera": {"angle_deg": 0, "tilt_deg": 0, "table_mm": 0, "zoom": 1},
+      "style": {"look": "fluoro", "compositing": "path", "continuous": true, "strengths": []}})");
+  write_bytes(folder_ / "own.json", session.dump());
+  session["opacity"] = Json::parse(Opacity::bilinear().to_json());
+  write_bytes(folder_ / "bilinear.json", session.dump());
+  const auto frame = [&](const std::string& name) {
+    return json_of("render --session @/" + name + ".json -o @/" + name + ".exr --size 40x30")["texture_B"];
+  };
+  EXPECT_EQ(frame("bilinear"), frame("own"));
+  EXPECT_NE(read_exr(folder_ / "bilinear.exr", "tau"), read_exr(folder_ / "own.exr", "tau"));
 }
 
 TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
@@ -913,6 +968,8 @@ TEST_F(Cli, FramesUnderAConeAndATiltAreAsCloseAsUprightParallelOnes) {
     return mean_db;
   };
   const double upright_db = psnr_db("");
+  // Not the same pictures again.
+  EXPECT_NE(psnr_db(" --tilt 20"), upright_db);
   // What the user is promised; shells are as thick under any beam, and rows are interpolated across.
   for (const char* beam : {" --cone 1000,1500", " --tilt 20", " --cone 1000,1500 --tilt 20", " --tilt -20"})
     EXPECT_GT(psnr_db(beam), upright_db - 1.5) << beam;

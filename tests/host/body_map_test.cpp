@@ -324,9 +324,28 @@ TEST(BodyMapFile, DamagedByteRangesAreRefused) {
               testing::HasSubstr("attribute xraycast:byte_ranges is missing or damaged"));
   EXPECT_THAT(refusal_with("xraycast:precision", "nibble"),
               testing::HasSubstr("attribute xraycast:precision: precision 'nibble' is not known"));
-  map.precision = MapPrecision::float16;
+}
+
+TEST(BodyMapFile, ValuesBeyondHalvesAreRefused) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(2);
   map.tau[5] = 1e6f;
-  EXPECT_THROW(write_body_map(map, folder / "map.exr"), InputError);
+  for (const MapPrecision precision : {MapPrecision::float32, MapPrecision::byte}) {
+    map.precision = precision;
+    EXPECT_TRUE(fits_precision(map)) << to_string(precision);
+  }
+  map.precision = MapPrecision::float16;
+  EXPECT_FALSE(fits_precision(map));
+  try {
+    write_body_map(map, folder / "map.exr");
+    FAIL();
+  } catch (const InputError& error) {
+    EXPECT_THAT(error.what(), testing::HasSubstr("map.exr: the map's values exceed 16-bit floats"));
+    EXPECT_THAT(error.what(), testing::Not(testing::HasSubstr("--")));
+  }
+  map.tau[5] = kLargestHalf;
+  write_body_map(map, folder / "map.exr");
+  EXPECT_EQ(read_body_map(folder / "map.exr").tau[5], kLargestHalf);
 }
 
 TEST(BodyMapFile, ClaimsBeyondTheFilesSizeAreRefusedBeforeMemoryIsTaken) {

@@ -1,6 +1,7 @@
 #include "support/reference.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
+#include "xraycast/opencl/device_opacity.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <fmt/format.h>
@@ -197,6 +198,56 @@ TEST_P(ProjectedPicture, EqualsItsRaysOneByOne) {
           << opacity.name() << ", column " << i % static_cast<std::size_t>(view.width) << ", row "
           << i / static_cast<std::size_t>(view.width);
   }
+}
+
+/// mu of every block of a scan, by the kernel that projections skip them with; NaN where it is not constant.
+std::vector<float> block_mu(const ResidentScan& scan, const Opacity& opacity) {
+  const DeviceOpacity on_device(device(), opacity);
+  const XrcPlateaus one_mu = plateaus_of(opacity);
+  const cl::Buffer plateaus = device().upload(std::span(&one_mu, 1));
+  std::vector<float> mu(static_cast<std::size_t>(scan.block_count()));
+  const cl::Buffer found =
+      device().buffer(CL_MEM_READ_WRITE, scan.block_count() * static_cast<std::int64_t>(sizeof(float)));
+  cl::Kernel kernel = device().kernel("blocks", "block_mu", on_device.build_options());
+  set_args(kernel, scan.block_ranges(), static_cast<cl_int>(scan.block_count()), on_device.parameters(),
+           on_device.table(), plateaus, found);
+  device().run(kernel, {scan.block_count(), 1, 1}, {64, 1, 1});
+  device().download(found, std::span(mu));
+  return mu;
+}
+
+TEST(Plateaus, AreWhereAnOpacityHasOneMu) {
+  const auto ranges = [](const Opacity& opacity) {
+    const XrcPlateaus plateaus = plateaus_of(opacity);
+    std::vector<std::pair<float, float>> found;
+    for (int i = 0; i < plateaus.count; ++i) found.emplace_back(plateaus.from_hu[i], plateaus.to_hu[i]);
+    return found;
+  };
+  using Ranges = std::vector<std::pair<float, float>>;
+  constexpr float kAll_hu = 1e6f;
+  EXPECT_EQ(ranges(Opacity("bone", {{-1000, 0}, {150, 0}, {1000, 0.06}})),
+            (Ranges{{-kAll_hu, 150}, {1000, kAll_hu}}));
+  EXPECT_EQ(ranges(Opacity("two", {{-900, 0.003}, {150, 0.003}, {400, 0.04}, {600, 0.04}, {700, 0}})),
+            (Ranges{{-kAll_hu, 150}, {400, 600}, {700, kAll_hu}}));
+  EXPECT_EQ(ranges(Opacity("even", {{0, 0.01}})), (Ranges{{-kAll_hu, kAll_hu}}));
+}
+
+TEST(ConstantBlocks, HaveOneMuEverywhere) {
+  // Five blocks of 8 x 8 x 16 voxels in x, with what lies behind them. The first is soft tissue with noise,
+  // the second has one bone, the third is all alike, the fourth has two values, and the last is dense.
+  const Volume volume = make_volume({40, 8, 16}, {1, 1, 1}, [](const glm::dvec3& p) {
+    const int x = static_cast<int>(std::lround(p.x + 19.5)), y = static_cast<int>(std::lround(p.y + 3.5));
+    return x < 12 ? -20 + 10 * (y % 3) : x == 12 && y == 4 ? 700 : x < 25 ? 500 : 1500 + y;
+  });
+  const ResidentScan scan = upload(device(), volume);
+  ASSERT_EQ(scan.block_count(), 5);
+  const Opacity bone("bone", {{-1000, 0}, {150, 0}, {1000, 0.06}});
+  const std::vector<float> mu = block_mu(scan, bone);
+  EXPECT_EQ(mu[0], 0);
+  EXPECT_TRUE(std::isnan(mu[1]));
+  EXPECT_FLOAT_EQ(mu[2], static_cast<float>(bone.mu_per_mm(500)));
+  EXPECT_TRUE(std::isnan(mu[3]));
+  EXPECT_FLOAT_EQ(mu[4], 0.06f);
 }
 
 /// Padding, soft tissue in which nothing is alike, and a few bones, whose edges lie anywhere in blocks.

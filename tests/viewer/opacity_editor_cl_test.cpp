@@ -67,6 +67,16 @@ TEST_F(OpacityEditorTest, AMovedKnotRecastsTheMapUntilItIsUndone) {
   EXPECT_EQ(session.opacity, edited->opacity);
 }
 
+TEST_F(OpacityEditorTest, AnEditedMapKeepsItsPrecision) {
+  const auto bytes = std::make_shared<BodyMap>(*map);
+  bytes->precision = MapPrecision::byte;
+  editor.open(bytes, recast);
+  editor.begin_edit();
+  editor.set_knot(1, 0.07);
+  EXPECT_NE(editor.map(), bytes);
+  EXPECT_EQ(editor.map()->precision, MapPrecision::byte);
+}
+
 TEST_F(OpacityEditorTest, LayersAndOpacityShareOneHistory) {
   editor.open(map, recast);
   editor.toggle_layer(1);

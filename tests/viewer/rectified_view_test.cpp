@@ -101,6 +101,41 @@ TEST(RectifiedView, OfAnUntiltedParallelBeamHasTheMapsRowsAndThePixelsColumns) {
   EXPECT_NEAR(place.x, std::round(place.x), 1e-9);
 }
 
+/// A view of so many columns that shows all of the body.
+View wide_view(int columns, double tilt_deg, std::optional<Cone> cone) {
+  View view{.tilt_rad = tilt_deg * kRadians,
+            .cone = cone,
+            .centre_mm = {10, -5, 20},
+            .width = columns,
+            .height = columns,
+            .pixel_mm = 400.0 / columns};
+  return fitted(view, bounds_of(map()));
+}
+
+TEST(RectifiedView, HasTwoColumnsToAPixelUnderAConeOrATilt) {
+  const auto columns_per_pixel = [](double tilt_deg, std::optional<Cone> cone) {
+    const RectifiedView rectified = rectified_view(wide_view(200, tilt_deg, cone), map());
+    return place_of_pixel(rectified, 100.5, 99.5).x - place_of_pixel(rectified, 99.5, 99.5).x;
+  };
+  // A perspective changes the distance between columns by less than a hundredth over a pixel.
+  EXPECT_NEAR(columns_per_pixel(0, {}), 1, 1e-9);
+  EXPECT_NEAR(columns_per_pixel(20, {}), 2, 1e-9);
+  EXPECT_NEAR(columns_per_pixel(0, Cone{1000, 1500}), 2, 0.02);
+  EXPECT_NEAR(columns_per_pixel(20, Cone{1000, 1500}), 2, 0.02);
+}
+
+TEST(RectifiedView, OfALargePictureStaysWithinWhatOpenGlDrawsInto) {
+  constexpr int kLargestTarget = 16384;
+  for (const double tilt_deg : {0.0, 20.0})
+    for (const int width : {8000, 10000, 14000}) {
+      const RectifiedView rectified = rectified_view(wide_view(width, tilt_deg, Cone{1000, 1500}), map());
+      EXPECT_GT(rectified.columns, width / 2) << width;
+      EXPECT_LE(rectified.columns, kLargestTarget) << width;
+      EXPECT_LE(rectified.rows, 4 * kLargestTarget) << width;
+    }
+  EXPECT_GT(rectified_view(wide_view(8000, 0, Cone{1000, 1500}), map()).columns, 8000);
+}
+
 TEST(RectifiedView, RefusesToLookAlongTheAxis) {
   EXPECT_THROW(rectified_view(view_at(0, 85, {}), map()), InputError);
 }

@@ -51,18 +51,10 @@ struct StoredValues {
   std::vector<std::vector<float>> bytes{};
 };
 
-void check_halves(std::span<const float> values) {
-  constexpr float kLargestHalf = 65504;
-  if (std::ranges::any_of(values, [](float value) { return value > kLargestHalf; }))
-    throw InputError("the map has values above {:g}, which 16-bit floats cannot hold; give --precision float",
-                     kLargestHalf);
-}
-
 StoredValues stored_values(const BodyMap& map) {
   StoredValues stored;
   if (map.precision != MapPrecision::float32) stored.pixel = ExrPixel::float16;
   for (const auto& [name, values] : channels_of(map)) {
-    if (map.precision == MapPrecision::float16) check_halves(*values);
     if (map.precision != MapPrecision::byte) {
       stored.channels.emplace_back(*values);
       continue;
@@ -301,7 +293,17 @@ BodyMap read_map(const std::filesystem::path& path) {
 
 }  // namespace
 
+bool fits_precision(const BodyMap& map) {
+  if (map.precision != MapPrecision::float16) return true;
+  return std::ranges::all_of(channels_of(map), [](const auto& channel) {
+    return std::ranges::all_of(*channel.second, [](float value) { return value <= kLargestHalf; });
+  });
+}
+
 void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
+  if (!fits_precision(map))
+    throw InputError("{}: the map's values exceed 16-bit floats; store it in another precision",
+                     path.string());
   const StoredValues stored = stored_values(map);
   std::vector<ExrPart> parts;
   for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));

@@ -33,6 +33,9 @@ struct BodyMap {
   std::span<const float> layer(int k) const { return std::span(tau).subspan(k * layer_size(), layer_size()); }
 };
 
+/// Whether the map's precision can hold its values.
+bool fits_precision(const BodyMap& map);
+
 /// Writes a multi-part OpenEXR file: part k is layer k, with a channel `tau`, or with `water`, `bone` and
 /// `iodine` (g/cm2). Every part carries the geometry, the opacity or spectrum, and the source in attributes
 /// `xraycast:*`. A map with an outline has one part more, the last: `outline`, with a channel `radius_mm` for
@@ -42,8 +45,8 @@ struct BodyMap {
 /// are the whole numbers 0 to 255 in 16-bit floats, which OpenEXR packs to less than a byte;
 /// `xraycast:byte_ranges` has the offset and the scale of each layer and channel. Such maps are files of
 /// version 4, maps with an outline of version 3, spectrum maps of version 2, others of version 1, which every
-/// version of the program reads. Throws InputError when `path` cannot be written, or when values exceed
-/// 16-bit floats, and Error when the disk is full.
+/// version of the program reads. Throws InputError when `path` cannot be written, or when values do not
+/// fit the precision, and Error when the disk is full.
 void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 
 /// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.

@@ -13,6 +13,9 @@ enum class MapPrecision {
   byte,     ///< 8 bits, between the least and the largest value of each layer
 };
 
+/// Larger values are infinite as 16-bit floats.
+inline constexpr float kLargestHalf = 65504;
+
 /// As users write them: float, half and byte.
 std::string to_string(MapPrecision precision);
 

@@ -101,7 +101,7 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
         float* to = &texels[(k * (width + 1) + i) * run + first];
         const float* from = &drawn[k * stride + i % width];
         for (std::size_t j = 0; j < rows; ++j) to[j] = weight * from[j * width];
-        std::fill(to + rows, to + std::min(kRows, run - first), 0.0f);
+        std::fill(to + rows, to + std::min(kRows, run - first), weight * from[(rows - 1) * width]);
       }
     }
   });
@@ -121,7 +121,7 @@ PackedTexels pack_texels(const MapTexels& layout, std::span<const float> texels,
     std::byte* to = &packed.values[first * value_B];
     if (is_half) {
       for (std::size_t i = 0; i < of_layer; ++i) {
-        const glm::uint16 half = glm::packHalf1x16(from[i]);
+        const glm::uint16 half = glm::packHalf1x16(std::clamp(from[i], -kLargestHalf, kLargestHalf));
         std::memcpy(to + i * value_B, &half, value_B);
       }
       return;

@@ -10,8 +10,8 @@
 namespace xraycast {
 
 /// The layout of a map's values as the shaders read them: layers x (width + 1) x rows, the rows of a texel
-/// column contiguous and padded to a multiple of four. The last column of a layer repeats its first, so that
-/// every column has a neighbour behind it.
+/// column contiguous and padded to a multiple of four with the last one, which widens no range of bytes. The
+/// last column of a layer repeats its first, so that every column has a neighbour behind it.
 struct MapTexels {
   int layers = 0;
   int columns = 0;  ///< of a layer
@@ -37,7 +37,7 @@ struct PackedTexels {
   std::vector<ByteRange> byte_ranges;  ///< of each layer, where bytes are stored
 };
 
-/// `precision` is not that of 32-bit floats.
+/// `precision` is not that of 32-bit floats; the largest 16-bit float stands for values beyond it.
 PackedTexels pack_texels(const MapTexels& layout, std::span<const float> texels, MapPrecision precision);
 
 }  // namespace xraycast

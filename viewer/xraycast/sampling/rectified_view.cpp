@@ -147,13 +147,6 @@ glm::dvec2 pixel_mm(const View& view, const Homography& to_plane) {
   return {to_plane.at(a + 1, b).x - middle.x, middle.y - to_plane.at(a, b + 1).y};
 }
 
-/// Pixels between the columns and rows that are drawn. Where pixels lie between columns, as under a cone or a
-/// tilt, full resolution takes twice as many: columns as far apart as pixels would blur when interpolated.
-double pixels_apart(const View& view, const RectifiedView& rectified, int pixels_per_column) {
-  const bool lie_between = view.cone || rectified.slope != 0;
-  return lie_between && pixels_per_column == kFullResolution ? 0.5 : pixels_per_column;
-}
-
 constexpr double kMaxSize = 1 << 24;  // more than any OpenGL draws into, which then says so
 
 /// Columns that pass through the pixels' centres where the plane is parallel to the detector.
@@ -192,6 +185,12 @@ void set_rows(RectifiedView& rectified, const View& view, const Homography& to_p
   if (body.is_seen()) rectified.rows = static_cast<int>(std::clamp(rows, 0.0, kMaxSize));
 }
 
+/// Whether it is no larger than what OpenGL draws into at once, of which a texel holds four rows.
+bool is_drawable(const RectifiedView& rectified) {
+  constexpr int kLargestTarget = 16384;  // of Mesa, and of most GPUs
+  return rectified.columns <= kLargestTarget && rectified.rows <= 4 * kLargestTarget;
+}
+
 /// From (x, z, w) on the plane to (column, row, w).
 glm::dmat3 to_grid(const RectifiedView& rectified) {
   return glm::dmat3(1 / rectified.column_mm, 0, 0,  //
@@ -210,9 +209,16 @@ RectifiedView rectified_view(const View& view, const MapGeometry& geometry, int 
   RectifiedView rectified = plane_of(view);
   const Homography to_plane(view, rectified);
   const VisibleBody body = visible_body(view, rectified, to_plane, bounds_of(geometry));
-  const double apart = pixels_apart(view, rectified, pixels_per_column);
-  set_columns(rectified, view, to_plane, body, apart);
-  set_rows(rectified, view, to_plane, geometry, body, apart);
+  const auto set_grid = [&](double pixels_apart) {
+    set_columns(rectified, view, to_plane, body, pixels_apart);
+    set_rows(rectified, view, to_plane, geometry, body, pixels_apart);
+  };
+  // Where pixels lie between columns, as under a cone or a tilt, full resolution takes twice as many: columns
+  // as far apart as pixels would blur when interpolated.
+  const bool lie_between = view.cone || rectified.slope != 0;
+  const bool doubles = lie_between && pixels_per_column == kFullResolution;
+  set_grid(doubles ? 0.5 : pixels_per_column);
+  if (doubles && !is_drawable(rectified)) set_grid(pixels_per_column);
   rectified.from_pixel = to_grid(rectified) * to_plane.matrix();
   return rectified;
 }

@@ -34,7 +34,8 @@ struct RectifiedView {
   glm::dvec2 direction(double column) const;
 };
 
-/// One column of the rectified picture for every pixel of the view; a row is no coarser either.
+/// One column of the rectified picture for every pixel of the view; a row is no coarser either. Under a cone
+/// or a tilt there are two, except for pictures so large that OpenGL could not draw into twice as many.
 inline constexpr int kFullResolution = 1;
 
 /// The rectified picture of a cylinder or rectangle map in `view`, which must be complete. Untilted parallel
