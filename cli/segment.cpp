@@ -65,7 +65,7 @@ SegmentOptions parsed(const SegmentArguments& options) {
 Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& progress) {
   const Scan scan = open_scan(file, {}, progress);
   check_mask_grid(scan.source->geometry(), grid, "--from-mask " + file);
-  const Volume values = collect(*scan.source, progress);
+  const Volume values = collect(*scan.source, progress, file);
   return between(values, 1, 32767);
 }
 
@@ -128,10 +128,11 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
 }
 
 /// What would make a segmentation accept a seed.
-const char* remedy(LostSeed::Cause cause) {
+const char* remedy(LostSeed::Cause cause, bool has_window) {
   switch (cause) {
     case LostSeed::Cause::window:
-      return "; give a --window that holds it, or leave --window out";
+      return has_window ? "; give a --window that holds it, or leave --window out"
+                        : "; give a --window that holds it";
     case LostSeed::Cause::chamber:
       return ", and counts as a heart chamber; raise --max-radius";
     case LostSeed::Cause::body:
@@ -155,7 +156,11 @@ Mask segmented(const Volume& volume, const SegmentOptions& segmenting, const Seg
     if (steps) steps->finish(volume);
     return mask;
   } catch (const LostSeed& error) {
-    throw InputError("{}{}", error.what(), remedy(error.cause()));
+    if (steps) steps->finish(volume);
+    throw InputError("{}{}", error.what(), remedy(error.cause(), segmenting.window_hu.has_value()));
+  } catch (const NoContrast& error) {
+    if (steps) steps->finish(volume);
+    throw InputError("{}; give one by --seed X,Y,Z", error.what());
   }
 }
 
@@ -170,9 +175,9 @@ void segment(const SegmentArguments& options, Session& session) {
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
-  const Volume volume = collect(*scan.source, progress);
+  const Volume volume = collect(*scan.source, progress, options.input);
   ComputeDevice device(session.device);
 
   SegmentLog log;
@@ -275,6 +280,7 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("DIR");
   command
       ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")
+      ->excludes("--explain")
       ->type_name("MASK");
   command
       ->add_option("--root", options->root,

@@ -2,6 +2,7 @@
 
 #include "pictures/scan_projection.hpp"
 #include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 
@@ -24,7 +25,23 @@ constexpr std::array<Colour, 8> kTakenOff{{{0.55, 0.55, 0.60},
                                            {0.45, 0.95, 0.35},
                                            {0.55, 0.35, 0.95}}};
 
+constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "ridges", "lumen",
+                            "trabecular-bone", "gaps", "selection", "filling"};
+
 }  // namespace
+
+StepPictures::StepPictures(std::filesystem::path folder) : folder_(std::move(folder)) {
+  std::vector<std::string> names{"steps.png"};
+  for (std::size_t number = 1; number <= kSteps.size(); ++number)
+    for (const char* const step : kSteps) names.push_back(fmt::format("{}-{}.nrrd", number, step));
+  for (const std::string& name : names) {
+    std::error_code error;
+    std::filesystem::remove(folder_ / name, error);
+    if (error)
+      throw InputError("{}: that of an earlier run cannot be removed: {}", (folder_ / name).string(),
+                       error.message());
+  }
+}
 
 void StepPictures::add(const std::string& step, const Mask& mask) {
   const glm::dvec3& s = mask.geometry.spacing_mm;
@@ -46,6 +63,7 @@ void StepPictures::add(const std::string& step, const Mask& mask) {
 }
 
 void StepPictures::finish(const Volume& volume) const {
+  if (labels_.empty()) return;
   constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kLine = 24;
   constexpr double kPanelWidth = 560, kPanelHeight = 760, kFont = 15;
   constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9};
@@ -69,8 +87,10 @@ void StepPictures::finish(const Volume& volume) const {
   for (std::size_t i = 0; i < steps_.size(); ++i) {
     const Step& step = steps_[i];
     std::string words = step.name;
-    if (step.taken_off_ml > 0) words += fmt::format(": took off {:.1f} ml", step.taken_off_ml);
-    if (step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
+    const bool both = step.taken_off_ml > 0 && step.added_ml > 0;  // too long for the sheet in words
+    if (both) words += fmt::format(": -{:.1f} ml, +{:.1f} ml", step.taken_off_ml, step.added_ml);
+    if (!both && step.taken_off_ml > 0) words += fmt::format(": took off {:.1f} ml", step.taken_off_ml);
+    if (!both && step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
     row(colours[i + 1], words);
   }
   write_png(sheet.rgb(), kWidth, kHeight, 3, folder_ / "steps.png");

@@ -15,12 +15,13 @@ namespace xraycast::cli {
 /// own colour, and the vessels in red.
 class StepPictures {
  public:
-  explicit StepPictures(std::filesystem::path folder) : folder_(std::move(folder)) {}
+  /// Removes what an earlier run left in the folder. Throws InputError where that is not possible.
+  explicit StepPictures(std::filesystem::path folder);
 
   /// Writes the mask that a step left. Throws Error when the disk is full.
   void add(const std::string& step, const Mask& mask);
 
-  /// Writes the picture.
+  /// Writes the picture, unless there was no step.
   void finish(const Volume& volume) const;
 
  private:

@@ -168,7 +168,7 @@ double weak_share(const VesselTree& tree, const Volume& volume, double noise_hu)
       if (mean_hu < least_hu) weak_mm += mm;
     }
   }
-  return weak_mm / all_mm;
+  return all_mm > 0 ? weak_mm / all_mm : 0;
 }
 
 std::string assumptions(const SegmentLog& log, const SegmentOptions& options, double weak_share) {

@@ -20,7 +20,8 @@ struct BranchFacts {
 std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume);
 
 /// The share of a tree's length along which the mean of five points stands out of what surrounds the vessel
-/// by less than three standard deviations of the noise.
+/// by less than three standard errors of that mean, each the noise divided by the square root of five; 0 for
+/// a tree without length.
 double weak_share(const VesselTree& tree, const Volume& volume, double noise_hu);
 
 /// What a segmentation took for granted, and how sure it is, in a line.

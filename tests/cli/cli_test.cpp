@@ -15,6 +15,7 @@
 #include <cmath>
 #include <csignal>
 #include <cstring>
+#include <regex>
 #include <sched.h>
 #include <sstream>
 #include <sys/mount.h>
@@ -149,6 +150,8 @@ const BadCall kBadCalls[] = {
     {"SegmentMaskOnAnotherGrid", "segment @/a.nii -o @/v --from-mask @/ct.nii", 3, "--from-mask",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nii", water(12).bytes()); }},
     {"SegmentSeedOfTwo", "segment @/ct.nii -o @/v --seed 1,2", 3, "--seed 1,2: must be X,Y,Z"},
+    {"SegmentExplainsNoMask", "segment @/ct.nii -o @/v --from-mask @/ct.nii --explain @/steps", 2,
+     "--explain"},
     {"SegmentWindowReversed", "segment @/ct.nii -o @/v --window 300,200", 3, "--window 300,200"},
     {"SegmentIntoAFile", "segment @/nothing -o @/ct.nii/vessels", 3,
      "ct.nii/vessels: the folder cannot be created: "},
@@ -227,8 +230,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves out "
-     "what is damaged",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave out what is "
+     "damaged with --skip-damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -383,7 +386,8 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) {
        write_bytes(f / "s.json", R"({"xraycast_session": 1, "files": {"map": "gone.exr"}})");
      }},
-    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3, "session version 9",
+    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3,
+     "session version 9, but this program reads version 1; use a newer xraycast",
      [](const TemporaryFolder& f) { write_bytes(f / "s.json", R"({"xraycast_session": 9})"); }},
     {"CompareWithoutViews", "compare @/ct.nii @/map.exr --views 0", 3, "--views 0"},
     {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},
@@ -1112,6 +1116,32 @@ TEST_F(Cli, SegmentExplainsItsSteps) {
         "6-gaps.nrrd", "7-selection.nrrd", "8-filling.nrrd", "steps.png"})
     EXPECT_TRUE(fs::exists(folder_ / "steps" / name)) << name;
   EXPECT_EQ(read_bytes(folder_ / "steps" / "8-filling.nrrd"), read_bytes(folder_ / "vessels" / "mask.nrrd"));
+}
+
+TEST_F(Cli, SegmentExplainsItsStepsInNoise) {
+  output_of("phantom head -o @/head.nrrd --spacing 2 --noise 900 -q");
+  fs::create_directory(folder_ / "steps");
+  write_bytes(folder_ / "steps" / "8-filling.nrrd", "of an earlier run");
+  write_bytes(folder_ / "steps" / "8-mine.nrrd", "of the user");
+  output_of("segment @/head.nrrd -o @/vessels --explain @/steps -q");
+  for (const char* name : {"1-ridges.nrrd", "2-lumen.nrrd", "steps.png", "8-mine.nrrd"})
+    EXPECT_TRUE(fs::exists(folder_ / "steps" / name)) << name;
+  EXPECT_FALSE(fs::exists(folder_ / "steps" / "8-filling.nrrd"));
+  EXPECT_EQ(read_bytes(folder_ / "steps" / "3-selection.nrrd"),
+            read_bytes(folder_ / "vessels" / "mask.nrrd"));
+}
+
+TEST_F(Cli, SegmentAcceptsTheSeedsThatItNames) {
+  output_of("phantom abdomen -o @/abdomen.nrrd --spacing 2.5 -q");
+  const std::string message = run("segment @/abdomen.nrrd -o @/vessels -q").err;
+  expect_one_line(message, "by --seed X,Y,Z");
+  const std::regex point("\\((-?[0-9]+), (-?[0-9]+), (-?[0-9]+)\\) mm with");
+  std::vector<std::string> seeds;
+  for (std::sregex_iterator i(message.begin(), message.end(), point); i != std::sregex_iterator(); ++i)
+    seeds.push_back((*i)[1].str() + "," + (*i)[2].str() + "," + (*i)[3].str());
+  EXPECT_GE(seeds.size(), 1);
+  for (const std::string& seed : seeds)
+    EXPECT_GT(json_of("segment @/abdomen.nrrd -o @/vessels -q --seed " + seed)["voxels"], 50) << seed;
 }
 
 TEST_F(Cli, SegmentTellsWhichOptionGivesASeedBack) {

@@ -1,4 +1,4 @@
-// What a seed finds in an abdomen in the portal phase, in which no contrast peak shows.
+// What a seed finds: in an abdomen in the portal phase, in which no contrast peak shows, and in a thorax.
 #include "xraycast/segmentation/seeds.hpp"
 
 #include "xraycast/mask/distance_transform.hpp"
@@ -212,6 +212,7 @@ TEST(SeedsInAnAbdomen, MoreOfThemFindMoreAndPointsToExcludeWin) {
   options.markers.not_vessels_mm = {hepatic_vein};
   const Mask without = abdomen.found(options);
   EXPECT_TRUE(is_within(without, veins));
+  EXPECT_TRUE(veins.at(Index3(glm::round(veins.geometry.to_index(hepatic_vein)))));
   EXPECT_FALSE(without.at(Index3(glm::round(without.geometry.to_index(hepatic_vein)))));
   EXPECT_TRUE(without.at(Index3(glm::round(without.geometry.to_index(kCava)))));
 }
@@ -240,6 +241,48 @@ TEST(SeedsInAnAbdomen, TheLogTellsWhatWasAssumedAndWhatEachStepLeft) {
   EXPECT_NEAR(log.window->high_hu, 170, 5);
   // Edges and organs' texture in voxels of 1.5 mm add a fifth.
   EXPECT_NEAR(log.noise_hu, 15, 5);
+}
+
+TEST(SeedsInAThorax, OnTheRimOfAVesselFindWhatItsMiddleFinds) {
+  ComputeDevice device;
+  Progress progress;
+  const Phantom phantom = make_phantom("thorax", {.spacing_mm = 2.5});
+  const Volume scan = generate(phantom, device, progress);
+  Mask vessels(phantom.geometry());
+  vessels.voxels = vessel_mask(phantom);
+  const auto found_from = [&](std::int64_t voxel) {
+    SegmentOptions options;
+    options.markers.vessels_mm = {
+        vessels.geometry.to_world_mm(glm::dvec3(voxel_at(vessels.geometry, voxel)))};
+    return segment_mask(scan, options, "thorax", device, progress).count();
+  };
+  const std::vector<float> depth_mm = distance_to_background_mm(vessels);
+  const std::int64_t middle = found_from(std::ranges::max_element(depth_mm) - depth_mm.begin());
+  EXPECT_GE(middle, 10'000);
+  std::vector<std::int64_t> rim;
+  for (std::size_t i = 0; i < vessels.voxels.size(); ++i)
+    if (vessels.voxels[i] != 0 && scan.hu()[i] >= 110 && scan.hu()[i] <= 195)
+      rim.push_back(static_cast<std::int64_t>(i));
+  constexpr std::size_t kTried = 6;
+  ASSERT_GE(rim.size(), kTried);
+  for (std::size_t k = 0; k < kTried; ++k) {
+    const std::int64_t voxel = rim[k * (rim.size() - 1) / (kTried - 1)];
+    // The seed's own lumen adds a few voxels of the rim, or none.
+    EXPECT_GE(found_from(voxel), 9 * middle / 10) << voxel;
+  }
+}
+
+TEST(SeedsInAnAbdomen, InArteriesDenserThanBoneAreFoundInAWindowThatHoldsThem) {
+  Abdomen abdomen;
+  const Mask aorta = abdomen.part("aorta");
+  for (std::size_t i = 0; i < aorta.voxels.size(); ++i)
+    if (aorta.voxels[i] != 0)
+      abdomen.scan().hu()[i] = static_cast<std::int16_t>(abdomen.scan().hu()[i] + 650);
+  SegmentOptions options;
+  options.markers.vessels_mm = {kAorta};
+  options.window_hu = {500, 1200};
+  // All but voxels of the rim, which half-filled lie below the window.
+  EXPECT_GE(common(abdomen.found(options), aorta), 8 * aorta.count() / 10);
 }
 
 }  // namespace

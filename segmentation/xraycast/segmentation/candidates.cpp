@@ -81,7 +81,7 @@ std::vector<Candidate> brightest_candidates(const Volume& volume, ComputeDevice&
     try {
       Markers markers;
       markers.vessels_mm = {p};
-      const std::vector<Seed> seeds = look_at_seeds(scan, markers, "");
+      const std::vector<Seed> seeds = look_at_seeds(scan, markers);
       if (seeds.front().hu >= kDarkerThanBone_hu) continue;
       const Mask lumen = lumen_at_seeds(scan, seeds, window_of_seeds(seeds, ""), body, markers, "");
       for (std::size_t k = 0; k < known.voxels.size(); ++k) known.voxels[k] |= lumen.voxels[k];

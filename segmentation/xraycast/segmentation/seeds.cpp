@@ -27,6 +27,12 @@ LostSeed lost(LostSeed::Cause cause, const Seed& seed, const std::string& name, 
                              p.z, where, seed.hu)};
 }
 
+void check_brighter_than_tissue(const Seed& seed, const std::string& name) {
+  if (seed.hu < kAirBelow_hu) throw lost(LostSeed::Cause::air, seed, name, "in air");
+  if (seed.hu < kBrightTissue_hu)
+    throw lost(LostSeed::Cause::tissue, seed, name, "in tissue without contrast agent");
+}
+
 /// The voxels within a distance of a point.
 template <typename Visit>
 void for_each_within(const VolumeGeometry& g, const glm::dvec3& point_mm, double radius_mm,
@@ -220,28 +226,37 @@ std::optional<Volume> smoothed_for_seeds(const Volume& volume, ComputeDevice& de
   return result;
 }
 
-std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers, const std::string& name) {
-  using Cause = LostSeed::Cause;
+std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers) {
   const double noise_hu = measure_noise_hu(scan);
   std::vector<Seed> seeds;
-  for (const glm::dvec3& point_mm : markers.vessels_mm) {
-    const Seed seed = look_at(scan, point_mm, noise_hu);
-    if (seed.hu < kAirBelow_hu) throw lost(Cause::air, seed, name, "in air");
-    if (seed.hu >= kMetalFrom_hu) throw lost(Cause::metal, seed, name, "in metal");
-    if (seed.hu > kDensestContrast_hu) throw lost(Cause::bone, seed, name, "in bone");
-    seeds.push_back(seed);
-  }
+  for (const glm::dvec3& point_mm : markers.vessels_mm) seeds.push_back(look_at(scan, point_mm, noise_hu));
   return seeds;
 }
 
-void check_contrast(const std::vector<Seed>& seeds, const std::string& name) {
-  for (const Seed& seed : seeds)
-    if (seed.hu < kBrightTissue_hu)
-      throw lost(LostSeed::Cause::tissue, seed, name, "in tissue without contrast agent");
+bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask) {
+  if (seed.hu < kBrightTissue_hu || seed.hu > kDensestContrast_hu) return !is_near(mask, seed.point_mm);
+  if (seed.hu > window.high_hu) return true;
+  if (!is_near(mask, seed.point_mm)) return true;
+  if (seed.hu >= window.low_hu) return false;
+  // On the rim of a vessel a quarter and more of the sphere is vessel; voxels that noise alone has raised are
+  // fewer than a tenth.
+  constexpr double kBeside_mm = 2.5, kLeastShare = 0.1;
+  const glm::dvec3& s = mask.geometry.spacing_mm;
+  double all = 0, inside = 0;
+  for_each_within(mask.geometry, seed.point_mm, std::max(kBeside_mm, 1.5 * std::max({s.x, s.y, s.z})),
+                  [&](const Index3& v) {
+                    ++all;
+                    inside += mask[v];
+                  });
+  return inside == 0 || inside < kLeastShare * all;
 }
 
 HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name) {
-  check_contrast(seeds, name);
+  for (const Seed& seed : seeds) {
+    check_brighter_than_tissue(seed, name);
+    if (seed.hu >= kMetalFrom_hu) throw lost(LostSeed::Cause::metal, seed, name, "in metal");
+    if (seed.hu > kDensestContrast_hu) throw lost(LostSeed::Cause::bone, seed, name, "in bone");
+  }
   double low_hu = kMaxHu, high_hu = kPaddingHu;
   for (const Seed& seed : seeds) {
     low_hu = std::min(low_hu, seed.hu - seed.tolerance_hu);
@@ -262,7 +277,7 @@ void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cau
   using Cause = LostSeed::Cause;
   for (const Seed& seed : seeds) {
     if (is_near(mask, seed.point_mm)) continue;
-    check_contrast({seed}, name);
+    check_brighter_than_tissue(seed, name);
     if (cause == Cause::window) throw lost(cause, seed, name, "outside the window of CT numbers");
     if (cause == Cause::body) throw lost(cause, seed, name, "outside the body");
     throw lost(cause, seed, name,

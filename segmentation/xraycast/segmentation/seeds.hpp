@@ -44,21 +44,23 @@ struct Seed {
 std::optional<Volume> smoothed_for_seeds(const Volume& volume, ComputeDevice& device);
 
 /// The seeds among `markers`, as `scan` shows them. Lumen of a seed's own brightness differs from it by at
-/// most a fifth of its contrast to soft tissue, or by two and a half standard deviations. Throws LostSeed,
-/// with `name` in front, for a seed in air, in metal, or in bone denser than any contrast agent.
-std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers, const std::string& name);
+/// most a fifth of its contrast to soft tissue, or by two and a half standard deviations.
+std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers);
 
-/// Throws LostSeed for a seed that is no brighter than soft tissue.
-void check_contrast(const std::vector<Seed>& seeds, const std::string& name);
+/// Whether a window does not suit a seed, given the mask of that window: one brighter than the window, or one
+/// below it that does not lie on the rim of what is in the mask. Where no lumen can be as bright as the seed,
+/// whether it lies farther than 5 mm from the mask.
+bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask);
 
-/// The CT numbers of the seeds, with their tolerances. Throws as check_contrast.
+/// The CT numbers of the seeds, with their tolerances. Throws LostSeed, with `name` in front, for a seed in
+/// air, in tissue without contrast agent, in metal, or in bone denser than any contrast agent.
 HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name);
 
 /// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
 bool is_near(const Mask& mask, const glm::dvec3& point_mm);
 
-/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask; of tissue, for one that is no
-/// brighter than that.
+/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask; of tissue or air, for one that is
+/// no brighter than that.
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
                  const std::string& name);
 

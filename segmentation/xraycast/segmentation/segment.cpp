@@ -92,13 +92,15 @@ struct ChosenWindow {
   for (const Candidate& c : brightest_candidates(volume, device))
     places += fmt::format("{}({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU", places.empty() ? "" : ", ",
                           c.point_mm.x, c.point_mm.y, c.point_mm.z, c.hu);
-  throw InputError(
+  throw NoContrast(
       "{}: no vessel: no vessels filled with contrast agent stand out; give a seed, a point in a vessel{}{}",
       name, places.empty() ? "" : "; the brightest candidates are ", places);
 }
 
-ChosenWindow choose_window(const Volume& scan, const std::vector<Seed>& seeds, const SegmentOptions& options,
-                           const std::string& name, ComputeDevice& device, Progress& progress) {
+/// `scan` is denoised, `volume` is not.
+ChosenWindow choose_window(const Volume& scan, const Volume& volume, const std::vector<Seed>& seeds,
+                           const SegmentOptions& options, const std::string& name, ComputeDevice& device,
+                           Progress& progress) {
   if (options.window_hu) {
     const auto [low, high] = *options.window_hu;
     if (low >= high)
@@ -107,14 +109,13 @@ ChosenWindow choose_window(const Volume& scan, const std::vector<Seed>& seeds, c
     return {{low, low, high}, false};
   }
   const std::optional<Contrast> contrast = find_contrast(scan, name, progress);
-  if (!contrast && seeds.empty()) throw_without_contrast(scan, name, device);
+  if (!contrast && seeds.empty()) throw_without_contrast(volume, name, device);
   if (!contrast) return {window_of_seeds(seeds, name), true};
   const HuWindow window = window_of(*contrast);
-  constexpr double kContrast_hu = 100;  // darker ones were meant for the vessel beside them
-  const bool are_others = std::ranges::any_of(seeds, [&](const Seed& seed) {
-    return seed.hu > window.high_hu || (seed.hu > kContrast_hu && seed.hu < window.low_hu);
-  });
-  if (are_others) return {window_of_seeds(seeds, name), true};
+  if (seeds.empty()) return {window, false};
+  const Mask bright = threshold(scan, window);
+  if (std::ranges::any_of(seeds, [&](const Seed& s) { return needs_own_window(s, window, bright); }))
+    return {window_of_seeds(seeds, name), true};
   return {window, false};
 }
 
@@ -125,7 +126,7 @@ bool has_air(const Volume& volume) {
 
 /// In noise so heavy that neither bone nor chambers can be recognised, vessels are found as ridges.
 Mask segment_in_noise(const Volume& volume, const Markers& markers, const std::string& name,
-                      ComputeDevice& device, Progress& progress) {
+                      ComputeDevice& device, Progress& progress, const SegmentLog& log) {
   constexpr double kTracking_vox = 0.7, kLumen_vox = 0.8;
   progress.begin("detecting ridges", 2, "scans");
   Mask ridges = detect_ridges(ridge_strength(volume, device), volume.geometry());
@@ -137,9 +138,17 @@ Mask segment_in_noise(const Volume& volume, const Markers& markers, const std::s
     throw InputError(
         "{}: no vessel: no thin bright structure stands out from the noise; give a scan with less noise",
         name);
-  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_small_components(vessels);
-  separate_chambers(vessels, markers, name, progress);
-  return select_vessels(vessels, markers, name, progress);
+  log.on_step("ridges", ridges);
+  log.on_step("lumen", vessels);
+  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
+    vessels = without_small_components(vessels);
+  } else {
+    separate_chambers(vessels, markers, name, progress);
+    log.on_step("chambers", vessels);
+    vessels = select_vessels(vessels, markers, name, progress);
+  }
+  log.on_step("selection", vessels);
+  return vessels;
 }
 
 }  // namespace
@@ -254,7 +263,7 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   progress.begin("contrast", 5, "passes");
   heard.noise_hu = measure_noise_hu(volume);
   if (!options.window_hu && is_dominated_by_noise(volume))
-    return segment_in_noise(volume, markers, name, device, progress);
+    return segment_in_noise(volume, markers, name, device, progress, heard);
   progress.advance();
   std::optional<Volume> quiet = denoised(volume, device), smooth;
   progress.advance();
@@ -262,9 +271,8 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   const bool is_subtracted = !has_air(denoised_scan);
   if (!markers.vessels_mm.empty()) smooth = smoothed_for_seeds(volume, device);
   const Volume& at_seeds = smooth ? *smooth : denoised_scan;
-  const std::vector<Seed> seeds =
-      is_subtracted ? std::vector<Seed>{} : look_at_seeds(at_seeds, markers, name);
-  const ChosenWindow window = choose_window(denoised_scan, seeds, options, name, device, progress);
+  const std::vector<Seed> seeds = is_subtracted ? std::vector<Seed>{} : look_at_seeds(at_seeds, markers);
+  const ChosenWindow window = choose_window(denoised_scan, volume, seeds, options, name, device, progress);
   const Volume& scan = window.is_of_seeds ? at_seeds : denoised_scan;
   heard.window = window.hu;
   heard.is_window_of_seeds = window.is_of_seeds;
@@ -282,8 +290,11 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     heard.on_step("body", mask);
   }
   progress.advance();
-  if (is_subtracted && markers.vessels_mm.empty() && markers.not_vessels_mm.empty())
-    return without_small_components(mask);  // only vessels remain in a subtracted scan
+  if (is_subtracted && markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
+    mask = without_small_components(mask);  // only vessels remain in a subtracted scan
+    heard.on_step("selection", mask);
+    return mask;
+  }
 
   const Mask lumen = lumen_at_seeds(at_seeds, seeds, window.hu, body, markers, name);
   const auto give_lumen_back = [&] {
@@ -309,10 +320,8 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
     progress.advance();
     const std::int64_t before = mask.count();
     remove_trabecular_bone(mask, bone, progress);
-    if (!options.window_hu && is_bone_alone(before, mask.count()) && lumen.count() == 0) {
-      check_contrast(seeds, name);
+    if (!options.window_hu && seeds.empty() && is_bone_alone(before, mask.count()))
       throw_without_contrast(volume, name, device);
-    }
     give_lumen_back();
     check_seeds(seeds, mask, LostSeed::Cause::bone, name);
     heard.on_step("trabecular-bone", mask);

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/progress.hpp"
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
@@ -13,6 +14,11 @@
 #include <vector>
 
 namespace xraycast {
+
+/// No vessels filled with contrast agent stand out; the message names places that may lie in vessels, if any.
+class NoContrast : public InputError {
+  using InputError::InputError;
+};
 
 /// Options of a segmentation.
 struct SegmentOptions {
@@ -38,7 +44,8 @@ struct SegmentLog {
 /// connected to a seed by lumen of its own brightness, narrower than the largest radius, stays whatever the
 /// steps recognise in it.
 ///
-/// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, and InputError when there is no
+/// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, NoContrast without seeds in a
+/// scan without contrast agent, and InputError when there is no
 /// vessel, or the scan has fewer than 10 slices.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);

@@ -137,7 +137,8 @@ void ViewerPanel::draw(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, FLT_MAX});
   ImGui::Begin("xraycast", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   style_controls(viewer);
-  if (viewer.map() && ImGui::CollapsingHeader(layers_title(viewer.map()->geometry).c_str())) layer_controls(viewer);
+  if (viewer.map() && ImGui::CollapsingHeader(layers_title(viewer.map()->geometry).c_str()))
+    layer_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader("Opacity", ImGuiTreeNodeFlags_DefaultOpen))
     opacity_controls(viewer);
   file_controls(viewer);
