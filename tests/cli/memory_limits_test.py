@@ -57,7 +57,7 @@ class MemoryLimits(unittest.TestCase):
     def setUpClass(cls):
         cls.temporary = tempfile.TemporaryDirectory()
         os.chdir(cls.temporary.name)
-        for words in ("phantom thorax --size 96x96x64 -o ct.nrrd", "cast ct.nrrd --layers 4 -o map.exr"):
+        for words in ("phantom thorax --size 128x128x128 -o ct.nrrd", "cast ct.nrrd --layers 4 -o map.exr"):
             done = run(words)
             assert done.returncode == 0, done.stderr
 
