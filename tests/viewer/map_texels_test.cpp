@@ -45,7 +45,7 @@ TEST(MapTexels, PaddingWidensNoRangeOfBytes) {
   const std::vector<float> texels = walls_of(geometry, values);
   const PackedTexels packed = pack_texels(texels_of(geometry), texels, MapPrecision::byte);
   ASSERT_EQ(packed.byte_ranges.size(), 2u);
-  for (const ByteRange& range : packed.byte_ranges) {
+  for (const LayerByteRange& range : packed.byte_ranges) {
     EXPECT_EQ(range.offset, 10);
     EXPECT_FLOAT_EQ(range.value_of(255), 12);
   }

@@ -63,7 +63,7 @@ StoredValues stored_values(const BodyMap& map) {
     bytes.reserve(values->size());
     for (int layer = 0; layer < map.geometry.layers(); ++layer) {
       const auto of_layer = std::span(*values).subspan(layer * map.layer_size(), map.layer_size());
-      const ByteRange range = byte_range_of(of_layer);
+      const LayerByteRange range = byte_range_of(of_layer);
       for (const float value : of_layer) bytes.push_back(range.byte_of(value));
       stored.byte_ranges[name].push_back({range.offset, range.scale});
     }
@@ -206,15 +206,15 @@ MapPrecision precision_of(const ExrReader& file, int version, const std::string&
 }
 
 /// The offset and the scale of every layer of a channel.
-std::vector<ByteRange> byte_ranges_of(const json& attribute, const char* channel, int layers,
-                                      const std::string& path) {
+std::vector<LayerByteRange> byte_ranges_of(const json& attribute, const char* channel, int layers,
+                                           const std::string& path) {
   std::vector<std::array<float, 2>> pairs;
   try {
     attribute.at(channel).get_to(pairs);
   } catch (const json::exception&) {
     pairs.clear();
   }
-  std::vector<ByteRange> ranges;
+  std::vector<LayerByteRange> ranges;
   for (const auto& [offset, scale] : pairs)
     if (std::isfinite(offset) && offset >= 0 && std::isfinite(scale) && scale >= 0)
       ranges.push_back({offset, scale});

@@ -25,12 +25,12 @@ MapPrecision parse_map_precision(const std::string& name) {
   throw InputError("precision '{}' is not known; it must be float, half or byte", name);
 }
 
-std::uint8_t ByteRange::byte_of(float value) const {
+std::uint8_t LayerByteRange::byte_of(float value) const {
   if (!(scale > 0)) return 0;
   return static_cast<std::uint8_t>(std::lround(std::clamp((value - offset) / scale, 0.0f, 255.0f)));
 }
 
-ByteRange byte_range_of(std::span<const float> values) {
+LayerByteRange byte_range_of(std::span<const float> values) {
   if (values.empty()) return {};
   const auto [least, largest] = std::ranges::minmax(values);
   return {least, (largest - least) / 255};

@@ -23,15 +23,15 @@ std::string to_string(MapPrecision precision);
 MapPrecision parse_map_precision(const std::string& name);
 
 /// The values that the bytes 0 to 255 of a layer stand for: offset + scale * byte.
-struct ByteRange {
+struct LayerByteRange {
   float offset = 0, scale = 0;
 
   std::uint8_t byte_of(float value) const;
   float value_of(float byte) const { return offset + scale * byte; }
-  bool operator==(const ByteRange&) const = default;
+  bool operator==(const LayerByteRange&) const = default;
 };
 
 /// From the least to the largest of values, which are finite.
-ByteRange byte_range_of(std::span<const float> values);
+LayerByteRange byte_range_of(std::span<const float> values);
 
 }  // namespace xraycast

@@ -177,8 +177,8 @@ void BodyPass::upload_channel(int channel, const Style& style) {
   // OpenGL takes bytes for 0 to 1. With every layer's stands the next one's.
   std::vector<std::array<float, 4>> ranges;
   for (std::size_t k = 0; k < packed.byte_ranges.size(); ++k) {
-    const ByteRange &here = packed.byte_ranges[k],
-                    &next = packed.byte_ranges[std::min(k + 1, packed.byte_ranges.size() - 1)];
+    const LayerByteRange &here = packed.byte_ranges[k],
+                         &next = packed.byte_ranges[std::min(k + 1, packed.byte_ranges.size() - 1)];
     ranges.push_back({here.offset, 255 * here.scale, next.offset, 255 * next.scale});
   }
   texture.byte_ranges.fill(floats(ranges), "the body map");

@@ -126,7 +126,7 @@ PackedTexels pack_texels(const MapTexels& layout, std::span<const float> texels,
       }
       return;
     }
-    const ByteRange range = packed.byte_ranges[static_cast<std::size_t>(layer)] = byte_range_of(from);
+    const LayerByteRange range = packed.byte_ranges[static_cast<std::size_t>(layer)] = byte_range_of(from);
     for (std::size_t i = 0; i < of_layer; ++i) to[i] = std::byte{range.byte_of(from[i])};
   });
   return packed;

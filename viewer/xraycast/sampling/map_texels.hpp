@@ -34,7 +34,7 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
 /// Texels as a texture of less precision stores them.
 struct PackedTexels {
   std::vector<std::byte> values;
-  std::vector<ByteRange> byte_ranges;  ///< of each layer, where bytes are stored
+  std::vector<LayerByteRange> byte_ranges;  ///< of each layer, where bytes are stored
 };
 
 /// `precision` is not that of 32-bit floats; the largest 16-bit float stands for values beyond it.
