@@ -12,10 +12,9 @@
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/sampling/camera.hpp"
 
+#include <algorithm>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
-
-#include <algorithm>
 
 namespace xraycast::python {
 namespace {
@@ -42,7 +41,8 @@ MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const De
     return body_map(scan.geometry(), arguments.angles, arguments.layers, finder);
   const BodyOutline body = finder.finish();
   return cylinder_map(scan.geometry(), arguments.angles,
-                      shell_radii_mm(RadiiRule::equal_area, arguments.layers, body.radius_mm), body.centre_mm);
+                      shell_radii_mm(RadiiRule::equal_area, arguments.layers, body.radius_mm),
+                      body.centre_mm);
 }
 
 void check(const CastArguments& arguments) {
@@ -63,7 +63,8 @@ HeldBody cast_scan(HeldScan& scan, const CastArguments& arguments, const nb::obj
   const Opacity chosen = opacity_of(opacity, "cast");
   return result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
-    BodyMap map = cast(scan.resident(device).native, geometry_of(arguments, scan, device), chosen, reported).map;
+    BodyMap map =
+        cast(scan.resident(device).native, geometry_of(arguments, scan, device), chosen, reported).map;
     map.source = scan.source();
     map.frame_of_reference_uid = frame_of_reference(scan);
     return HeldBody{std::make_shared<const BodyMap>(std::move(map))};
@@ -77,13 +78,14 @@ std::vector<double> knots_of(const nb::object& knots, const nb::object& opacity)
   return knots_hu;
 }
 
-HeldBasis cast_basis(HeldScan& scan, const CastArguments& arguments, const nb::object& knots, const nb::object& opacity,
-                     const nb::object& progress) {
+HeldBasis cast_basis(HeldScan& scan, const CastArguments& arguments, const nb::object& knots,
+                     const nb::object& opacity, const nb::object& progress) {
   check(arguments);
   const std::vector<double> knots_hu = knots_of(knots, opacity);
   return result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
-    Basis basis = make_basis(scan.resident(device).native, geometry_of(arguments, scan, device), knots_hu, reported);
+    Basis basis =
+        make_basis(scan.resident(device).native, geometry_of(arguments, scan, device), knots_hu, reported);
     basis.source = scan.source();
     basis.frame_of_reference_uid = frame_of_reference(scan);
     return HeldBasis{std::make_shared<const Basis>(std::move(basis)), {}};
@@ -102,10 +104,11 @@ HeldBody recast(HeldBasis& basis, const nb::object& opacity, const nb::object& p
 auto tau_of(const HeldBody& body) {
   const MapGeometry& geometry = body.map->geometry;
   if (body.map->spectrum) throw InputError("tau: this map holds the masses of materials, by a spectrum");
-  return array_over<const float, 3>(body.map->tau.data(),
-                                    {static_cast<std::size_t>(geometry.layers()),
-                                     static_cast<std::size_t>(geometry.height), static_cast<std::size_t>(geometry.width)},
-                                    body.map);
+  return array_over<const float, 3>(
+      body.map->tau.data(),
+      {static_cast<std::size_t>(geometry.layers()), static_cast<std::size_t>(geometry.height),
+       static_cast<std::size_t>(geometry.width)},
+      body.map);
 }
 
 nb::object render(const HeldBody& body, const PoseArguments& arguments, const nb::object& progress) {
@@ -136,7 +139,8 @@ nb::bytes preview_png(const HeldBody& body) {
 
 HeldBody read_map(nb::handle path) {
   const std::string file = path_of(path);
-  return result_of(nb::none(), [&](Progress&) { return HeldBody{std::make_shared<const BodyMap>(read_body_map(file))}; });
+  return result_of(nb::none(),
+                   [&](Progress&) { return HeldBody{std::make_shared<const BodyMap>(read_body_map(file))}; });
 }
 
 void write_map(const HeldBody& body, nb::handle path) {
@@ -145,16 +149,19 @@ void write_map(const HeldBody& body, nb::handle path) {
 }
 
 void add_body(nb::module_& module) {
-  nb::class_<HeldBody>(module, "BodyMap",
-                       "A scan's attenuation in concentric shells about the body's axis: from it frames are drawn "
-                       "without the scan.")
+  nb::class_<HeldBody>(
+      module, "BodyMap",
+      "A scan's attenuation in concentric shells about the body's axis: from it frames are drawn "
+      "without the scan.")
       .def_static("read", read_map, nb::arg("path"), "Reads a map that `xraycast cast` or write() wrote.")
       .def("write", write_map, nb::arg("path"), "Writes the map, an OpenEXR file.")
-      .def_prop_ro("tau", tau_of, kShared,
-                   "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
-                   "superior row first, angle 0 anterior and growing towards the patient's left; no copy, read-only.")
-      .def_prop_ro("radii_mm", [](const HeldBody& b) { return b.map->geometry.radii_mm; },
-                   "The shells' edges, innermost first, mm; layers + 1 of them.")
+      .def_prop_ro(
+          "tau", tau_of, kShared,
+          "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
+          "superior row first, angle 0 anterior and growing towards the patient's left; no copy, read-only.")
+      .def_prop_ro(
+          "radii_mm", [](const HeldBody& b) { return b.map->geometry.radii_mm; },
+          "The shells' edges, innermost first, mm; layers + 1 of them.")
       .def_prop_ro("opacity", [](const HeldBody& b) { return b.map->opacity; })
       .def(
           "render",
@@ -162,42 +169,47 @@ void add_body(nb::module_& module) {
              nb::object pixel_mm, nb::object centre_mm, const nb::object& progress) {
             return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm}, progress);
           },
-          nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(), nb::arg("cone_mm") = nb::none(),
-          nb::kw_only(), nb::arg("pixel_mm") = nb::none(), nb::arg("centre_mm") = nb::none(),
-          nb::arg("progress") = nb::none(),
-          "A Frame from any C-arm angle, or Frames where angles are lists; the arguments are those of Scan.project. "
+          nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
+          nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
+          nb::arg("centre_mm") = nb::none(), nb::arg("progress") = nb::none(),
+          "A Frame from any C-arm angle, or Frames where angles are lists; the arguments are those of "
+          "Scan.project. "
           "Drawn by OpenGL, in software where there is no GPU.")
       .def("_repr_png_", preview_png, "What a notebook shows: the layers, innermost on top.")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;
-        return fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>", b.map->source, g.layers(),
-                           g.width, g.height);
+        return fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>", b.map->source,
+                           g.layers(), g.width, g.height);
       });
 }
 
 void add_basis(nb::module_& module) {
-  nb::class_<HeldBasis>(module, "Basis", "That of a scan from which maps with other opacities are made in milliseconds.")
-      .def_static("read",
-                  [](nb::handle path) {
-                    const std::string file = path_of(path);
-                    return result_of(nb::none(), [&](Progress&) {
-                      return HeldBasis{std::make_shared<const Basis>(read_basis(file)), {}};
-                    });
-                  },
-                  nb::arg("path"))
-      .def("write",
-           [](const HeldBasis& self, nb::handle path) {
-             const std::string file = path_of(path);
-             run_job(nb::none(), [&](Progress&) { write_basis(*self.basis, file); });
-           },
-           nb::arg("path"))
-      .def_prop_ro("knots_hu", [](const HeldBasis& b) { return b.basis->knots_hu; },
-                   "The CT numbers at which the slope of an opacity may change.")
+  nb::class_<HeldBasis>(module, "Basis",
+                        "That of a scan from which maps with other opacities are made in milliseconds.")
+      .def_static(
+          "read",
+          [](nb::handle path) {
+            const std::string file = path_of(path);
+            return result_of(nb::none(), [&](Progress&) {
+              return HeldBasis{std::make_shared<const Basis>(read_basis(file)), {}};
+            });
+          },
+          nb::arg("path"))
+      .def(
+          "write",
+          [](const HeldBasis& self, nb::handle path) {
+            const std::string file = path_of(path);
+            run_job(nb::none(), [&](Progress&) { write_basis(*self.basis, file); });
+          },
+          nb::arg("path"))
+      .def_prop_ro(
+          "knots_hu", [](const HeldBasis& b) { return b.basis->knots_hu; },
+          "The CT numbers at which the slope of an opacity may change.")
       .def("recast", recast, nb::arg("opacity"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "A BodyMap with another opacity, all of whose knots must be among knots_hu.")
       .def("__repr__", [](const HeldBasis& b) {
-        return fmt::format("<xraycast.Basis of {}: {} layers, {} knots>", b.basis->source, b.basis->geometry.layers(),
-                           b.basis->knots_hu.size());
+        return fmt::format("<xraycast.Basis of {}: {} layers, {} knots>", b.basis->source,
+                           b.basis->geometry.layers(), b.basis->knots_hu.size());
       });
 }
 
@@ -215,7 +227,8 @@ void add_casting(nb::module_& module, nb::class_<HeldScan>& scan) {
           nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("opacity") = "paper",
           nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
           "Casts the scan into a BodyMap of concentric layers.\n\n"
-          "angles: rays per turn.  outline: the shells follow the `body`, without the table, or are `circle`s.")
+          "angles: rays per turn.  outline: the shells follow the `body`, without the table, or are "
+          "`circle`s.")
       .def(
           "cast_basis",
           [](HeldScan& self, int layers, int angles, const nb::object& knots_hu, const nb::object& opacity,
@@ -225,7 +238,8 @@ void add_casting(nb::module_& module, nb::class_<HeldScan>& scan) {
           nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("knots_hu") = nb::none(),
           nb::arg("opacity") = "paper", nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
           "The Basis from which maps with other opacities are recast.\n\n"
-          "knots_hu: CT numbers at which their slope may change, at most 64; else those of `opacity` and a standard "
+          "knots_hu: CT numbers at which their slope may change, at most 64; else those of `opacity` and a "
+          "standard "
           "set.");
 }
 

@@ -21,7 +21,9 @@ struct Frame {
 
   int width() const { return size_of(pose).x; }
   int height() const { return size_of(pose).y; }
-  std::size_t pixels() const { return static_cast<std::size_t>(width()) * static_cast<std::size_t>(height()); }
+  std::size_t pixels() const {
+    return static_cast<std::size_t>(width()) * static_cast<std::size_t>(height());
+  }
   float* tau() const { return depths->tau.data() + index * pixels(); }
 };
 

@@ -6,6 +6,7 @@
 #include <condition_variable>
 #include <exception>
 #include <mutex>
+#include <nanobind/stl/string.h>
 #include <thread>
 
 namespace xraycast::python {

@@ -8,10 +8,9 @@
 #include "xraycast/base/printable.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 
+#include <exception>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
-
-#include <exception>
 #include <string>
 
 namespace xraycast::python {
@@ -68,7 +67,8 @@ NB_MODULE(_core, module) {
   add_catheter(module);
   module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
   module.def("use_device", choose_device, nb::arg("name"),
-             "Chooses the OpenCL device by its number or part of its name, before the first call that needs one; else "
+             "Chooses the OpenCL device by its number or part of its name, before the first call that needs "
+             "one; else "
              "XRAYCAST_DEVICE names it, or the first GPU or processor is used.");
   nb::module_::import_("atexit").attr("register")(nb::cpp_function(clean_up));
 }

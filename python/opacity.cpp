@@ -41,13 +41,18 @@ Opacity opacity_of(const nb::object& opacity, const char* call) {
 }
 
 void add_opacity(nb::module_& module) {
-  nb::class_<Opacity>(module, "Opacity",
-                      "From CT numbers to attenuation: linear between knots (HU, mu in 1/mm), constant beyond.")
-      .def("__init__",
-           [](Opacity* self, const nb::object& knots, const std::string& name) { new (self) Opacity(with_knots(knots, name)); },
-           nb::arg("knots"), nb::arg("name") = "custom")
-      .def_static("named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
-                  "paper, bilinear, subtracted, or a JSON file.")
+  nb::class_<Opacity>(
+      module, "Opacity",
+      "From CT numbers to attenuation: linear between knots (HU, mu in 1/mm), constant beyond.")
+      .def(
+          "__init__",
+          [](Opacity* self, const nb::object& knots, const std::string& name) {
+            new (self) Opacity(with_knots(knots, name));
+          },
+          nb::arg("knots"), nb::arg("name") = "custom")
+      .def_static(
+          "named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
+          "paper, bilinear, subtracted, or a JSON file.")
       .def_prop_ro("name", &Opacity::name)
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
       .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")

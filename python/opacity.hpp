@@ -4,7 +4,6 @@
 #include "xraycast/attenuation/spectrum.hpp"
 
 #include <nanobind/nanobind.h>
-
 #include <variant>
 
 namespace xraycast::python {

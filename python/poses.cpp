@@ -31,7 +31,8 @@ std::size_t count_of(std::initializer_list<std::pair<const char*, std::size_t>> 
   for (const auto& [name, size] : lists) {
     if (size == 0) continue;
     if (first && size != count)
-      throw InputError("{} holds {} and {} {}; give as many of both, or one of either", first, count, name, size);
+      throw InputError("{} holds {} and {} {}; give as many of both, or one of either", first, count, name,
+                       size);
     first = name;
     count = size;
   }
@@ -97,7 +98,8 @@ Matrices matrices_of(const nb::object& object, const std::string& name, std::siz
     matrices.count = axes == 3 ? numbers.shape[0] : 0;
   }
   const bool fits = (matrices.rows == least_rows || matrices.rows == columns) && matrices.columns == columns;
-  if (!fits || numbers.values.empty()) throw InputError("{}: must be a matrix of {}, or a list of them", name, shape);
+  if (!fits || numbers.values.empty())
+    throw InputError("{}: must be a matrix of {}, or a list of them", name, shape);
   matrices.values = numbers.values;
   return matrices;
 }
@@ -116,18 +118,24 @@ PinholeCamera camera_of(const double* k, const double* rt, glm::ivec2 size) {
 }
 
 void check_without_view(const PoseArguments& arguments) {
-  const auto is_zero = [](const nb::object& angle) { return nb::isinstance<nb::int_>(angle) && nb::cast<int>(angle) == 0; };
+  const auto is_zero = [](const nb::object& angle) {
+    return nb::isinstance<nb::int_>(angle) && nb::cast<int>(angle) == 0;
+  };
   if (!is_zero(arguments.lao) || !is_zero(arguments.cranial) || !arguments.cone_mm.is_none() ||
       !arguments.pixel_mm.is_none() || !arguments.centre_mm.is_none())
-    throw InputError("K and RT say where source and detector are; leave out lao, cranial, cone_mm, pixel_mm and "
-                     "centre_mm");
+    throw InputError(
+        "K and RT say where source and detector are; leave out lao, cranial, cone_mm, pixel_mm and "
+        "centre_mm");
 }
 
 Poses cameras_of(const PoseArguments& arguments) {
-  if (arguments.intrinsics.is_none()) throw InputError("RT needs K, the camera's 3 x 3 matrix in pixels; give both");
-  if (arguments.extrinsics.is_none()) throw InputError("K needs RT, from the patient's mm to the camera's; give both");
+  if (arguments.intrinsics.is_none())
+    throw InputError("RT needs K, the camera's 3 x 3 matrix in pixels; give both");
+  if (arguments.extrinsics.is_none())
+    throw InputError("K needs RT, from the patient's mm to the camera's; give both");
   check_without_view(arguments);
-  if (arguments.size.is_none()) throw InputError("size: K and RT do not say it; give (width, height) in pixels");
+  if (arguments.size.is_none())
+    throw InputError("size: K and RT do not say it; give (width, height) in pixels");
   const glm::ivec2 size = size_of(arguments.size, "size");
   const Matrices k = matrices_of(arguments.intrinsics, "K", 3, 3, "3 x 3"),
                  rt = matrices_of(arguments.extrinsics, "RT", 3, 4, "3 x 4 or 4 x 4");

@@ -25,9 +25,10 @@ struct Poses {
   bool is_batch = false;
 };
 
-/// `complete` gives a view its centre, unless centre_mm does, and the sizes that are 0. Throws InputError, naming
-/// the argument, when they are of the wrong shape or contradict each other.
-Poses poses_of(const PoseArguments& arguments, const std::function<View(View view, bool has_centre)>& complete);
+/// `complete` gives a view its centre, unless centre_mm does, and the sizes that are 0. Throws InputError,
+/// naming the argument, when they are of the wrong shape or contradict each other.
+Poses poses_of(const PoseArguments& arguments,
+               const std::function<View(View view, bool has_centre)>& complete);
 
 /// K of a pose, 3 x 3, and RT, 3 x 4, as new arrays; None for a parallel beam.
 nb::object intrinsics_of(const Pose& pose);

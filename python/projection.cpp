@@ -5,9 +5,8 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
 
-#include <nanobind/stl/string.h>
-
 #include <algorithm>
+#include <nanobind/stl/string.h>
 #include <variant>
 
 namespace xraycast::python {
@@ -27,7 +26,9 @@ std::vector<float> depths_of(const SpectralScan& scan, const Pose& pose, const A
                              Progress& progress) {
   const auto* camera = std::get_if<PinholeCamera>(&pose);
   if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
-    if (camera) throw InputError("opacity {}: K and RT take no spectrum; give lao, cranial and cone_mm", spectrum->name());
+    if (camera)
+      throw InputError("opacity {}: K and RT take no spectrum; give lao, cranial and cone_mm",
+                       spectrum->name());
     return project(scan, std::get<View>(pose), *spectrum, progress).tau;
   }
   const Opacity& opacity = std::get<Opacity>(attenuation);
@@ -35,8 +36,8 @@ std::vector<float> depths_of(const SpectralScan& scan, const Pose& pose, const A
                 : project(scan.native, std::get<View>(pose), opacity, progress).tau;
 }
 
-std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses, const Attenuation& attenuation,
-                                  Progress& progress) {
+std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses,
+                                  const Attenuation& attenuation, Progress& progress) {
   const DeviceUse device;
   const SpectralScan& resident = scan.resident(device);
   auto depths = std::make_shared<Depths>();
@@ -60,7 +61,8 @@ nb::object project_scan(HeldScan& scan, const PoseArguments& arguments, const nb
     // Finding the body takes a while.
     return result_of(nb::none(), [&](Progress&) { return completed(view, has_centre, scan, DeviceUse()); });
   });
-  auto depths = result_of(progress, [&](Progress& reported) { return projected(scan, poses.poses, attenuation, reported); });
+  auto depths = result_of(
+      progress, [&](Progress& reported) { return projected(scan, poses.poses, attenuation, reported); });
   return frames_object(std::move(depths), std::move(poses));
 }
 
@@ -69,19 +71,24 @@ nb::object project_scan(HeldScan& scan, const PoseArguments& arguments, const nb
 void add_projection(nb::class_<HeldScan>& scan) {
   scan.def(
       "project",
-      [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm, nb::object pixel_mm,
-         nb::object centre_mm, nb::object k, nb::object rt, const nb::object& opacity, const nb::object& progress) {
-        return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity, progress);
+      [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
+         nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt, const nb::object& opacity,
+         const nb::object& progress) {
+        return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
+                            progress);
       },
-      nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(), nb::arg("cone_mm") = nb::none(),
-      nb::kw_only(), nb::arg("pixel_mm") = nb::none(), nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(),
-      nb::arg("RT") = nb::none(), nb::arg("opacity") = "paper", nb::arg("progress") = nb::none(),
+      nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
+      nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
+      nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
+      nb::arg("opacity") = "paper", nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
       "cone_mm: (source to isocentre, source to detector); without it the beam is parallel.\n"
-      "pixel_mm: pixel size on the detector.  centre_mm: the isocentre (x, y, z), LPS; else the body's middle.\n"
-      "K, RT: instead of all these, as in OpenCV: 3 x 3 in pixels, and 3 x 4 or 4 x 4 from LPS mm to the camera's "
+      "pixel_mm: pixel size on the detector.  centre_mm: the isocentre (x, y, z), LPS; else the body's "
+      "middle.\n"
+      "K, RT: instead of all these, as in OpenCV: 3 x 3 in pixels, and 3 x 4 or 4 x 4 from LPS mm to the "
+      "camera's "
       "mm, z forward; the middle of pixel (0, 0) is at (0, 0). They take `size`.\n"
       "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.");
 }

@@ -5,9 +5,8 @@
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/volume/body_outline.hpp"
 
-#include <nanobind/nanobind.h>
-
 #include <memory>
+#include <nanobind/nanobind.h>
 #include <optional>
 #include <string>
 
@@ -20,7 +19,9 @@ namespace nb = nanobind;
 class HeldScan {
  public:
   HeldScan(Volume volume, ScanInfo info, std::string source)
-      : volume_(std::make_shared<Volume>(std::move(volume))), info_(std::move(info)), source_(std::move(source)) {}
+      : volume_(std::make_shared<Volume>(std::move(volume))),
+        info_(std::move(info)),
+        source_(std::move(source)) {}
 
   const std::shared_ptr<Volume>& volume() const { return volume_; }
   const VolumeGeometry& geometry() const { return volume_->geometry(); }

@@ -2,9 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 
-#include <nanobind/stl/string.h>
-
 #include <cmath>
+#include <nanobind/stl/string.h>
 
 namespace xraycast::python {
 
@@ -32,7 +31,8 @@ double number_of(nb::handle object, const std::string& name) {
 
 glm::dvec3 point_of(nb::handle object, const std::string& name) {
   const Numbers numbers = numbers_of(object, name);
-  if (numbers.shape != std::vector<std::size_t>{3}) throw InputError("{}: must be three numbers (x, y, z)", name);
+  if (numbers.shape != std::vector<std::size_t>{3})
+    throw InputError("{}: must be three numbers (x, y, z)", name);
   return {numbers.values[0], numbers.values[1], numbers.values[2]};
 }
 
@@ -49,8 +49,11 @@ std::vector<glm::dvec3> points_of(nb::handle object, const std::string& name) {
 
 glm::ivec2 size_of(nb::handle object, const std::string& name) {
   const Numbers numbers = numbers_of(object, name);
-  const auto is_size = [](double value) { return value == std::floor(value) && value >= 1 && value <= 16384; };
-  if (numbers.shape != std::vector<std::size_t>{2} || !is_size(numbers.values[0]) || !is_size(numbers.values[1]))
+  const auto is_size = [](double value) {
+    return value == std::floor(value) && value >= 1 && value <= 16384;
+  };
+  if (numbers.shape != std::vector<std::size_t>{2} || !is_size(numbers.values[0]) ||
+      !is_size(numbers.values[1]))
     throw InputError("{}: must be (width, height), whole numbers of 1 to 16384", name);
   return {static_cast<int>(numbers.values[0]), static_cast<int>(numbers.values[1])};
 }

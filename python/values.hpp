@@ -3,13 +3,12 @@
 #include <glm/vec2.hpp>
 #include <glm/vec3.hpp>
 
-#include <nanobind/nanobind.h>
-#include <nanobind/ndarray.h>
-
 #include <array>
 #include <cstddef>
 #include <cstdint>
 #include <memory>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
 #include <string>
 #include <vector>
 

@@ -2,9 +2,8 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 
-#include <nanobind/nanobind.h>
-
 #include <memory>
+#include <nanobind/nanobind.h>
 
 namespace xraycast::python {
 

@@ -35,9 +35,7 @@ glm::dvec3 PinholeCamera::ray_mm(double i, double j) const {
   return glm::transpose(rotation) * (glm::inverse(intrinsics) * glm::dvec3(i, j, 1));
 }
 
-glm::dvec3 PinholeCamera::right_mm() const {
-  return glm::transpose(rotation) * glm::inverse(intrinsics)[0];
-}
+glm::dvec3 PinholeCamera::right_mm() const { return glm::transpose(rotation) * glm::inverse(intrinsics)[0]; }
 
 glm::dvec3 PinholeCamera::down_mm() const { return glm::transpose(rotation) * glm::inverse(intrinsics)[1]; }
 
@@ -66,7 +64,8 @@ void validate(const PinholeCamera& camera, const std::string& name) {
   for (int axis = 0; axis < 3; ++axis)
     if (!std::isfinite(camera.translation_mm[axis]))
       throw InputError("{}: the last column of RT must be finite", name);
-  if (camera.width < 1 || camera.width > kMaxPictureSide || camera.height < 1 || camera.height > kMaxPictureSide)
+  if (camera.width < 1 || camera.width > kMaxPictureSide || camera.height < 1 ||
+      camera.height > kMaxPictureSide)
     throw InputError("{}: a picture of {} x {} pixels: each side must be 1 to {}", name, camera.width,
                      camera.height, kMaxPictureSide);
 }

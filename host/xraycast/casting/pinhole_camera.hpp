@@ -10,9 +10,9 @@
 namespace xraycast {
 
 /// An X-ray source and its detector as computer vision describes a camera (OpenCV, nanodrr). A point of the
-/// patient at `x` mm (LPS) is at c = rotation * x + translation_mm before the camera, which looks along its z;
-/// it is shown at (u, v) pixels, where (u, v, 1) is intrinsics * c / c.z. The middle of the pixel in column 0
-/// and row 0, on top, is at (0, 0).
+/// patient at `x` mm (LPS) is at c = rotation * x + translation_mm before the camera, which looks along its
+/// z; it is shown at (u, v) pixels, where (u, v, 1) is intrinsics * c / c.z. The middle of the pixel in
+/// column 0 and row 0, on top, is at (0, 0).
 struct PinholeCamera {
   glm::dmat3 intrinsics{1};
   glm::dmat3 rotation{1};  ///< its determinant may be -1: pictures seen from the detector are mirrored

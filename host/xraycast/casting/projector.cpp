@@ -65,8 +65,9 @@ double farthest_mm(const PinholeCamera& camera, const VolumeGeometry& volume) {
     farthest = std::max(farthest, (camera.rotation * at + camera.translation_mm).z);
   }
   if (!(farthest > 0))
-    throw InputError("RT: the whole scan lies behind the camera; RT must map the patient's mm to the camera's, "
-                     "which looks along its z");
+    throw InputError(
+        "RT: the whole scan lies behind the camera; RT must map the patient's mm to the camera's, "
+        "which looks along its z");
   return farthest;
 }
 
@@ -152,8 +153,8 @@ double project_onto(const XrcDetector& detector, const ResidentScan& scan, const
   const Projector projector = projector_for(scan, detector);
   cl::Kernel kernel =
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), detector, device_opacity.parameters(), device_opacity.table(),
-           tau);
+  set_args(kernel, scan.voxels(), scan.layout(), detector, device_opacity.parameters(),
+           device_opacity.table(), tau);
   std::optional<cl::Buffer> block_mu;
   if (projector.takes_blocks) {
     if (sampling == Sampling::but_constant_blocks) block_mu = find_block_mu(scan, opacity, device_opacity);
@@ -173,8 +174,8 @@ double project_onto(const XrcDetector& detector, const ResidentScan& scan, const
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
                         Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
   ProjectionImage image{view, {}, 0};
-  image.kernel_ms = project_onto(detector_of(view, scan.geometry(), within), scan, opacity, progress, sampling,
-                                 image.tau);
+  image.kernel_ms =
+      project_onto(detector_of(view, scan.geometry(), within), scan, opacity, progress, sampling, image.tau);
   return image;
 }
 

@@ -224,8 +224,9 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
       path.string());
 }
 
-Scan open_array(std::span<const std::int16_t> hu, const Index3& size, const std::array<glm::dvec3, 3>& step_mm,
-                const glm::dvec3& origin_mm, const std::string& name) {
+Scan open_array(std::span<const std::int16_t> hu, const Index3& size,
+                const std::array<glm::dvec3, 3>& step_mm, const glm::dvec3& origin_mm,
+                const std::string& name) {
   ImageHeader header;
   header.path = name;
   header.size = {size.x, size.y, size.z};
@@ -233,7 +234,8 @@ Scan open_array(std::span<const std::int16_t> hu, const Index3& size, const std:
   header.origin_mm = origin_mm;
   const auto bytes = std::as_bytes(hu);
   return deliver_image(std::move(header),
-                       LoadedVoxels{{reinterpret_cast<const char*>(bytes.data()), bytes.size()}}, "array", {}, {});
+                       LoadedVoxels{{reinterpret_cast<const char*>(bytes.data()), bytes.size()}}, "array", {},
+                       {});
 }
 
 }  // namespace xraycast

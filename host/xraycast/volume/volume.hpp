@@ -53,8 +53,8 @@ class Volume {
   /// memory.
   explicit Volume(const VolumeGeometry& geometry, const std::string& name = "volume");
 
-  /// Voxels that lie elsewhere, such as in another program's array, without a copy; the last thing that is done
-  /// with them is `release`. Throws InputError, with `name` in front, when the geometry is invalid.
+  /// Voxels that lie elsewhere, such as in another program's array, without a copy; the last thing that is
+  /// done with them is `release`. Throws InputError, with `name` in front, when the geometry is invalid.
   using Release = std::function<void(std::int16_t*)>;
   Volume(const VolumeGeometry& geometry, std::int16_t* hu, Release release, const std::string& name);
 
