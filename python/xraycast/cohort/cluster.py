@@ -3,8 +3,9 @@ import contextlib
 import dataclasses
 import logging
 import os
-import sys
+import signal
 import uuid
+from multiprocessing import resource_tracker
 
 import dask
 from distributed import Client, LocalCluster
@@ -13,7 +14,7 @@ from .. import _core
 from .._errors import Error, InputError
 from .task import probe
 
-ANSWER_S = 10
+ANSWER_S = 5
 WORKER_S = 60
 
 
@@ -31,19 +32,37 @@ class Workers:
 @contextlib.contextmanager
 def address_of(workers):
     """The scheduler's address: of `workers`, or of a cluster of this machine that ends with the `with`."""
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    _silence_dask()
     if workers.scheduler:
         yield workers.scheduler
         return
     dask.config.set({"distributed.scheduler.allowed-failures": workers.allowed_failures,
                      "distributed.scheduler.worker-ttl": workers.worker_ttl})
-    cluster = LocalCluster(n_workers=workers.count, threads_per_worker=1, processes=True, host="127.0.0.1",
-                           dashboard_address=None, silence_logs=logging.CRITICAL, resources=workers.resources or None)
+    with _ctrl_c_kept_from_children():
+        cluster = LocalCluster(n_workers=workers.count, threads_per_worker=1, processes=True, host="127.0.0.1",
+                               dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, resources=workers.resources or None)
     try:
         yield cluster.scheduler_address
     finally:
         with contextlib.suppress(Exception):
             cluster.close(timeout=ANSWER_S)
+
+
+def _silence_dask():
+    """What it warns of, such as workers that died, is in the ledger."""
+    for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+@contextlib.contextmanager
+def _ctrl_c_kept_from_children():
+    """A terminal sends it to all processes; this one alone ends the workers. Threads and processes inherit the mask."""
+    resource_tracker.ensure_running()  # which would lift the mask when it starts
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
 
 
 def local_threads(workers):
@@ -76,8 +95,3 @@ def check_workers(client, out):
         raise Error(f"the workers have xraycast {version}, this is {_core.__version__}; install the same")
     if not is_seen:
         raise Error(f"-o {out}: the workers do not see this folder; give one that all machines share")
-
-
-def explain_missing():
-    """What to say when dask cannot be imported."""
-    return f"xraycast-cohort needs dask: {sys.executable} -m pip install 'xraycast[cohort]'"
