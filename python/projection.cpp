@@ -5,7 +5,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
 
-#include <algorithm>
 #include <nanobind/stl/string.h>
 #include <variant>
 
@@ -22,8 +21,8 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   return fitted(view, volume, body);
 }
 
-std::vector<float> depths_of(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
-                             Progress& progress) {
+std::vector<float> tau_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
+                            Progress& progress) {
   const auto* camera = std::get_if<PinholeCamera>(&pose);
   if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
     if (camera)
@@ -36,33 +35,46 @@ std::vector<float> depths_of(const SpectralScan& scan, const Pose& pose, const A
                 : project(scan.native, std::get<View>(pose), opacity, progress).tau;
 }
 
+Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
+                     Progress& progress) {
+  const auto* opacity = std::get_if<Opacity>(&attenuation);
+  if (!opacity)
+    throw InputError("opacity {}: gradient takes no spectrum; give an opacity",
+                     std::get<Spectrum>(attenuation).name());
+  PoseGradient found = std::visit(
+      [&](const auto& one) { return project_with_gradient(scan.native, one, *opacity, progress); }, pose);
+  return {std::move(found.tau), std::move(found.gradient)};
+}
+
+/// The pictures of all poses, one behind the other.
 std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses,
-                                  const Attenuation& attenuation, Progress& progress) {
+                                  const Attenuation& attenuation, bool has_gradient, Progress& progress) {
   const DeviceUse device;
   const SpectralScan& resident = scan.resident(device);
   auto depths = std::make_shared<Depths>();
-  if (poses.size() == 1) {
-    depths->tau = depths_of(resident, poses.front(), attenuation, progress);
-    return depths;
+  for (const Pose& pose : poses) {
+    Depths one = has_gradient ? gradient_from(resident, pose, attenuation, progress)
+                              : Depths{tau_from(resident, pose, attenuation, progress), {}};
+    if (poses.size() == 1) {
+      *depths = std::move(one);
+      break;
+    }
+    depths->tau.insert(depths->tau.end(), one.tau.begin(), one.tau.end());
+    depths->gradient.insert(depths->gradient.end(), one.gradient.begin(), one.gradient.end());
   }
-  const glm::ivec2 size = size_of(poses.front());
-  const std::size_t pixels = static_cast<std::size_t>(size.x) * static_cast<std::size_t>(size.y);
-  depths->tau.resize(poses.size() * pixels);
-  for (std::size_t i = 0; i < poses.size(); ++i)
-    std::ranges::copy(depths_of(resident, poses[i], attenuation, progress),
-                      depths->tau.begin() + static_cast<std::ptrdiff_t>(i * pixels));
   return depths;
 }
 
 nb::object project_scan(HeldScan& scan, const PoseArguments& arguments, const nb::object& opacity,
-                        const nb::object& progress) {
+                        bool has_gradient, const nb::object& progress) {
   const Attenuation attenuation = attenuation_of(opacity);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     // Finding the body takes a while.
     return result_of(nb::none(), [&](Progress&) { return completed(view, has_centre, scan, DeviceUse()); });
   });
-  auto depths = result_of(
-      progress, [&](Progress& reported) { return projected(scan, poses.poses, attenuation, reported); });
+  auto depths = result_of(progress, [&](Progress& reported) {
+    return projected(scan, poses.poses, attenuation, has_gradient, reported);
+  });
   return frames_object(std::move(depths), std::move(poses));
 }
 
@@ -73,14 +85,14 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "project",
       [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
          nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt, const nb::object& opacity,
-         const nb::object& progress) {
+         bool gradient, const nb::object& progress) {
         return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                            progress);
+                            gradient, progress);
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
       nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
       nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
-      nb::arg("opacity") = "paper", nb::arg("progress") = nb::none(),
+      nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
@@ -90,7 +102,8 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "K, RT: instead of all these, as in OpenCV: 3 x 3 in pixels, and 3 x 4 or 4 x 4 from LPS mm to the "
       "camera's "
       "mm, z forward; the middle of pixel (0, 0) is at (0, 0). They take `size`.\n"
-      "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.");
+      "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.\n"
+      "gradient: also finds how tau changes with the pose; see Frame.gradient.");
 }
 
 }  // namespace xraycast::python

@@ -131,3 +131,36 @@ def test_frames_are_written(body, tmp_path):
     assert "LAO 30" in repr(frame) and frame.shape == (48, 64)
     with pytest.raises(xc.InputError, match="by K and RT"):
         body.project(K=K, RT=RT, size=(20, 20)).write(tmp_path / "frame.exr")
+
+
+def motion(component, amount, centre):
+    """4 x 4: a translation along an axis in mm, or a rotation in rad about it through `centre`."""
+    matrix = np.eye(4)
+    if component < 3:
+        matrix[component, 3] = amount
+        return matrix
+    u, v = (component - 2) % 3, (component - 1) % 3  # from u towards v
+    matrix[u, u] = matrix[v, v] = np.cos(amount)
+    matrix[v, u], matrix[u, v] = np.sin(amount), -np.sin(amount)
+    matrix[:3, 3] = centre - matrix[:3, :3] @ centre
+    return matrix
+
+
+def test_gradients_predict_the_next_picture(body):
+    size, cone = (48, 36), (1000, 1500)
+    before = body.project(20, 5, size, cone, gradient=True)
+    assert before.gradient.shape == (36, 48, 6) and before.gradient.dtype == np.float32
+    rt = np.vstack([before.RT, [0, 0, 0, 1]])
+    for component in range(6):
+        step = 0.05 if component < 3 else 5e-4  # mm, rad
+        after = [body.project(K=before.K, RT=rt @ np.linalg.inv(motion(component, amount, body.centre_mm)), size=size)
+                 for amount in (step, -step)]
+        difference = (after[0].tau - after[1].tau) / (2 * step)
+        # Voxels of 4 mm have edges, where differences over 0.1 mm see two slopes.
+        error = difference - before.gradient[..., component]
+        assert np.linalg.norm(error) < 0.05 * np.linalg.norm(difference)
+    lists = body.project([20, 30], 5, size, cone, pixel_mm=before.pixel_mm, gradient=True)
+    assert lists.gradient.shape == (2, 36, 48, 6)
+    assert np.array_equal(lists[0].gradient, before.gradient) and np.array_equal(lists.gradient[1], lists[1].gradient)
+    with pytest.raises(xc.InputError, match="gradient=True"):
+        body.project().gradient

@@ -169,6 +169,31 @@ double project_onto(const XrcDetector& detector, const ResidentScan& scan, const
   return kernel_ms;
 }
 
+PoseGradient gradient_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
+                           Progress& progress) {
+  ComputeDevice& device = scan.device();
+  const DeviceOpacity device_opacity(device, opacity);
+  PoseGradient found;
+  found.tau.resize(static_cast<std::size_t>(detector.width) * static_cast<std::size_t>(detector.height));
+  found.gradient.resize(6 * found.tau.size());
+  const auto buffer_for = [&](const std::vector<float>& values) {
+    return device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(values.size() * sizeof(float)));
+  };
+  const cl::Buffer tau = buffer_for(found.tau), gradient = buffer_for(found.gradient);
+  const glm::vec3 centre(0.5 * glm::dvec3(scan.geometry().size - Index3(1)));
+
+  cl::Kernel kernel = device.kernel("joseph_gradient", "project_gradient",
+                                    device_opacity.build_options() + scan.build_options());
+  set_args(kernel, scan.voxels(), scan.layout(), detector, cl_float4{{centre.x, centre.y, centre.z, 0}},
+           device_opacity.parameters(), device_opacity.table(), tau, gradient);
+  progress.begin("projecting", detector.height, "rows");
+  device.run(kernel, {detector.width, detector.height, 1}, {8, 8, 1});
+  device.download(tau, std::span(found.tau));
+  device.download(gradient, std::span(found.gradient));
+  progress.advance(detector.height);
+  return found;
+}
+
 }  // namespace
 
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
@@ -185,6 +210,17 @@ std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera
   std::vector<float> depths;
   project_onto(detector_of(camera, scan.geometry()), scan, opacity, progress, sampling, depths);
   return depths;
+}
+
+PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                                   Progress& progress) {
+  return gradient_onto(detector_of(view, scan.geometry(), {}), scan, opacity, progress);
+}
+
+PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+                                   const Opacity& opacity, Progress& progress) {
+  validate(camera, "camera");
+  return gradient_onto(detector_of(camera, scan.geometry()), scan, opacity, progress);
 }
 
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,

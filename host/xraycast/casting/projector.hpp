@@ -50,6 +50,19 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
 std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
                            Progress& progress, Sampling sampling = Sampling::but_constant_blocks);
 
+/// Optical depths with their derivatives by the pose of source and detector, which move like a rigid body:
+/// six numbers a pixel, by their translation in mm along x, y and z, and by their rotation in rad about x, y
+/// and z through the middle of the scan.
+struct PoseGradient {
+  std::vector<float> tau, gradient;
+};
+
+/// The derivatives of Joseph's sum itself: exact where no ray lies on a voxel's edge. Otherwise as `project`.
+PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                                   Progress& progress);
+PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+                                   const Opacity& opacity, Progress& progress);
+
 /// The same along any lines, for detectors that are not flat: one optical depth per segment. Throws
 /// InputError when an end is not finite or farther than a kilometre.
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,
