@@ -18,7 +18,9 @@ class _Stopped(BaseException):
 
 
 def main(arguments=None):
-    parsed = _parser().parse_args(arguments)
+    given, further = _split(sys.argv[1:] if arguments is None else list(arguments))
+    parsed = _parser().parse_args(given)
+    parsed.run_arguments = further
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, _stop)
     try:
@@ -32,6 +34,14 @@ def main(arguments=None):
         return _fail(error, DEVICE_FAILED)
     except (Error, OSError) as error:
         return _fail(error, FAILED)
+
+
+def _split(arguments):
+    """What stands before and after `--`."""
+    if "--" not in arguments:
+        return arguments, []
+    at = arguments.index("--")
+    return arguments[:at], arguments[at + 1:]
 
 
 def _stop(number, frame):
@@ -78,8 +88,11 @@ def _report_counts(counts, parsed):
 
 
 def _options_of(parsed):
+    steps = steps_of(parsed.steps)
+    if parsed.catheter and not {"segment", "frames"} <= set(steps):
+        raise InputError("--catheter: needs the vessels; give --steps segment,frames")
     opacity, digest = opacity_of(parsed.opacity)
-    return Options(steps=steps_of(parsed.steps), layers=parsed.layers, angles=parsed.angles, opacity=opacity,
+    return Options(steps=steps, layers=parsed.layers, angles=parsed.angles, opacity=opacity,
                    opacity_digest=digest, frames=parsed.frames, size=parsed.size, seed=parsed.seed,
                    poses=poses_of(parsed.poses) if parsed.poses else (), catheter=parsed.catheter)
 
@@ -125,8 +138,8 @@ def _add_run(parser):
     _add_source_and_output(parser)
     what = parser.add_argument_group("what to do with each scan")
     what.add_argument("--steps", default="info,cast", help="of info, cast, segment, frames (info,cast)")
-    what.add_argument("--layers", type=_whole(1, 4096), default=1, help="of the body map (1)")
-    what.add_argument("--angles", type=_whole(1, 65536), default=360, help="of the body map (360)")
+    what.add_argument("--layers", type=_whole(1, 256), default=1, help="of the body map (1)")
+    what.add_argument("--angles", type=_whole(1, 16384), default=360, help="of the body map (360)")
     what.add_argument("--opacity", default="paper", help="name or JSON file (paper)")
     what.add_argument("--frames", type=_whole(1, 100000), default=16, help="training frames a scan (16)")
     what.add_argument("--size", type=_size, default=(512, 512), metavar="WxH", help="of a frame, pixels (512x512)")
@@ -161,7 +174,7 @@ def _add_slurm(parser):
     parser.set_defaults(function=_slurm)
     _add_source_and_output(parser)
     parser.add_argument("--array", type=_whole(1, 100000), default=100, metavar="N", help="tasks of the array (100)")
-    parser.add_argument("run_arguments", nargs=argparse.REMAINDER, metavar="-- …", help="further arguments of `run`")
+    parser.epilog = "Arguments of `run` follow after --."
 
 
 def _absolute(text):

@@ -15,6 +15,7 @@ from .._errors import Error, InputError
 from .task import probe
 
 ANSWER_S = 5
+CLOSE_S = 2
 WORKER_S = 60
 
 
@@ -45,7 +46,7 @@ def address_of(workers):
         yield cluster.scheduler_address
     finally:
         with contextlib.suppress(Exception):
-            cluster.close(timeout=ANSWER_S)
+            cluster.close(timeout=CLOSE_S)
 
 
 def _silence_dask():

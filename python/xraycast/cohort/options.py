@@ -1,9 +1,12 @@
 """What to do with each scan; the same for all of a run."""
+import csv
 import dataclasses
 import hashlib
 import json
+import math
 import pathlib
 
+from .. import _core
 from .._errors import InputError
 
 STEPS = ("info", "cast", "segment", "frames")
@@ -41,21 +44,27 @@ def steps_of(text):
 def opacity_of(name):
     """An opacity's name or absolute path, and the digest of its file. Throws InputError."""
     if not name.endswith(".json"):
+        if not name.startswith("spectrum:"):
+            _core.Opacity.named(name)  # throws where there is none
         return name, ""
     path = pathlib.Path(name).resolve()
     try:
-        return str(path), hashlib.sha256(path.read_bytes()).hexdigest()
+        digest = hashlib.sha256(path.read_bytes()).hexdigest()
     except OSError as error:
         raise InputError(f"--opacity {name}: {error.strerror}; name a file that can be read") from None
+    _core.Opacity.named(str(path))
+    return str(path), digest
 
 
 def poses_of(path):
     """Pairs of angles from a CSV file with the columns lao and cranial. Throws InputError."""
-    import csv
     try:
         with open(path, newline="", encoding="utf-8") as file:
-            return tuple((float(row["lao"]), float(row["cranial"])) for row in csv.DictReader(file))
+            poses = tuple((float(row["lao"]), float(row["cranial"])) for row in csv.DictReader(file))
     except OSError as error:
         raise InputError(f"--poses {path}: {error.strerror}; name a file that can be read") from None
     except (KeyError, TypeError, ValueError):
-        raise InputError(f"--poses {path}: must have the columns lao and cranial, in degrees") from None
+        poses = ()
+    if not poses or not all(math.isfinite(angle) for pose in poses for angle in pose):
+        raise InputError(f"--poses {path}: must have the columns lao and cranial, in degrees, and a line for each pose")
+    return poses

@@ -1,6 +1,7 @@
 """xraycast-cohort run: every scan of a cohort that has no outputs yet."""
 import dataclasses
 import pathlib
+import zlib
 
 from .._errors import Error
 from .cluster import address_of, check_workers, local_threads
@@ -46,7 +47,7 @@ def run_cohort(run):
     """Returns the counts. Throws InputError, Error, OSError."""
     scans = read_cohort(run.source)
     if run.part:
-        scans = scans[run.part[0]::run.part[1]]
+        scans = [scan for scan in scans if _part_of(scan, run.part[1]) == run.part[0]]
     try:
         run.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -126,6 +127,11 @@ class _Session:
 
     def _show(self):
         self._progress.show(self._counts.ended, self._counts.bad + self._counts.bad_before)
+
+
+def _part_of(scan, count):
+    """By the name, so that a scan's part does not change when others are added."""
+    return zlib.crc32(scan.name.encode()) % count
 
 
 def _chain(first, rest):

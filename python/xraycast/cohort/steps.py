@@ -1,4 +1,4 @@
-"""What is made of a scan, a function a step: (scan, folder, options, made), where made holds what earlier steps left."""
+"""What is made of a scan, a function a step: (scan, folder, options, made), where made holds the name and what earlier steps left."""
 import json
 
 import numpy as np
@@ -31,7 +31,7 @@ def segment(scan, folder, options, made):
 
 def frames(scan, folder, options, made):
     from .frames import write_frames
-    write_frames(scan, folder / "frames", options, made.get("vessels"))
+    write_frames(scan, folder / "frames", options, made.get("vessels"), made["name"])
 
 
 ALL = {"info": info, "cast": cast, "segment": segment, "frames": frames}

@@ -44,7 +44,7 @@ def _made(scan, options, record, place):
             clock.lap("fetch")
             opened = _core.open(path)
         clock.lap("read")
-        made = {}
+        made = {"name": scan.name}
         for step in options.steps:
             ALL[step](opened, folder, options, made)
             clock.lap(step)
