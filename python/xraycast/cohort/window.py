@@ -14,6 +14,7 @@ from .task import attempt, error_of, new_record
 
 FUTURES_A_THREAD = 3
 COUNT_INTERVAL_S = 2.0
+MOST_EVENTS = 500
 
 
 @dataclasses.dataclass
@@ -56,7 +57,7 @@ class Window:
                 has_more = has_more and job is not None
                 if job:
                     self._submit(job)
-            self._take_event()
+            self._take_events()
             on_wait()
 
     def close(self):
@@ -111,15 +112,35 @@ class Window:
                                         resources=self._resources or None)
         job.future.add_done_callback(lambda future: self._events.put(("ended", future)))
 
-    def _take_event(self):
+    def _take_events(self):
+        """All that there are, after a wait for the first: results are fetched together."""
+        events = []
         try:
-            kind, what = self._events.get(timeout=0.2)
+            events.append(self._events.get(timeout=0.2))
+            while len(events) < MOST_EVENTS:
+                events.append(self._events.get_nowait())
         except queue.Empty:
-            return
-        if kind == "began":
-            self._note_begin(what)
-        else:
-            self._note_end(what)
+            pass
+        for kind, what in events:
+            if kind == "began":
+                self._note_begin(what)
+        ended = [what for kind, what in events if kind == "ended" and self._is_awaited(what)]
+        records = self._fetch([future for future in ended if future.status == "finished"])
+        for future in ended:
+            self._note_end(self._jobs.pop(future.key), future, records)
+
+    def _is_awaited(self, future):
+        job = self._jobs.get(future.key)
+        return job is not None and job.future is future and future.status != "pending"
+
+    def _fetch(self, futures):
+        """Records by key, of those that are still there."""
+        if not futures:
+            return {}
+        try:
+            return self.client.gather({future.key: future for future in futures}, errors="skip")
+        except Exception:  # the scheduler died with the results; what their workers published is not lost
+            return {}
 
     def _note_begin(self, event):
         job = self._jobs.get(event["key"])
@@ -129,31 +150,16 @@ class Window:
             self._record_death(job, "WorkerDied", "its worker died, by a crash, for want of memory, or killed")
         job.began_on = event["worker"]
 
-    def _note_end(self, future):
-        job = self._jobs.get(future.key)
-        if job is None or job.future is not future:
-            return
-        status = future.status
-        if status == "pending":
-            return
-        del self._jobs[future.key]
-        if status == "finished":
-            self._finish(job, future)
-        elif status == "error" and isinstance(error := future.exception(), KilledWorker):
+    def _note_end(self, job, future, records):
+        if future.key in records:
+            self._end(job, records[future.key])
+        elif future.status == "error" and isinstance(error := future.exception(), KilledWorker):
             self._record_death(job, "KilledWorker", "its workers died, by crashes, for want of memory, or killed, "
                                f"{error.allowed_failures + 1} times; see the worker's log")
-        elif status == "error":
-            self._end(job, {**new_record(job.scan, job.hash, job.began_on), "error": error_of(error, job.scan)})
+        elif future.status == "error":
+            self._end(job, {**new_record(job.scan, job.hash, job.began_on), "error": error_of(future.exception(), job.scan)})
         else:
             self._give_again(job)
-
-    def _finish(self, job, future):
-        try:
-            record = future.result(timeout=60)
-        except Exception:  # the worker or the scheduler died with the result
-            self._give_again(job)
-            return
-        self._end(job, record)
 
     def _end(self, job, record):
         job.tries += 1
