@@ -13,6 +13,7 @@ CONE_MM = (1000, 1500)  # source to isocentre, source to detector
 LAO_DEG, CRANIAL_DEG = 90, 40  # random poses lie within these on either side
 MOST_CONTRAST_PER_MM = 0.03  # of optical depth: some 15 mg of iodine per ml at 80 kV
 CATHETER_RADIUS_MM, CATHETER_PER_MM = 0.83, 0.15  # 5 F; the walls are made to be seen
+AIR_TAU = 0.5  # beside the body
 SPEED_MM_PER_MS = 0.1
 VESSEL, CATHETER = 1, 2
 CATEGORIES = [{"id": VESSEL, "name": "vessel"}, {"id": CATHETER, "name": "catheter", "keypoints": ["tip"], "skeleton": []}]
@@ -109,10 +110,11 @@ class Picture:
         self._labels.append((CATHETER, thickness_mm > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))
 
     def write(self, path):
+        """Logarithmic, as fluoroscopes show it: grey values fall with the optical depth, over the range that the body has."""
         from PIL import Image
-        transmission = np.exp(-self._tau)
-        low, high = np.percentile(transmission, (0.5, 99.5))
-        greys = np.clip((transmission - low) / max(high - low, 1e-6), 0, 1)
+        body = self._tau[self._tau > AIR_TAU]
+        low, high = np.percentile(body, (1, 99.8)) if body.size else (0, 1)
+        greys = np.clip((high - self._tau) / max(high - low, 1e-6), 0, 1)
         Image.fromarray(np.round(255 * greys).astype(np.uint8)).save(path)
 
     def describe(self, document, number, file):
