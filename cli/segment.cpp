@@ -18,6 +18,7 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
+#include <utility>
 
 namespace xraycast::cli {
 namespace {
@@ -80,6 +81,16 @@ Mask selected_components(const Mask& mask, const Markers& markers, const std::st
   return kept;
 }
 
+SegmentedVessels found_vessels(const Volume& volume, const SegmentOptions& segmenting,
+                               const SegmentArguments& options, ComputeDevice& device, Session& session) {
+  if (options.from_mask.empty())
+    return segment_vessels(volume, segmenting, options.input, device, session.progress);
+  Mask mask = selected_components(read_mask(options.from_mask, volume.geometry(), session.progress),
+                                  segmenting.markers, options.from_mask, session);
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill), {}};
+}
+
 /// Text on how several components of the mask were linked to one tree.
 std::string linked(const Centrelines& found) {
   std::string words;
@@ -131,7 +142,8 @@ void segment(const SegmentArguments& options, Session& session) {
   if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
   const fs::path folder = options.folder;
   check_folder(folder,
-               {"mask.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"},
+               {"mask.nrrd", "lumen.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl",
+                "report.png"},
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
@@ -140,11 +152,8 @@ void segment(const SegmentArguments& options, Session& session) {
   const Volume volume = collect(*scan.source, progress);
   ComputeDevice device(session.device);
 
-  const Mask mask = options.from_mask.empty()
-                        ? segment_mask(volume, segmenting, options.input, device, progress)
-                        : selected_components(read_mask(options.from_mask, volume.geometry(), progress),
-                                              segmenting.markers, options.from_mask, session);
-  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm);
+  const auto [mask, fill, scale] = found_vessels(volume, segmenting, options, device, session);
+  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm, &fill);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;
     check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm,
@@ -158,6 +167,7 @@ void segment(const SegmentArguments& options, Session& session) {
   make_folder(folder, "-o " + options.folder);
   OutputSet outputs;  // a mask beside another scan's report would be misleading
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_shares(fill.geometry, fill.shares, folder / "lumen.nrrd");
   write_dicom_mask(mask, scan.info, options, folder);
   write_tree(centrelines.tree, folder / "tree.vtp");
   write_tree(centrelines.tree, folder / "tree.json");
@@ -176,6 +186,11 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
                   {"no_seg", why_none.empty() ? Json() : Json(why_none)},
                   {"voxels", mask.count()},
+                  {"lumen_mm3", fill.volume_mm3()},
+                  {"evidence", scale ? Json{{"lumen_hu", scale->lumen_hu},
+                                            {"noise_hu", scale->noise_hu},
+                                            {"blur_vox", scale->blur_vox}}
+                                     : Json()},
                   {"branches", centrelines.tree.branches().size()},
                   {"loops", centrelines.loops},
                   {"gaps_mm", centrelines.gaps_mm},

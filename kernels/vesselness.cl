@@ -110,12 +110,23 @@ static float sample(global const float* v, const int4 size, const float3 p) {
 
 /* Ridge strength: the largest line integral through each voxel. Of each direction the weaker of its two arms'
  * weighted means counts, so that a bright structure on one side only is no ridge; a step is one voxel.
- * Weights are of distances 0 to reach; both arms together add up to 1. */
+ * Weights are of distances 0 to reach; both arms together add up to 1. Where a voxel and its neighbours are
+ * below `least`, no line is tried, and the strength is 0. */
 kernel void ridge_strength(global const float* source, global float* target, const int4 size,
                            constant float4* directions, const int count, constant float* weights,
-                           const int reach) {
+                           const int reach, const float least) {
   const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (x >= size.x || y >= size.y || z >= size.z) return;
+  float around = -FLT_MAX;
+  for (int k = 0; k < 27; ++k) {
+    const int i = clamped(x + k % 3 - 1, size.x), j = clamped(y + k / 3 % 3 - 1, size.y),
+              l = clamped(z + k / 9 - 1, size.z);
+    around = max(around, source[(l * size.y + j) * size.x + i]);
+  }
+  if (around < least) {
+    target[(z * size.y + y) * size.x + x] = 0;
+    return;
+  }
   const float3 here = (float3)(x, y, z);
   const float centre = weights[0] * source[(z * size.y + y) * size.x + x];
   float best = -FLT_MAX;

@@ -89,14 +89,14 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
 }
 
 cl::Buffer BlockFilter::ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
-                                       int directions) {
+                                       int directions, double least) {
   const std::vector<float> weights = gaussian_weights(sigma_vox, reach_vox);
   const std::vector<cl_float4> spread = spread_directions(directions);
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
                    device_spread = device_.upload(std::span(spread));
   cl::Buffer target = block();
   run("ridge_strength", values, target, device_spread, static_cast<cl_int>(directions), device_weights,
-      static_cast<cl_int>(reach_vox));
+      static_cast<cl_int>(reach_vox), static_cast<cl_float>(least));
   return target;
 }
 

@@ -31,7 +31,9 @@ class BlockFilter {
 
   /// Ridge strength by oriented line integrals: the largest over `directions` of the weaker of a line's two
   /// arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
-  cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
+  /// It is 0 where a voxel and its neighbours are below `least`.
+  cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions,
+                            double least);
 
  private:
   cl::Buffer block();

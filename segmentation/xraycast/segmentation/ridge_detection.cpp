@@ -1,10 +1,8 @@
 #include "xraycast/segmentation/ridge_detection.hpp"
 
 #include "xraycast/mask/components.hpp"
-#include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/segmentation/block_filter.hpp"
-#include "xraycast/segmentation/contrast.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -30,40 +28,6 @@ Mask above(const std::vector<float>& values, const VolumeGeometry& grid, double 
   std::ranges::transform(values, mask.voxels.begin(),
                          [&](float v) { return static_cast<std::uint8_t>(v > threshold); });
   return mask;
-}
-
-Mask large_components(const Mask& mask, std::int64_t min_voxels) {
-  const Components components(mask);
-  std::vector<bool> keep;
-  for (int c = 0; c < components.count(); ++c) keep.push_back(components.voxels(c) >= min_voxels);
-  return components.select(keep);
-}
-
-/// `strong` with the components of `weak` that touch two of its own or more.
-Mask with_weak_links(const Mask& strong, const Mask& weak) {
-  const Components strong_components(strong), weak_components(weak);
-  std::vector<std::int32_t> component_of(strong.voxels.size(), -1);
-  for (const Components::Run& run : strong_components.runs())
-    std::fill_n(component_of.begin() + run.first, run.length, run.component);
-  std::vector<std::int32_t> touched(static_cast<std::size_t>(weak_components.count()), -1);
-  std::vector<bool> is_link(touched.size());
-  for (const Components::Run& run : weak_components.runs()) {
-    const auto weak_component = static_cast<std::size_t>(run.component);
-    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
-      const Index3 voxel = voxel_at(strong.geometry, i);
-      for (const Index3& step : kNeighbours) {
-        if (!strong.at(voxel + step)) continue;
-        const std::int32_t component = component_of[strong.offset(voxel + step)];
-        std::int32_t& other = touched[weak_component];
-        if (other >= 0 && other != component) is_link[weak_component] = true;
-        other = component;
-      }
-    }
-  }
-  Mask result = weak_components.select(is_link);
-  for (std::size_t i = 0; i < result.voxels.size(); ++i)
-    if (strong.voxels[i] != 0) result.voxels[i] = 1;
-  return result;
 }
 
 /// The components of a mask that hold a voxel of `core`.
@@ -129,61 +93,87 @@ Spread spread_of(const std::vector<float>& values) {
 
 }  // namespace
 
-bool is_dominated_by_noise(const Volume& volume) {
-  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
-  return measure_noise_hu(volume) > 0.1 * (highest - lowest);
+Mask large_components(const Mask& mask, std::int64_t min_voxels) {
+  const Components components(mask);
+  std::vector<bool> keep;
+  for (int c = 0; c < components.count(); ++c) keep.push_back(components.voxels(c) >= min_voxels);
+  return components.select(keep);
+}
+
+Mask with_weak_links(const Mask& strong, const Mask& weak) {
+  const Components strong_components(strong), weak_components(weak);
+  std::vector<std::int32_t> component_of(strong.voxels.size(), -1);
+  for (const Components::Run& run : strong_components.runs())
+    std::fill_n(component_of.begin() + run.first, run.length, run.component);
+  std::vector<std::int32_t> touched(static_cast<std::size_t>(weak_components.count()), -1);
+  std::vector<bool> is_link(touched.size());
+  for (const Components::Run& run : weak_components.runs()) {
+    const auto weak_component = static_cast<std::size_t>(run.component);
+    for (std::int64_t i = run.first; i < run.first + run.length; ++i) {
+      const Index3 voxel = voxel_at(strong.geometry, i);
+      for (const Index3& step : kNeighbours) {
+        if (!strong.at(voxel + step)) continue;
+        const std::int32_t component = component_of[strong.offset(voxel + step)];
+        std::int32_t& other = touched[weak_component];
+        if (other >= 0 && other != component) is_link[weak_component] = true;
+        other = component;
+      }
+    }
+  }
+  Mask result = weak_components.select(is_link);
+  for (std::size_t i = 0; i < result.voxels.size(); ++i)
+    if (strong.voxels[i] != 0) result.voxels[i] = 1;
+  return result;
 }
 
 std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device) {
   constexpr double kAcross_vox = 0.5, kAlong_vox = 3.5;
   constexpr int kDirections = 64;
-  return filtered(volume, device, kHalo + kReach_vox, [](BlockFilter& block, const cl::Buffer& values) {
+  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  const double least_hu = 0.01 * (highest - lowest);
+  return filtered(volume, device, kHalo + kReach_vox, [=](BlockFilter& block, const cl::Buffer& values) {
     return block.ridge_strength(difference_of_gaussians(block, values, kAcross_vox), kAlong_vox, kReach_vox,
-                                kDirections);
+                                kDirections, least_hu);
   });
 }
 
-std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, ComputeDevice& device) {
+std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, ComputeDevice& device,
+                                     double least_unit_hu) {
   std::vector<float> contrast =
       filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
         return difference_of_gaussians(block, values, across_vox);
       });
   const auto [median, spread] = spread_of(contrast);
-  for (float& v : contrast) v = spread > 0 ? static_cast<float>((v - median) / spread) : 0;  // mostly padding
+  const double unit = std::max(spread, least_unit_hu);
+  for (float& v : contrast)
+    v = unit > 0 ? static_cast<float>((static_cast<double>(v) - median) / unit) : 0;  // mostly padding
   return contrast;
 }
 
-Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& grid) {
-  constexpr double kStrong = 4.25, kWeak = 3;
+double strong_ridge(const std::vector<float>& strength) {
+  constexpr double kStrong = 4.25;
+  const auto [median, spread] = spread_of(strength);
+  return median + kStrong * spread;
+}
+
+Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& grid, double least) {
+  constexpr double kWeak = 3, kWeakOfLeast = 0.7;
   constexpr std::int64_t kMinVoxels = 5, kCertainVoxels = 2 * kReach_vox;
   const auto [median, spread] = spread_of(strength);
-  if (!(spread > 0)) return Mask(grid);  // mostly padding
-  const Mask strong = large_components(above(strength, grid, median + kStrong * spread), kMinVoxels);
-  Mask weak = above(strength, grid, median + kWeak * spread);
+  const double strong_limit = std::max(strong_ridge(strength), least),
+               weak_limit = std::max(median + kWeak * spread, kWeakOfLeast * least);
+  const Mask strong = large_components(above(strength, grid, strong_limit), kMinVoxels);
+  Mask weak = above(strength, grid, weak_limit);
   for (std::size_t i = 0; i < weak.voxels.size(); ++i)
     if (strong.voxels[i] != 0) weak.voxels[i] = 0;
   return components_with(with_weak_links(strong, weak), large_components(strong, kCertainVoxels));
 }
 
-Mask recover_lumen(const Mask& ridges, const std::vector<float>& contrast) {
-  constexpr float kOfLargest = 0.133F;
+PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast) {
   constexpr double kMinOfASpur = 2.5;
-  float largest = 0;
-  for (std::size_t i = 0; i < contrast.size(); ++i)
-    if (ridges.voxels[i] != 0) largest = std::max(largest, contrast[i]);
-  if (!(largest > 0)) return ridges;  // of a scan that is mostly padding nothing more is known
-  Mask vessels = thin(ridges);
-  const Mask pruned = prune_dark_spurs(vessels, contrast, kMinOfASpur);
-  const std::vector<float> to_vessels_mm = distance_to_foreground_mm(vessels),
-                           to_pruned_mm = distance_to_foreground_mm(pruned);
-  for (std::size_t i = 0; i < contrast.size(); ++i) {
-    if (contrast[i] < kOfLargest * largest || to_pruned_mm[i] < to_vessels_mm[i]) continue;
-    const Index3 voxel = voxel_at(ridges.geometry, static_cast<std::int64_t>(i));
-    if (ridges.voxels[i] != 0 || std::any_of(kNeighbours.begin(), kNeighbours.begin() + 18,
-                                             [&](const Index3& step) { return ridges.at(voxel + step); }))
-      vessels.voxels[i] = 1;
-  }
-  return vessels;
+  Mask kept = thin(vessels);
+  Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur);
+  return {std::move(kept), std::move(pruned)};
 }
 
 }  // namespace xraycast

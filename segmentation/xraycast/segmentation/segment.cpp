@@ -11,9 +11,8 @@
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
-#include "xraycast/segmentation/ridge_detection.hpp"
-#include "xraycast/segmentation/ridge_tracking.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
+#include "xraycast/segmentation/vessel_evidence.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -93,23 +92,24 @@ bool has_air(const Volume& volume) {
   return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
 }
 
-/// In noise so heavy that neither bone nor chambers can be recognised, vessels are found as ridges.
-Mask segment_in_noise(const Volume& volume, const Markers& markers, const std::string& name,
-                      ComputeDevice& device, Progress& progress) {
-  constexpr double kTracking_vox = 0.7, kLumen_vox = 0.8;
-  progress.begin("detecting ridges", 2, "scans");
-  Mask ridges = detect_ridges(ridge_strength(volume, device), volume.geometry());
-  progress.advance();
-  ridges = united(track_ridges(contrast_to_noise(volume, kTracking_vox, device), ridges, progress), ridges);
-  progress.advance();
-  Mask vessels = recover_lumen(ridges, contrast_to_noise(volume, kLumen_vox, device));
-  if (vessels.count() == 0)
+/// Vessels of a scan that shows nothing else bright, however thin, by the evidence of lumen in its voxels.
+SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& markers, const std::string& name,
+                                     ComputeDevice& device, Progress& progress) {
+  auto [mask, fill, scale] = find_vessels(volume, device, progress);
+  if (mask.count() == 0)
     throw InputError(
-        "{}: no vessel: no thin bright structure stands out from the noise; give a scan with less noise",
+        "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "
+        "window of the vessels' CT numbers",
         name);
-  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) return without_small_components(vessels);
-  separate_chambers(vessels, markers, name, progress);
-  return select_vessels(vessels, markers, name, progress);
+  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
+    mask = without_small_components(mask);
+  } else {
+    separate_chambers(mask, markers, name, progress);
+    mask = select_vessels(mask, markers, name, progress);
+  }
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+    if (mask.voxels[i] == 0) fill.shares[i] = 0;
+  return {std::move(mask), std::move(fill), scale};
 }
 
 }  // namespace
@@ -154,13 +154,12 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
       "{}: no vessel: no bright structure is longer than it is wide; give a seed, a point in a vessel", name);
 }
 
-Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress) {
-  check(volume, options, name);
-  progress.begin("contrast", 5, "passes");
-  if (!options.window_hu && is_dominated_by_noise(volume))
-    return segment_in_noise(volume, options.markers, name, device, progress);
-  progress.advance();
+namespace {
+
+/// The steps for a scan that shows more than vessels, or whose window is given.
+Mask segment_by_thresholds(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                           ComputeDevice& device, Progress& progress) {
+  progress.begin("contrast", 4, "passes");
   std::optional<Volume> quiet = denoised(volume, device);
   progress.advance();
   const Volume& scan = quiet ? *quiet : volume;
@@ -206,6 +205,23 @@ Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std
   fill_holes(vessels, kStrut_mm2);
   progress.advance();
   return vessels;
+}
+
+}  // namespace
+
+SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                                 ComputeDevice& device, Progress& progress) {
+  check(volume, options, name);
+  if (!options.window_hu && !has_air(volume))
+    return segment_by_evidence(volume, options.markers, name, device, progress);
+  Mask mask = segment_by_thresholds(volume, options, name, device, progress);
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill), {}};
+}
+
+Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                  ComputeDevice& device, Progress& progress) {
+  return segment_vessels(volume, options, name, device, progress).mask;
 }
 
 }  // namespace xraycast

@@ -3,6 +3,8 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/segmentation/lumen_fill.hpp"
+#include "xraycast/segmentation/lumen_scale.hpp"
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
@@ -20,12 +22,24 @@ struct SegmentOptions {
   Markers markers;  ///< seeds, excluded structures, and the largest radius
 };
 
-/// The vessels' mask on the scan's own grid, by the steps in this folder: denoising where noise is heavy,
-/// thresholds, removal of bone, separation of chambers, removal of trabecular bone, closing of the gaps that
-/// both have left, and the selection of components by select_vessels. A stage of `progress` for each step.
+/// Vessels on a scan's own grid.
+struct SegmentedVessels {
+  Mask mask;
+  LumenFill fill;                   ///< how full of lumen voxels are
+  std::optional<LumenScale> scale;  ///< what was measured on the vessels, where find_vessels found them
+};
+
+/// Segments vessels by the steps in this folder: denoising where noise is heavy, thresholds, removal of bone,
+/// separation of chambers, removal of trabecular bone, closing of the gaps that both have left, and the
+/// selection of components by select_vessels. A scan without air, of vessels alone, is segmented by
+/// find_vessels instead, unless a window is given. A stage of `progress` for each step.
 ///
 /// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
 /// fewer than 10 slices.
+SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                                 ComputeDevice& device, Progress& progress);
+
+/// Their mask alone.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   ComputeDevice& device, Progress& progress);
 
