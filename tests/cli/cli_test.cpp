@@ -951,10 +951,18 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
 TEST_F(Cli, SegmentsAPhantomsVessels) {
   output_of("phantom thorax -o @/thorax.nrrd --spacing 2 --truth @/truth -q");
   const Json json = json_of("segment @/thorax.nrrd -o @/vessels -q");
-  EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "seg", "no_seg", "voxels", "branches", "loops",
-                                         "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
-  for (const char* name : {"mask.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
+  EXPECT_THAT(keys_of(json),
+              ElementsAre("input", "folder", "seg", "no_seg", "voxels", "lumen_mm3", "evidence", "branches",
+                          "loops", "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
+  for (const char* name :
+       {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
+  // A map of floats that other programs and we read, between its mask's volume and three quarters of it.
+  EXPECT_EQ(json_of("info @/vessels/lumen.nrrd -q")["volume"]["size"],
+            json_of("info @/thorax.nrrd -q")["volume"]["size"]);
+  const double mask_mm3 = 8.0 * json["voxels"].get<double>();
+  EXPECT_LT(json["lumen_mm3"], mask_mm3);
+  EXPECT_GT(json["lumen_mm3"], 0.75 * mask_mm3);
   // A voxel of 2 mm is about as wide as the thinnest of the 24 branches; most are found.
   EXPECT_GE(json["branches"], 15);
   // The results serve a cast.

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mask/mask.hpp"
-#include "xraycast/segmentation/lumen_fill.hpp"
 
 #include <optional>
 #include <string>

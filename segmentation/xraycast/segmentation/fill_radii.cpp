@@ -7,6 +7,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdlib>
 #include <limits>
 #include <numbers>
 
@@ -79,19 +80,21 @@ std::vector<double> lengths_mm(const std::vector<VesselPoint>& points) {
   return lengths;
 }
 
-/// The sum of a few values before and after each; fewer near the ends.
+/// The weighted sum of values before and after each, fewer near the ends. Weights fall off, because a point
+/// owns one slice of voxels or two.
 std::vector<double> sums_around(const std::vector<double>& values, int reach) {
   const auto count = static_cast<int>(values.size());
   std::vector<double> sums(values.size());
   for (int i = 0; i < count; ++i)
     for (int k = std::max(i - reach, 0); k <= std::min(i + reach, count - 1); ++k)
-      sums[static_cast<std::size_t>(i)] += values[static_cast<std::size_t>(k)];
+      sums[static_cast<std::size_t>(i)] +=
+          (reach + 1 - std::abs(k - i)) * values[static_cast<std::size_t>(k)];
   return sums;
 }
 
 void set_radii(const std::vector<double>& lumen_mm3, double voxel_mm, double widest_vox,
                std::vector<VesselPoint>& points) {
-  constexpr int kReach = 3;
+  constexpr int kReach = 5;
   constexpr double kLeast_vox = 0.2;
   const std::vector<double> volumes_mm3 = sums_around(lumen_mm3, kReach),
                             along_mm = sums_around(lengths_mm(points), kReach);

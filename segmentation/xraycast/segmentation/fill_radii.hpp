@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/segmentation/lumen_fill.hpp"
 
 #include <vector>
 

@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/morphology.hpp"
@@ -12,7 +13,6 @@
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
-#include "xraycast/segmentation/vessel_evidence.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -95,7 +95,7 @@ bool has_air(const Volume& volume) {
 /// Vessels of a scan that shows nothing else bright, however thin, by the evidence of lumen in its voxels.
 SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& markers, const std::string& name,
                                      ComputeDevice& device, Progress& progress) {
-  auto [mask, fill, scale] = find_vessels(volume, device, progress);
+  auto [mask, fill, scale] = find_vessels(volume, measure_noise_hu(volume), device, progress);
   if (mask.count() == 0)
     throw InputError(
         "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "

@@ -1,10 +1,10 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/evidence/lumen_fill.hpp"
+#include "xraycast/evidence/lumen_scale.hpp"
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/segmentation/lumen_fill.hpp"
-#include "xraycast/segmentation/lumen_scale.hpp"
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 

@@ -11,8 +11,8 @@ namespace xraycast {
 /// is cut off, means are the contrasts themselves.
 class ScanResponse {
  public:
-  /// The background is the median, the noise that of measure_noise_hu.
-  explicit ScanResponse(const Volume& volume);
+  /// The background is the median.
+  ScanResponse(const Volume& volume, double noise_hu);
   ScanResponse(double background_hu, double noise_hu, double lowest_hu, double highest_hu);
 
   double noise_hu() const { return noise_hu_; }

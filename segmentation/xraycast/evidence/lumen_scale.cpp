@@ -1,4 +1,6 @@
-#include "xraycast/segmentation/lumen_scale.hpp"
+#include "xraycast/evidence/lumen_scale.hpp"
+
+#include "xraycast/evidence/scan_response.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -1,11 +1,12 @@
-#include "xraycast/segmentation/vessel_evidence.hpp"
+#include "xraycast/evidence/vessel_evidence.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/evidence/block_filter.hpp"
+#include "xraycast/evidence/ridge_detection.hpp"
+#include "xraycast/evidence/ridge_tracking.hpp"
+#include "xraycast/evidence/scan_response.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
-#include "xraycast/segmentation/block_filter.hpp"
-#include "xraycast/segmentation/ridge_detection.hpp"
-#include "xraycast/segmentation/ridge_tracking.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -228,11 +229,12 @@ double least_share(const LumenScale& scale) {
   return 0.045 + 0.13 * blur3 / (blur3 + 0.25) + 0.15 * std::min(scale.noise(), 0.5);
 }
 
-VesselEvidence find_vessels(const Volume& volume, ComputeDevice& device, Progress& progress) {
+VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device,
+                            Progress& progress) {
   constexpr double kLight_vox = 0.8, kNear_vox = 3.5;
   const VolumeGeometry& grid = volume.geometry();
   progress.begin("detecting ridges", 3, "passes");
-  const ScanResponse response(volume);
+  const ScanResponse response(volume, noise_hu);
   Field strength = ridge_strength(volume, device);
   progress.advance();
   const LumenScale scale = measure_scale(volume, response, strength, device);

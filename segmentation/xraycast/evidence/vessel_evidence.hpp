@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/evidence/lumen_fill.hpp"
+#include "xraycast/evidence/lumen_scale.hpp"
 #include "xraycast/opencl/compute_device.hpp"
-#include "xraycast/segmentation/lumen_fill.hpp"
-#include "xraycast/segmentation/lumen_scale.hpp"
 
 namespace xraycast {
 
@@ -19,8 +19,9 @@ struct VesselEvidence {
 /// kLeastRidge of the lumen's contrast, and what is half full, are candidates. The scan, smoothed the more
 /// the more noise there is, is deblurred within 2 voxels of them (Richardson 1972, Lucy 1974); voxels beside
 /// a candidate are in the mask when their share exceeds `least_share`, in vessels wider than four voxels when
-/// it exceeds one half. Two stages of `progress`. Throws DeviceError.
-VesselEvidence find_vessels(const Volume& volume, ComputeDevice& device, Progress& progress);
+/// it exceeds one half. `noise_hu` is the noise's standard deviation. Two stages of `progress`. Throws
+/// DeviceError.
+VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device, Progress& progress);
 
 /// By how much a scan is smoothed before its voxels' shares are estimated, in voxels.
 double smoothing_vox(const LumenScale& scale);

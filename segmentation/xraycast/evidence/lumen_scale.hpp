@@ -1,11 +1,11 @@
 #pragma once
 
-#include "xraycast/segmentation/scan_response.hpp"
-
 #include <cstddef>
 #include <vector>
 
 namespace xraycast {
+
+class ScanResponse;
 
 /// The lumen's contrast and the scan's own blur, by which brightness tells how full of lumen a voxel is.
 struct LumenScale {

@@ -1,6 +1,8 @@
-#include "xraycast/segmentation/lumen_fill.hpp"
+#include "xraycast/evidence/lumen_fill.hpp"
 
 #include "xraycast/base/parallel.hpp"
+
+#include <glm/common.hpp>
 
 #include <algorithm>
 #include <cmath>

@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/block_filter.hpp"
+#include "xraycast/evidence/block_filter.hpp"
 
 #include <algorithm>
 #include <cmath>

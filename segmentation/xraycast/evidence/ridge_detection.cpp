@@ -1,8 +1,8 @@
-#include "xraycast/segmentation/ridge_detection.hpp"
+#include "xraycast/evidence/ridge_detection.hpp"
 
+#include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/thinning.hpp"
-#include "xraycast/segmentation/block_filter.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -151,14 +151,14 @@ std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, Co
 }
 
 double strong_ridge(const std::vector<float>& strength) {
-  constexpr double kStrong = 4.25;
+  constexpr double kStrong = 3.9;
   const auto [median, spread] = spread_of(strength);
   return median + kStrong * spread;
 }
 
 Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& grid, double least) {
   constexpr double kWeak = 3, kWeakOfLeast = 0.7;
-  constexpr std::int64_t kMinVoxels = 5, kCertainVoxels = 2 * kReach_vox;
+  constexpr std::int64_t kMinVoxels = 12, kCertainVoxels = 24;
   const auto [median, spread] = spread_of(strength);
   const double strong_limit = std::max(strong_ridge(strength), least),
                weak_limit = std::max(median + kWeak * spread, kWeakOfLeast * least);
@@ -170,7 +170,7 @@ Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& gri
 }
 
 PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast) {
-  constexpr double kMinOfASpur = 2.5;
+  constexpr double kMinOfASpur = 2.75;
   Mask kept = thin(vessels);
   Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur);
   return {std::move(kept), std::move(pruned)};

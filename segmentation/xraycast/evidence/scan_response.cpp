@@ -1,6 +1,4 @@
-#include "xraycast/segmentation/scan_response.hpp"
-
-#include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/evidence/scan_response.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -27,8 +25,8 @@ double median_hu(const Volume& volume) {
 
 }  // namespace
 
-ScanResponse::ScanResponse(const Volume& volume)
-    : ScanResponse(median_hu(volume), measure_noise_hu(volume), *std::ranges::min_element(volume.hu()),
+ScanResponse::ScanResponse(const Volume& volume, double noise_hu)
+    : ScanResponse(median_hu(volume), noise_hu, *std::ranges::min_element(volume.hu()),
                    *std::ranges::max_element(volume.hu())) {}
 
 ScanResponse::ScanResponse(double background_hu, double noise_hu, double lowest_hu, double highest_hu)
