@@ -151,14 +151,14 @@ std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, Co
 }
 
 double strong_ridge(const std::vector<float>& strength) {
-  constexpr double kStrong = 3.9;
+  constexpr double kStrong = 4.25;
   const auto [median, spread] = spread_of(strength);
   return median + kStrong * spread;
 }
 
 Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& grid, double least) {
   constexpr double kWeak = 3, kWeakOfLeast = 0.7;
-  constexpr std::int64_t kMinVoxels = 12, kCertainVoxels = 24;
+  constexpr std::int64_t kMinVoxels = 5, kCertainVoxels = 2 * kReach_vox;
   const auto [median, spread] = spread_of(strength);
   const double strong_limit = std::max(strong_ridge(strength), least),
                weak_limit = std::max(median + kWeak * spread, kWeakOfLeast * least);
@@ -170,7 +170,7 @@ Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& gri
 }
 
 PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast) {
-  constexpr double kMinOfASpur = 2.75;
+  constexpr double kMinOfASpur = 2.5;
   Mask kept = thin(vessels);
   Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur);
   return {std::move(kept), std::move(pruned)};

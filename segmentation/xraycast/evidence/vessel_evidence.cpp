@@ -226,7 +226,7 @@ double smoothing_vox(const LumenScale& scale) {
 
 double least_share(const LumenScale& scale) {
   const double blur3 = std::pow(std::hypot(smoothing_vox(scale), scale.blur_vox), 3);
-  return 0.045 + 0.13 * blur3 / (blur3 + 0.25) + 0.15 * std::min(scale.noise(), 0.5);
+  return 0.042 + 0.13 * blur3 / (blur3 + 0.25) + 0.22 * std::min(scale.noise(), 0.2);
 }
 
 VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device,
