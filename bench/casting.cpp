@@ -17,8 +17,8 @@ namespace {
 
 namespace fs = std::filesystem;
 
-double kernel_ms(Bench& bench, int layers, const Opacity& opacity) {
-  return cast(bench.scan, bench.map(layers), opacity, bench.progress).kernel_ms;
+double kernel_ms(Bench& bench, const MapGeometry& map, const Opacity& opacity) {
+  return cast(bench.scan, map, opacity, bench.progress).kernel_ms;
 }
 
 void cast_from_file(Bench& bench) {
@@ -31,12 +31,12 @@ void cast_from_file(Bench& bench) {
 }
 
 /// Recasts under another opacity at every call.
-void add_recast(Bench& bench, const std::string& name, int layers, int knots) {
+void add_recast(Bench& bench, const std::string& name, const MapGeometry& map, int knots) {
   const Opacity opacity = many_knots(knots);
   std::vector<double> knots_hu;
   for (const Opacity::Knot& knot : opacity.knots()) knots_hu.push_back(knot.hu);
-  const auto session = std::make_shared<RecastSession>(
-      bench.device, make_basis(bench.scan, bench.map(layers), knots_hu, bench.progress));
+  const auto session =
+      std::make_shared<RecastSession>(bench.device, make_basis(bench.scan, map, knots_hu, bench.progress));
   std::vector<Opacity::Knot> brighter(opacity.knots().begin(), opacity.knots().end());
   for (Opacity::Knot& knot : brighter) knot.mu_per_mm *= 1.5;
   const std::array opacities{opacity, Opacity("brighter", brighter)};
@@ -64,10 +64,11 @@ std::vector<Row> add_casting(Bench& bench) {
   add("OpenCV warpPolar", [&bench] { map_by_opencv(bench.volume, 255); });
   for (const int layers : {1, 8, 16})
     add(fmt::format("cast_resident_{}", layers),
-        [&bench, layers] { return kernel_ms(bench, layers, Opacity::paper()); });
-  add("cast_64knots_1", [&bench] { return kernel_ms(bench, 1, many_knots(64)); });
-  add_recast(bench, "recast_1", 1, 64);
-  add_recast(bench, "recast_8", 8, 32);
+        [&bench, map = bench.body_map(layers)] { return kernel_ms(bench, map, Opacity::paper()); });
+  add("cast_circles_16", [&bench, map = bench.map(16)] { return kernel_ms(bench, map, Opacity::paper()); });
+  add("cast_64knots_1", [&bench, map = bench.body_map(1)] { return kernel_ms(bench, map, many_knots(64)); });
+  add_recast(bench, "recast_1", bench.body_map(1), 64);
+  add_recast(bench, "recast_8", bench.body_map(8), 32);
   add("cast_from_file_1", [&bench] { cast_from_file(bench); });
   add("phantom_720", [&bench] { generate(make_phantom("thorax"), bench.device, bench.progress); });
   add_series_reader(bench);
@@ -75,6 +76,7 @@ std::vector<Row> add_casting(Bench& bench) {
   return {{"cast_resident_1", "floor", at_most, 2},
           {"cast_resident_16", "floor", at_most, 2},
           {"cast_resident_8", "floor", reported, 0},
+          {"cast_circles_16", "floor", reported, 0},
           {"cast_64knots_1", "floor", reported, 0},
           {"cast_from_file_1", "file read", at_most, 2},
           {"recast_1", "cast_resident_1", at_most, 0.08},

@@ -2,6 +2,7 @@
 #include "rtk.hpp"
 #include "suite.hpp"
 #include "xraycast/casting/projector.hpp"
+#include "xraycast/phantom/phantom.hpp"
 
 #include <fmt/format.h>
 
@@ -52,6 +53,32 @@ void add_projection(Bench& bench, const std::shared_ptr<RtkProjector>& rtk, cons
       ->Iterations(1);
 }
 
+/// Nothing below dense bone absorbs.
+Opacity bone() { return {"bone", {{-1000, 0}, {150, 0}, {1000, 0.06}}}; }
+
+/// A picture with constant blocks skipped, and `NAME_everywhere` without.
+void add_skipping(Bench& bench, const std::shared_ptr<const ResidentScan>& scan, const std::string& name,
+                  const Opacity& opacity) {
+  for (const Sampling sampling : {Sampling::but_constant_blocks, Sampling::everywhere})
+    add(name + (sampling == Sampling::everywhere ? "_everywhere" : ""),
+        [&bench, scan, opacity, sampling, angle_deg = 0.0]() mutable {
+          const View view = c_arm(angle_deg += 35, 0);
+          return wall_ms([&] { project(*scan, view, opacity, bench.progress, {}, sampling); });
+        });
+}
+
+/// Under opacities in which much of a scan is constant, and of a scan without noise, whose air is.
+void add_skipping(Bench& bench) {
+  const std::shared_ptr<const ResidentScan> noisy(&bench.scan, [](const ResidentScan*) {});
+  add_skipping(bench, noisy, "project_bone_640x480", bone());
+  add_skipping(bench, noisy, "project_bilinear_640x480", Opacity::bilinear());
+  add_skipping(bench, noisy, "project_paper_640x480", Opacity::paper());
+  const Phantom without_noise = make_phantom("thorax", {.noise_hu = 0});
+  const auto quiet = std::make_shared<const ResidentScan>(
+      upload(bench.device, generate(without_noise, bench.device, bench.progress)));
+  add_skipping(bench, quiet, "project_bilinear_quiet_640x480", Opacity::bilinear());
+}
+
 }  // namespace
 
 std::vector<Row> add_projecting(Bench& bench) {
@@ -59,10 +86,15 @@ std::vector<Row> add_projecting(Bench& bench) {
   add_projection(bench, rtk, "project_640x480", 0, Opacity::paper());
   add_projection(bench, rtk, "project_640x480_tilt", 20, Opacity::paper());
   add_projection(bench, rtk, "project_640x480_64knots", 0, many_knots(64));
+  add_skipping(bench);
   using enum Row::Bar;
   return {{"project_640x480", "RTK, project_640x480", at_least, 10},
           {"project_640x480_tilt", "RTK, project_640x480_tilt", at_least, 6},
-          {"project_640x480_64knots", "RTK, project_640x480_64knots", at_least, 3}};
+          {"project_640x480_64knots", "RTK, project_640x480_64knots", at_least, 3},
+          {"project_bone_640x480", "project_bone_640x480_everywhere", at_least, 1.5},
+          {"project_bilinear_quiet_640x480", "project_bilinear_quiet_640x480_everywhere", reported, 0},
+          {"project_bilinear_640x480", "project_bilinear_640x480_everywhere", reported, 0},
+          {"project_paper_640x480", "project_paper_640x480_everywhere", reported, 0}};
 }
 
 }  // namespace xraycast::bench

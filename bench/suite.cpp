@@ -1,5 +1,6 @@
 #include "suite.hpp"
 
+#include "xraycast/casting/body_fit.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/scan/scan.hpp"
 
@@ -15,8 +16,10 @@ namespace fs = std::filesystem;
 Bench::Bench(fs::path folder, fs::path interpreter)
     : volume(generate(make_phantom("thorax"), device, progress)),
       scan(upload(device, volume)),
+      body(volume.geometry(), {.finds_skin = true}),
       file(std::move(folder) / "bench-thorax.nrrd"),
       python(std::move(interpreter)) {
+  body.add(volume.hu());
   write_volume(volume, file, progress);
 }
 
@@ -25,6 +28,12 @@ MapGeometry Bench::map(int layers, int angles) const {
   const glm::dvec3 middle = g.to_world_mm(0.5 * glm::dvec3(g.size - Index3(1)));
   return cylinder_map(g, angles, shell_radii_mm(RadiiRule::equal_area, layers, 255 * g.spacing_mm.x),
                       glm::dvec2(middle));
+}
+
+MapGeometry Bench::body_map(int layers) const {
+  MapGeometry circles = map(layers);
+  circles.radii_mm = shell_radii_mm(RadiiRule::near_skin, layers, circles.radius_mm());
+  return fit_to_body(circles, body);
 }
 
 MapGeometry Bench::pictures(int views) const {

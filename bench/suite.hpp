@@ -25,14 +25,18 @@ struct Bench {
   Progress progress;
   Volume volume;
   ResidentScan scan;
+  OutlineFinder body;
   std::filesystem::path file;    ///< the scan as an uncompressed NRRD
   std::filesystem::path python;  ///< an interpreter that may find RTK
 
   /// Writes the scan's file into `folder`.
   Bench(std::filesystem::path folder, std::filesystem::path python);
 
-  /// A map about the middle, of a radius of 255 pixels.
+  /// A map about the middle, of a radius of 255 pixels, in circles.
   MapGeometry map(int layers, int angles = 360) const;
+
+  /// The same in shells that follow the body.
+  MapGeometry body_map(int layers) const;
 
   /// Of the same radius: parallel pictures from that many angles.
   MapGeometry pictures(int views) const;

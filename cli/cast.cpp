@@ -20,6 +20,7 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <cctype>
 #include <cmath>
 #include <initializer_list>
 #include <memory>
@@ -33,7 +34,8 @@ struct CastArguments {
   MapOutput output;
   ScanOptions scan;
   std::string projection = "cylinder", centre = "auto", radius = "auto", centre_line, memory_limit,
-              without_vessels, outline = "circle";
+              without_vessels;
+  std::optional<std::string> outline;  ///< none: the body's, where there is one
   bool keeps_table = false;
   AttenuationOptions attenuation;
   std::optional<int> layers, angles, views;
@@ -42,7 +44,9 @@ struct CastArguments {
 
 constexpr int kAngles = 360, kViews = 36;
 
-bool has_body_outline(const CastArguments& options) { return options.outline == "body"; }
+bool has_body_outline(const CastArguments& options) {
+  return options.projection != "rectangle" && options.outline != "circle";
+}
 
 OutlineFinder finder_for(const CastArguments& options, const VolumeGeometry& volume) {
   return OutlineFinder(volume, {.finds_skin = has_body_outline(options), .keeps_table = options.keeps_table});
@@ -93,6 +97,13 @@ BodyOutline resolve_outline(const CastArguments& options, const OutlineFinder& f
   return outline;
 }
 
+/// Whether --radii are fractions of the body's outline.
+bool has_fractions(const CastArguments& options) {
+  const bool has_numbers = options.radii && !options.radii->empty() &&
+                           std::isdigit(static_cast<unsigned char>(options.radii->front()));
+  return has_numbers && has_body_outline(options) && parse_numbers(*options.radii, "--radii").back() <= 1;
+}
+
 std::vector<double> resolve_radii(const CastArguments& options, double radius_mm) {
   const int layers = options.layers.value_or(1);
   const std::string rule = options.radii.value_or(has_body_outline(options) ? "near-skin" : "equal-area");
@@ -105,7 +116,7 @@ std::vector<double> resolve_radii(const CastArguments& options, double radius_mm
         "--radii {}: must be equal-area, equal-thickness, near-skin or all edges in mm, innermost "
         "first",
         rule);
-  if (has_body_outline(options) && edges_mm.back() <= 1)  // of the outline
+  if (has_fractions(options))
     for (double& edge_mm : edges_mm) edge_mm *= radius_mm;
   if (options.layers && static_cast<std::size_t>(layers) + 1 != edges_mm.size())
     throw InputError("--radii {} makes {}, but --layers asks for {}", rule,
@@ -149,9 +160,11 @@ void check_applies(const CastArguments& options) {
   check(options.angles.has_value(), "--angles", {"cylinder", "sphere"});
   check(options.views.has_value(), "--views", {"rectangle"});
   check(!options.centre_line.empty(), "--centre-line", {"cylinder"});
-  check(has_body_outline(options), "--outline body", {"cylinder", "sphere"});
+  check(options.outline.has_value(), "--outline", {"cylinder", "sphere"});
+  check(options.keeps_table, "--keep-table", {"cylinder", "sphere"});
   if (options.keeps_table && !has_body_outline(options))
-    throw InputError("--keep-table: circles do not leave the table out; give --outline body too");
+    throw InputError(
+        "--keep-table: circles do not leave the table out; leave out --keep-table or --outline circle");
   if (!options.centre_line.empty() && options.centre != "auto")
     throw InputError("--centre {} and --centre-line {}: give only one of them", options.centre,
                      options.centre_line);
@@ -209,11 +222,22 @@ MapGeometry resolve_geometry(const CastArguments& options, const VolumeGeometry&
                                         : resolve_cylinder(options, volume, outline);
 }
 
-/// The same with shells that follow the body, if that is asked for.
+/// The same with shells that follow the body, unless circles are asked for. Where there is no body, and the
+/// user did not ask for its outline, they are circles too.
 MapGeometry resolve_shells(const CastArguments& options, const VolumeGeometry& volume,
                            const OutlineFinder& finder, const Session& session) {
-  const MapGeometry circles = resolve_geometry(options, volume, resolve_outline(options, finder, session));
-  return has_body_outline(options) ? fit_to_body(circles, finder) : circles;
+  const BodyOutline outline = resolve_outline(options, finder, session);
+  MapGeometry circles = resolve_geometry(options, volume, outline);
+  if (!has_body_outline(options)) return circles;
+  try {
+    return fit_to_body(circles, finder);
+  } catch (const InputError& error) {
+    if (options.outline || has_fractions(options)) throw;
+    session.say({fmt::format("the shells are circles: {}", error.what())});
+    CastArguments as_circles = options;
+    as_circles.outline = "circle";
+    return resolve_geometry(as_circles, volume, outline);
+  }
 }
 
 /// The share of the scan's attenuation that lies outside of the map's shells, by a coarse projection.
@@ -337,7 +361,7 @@ void cast_map(const CastArguments& options, Session& session) {
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open(options, session.progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
   const std::string frame_of_reference = frame_of_reference_uid(scan.info);
@@ -352,6 +376,7 @@ void cast_map(const CastArguments& options, Session& session) {
           : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
   result.map.source = source;
   result.map.frame_of_reference_uid = frame_of_reference;
+  result.map.precision = parse_map_precision(options.output.precision);
   const MapGeometry& geometry = result.map.geometry;
 
   const Stopwatch writing;
@@ -366,7 +391,7 @@ void cast_map(const CastArguments& options, Session& session) {
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
 
   Json json{{"input", options.input},
-            {"map", to_json(geometry)},
+            {"map", to_json(result.map)},
             {"timings_ms",
              {{"read", load_timings.read_ms},
               {"upload", load_timings.upload_ms},
@@ -388,6 +413,7 @@ void cast_map(const CastArguments& options, Session& session) {
         "under an opacity in which it absorbs)\n",
         100 * *outside);
   }
+  report_preview(geometry, options.output, json, text);
   if (basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
     json["timings_ms"]["basis"] = basis_ms;
@@ -423,18 +449,17 @@ void add_cast(CLI::App& app, Session& session) {
   command
       ->add_option(
           "--radii", options->radii,
-          "equal-area (default for circles), near-skin (for --outline body), equal-thickness, or all edges "
-          "in mm, innermost first; of a body's outline, numbers up to 1 are fractions")
+          "near-skin (default), equal-area (default for circles), equal-thickness, or all edges in mm, "
+          "innermost first; of a body's outline, numbers up to 1 are fractions")
       ->type_name("RULE|MM,MM,...");
   command
       ->add_option("--outline", options->outline,
-                   "What the shells follow: circle, or body, the body's own outline without the table, which "
-                   "shows more with as many layers")
+                   "What the shells follow: body, its own outline without the table, or circle, which shows "
+                   "less with as many layers (default: body, and circle where the scan holds none)")
       ->check(CLI::IsMember({"body", "circle"}))
-      ->capture_default_str()
       ->type_name("NAME");
   command->add_flag("--keep-table", options->keeps_table,
-                    "--outline body: an outline that holds all in the scan, such as the table");
+                    "An outline that holds all in the scan, such as the table");
   command
       ->add_option("--angles", options->angles,
                    "Rays per full turn around the axis, the map's width (default 360)")

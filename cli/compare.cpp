@@ -18,7 +18,6 @@
 #include <cmath>
 #include <filesystem>
 #include <memory>
-#include <numbers>
 #include <string>
 #include <vector>
 
@@ -31,6 +30,16 @@ struct CompareArguments {
   std::vector<std::string> maps;
   ScanOptions scan;
   int views = 12;
+  double tilt_deg = 0;
+
+  /// From this C-arm angle; the sizes are for `fitted`.
+  View view(double angle_deg) const {
+    ViewOptions options;
+    options.cone = cone;
+    options.angle_deg = angle_deg;
+    options.tilt_deg = tilt_deg;
+    return parse_view(options);
+  }
 };
 
 /// The DRR of the part of the scan that the map covers, and the pixels whose rays meet its circle.
@@ -138,11 +147,10 @@ struct Pair {
 };
 
 Pair compare_view(const BodyMap& map, Renderer& renderer, const Style& style, const ResidentScan& scan,
-                  double angle_deg, const std::optional<Cone>& cone, Progress& progress) {
+                  View view, Progress& progress) {
   const BodyBounds bounds = bounds_of(map.geometry);
-  const View view = fitted(
-      View{.angle_rad = angle_deg * std::numbers::pi / 180, .cone = cone, .centre_mm = bounds.centre_mm},
-      bounds);
+  view.centre_mm = bounds.centre_mm;
+  view = fitted(view, bounds);
   Pair pair{view, renderer.tau(view, style), drr_of(scan, view, map, progress), {}};
   const auto similarity_to = [&](const std::vector<float>& drr) {
     return compare(pair.frame, drr, pair.drr.counts, view.width, view.height);
@@ -184,14 +192,13 @@ Similarity mean_of(const std::vector<Similarity>& similarities) {
 
 Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
                        const ResidentScan& scan, const CompareArguments& options, Progress& progress) {
-  const std::optional<Cone> cone = parse_cone(options.cone);
   const std::vector<double> angles_deg = resolve_angles_deg(options);
   const Measure& plotted = parse_measure(options.plotted);
   std::vector<Similarity> similarities;
   Curve curve{fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents_of(map.geometry)),
               {}};
   for (const double angle_deg : angles_deg) {
-    const Pair pair = compare_view(map, renderer, style, scan, angle_deg, cone, progress);
+    const Pair pair = compare_view(map, renderer, style, scan, options.view(angle_deg), progress);
     if (!options.pictures.empty()) write_pictures(pair, angle_deg, curve.name, name, options);
     similarities.push_back(pair.similarity);
   }
@@ -217,7 +224,7 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
 
 void compare_maps(const CompareArguments& options, Session& session) {
   resolve_angles_deg(options);
-  parse_cone(options.cone);
+  options.view(0);
   Style style;
   style.sampling.compositing = parse_compositing(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
@@ -226,7 +233,7 @@ void compare_maps(const CompareArguments& options, Session& session) {
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   for (std::size_t i = 0; i < maps.size(); ++i)
     check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);
@@ -270,7 +277,7 @@ void add_compare(CLI::App& app, Session& session) {
       "  xraycast compare chest.nii.gz chest.exr --views 4 --pictures chest-views\n"
       "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
-      "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --json",
+      "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --tilt 20 --json",
       [options, &session] { compare_maps(*options, session); });
   command->add_option("INPUT", options->input, "The scan that the maps were cast from")->required();
   command->add_option("MAP", options->maps, "Body maps cast from it")->required()->type_name("MAP.exr...");
@@ -299,6 +306,11 @@ void add_compare(CLI::App& app, Session& session) {
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
       ->capture_default_str()
       ->type_name("NAME");
+  command
+      ->add_option("--tilt,--cranial", options->tilt_deg,
+                   "Tilt of the detector in all views: cranial positive, caudal negative")
+      ->capture_default_str()
+      ->type_name("DEG");
   add_cone_option(*command, options->cone);
   add_scan_options(*command, options->scan);
 }

@@ -1,12 +1,14 @@
 #include "command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
+#include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
+#include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -81,31 +83,31 @@ constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
 // Frames are placed below the true projections of the same angles.
 constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
-MapGeometry map_geometry(const VolumeGeometry& scan, const BodyOutline& body, int layers) {
-  return cylinder_map(scan, 360, shell_radii_mm(RadiiRule::equal_area, layers, body.radius_mm),
-                      body.centre_mm);
-}
+constexpr int kMapAngles = 360;
 
-BodyMap make_map(const ResidentScan& scan, const BodyOutline& body, int layers, Report& report,
+BodyMap make_map(const ResidentScan& scan, const OutlineFinder& body, int layers, Report& report,
                  Progress& progress) {
   CastResult result = report.timed(fmt::format("cast of {}, 360 angles", pluralize(layers, "layer")), [&] {
-    return cast(scan, map_geometry(scan.geometry(), body, layers), Opacity::paper(), progress);
+    return cast(scan, body_map(scan.geometry(), kMapAngles, layers, body), Opacity::paper(), progress);
   });
   result.map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
   write_body_map(result.map, report.file(name + ".exr"));
-  write_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
+  write_map_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
   return std::move(result.map);
 }
 
 void show_inner_layers(const BodyMap& map, Report& report) {
   const MapGeometry& geometry = map.geometry;
+  const auto share = [&](int k) {
+    return 100 * geometry.radii_mm[static_cast<std::size_t>(k)] / geometry.radius_mm();
+  };
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} mm from the axis", k + 1,
-                                     geometry.layers(), geometry.radii_mm[static_cast<std::size_t>(k)],
-                                     geometry.radii_mm[static_cast<std::size_t>(k) + 1]));
+    report.picture(
+        name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
+                          geometry.layers(), share(k), share(k + 1)));
   }
 }
 
@@ -173,7 +175,7 @@ VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& rep
 }
 
 /// A body map without the vessels, in which a catheter's run is drawn.
-std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body, ComputeDevice& device,
+std::shared_ptr<const BodyMap> make_map_without_vessels(const OutlineFinder& body, ComputeDevice& device,
                                                         Report& report, Progress& progress) {
   return report.timed("body map without the vessels", [&] {
     const Scan vessels = open_scan(report.file("vessels/mask.nrrd"), {}, progress);
@@ -182,7 +184,7 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const BodyOutline& body,
     OutlineFinder finder(source.geometry());
     LoadTimings timings;
     const ResidentScan scan = load(device, source, finder, timings, progress);
-    const MapGeometry geometry = map_geometry(scan.geometry(), body, kFrameLayers);
+    const MapGeometry geometry = body_map(scan.geometry(), kMapAngles, kFrameLayers, body);
     auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
     map->source = "thorax phantom without vessels";
     write_body_map(*map, report.file("map-without-vessels.exr"));
@@ -256,14 +258,16 @@ void run_demo(const std::string& folder, Session& session) {
     write_volume(volume, report.file("thorax.nrrd"), progress);
     return 0;
   });
-  const BodyOutline body = find_outline(volume);
+  OutlineFinder body(volume.geometry(), {.finds_skin = true});
+  body.add(volume.hu());
   const ResidentScan scan =
       report.timed("scan uploaded to the device", [&] { return upload(device, volume); });
   make_map(scan, body, 1, report, progress);
   report.picture("map-1.png", "Body map, one layer");
   show_inner_layers(make_map(scan, body, 8, report, progress), report);
   const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
-  for (const double angle_deg : kAngles_deg) make_projection(scan, body, angle_deg, report, progress);
+  for (const double angle_deg : kAngles_deg)
+    make_projection(scan, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
   const VesselTree tree = find_vessels(volume, device, report, progress);
   make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);

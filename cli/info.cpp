@@ -1,4 +1,5 @@
 #include "command.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
@@ -13,6 +14,18 @@ struct InfoArguments {
   ScanOptions scan;
 };
 
+/// What the stored size does not count; empty where that is nothing.
+std::string left_out_of(const ScanInfo& info) {
+  const ScanInfo::LeftOut& left_out = info.left_out;
+  if (left_out.slices() == 0) return {};
+  std::string text = fmt::format("; left out of {}: ", pluralize(info.size.z + left_out.slices(), "slice"));
+  if (left_out.damaged > 0) text += fmt::format("{} damaged", left_out.damaged);
+  if (left_out.same_place > 0)
+    text +=
+        fmt::format("{}{} at the place of another", left_out.damaged > 0 ? ", " : "", left_out.same_place);
+  return text;
+}
+
 std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const SliceSource::HuRange& hu) {
   std::string text;
   const auto row = [&](const char* name, const std::string& value) {
@@ -20,9 +33,9 @@ std::string text_of(const ScanInfo& info, const VolumeGeometry& geometry, const 
   };
   row("format", info.format + (info.modality.empty() ? "" : ", " + info.modality));
   if (!info.series.empty()) row("series", info.series);
-  row("stored",
-      fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}", info.size.x, info.size.y,
-                  info.size.z, info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z, info.orientation));
+  row("stored", fmt::format("{} x {} x {}, {:.4g} x {:.4g} x {:.4g} mm, axes towards {}{}", info.size.x,
+                            info.size.y, info.size.z, info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z,
+                            info.orientation, left_out_of(info)));
   if (info.tilt_deg != 0) row("tilt", fmt::format("{:.2f} deg", info.tilt_deg));
   for (const auto& [after, mm] : info.gaps) row("gap", fmt::format("{:.2f} mm after slice {}", mm, after));
   row("HU", fmt::format("{:g} to {:g}", hu.lowest, hu.highest));
@@ -46,6 +59,8 @@ Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometr
                           {"description", series.description},
                           {"uid", series.uid},
                           {"modality", series.modality},
+                          {"study_date", series.study_date},
+                          {"body_part", series.body_part},
                           {"slices", series.slices},
                           {"orientation", series.orientation},
                           {"thickness_mm", series.thickness_mm},
@@ -56,7 +71,10 @@ Json json_of(const std::string& input, const ScanInfo& info, const VolumeGeometr
           {"series", info.series},
           {"other_series", info.other_series},
           {"all_series", all_series},
+          {"studies", info.studies},
+          {"patients", info.patients},
           {"size", {info.size.x, info.size.y, info.size.z}},
+          {"left_out", {{"damaged", info.left_out.damaged}, {"same_place", info.left_out.same_place}}},
           {"spacing_mm", {info.spacing_mm.x, info.spacing_mm.y, info.spacing_mm.z}},
           {"orientation", info.orientation},
           {"tilt_deg", info.tilt_deg},
@@ -87,7 +105,8 @@ void add_info(CLI::App& app, Session& session) {
       "  xraycast info scans/chest/\n"
       "  xraycast info head.nii.gz --json",
       [options, &session] {
-        const Scan scan = open_scan(options->input, options->scan, session.progress);
+        Scan scan = open_scan(options->input, options->scan, session.progress);
+        scan.info.warnings = warnings_of(scan.info, options->scan);
         const auto hu = read_range(*scan.source, session.progress);
         const VolumeGeometry& geometry = scan.source->geometry();
         session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));

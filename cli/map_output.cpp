@@ -1,5 +1,10 @@
 #include "map_output.hpp"
 
+#include "pictures/map_preview.hpp"
+#include "xraycast/base/pluralize.hpp"
+
+#include <fmt/format.h>
+
 namespace xraycast::cli {
 
 void add_map_output_options(CLI::App& command, MapOutput& output) {
@@ -14,13 +19,33 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->check(CLI::IsMember({"auto", "paper"}))
       ->capture_default_str()
       ->type_name("auto|paper");
+  command
+      .add_option(
+          "--precision", output.precision,
+          "How values are stored, in the file and in the texture that it is drawn from: float (32 bits), "
+          "half (16 bits) or byte (8 bits, from the least to the largest value of each layer)")
+      ->check(CLI::IsMember({"float", "half", "byte"}))
+      ->capture_default_str()
+      ->type_name("NAME");
 }
 
 void write_map(const BodyMap& map, const MapOutput& output) {
   write_body_map(map, output.map);
   if (!output.preview.empty())
-    write_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
-                  output.preview);
+    write_map_preview(map, output.window == "paper" ? PreviewWindow::paper : PreviewWindow::automatic,
+                      output.preview);
+}
+
+void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text) {
+  if (output.preview.empty()) return;
+  json["preview"] = output.preview;
+  text += fmt::format("{}: picture of {}\n", output.preview, pluralize(geometry.layers(), "layer"));
+}
+
+Json to_json(const BodyMap& map) {
+  Json json = to_json(map.geometry);
+  json["precision"] = to_string(map.precision);
+  return json;
 }
 
 }  // namespace xraycast::cli

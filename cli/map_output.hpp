@@ -1,5 +1,6 @@
 #pragma once
 
+#include "command.hpp"
 #include "xraycast/casting/body_map.hpp"
 
 #include <CLI/CLI.hpp>
@@ -10,13 +11,19 @@ namespace xraycast::cli {
 
 /// Where `cast` and `recast` put a body map and its picture.
 struct MapOutput {
-  std::string map, preview, window = "auto";
+  std::string map, preview, window = "auto", precision = "float";
 };
 
-/// --output, --preview and --preview-window.
+/// --output, --preview, --preview-window and --precision.
 void add_map_output_options(CLI::App& command, MapOutput& output);
 
 /// Writes the map, and the preview if requested.
 void write_map(const BodyMap& map, const MapOutput& output);
+
+/// A map's geometry and precision.
+Json to_json(const BodyMap& map);
+
+/// Adds the preview, if there is one, to what is printed.
+void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text);
 
 }  // namespace xraycast::cli

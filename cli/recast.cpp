@@ -35,27 +35,30 @@ void recast_map(const RecastArguments& options, Session& session) {
   const Stopwatch uploading;
   RecastSession recasting(device, basis);
   const double upload_ms = uploading.ms();
-  const BodyMap& map = recasting.recast(opacity);
+  BodyMap map = recasting.recast(opacity);
+  map.precision = parse_map_precision(options.output.precision);
 
   const Stopwatch writing;
   OutputSet outputs;
   write_map(map, options.output);
   outputs.commit();
   const double write_ms = writing.ms(), total_ms = stopwatch.ms();
-  session.report({{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
-                  {"map", to_json(map.geometry)},
-                  {"timings_ms",
-                   {{"read", read_ms},
-                    {"upload", upload_ms},
-                    {"kernel", recasting.kernel_ms()},
-                    {"write", write_ms},
-                    {"total", total_ms}}}},
-                 fmt::format("{}: {} of {} x {}, opacity {}\n"
-                             "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, "
-                             "total {:.0f} ms\n",
-                             options.output.map, pluralize(map.geometry.layers(), "layer"),
-                             pluralize(map.geometry.width, "angle"), pluralize(map.geometry.height, "slice"),
-                             opacity.name(), read_ms, upload_ms, recasting.kernel_ms(), write_ms, total_ms));
+  Json json{{"basis", {{"file", options.basis}, {"knots_hu", basis.knots_hu}}},
+            {"map", to_json(map)},
+            {"timings_ms",
+             {{"read", read_ms},
+              {"upload", upload_ms},
+              {"kernel", recasting.kernel_ms()},
+              {"write", write_ms},
+              {"total", total_ms}}}};
+  std::string text = fmt::format(
+      "{}: {} of {} x {}, opacity {}\n"
+      "read {:.0f} ms, upload {:.0f} ms, kernel {:.1f} ms, write {:.0f} ms, total {:.0f} ms\n",
+      options.output.map, pluralize(map.geometry.layers(), "layer"), pluralize(map.geometry.width, "angle"),
+      pluralize(map.geometry.height, "slice"), opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
+      write_ms, total_ms);
+  report_preview(map.geometry, options.output, json, text);
+  session.report(json, text);
 }
 
 }  // namespace

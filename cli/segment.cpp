@@ -147,7 +147,7 @@ void segment(const SegmentArguments& options, Session& session) {
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   session.say(scan.info.notes);
   const Volume volume = collect(*scan.source, progress);
   ComputeDevice device(session.device);

@@ -43,7 +43,7 @@ void write_vesselness(const Options& options, Session& session) {
   check_volume_format(options.output);
   check_writable(options.output);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
+  session.say(warnings_of(scan.info, options.scan));
   session.say(scan.info.notes);
   const Volume volume = collect(*scan.source, session.progress);
   ComputeDevice device(session.device);

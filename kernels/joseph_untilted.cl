@@ -99,13 +99,66 @@ INLINE float16 sample_column(const Column* column, const Rays* rays, const int k
   return fma(v - convert_float16(slice), above - here, here);
 }
 
-/* Adds planes k to k + PLANES - 1. `columns` are room for those planes. */
-static inline void add_planes(SCAN voxels, DetectorColumn* column, const int k, Column* columns,
-                              constant const XrcOpacity* opacity, global const float2* table) {
+/* The blocks that a detector column crosses in planes k to k + PLANES - 1: two columns of them, or one twice.
+ */
+typedef struct {
+  global const float* mu[2]; /* of the lowest, and of those above it */
+} BlockColumns;
+
+static inline BlockColumns block_columns(global const float* block_mu, const XrcScan* scan, const Rays* rays,
+                                         const int k) {
+  const int is_by_x = rays->plane_step == XRC_BRICK_SLICES;
+  const long per_x = scan->bricks, per_y = (long)blocks_of(scan->size_x) * scan->bricks;
+  global const float* plane = block_mu + k / XRC_BLOCK * (is_by_x ? per_x : per_y);
+  BlockColumns blocks;
+  for (int end = 0; end < 2; ++end) {
+    const float u = fma((float)(k + end * (PLANES - 1)), rays->du.s0, rays->u0.s0);
+    blocks.mu[end] = plane + index_at(u, rays->last_u) / XRC_BLOCK * (is_by_x ? per_y : per_x);
+  }
+  return blocks;
+}
+
+/* mu of all samples of 16 rays in planes k to k + PLANES - 1, if the blocks around them have one; else NaN.
+ * Rays are in the order of their slices. */
+static inline float mu_in_blocks(const BlockColumns blocks, const Rays* rays, const int k) {
+  const float a = fma((float)k, rays->dv.s0, rays->v0.s0), b = fma((float)k, rays->dv.sf, rays->v0.sf),
+              behind = (float)(PLANES - 1), c = fma(behind, rays->dv.s0, a), d = fma(behind, rays->dv.sf, b);
+  const int lowest = index_at(fmin(fmin(a, b), fmin(c, d)), rays->last_z) / XRC_BRICK_SLICES,
+            highest = index_at(fmax(fmax(a, b), fmax(c, d)) + 1.0f, rays->last_z) / XRC_BRICK_SLICES;
+  const float mu = blocks.mu[0][lowest];
+  int is_one = 1;
+  for (int brick = lowest; brick <= highest; ++brick)
+    is_one &= blocks.mu[0][brick] == mu && blocks.mu[1][brick] == mu;
+  return is_one ? mu : NAN;
+}
+
+/* Adds planes k to k + PLANES - 1, of which the first is a multiple of PLANES, for the groups that are in
+ * blocks of one mu. Says which ones are left, a bit for each. */
+static inline uint add_blocks(DetectorColumn* column, const BlockColumns blocks, const int k) {
+  uint left = 0;
+  for (int g = 0; g < column->groups; ++g) {
+    const Rays* rays = &column->rays[g];
+    const int is_core = k >= rays->first_core && k + PLANES - 1 <= rays->last_core;
+    const float mu = is_core ? mu_in_blocks(blocks, rays, k) : NAN;
+    if (mu == mu)
+      column->sum[g] += PLANES * mu;
+    else
+      left |= 1u << g;
+  }
+  return left;
+}
+
+/* Adds planes k to k + PLANES - 1 for the groups that are `left`. `columns` are room for those planes. */
+static inline void add_planes(SCAN voxels, DetectorColumn* column, const uint left, const int k,
+                              Column* columns, constant const XrcOpacity* opacity,
+                              global const float2* table) {
+  if (left == 0) return;
+  const int first = convert_int(popcount(left ^ (left - 1))) - 1, end = 32 - convert_int(clz(left));
   for (int p = 0; p < PLANES; ++p)
     if (k + p >= column->first_core && k + p <= column->last_core)
-      interpolate_column(voxels, column->rays, column->groups, k + p, &columns[p]);
-  for (int g = 0; g < column->groups; ++g) {
+      interpolate_column(voxels, column->rays + first, end - first, k + p, &columns[p]);
+  for (int g = first; g < end; ++g) {
+    if (!(left >> g & 1u)) continue;
     const Rays* rays = &column->rays[g];
     float16 sum = column->sum[g];
     if (k >= rays->first_core && k + PLANES - 1 <= rays->last_core) {
@@ -131,7 +184,7 @@ static inline void add_planes(SCAN voxels, DetectorColumn* column, const int k, 
  * that what they share of them stays in a first-level cache. */
 kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector detector,
                              constant const XrcOpacity* opacity, global const float2* table,
-                             global float* tau) {
+                             global float* tau, global const float* block_mu, const int has_blocks) {
   const int first_column = XRC_UNTILTED_COLUMNS * (int)get_global_id(0),
             first_row = XRC_UNTILTED_ROWS * (int)get_global_id(1);
   if (first_column >= detector.width || first_row >= detector.height) return;
@@ -148,12 +201,18 @@ kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector 
       first = min(first, detector_columns[c].first);
       last = max(last, detector_columns[c].last);
     }
+    const uint all_groups = (1u << groups) - 1;
     /* Slices that no column reached count with weight 0, and so must be numbers. */
     Column columns[PLANES];
     for (int p = 0; p < PLANES; ++p)
       for (int b = 0; b < COLUMN_BRICKS + 2; ++b) columns[p].hu[b] = 0.0f;
-    for (int k = first; k <= last; k += PLANES)
-      for (int c = 0; c < count; ++c) add_planes(voxels, &detector_columns[c], k, columns, opacity, table);
+    for (int k = first / PLANES * PLANES; k <= last; k += PLANES)
+      for (int c = 0; c < count; ++c) {
+        DetectorColumn* column = &detector_columns[c];
+        const uint left =
+            has_blocks ? add_blocks(column, block_columns(block_mu, &scan, column->rays, k), k) : all_groups;
+        add_planes(voxels, column, left, k, columns, opacity, table);
+      }
     for (int c = 0; c < count; ++c)
       for (int g = 0; g < groups; ++g)
         store_rows(detector_columns[c].sum[g] * detector_columns[c].rays[g].plane_mm, first_column + c,

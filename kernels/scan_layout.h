@@ -12,6 +12,9 @@ static inline XRC_LONG brick_pixel(const XrcScan* scan, const XRC_INT brick, con
   return (first * scan->pitch_y + y) * scan->pitch_x + x;
 }
 
+/* Blocks along an axis of so many voxels (XRC_BLOCK). */
+static inline XRC_INT blocks_of(const XRC_INT size) { return (size + XRC_BLOCK - 1) / XRC_BLOCK; }
+
 /* The place of a voxel. */
 static inline XRC_LONG voxel_at(const XrcScan* scan, const XRC_INT x, const XRC_INT y, const XRC_INT z) {
   return brick_pixel(scan, z / XRC_BRICK_SLICES, x, y) * XRC_BRICK_SLICES + z % XRC_BRICK_SLICES;

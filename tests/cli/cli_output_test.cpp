@@ -15,6 +15,7 @@
 #include <sstream>
 #include <sys/stat.h>
 #include <thread>
+#include <vector>
 
 namespace xraycast {
 namespace {
@@ -34,6 +35,8 @@ constexpr char kTree[] =
 
 TEST_P(EveryWriter, KeepsTheOldFilesOnAFullDisk) {
   expect_failure(on_disk_of(0), "from the start");
+  for (const unsigned thirds : {1U, 2U})
+    expect_failure(on_disk_of(thirds * size_B_ / 3), fmt::format("after {} thirds", thirds));
   // Not by a byte: how long a DICOM file's UIDs are differs from run to run.
   expect_failure(on_disk_of(size_B_ - 1 - size_B_ / 100), "just before the end");
   expect_failure(on_late_disk(), "when it is synced");
@@ -159,6 +162,40 @@ TEST_F(CliOutput, AFolderOfItsOwnServesWhereNoHomeDoes) {
   const Finished refused = run_process(devices);
   EXPECT_EQ(refused.status, 4);
   expect_one_line(refused.err, "POCL_CACHE_DIR");
+}
+
+TEST_F(CliOutput, TheNextRunWithoutAHomeRemovesWhatAKilledOneLeft) {
+  fs::create_directory(folder_ / "tmp");
+  const auto homeless = [&](const std::string& line) {
+    Command command = this->command(line);
+    command.environment = {{"HOME", ""}, {"XDG_CACHE_HOME", ""}, {"TMPDIR", (folder_ / "tmp").string()}};
+    command.on_terminal = true;
+    return command;
+  };
+  const auto folders = [&] {
+    std::vector<std::string> names;
+    for (const auto& entry : fs::directory_iterator(folder_ / "tmp"))
+      names.push_back(entry.path().filename());
+    return names;
+  };
+  const std::string long_run = "phantom thorax --size 512x512x2000 -o @/ct.nrrd";
+  Process killed(homeless(long_run));
+  killed.wait_for("painting");
+  killed.send(SIGKILL);
+  EXPECT_EQ(killed.finish().status, 128 + SIGKILL);
+  const std::vector<std::string> left = folders();
+  ASSERT_THAT(left, testing::ElementsAre(StartsWith("xraycast-kernels-")));
+
+  Process alive(homeless(long_run));
+  alive.wait_for("painting");
+  const std::vector<std::string> used = folders();
+  EXPECT_THAT(used, testing::ElementsAre(StartsWith("xraycast-kernels-")));
+  EXPECT_NE(used, left);
+  EXPECT_EQ(run_process(homeless("devices")).status, 0);
+  EXPECT_EQ(folders(), used) << "a running one's folder is gone";
+  alive.send(SIGTERM);
+  EXPECT_EQ(alive.finish().status, 128 + SIGTERM);
+  EXPECT_THAT(folders(), IsEmpty());
 }
 
 }  // namespace

@@ -1,15 +1,21 @@
 // Every writer at random moments and on disks of all sizes: some hundred runs of the program.
 #include "cli/writers.hpp"
+#include "support/scan_files.hpp"
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <cerrno>
+#include <chrono>
 #include <csignal>
 #include <cstring>
 #include <sched.h>
 #include <set>
 #include <sys/mount.h>
+#include <thread>
 
 namespace xraycast {
 namespace {
@@ -64,6 +70,58 @@ TEST_P(WriterOnASmallDisk, KeepsTheOldFiles) {
     ++disks;
   }
   RecordProperty("disks", disks);
+}
+
+// ---- the demo, which runs them in turn ---------------------------------------------------------------
+
+class KilledDemo : public CliOutput {
+ protected:
+  /// By its own format, as most of its files differ from run to run.
+  void expect_whole(const fs::path& file) const {
+    const std::string extension = file.extension().string();
+    Progress unheard;
+    if (extension == ".exr")
+      EXPECT_NO_THROW(read_body_map(file)) << file;
+    else if (extension == ".nrrd")
+      EXPECT_NO_THROW(open_scan(file, {}, unheard)) << file;
+    else
+      EXPECT_TRUE(read_bytes(file).ends_with(end_of(extension))) << file << " is partial";
+  }
+  void expect_whole_files(bool may_leave_parts) const {
+    for (const auto& entry : fs::recursive_directory_iterator(folder_ / "out"))
+      if (entry.is_regular_file() && !(may_leave_parts && entry.path().extension() == ".part"))
+        expect_whole(entry.path());
+  }
+
+ private:
+  static std::string end_of(const std::string& extension) {
+    if (extension == ".png") return "IEND\xAE\x42\x60\x82";
+    if (extension == ".gif") return ";";
+    if (extension == ".html") return "</html>\n";
+    if (extension == ".vtp") return "</VTKFile>\n";
+    return "a file of the demo that this test does not know";
+  }
+};
+
+TEST_F(KilledDemo, LeavesWholeFiles) {
+  std::mt19937 random(3);
+  // Within the steps that take most of its time: half a minute on two quiet cores.
+  std::uniform_real_distribution moment_s(2.0, 25.0);
+  Command whole = command("demo -o @/out -q");
+  whole.patience = std::chrono::seconds(200);
+  int ended = 0;
+  for (const int signal : {SIGKILL, SIGTERM, SIGKILL}) {
+    Process demo(whole);
+    std::this_thread::sleep_for(std::chrono::duration<double>(moment_s(random)));
+    demo.send(signal);
+    const Finished done = demo.finish();
+    EXPECT_THAT(done.status, testing::AnyOf(0, 128 + signal)) << done.err;
+    ended += done.status != 0;
+    expect_whole_files(signal == SIGKILL);
+  }
+  EXPECT_GT(ended, 0) << "all runs were over before their signals";
+  EXPECT_EQ(run_process(whole).status, 0);
+  expect_whole_files(false);
 }
 
 constexpr auto name_of = [](const auto& writer) { return std::string(writer.param.name); };

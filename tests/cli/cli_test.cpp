@@ -205,8 +205,8 @@ const BadCall kBadCalls[] = {
 
     // Outlines.
     {"OutlineOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --outline body", 3,
-     "--outline body does not apply to --projection rectangle; leave it out"},
-    {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table", 3,
+     "--outline does not apply to --projection rectangle; leave it out"},
+    {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table --outline circle", 3,
      "--keep-table: circles do not leave"},
     {"OutlineOfAir", "cast @/a.nii -o @/out.exr --outline body", 3, "nothing in the scan lies above -300 HU",
      [](const TemporaryFolder& f) {
@@ -227,7 +227,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves it out",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves out "
+     "what is damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -238,6 +239,14 @@ const BadCall kBadCalls[] = {
        slice().write(f / "a");
        write_bytes(f / "a", read_bytes(f / "a").substr(0, 300));
      }},
+    {"ColourScreenShot", "info @/a", 3, "such as a screen shot; give the folder of a CT series",
+     [](const TemporaryFolder& f) { slice().number(0x00280002, 3).write(f / "a"); }},
+    {"FolderForAMap", "render @/ -o @/out.png", 3,
+     "a body map is needed; make one of a scan with `xraycast cast`"},
+    {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
+    {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
+    {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "no tree.vtp; give the one that `xraycast segment` wrote", make_push_and_tree},
     {"DicomOfReportsOnly", "info @/cd", 3, "no image slices: 1 structured report",
      [](const TemporaryFolder& f) {
        fs::create_directory(f / "cd");
@@ -304,7 +313,8 @@ const BadCall kBadCalls[] = {
     {"RadiiDescending", "cast @/ct.nii -o @/out.exr --radii 4,2", 3, "does not exceed the one before it"},
     {"RadiiNotAsManyAsLayers", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --layers 3", 3,
      "makes 2 layers, but --layers asks for 3"},
-    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --radii 0,2,4 --radius 5", 3, "leave --radius out"},
+    {"RadiiOfAnotherRadius", "cast @/ct.nii -o @/out.exr --outline circle --radii 0,2,4 --radius 5", 3,
+     "leave --radius out"},
     {"LayersOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --layers 8", 3,
      "--layers does not apply to --projection rectangle"},
     {"ViewsOfACylinder", "cast @/ct.nii -o @/out.exr --views 8", 3, "--views does not apply"},
@@ -614,20 +624,22 @@ TEST_F(Cli, InfoListsTheSeriesOfAFolder) {
   ASSERT_EQ(info["all_series"].size(), 2);
   EXPECT_EQ(info["all_series"][0]["chosen"], true);
   EXPECT_EQ(info["all_series"][1], Json::parse(R"({"number": "1", "description": "", "uid": "1.2.1",
-      "modality": "CT", "slices": 3, "orientation": "axial", "thickness_mm": 1.0, "chosen": false})"));
+      "modality": "CT", "study_date": "", "body_part": "", "slices": 3, "orientation": "axial",
+      "thickness_mm": 1.0, "chosen": false})"));
   EXPECT_THAT(output_of("info @/cd"), HasSubstr("note        other series 1: 3 slices"));
 }
 
 TEST_F(Cli, CastSaysWhatItMade) {
   output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
-  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,20,30.5 --angles 90 --centre -3.5,2");
+  const Json said =
+      json_of("cast @/ct.nrrd -o @/map.exr --radii 0,20,30.5 --angles 90 --centre -3.5,2 --outline circle");
   EXPECT_THAT(keys_of(said), ElementsAre("input", "map", "timings_ms"));
   EXPECT_EQ(said["input"], (folder_ / "ct.nrrd").string());
   EXPECT_EQ(said["map"], Json::parse(R"({"width": 90, "height": 32, "layers": 2,
                                          "radii_mm": [0.0, 20.0, 30.5], "centre_mm": [-3.5, 2.0],
-                                         "outline": "circle"})"));
+                                         "outline": "circle", "precision": "float"})"));
   EXPECT_THAT(keys_of(said["map"]),
-              ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline"));
+              ElementsAre("width", "height", "layers", "radii_mm", "centre_mm", "outline", "precision"));
   EXPECT_THAT(keys_of(said["timings_ms"]), ElementsAre("read", "upload", "kernel", "write", "total"));
   for (const auto& [stage, ms] : said["timings_ms"].items()) {
     EXPECT_GT(ms, 0) << stage;
@@ -641,7 +653,7 @@ TEST_F(Cli, CastSaysWhatItMade) {
 
 TEST_F(Cli, CastFollowsTheBody) {
   output_of("phantom thorax --size 80x80x40 --spacing 5 -o @/ct.nrrd");
-  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --outline body --keep-basis @/b.basis");
+  const Json said = json_of("cast @/ct.nrrd -o @/map.exr --layers 4 --keep-basis @/b.basis");
   EXPECT_EQ(said["map"]["outline"], "body");
   EXPECT_GT(said["outside_share"], 0);
   EXPECT_LT(said["outside_share"], 0.5);
@@ -651,18 +663,50 @@ TEST_F(Cli, CastFollowsTheBody) {
   // A recast keeps the outline, and frames are compared with what lies within.
   EXPECT_EQ(json_of("recast @/b.basis -o @/recast.exr --opacity bilinear")["map"]["outline"], "body");
   const Json body = json_of("compare @/ct.nrrd @/map.exr --views 2")["mean"];
-  output_of("cast @/ct.nrrd -o @/circle.exr --layers 4");
+  output_of("cast @/ct.nrrd -o @/circle.exr --layers 4 --outline circle");
   const Json circle = json_of("compare @/ct.nrrd @/circle.exr --views 2")["mean"];
   EXPECT_GT(body["psnr_db"], circle["psnr_db"]);
   EXPECT_THAT(keys_of(body), ElementsAre("psnr_db", "ssim", "rmse", "whole_psnr_db"));
 
-  const Json fractions =
-      json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1 --outline body")["map"]["radii_mm"];
+  const Json fractions = json_of("cast @/ct.nrrd -o @/map.exr --radii 0,0.5,1")["map"]["radii_mm"];
   EXPECT_NEAR(fractions[1], 0.5 * fractions[2].get<double>(), 1e-9);
   EXPECT_NEAR(fractions[2], said["map"]["radii_mm"][4], 1e-9);
-  const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60 --outline body")["map"];
+  const Json narrow = json_of("cast @/ct.nrrd -o @/map.exr --radius 60")["map"];
   EXPECT_EQ(narrow["radii_mm"][1], 60.0);
-  json_of("cast @/ct.nrrd -o @/all.exr --outline body --keep-table");
+  json_of("cast @/ct.nrrd -o @/all.exr --keep-table");
+}
+
+TEST_F(Cli, CastMakesCirclesWhereThereIsNoBody) {
+  NiftiFile air = water(12);
+  const std::vector<std::int16_t> hu(air.voxels.size() / 2, -1000);
+  air.voxels.assign(reinterpret_cast<const char*>(hu.data()), 2 * hu.size());
+  write_bytes(folder_ / "air.nii", air.bytes());
+  const Finished done = run("cast @/air.nii -o @/map.exr --centre 3,3 --radius 3");
+  EXPECT_EQ(done.status, 0);
+  expect_one_line(done.err, "the shells are circles: nothing in the scan lies above -300 HU");
+  EXPECT_FALSE(read_body_map(folder_ / "map.exr").geometry.has_outline());
+}
+
+TEST_F(Cli, MapsAreStoredInLessPrecision) {
+  output_of("phantom head --size 64x64x48 -o @/ct.nrrd");
+  double before_db = 200;
+  std::uintmax_t before_B = 1 << 30, before_texture_B = 1 << 30;
+  for (const char* precision : {"float", "half", "byte"}) {
+    const std::string option = fmt::format(" --precision {}", precision);
+    EXPECT_EQ(
+        json_of("cast @/ct.nrrd -o @/map.exr --layers 16 --keep-basis @/b" + option)["map"]["precision"],
+        precision);
+    EXPECT_EQ(json_of("recast @/b -o @/recast.exr --opacity paper" + option)["map"]["precision"], precision);
+    const double psnr_db = json_of("compare @/ct.nrrd @/map.exr --views 3")["mean"]["psnr_db"];
+    // Half a step in 255 of a layer, of which a ray sums many, is small beside what 16 layers cannot show.
+    EXPECT_NEAR(psnr_db, before_db == 200 ? psnr_db : before_db, 0.3) << precision;
+    before_db = psnr_db;
+    EXPECT_LT(fs::file_size(folder_ / "map.exr"), before_B) << precision;
+    before_B = fs::file_size(folder_ / "map.exr");
+    const std::uintmax_t texture_B = json_of("render @/map.exr -o @/f.png")["texture_B"];
+    EXPECT_LT(texture_B, before_texture_B) << precision;
+    before_texture_B = texture_B;
+  }
 }
 
 TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
@@ -685,26 +729,54 @@ TEST_F(Cli, CastHintsAtASmallerRadiusWhereAnArmMakesShellsWide) {
   write("arm.nii", true);
   write("trunk.nii", false);
 
-  const auto hint = [&](const std::string& line) { return run("cast -o @/map.exr " + line).err; };
+  const auto hint = [&](const std::string& line) {
+    return run("cast -o @/map.exr --outline circle " + line).err;
+  };
   // Both radii are those of the body, by a grid of 8 mm.
   EXPECT_THAT(hint("@/arm.nii --layers 8"),
               testing::ContainsRegex("within 11[0-9] mm of the axis, the rest "
                                      "extends to 20[0-9] mm: --radius 11[0-9] crops"));
   for (const char* line : {"@/trunk.nii --layers 8", "@/arm.nii", "@/arm.nii --layers 8 --radius 117",
-                           "@/arm.nii --layers 2 --radii 0,100,200", "@/arm.nii --projection rectangle"})
+                           "@/arm.nii --layers 2 --radii 0,100,200"})
     EXPECT_EQ(hint(line), "") << line;
 }
 
 TEST_F(Cli, PaperPreviewIsPlainTransmission) {
   output_of("phantom thorax --size 64x64x40 -o @/ct.nrrd");
-  output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper");
+  const std::string said =
+      output_of("cast @/ct.nrrd -o @/map.exr --layers 3 --preview @/map.png --preview-window paper --json");
+  EXPECT_EQ(Json::parse(said)["preview"], (folder_ / "map.png").string());
   const BodyMap map = read_body_map(folder_ / "map.exr");
   const Png picture = read_png(folder_ / "map.png");
-  ASSERT_EQ(picture.width, 360);
-  ASSERT_EQ(picture.height, 3 * 40);
+  // A scale to the left of the layers, a title above each.
+  constexpr int kLeft = 64, kTitle = 22, kWidth = 360, kHeight = 40, kLayers = 3;
+  ASSERT_GE(picture.width, kLeft + kWidth);
+  ASSERT_EQ(picture.height, kLayers * (kTitle + kHeight));
   ASSERT_EQ(picture.channels, 3);
-  for (std::size_t i = 0; i < picture.values.size(); ++i)
-    ASSERT_EQ(picture.values[i], std::lround(255 * std::exp(-map.tau[i / 3]))) << i;
+  const auto lightest_in = [&](int left, int top, int width, int height) {
+    int lightest = 0;
+    for (int y = top; y < top + height; ++y)
+      for (int x = left; x < left + width; ++x)
+        lightest =
+            std::max<int>(lightest, picture.values[static_cast<std::size_t>(3 * (y * picture.width + x))]);
+    return lightest;
+  };
+  for (int k = 0; k < kLayers; ++k) {
+    const int top = k * (kTitle + kHeight) + kTitle;
+    for (int y = 0; y < kHeight; ++y)
+      for (int x = 0; x < kWidth; ++x) {
+        const auto pixel = static_cast<std::size_t>((top + y) * picture.width + kLeft + x);
+        const float tau = map.tau[static_cast<std::size_t>((k * kHeight + y) * kWidth + x)];
+        for (std::size_t channel = 0; channel < 3; ++channel)
+          ASSERT_EQ(picture.values[3 * pixel + channel], std::lround(255 * std::exp(-tau))) << k << " " << y;
+      }
+    // Something is written there, lighter than the paper.
+    constexpr int kMuchLighter = 150;
+    EXPECT_GT(lightest_in(kLeft, top - kTitle, kWidth, kTitle), kMuchLighter);
+    EXPECT_GT(lightest_in(0, top, kLeft, kHeight), kMuchLighter);
+  }
+  EXPECT_THAT(output_of("cast @/ct.nrrd -o @/map.exr --preview @/map.png"),
+              HasSubstr("map.png: picture of 1 layer"));
 }
 
 TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {
@@ -827,6 +899,19 @@ TEST_F(Cli, CompareFindsMoreLayersCloser) {
     EXPECT_GT(json["mean"]["psnr_db"], before + 3);
     before = json["mean"]["psnr_db"];
   }
+}
+
+TEST_F(Cli, FramesUnderAConeAndATiltAreAsCloseAsUprightParallelOnes) {
+  output_of("-q phantom head --size 96x96x80 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --layers 16");
+  const auto psnr_db = [&](const std::string& beam) {
+    const double mean_db = json_of("compare @/ct.nrrd @/map.exr --views 3" + beam)["mean"]["psnr_db"];
+    return mean_db;
+  };
+  const double upright_db = psnr_db("");
+  // What the user is promised; shells are as thick under any beam, and rows are interpolated across.
+  for (const char* beam : {" --cone 1000,1500", " --tilt 20", " --cone 1000,1500 --tilt 20", " --tilt -20"})
+    EXPECT_GT(psnr_db(beam), upright_db - 1.5) << beam;
 }
 
 TEST_F(Cli, CompareDrawsMapTruthAndDifferenceSideBySide) {

@@ -383,6 +383,29 @@ class DicomOutput(unittest.TestCase):
         self.assertEqual(told, "")
         self.assertEqual(back.read_bytes().partition(b"\n\n")[2], voxels.astype("<i2").tobytes())
 
+    def test_a_series_of_a_series_keeps_its_frame_of_reference(self):
+        source, scans = self.read_series(self.series())[1], pydicom.uid.generate_uid()
+        folder, turned, apart = (self.folder / name for name in ("kept frame", "turned frame", "no frame"))
+        # Slices that lie the other way round are reoriented, in the same frame.
+        for copy, frame_of in ((turned, lambda: scans), (apart, pydicom.uid.generate_uid)):
+            copy.mkdir()
+            for data in source:
+                data.FrameOfReferenceUID, data.ImageOrientationPatient = frame_of(), [-1, 0, 0, 0, -1, 0]
+                data.save_as(copy / pathlib.Path(data.filename).name)
+        for scan, kept in ((self.series(), None), (turned, scans), (apart, "")):
+            with self.subTest(scan=scan):
+                target = folder / scan.name
+                folder.mkdir(exist_ok=True)
+                told = json.loads(run("convert", scan, "-o", target, "--json").stdout)
+                frames = {data.FrameOfReferenceUID for data in self.read_series(target)[1]}
+                self.expect_valid(*target.iterdir())
+                before = {data.FrameOfReferenceUID for data in self.read_series(scan)[1]}
+                self.assertEqual(len(frames), 1)
+                self.assertEqual(frames <= before, kept != "")
+                self.assertEqual(told["frame_of_reference"], "scan" if kept != "" else "new")
+        study = {data.StudyInstanceUID for data in source}
+        self.assertTrue(study.isdisjoint(data.StudyInstanceUID for data in self.read_series(folder / "thorax")[1]))
+
     def test_a_scan_is_converted_to_every_format_and_back(self):
         expected = None
         for name in ("phantom", "a.nii", "a.nii.gz", "a.nrrd", "a.mha", "a.mhd"):

@@ -260,6 +260,46 @@ class ScanInput(unittest.TestCase):
                             nibabel.save(image, self.folder / name)
                             self.assert_lies_where_nibabel_says(self.folder / name)
 
+    def test_sform_and_qform_that_disagree_are_told(self):
+        path, data = self.folder / "scan.nii.gz", numpy.arange(60, dtype="<i2").reshape(3, 4, 5)
+        affine = numpy.array([[-0.7, 0, 0, 90.3], [0, 0.7, 0, -80.2], [0, 0, 1.5, 12.6], [0, 0, 0, 1]])
+
+        def turned(deg):
+            c, s = numpy.cos(numpy.radians(deg)), numpy.sin(numpy.radians(deg))
+            return numpy.array([[c, -s, 0, 0], [s, c, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])
+
+        for kind in (nibabel.Nifti1Image, nibabel.Nifti2Image):
+            for change, told in ((numpy.eye(4), None), (turned(0.09), None), (turned(0.11), "0.11 deg"),
+                                 (numpy.diag([1, 1, 1.1, 1]), "0.75 mm"), (numpy.diag([-1, 1, 1, 1]), "180 deg")):
+                for unit, scale in (("mm", 1), ("meter", 1e-3)):
+                    with self.subTest((kind.__name__, told, unit)):
+                        image = kind(data, None)
+                        size = numpy.diag([scale, scale, scale, 1])
+                        moved = affine @ change
+                        moved[:3, 3] = affine[:3, 3]
+                        image.set_sform(size @ affine, 1)
+                        image.set_qform(size @ moved, 1)
+                        image.header.set_xyzt_units(unit)
+                        nibabel.save(image, path)
+                        warnings = json.loads(run("info", path, "--json").stdout)["warnings"]
+                        self.assertEqual(len(warnings), 0 if told is None else 1, warnings)
+                        self.assertIn(told or "", (warnings or [""])[0])
+        shifted = affine.copy()
+        for shift, count in ((0.09, 0), (0.11, 1)):
+            shifted[0, 3] = affine[0, 3] + shift
+            image = nibabel.Nifti1Image(data, None)
+            image.set_sform(affine, 1)
+            image.set_qform(shifted, 1)
+            nibabel.save(image, path)
+            self.assertEqual(len(json.loads(run("info", path, "--json").stdout)["warnings"]), count)
+        # A row of zeros says nothing, whatever the qform says.
+        image = nibabel.Nifti1Image(data, None)
+        image.set_qform(affine, 1)
+        image.set_sform(affine, 1)
+        image.header["srow_y"] = 0
+        nibabel.save(nibabel.Nifti1Image(data, None, image.header), path)
+        self.fails(path, "scan.nii.gz", "sform (srow_x, srow_y, srow_z) is a singular matrix", "set sform_code to 0")
+
     def test_nifti_in_the_other_byte_order(self):
         data = numpy.arange(60).reshape(3, 4, 5)
         for kind, header in ((nibabel.Nifti1Image, nibabel.Nifti1Header), (nibabel.Nifti2Image, nibabel.Nifti2Header)):
@@ -295,6 +335,33 @@ class ScanInput(unittest.TestCase):
         voxels, _, _ = self.voxels(self.series)
         for z in range(SLICES):
             numpy.testing.assert_array_equal(voxels[z], stored_pixels(z).astype(int) - 1024)
+
+    def test_studies_and_patients_in_one_folder(self):
+        def other(data, number, study, date, patient):
+            data.SeriesInstanceUID, data.SeriesNumber = f"1.2.9.{number}", number
+            data.StudyInstanceUID, data.StudyDate, data.PatientID = study, date, patient
+            data.PatientName = "Secret^Other"
+
+        both = self.folder / "both"
+        both.mkdir()
+        write_enhanced(both / "a.dcm", range(SLICES), True)
+        self.assertNotIn("warning", run("info", both).stdout)
+        write_enhanced(both / "b.dcm", range(3), True, change=lambda data: other(data, 8, "1.2.8", "20251224", "1"))
+        write_enhanced(both / "c.dcm", range(2), True, change=lambda data: other(data, 9, "1.2.10", "20250131", "2"))
+        for words in (("info", both), ("convert", both, "-o", self.folder / "both.nrrd")):
+            done = run(*words)
+            said = (done.stdout if words[0] == "info" else done.stderr).splitlines()
+            about = [line for line in said if "studies" in line]
+            self.assertEqual(len(about), 1, said)
+            self.assertIn("3 studies of 2 patients in the folder; the chosen series is of the study of 2026-01-01; "
+                          "--series chooses another", about[0])
+            self.assertNotIn("Secret", done.stdout + done.stderr)
+        said = json.loads(run("info", both, "--json").stdout)
+        self.assertEqual((said["studies"], said["patients"]), (3, 2))
+        self.assertEqual([s["study_date"] for s in said["all_series"]], ["2026-01-01", "2025-12-24", "2025-01-31"])
+        self.assertEqual(sum("3 studies" in warning for warning in said["warnings"]), 1)
+        # Who names a series has chosen.
+        self.assertNotIn("studies", run("info", both, "--series", "9").stdout)
 
     # ---- frames -----------------------------------------------------------------------------------
 
@@ -402,9 +469,16 @@ class ScanInput(unittest.TestCase):
 
         write_enhanced(path, range(SLICES), True)
         path.write_bytes(path.read_bytes()[:-ROWS * COLUMNS * 3])
-        self.fails(path, "frame 5", "truncated")
+        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again; --skip-damaged leaves out")
         voxels, _, _ = self.voxels(path, "--skip-damaged")
         self.assertEqual(len(voxels), SLICES - 2)
+        said = json.loads(run("info", path, "--skip-damaged", "--json").stdout)
+        self.assertEqual(said["all_series"][0]["slices"], SLICES)
+        self.assertEqual(said["left_out"], {"damaged": 2, "same_place": 0})
+        self.assertEqual(said["size"][2], SLICES - 2)
+        text = run("info", path, "--skip-damaged").stdout
+        self.assertIn(f"left out of {SLICES} slices: 2 damaged", text)
+        self.assertIn("left out 2 frames of ", text)
 
     # ---- transfer syntaxes --------------------------------------------------------------------------
 

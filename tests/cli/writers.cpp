@@ -103,7 +103,7 @@ void CliOutput::make_inputs() const {
     hu = static_cast<std::int16_t>(static_cast<int>(random() % 1000) - 900);  // does not compress
   Progress unheard;
   write_volume(scan, folder_ / "ct.nrrd", unheard);
-  write_ct_series(scan, folder_ / "series", {}, "noise", unheard);
+  write_ct_series(scan, folder_ / "series", {}, {"noise"}, unheard);
   const VolumeGeometry& grid = scan.geometry();
   std::vector<std::uint8_t> mask(scan.hu().size());
   for (std::int64_t z = 4; z < 36; ++z)

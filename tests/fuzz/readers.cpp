@@ -22,6 +22,7 @@
 #include <map>
 #include <random>
 #include <stdexcept>
+#include <string_view>
 #include <zlib.h>
 
 namespace xraycast {
@@ -63,12 +64,20 @@ void write_packed_meta_image(const fs::path& path) {
   write_bytes(path, kMetaImageHeader + deflated(voxels()));
 }
 
-void write_nifti2(const fs::path& path) {
+NiftiFile nifti() {
   NiftiFile file;
   file.dim = {3, kColumns, kRows, kSlices, 1, 1, 1, 1};
   file.pixdim = {1, 1, 1.5, 2, 1, 1, 1, 1};
   file.voxels = voxels();
-  write_bytes(path, file.bytes2());
+  return file;
+}
+
+void write_nifti2(const fs::path& path) { write_bytes(path, nifti().bytes2()); }
+
+/// Either of both files.
+void write_nifti_pair(const fs::path& path) {
+  write_bytes(fs::path(path).replace_extension(".hdr"), nifti().pair_header());
+  write_bytes(fs::path(path).replace_extension(".img"), voxels());
 }
 
 /// Up to the voxels, which are appended as they are or packed by zlib.
@@ -177,10 +186,11 @@ void write_small_basis(const fs::path& path) {
   write_basis(basis, path);
 }
 
-template <auto Geometry>
+template <auto Geometry, MapPrecision Precision = MapPrecision::float32>
 void write_map(const fs::path& path) {
   BodyMap map;
   map.geometry = Geometry();
+  map.precision = Precision;
   map.tau.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
   write_body_map(map, path);
 }
@@ -220,6 +230,10 @@ void write_messages(const fs::path& path) {
 Content read_as_scan(const fs::path& path) {
   const Volume read = read_scan(path).volume;
   return bytes_of(std::span<const std::int16_t>(read.hu()));
+}
+
+Content read_as_nifti_pair(const fs::path& path) {
+  return read_as_scan(fs::path(path).replace_extension(".hdr"));
 }
 
 Content read_as_basis(const fs::path& path) {
@@ -306,6 +320,8 @@ const Reader kReaders[] = {
     {"nifti", "a.nii", write_scan, read_as_scan},
     {"nifti_gzipped", "a.nii.gz", write_scan, read_as_scan, 0},
     {"nifti2", "a.nii", write_nifti2, read_as_scan},
+    {"nifti_pair_header", "a.hdr", write_nifti_pair, read_as_nifti_pair},
+    {"nifti_pair_voxels", "a.img", write_nifti_pair, read_as_nifti_pair},
     {"nrrd", "a.nrrd", write_scan, read_as_scan},
     {"nrrd_gzipped", "a.nrrd", write_packed_nrrd, read_as_scan, sizeof kNrrdHeader - 1},
     {"nrrd_gzipped_header", "a.nrrd", write_packed_nrrd, read_as_scan},
@@ -322,6 +338,8 @@ const Reader kReaders[] = {
      read_as_scan},
     {"dicom_deflated", "a.dcm",
      [](const fs::path& path) { dicom_slice(0).write(path, DicomFile::Syntax::deflated); }, read_as_scan},
+    {"dicom_big_endian", "a.dcm",
+     [](const fs::path& path) { dicom_slice(0).write(path, DicomFile::Syntax::explicit_big); }, read_as_scan},
     {"dicom_frames", "a.dcm", write_dicom_frames, read_as_scan},
     {"dicom_series", "series/2.dcm", write_dicom_series,
      [](const fs::path& path) { return read_as_scan(path.parent_path()); }},
@@ -329,6 +347,8 @@ const Reader kReaders[] = {
     {"genesis", "a.fro", write_genesis, read_as_scan},
     {"map", "map.exr", write_map<map_geometry>, without_content<read_body_map>},
     {"map_outline", "map.exr", write_map<map_geometry_with_outline>, without_content<read_body_map>},
+    {"map_bytes", "map.exr", write_map<map_geometry_with_outline, MapPrecision::byte>,
+     without_content<read_body_map>},
     {"spectrum_map", "map.exr", write_spectrum_map, without_content<read_body_map>},
     {"basis", "a.basis", write_small_basis<map_geometry>, read_as_basis, 0, set_basis_checksums},
     {"basis_outline", "a.basis", write_small_basis<map_geometry_with_outline>, read_as_basis, 0,
@@ -360,6 +380,11 @@ const Reader kReaders[] = {
     {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
 };
 
+/// What follows a semicolon, or what must be.
+bool says_what_to_do(std::string_view message) {
+  return message.find("; ") != std::string_view::npos || message.find(" must ") != std::string_view::npos;
+}
+
 }  // namespace
 
 std::span<const Reader> readers() { return kReaders; }
@@ -375,9 +400,12 @@ std::optional<Content> FileToRead::read(const std::string& bytes) const {
   try {
     return reader_.read(path_);
   } catch (const InputError& error) {
+    const std::string_view message = error.what();
     // A series is named by its folder, the voxels' file by its own name.
-    if (!std::string_view(error.what()).starts_with(path_.parent_path().string()))
+    if (!message.starts_with(path_.parent_path().string()))
       throw std::logic_error(std::string("not the file's name first: ") + error.what());
+    if (reader_.read != read_messages && !says_what_to_do(message))
+      throw std::logic_error(std::string("not what to do: ") + error.what());
     return std::nullopt;
   } catch (const std::exception& error) {
     throw std::logic_error(std::string("another exception than an InputError: ") + error.what());

@@ -10,7 +10,7 @@
 namespace xraycast {
 
 /// One kind of file that xraycast reads, which may be damaged in any way: it is read, or refused by an
-/// InputError that starts with its path.
+/// InputError that starts with its path and says what to do.
 struct Reader {
   /// What was read, to compare; empty where there is nothing to compare with.
   using Content = std::string;
@@ -40,7 +40,7 @@ class FileToRead {
   const std::string& whole() const { return whole_; }
 
   /// Replaces the file and reads it. Nothing where it is refused; throws std::logic_error for any other
-  /// exception than an InputError that starts with the file's path.
+  /// exception than an InputError of one line that starts with the file's path and says what to do.
   std::optional<Reader::Content> read(const std::string& bytes) const;
 
  private:

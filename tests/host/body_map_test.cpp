@@ -112,10 +112,10 @@ T attribute(const Imf::Header& header, const std::string& name) {
   return header.typedAttribute<Imf::TypedAttribute<T>>("xraycast:" + name).value();
 }
 
-std::vector<std::string> channels_of(const Imf::Header& header) {
+std::vector<std::string> channels_of(const Imf::Header& header, Imf::PixelType type = Imf::FLOAT) {
   std::vector<std::string> names;
   for (auto channel = header.channels().begin(); channel != header.channels().end(); ++channel) {
-    EXPECT_EQ(channel.channel().type, Imf::FLOAT);
+    EXPECT_EQ(channel.channel().type, type);
     names.emplace_back(channel.name());
   }
   return names;
@@ -206,7 +206,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
   for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
-  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith("no such file"));
+  EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith(": no such file; check its name"));
 }
 
 TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {
@@ -226,11 +226,13 @@ TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
     return refusal_of(folder / "odd.exr");
   };
   EXPECT_EQ(refusal_with(good), "");
-  EXPECT_THAT(refusal_with({good[0], good[1]}), testing::EndsWith(": layer 2 of 3 is missing"));
+  EXPECT_THAT(refusal_with({good[0], good[1]}),
+              testing::EndsWith(": layer 2 of 3 is missing; cast the map again"));
 
   std::vector<Imf::Header> headers = good;
   headers[1].dataWindow().max.x -= 1;
-  EXPECT_THAT(refusal_with(headers), testing::EndsWith(": layer 1 differs in size from layer 0"));
+  EXPECT_THAT(refusal_with(headers),
+              testing::EndsWith(": layer 1 differs in size from layer 0; cast the map again"));
 
   headers = good;
   headers[2].channels() = {};
@@ -239,6 +241,87 @@ TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
   headers[2].channels() = {};
   headers[2].channels().insert("tau", Imf::Channel(Imf::HALF));
   EXPECT_THAT(refusal_with(headers), testing::HasSubstr("layer 2 has an unexpected channel tau"));
+}
+
+TEST(BodyMapFile, HalvesAndBytesReadBackWithinHalfAStep) {
+  const TemporaryFolder folder;
+  for (const MapPrecision precision : {MapPrecision::float16, MapPrecision::byte})
+    for (BodyMap written : {make_map(3), make_spectrum_map(3)}) {
+      written.precision = precision;
+      written.geometry = with_outline(written.geometry, outline(written.geometry, 1));
+      write_body_map(written, folder / "map.exr");
+      const BodyMap read = read_body_map(folder / "map.exr");
+      EXPECT_EQ(read.precision, precision);
+      EXPECT_EQ(read.geometry, written.geometry);
+      EXPECT_EQ(read.spectrum, written.spectrum);
+      // Values are 0 to 9. Halves above 8 are 1/128 apart; bytes of a layer 9/255. And 32-bit rounding.
+      const float half_a_step = 1e-5f + 0.5f * (precision == MapPrecision::byte ? 9.0f / 255 : 1.0f / 128);
+      EXPECT_THAT(read.tau, testing::Pointwise(testing::FloatNear(half_a_step), written.tau));
+      for (std::size_t m = 0; m < kMaterials.size(); ++m)
+        EXPECT_THAT(read.depths[m], testing::Pointwise(testing::FloatNear(half_a_step), written.depths[m]));
+    }
+}
+
+TEST(BodyMapFile, OfBytesTakesLessThanAByteOfATexel) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(4);
+  // Smooth, as bodies are.
+  for (std::size_t i = 0; i < map.tau.size(); ++i) map.tau[i] = std::sin(1e-2f * static_cast<float>(i)) + 1;
+  std::uintmax_t before_B = std::numeric_limits<std::uintmax_t>::max();
+  for (const MapPrecision precision : {MapPrecision::float32, MapPrecision::float16, MapPrecision::byte}) {
+    map.precision = precision;
+    write_body_map(map, folder / "map.exr");
+    const std::uintmax_t size_B = std::filesystem::file_size(folder / "map.exr");
+    EXPECT_LT(size_B, before_B) << to_string(precision);
+    before_B = size_B;
+  }
+  constexpr std::uintmax_t kHeaders_B = 4 * 4000;
+  EXPECT_LT(before_B, map.tau.size() + kHeaders_B);
+}
+
+TEST(BodyMapFile, BytesOfALayerReachFromItsLeastToItsLargestValue) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(2);
+  map.precision = MapPrecision::byte;
+  std::fill_n(map.tau.begin(), map.layer_size(), 3.5f);  // all alike
+  map.tau[map.layer_size()] = 2;
+  map.tau[map.layer_size() + 1] = 20;
+  write_body_map(map, folder / "map.exr");
+  const std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  EXPECT_EQ(attribute<int>(headers[0], "version"), 4);
+  EXPECT_EQ(channels_of(headers[0], Imf::HALF), std::vector<std::string>{"tau"});
+  const BodyMap read = read_body_map(folder / "map.exr");
+  EXPECT_THAT(read.layer(0), testing::Each(3.5f));
+  EXPECT_FLOAT_EQ(std::ranges::max(read.layer(1)), 20);
+}
+
+TEST(BodyMapFile, DamagedByteRangesAreRefused) {
+  const TemporaryFolder folder;
+  BodyMap map = make_map(2);
+  map.precision = MapPrecision::byte;
+  write_body_map(map, folder / "map.exr");
+  std::vector<Imf::Header> headers = headers_of(folder / "map.exr");
+  const auto refusal_with = [&](const char* name, const std::string& text) {
+    std::vector<Imf::Header> changed = headers;
+    for (Imf::Header& header : changed) header.insert(name, Imf::StringAttribute(text));
+    write_layers(folder / "odd.exr", changed);
+    return refusal_of(folder / "odd.exr");
+  };
+  EXPECT_EQ(refusal_with("xraycast:byte_ranges", R"({"tau": [[0, 0.1], [1, 0]]})"), "");
+  for (const char* ranges :
+       {R"({"tau": [[0, 0.1]]})", R"({"tau": [[0, 0.1], [1, -1]]})", R"({"tau": [[0, 0.1], [-1, 1]]})",
+        R"({"tau": [[0, 0.1], [0, 1e99]]})", R"({"tau": [[0, 0.1], [0]]})", R"({"tau": [[0, 0.1], "no"]})",
+        R"({"bone": [[0, 0.1], [0, 1]]})", "[]"})
+    EXPECT_THAT(refusal_with("xraycast:byte_ranges", ranges),
+                testing::HasSubstr("attribute xraycast:byte_ranges must hold an offset and a scale"))
+        << ranges;
+  EXPECT_THAT(refusal_with("xraycast:byte_ranges", "{"),
+              testing::HasSubstr("attribute xraycast:byte_ranges is missing or damaged"));
+  EXPECT_THAT(refusal_with("xraycast:precision", "nibble"),
+              testing::HasSubstr("attribute xraycast:precision: precision 'nibble' is not known"));
+  map.precision = MapPrecision::float16;
+  map.tau[5] = 1e6f;
+  EXPECT_THROW(write_body_map(map, folder / "map.exr"), InputError);
 }
 
 TEST(BodyMapFile, ClaimsBeyondTheFilesSizeAreRefusedBeforeMemoryIsTaken) {
@@ -287,21 +370,16 @@ TEST(BodyMapFile, AnyChangedByteIsRefusedOrHarmless) {
 }
 
 TEST(Preview, StacksLayersFromTheInnermostDown) {
-  const TemporaryFolder folder;
   BodyMap map = make_map(2);
   std::ranges::fill(map.tau, 0.0f);
   std::fill(map.tau.begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.tau.end(), 20.0f);
-  write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const Png png = read_png(folder / "map.png");
-  EXPECT_EQ(png.width, 90);
-  EXPECT_EQ(png.height, 40);
-  EXPECT_EQ(png.channels, 3);
-  EXPECT_EQ(png.values.front(), 255);  // exp(-0)
-  EXPECT_EQ(png.values.back(), 0);     // exp(-20), below half a grey level
+  const std::vector<std::uint8_t> greys = preview_of(map, PreviewWindow::paper);
+  EXPECT_EQ(greys.size(), 90U * 40);
+  EXPECT_EQ(greys.front(), 255);  // exp(-0)
+  EXPECT_EQ(greys.back(), 0);     // exp(-20), below half a grey level
 }
 
 TEST(Preview, AppliesTheSpectrumToEachLayer) {
-  const TemporaryFolder folder;
   BodyMap map = make_spectrum_map(2);
   map.spectrum = Spectrum("a line", {{60, 1}});
   // A transmission of a half in the inner layer, of a quarter in the outer one.
@@ -310,16 +388,13 @@ TEST(Preview, AppliesTheSpectrumToEachLayer) {
   std::ranges::fill(map.depths[0], half_g_cm2);
   std::fill(map.depths[0].begin() + static_cast<std::ptrdiff_t>(map.layer_size()), map.depths[0].end(),
             2 * half_g_cm2);
-  write_preview(map, PreviewWindow::paper, folder / "map.png");
-  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
+  const std::vector<std::uint8_t> pixels = preview_of(map, PreviewWindow::paper);
   EXPECT_NEAR(pixels.front(), 127.5, 1);  // a grey level
   EXPECT_NEAR(pixels.back(), 63.75, 1);
 }
 
 TEST(Preview, WindowUsesMostOfTheRangeOfGrey) {
-  const TemporaryFolder folder;
-  write_preview(make_map(1), PreviewWindow::automatic, folder / "map.png");
-  const std::vector<std::uint8_t> pixels = read_png(folder / "map.png").values;
+  const std::vector<std::uint8_t> pixels = preview_of(make_map(1), PreviewWindow::automatic);
   EXPECT_LT(*std::ranges::min_element(pixels), 40);
   EXPECT_EQ(*std::ranges::max_element(pixels), 255);
 }

@@ -208,6 +208,38 @@ TEST(DicomFolder, GivesAnotherModalityWhereItIsNamed) {
   EXPECT_EQ(read_scan(folder / "", {.series = "3"}).info.modality, "MR");
 }
 
+TEST(DicomFolder, CountsStudiesAndPatients) {
+  const TemporaryFolder folder;
+  constexpr std::uint32_t kStudyDate = 0x00080020, kPatientName = 0x00100010, kBodyPart = 0x00180015,
+                          kStudyUid = 0x0020000d;
+  const auto write = [&](const std::string& series, const std::string& study, const std::string& date,
+                         const std::string& patient, const std::string& name) {
+    slice_of(series, 0)
+        .text(kStudyUid, "UI", study)
+        .text(kStudyDate, "DA", date)
+        .text(kPatient, "LO", patient)
+        .text(kPatientName, "PN", name)
+        .text(kBodyPart, "CS", "CHEST")
+        .write(folder / series);
+  };
+  write("1", "1.7.1", "20260131", "A", "One");
+  write("2", "1.7.2", "2025.12.24", "A", "One^Alias");  // one ID, and the date as before DICOM
+  EXPECT_EQ(read_scan(folder / "").info.patients, 1);
+  write("3", "1.7.3", "unknown", "", "Two");
+  write("4", "1.7.3", "", "", "Two");
+  const ScanInfo info = read_scan(folder / "").info;
+  EXPECT_EQ(info.studies, 3);
+  EXPECT_EQ(info.patients, 2);
+  std::vector<std::string> dates;
+  for (const ScanInfo::Series& series : info.all_series) {
+    dates.push_back(series.study_date);
+    EXPECT_EQ(series.body_part, "CHEST");
+  }
+  EXPECT_THAT(dates, ElementsAre("2026-01-31", "2025-12-24", "", ""));
+  EXPECT_THAT(info.series, HasSubstr("1: 1 slice, axial, 1 mm, CHEST, study of 2026-01-31, UID"));
+  EXPECT_EQ(read_scan(folder / "1").info.studies, 1);
+}
+
 // ---- what is passed over ---------------------------------------------------------------------------
 
 TEST(DicomFolder, PassesOverWhatIsNoCtSlice) {
@@ -290,10 +322,23 @@ TEST(DamagedSlices, AreLeftOutAndInterpolated) {
   write_damaged_series(folder / "");
   const auto [info, volume, hu_range] = read_scan(folder / "", {.series = "", .skip_damaged = true});
   EXPECT_EQ(info.size.z, 6);
+  EXPECT_EQ(info.left_out.damaged, 1);
+  EXPECT_EQ(info.all_series.front().slices, 7);
   ASSERT_EQ(volume.geometry().size.z, 7);
   for (int z = 0; z < 7; ++z) EXPECT_EQ(volume.at(1, 1, z), 100 * z);
   EXPECT_THAT(info.warnings, ElementsAre(AllOf(StartsWith("left out "), HasSubstr("I2: truncated, 19 of 24")),
                                          HasSubstr("1 of 5 slice distances differs")));
+}
+
+TEST(DamagedSlices, AndThoseAtThePlaceOfAnotherMakeUpTheSeries) {
+  const TemporaryFolder folder;
+  write_damaged_series(folder / "");
+  slice_of("1", 5, 1).text(kObjectUid, "UI", "1.2.3.99").write(folder / "I5again");
+  const ScanInfo info = read_scan(folder / "", {.series = "", .skip_damaged = true}).info;
+  EXPECT_EQ(info.left_out.damaged, 1);
+  EXPECT_EQ(info.left_out.same_place, 1);
+  EXPECT_EQ(info.size.z, 6);
+  EXPECT_EQ(info.all_series.front().slices, 8);
 }
 
 TEST(DamagedSlices, CountWhereTheyAreCutOffBeforeTheirSeries) {
@@ -308,6 +353,9 @@ TEST(DamagedSlices, CountWhereTheyAreCutOffBeforeTheirSeries) {
     EXPECT_THROW(read_scan(folder / ""), DamagedSlice);
     const ScanInfo info = read_scan(folder / "", {.series = "", .skip_damaged = true}).info;
     EXPECT_EQ(info.size.z, 3);
+    EXPECT_EQ(info.left_out.damaged, 1);
+    EXPECT_EQ(info.all_series.front().slices, 4);
+    EXPECT_THAT(info.series, StartsWith("1: 4 slices"));
     EXPECT_THAT(info.warnings, ElementsAre(AllOf(StartsWith("left out "), HasSubstr("/J: "))));
   }
 }
@@ -338,6 +386,8 @@ TEST(DamagedSlices, OfGenesisAreLeftOut) {
   EXPECT_THROW(read_scan(folder / ""), DamagedSlice);
   const auto [info, volume, hu_range] = read_scan(folder / "", {.series = "", .skip_damaged = true});
   EXPECT_EQ(hu_at_mm(volume, volume.geometry().to_world_mm({1, 1, 2})), 200);
+  EXPECT_EQ(info.left_out.damaged, 1);
+  EXPECT_EQ(info.size.z, 4);
   EXPECT_THAT(info.warnings, Contains(StartsWith("left out ")));
 }
 

@@ -97,16 +97,12 @@ TEST(NiftiScan, ReadsGzipAndPairs) {
   file.sform = {1, 0, 0, -12, 0, 2, 0, 14, 0, 0, 3, 30};
   file.voxels = kRas.voxels();
   write_bytes(folder / "scan.nii.gz", gzipped(file.bytes()));
-  file.voxels.clear();
-  std::string header = file.bytes();
-  header[345] = 'i';
-  header.replace(108, 4, 4, '\0');
+  const std::string header = file.pair_header();
   write_bytes(folder / "plain.hdr", header);
   write_bytes(folder / "plain.img", kRas.voxels());
   write_bytes(folder / "packed.hdr", header);
   write_bytes(folder / "packed.img.gz", gzipped(kRas.voxels()));
   // The name does not matter.
-  file.voxels = kRas.voxels();
   write_bytes(folder / "scan.raw", file.bytes());
   for (const char* name : {"scan.nii.gz", "plain.hdr", "packed.hdr", "scan.raw"}) {
     SCOPED_TRACE(name);

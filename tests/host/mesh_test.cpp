@@ -343,12 +343,13 @@ VtpText with(std::string VtpText::*member, std::string value) {
   return text;
 }
 
-/// One array of eight blocks that claim to unpack to 2^62 bytes each.
-std::string bomb() {
+/// One array of eight blocks that claim to unpack to `block_B` each.
+std::string bomb(std::uint64_t block_B, const std::string& points = "4") {
   VtpText text = raw_appended();
   text.file += kZlib;
+  text.number_of_points = points;
   text.appended = "<AppendedData encoding=\"raw\">_" +
-                  bytes_of<std::uint64_t>({8, 1ull << 62, 0, 8, 8, 8, 8, 8, 8, 8, 8}) + std::string(64, 'x');
+                  bytes_of<std::uint64_t>({8, block_B, 0, 8, 8, 8, 8, 8, 8, 8, 8}) + std::string(64, 'x');
   return text.str();
 }
 
@@ -422,12 +423,16 @@ const BadFile kBadFiles[] = {
           R"(<DataArray type="Float32" format="ascii">0 0 0 1 0 0 0 nan 0 0 0 3</DataArray>)")
          .str(),
      {"Points", "point 2 is not finite"}},
-    {"PointBeyondFloat",
+    {"PointBeyondAnyBody",
      "mesh.vtp",
      with(&VtpText::points,
-          R"(<DataArray type="Float64" format="ascii">0 0 0 1 0 0 0 2 0 0 0 1e99</DataArray>)")
+          R"(<DataArray type="Float64" format="ascii">0 0 0 1 0 0 0 2 0 0 0 -1e99</DataArray>)")
          .str(),
-     {"Points", "is too large"}},
+     {"Points: point 3 lies 1e+99 mm from the origin, more than 10000"}},
+    {"CornerBeyondAnyBody",
+     "mesh.stl",
+     binary_stl("", 10001),
+     {"a corner of triangle 0 lies 10001 mm from the origin, more than 10000"}},
     {"WordsForNumbers",
      "mesh.vtp",
      with(&VtpText::points, R"(<DataArray type="Float32" format="ascii">0 0 0 one</DataArray>)").str(),
@@ -481,7 +486,24 @@ const BadFile kBadFiles[] = {
      with(&VtpText::points, appended_array(kPoints, 99)).str(),
      {"Points", "offset", "beyond the appended data"}},
     {"TruncatedAppendedData", "mesh.vtp", cut(raw_appended().str(), 29), {"Polys offsets", "claims 4 bytes"}},
-    {"BombInZlib", "mesh.vtp", bomb(), {"Points", "claims 4611686018427387904 bytes from 8 compressed ones"}},
+    {"BombInZlib", "mesh.vtp", bomb(1ull << 62), {"Points", "more than the 48 bytes that it must hold"}},
+    // As many as zlib can make of them, but one more than are needed.
+    {"MoreThanItsPointsInZlib", "mesh.vtp", bomb(7), {"Points", "more than the 48 bytes that it must hold"}},
+    {"BombOfManyPoints",
+     "mesh.vtp",
+     bomb(1'200'000'000 / 8, "100000000"),
+     {"Points", "claims 150000000 bytes from 8 compressed ones"}},
+    {"BombInTheSpace",
+     "mesh.vtp",
+     [] {
+       VtpText text = with(&VtpText::file, kUInt64 + kZlib);
+       text.field_data =
+           R"(<FieldData><Array type="String" Name="SPACE" format="appended" offset="0"/></FieldData>)";
+       text.appended = "<AppendedData encoding=\"raw\">_" + bytes_of<std::uint64_t>({1, 1 << 20, 0, 8}) +
+                       std::string(2000, 'x');
+       return text.str();
+     }(),
+     {"SPACE", "more than the 65536 bytes"}},
     {"HugeNumberOfBlocks",
      "mesh.vtp",
      [] {

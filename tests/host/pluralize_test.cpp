@@ -11,6 +11,8 @@ TEST(Pluralize, OneThingIsSingular) {
   EXPECT_EQ(pluralize(8, "layer"), "8 layers");
   EXPECT_EQ(pluralize(1, "branch"), "1 branch");
   EXPECT_EQ(pluralize(2, "branch"), "2 branches");
+  EXPECT_EQ(pluralize(1, "study"), "1 study");
+  EXPECT_EQ(pluralize(3, "study"), "3 studies");
 }
 
 }  // namespace

@@ -199,6 +199,36 @@ TEST_P(ProjectedPicture, EqualsItsRaysOneByOne) {
   }
 }
 
+/// Padding, soft tissue in which nothing is alike, and a few bones, whose edges lie anywhere in blocks.
+Volume padded_body(const Index3& size, const glm::dvec3& spacing_mm) {
+  std::mt19937 random(5);
+  std::uniform_int_distribution<int> soft(-1000, 149), bone(150, 1500);
+  const glm::dvec3 half_mm = 0.5 * glm::dvec3(size) * spacing_mm;
+  return make_volume(size, spacing_mm, [&](const glm::dvec3& p) {
+    const glm::dvec3 q = p / half_mm;
+    if (glm::length(q - glm::dvec3(0.4, 0.1, 0.3)) < 0.25 || std::abs(q.x + 0.3) < 0.04) return bone(random);
+    return glm::length(q) < 0.8 ? soft(random) : q.z > 0.7 ? -1000 : -1024;
+  });
+}
+
+TEST_P(ProjectedPicture, IsTheSameWithConstantBlocksSkipped) {
+  const auto& [size, spacing_mm, view] = GetParam();
+  Progress progress;
+  const ResidentScan scan = upload(device(), padded_body(size, spacing_mm));
+  const Opacity bone("bone", {{-1000, 0}, {150, 0}, {1000, 0.06}}),
+      plateaus("plateaus", {{-900, 0.003}, {150, 0.003}, {400, 0.04}, {600, 0.04}});
+  for (const Opacity& opacity : {bone, plateaus, Opacity::bilinear(), Opacity::paper()}) {
+    const auto skipped = project(scan, view, opacity, progress, {}, Sampling::but_constant_blocks),
+               sampled = project(scan, view, opacity, progress, {}, Sampling::everywhere);
+    const float largest = std::ranges::max(sampled.tau);
+    for (std::size_t i = 0; i < sampled.tau.size(); ++i)
+      // A millionth of the largest, and sums of a hundred 32-bit floats in another order.
+      ASSERT_NEAR(skipped.tau[i], sampled.tau[i], 1e-6 * largest + 1e-9)
+          << opacity.name() << ", column " << i % static_cast<std::size_t>(view.width) << ", row "
+          << i / static_cast<std::size_t>(view.width);
+  }
+}
+
 /// A picture of `width` x `height` pixels, without a cone where `source_axis_mm` is 0.
 View picture(double angle_deg, double tilt_deg, double source_axis_mm, int width, int height,
              double pixel_mm) {

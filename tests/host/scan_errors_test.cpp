@@ -235,7 +235,7 @@ const BadScan kBadScans[] = {
        file.sform[1] = -1.7e38F;
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "sform is a singular matrix"},
+     "a.nii", "sform (srow_x, srow_y, srow_z) is a singular matrix"},
     {"NiftiWithQformInfinite",
      [](const TemporaryFolder& f) {
        std::string bytes = nifti().bytes();
@@ -292,7 +292,7 @@ const BadScan kBadScans[] = {
        file.sform = {1, 0, 0, 0, 1, 0, 0, 0, 0, 0, 1, 0};
        write_bytes(f / "a.nii", file.bytes());
      },
-     "a.nii", "sform is a singular matrix"},
+     "a.nii", "sform (srow_x, srow_y, srow_z) is a singular matrix"},
     {"NiftiOfOneSlice",
      [](const TemporaryFolder& f) {
        NiftiFile file = nifti();
@@ -414,7 +414,7 @@ const BadScan kBadScans[] = {
      "a.mha", "DimSize holds 2 numbers instead of 3"},
     {"MetaImageByAFormatString",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mhd", meta_image_in("%n%n%n.raw 0 1 1")); }, "a.mhd",
-     "is not a pattern such as"},
+     "is not a pattern; write one such as"},
     {"MetaImageByAPatternOfMissingFiles",
      [](const TemporaryFolder& f) {
        write_bytes(f / "0.raw", kVoxels.substr(0, 12));

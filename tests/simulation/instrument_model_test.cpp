@@ -118,6 +118,7 @@ INSTANTIATE_TEST_SUITE_P(
         BadDevice{"DeepJson", "{", "{\"x\": [[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[[", "32 levels deep"},
         BadDevice{"NoRadius", "\"radius_mm\"", "\"radius_inch\"", "\"radius_mm\" is missing"},
         BadDevice{"RadiusText", "0.5,", "\"thin\",", "\"radius_mm\" is not a number"},
+        BadDevice{"RadiusBeyondAnyVessel", "0.5,", "1001,", "\"radius_mm\" is 1001; that is more than any"},
         BadDevice{"RadiusZero", "0.5,", "0,", "\"radius_mm\" is 0; it must be above zero"},
         BadDevice{"Density", "\"density_g_cm3\": 2", "\"density_g_cm3\": -2", "\"density_g_cm3\" is -2"},
         BadDevice{"Friction", "\"kinetic_friction\": 0.1", "\"kinetic_friction\": 0.3",

@@ -39,7 +39,8 @@ std::vector<char*> pointers_to(std::vector<std::string>& strings) {
 
 }  // namespace
 
-Process::Process(const Command& command) : name_(command.words.front()) {
+Process::Process(const Command& command)
+    : deadline_(Clock::now() + command.patience), name_(command.words.front()) {
   std::vector<std::string> words = command.words, variables = environment_with(command.environment);
   const std::vector<char*> arguments = pointers_to(words), environment = pointers_to(variables);
   const rlimit limit{command.largest_file_B.value_or(RLIM_INFINITY), RLIM_INFINITY};

@@ -17,6 +17,7 @@ struct Command {
   std::map<std::string, std::string> environment = {};  ///< on top of the test's own
   std::optional<std::uint64_t> largest_file_B = {};     ///< writing beyond fails, as on a full disk
   bool on_terminal = false;                             ///< stderr is a terminal
+  std::chrono::seconds patience{90};                    ///< after which it is killed
 };
 
 /// What it left behind.
@@ -25,8 +26,8 @@ struct Finished {
   std::string out, err;
 };
 
-/// A running program. Whatever it waits for, it is killed after a minute and a half; its parent then throws
-/// std::runtime_error with what it had said.
+/// A running program. Whatever it waits for, it is killed when its command's patience is over; its parent
+/// then throws std::runtime_error with what it had said.
 class Process {
  public:
   explicit Process(const Command& command);
@@ -53,7 +54,7 @@ class Process {
   bool listen();
   [[noreturn]] void fail(const std::string& why) const;
 
-  Clock::time_point deadline_ = Clock::now() + std::chrono::seconds(90);
+  Clock::time_point deadline_;
   std::string name_;
   pid_t id_ = -1;  ///< -1 once it was waited for
   std::array<Stream, 2> streams_;

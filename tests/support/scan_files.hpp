@@ -52,7 +52,7 @@ class DicomFile {
   DicomFile& position(const glm::dvec3& mm);
   DicomFile& directions(const glm::dvec3& row, const glm::dvec3& column);
 
-  enum class Syntax { explicit_little, implicit_little, deflated };
+  enum class Syntax { explicit_little, implicit_little, deflated, explicit_big };
   void write(const std::filesystem::path& path, Syntax syntax = Syntax::explicit_little) const;
 
  private:
@@ -90,6 +90,8 @@ struct NiftiFile {
   std::string voxels;
 
   std::string bytes() const;
+  /// The header of a pair; the voxels are the other file's.
+  std::string pair_header() const;
   /// The same as NIfTI-2.
   std::string bytes2() const;
 };

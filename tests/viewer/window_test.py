@@ -9,7 +9,9 @@ import ctypes
 import json
 import os
 import pathlib
+import random
 import shutil
+import signal
 import struct
 import subprocess
 import sys
@@ -606,6 +608,27 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: len(self.pictures()) == 2, "another picture")
         sizes = [struct.unpack(">II", path.read_bytes()[16:24]) for path in self.pictures()]
         self.assertEqual(sizes, [(1280, 720), (700, 500)])
+
+    def test_is_killed_while_it_saves(self):
+        """What it saves is whole or not there, and the next one's files leave nothing of a killed one's."""
+        session, chance = self.folder / "xraycast-session.json", random.Random(4)
+        for round in range(4):
+            self.view(FILES / "map.exr")
+            keys = subprocess.Popen(["xdotool", "key", *["p", "ctrl+s"] * 20], env=self.environment)
+            time.sleep(chance.uniform(0, 0.6))
+            self.viewer.send_signal(signal.SIGKILL if round % 2 == 0 else signal.SIGTERM)
+            self.viewer.communicate()
+            keys.wait(PATIENCE_S)
+            if session.exists():
+                json.loads(session.read_text())
+            for path in self.pictures():
+                self.assertEqual(path.read_bytes()[-8:], b"IEND\xaeB`\x82", path)
+        before = len(self.pictures())
+        self.view(FILES / "map.exr")
+        self.do("key", "p")
+        self.wait_until(lambda: len(self.pictures()) > before, "a picture")
+        self.session()
+        self.assertEqual(list(self.folder.glob(".*")), [])
 
     def test_ends_when_it_is_closed(self):
         self.view(FILES / "map.exr")

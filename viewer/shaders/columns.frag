@@ -12,7 +12,7 @@ void main() {
 #ifdef MAP_ROWS
   for (int i = first; i < end; ++i) {
     vec4 sample_ = texelFetch(sample_table, 2 * i);
-    sum += sample_.y * quad_of(sample_, quad + first_quad);
+    sum += sample_.y * quad_of(sample_, range_of(i), quad + first_quad);
   }
   tau = sum;
 #else
@@ -21,7 +21,7 @@ void main() {
   for (int i = first; i < end; ++i) {
     vec4 sample_ = texelFetch(sample_table, 2 * i);
     float s_mm = texelFetch(sample_table, 2 * i + 1).x;
-    sum += sample_.y * rows_of(sample_, row + slopes * s_mm);
+    sum += sample_.y * rows_of(sample_, range_of(i), row + slopes * s_mm);
   }
   tau = sum * secant(slopes);
 #endif

@@ -1,8 +1,11 @@
 // The map along the rays of a rectified view's columns (column_samples.hpp). Variants: BLENDS_LAYERS where samples
-// lie between two layers, PATH where they stand for a length.
+// lie between two layers, PATH where they stand for a length, BYTES where texels are bytes.
 uniform samplerBuffer map_texels;    // four rows per texel (map_texels.hpp)
 uniform samplerBuffer column_table;  // ColumnSamples::Column
 uniform samplerBuffer sample_table;  // ColumnSample, two texels each
+#ifdef BYTES
+uniform samplerBuffer byte_ranges;   // offset and scale of a layer and of the next one
+#endif
 uniform int quads, layer_stride;     // of the map, in texels
 uniform float map_rows;
 
@@ -12,13 +15,28 @@ uniform float slope;       // of a parallel beam: map rows per mm of s
 uniform float source_row;  // of a cone
 uniform float row_mm;
 
+// What the bytes of a sample's layers stand for.
+vec4 range_of(int sample_index) {
+#ifdef BYTES
+  return texelFetch(byte_ranges, int(texelFetch(sample_table, 2 * sample_index + 1).w));
+#else
+  return vec4(0.0);
+#endif
+}
+
 // Four rows of the map, interpolated between the columns and layers of a sample.
-vec4 quad_of(vec4 sample_, int quad) {
+vec4 quad_of(vec4 sample_, vec4 range, int quad) {
   int at = int(sample_.x) * quads + quad;
   vec4 values = mix(texelFetch(map_texels, at), texelFetch(map_texels, at + quads), sample_.z);
+#ifdef BYTES
+  values = range.x + range.y * values;
+#endif
 #ifdef BLENDS_LAYERS
   at += layer_stride;
   vec4 next = mix(texelFetch(map_texels, at), texelFetch(map_texels, at + quads), sample_.z);
+#ifdef BYTES
+  next = range.z + range.w * next;
+#endif
   values = mix(values, next, sample_.w);
 #endif
   return values;
@@ -38,10 +56,10 @@ vec4 secant(vec4 rows_per_mm) {
 }
 
 // The map of a sample in four rows, which ascend and are no farther apart than the map's.
-vec4 rows_of(vec4 sample_, vec4 row) {
+vec4 rows_of(vec4 sample_, vec4 range, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   int quad = int(within.x) / 4;
-  vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, quads - 1));
+  vec4 upper = quad_of(sample_, range, quad), lower = quad_of(sample_, range, min(quad + 1, quads - 1));
 
   // Five consecutive rows of the map, from the one above the first.
   float above = floor(within.x - float(4 * quad));

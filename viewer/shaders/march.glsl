@@ -1,8 +1,11 @@
 // Ray marching through a map: spheres, and cylinders about a curved axis. Variants: SPHERE, WALL,
-// OUTLINE.
+// OUTLINE, and BYTES where texels are bytes.
 uniform samplerBuffer map_texels;      // four rows per texel (map_texels.hpp)
 uniform samplerBuffer axis_table;      // x, y of the axis in every row; one entry for a sphere
 uniform samplerBuffer layer_table;     // layer and weight of the next one, for evenly spaced radii
+#ifdef BYTES
+uniform samplerBuffer byte_ranges;     // offset and scale of a layer
+#endif
 #ifdef OUTLINE
 uniform samplerBuffer outline_table;   // R of every column (and the first again) and row, as a share of the largest
 #endif
@@ -106,8 +109,13 @@ float layer_at(int layer, vec2 place) {
   float column = place.x < 0.0 ? place.x + map_columns : place.x;
   int left = int(column), upper = int(place.y), lower = min(upper + 1, int(map_rows) - 1);
   vec2 weight = vec2(column - float(left), place.y - float(upper));
-  return mix(mix(texel(layer, left, upper), texel(layer, left + 1, upper), weight.x),
-             mix(texel(layer, left, lower), texel(layer, left + 1, lower), weight.x), weight.y);
+  float value = mix(mix(texel(layer, left, upper), texel(layer, left + 1, upper), weight.x),
+                    mix(texel(layer, left, lower), texel(layer, left + 1, lower), weight.x), weight.y);
+#ifdef BYTES
+  vec2 range = texelFetch(byte_ranges, layer).xy;
+  value = range.x + range.y * value;
+#endif
+  return value;
 }
 
 vec2 layer_of(float radius) {

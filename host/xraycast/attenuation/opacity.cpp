@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/volume/volume.hpp"
 
@@ -80,7 +81,8 @@ Opacity Opacity::named(const std::string& name_or_file) {
   if (!std::filesystem::is_regular_file(name_or_file))
     throw InputError("{}: unknown opacity; give paper, bilinear, subtracted or a readable JSON file",
                      name_or_file);
-  return from_json(read_whole_file(name_or_file), name_or_file);
+  return with_remedy("correct the file",
+                     [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
 }
 
 std::string Opacity::to_json() const {

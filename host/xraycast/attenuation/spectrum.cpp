@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
@@ -147,7 +148,7 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
   if (!std::filesystem::is_regular_file(kvp_or_file))
     throw InputError("spectrum:{}: give a tube voltage of {} kVp, or a file of energies in keV and fluences",
                      kvp_or_file, fmt::join(kTubes_kv, ", "));
-  return read_columns(kvp_or_file);
+  return with_remedy("correct the file", [&] { return read_columns(kvp_or_file); });
 }
 
 Spectrum Spectrum::from_json(const std::string& text, const std::string& origin) {

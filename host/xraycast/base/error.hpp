@@ -2,6 +2,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <stdexcept>
 #include <string>
 
@@ -13,7 +14,14 @@ class Error : public std::runtime_error {
  public:
   template <typename... Args>
   explicit Error(fmt::format_string<Args...> format, Args&&... args)
-      : std::runtime_error(fmt::format(format, std::forward<Args>(args)...)) {}
+      : std::runtime_error(without_zeros(fmt::format(format, std::forward<Args>(args)...))) {}
+
+ private:
+  /// Zeros in a text that a file gave would end `what()` early.
+  static std::string without_zeros(std::string text) {
+    std::replace(text.begin(), text.end(), '\0', ' ');
+    return text;
+  }
 };
 
 /// The user's data or arguments cannot be used; names the file and the field. Exit status 3.

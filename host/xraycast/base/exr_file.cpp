@@ -19,6 +19,7 @@
 #include <cerrno>
 #include <cstring>
 #include <fstream>
+#include <half.h>
 #include <openexr.h>
 #include <thread>
 
@@ -32,7 +33,8 @@ Imf::Header header_of(const ExrPart& part) {
   header.compression() =
       part.compression == ExrCompression::zip ? Imf::ZIP_COMPRESSION : Imf::ZIPS_COMPRESSION;
   for (const ExrChannel& channel : part.channels)
-    header.channels().insert(channel.name, Imf::Channel(Imf::FLOAT));
+    header.channels().insert(channel.name,
+                             Imf::Channel(channel.pixel == ExrPixel::float16 ? Imf::HALF : Imf::FLOAT));
   for (const auto& [name, value] : part.attributes)
     if (const int* number = std::get_if<int>(&value))
       header.insert(name, Imf::IntAttribute(*number));
@@ -41,15 +43,31 @@ Imf::Header header_of(const ExrPart& part) {
   return header;
 }
 
-Imf::FrameBuffer frame_buffer_of(const ExrPart& part) {
-  Imf::FrameBuffer buffer;
-  // A frame buffer serves reading too, and so its pointers are not to constants.
-  for (const ExrChannel& channel : part.channels)
-    buffer.insert(channel.name,
-                  Imf::Slice(Imf::FLOAT, reinterpret_cast<char*>(const_cast<float*>(channel.values.data())),
-                             sizeof(float), sizeof(float) * static_cast<std::size_t>(part.width)));
-  return buffer;
-}
+std::size_t pixel_B(ExrPixel pixel) { return pixel == ExrPixel::float16 ? sizeof(half) : sizeof(float); }
+
+/// The pixels of a part as its file stores them.
+class PartPixels {
+ public:
+  explicit PartPixels(const ExrPart& part) {
+    halves_.reserve(part.channels.size());
+    for (const ExrChannel& channel : part.channels) {
+      const bool is_half = channel.pixel == ExrPixel::float16;
+      if (is_half) halves_.emplace_back(channel.values.begin(), channel.values.end());
+      const void* pixels = is_half ? static_cast<const void*>(halves_.back().data()) : channel.values.data();
+      const std::size_t stride = pixel_B(channel.pixel);
+      // A frame buffer serves reading too, and so its pointers are not to constants.
+      buffer_.insert(channel.name, Imf::Slice(is_half ? Imf::HALF : Imf::FLOAT,
+                                              static_cast<char*>(const_cast<void*>(pixels)), stride,
+                                              stride * static_cast<std::size_t>(part.width)));
+    }
+  }
+
+  const Imf::FrameBuffer& frame_buffer() const { return buffer_; }
+
+ private:
+  std::vector<std::vector<half>> halves_;
+  Imf::FrameBuffer buffer_;
+};
 
 /// What the file takes where nothing can be packed.
 std::int64_t most_bytes(std::span<const ExrPart> parts) {
@@ -57,9 +75,14 @@ std::int64_t most_bytes(std::span<const ExrPart> parts) {
   std::int64_t sum = 0;
   for (const ExrPart& part : parts) {
     sum += kHeader_B + kRow_B * part.height;
-    for (const ExrChannel& channel : part.channels) sum += std::ssize(std::as_bytes(channel.values));
+    for (const ExrChannel& channel : part.channels)
+      sum += static_cast<std::int64_t>(channel.values.size() * pixel_B(channel.pixel));
   }
   return sum;
+}
+
+exr_pixel_type_t stored_as(ExrPixel pixel) {
+  return pixel == ExrPixel::float16 ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT;
 }
 
 /// OpenEXR deflates in a pool of threads that the whole process shares, initially without threads. A
@@ -88,7 +111,8 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
     Imf::MultiPartOutputFile exr(stream, headers.data(), static_cast<int>(headers.size()));
     for (std::size_t k = 0; k < parts.size(); ++k) {
       Imf::OutputPart part(exr, static_cast<int>(k));
-      part.setFrameBuffer(frame_buffer_of(parts[k]));
+      const PartPixels pixels(parts[k]);
+      part.setFrameBuffer(pixels.frame_buffer());
       part.writePixels(parts[k].height);
     }
   } catch (const std::exception& error) {
@@ -105,7 +129,8 @@ bool is_exr(const std::filesystem::path& path) {
   constexpr std::array<char, 4> kMagic{0x76, 0x2f, 0x31, 0x01};
   require_regular_file(path);
   std::ifstream in(path, std::ios::binary);
-  if (!in) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));
+  if (!in)
+    throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
   std::array<char, 4> first{};
   return in.read(first.data(), first.size()) && first == kMagic;
 }
@@ -158,7 +183,11 @@ ExrReader::ExrReader(const std::filesystem::path& path) : file_(std::make_unique
     file_->check(exr_get_storage(file_->context, part, &storage));
     if (storage != EXR_STORAGE_SCANLINE)
       throw InputError("{}: part {} is tiled or deep, but only scan lines are read", file_->name, part);
-    claimed_B += double{sizeof(float)} * width(part) * height(part) * file_->channels(part).num_channels;
+    const exr_attr_chlist_t& channels = file_->channels(part);
+    for (const exr_attr_chlist_entry_t& channel : std::span(channels.entries, channels.num_channels)) {
+      const double one_B = channel.pixel_type == EXR_PIXEL_HALF ? sizeof(half) : sizeof(float);
+      claimed_B += one_B * width(part) * height(part);
+    }
   }
   if (claimed_B > kMaxDeflated * size_B)
     throw InputError("{}: damaged: a file of {:.0f} bytes cannot hold pixels of {:.0f}", file_->name, size_B,
@@ -199,8 +228,8 @@ void ExrReader::read(int part, std::span<const ExrTarget> targets) const {
   std::vector<float*> values;  // of the file's channels, in their order
   for (const exr_attr_chlist_entry_t& channel : std::span(channels.entries, channels.num_channels)) {
     const auto target = std::ranges::find(targets, channel.name.str, &ExrTarget::channel);
-    if (target == targets.end() || channel.pixel_type != EXR_PIXEL_FLOAT || channel.x_sampling != 1 ||
-        channel.y_sampling != 1)
+    const bool is_sampled = channel.x_sampling == 1 && channel.y_sampling == 1;
+    if (target == targets.end() || channel.pixel_type != stored_as(target->pixel) || !is_sampled)
       throw InputError("{}: layer {} has an unexpected channel {}", file_->name, part, channel.name.str);
     values.push_back(target->values.data());
   }

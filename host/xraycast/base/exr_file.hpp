@@ -16,10 +16,17 @@ enum class ExrCompression {
   zips,  ///< row by row
 };
 
-/// A channel of 32-bit floats: W x H, row 0 on top.
+/// How a channel's values are stored.
+enum class ExrPixel {
+  float32,
+  float16,  ///< values are rounded to 16-bit floats
+};
+
+/// A channel of floats: W x H, row 0 on top.
 struct ExrChannel {
   std::string name;
   std::span<const float> values;
+  ExrPixel pixel = ExrPixel::float32;
 };
 
 /// One picture of an OpenEXR file.
@@ -31,8 +38,8 @@ struct ExrPart {
   std::map<std::string, std::variant<int, std::string>> attributes{};
 };
 
-/// Writes scan-line parts, losslessly, through an AtomicFile. The same parts make the same bytes. Throws
-/// InputError when `path` cannot be written, Error when the disk is full.
+/// Writes scan-line parts, compressed losslessly, through an AtomicFile. The same parts make the same bytes.
+/// Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path);
 
 /// Whether a file begins as OpenEXR files do. Throws InputError when it cannot be opened.
@@ -42,6 +49,7 @@ bool is_exr(const std::filesystem::path& path);
 struct ExrTarget {
   std::string channel;
   std::span<float> values;
+  ExrPixel pixel = ExrPixel::float32;  ///< as the channel must be stored
 };
 
 /// An OpenEXR file of scan-line parts, open for reading. Several threads may read from one.
@@ -63,7 +71,7 @@ class ExrReader {
   std::optional<int> number(const std::string& attribute) const;
 
   /// Reads a part whose channels are those of `targets`, in any order. Throws InputError when it has others,
-  /// when they are not of 32-bit floats, or when the file is damaged.
+  /// when they are stored as other numbers, or when the file is damaged.
   void read(int part, std::span<const ExrTarget> targets) const;
 
  private:

@@ -82,6 +82,11 @@ void require(std::string_view purpose, std::int64_t need_B, const MemoryLimit& l
 
 }  // namespace
 
+std::int64_t machine_memory_B() {
+  return static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) *
+         static_cast<std::int64_t>(sysconf(_SC_PAGESIZE));
+}
+
 std::int64_t address_space_taken_B() { return number_in("/proc/self/statm", 0) * sysconf(_SC_PAGESIZE); }
 
 MemoryLimit address_space_left() {

@@ -16,6 +16,9 @@ struct MemoryLimit {
   static constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
 };
 
+/// All of this machine's memory, whoever uses it now.
+std::int64_t machine_memory_B();
+
 /// How much of the address space this process has mapped.
 std::int64_t address_space_taken_B();
 

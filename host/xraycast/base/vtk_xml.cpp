@@ -33,16 +33,24 @@ std::vector<double> to_doubles(std::string_view bytes, bool is_big_endian) {
 
 struct StoredType {
   std::string_view name;
+  std::size_t size_B;
   std::vector<double> (*to_doubles)(std::string_view, bool);
 };
+template <typename T>
+constexpr StoredType stored_type(std::string_view name) {
+  return {name, sizeof(T), to_doubles<T>};
+}
 constexpr StoredType kStoredTypes[] = {
-    {"Float32", to_doubles<float>},       {"Float64", to_doubles<double>},
-    {"Int8", to_doubles<std::int8_t>},    {"UInt8", to_doubles<std::uint8_t>},
-    {"Int16", to_doubles<std::int16_t>},  {"UInt16", to_doubles<std::uint16_t>},
-    {"Int32", to_doubles<std::int32_t>},  {"UInt32", to_doubles<std::uint32_t>},
-    {"Int64", to_doubles<std::int64_t>},  {"UInt64", to_doubles<std::uint64_t>},
-    {"String", to_doubles<std::uint8_t>},  // UTF-8, each string ended by a zero
+    stored_type<float>("Float32"),       stored_type<double>("Float64"),
+    stored_type<std::int8_t>("Int8"),    stored_type<std::uint8_t>("UInt8"),
+    stored_type<std::int16_t>("Int16"),  stored_type<std::uint16_t>("UInt16"),
+    stored_type<std::int32_t>("Int32"),  stored_type<std::uint32_t>("UInt32"),
+    stored_type<std::int64_t>("Int64"),  stored_type<std::uint64_t>("UInt64"),
+    stored_type<std::uint8_t>("String"),  // UTF-8, each string ended by a zero
 };
+
+/// Of numbers whose count nothing tells, such as the letters of a name.
+constexpr std::uint64_t kMostUnexpected = 1 << 16;
 
 }  // namespace
 
@@ -174,18 +182,19 @@ std::vector<double> VtkXmlFile::values(pugi::xml_node array, std::string_view fi
   const std::string_view type = array.attribute("type").value();
   const auto* const stored = std::ranges::find(kStoredTypes, type, &StoredType::name);
   if (stored == std::end(kStoredTypes)) fail(field, "the type \"{}\" is not supported", type);
+  const std::uint64_t most_B = expected.value_or(kMostUnexpected) * stored->size_B;
   const bool is_text = array.attribute("format").value() == std::string_view("ascii");
   std::vector<double> numbers = is_text ? parse_numbers(array.text().get(), field)
-                                        : stored->to_doubles(bytes(array, field), is_big_endian_);
+                                        : stored->to_doubles(bytes(array, field, most_B), is_big_endian_);
   if (expected && numbers.size() != *expected)
     fail(field, "holds {} values instead of {}", numbers.size(), *expected);
   return numbers;
 }
 
-std::string VtkXmlFile::bytes(pugi::xml_node array, std::string_view field) const {
+std::string VtkXmlFile::bytes(pugi::xml_node array, std::string_view field, std::uint64_t most_B) const {
   const std::string_view format = array.attribute("format").value();
   const auto read = [&](const Stream& stream) {
-    return is_packed_ ? read_packed(stream, field) : read_plain(stream, field);
+    return is_packed_ ? read_packed(stream, field, most_B) : read_plain(stream, field);
   };
   if (format == "binary") return read({array.text().get(), true});
   if (format != "appended") fail(field, "the format \"{}\" is not ascii, binary or appended", format);
@@ -237,12 +246,16 @@ std::string VtkXmlFile::read_plain(Stream stream, std::string_view field) const 
   return bytes;
 }
 
-std::string VtkXmlFile::read_packed(Stream stream, std::string_view field) const {
+std::string VtkXmlFile::read_packed(Stream stream, std::string_view field, std::uint64_t most_B) const {
   // All blocks unpack to `block_size` but the last one, if `last_size` is not 0.
   const std::uint64_t blocks = read_header(stream, field), block_size = read_header(stream, field),
                       last_size = read_header(stream, field);
   if (blocks > stream.most_left() / header_size_B_)
     fail(field, "claims {} blocks, more than the file holds", blocks);
+  // Before the first block is unpacked, which may take 1,032 times its own size.
+  const std::uint64_t whole_blocks = last_size != 0 && blocks > 0 ? blocks - 1 : blocks;
+  if (last_size > most_B || (whole_blocks > 0 && block_size > (most_B - last_size) / whole_blocks))
+    fail(field, "unpacks to more than the {} bytes that it must hold", most_B);
   std::vector<std::uint64_t> packed_sizes(blocks);
   for (std::uint64_t& size : packed_sizes) size = read_header(stream, field);
   std::string bytes, packed;

@@ -42,8 +42,9 @@ class VtkXmlFile {
   std::vector<double> values(pugi::xml_node array, std::string_view field,
                              std::optional<std::uint64_t> expected) const;
 
-  /// The bytes of an array that is not ASCII, in the file's byte order.
-  std::string bytes(pugi::xml_node array, std::string_view field) const;
+  /// The bytes of an array that is not ASCII, in the file's byte order. Refused, before it is unpacked, where
+  /// that gives more than `most_B`.
+  std::string bytes(pugi::xml_node array, std::string_view field, std::uint64_t most_B) const;
   bool is_big_endian() const { return is_big_endian_; }
 
   /// What the field array SPACE says, where 3D Slicer looks for the coordinate system: "LPS", "RAS", or
@@ -61,7 +62,7 @@ class VtkXmlFile {
   std::vector<double> parse_numbers(std::string_view text, std::string_view field) const;
   std::uint64_t read_header(Stream& stream, std::string_view field) const;
   std::string read_plain(Stream stream, std::string_view field) const;
-  std::string read_packed(Stream stream, std::string_view field) const;
+  std::string read_packed(Stream stream, std::string_view field, std::uint64_t most_B) const;
 
   std::string name_, type_, content_;
   pugi::xml_document document_;

@@ -12,10 +12,11 @@ namespace xraycast {
 void require_regular_file(const std::filesystem::path& path) {
   std::error_code error;
   const auto status = std::filesystem::status(path, error);
-  if (!std::filesystem::exists(status)) throw InputError("{}: no such file", path.string());
+  if (!std::filesystem::exists(status)) throw InputError("{}: no such file; check its name", path.string());
   if (std::filesystem::is_directory(status))
-    throw InputError("{}: a folder, but a file is needed here", path.string());
-  if (!std::filesystem::is_regular_file(status)) throw InputError("{}: not a regular file", path.string());
+    throw InputError("{}: a folder, but a file is needed here; give the file", path.string());
+  if (!std::filesystem::is_regular_file(status))
+    throw InputError("{}: not a regular file; give one", path.string());
 }
 
 std::string read_whole_file(const std::filesystem::path& path) {
@@ -23,10 +24,11 @@ std::string read_whole_file(const std::filesystem::path& path) {
   std::error_code error;
   std::ifstream file(path, std::ios::binary);
   const auto size = std::filesystem::file_size(path, error);
-  if (!file || error) throw InputError("{}: cannot be opened: {}", path.string(), std::strerror(errno));
+  if (!file || error)
+    throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
   std::string content(size, '\0');
   if (!file.read(content.data(), static_cast<std::streamsize>(size)))
-    throw InputError("{}: cannot be read: {}", path.string(), std::strerror(errno));
+    throw InputError("{}: cannot be read: {}; copy it again", path.string(), std::strerror(errno));
   return content;
 }
 

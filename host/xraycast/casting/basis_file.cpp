@@ -4,6 +4,7 @@
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/remedy.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -179,16 +180,18 @@ class Reader {
  public:
   explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error)) throw InputError("{}: no such file", name_);
+    if (!std::filesystem::is_regular_file(path, error))
+      throw InputError("{}: no such file; check its name", name_);
     file_.open(path, std::ios::binary);
     left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
-    if (!file_ || error) throw InputError("{}: cannot be opened: {}", name_, std::strerror(errno));
+    if (!file_ || error)
+      throw InputError("{}: cannot be opened: {}; check its permissions", name_, std::strerror(errno));
     char magic[8] = {};
     if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
       throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
     if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
-      throw InputError("{}: basis version {}, but this program reads versions {} and {}", name_, version_,
-                       kBasisVersion, kBasisOutlineVersion);
+      throw InputError("{}: basis version {}, but this program reads versions {} and {}; use a newer one",
+                       name_, version_, kBasisVersion, kBasisOutlineVersion);
   }
 
   const std::string& name() const { return name_; }
@@ -264,23 +267,7 @@ class Reader {
   int chunk_ = 0;
 };
 
-}  // namespace
-
-void write_basis(const Basis& basis, const std::filesystem::path& path) {
-  const bool has_outline = basis.geometry.has_outline();
-  const std::string header = header_of(basis);
-  const auto outline = as_chars(std::span(basis.geometry.outline_mm)),
-             tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
-  Writer writer(path, has_outline ? kBasisOutlineVersion : kBasisVersion,
-                static_cast<std::int64_t>(header.size() + outline.size() + tiles.size() + rows.size()));
-  writer.write("HEAD", header);
-  if (has_outline) writer.write("OUTL", outline);
-  writer.write("TILE", tiles);
-  writer.write("ROWS", rows);
-  writer.commit();
-}
-
-Basis read_basis(const std::filesystem::path& path) {
+Basis read_whole_basis(const std::filesystem::path& path) {
   Reader reader(path);
   const HeaderReader header(reader.read("HEAD"), reader.name());
   Basis basis = basis_of(header, reader.name());
@@ -299,6 +286,26 @@ Basis read_basis(const std::filesystem::path& path) {
   basis.weights = reader.read<std::uint16_t>("ROWS", rows * Basis::kTileSlices);
   reader.finish();
   return basis;
+}
+
+}  // namespace
+
+void write_basis(const Basis& basis, const std::filesystem::path& path) {
+  const bool has_outline = basis.geometry.has_outline();
+  const std::string header = header_of(basis);
+  const auto outline = as_chars(std::span(basis.geometry.outline_mm)),
+             tiles = as_chars(std::span(basis.touched)), rows = as_chars(std::span(basis.weights));
+  Writer writer(path, has_outline ? kBasisOutlineVersion : kBasisVersion,
+                static_cast<std::int64_t>(header.size() + outline.size() + tiles.size() + rows.size()));
+  writer.write("HEAD", header);
+  if (has_outline) writer.write("OUTL", outline);
+  writer.write("TILE", tiles);
+  writer.write("ROWS", rows);
+  writer.commit();
+}
+
+Basis read_basis(const std::filesystem::path& path) {
+  return with_remedy("cast the scan again with --keep-basis", [&] { return read_whole_basis(path); });
 }
 
 }  // namespace xraycast

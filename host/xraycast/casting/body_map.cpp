@@ -6,7 +6,7 @@
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/remedy.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -18,8 +18,9 @@
 namespace xraycast {
 namespace {
 
-// The version determines the channels, or that an outline follows the layers.
-constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3;
+// The version determines the channels, or that an outline follows the layers; from kPrecisionVersion on
+// attributes do.
+constexpr int kTauVersion = 1, kSpectrumVersion = 2, kOutlineVersion = 3, kPrecisionVersion = 4;
 constexpr const char *kOutlinePart = "outline", *kOutlineChannel = "radius_mm";
 
 using nlohmann::json;
@@ -37,6 +38,48 @@ auto channels_of(Map& map) {
   return channels;
 }
 
+int version_of(const BodyMap& map) {
+  if (map.precision != MapPrecision::float32) return kPrecisionVersion;
+  return map.geometry.has_outline() ? kOutlineVersion : map.spectrum ? kSpectrumVersion : kTauVersion;
+}
+
+/// A map's values as its file stores them: of every channel K x H x W.
+struct StoredValues {
+  std::vector<std::span<const float>> channels{};
+  ExrPixel pixel = ExrPixel::float32;
+  json byte_ranges{};  ///< of every channel: the offset and the scale of each layer
+  std::vector<std::vector<float>> bytes{};
+};
+
+void check_halves(std::span<const float> values) {
+  constexpr float kLargestHalf = 65504;
+  if (std::ranges::any_of(values, [](float value) { return value > kLargestHalf; }))
+    throw InputError("the map has values above {:g}, which 16-bit floats cannot hold; give --precision float",
+                     kLargestHalf);
+}
+
+StoredValues stored_values(const BodyMap& map) {
+  StoredValues stored;
+  if (map.precision != MapPrecision::float32) stored.pixel = ExrPixel::float16;
+  for (const auto& [name, values] : channels_of(map)) {
+    if (map.precision == MapPrecision::float16) check_halves(*values);
+    if (map.precision != MapPrecision::byte) {
+      stored.channels.emplace_back(*values);
+      continue;
+    }
+    std::vector<float> bytes;
+    bytes.reserve(values->size());
+    for (int layer = 0; layer < map.geometry.layers(); ++layer) {
+      const auto of_layer = std::span(*values).subspan(layer * map.layer_size(), map.layer_size());
+      const ByteRange range = byte_range_of(of_layer);
+      for (const float value : of_layer) bytes.push_back(range.byte_of(value));
+      stored.byte_ranges[name].push_back({range.offset, range.scale});
+    }
+    stored.channels.emplace_back(stored.bytes.emplace_back(std::move(bytes)));
+  }
+  return stored;
+}
+
 json centres_to_json(const std::vector<glm::dvec2>& centres) {
   json list = json::array();
   for (const glm::dvec2& centre : centres) list.push_back({centre.x, centre.y});
@@ -44,18 +87,27 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
 }
 
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
-ExrPart part_of_layer(const BodyMap& map, int layer) {
+ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer) {
   const MapGeometry& geometry = map.geometry;
-  ExrPart part{.name = fmt::format("layer {}", layer),
-               .width = geometry.width,
-               .height = geometry.height,
-               .compression = ExrCompression::zips};
-  for (const auto& [name, values] : channels_of(map))
-    part.channels.push_back({name, std::span(*values).subspan(layer * map.layer_size(), map.layer_size())});
+  ExrPart part{
+      .name = fmt::format("layer {}", layer),
+      .width = geometry.width,
+      .height = geometry.height,
+      .compression = map.precision == MapPrecision::float32 ? ExrCompression::zips : ExrCompression::zip};
+  const auto channels = channels_of(map);
+  for (std::size_t c = 0; c < channels.size(); ++c)
+    part.channels.push_back({channels[c].first,
+                             stored.channels[c].subspan(layer * map.layer_size(), map.layer_size()),
+                             stored.pixel});
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
   };
-  set("version", geometry.has_outline() ? kOutlineVersion : map.spectrum ? kSpectrumVersion : kTauVersion);
+  set("version", version_of(map));
+  if (map.precision != MapPrecision::float32) {
+    set("precision", to_string(map.precision));
+    set("outline", geometry.has_outline() ? 1 : 0);
+  }
+  if (!stored.byte_ranges.empty()) set("byte_ranges", stored.byte_ranges.dump());
   set("projection", to_string(geometry.projection));
   set("radii_mm", json(geometry.radii_mm).dump());
   set("centre_mm", centres_to_json(geometry.centre_mm).dump());
@@ -152,11 +204,105 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   return geometry;
 }
 
+MapPrecision precision_of(const ExrReader& file, int version, const std::string& path) {
+  if (version < kPrecisionVersion) return MapPrecision::float32;
+  try {
+    return parse_map_precision(text_attribute(file, "precision"));
+  } catch (const InputError& error) {
+    throw InputError("{}: attribute xraycast:precision: {}; cast the map again", path, error.what());
+  }
+}
+
+/// The offset and the scale of every layer of a channel.
+std::vector<ByteRange> byte_ranges_of(const json& attribute, const char* channel, int layers,
+                                      const std::string& path) {
+  std::vector<std::array<float, 2>> pairs;
+  try {
+    attribute.at(channel).get_to(pairs);
+  } catch (const json::exception&) {
+    pairs.clear();
+  }
+  std::vector<ByteRange> ranges;
+  for (const auto& [offset, scale] : pairs)
+    if (std::isfinite(offset) && offset >= 0 && std::isfinite(scale) && scale >= 0)
+      ranges.push_back({offset, scale});
+  if (std::ssize(ranges) != layers || ranges.size() != pairs.size())
+    throw InputError(
+        "{}: attribute xraycast:byte_ranges must hold an offset and a scale, neither negative, of {} for "
+        "each of the {} layers; cast the map again",
+        path, channel, layers);
+  return ranges;
+}
+
+/// Turns the bytes of a map's layers, as they were read, into values.
+void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) {
+  const json ranges_of_channels = attribute(file, "byte_ranges", path);
+  for (const auto& [channel, values] : channels_of(map)) {
+    if (!std::ranges::all_of(*values, [](float byte) { return byte >= 0 && byte <= 255; }))
+      throw InputError("{}: {} has values that are not bytes; cast the map again", path, channel);
+    const auto ranges = byte_ranges_of(ranges_of_channels, channel, map.geometry.layers(), path);
+    for (std::size_t i = 0; i < values->size(); ++i)
+      (*values)[i] = ranges[i / map.layer_size()].value_of((*values)[i]);
+  }
+}
+
+BodyMap read_map(const std::filesystem::path& path) {
+  const std::string name = path.string();
+  if (std::filesystem::is_directory(path))
+    throw InputError("{}: a folder, but a body map is needed; make one of a scan with `xraycast cast`", name);
+  if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
+  const ExrReader file(path);
+  const int version = file.number("xraycast:version").value_or(0);
+  if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
+  if (version < kTauVersion || version > kPrecisionVersion)
+    throw InputError("{}: body map version {}, but this program reads versions up to {}; use a newer one",
+                     name, version, kPrecisionVersion);
+
+  BodyMap map;
+  map.geometry = geometry_of(file, name);
+  map.precision = precision_of(file, version, name);
+  if (version == kSpectrumVersion || (version >= kOutlineVersion && file.text("xraycast:spectrum")))
+    map.spectrum =
+        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
+  else
+    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
+  map.source = text_attribute(file, "source");
+  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
+  if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
+    throw InputError("{}: attribute xraycast:frame_of_reference_uid is no DICOM UID; cast the map again",
+                     name);
+  const int layers = map.geometry.layers();
+  if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
+  if (version == kOutlineVersion || file.number("xraycast:outline").value_or(0) != 0) {
+    map.geometry.outline_mm = read_outline(file, map.geometry, name);
+    validate(map.geometry, name);
+  }
+  for (int k = 0; k < layers; ++k)
+    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
+      throw InputError("{}: layer {} differs in size from layer 0", name, k);
+
+  const auto channels = channels_of(map);
+  for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
+  parallel_for(layers, [&](std::int64_t k) {
+    std::vector<ExrTarget> targets;
+    for (const auto& [channel, values] : channels)
+      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size()),
+                         map.precision == MapPrecision::float32 ? ExrPixel::float32 : ExrPixel::float16});
+    file.read(static_cast<int>(k), targets);
+  });
+  if (map.precision == MapPrecision::byte) expand_bytes(map, file, name);
+  for (const auto& [channel, values] : channels)
+    if (!std::ranges::all_of(*values, [](float v) { return std::isfinite(v) && v >= 0; }))
+      throw InputError("{}: {} has values that are negative or not finite", name, channel);
+  return map;
+}
+
 }  // namespace
 
 void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
+  const StoredValues stored = stored_values(map);
   std::vector<ExrPart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, k));
+  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
   std::vector<float> outline;
   if (map.geometry.has_outline()) {
     outline = outline_rows(map.geometry);
@@ -170,52 +316,10 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {
-  const std::string name = path.string();
-  if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  const ExrReader file(path);
-  const int version = file.number("xraycast:version").value_or(0);
-  if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  if (version < kTauVersion || version > kOutlineVersion)
-    throw InputError("{}: body map version {}, but this program reads versions up to {}", name, version,
-                     kOutlineVersion);
-
-  BodyMap map;
-  map.geometry = geometry_of(file, name);
-  if (version == kSpectrumVersion || (version == kOutlineVersion && file.text("xraycast:spectrum")))
-    map.spectrum =
-        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
-  else
-    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
-  map.source = text_attribute(file, "source");
-  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
-  if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
-    throw InputError("{}: attribute xraycast:frame_of_reference_uid is no DICOM UID; cast the map again",
-                     name);
-  const int layers = map.geometry.layers();
-  if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
-  if (version == kOutlineVersion) {
-    map.geometry.outline_mm = read_outline(file, map.geometry, name);
-    validate(map.geometry, name);
-  }
-  for (int k = 0; k < layers; ++k)
-    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
-      throw InputError("{}: layer {} differs in size from layer 0", name, k);
-
-  const auto channels = channels_of(map);
-  for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
-  parallel_for(layers, [&](std::int64_t k) {
-    std::vector<ExrTarget> targets;
-    for (const auto& [channel, values] : channels)
-      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size())});
-    file.read(static_cast<int>(k), targets);
-  });
-  for (const auto& [channel, values] : channels)
-    if (!std::ranges::all_of(*values, [](float v) { return std::isfinite(v) && v >= 0; }))
-      throw InputError("{}: {} has values that are negative or not finite", name, channel);
-  return map;
+  return with_remedy("cast the map again", [&] { return read_map(path); });
 }
 
-void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
+std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {
   // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;
   const std::vector<float> under_spectrum =
@@ -224,13 +328,13 @@ void write_preview(const BodyMap& map, PreviewWindow window, const std::filesyst
   const auto layer = [&](int k) { return tau.subspan(k * map.layer_size(), map.layer_size()); };
   double deepest = 0;
   for (int k = 0; k < map.geometry.layers(); ++k) deepest = std::max(deepest, typical_depth(layer(k)));
-  std::vector<std::uint8_t> rgb;
+  std::vector<std::uint8_t> all;
   for (int k = 0; k < map.geometry.layers(); ++k) {
     const auto greys = window == PreviewWindow::paper ? plain_transmission(layer(k))
                                                       : windowed_transmission(layer(k), kFaintest * deepest);
-    for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+    all.insert(all.end(), greys.begin(), greys.end());
   }
-  write_png(rgb, map.geometry.width, map.geometry.height * map.geometry.layers(), 3, path);
+  return all;
 }
 
 }  // namespace xraycast

@@ -3,7 +3,9 @@
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/map_geometry.hpp"
+#include "xraycast/casting/map_precision.hpp"
 
+#include <cstdint>
 #include <filesystem>
 #include <optional>
 #include <span>
@@ -20,22 +22,28 @@ namespace xraycast {
 struct BodyMap {
   MapGeometry geometry;
   Opacity opacity = Opacity::paper();
-  std::string source;                    ///< description of the scan
-  std::vector<float> tau;                ///< empty in a spectrum map
-  std::optional<Spectrum> spectrum{};    ///< set in a spectrum map, which ignores `opacity`
-  MaterialDepths depths{};               ///< of a spectrum map
-  std::string frame_of_reference_uid{};  ///< of the DICOM series that was cast; empty: unknown
+  std::string source;                              ///< description of the scan
+  std::vector<float> tau;                          ///< empty in a spectrum map
+  std::optional<Spectrum> spectrum{};              ///< set in a spectrum map, which ignores `opacity`
+  MaterialDepths depths{};                         ///< of a spectrum map
+  std::string frame_of_reference_uid{};            ///< of the DICOM series that was cast; empty: unknown
+  MapPrecision precision = MapPrecision::float32;  ///< of its file, and of its texture when it is drawn
 
   std::size_t layer_size() const { return static_cast<std::size_t>(geometry.width) * geometry.height; }
   std::span<const float> layer(int k) const { return std::span(tau).subspan(k * layer_size(), layer_size()); }
 };
 
-/// Writes a multi-part OpenEXR file: part k is layer k, with a 32-bit float channel `tau`, or with `water`,
-/// `bone` and `iodine` (g/cm2). Every part carries the geometry, the opacity or spectrum, and the source in
-/// attributes `xraycast:*`. A map with an outline has one part more, the last: `outline`, with a channel
-/// `radius_mm` for every texel. Spectrum maps are files of version 2, maps with an outline of version 3,
-/// others of version 1, which every version of the program reads. Lossless: reading back gives the same
-/// floats. Throws InputError when `path` cannot be written, Error when the disk is full.
+/// Writes a multi-part OpenEXR file: part k is layer k, with a channel `tau`, or with `water`, `bone` and
+/// `iodine` (g/cm2). Every part carries the geometry, the opacity or spectrum, and the source in attributes
+/// `xraycast:*`. A map with an outline has one part more, the last: `outline`, with a channel `radius_mm` for
+/// every texel.
+///
+/// Channels are 32-bit floats, which read back as they were, or 16-bit floats by the map's precision. Bytes
+/// are the whole numbers 0 to 255 in 16-bit floats, which OpenEXR packs to less than a byte;
+/// `xraycast:byte_ranges` has the offset and the scale of each layer and channel. Such maps are files of
+/// version 4, maps with an outline of version 3, spectrum maps of version 2, others of version 1, which every
+/// version of the program reads. Throws InputError when `path` cannot be written, or when values exceed
+/// 16-bit floats, and Error when the disk is full.
 void write_body_map(const BodyMap& map, const std::filesystem::path& path);
 
 /// Reads what write_body_map wrote. Throws InputError, naming the file and the attribute.
@@ -47,8 +55,8 @@ enum class PreviewWindow {
   paper,      ///< exp(-tau), unscaled
 };
 
-/// 8-bit RGB PNG of the layers, stacked from the innermost down; W x (K H) pixels. A spectrum is applied to
-/// each layer separately, as if there were no other. Errors as for write_body_map.
-void write_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path);
+/// 8-bit greys of the layers, stacked from the innermost down: W x (K H). A spectrum is applied to each layer
+/// separately, as if there were no other.
+std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window);
 
 }  // namespace xraycast

@@ -5,8 +5,10 @@
 
 #include <glm/geometric.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
+#include <optional>
 #include <string>
 
 namespace xraycast {
@@ -51,6 +53,7 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
 struct Projector {
   std::string file, entry;
   std::array<std::int64_t, 3> items, group;
+  bool takes_blocks = false;  ///< see find_block_mu
 };
 
 /// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
@@ -63,7 +66,8 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
     return {"joseph_untilted",
             "project_untilted",
             {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
-            {1, 1, 1}};
+            {1, 1, 1},
+            true};
   constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
   return {"joseph_rows",
           "project_rows",
@@ -71,10 +75,30 @@ Projector projector_for(const ResidentScan& scan, const View& view) {
           {1, 1, 1}};
 }
 
+/// mu of every block in which it is the same everywhere, and NaN for the others; none where skipping so few
+/// blocks saves less than looking them up takes.
+std::optional<cl::Buffer> find_block_mu(const ResidentScan& scan, const Opacity& opacity,
+                                        const DeviceOpacity& on_device) {
+  ComputeDevice& device = scan.device();
+  const std::int64_t count = scan.block_count();
+  const cl::Buffer mu = device.buffer(CL_MEM_READ_WRITE, count * static_cast<std::int64_t>(sizeof(float)));
+  const XrcPlateaus one_mu = plateaus_of(opacity);
+  const cl::Buffer plateaus = device.upload(std::span(&one_mu, 1));
+  cl::Kernel kernel = device.kernel("blocks", "block_mu", on_device.build_options());
+  set_args(kernel, scan.block_ranges(), static_cast<cl_int>(count), on_device.parameters(), on_device.table(),
+           plateaus, mu);
+  device.run(kernel, {count, 1, 1}, {64, 1, 1});
+  std::vector<float> of_blocks(static_cast<std::size_t>(count));
+  device.download(mu, std::span(of_blocks));
+  constexpr std::int64_t kFewest = 20;  // one in so many
+  const auto constant = std::ranges::count_if(of_blocks, [](float one) { return !std::isnan(one); });
+  return constant * kFewest >= count ? std::optional(mu) : std::nullopt;
+}
+
 }  // namespace
 
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress, const std::optional<BodyOutline>& within) {
+                        Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
   ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
@@ -86,6 +110,12 @@ ProjectionImage project(const ResidentScan& scan, const View& view, const Opacit
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   set_args(kernel, scan.voxels(), scan.layout(), detector_of(view, scan.geometry(), within),
            device_opacity.parameters(), device_opacity.table(), tau);
+  std::optional<cl::Buffer> block_mu;
+  if (projector.takes_blocks) {
+    if (sampling == Sampling::but_constant_blocks) block_mu = find_block_mu(scan, opacity, device_opacity);
+    kernel.setArg(6, block_mu.value_or(device_opacity.table()));
+    kernel.setArg(7, static_cast<cl_int>(block_mu.has_value()));
+  }
   progress.begin("projecting", view.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);
   device.download(tau, std::span(image.tau));

@@ -25,6 +25,12 @@ struct ProjectionImage {
   double kernel_ms = 0;
 };
 
+/// Which voxels a projection samples; the picture is the same, but for the rounding of sums.
+enum class Sampling {
+  but_constant_blocks,  ///< blocks of voxels in which mu is the same everywhere count as mu times length
+  everywhere,           ///< all that rays meet
+};
+
 /// Projects a resident scan to a DRR by Joseph's method: the scan is sampled where the ray crosses the planes
 /// of voxels across its dominant axis, bilinearly within the plane, then classified, and every sample counts
 /// for the length of ray between planes (P. M. Joseph, IEEE Trans. Med. Imaging 1982). The ray is clipped to
@@ -35,7 +41,8 @@ struct ProjectionImage {
 ///
 /// `view` must be complete (see `fitted`). Throws DeviceError when the device fails.
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress, const std::optional<BodyOutline>& within = {});
+                        Progress& progress, const std::optional<BodyOutline>& within = {},
+                        Sampling sampling = Sampling::but_constant_blocks);
 
 /// The same along any lines, for detectors that are not flat: one optical depth per segment. Throws
 /// InputError when an end is not finite or farther than a kilometre.

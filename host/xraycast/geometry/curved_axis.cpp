@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 
@@ -76,7 +77,9 @@ CurvedAxis CurvedAxis::from_file(const std::string& name) {
     if (error != std::errc{} || end != last)
       throw InputError("{}: the text after # must be the number of a branch", name);
   }
-  return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
+  return with_remedy("correct the file", [&]() -> CurvedAxis {
+    return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
+  });
 }
 
 glm::dvec2 CurvedAxis::at_mm(double z_mm) const {

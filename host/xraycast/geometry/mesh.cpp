@@ -3,7 +3,9 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/body_bounds.hpp"
 #include "xraycast/geometry/vtp.hpp"
 
 #include <glm/geometric.hpp>
@@ -13,13 +15,23 @@
 #include <charconv>
 #include <cmath>
 #include <cstring>
-#include <limits>
 #include <string>
 #include <string_view>
 #include <unordered_map>
 
 namespace xraycast {
 namespace {
+
+/// Throws InputError, naming the file, the field and its index, for a point that no body has.
+void check_point(const glm::dvec3& point_mm, std::string_view file, const char* field, std::size_t index) {
+  for (int axis = 0; axis < 3; ++axis) {
+    if (!std::isfinite(point_mm[axis]))
+      throw InputError("{}: {} {} is not finite; export the surface again", file, field, index);
+    if (std::abs(point_mm[axis]) > kFarthest_mm)
+      throw InputError("{}: {} {} lies {:g} mm from the origin, more than {:g}; export the surface in mm",
+                       file, field, index, std::abs(point_mm[axis]), kFarthest_mm);
+  }
+}
 
 // ---- STL ------------------------------------------------------------------------------------------------
 
@@ -79,8 +91,7 @@ class StlMesh {
   };
 
   std::uint32_t point(const glm::vec3& stored) {
-    if (!std::isfinite(stored.x) || !std::isfinite(stored.y) || !std::isfinite(stored.z))
-      throw InputError("{}: triangle {} has a corner that is not finite", name_, mesh_.triangles.size());
+    check_point(stored, name_, "a corner of triangle", mesh_.triangles.size());
     // Adding zero turns -0 into 0, which compares equal but has another hash.
     const glm::vec3 position = glm::vec3(sign_ * stored.x, sign_ * stored.y, stored.z) + 0.0f;
     const auto [entry, added] =
@@ -177,13 +188,11 @@ void write_polys(const Mesh& mesh, const std::filesystem::path& path) {
 
 Mesh read_polys(const std::filesystem::path& path) {
   const PolyData data = read_vtp(path);
+  const std::string name = path.string();
   Mesh mesh;
-  for (const glm::dvec3& point : data.points_mm) {
-    for (int axis = 0; axis < 3; ++axis)
-      if (std::abs(point[axis]) > std::numeric_limits<float>::max())
-        throw InputError("{}: Points: a coordinate of {} mm is too large; lengths are in mm", path.string(),
-                         point[axis]);
-    mesh.points_mm.emplace_back(point);
+  for (std::size_t i = 0; i < data.points_mm.size(); ++i) {
+    check_point(data.points_mm[i], name, "Points: point", i);
+    mesh.points_mm.emplace_back(data.points_mm[i]);
   }
   for (std::size_t i = 0; i < data.polys.size(); ++i) {
     const auto poly = data.polys[i];
@@ -235,9 +244,11 @@ void write_mesh(const Mesh& mesh, const std::filesystem::path& path) {
 
 Mesh read_mesh(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  if (extension == ".stl") return read_stl(path);
-  if (extension == ".vtp") return read_polys(path);
-  throw InputError("{}: a surface is read from .stl or .vtp, not \"{}\"", path.string(), extension);
+  return with_remedy("export the surface again as STL or VTP", [&] {
+    if (extension == ".stl") return read_stl(path);
+    if (extension == ".vtp") return read_polys(path);
+    throw InputError("{}: a surface is read from .stl or .vtp, not \"{}\"", path.string(), extension);
+  });
 }
 
 }  // namespace xraycast

@@ -28,8 +28,8 @@ void write_mesh(const Mesh& mesh, const std::filesystem::path& path);
 
 /// Reads what write_mesh writes, and other programs' STL (binary or ASCII) and VTP (see read_vtp). Polygons
 /// are split into triangle fans, strips into triangles; points of an STL that coincide exactly are merged; a
-/// file marked `SPACE=RAS` is converted to LPS. Throws InputError when the file is damaged, has non-finite
-/// points or indices out of range.
+/// file marked `SPACE=RAS` is converted to LPS. Throws InputError when the file is damaged, has points
+/// that are not finite or beyond any body (body_bounds.hpp), or indices out of range.
 Mesh read_mesh(const std::filesystem::path& path);
 
 }  // namespace xraycast

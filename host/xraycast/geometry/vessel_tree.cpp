@@ -4,7 +4,9 @@
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/body_bounds.hpp"
 #include "xraycast/geometry/vtp.hpp"
 
 #include <glm/common.hpp>
@@ -78,15 +80,14 @@ void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
     if (point.radius_mm <= 0)
       throw InputError("{}: branch {}: point {}: the radius {} mm is not above zero", name, index, k,
                        point.radius_mm);
-    if (point.radius_mm > VesselTree::kLargestRadius_mm)
+    if (point.radius_mm > kLargestRadius_mm)
       throw InputError("{}: branch {}: point {}: the radius {:g} mm is more than {:g}; lengths are in mm",
-                       name, index, k, point.radius_mm, VesselTree::kLargestRadius_mm);
+                       name, index, k, point.radius_mm, kLargestRadius_mm);
     const glm::dvec3 away_mm = glm::abs(point.position_mm);
-    if (const double farthest_mm = std::max({away_mm.x, away_mm.y, away_mm.z});
-        farthest_mm > VesselTree::kFarthest_mm)
+    if (const double farthest_mm = std::max({away_mm.x, away_mm.y, away_mm.z}); farthest_mm > kFarthest_mm)
       throw InputError(
           "{}: branch {}: point {} lies {:g} mm from the origin, more than {:g}; lengths are in mm", name,
-          index, k, farthest_mm, VesselTree::kFarthest_mm);
+          index, k, farthest_mm, kFarthest_mm);
     if (k == 0) continue;
     const double before = branch.arc_length_mm.back();
     const double length = before + glm::distance(branch.points[k - 1].position_mm, point.position_mm);
@@ -306,8 +307,8 @@ glm::dvec3 centroid_mm(const VesselTree& tree) {
 }
 
 void check_near_end(const glm::dvec3& end_mm, const glm::dvec3& point_mm, const std::string& name) {
-  constexpr double kFarthest_mm = 50;
-  if (const double away_mm = glm::distance(end_mm, point_mm); away_mm > kFarthest_mm)
+  constexpr double kTolerance_mm = 50;
+  if (const double away_mm = glm::distance(end_mm, point_mm); away_mm > kTolerance_mm)
     throw InputError("{}: the nearest vessel end, {:.0f},{:.0f},{:.0f}, is {:.0f} mm away", name, end_mm.x,
                      end_mm.y, end_mm.z, away_mm);
 }
@@ -320,15 +321,19 @@ void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
 }
 
 VesselTree read_tree(const std::filesystem::path& path) {
-  if (std::filesystem::is_directory(path)) {
-    if (!std::filesystem::exists(path / "tree.vtp"))
-      throw InputError("{}: the folder holds no tree.vtp", path.string());
-    return read_lines(path / "tree.vtp");
-  }
-  const std::string extension = extension_of(path);
-  if (extension == ".vtp") return read_lines(path);
-  if (extension == ".json") return read_json(path);
-  throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"", path.string(), extension);
+  return with_remedy("segment the scan again or correct the file", [&] {
+    if (std::filesystem::is_directory(path)) {
+      if (!std::filesystem::exists(path / "tree.vtp"))
+        throw InputError("{}: the folder holds no tree.vtp; give the one that `xraycast segment` wrote",
+                         path.string());
+      return read_lines(path / "tree.vtp");
+    }
+    const std::string extension = extension_of(path);
+    if (extension == ".vtp") return read_lines(path);
+    if (extension == ".json") return read_json(path);
+    throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"; give one of these",
+                     path.string(), extension);
+  });
 }
 
 }  // namespace xraycast

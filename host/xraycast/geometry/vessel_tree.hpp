@@ -31,12 +31,10 @@ struct VesselBranch {
 /// Connected by construction: the constructor throws InputError for an empty tree, a cycle, a missing or
 /// second root, a parent that does not exist, a branch of fewer than two points, a first point that is not
 /// its parent's last (to a micrometre), a point that coincides with the one before it, a radius that is not
-/// above zero, a number that is not finite, or sizes beyond any body: a radius above kLargestRadius_mm or a
-/// coordinate beyond kFarthest_mm. `name` precedes the message.
+/// above zero, a number that is not finite, or sizes beyond any body (body_bounds.hpp). `name` precedes the
+/// message.
 class VesselTree {
  public:
-  static constexpr double kLargestRadius_mm = 1000, kFarthest_mm = 10000;
-
   /// `branches` need `points` and `parent` only; children and arc lengths are derived.
   VesselTree(std::vector<VesselBranch> branches, const std::string& name);
 

@@ -86,12 +86,13 @@ void ImageFileStack::check_header() const {
     if (size[d] > 1)
       throw InputError("{}: {} dimensions; a scan has three: extract one volume", name, size.size());
   if (header_.numbers_per_voxel != 1)
-    throw InputError("{}: {} numbers per voxel (colours or vectors); a CT scan has one", name,
-                     header_.numbers_per_voxel);
+    throw InputError("{}: {} numbers per voxel (colours or vectors); a CT scan has one: export one channel",
+                     name, header_.numbers_per_voxel);
   constexpr std::int64_t kMaxSize = 65536;
   for (std::size_t d = 0; d < size.size(); ++d)
     if (size[d] < 1 || size[d] > kMaxSize)
-      throw InputError("{}: {} voxels along axis {} are outside 1 to {}", name, size[d], d + 1, kMaxSize);
+      throw InputError("{}: {} voxels along axis {} are outside 1 to {}; export the file again", name,
+                       size[d], d + 1, kMaxSize);
   // Three dimensions span a volume, two leave the thickness open. Written so that NaN is refused.
   const auto& [i, j, k] = header_.step_mm;
   if (size.size() > 2 &&

@@ -9,7 +9,9 @@ namespace xraycast {
 void require_packed(const PackedVoxels& packed, std::int64_t needed_B) {
   std::error_code error;
   const auto file_B = static_cast<std::int64_t>(std::filesystem::file_size(packed.file, error));
-  if (error) throw InputError("{}: cannot be opened: {}", packed.file.string(), error.message());
+  if (error)
+    throw InputError("{}: cannot be opened: {}; check its permissions", packed.file.string(),
+                     error.message());
   const std::int64_t size_B = file_B - packed.start_B;
   if ((packed.skipped_B + needed_B) / kDeflateLimit > size_B)
     throw InputError("{}: truncated, {} compressed bytes cannot hold {} bytes of voxels; copy the file again",

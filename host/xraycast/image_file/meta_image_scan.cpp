@@ -108,7 +108,7 @@ ImageHeader header_of(const fs::path& path, const MetaFields& fields) {
   const auto dimensions = fields.number<std::int64_t>("NDims");
   constexpr std::int64_t kMaxDimensions = 10;
   if (dimensions < 1 || dimensions > kMaxDimensions)
-    throw InputError("{}: NDims is {}; a scan has 3", path.string(), dimensions);
+    throw InputError("{}: NDims is {}; a scan has 3: extract one volume", path.string(), dimensions);
   const auto count = static_cast<std::size_t>(dimensions);
   header.size = fields.numbers<std::int64_t>("DimSize", count);
 
@@ -150,13 +150,13 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
                         (width_text.empty() || (parse(width_text, width) && width < 10));
   if (!is_plain || (words.size() > 1 && !parse(words[1], first)) ||
       (words.size() > 2 && !parse(words[2], last)) || (words.size() > 3 && !parse(words[3], step)))
-    throw InputError("{}: ElementDataFile '{}' is not a pattern such as slice%03d.raw 1 20 1", path.string(),
-                     text);
+    throw InputError("{}: ElementDataFile '{}' is not a pattern; write one such as slice%03d.raw 1 20 1",
+                     path.string(), text);
   if (words.size() == 2) last = first + slices - 1;
   constexpr std::int64_t kMost = 1'000'000;
   if (step < 1 || first < 0 || last > kMost || (last - first) / step + 1 != slices || last < first)
-    throw InputError("{}: ElementDataFile '{}' does not name {} files, one per slice", path.string(), text,
-                     slices);
+    throw InputError("{}: ElementDataFile '{}' does not name {} files; name one per slice", path.string(),
+                     text, slices);
   std::vector<std::string> names;
   for (std::int64_t number = first; number <= last; number += step) {
     const std::string digits = std::to_string(number);
@@ -199,7 +199,7 @@ StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const M
 
   if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos) {
     if (is_packed)
-      throw InputError("{}: ElementDataFile '{}' names several files, which must hold uncompressed voxels",
+      throw InputError("{}: ElementDataFile '{}' names several files; save their voxels uncompressed",
                        path.string(), data_file);
     PlainVoxels voxels = several_files(path, text, header);
     voxels.offset_B = header_B < 0 ? PlainVoxels::kAtTheEnd : header_B;

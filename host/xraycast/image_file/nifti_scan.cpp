@@ -3,6 +3,7 @@
 #include "xraycast/image_file/image_file_stack.hpp"
 
 #include <glm/geometric.hpp>
+#include <glm/trigonometric.hpp>
 
 #include <algorithm>
 #include <array>
@@ -30,8 +31,8 @@ class NiftiBytes {
     is_swapped_ = get<std::int32_t>(0) != kSize1 && get<std::int32_t>(0) != kSize2;
     const auto size = get<std::int32_t>(0);
     if (size != kSize1 && size != kSize2)
-      throw InputError("{}: sizeof_hdr is neither {} nor {}; the header is damaged", path.string(), kSize1,
-                       kSize2);
+      throw InputError("{}: sizeof_hdr is neither {} nor {}; the header is damaged: copy the file again",
+                       path.string(), kSize1, kSize2);
     if (count < size) throw InputError("{}: truncated within its header; copy the file again", path.string());
     version_ = size == kSize1 ? 1 : 2;
   }
@@ -83,12 +84,14 @@ NiftiHeader read_nifti_header(const fs::path& path) {
   header.version = bytes.version();
   const auto dimensions = bytes.get<std::int16_t, std::int64_t>(40, 16);
   if (dimensions < 1 || dimensions > 7)
-    throw InputError("{}: dim holds {} as the number of dimensions; the header is damaged", path.string(),
-                     dimensions);
+    throw InputError(
+        "{}: dim holds {} as the number of dimensions; the header is damaged: copy the file again",
+        path.string(), dimensions);
   for (std::size_t d = 1; d <= static_cast<std::size_t>(dimensions); ++d) {
     header.size.push_back(bytes.get<std::int16_t, std::int64_t>(40, 16, d));
     if (header.size.back() < 1)
-      throw InputError("{}: dim holds {}; sizes must be above zero", path.string(), header.size.back());
+      throw InputError("{}: dim holds {}; sizes must be above zero: copy the file again", path.string(),
+                       header.size.back());
   }
   for (std::size_t i = 0; i < 8; ++i) header.pixdim[i] = bytes.get<float, double>(76, 104, i);
   header.datatype = bytes.get<std::int16_t>(header.version == 1 ? 70 : 12);
@@ -152,8 +155,39 @@ bool is_singular(const NiftiAxes& axes) {
   return !(std::abs(glm::dot(glm::cross(i, j), k)) > 1e-6 * glm::length(i) * glm::length(j) * glm::length(k));
 }
 
+/// How far two sets of axes are apart: at the first voxel or in an axis' whole length, and in direction.
+struct AxesDifference {
+  double mm = 0, deg = 0;
+};
+
+AxesDifference difference(const NiftiAxes& a, const NiftiAxes& b, std::span<const std::int64_t> size,
+                          double mm_per_unit) {
+  AxesDifference result{mm_per_unit * glm::distance(a.origin, b.origin), 0};
+  for (std::size_t axis = 0; axis < size.size(); ++axis) {
+    const double length_a = glm::length(a.step[axis]), length_b = glm::length(b.step[axis]);
+    const double cosine = glm::dot(a.step[axis], b.step[axis]) / (length_a * length_b);
+    result.mm =
+        std::max(result.mm, mm_per_unit * std::abs(length_a - length_b) * static_cast<double>(size[axis]));
+    result.deg = std::max(result.deg, glm::degrees(std::acos(std::clamp(cosine, -1.0, 1.0))));
+  }
+  return result;
+}
+
+/// Rounding in a header's 32-bit numbers makes far less of either.
+void warn_of_difference(const NiftiHeader& header, double mm_per_unit, std::vector<std::string>& warnings) {
+  constexpr double kSame_mm = 0.1, kSame_deg = 0.1;
+  const auto size = std::span(header.size).first(std::min<std::size_t>(3, header.size.size()));
+  const auto [mm, deg] = difference(axes_of_sform(header), axes_of_qform(header), size, mm_per_unit);
+  if (mm <= kSame_mm && deg <= kSame_deg) return;
+  warnings.push_back(
+      fmt::format("sform and qform place the patient differently, by {:.3g} mm and {:.3g} deg; the sform was "
+                  "taken, as most programs do: check left and right",
+                  mm, deg));
+}
+
 /// The sform, as most programs do, else the qform.
-NiftiAxes axes_of(const fs::path& path, const NiftiHeader& header, std::vector<std::string>& warnings) {
+NiftiAxes axes_of(const fs::path& path, const NiftiHeader& header, double mm_per_unit,
+                  std::vector<std::string>& warnings) {
   require_finite(path, "pixdim", std::span(header.pixdim).first(4));
   const std::size_t spaced = std::min<std::size_t>(3, header.size.size());
   require_spacing(path, "pixdim", std::span(header.pixdim).subspan(1, spaced));
@@ -161,11 +195,13 @@ NiftiAxes axes_of(const fs::path& path, const NiftiHeader& header, std::vector<s
   if (header.sform_code > 0) {
     require_finite(path, "sform", header.sform);
     const NiftiAxes axes = axes_of_sform(header);
-    if (!is_singular(axes)) return axes;
-    if (header.qform_code <= 0)
-      throw InputError("{}: sform is a singular matrix; export the file again with its orientation",
-                       path.string());
-    warnings.emplace_back("sform is a singular matrix, so qform says how the patient lies");
+    if (is_singular(axes))
+      throw InputError(
+          "{}: sform (srow_x, srow_y, srow_z) is a singular matrix; export the file again with "
+          "its orientation{}",
+          path.string(), header.qform_code > 0 ? ", or set sform_code to 0 for the qform's" : "");
+    if (header.qform_code > 0) warn_of_difference(header, mm_per_unit, warnings);
+    return axes;
   }
   if (header.qform_code > 0) return axes_of_qform(header);
   return {{glm::dvec3(header.pixdim[1], 0, 0), glm::dvec3(0, header.pixdim[2], 0),
@@ -210,7 +246,8 @@ StoredVoxels nifti_voxels(const fs::path& path, const NiftiHeader& header) {
   // In a single file they start behind the header, whatever it says.
   const double least_B = header.is_pair ? 0 : header.version == 1 ? 348 : 540;
   if (!(std::abs(header.voxels_B) < 1e9))
-    throw InputError("{}: vox_offset is {}; the header is damaged", path.string(), header.voxels_B);
+    throw InputError("{}: vox_offset is {}; the header is damaged: copy the file again", path.string(),
+                     header.voxels_B);
   const auto offset_B = static_cast<std::int64_t>(std::max(header.voxels_B, least_B));
   const fs::path file = header.is_pair ? voxels_beside(path) : path;
   if (is_gzipped(file)) return PackedVoxels{file, 0, offset_B};
@@ -225,7 +262,8 @@ VoxelType nifti_type(const fs::path& path, int datatype) {
   const auto found = types.find(datatype);
   if (found == types.end())
     throw InputError(
-        "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float per voxel",
+        "{}: datatype is {}: colours or vectors, or unknown; a CT scan has one integer or float per voxel: "
+        "export it as such",
         path.string(), datatype);
   return found->second;
 }
@@ -236,13 +274,14 @@ Scan open_nifti(const fs::path& path, const ScanOptions& options, Progress& prog
   progress.begin("opening", 1, "files");
   const NiftiHeader nifti = read_nifti_header(path);
   std::vector<std::string> warnings;
-  const NiftiAxes axes = axes_of(path, nifti, warnings);
+  const double mm_per_unit = mm_of_unit(nifti.units, warnings);
+  const NiftiAxes axes = axes_of(path, nifti, mm_per_unit, warnings);
   ImageHeader header;
   header.path = path;
   header.size = nifti.size;
   header.type = nifti_type(path, nifti.datatype);
   header.is_big_endian = nifti.is_big_endian;
-  const glm::dvec3 to_lps_mm = mm_of_unit(nifti.units, warnings) * glm::dvec3(-1, -1, 1);
+  const glm::dvec3 to_lps_mm = mm_per_unit * glm::dvec3(-1, -1, 1);
   for (std::size_t axis = 0; axis < std::min<std::size_t>(3, nifti.size.size()); ++axis)
     header.step_mm[axis] = to_lps_mm * axes.step[axis];
   header.origin_mm = to_lps_mm * axes.origin;

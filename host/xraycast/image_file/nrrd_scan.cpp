@@ -81,7 +81,7 @@ std::int64_t nrrd_number(const fs::path& path, const TextHeader& header, const c
   std::int64_t number = 0;
   const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   if (error != std::errc{} || end != text.data() + text.size())
-    throw InputError("{}: {} is '{}', not a whole number", path.string(), field, text);
+    throw InputError("{}: {} is '{}', not a whole number; export the file again", path.string(), field, text);
   return number;
 }
 
@@ -89,8 +89,9 @@ void check_nrrd(const fs::path& path, const TextHeader& header) {
   const std::int64_t dimension = nrrd_number(path, header, "dimension");
   constexpr std::int64_t kMaxDimensions = 16;
   if (dimension < 1 || dimension > kMaxDimensions)
-    throw InputError("{}: dimension is missing or not 1 to {}, so the header is damaged", path.string(),
-                     kMaxDimensions);
+    throw InputError(
+        "{}: dimension is missing or not 1 to {}, so the header is damaged; export the file again",
+        path.string(), kMaxDimensions);
   std::vector<double> spacing_mm;
   std::istringstream words(header.get("spacings"));
   // Not read as doubles: streams refuse `nan`, which must be noticed.
@@ -143,7 +144,9 @@ Scan open_nrrd(const fs::path& path, const ScanOptions& options, Progress& progr
   const auto io = itk::NrrdImageIO::New();
   ImageHeader header = read_by_itk(*io, path);
   const std::optional<VoxelType> type = voxel_type(io->GetComponentType());
-  if (!type) throw InputError("{}: voxels of type '{}' are not supported", path.string(), nrrd.get("type"));
+  if (!type)
+    throw InputError("{}: voxels of type '{}' are not supported; save them as short", path.string(),
+                     nrrd.get("type"));
   header.type = *type;
   header.is_big_endian = lower_case(nrrd.get("endian")) == "big";
 

@@ -15,12 +15,14 @@ RawVoxels::RawVoxels(const std::filesystem::path& file, std::int64_t offset_B, s
     : path_(file), offset_B_(offset_B) {
   std::error_code error;
   const auto size_B = static_cast<std::int64_t>(std::filesystem::file_size(file, error));
-  if (error) throw InputError("{}: cannot be opened: {}", file.string(), error.message());
+  if (error)
+    throw InputError("{}: cannot be opened: {}; check its permissions", file.string(), error.message());
   if (size_B - offset_B < needed_B)
     throw InputError("{}: truncated, {} of {} bytes of voxels are there; copy the file again", file.string(),
                      std::max<std::int64_t>(0, size_B - offset_B), needed_B);
   file_ = open(file.c_str(), O_RDONLY | O_CLOEXEC);
-  if (file_ < 0) throw InputError("{}: cannot be opened: {}", file.string(), std::strerror(errno));
+  if (file_ < 0)
+    throw InputError("{}: cannot be opened: {}; check its permissions", file.string(), std::strerror(errno));
 }
 
 RawVoxels::RawVoxels(RawVoxels&& other) noexcept

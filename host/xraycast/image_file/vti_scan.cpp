@@ -1,4 +1,5 @@
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/vtk_xml.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
 #include "xraycast/image_file/image_file_stack.hpp"
@@ -64,15 +65,25 @@ void read_grid(const VtkXmlFile& file, ImageHeader& header) {
   }
 }
 
-/// As bytes; those of ASCII are made float64.
+/// How many bytes a scan of that size takes; sizes that are none are refused later.
+std::uint64_t most_bytes(const ImageHeader& header) {
+  constexpr std::int64_t kMaxSize = 65536;
+  auto most_B = static_cast<std::uint64_t>(bytes_of(header.type));
+  for (const std::int64_t size : header.size)
+    most_B *= static_cast<std::uint64_t>(std::clamp<std::int64_t>(size, 0, kMaxSize));
+  return most_B;
+}
+
+/// As bytes; those of ASCII are made float64. None of colours, which are refused.
 LoadedVoxels load_voxels(const VtkXmlFile& file, ImageHeader& header) {
   const pugi::xml_node array = scalars_of(file);
   const std::string field = array.attribute("Name").value();
   header.type = vti_type(file, field, array.attribute("type").value());
   header.numbers_per_voxel = static_cast<std::int64_t>(file.count(array, "NumberOfComponents", 1));
+  if (header.numbers_per_voxel != 1) return {};
   if (array.attribute("format").value() != std::string_view("ascii")) {
     header.is_big_endian = file.is_big_endian();
-    return {file.bytes(array, field)};
+    return {file.bytes(array, field, most_bytes(header))};
   }
   header.type = VoxelType::float64;
   const std::vector<double> values = file.values(array, field, std::nullopt);
@@ -83,15 +94,17 @@ LoadedVoxels load_voxels(const VtkXmlFile& file, ImageHeader& header) {
 
 Scan open_vti(const std::filesystem::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
-  const VtkXmlFile file(path, "ImageData");
-  ImageHeader header;
-  header.path = path;
-  read_grid(file, header);
-  LoadedVoxels voxels = load_voxels(file, header);
-  std::vector<std::string> warnings;
-  if (file.space().empty()) warnings.push_back(unknown_orientation("no field array SPACE", header));
-  progress.advance();
-  return deliver_image(std::move(header), std::move(voxels), "VTK", std::move(warnings), options);
+  return with_remedy("export the file again", [&] {
+    const VtkXmlFile file(path, "ImageData");
+    ImageHeader header;
+    header.path = path;
+    read_grid(file, header);
+    LoadedVoxels voxels = load_voxels(file, header);
+    std::vector<std::string> warnings;
+    if (file.space().empty()) warnings.push_back(unknown_orientation("no field array SPACE", header));
+    progress.advance();
+    return deliver_image(std::move(header), std::move(voxels), "VTK", std::move(warnings), options);
+  });
 }
 
 bool is_vti(const std::string& leading_bytes) {

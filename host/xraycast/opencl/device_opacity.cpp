@@ -72,4 +72,23 @@ DeviceOpacity::DeviceOpacity(ComputeDevice& device, const Opacity& opacity) {
   table_ = device.upload(std::span<const Entry>(table));
 }
 
+XrcPlateaus plateaus_of(const Opacity& opacity) {
+  constexpr float kAll_hu = 1e6f;  // beyond all CT numbers
+  static_assert(XRC_MAX_PLATEAUS >= Opacity::kMaxKnots / 2 + 2, "every other knot may begin one");
+  const auto knots = opacity.knots();
+  XrcPlateaus plateaus{};
+  float from_hu = -kAll_hu;
+  for (std::size_t i = 0; i < knots.size(); ++i) {
+    const bool is_last = i + 1 == knots.size();
+    if (!is_last && knots[i + 1].mu_per_mm == knots[i].mu_per_mm) continue;
+    const float to_hu = is_last ? kAll_hu : static_cast<float>(knots[i].hu);
+    if (from_hu < to_hu) {
+      plateaus.from_hu[plateaus.count] = from_hu;
+      plateaus.to_hu[plateaus.count++] = to_hu;
+    }
+    if (!is_last) from_hu = static_cast<float>(knots[i + 1].hu);
+  }
+  return plateaus;
+}
+
 }  // namespace xraycast

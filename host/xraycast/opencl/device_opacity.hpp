@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/kernels/params.h"
 #include "xraycast/opencl/compute_device.hpp"
 
 #include <string>
@@ -23,5 +24,8 @@ class DeviceOpacity {
   cl::Buffer parameters_;
   cl::Buffer table_;
 };
+
+/// The ranges of CT numbers in which an opacity has one mu.
+XrcPlateaus plateaus_of(const Opacity& opacity);
 
 }  // namespace xraycast

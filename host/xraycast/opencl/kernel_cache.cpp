@@ -1,6 +1,7 @@
 #include "xraycast/opencl/kernel_cache.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/temporary_folder_on_disk.hpp"
 
 #include <cstdlib>
 #include <string>
@@ -69,18 +70,16 @@ void require_kernel_cache() {
 KernelCache::KernelCache() {
   if (std::getenv("POCL_CACHE_DIR")) return;
   if (is_private_and_takes_kernels(pocl_folder())) return;
-  std::error_code error;
-  const fs::path temporary = fs::temp_directory_path(error);
-  std::string name = (temporary / "xraycast-kernels-XXXXXX").string();
-  finds_no_folder = error || !takes_kernels(temporary) || mkdtemp(name.data()) == nullptr;
-  if (finds_no_folder) return;
-  own_ = name;
-  setenv("POCL_CACHE_DIR", own_.c_str(), 1);
+  try {
+    own_ = std::make_unique<TemporaryFolderOnDisk>("xraycast-kernels-");
+  } catch (const Error&) {
+    finds_no_folder = true;
+    return;
+  }
+  finds_no_folder = !takes_kernels(own_->path());
+  if (!finds_no_folder) setenv("POCL_CACHE_DIR", own_->path().c_str(), 1);
 }
 
-KernelCache::~KernelCache() {
-  std::error_code ignored;
-  if (!own_.empty()) fs::remove_all(own_, ignored);
-}
+KernelCache::~KernelCache() = default;
 
 }  // namespace xraycast

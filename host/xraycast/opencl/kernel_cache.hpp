@@ -1,9 +1,11 @@
 #pragma once
 
 #include <cstdint>
-#include <filesystem>
+#include <memory>
 
 namespace xraycast {
+
+class TemporaryFolderOnDisk;
 
 /// Where PoCL, the OpenCL implementation for CPUs, stores compiled kernels: the user's cache folder,
 /// $XDG_CACHE_HOME or ~/.cache. Without a writable one PoCL finds no device, on a full disk it aborts the
@@ -18,13 +20,14 @@ class KernelCache {
   /// Before OpenCL is first used, and before other threads are started: it changes the environment.
   KernelCache();
 
-  /// Removes the private folder, if there is one.
+  /// Removes the private folder, if there is one; that of a killed process goes with the next one that is
+  /// made.
   ~KernelCache();
   KernelCache(const KernelCache&) = delete;
   KernelCache& operator=(const KernelCache&) = delete;
 
  private:
-  std::filesystem::path own_;  ///< the private folder; empty while the user's is used
+  std::unique_ptr<TemporaryFolderOnDisk> own_;  ///< the private folder; none while the user's is used
 };
 
 /// Throws DeviceError, before PoCL is used, where its folder or the one that a KernelCache looked for cannot

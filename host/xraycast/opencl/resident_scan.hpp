@@ -49,6 +49,12 @@ class ResidentScan {
   const cl::Memory& voxels() const { return voxels_; }
   std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
 
+  /// The least and the largest CT number of every block (kernels/blocks.cl), two 16-bit integers each. Of
+  /// bricks only; found at the first call after the last slice, which reads the scan once. Not for several
+  /// threads at a time.
+  const cl::Buffer& block_ranges() const;
+  std::int64_t block_count() const;
+
   /// Number of slices per work-item of the casting kernel.
   int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
 
@@ -61,6 +67,7 @@ class ResidentScan {
   XrcScan layout_;
   cl::Memory voxels_;
   std::int64_t slices_done_ = 0;
+  mutable cl::Buffer block_ranges_;  ///< once they are asked for
 };
 
 /// Wall time of the two halves of `load`.

@@ -113,7 +113,8 @@ void warn_of_stumps(const std::vector<fs::path>& unknown, const std::vector<fs::
 
 Scan open_folder(const fs::path& path, const ScanOptions& options, Progress& progress) {
   const std::vector<fs::path> files = files_within(path, progress);
-  if (files.empty()) throw InputError("{}: the folder is empty", path.string());
+  if (files.empty())
+    throw InputError("{}: the folder is empty; give the one that holds the slices", path.string());
   std::vector<Format> formats(files.size());
   parallel_for(std::ssize(files), [&](std::int64_t i) {
     progress.check();
@@ -190,9 +191,10 @@ Scan open_zip(const fs::path& path, const ScanOptions& options, Progress& progre
 Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progress) {
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
-  if (!fs::exists(status)) throw InputError("{}: no such file or folder", path.string());
+  if (!fs::exists(status)) throw InputError("{}: no such file or folder; check its name", path.string());
   if (fs::is_directory(status)) return open_folder(path, options, progress);
-  if (!fs::is_regular_file(status)) throw InputError("{}: neither a file nor a folder", path.string());
+  if (!fs::is_regular_file(status))
+    throw InputError("{}: neither a file nor a folder; give one", path.string());
 
   switch (format_of(path)) {
     case Format::dicom:

@@ -4,16 +4,8 @@
 #include "xraycast/base/printable.hpp"
 
 #include <algorithm>
-#include <cerrno>
-#include <cstdlib>
-#include <cstring>
-#include <fcntl.h>
 #include <fstream>
 #include <memory>
-#include <sys/file.h>
-#include <sys/stat.h>
-#include <unistd.h>
-#include <utility>
 #include <vector>
 #include <zip.h>
 
@@ -21,57 +13,6 @@ namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
-
-constexpr const char* kFolderPrefix = "xraycast-zip-";
-
-/// A lock on a folder of this user; -1 where another process holds it, or it is no such folder.
-int lock_folder(const fs::path& folder) {
-  const int file = open(folder.c_str(), O_RDONLY | O_DIRECTORY | O_NOFOLLOW | O_CLOEXEC);
-  struct stat status {};
-  if (file >= 0 && fstat(file, &status) == 0 && status.st_uid == geteuid() &&
-      flock(file, LOCK_EX | LOCK_NB) == 0)
-    return file;
-  if (file >= 0) close(file);
-  return -1;
-}
-
-void remove_abandoned(const fs::path& parent) {
-  std::error_code error;
-  for (const auto& entry : fs::directory_iterator(parent, error)) {
-    if (!entry.path().filename().string().starts_with(kFolderPrefix)) continue;
-    const int lock = lock_folder(entry.path());
-    if (lock < 0) continue;
-    fs::remove_all(entry.path(), error);
-    close(lock);
-  }
-}
-
-}  // namespace
-
-TemporaryFolderOnDisk::TemporaryFolderOnDisk() {
-  const fs::path parent = fs::temp_directory_path();
-  remove_abandoned(parent);
-  // Another process may take the folder for an abandoned one before it is locked.
-  for (int attempt = 0; attempt < 10 && lock_ < 0; ++attempt) {
-    std::string name = (parent / kFolderPrefix).string() + "XXXXXX";
-    if (!mkdtemp(name.data()))
-      throw Error("{}: no temporary folder can be made: {}; set TMPDIR to one that is writable",
-                  parent.string(), std::strerror(errno));
-    path_ = name;
-    lock_ = lock_folder(path_);
-    if (lock_ >= 0 && !fs::exists(path_)) close(std::exchange(lock_, -1));
-  }
-  if (lock_ < 0)
-    throw Error("{}: a temporary folder cannot be locked; set TMPDIR to another", parent.string());
-}
-
-TemporaryFolderOnDisk::~TemporaryFolderOnDisk() {
-  std::error_code error;
-  fs::remove_all(path_, error);
-  close(lock_);
-}
-
-namespace {
 
 struct Entry {
   zip_uint64_t index;
@@ -166,7 +107,7 @@ void unpack(zip_t* archive, const Entry& entry, const fs::path& target, const st
 UnpackedZip::UnpackedZip(const fs::path& archive, Progress& progress) : archive_(archive.string()) {
   const Archive zip = open_archive(archive);
   const std::vector<Entry> entries = entries_of(zip.get(), archive);
-  if (entries.empty()) throw InputError("{}: the archive is empty", archive_);
+  if (entries.empty()) throw InputError("{}: the archive is empty; copy it again", archive_);
   check_sizes(entries, archive, folder());
   progress.begin("unpacking", std::ssize(entries), "files");
   std::map<fs::path, std::string> folders;

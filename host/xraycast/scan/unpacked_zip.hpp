@@ -1,28 +1,13 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/base/temporary_folder_on_disk.hpp"
 
 #include <filesystem>
 #include <map>
 #include <string>
 
 namespace xraycast {
-
-/// A folder that only this user can read and that is removed with its content; what a killed process left,
-/// the next one removes.
-class TemporaryFolderOnDisk {
- public:
-  TemporaryFolderOnDisk();
-  ~TemporaryFolderOnDisk();
-  TemporaryFolderOnDisk(const TemporaryFolderOnDisk&) = delete;
-  TemporaryFolderOnDisk& operator=(const TemporaryFolderOnDisk&) = delete;
-
-  const std::filesystem::path& path() const { return path_; }
-
- private:
-  std::filesystem::path path_;
-  int lock_ = -1;
-};
 
 /// The files of a zip archive, in a temporary folder under names of our own: one folder for each of the
 /// archive's. Names in the archive are for messages only.
@@ -39,7 +24,7 @@ class UnpackedZip {
 
  private:
   std::string archive_;
-  TemporaryFolderOnDisk folder_;
+  TemporaryFolderOnDisk folder_{"xraycast-zip-"};
   std::map<std::string, std::string> names_;  ///< of the archive, by ours
 };
 

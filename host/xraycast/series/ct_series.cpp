@@ -13,24 +13,25 @@ namespace {
 
 /// The elements common to all slices.
 DicomElements series_elements(const VolumeGeometry& geometry, const DicomPatient& patient,
-                              const std::string& source) {
+                              const CtSeriesSource& source) {
   DicomElements series = dicom_elements("1.2.840.10008.5.1.4.1.1.2", patient);
   series.text(0x00080008, "DERIVED\\SECONDARY\\AXIAL");  // Image Type
   series.text(0x00080060, "CT");
   series.text(0x0008103e, "Converted by xraycast");  // Series Description
   // Short Text holds 1024 characters, and a path any.
   constexpr std::size_t kMostOfName = 200;
-  const std::size_t left_out = source.size() - std::min(source.size(), kMostOfName);
-  series.text(0x00082111, "Converted by xraycast from " + source.substr(left_out) +
+  const std::size_t left_out = source.name.size() - std::min(source.name.size(), kMostOfName);
+  series.text(0x00082111, "Converted by xraycast from " + source.name.substr(left_out) +
                               ", on a grid aligned with the patient; not for clinical use.");
   series.number(0x00180050, geometry.spacing_mm.z);  // Slice Thickness
   series.text(0x00180060, "");                       // KVP
   series.text(0x00185100, "");                       // Patient Position
   series.text(0x00200012, "");                       // Acquisition Number
-  series.text(0x00200052, new_dicom_uid());          // Frame of Reference UID
-  series.text(0x00201040, "");                       // Position Reference Indicator
-  series.text(0x00200060, "");                       // Laterality
-  series.text(0x00200020, "L\\P");                   // Patient Orientation
+  const std::string& frame = source.frame_of_reference_uid;
+  series.text(0x00200052, frame.empty() ? new_dicom_uid() : frame);
+  series.text(0x00201040, "");      // Position Reference Indicator
+  series.text(0x00200060, "");      // Laterality
+  series.text(0x00200020, "L\\P");  // Patient Orientation
   series.numbers(0x00200037, std::array{1.0, 0.0, 0.0, 0.0, 1.0, 0.0});
   series.word(0x00280002, 1);              // Samples per Pixel
   series.text(0x00280004, "MONOCHROME2");  // Photometric Interpretation
@@ -67,7 +68,7 @@ void check_ct_series(const VolumeGeometry& geometry, const std::filesystem::path
 }
 
 void write_ct_series(const Volume& volume, const std::filesystem::path& folder, const DicomPatient& patient,
-                     const std::string& source, Progress& progress) {
+                     const CtSeriesSource& source, Progress& progress) {
   const VolumeGeometry& geometry = volume.geometry();
   check_ct_series(geometry, folder, patient);
   AtomicFolder target(folder);

@@ -68,14 +68,18 @@ SlicePlane read_plane(const ValueHolders& holders, const std::string& name) {
   const auto spacing =
       numbers(holders.measures, kPixelSpacing, 2, name, "PixelSpacing", "its size is unknown");
   if (!(spacing[0] > 0 && spacing[1] > 0))
-    throw DamagedSlice("{}: PixelSpacing (0028,0030) is {} x {} mm; it must be above zero", name, spacing[0],
-                       spacing[1]);
+    throw DamagedSlice(
+        "{}: PixelSpacing (0028,0030) is {} x {} mm; it must be above zero: export the series again", name,
+        spacing[0], spacing[1]);
   const glm::dvec3 i(directions[0], directions[1], directions[2]),
       j(directions[3], directions[4], directions[5]);
   // Printed cosines are unit vectors up to their last digit.
   if (std::abs(glm::length(i) - 1) > 0.01 || std::abs(glm::length(j) - 1) > 0.01 ||
       std::abs(glm::dot(i, j)) > 0.01)
-    throw DamagedSlice("{}: ImageOrientationPatient (0020,0037) is not two perpendicular unit vectors", name);
+    throw DamagedSlice(
+        "{}: ImageOrientationPatient (0020,0037) is not two perpendicular unit vectors; export the series "
+        "again",
+        name);
   // The first spacing is the distance between rows.
   return {{position[0], position[1], position[2]},
           glm::normalize(i) * spacing[1],
@@ -170,8 +174,10 @@ void check_header(const DicomHeader& header, const fs::path& file) {
   if (!header.pixel_data())
     throw DamagedSlice("{}: truncated, it ends before its pixel data; copy the file again", file.string());
   if (header.unsigned_short(kSamplesPerPixel).value_or(1) != 1)
-    throw InputError("{}: a colour image (SamplesPerPixel (0028,0002) is not 1); a CT slice is greyscale",
-                     file.string());
+    throw InputError(
+        "{}: a colour image (SamplesPerPixel (0028,0002) is not 1), such as a screen shot; give the folder "
+        "of a CT series",
+        file.string());
 }
 
 DicomSlice read_single(const DicomHeader& header, const fs::path& file, bool is_ct) {
@@ -199,6 +205,21 @@ Frame read_frame(const DicomHeader& header, const DicomItem& groups, DicomSlice 
   return {std::move(slice), content.text(kStackId), content.unsigned_long(kTemporalIndex).value_or(0)};
 }
 
+/// How many frames of plain pixels the file holds as a whole.
+std::size_t whole_frames(const DicomSlice& common, const DicomHeader::PixelData& pixels) {
+  return static_cast<std::size_t>(pixels.length_B / std::max<std::int64_t>(1, frame_B(common)));
+}
+
+/// `first` is what is wrong with the first damaged frame, the file's name in front.
+std::string fault_of_frames(const std::string& file, std::size_t frames, std::size_t damaged,
+                            std::size_t whole, const std::string& first) {
+  if (whole + damaged == frames)
+    return fmt::format("{}: truncated, {} of {} frames are there; copy the file again", file, whole, frames);
+  if (damaged == 1) return first;
+  return fmt::format("{}: {} of {} frames are damaged, first {}", file, damaged, frames,
+                     first.substr(file.size() + 2));
+}
+
 /// The slices of all frames that can be used; `summary` tells of the others.
 std::vector<Frame> read_frames(const DicomHeader& header, const fs::path& file, bool is_ct,
                                DicomFileSummary& summary) {
@@ -214,12 +235,11 @@ std::vector<Frame> read_frames(const DicomHeader& header, const fs::path& file, 
   const DicomSlice common = common_of(header, file);
   const DicomHeader::PixelData& pixels = *header.pixel_data();
   if (!pixels.encapsulated && common.pixels.bits_allocated % 8 != 0)
-    throw InputError("{}: BitsAllocated (0028,0100) is {}; frames of 8, 16 or 32 bits a pixel are read",
+    throw InputError("{}: BitsAllocated (0028,0100) is {}; export frames of 8, 16 or 32 bits a pixel",
                      file.string(), common.pixels.bits_allocated);
   const auto packed = pixels.encapsulated ? pieces_of_frames(pixels, groups.size(), file)
                                           : std::vector<std::vector<ByteRange>>();
   std::vector<Frame> frames;
-  std::int64_t damaged = 0;
   for (std::size_t f = 0; f < groups.size(); ++f) {
     DicomSlice slice = common;
     slice.frame = static_cast<std::int64_t>(f) + 1;
@@ -232,11 +252,15 @@ std::vector<Frame> read_frames(const DicomHeader& header, const fs::path& file, 
     try {
       frames.push_back(read_frame(header, groups[f], std::move(slice), is_ct));
     } catch (const DamagedSlice& error) {
-      if (++damaged == 1) summary.fault = error.what();
+      if (++summary.faulty_slices == 1) summary.fault = error.what();
     }
   }
+  const auto damaged = static_cast<std::size_t>(summary.faulty_slices);
   summary.is_damaged = damaged > 0;
-  if (damaged > 1) summary.fault += fmt::format(" ({} of {} frames are damaged)", damaged, groups.size());
+  if (damaged > 0)
+    summary.fault =
+        fault_of_frames(file.string(), groups.size(), damaged,
+                        pixels.encapsulated ? groups.size() : whole_frames(common, pixels), summary.fault);
   return frames;
 }
 

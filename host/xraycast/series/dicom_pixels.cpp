@@ -29,8 +29,10 @@ void keep_stored_bits(const DicomPixels& pixels, std::span<T> words) {
 }
 
 [[noreturn]] void fail_to_decode(const DicomSlice& slice) {
-  throw DamagedSlice("{}: its {} data could not be decoded; the file is damaged or its compression unknown",
-                     slice.name(), coding_of(slice.pixels));
+  throw DamagedSlice(
+      "{}: its {} data could not be decoded; copy the file again, or decompress it if its compression is "
+      "unknown",
+      slice.name(), coding_of(slice.pixels));
 }
 
 SliceSource::HuRange rescale_decoded(const DicomSlice& slice, const gdcm::Image& image,
@@ -60,7 +62,7 @@ SliceSource::HuRange rescale_decoded(const DicomSlice& slice, const gdcm::Image&
     case gdcm::PixelFormat::INT32:
       return rescale_as(std::int32_t{});
     default:
-      throw InputError("{}: pixels of type {} are not supported", slice.name(),
+      throw InputError("{}: pixels of type {} are not supported; convert it to 16 bits", slice.name(),
                        image.GetPixelFormat().GetScalarTypeAsString());
   }
 }

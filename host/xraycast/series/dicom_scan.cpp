@@ -39,8 +39,6 @@ class DicomStack final : public SliceStack {
 
 // ---- a series' slices ------------------------------------------------------------------------------
 
-void leave_out(const std::string& fault, ScanInfo& info) { info.warnings.push_back("left out " + fault); }
-
 /// Slices that GDCM must decode are decoded once, to find those that it cannot.
 std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info, Progress& progress) {
   std::vector<std::string> faults(slices.size());
@@ -60,8 +58,14 @@ std::vector<DicomSlice> decodable(std::vector<DicomSlice> slices, ScanInfo& info
     if (faults[i].empty())
       good.push_back(std::move(slices[i]));
     else
-      leave_out(faults[i], info);
+      info.leave_out(faults[i]);
   return good;
+}
+
+/// A file, or those of its frames that cannot be used.
+void leave_out(const DicomFileSummary& file, ScanInfo& info) {
+  const std::string frames = file.slices.empty() ? "" : pluralize(file.faulty_slices, "frame") + " of ";
+  info.leave_out(frames + file.fault, file.faulty_slices);
 }
 
 std::vector<DicomSlice> usable_slices(const DicomSeries& series, const fs::path& path, bool skip_damaged,
@@ -70,7 +74,7 @@ std::vector<DicomSlice> usable_slices(const DicomSeries& series, const fs::path&
   for (const DicomFileSummary& file : series.files) {
     if (!file.fault.empty() && !file.is_damaged) throw InputError("{}", file.fault);
     if (!file.fault.empty() && !skip_damaged) throw DamagedSlice("{}", file.fault);
-    if (!file.fault.empty()) leave_out(file.fault, info);
+    if (!file.fault.empty()) leave_out(file, info);
     if (!file.note.empty()) info.warnings.push_back(file.note);
     slices.insert(slices.end(), file.slices.begin(), file.slices.end());
   }
@@ -111,6 +115,7 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
   };
   const std::size_t before = series.size();
   series.erase(std::unique(series.begin(), series.end(), same), series.end());
+  info.left_out.same_place = static_cast<std::int64_t>(before - series.size());
   if (series.size() < before)
     info.warnings.push_back(
         fmt::format("{} left out at a position that the series already has; it may hold "

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <limits>
 #include <map>
+#include <set>
 #include <tuple>
 
 namespace xraycast {
@@ -23,11 +24,10 @@ const DicomSlice* first_slice(const DicomSeries& series) {
   return readable == series.files.end() ? nullptr : &readable->slices.front();
 }
 
-/// Frames count as slices, and a file that cannot be used as one.
+/// Also of those that cannot be used; frames count as slices.
 std::int64_t slice_count(const DicomSeries& series) {
   std::int64_t count = 0;
-  for (const DicomFileSummary& file : series.files)
-    count += std::max<std::int64_t>(1, std::ssize(file.slices));
+  for (const DicomFileSummary& file : series.files) count += std::ssize(file.slices) + file.faulty_slices;
   return count;
 }
 
@@ -49,7 +49,7 @@ double thickness_mm(const DicomSeries& series) {
   return slice ? slice->thickness_mm : 0;
 }
 
-/// As in "7: chest, 3 slices, axial, 1.25 mm".
+/// As in "7: chest, 3 slices, axial, 1.25 mm, CHEST, study of 2026-01-31".
 std::string name_of(const DicomSeries& series) {
   const DicomFileSummary& file = series.files.front();
   std::string name = file.series_number.empty() ? "" : file.series_number + ": ";
@@ -57,6 +57,8 @@ std::string name_of(const DicomSeries& series) {
   name += pluralize(slice_count(series), series.is_ct ? "slice" : "image");
   if (const std::string plane = plane_of(series); !plane.empty()) name += ", " + plane;
   if (const double mm = thickness_mm(series); mm > 0) name += fmt::format(", {:.3g} mm", mm);
+  if (!file.body_part.empty()) name += ", " + file.body_part;
+  if (!file.study_date.empty()) name += ", study of " + file.study_date;
   return name;
 }
 
@@ -138,10 +140,11 @@ std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& 
       const auto found = std::ranges::find_if(all, fits);
       if (found == all.end()) continue;
       if (std::ranges::count_if(all, fits) > 1)
-        throw InputError("{}: several series match '{}'; it holds {}", path.string(), wanted, list_of(all));
+        throw InputError("{}: several series match '{}'; give more of one of these: {}", path.string(),
+                         wanted, list_of(all));
       return static_cast<std::size_t>(found - all.begin());
     }
-  throw InputError("{}: no series matches '{}'; it holds {}", path.string(), wanted, list_of(all));
+  throw InputError("{}: no series matches '{}'; give one of these: {}", path.string(), wanted, list_of(all));
 }
 
 [[noreturn]] void refuse(const std::vector<DicomFileSummary>& files, const fs::path& path) {
@@ -165,8 +168,25 @@ void note_passed_over(const std::vector<DicomFileSummary>& files, bool only_ct, 
 
 ScanInfo::Series summary_of(const DicomSeries& series, bool chosen) {
   const DicomFileSummary& file = series.files.front();
-  return {file.series_number,  file.series_description, file.series_uid,      file.modality,
-          slice_count(series), plane_of(series),        thickness_mm(series), chosen};
+  return {.number = file.series_number,
+          .description = file.series_description,
+          .uid = file.series_uid,
+          .modality = file.modality,
+          .study_date = file.study_date,
+          .body_part = file.body_part,
+          .slices = slice_count(series),
+          .orientation = plane_of(series),
+          .thickness_mm = thickness_mm(series),
+          .chosen = chosen};
+}
+
+/// How many different ones there are; at least one, though no file may name it.
+std::int64_t count_different(const std::vector<DicomSeries>& all, std::string DicomFileSummary::*text) {
+  std::set<std::string> different;
+  for (const DicomSeries& series : all)
+    for (const DicomFileSummary& file : series.files)
+      if (!(file.*text).empty()) different.insert(file.*text);
+  return std::max<std::int64_t>(1, std::ssize(different));
 }
 
 }  // namespace
@@ -178,6 +198,9 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
   if (all.empty()) refuse(files, path);
   std::ranges::sort(all, is_better);
   const std::size_t chosen = wanted.empty() ? 0 : index_of(wanted, all, path);
+  info.studies = count_different(all, &DicomFileSummary::study_uid);
+  info.patients = count_different(all, &DicomFileSummary::patient);
+  all[chosen].files.insert(all[chosen].files.end(), strays.begin(), strays.end());
 
   const bool only_ct = all[chosen].is_ct;
   for (std::size_t i = 0; i < all.size(); ++i) {
@@ -193,10 +216,8 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
                     info.other_series.size() + 1, name_of(all[chosen])));
   note_passed_over(files, only_ct, info);
 
-  DicomSeries series = std::move(all[chosen]);
-  info.series = describe(series);
-  series.files.insert(series.files.end(), strays.begin(), strays.end());
-  return series;
+  info.series = describe(all[chosen]);
+  return std::move(all[chosen]);
 }
 
 }  // namespace xraycast

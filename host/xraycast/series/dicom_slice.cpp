@@ -54,6 +54,22 @@ std::string noun_of(const DicomHeader& header, const std::string& object_class, 
   return header.text(kImageType).find("LOCALIZER") != std::string::npos ? "scout" : "CT slice";
 }
 
+// ---- whose it is -----------------------------------------------------------------------------------
+
+/// As 2026-01-31, of DICOM's 20260131 or ACR-NEMA's 2026.01.31; empty for what is no date.
+std::string iso_date(std::string text) {
+  std::erase(text, '.');
+  const auto is_digit = [](char c) { return c >= '0' && c <= '9'; };
+  if (text.size() != 8 || !std::ranges::all_of(text, is_digit)) return {};
+  return text.substr(0, 4) + "-" + text.substr(4, 2) + "-" + text.substr(6);
+}
+
+/// The ID, or without one what else tells a patient from others. Names alone are spelt in several ways.
+std::string patient_of(const DicomHeader& header) {
+  if (std::string id = header.text(kPatientId); !id.empty()) return id;
+  return header.text(kPatientName) + header.text(kPatientBirthDate);
+}
+
 }  // namespace
 
 std::int64_t DicomPixels::size_B() const {
@@ -83,6 +99,10 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.series_uid = header.text(kSeriesUid);
   summary.series_description = header.text(kSeriesDescription);
   summary.series_number = header.text(kSeriesNumber);
+  summary.body_part = header.text(kBodyPartExamined);
+  summary.study_uid = header.text(kStudyUid);
+  summary.study_date = iso_date(header.text(kStudyDate));
+  summary.patient = patient_of(header);
 
   // A truncated header may be that of a CT slice unless it says otherwise.
   summary.is_cut_off = header.is_cut_off() || (is_ct_class(object_class) && !header.pixel_data());
@@ -104,6 +124,7 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   } catch (const InputError& error) {
     summary.fault = error.what();
   }
+  if (summary.slices.empty()) summary.faulty_slices = std::max<std::int64_t>(1, summary.faulty_slices);
   return summary;
 }
 

@@ -7,13 +7,15 @@
 namespace xraycast {
 
 inline constexpr DicomTag kMediaClass = 0x00020002, kTransferSyntax = 0x00020010, kImageType = 0x00080008,
-                          kObjectClass = 0x00080016, kObjectInstance = 0x00080018, kModality = 0x00080060,
-                          kSeriesDescription = 0x0008103e, kSliceThickness = 0x00180050,
-                          kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011, kImagePosition = 0x00200032,
-                          kImageOrientation = 0x00200037, kSamplesPerPixel = 0x00280002,
-                          kNumberOfFrames = 0x00280008, kRows = 0x00280010, kColumns = 0x00280011,
-                          kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100, kBitsStored = 0x00280101,
-                          kHighBit = 0x00280102, kPixelRepresentation = 0x00280103,
+                          kObjectClass = 0x00080016, kObjectInstance = 0x00080018, kStudyDate = 0x00080020,
+                          kModality = 0x00080060, kSeriesDescription = 0x0008103e, kPatientName = 0x00100010,
+                          kPatientId = 0x00100020, kPatientBirthDate = 0x00100030,
+                          kBodyPartExamined = 0x00180015, kSliceThickness = 0x00180050,
+                          kStudyUid = 0x0020000d, kSeriesUid = 0x0020000e, kSeriesNumber = 0x00200011,
+                          kImagePosition = 0x00200032, kImageOrientation = 0x00200037,
+                          kSamplesPerPixel = 0x00280002, kNumberOfFrames = 0x00280008, kRows = 0x00280010,
+                          kColumns = 0x00280011, kPixelSpacing = 0x00280030, kBitsAllocated = 0x00280100,
+                          kBitsStored = 0x00280101, kHighBit = 0x00280102, kPixelRepresentation = 0x00280103,
                           kRescaleIntercept = 0x00281052, kRescaleSlope = 0x00281053, kPixelData = 0x7fe00010;
 
 // The functional groups of multi-frame files, and what identifies a frame (PS3.3, C.7.6.16).

@@ -69,8 +69,8 @@ GenesisSlice read_header(const fs::path& path) {
   slice.columns = file.get<std::int32_t>(8);
   slice.rows = file.get<std::int32_t>(12);
   if (slice.columns < 1 || slice.rows < 1 || slice.columns > 65536 || slice.rows > 65536)
-    throw DamagedSlice("{}: width x height of {} x {} is outside 1 to 65536", path.string(), slice.columns,
-                       slice.rows);
+    throw DamagedSlice("{}: width x height of {} x {} is outside 1 to 65536; copy the file again",
+                       path.string(), slice.columns, slice.rows);
   if (const auto bits = file.get<std::int32_t>(16); bits != 16)
     throw InputError("{}: {} bits per pixel; only 16 are supported; export the slices again", path.string(),
                      bits);
@@ -90,8 +90,8 @@ GenesisSlice read_header(const fs::path& path) {
   std::int64_t header = file.get<std::int32_t>(148);
   if (version2 && header <= 0) header = kVersion2ImageHeader;
   if (header <= 0 || header >= file.size_B())
-    throw DamagedSlice("{}: the pointer to the image header, {}, lies outside the file", path.string(),
-                       header);
+    throw DamagedSlice("{}: the pointer to the image header, {}, lies outside the file; copy it again",
+                       path.string(), header);
 
   const ImageHeaderLayout& at = version2 ? kVersion2 : kPacked;
   const double x_mm = file.get<float>(header + at.pixel_size),
@@ -100,9 +100,11 @@ GenesisSlice read_header(const fs::path& path) {
   const double right_mm = file.get<float>(header + at.centre),
                anterior_mm = file.get<float>(header + at.centre + 4);
   if (!(x_mm > 0 && y_mm > 0 && std::isfinite(x_mm) && std::isfinite(y_mm)))
-    throw DamagedSlice("{}: pixel size {} x {} mm must be finite and above zero", path.string(), x_mm, y_mm);
+    throw DamagedSlice("{}: pixel size {} x {} mm must be finite and above zero; copy the file again",
+                       path.string(), x_mm, y_mm);
   if (!std::isfinite(location_mm) || !std::isfinite(right_mm) || !std::isfinite(anterior_mm))
-    throw DamagedSlice("{}: the slice's location or centre is not a number", path.string());
+    throw DamagedSlice("{}: the slice's location or centre is not a number; copy the file again",
+                       path.string());
   slice.thickness_mm = file.get<float>(header + 26);
   const glm::dvec3 centre_mm(-right_mm, -anterior_mm, location_mm);
   const glm::dvec3 i(x_mm, 0, 0), j(0, y_mm, 0);
@@ -156,6 +158,7 @@ void sort_by_location(std::vector<GenesisSlice>& slices, ScanInfo& info) {
     else
       kept.push_back(std::move(slice));
   }
+  info.left_out.same_place = std::ssize(slices) - std::ssize(kept);
   slices = std::move(kept);
   if (!dropped.empty()) info.notes.push_back("left out for having the position of another slice: " + dropped);
 }
@@ -185,7 +188,7 @@ Scan open_genesis(const fs::path& path, const std::vector<fs::path>& files, cons
     if (headers[i])
       slices.push_back(std::move(*headers[i]));
     else
-      info.warnings.push_back("left out " + faults[i]);
+      info.leave_out(faults[i]);
   if (slices.empty()) throw InputError("{}: all slices are damaged; copy them again", path.string());
   info.orientation = "LPS";
   require_equal_sizes(slices);

@@ -21,13 +21,21 @@ struct ScanInfo {
   std::vector<std::string> other_series;  ///< the other series, one readable line each
   struct Series {
     std::string number, description, uid, modality;
-    std::int64_t slices;      ///< files or frames, before slices at the same position are left out
+    std::string study_date;   ///< as 2026-01-31; empty if unknown
+    std::string body_part;    ///< as the file spells it, such as "CHEST"; empty if unknown
+    std::int64_t slices;      ///< files or frames, with those that are left out of the chosen series
     std::string orientation;  ///< "axial", "coronal" or "sagittal"; empty if unknown
     double thickness_mm;      ///< 0 if unknown
     bool chosen;
   };
   std::vector<Series> all_series;  ///< DICOM: all series of greyscale images, the best CT series first
-  Index3 size{0, 0, 0};            ///< columns, rows and slices as stored
+  std::int64_t studies = 0, patients = 0;  ///< DICOM: of how many those series are
+  Index3 size{0, 0, 0};                    ///< columns, rows and slices as stored, without those left out
+  struct LeftOut {
+    std::int64_t damaged = 0, same_place = 0;  ///< at the place of another slice
+    std::int64_t slices() const { return damaged + same_place; }
+  };
+  LeftOut left_out;  ///< slices of a DICOM or GE Genesis series that `size` does not count
   glm::dvec3 spacing_mm{1, 1,
                         1};  ///< along the stored axes; the third is the median distance along the normal
   std::string orientation;   ///< direction in which each stored axis grows, such as "LPS" or "RAS"
@@ -43,6 +51,12 @@ struct ScanInfo {
   std::vector<std::string> notes;    ///< changes to the data (resampled, reoriented), one line each
   std::vector<std::string>
       warnings;  ///< what the user should look at (MR, a choice made alone, gaps), one line each
+
+  /// Counts damaged slices as left out, and warns; `fault` says why, with the file's name in front.
+  void leave_out(const std::string& fault, std::int64_t slices = 1) {
+    left_out.damaged += slices;
+    warnings.push_back("left out " + fault);
+  }
 };
 
 /// How to open a scan.

@@ -5,17 +5,8 @@
 
 #include <cmath>
 #include <string>
-#include <unistd.h>
 
 namespace xraycast {
-namespace {
-
-std::int64_t physical_memory_B() {
-  return static_cast<std::int64_t>(sysconf(_SC_PHYS_PAGES)) *
-         static_cast<std::int64_t>(sysconf(_SC_PAGE_SIZE));
-}
-
-}  // namespace
 
 void validate(const VolumeGeometry& geometry, const std::string& name) {
   constexpr std::int64_t kMaxSize = 65536;
@@ -35,9 +26,9 @@ void validate(const VolumeGeometry& geometry, const std::string& name) {
 Volume::Volume(const VolumeGeometry& geometry) : geometry_(geometry) {
   validate(geometry, "volume");
   const std::int64_t bytes = geometry.voxel_count() * static_cast<std::int64_t>(sizeof(std::int16_t));
-  if (bytes > physical_memory_B())
-    throw InputError("{} x {} x {} voxels need {} GiB, more than this machine's memory", geometry.size.x,
-                     geometry.size.y, geometry.size.z, bytes >> 30);
+  if (bytes > machine_memory_B())
+    throw InputError("{} x {} x {} voxels need {} GiB, more than this machine's memory; make it smaller",
+                     geometry.size.x, geometry.size.y, geometry.size.z, bytes >> 30);
   require_memory(
       fmt::format("a scan of {} x {} x {} voxels", geometry.size.x, geometry.size.y, geometry.size.z),
       {bytes, bytes});

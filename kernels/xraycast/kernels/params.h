@@ -31,6 +31,10 @@ typedef struct {
   XRC_INT bricks;
 } XrcScan;
 
+/* Blocks of a scan: as many columns and rows, and the slices of a brick; those above each other are
+ * neighbours in memory, rows of blocks follow each other. */
+#define XRC_BLOCK 8
+
 /* One shell of a ray whose samples are step_mm long: the rest of the sample that the inner edge cuts, the
  * whole samples [first, last), and the part of sample `last` inside the outer edge. */
 typedef struct {
@@ -77,6 +81,13 @@ typedef struct {
   XRC_FLOAT first_hu;
   XRC_INT entries;
 } XrcOpacity;
+
+/* Ranges of CT numbers, from the lowest on, within which an opacity has one mu. */
+#define XRC_MAX_PLATEAUS 34
+typedef struct {
+  XRC_INT count;
+  XRC_FLOAT from_hu[XRC_MAX_PLATEAUS], to_hu[XRC_MAX_PLATEAUS];
+} XrcPlateaus;
 
 /* A flat detector in voxel coordinates. Pixel (i, j) is hit at corner + i right + j down. Under a cone all
  * rays start at `source`; without one they run along `beam`, from one side of the scan to the other. */

@@ -3,7 +3,9 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/geometry/body_bounds.hpp"
 #include "xraycast/mechanics/embedded_instruments.hpp"
 
 #include <fmt/ranges.h>
@@ -54,12 +56,18 @@ void check_above_zero(double value, const std::string& where, const char* key) {
   check(value, value > 0, where, key, "it must be above zero");
 }
 
+void check_radius(double radius_mm, const std::string& where) {
+  check_above_zero(radius_mm, where, "radius_mm");
+  check(radius_mm, radius_mm <= kLargestRadius_mm, where, "radius_mm",
+        "that is more than any vessel's; lengths are in mm");
+}
+
 }  // namespace
 
 InstrumentModel::InstrumentModel(Properties properties, const std::string& origin)
     : properties_(std::move(properties)) {
   const Properties& p = properties_;
-  check_above_zero(p.radius_mm, origin, "radius_mm");
+  check_radius(p.radius_mm, origin);
   check_above_zero(p.mass_per_length_g_mm, origin, "mass_per_length_g_mm");
   check_above_zero(p.axial_stiffness_N, origin, "axial_stiffness_N");
   check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it must be zero or more");
@@ -90,7 +98,7 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   Properties p;
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   p.radius_mm = number(json, origin, "radius_mm");
-  check_above_zero(p.radius_mm, origin, "radius_mm");
+  check_radius(p.radius_mm, origin);
   const double inner_mm = number(json, origin, "inner_radius_mm", 0);
   check(inner_mm, inner_mm >= 0 && inner_mm < p.radius_mm, origin, "inner_radius_mm",
         "it must lie between zero and \"radius_mm\"");
@@ -130,7 +138,8 @@ InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   if (extension_of(name_or_file) != ".json")
     throw InputError("{}: unknown device; choose one of {}, or give a file that ends in .json", name_or_file,
                      fmt::join(preset_names(), ", "));
-  return from_json(read_whole_file(name_or_file), name_or_file);
+  return with_remedy("correct the file",
+                     [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
 }
 
 InstrumentModel::SectionPoint InstrumentModel::section_at(double from_tip_mm) const {

@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/mechanics/catheter.hpp"
 
@@ -115,7 +116,9 @@ Script Script::parse(const std::string& text, const std::string& origin) {
   return Script(std::move(rows));
 }
 
-Script Script::read(const std::filesystem::path& path) { return parse(read_whole_file(path), path.string()); }
+Script Script::read(const std::filesystem::path& path) {
+  return with_remedy("correct the script", [&] { return parse(read_whole_file(path), path.string()); });
+}
 
 HubPose Script::pose_at(double time_s) const {
   const auto after = std::ranges::upper_bound(rows_, time_s, {}, &Row::time_s);

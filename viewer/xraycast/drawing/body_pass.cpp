@@ -78,7 +78,27 @@ std::vector<float> packed_quads(const ProjectionImage& image) {
   return quads;
 }
 
+GLenum texture_format(MapPrecision precision) {
+  switch (precision) {
+    case MapPrecision::float32:
+      return GL_RGBA32F;
+    case MapPrecision::float16:
+      return GL_RGBA16F;
+    case MapPrecision::byte:
+      return GL_RGBA8;
+  }
+  return GL_RGBA32F;
+}
+
 }  // namespace
+
+MapTexture::MapTexture(MapPrecision precision) : texels(texture_format(precision)), byte_ranges(GL_RGBA32F) {}
+
+void MapTexture::bind(const gl::Program& program) const {
+  constexpr int kTexelsUnit = 0, kRangesUnit = 7;  // behind those of the tables of views
+  texels.bind(program, "map_texels", kTexelsUnit);
+  if (byte_ranges.size_B() > 0) byte_ranges.bind(program, "byte_ranges", kRangesUnit);
+}
 
 BodyPass::BodyPass(FullscreenPass& screen)
     : screen_(screen),
@@ -96,6 +116,7 @@ BodyPass::BodyPass(FullscreenPass& screen)
 // ---- the map --------------------------------------------------------------------------------------
 
 void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
+  if (!map || !map_ || map->precision != map_->precision) textures_.clear();
   map_ = std::move(map);
   prepared_.reset();
   drawn_.reset();
@@ -111,7 +132,7 @@ void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
 
 std::size_t BodyPass::texture_B() const {
   std::size_t size = 0;
-  for (const gl::Table& texels : map_texels_) size += texels.size_B();
+  for (const MapTexture& texture : textures_) size += texture.size_B();
   return size;
 }
 
@@ -135,16 +156,37 @@ void BodyPass::prepare(const Style& style) {
 
 void BodyPass::upload_map(const MapGeometry& drawn, const Style& style) {
   texels_ = texels_of(drawn);
-  while (map_texels_.size() > static_cast<std::size_t>(channels())) map_texels_.pop_back();
-  while (map_texels_.size() < static_cast<std::size_t>(channels())) map_texels_.emplace_back(GL_RGBA32F);
-  for (int channel = 0; channel < channels(); ++channel)
-    map_texels_[channel].fill(
-        texels_.values(),
-        [&](std::span<float> texels) {
-          make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
-                      style.layer_weights, texels);
-        },
-        "the body map");
+  while (textures_.size() > static_cast<std::size_t>(channels())) textures_.pop_back();
+  while (textures_.size() < static_cast<std::size_t>(channels())) textures_.emplace_back(map_->precision);
+  for (int channel = 0; channel < channels(); ++channel) upload_channel(channel, style);
+}
+
+void BodyPass::upload_channel(int channel, const Style& style) {
+  MapTexture& texture = textures_[static_cast<std::size_t>(channel)];
+  const auto make = [&](std::span<float> texels) {
+    make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
+                style.layer_weights, texels);
+  };
+  if (map_->precision == MapPrecision::float32)
+    return texture.texels.fill(texels_.values(), make, "the body map");
+  std::vector<float> texels(texels_.values());
+  make(texels);
+  const PackedTexels packed = pack_texels(texels_, texels, map_->precision);
+  texture.texels.fill_bytes(packed.values, "the body map");
+  if (packed.byte_ranges.empty()) return;
+  // OpenGL takes bytes for 0 to 1. With every layer's stands the next one's.
+  std::vector<std::array<float, 4>> ranges;
+  for (std::size_t k = 0; k < packed.byte_ranges.size(); ++k) {
+    const ByteRange &here = packed.byte_ranges[k],
+                    &next = packed.byte_ranges[std::min(k + 1, packed.byte_ranges.size() - 1)];
+    ranges.push_back({here.offset, 255 * here.scale, next.offset, 255 * next.scale});
+  }
+  texture.byte_ranges.fill(floats(ranges), "the body map");
+}
+
+/// The names that select a shader's variant, with that for the map's texels.
+std::string BodyPass::variant(const std::string& defines) const {
+  return map_->precision == MapPrecision::byte ? defines + " BYTES" : defines;
 }
 
 void BodyPass::upload_march_tables(const MapGeometry& drawn, const SampleOptions& options) {
@@ -177,7 +219,7 @@ void BodyPass::upload_samples(const RectifiedView& rectified, const SampleOption
 const gl::Program& BodyPass::use_columns(const std::string& fragment, const std::string& defines,
                                          const RectifiedView& rectified, const SampleOptions& options) {
   const MapGeometry& geometry = geometry_;
-  const gl::Program& program = screen_.use(fragment, column_defines(geometry, options) + defines);
+  const gl::Program& program = screen_.use(fragment, column_defines(geometry, options) + variant(defines));
   column_table_.bind(program, "column_table", 1);
   sample_table_.bind(program, "sample_table", 2);
   program.set("quads", texels_.quads);
@@ -195,7 +237,7 @@ const gl::Program& BodyPass::use_march(const std::string& fragment, const View& 
                                        const SampleOptions& options) {
   const MapGeometry& geometry = geometry_;
   const BodyBounds bounds = bounds_of(geometry);
-  const gl::Program& program = screen_.use(fragment, march_defines(geometry, options));
+  const gl::Program& program = screen_.use(fragment, variant(march_defines(geometry, options)));
   axis_table_.bind(program, "axis_table", 1);
   layer_table_.bind(program, "layer_table", 2);
   if (geometry.has_outline()) outline_table_.bind(program, "outline_table", 4);
@@ -261,7 +303,7 @@ void BodyPass::draw_channels(int columns, int rows, const Draw& draw_channel) {
     gl::Target& target = has_spectrum() ? masses_[static_cast<std::size_t>(channel)] : body_;
     target.resize(columns, quads_of(rows));
     screen_.draw_into(target);
-    draw_channel(map_texels_[static_cast<std::size_t>(channel)]);
+    draw_channel(textures_[static_cast<std::size_t>(channel)]);
   }
   if (has_spectrum()) apply_spectrum();
 }
@@ -271,10 +313,10 @@ BodyPicture BodyPass::draw_columns(const View& view, const Style& style) {
   const bool has_map_rows = !rectified.is_cone() && rectified.slope == 0;
   const double first_row = std::round((geometry_.top_mm - rectified.top_mm) / geometry_.row_spacing_mm);
   upload_samples(rectified, style.sampling);
-  draw_channels(rectified.columns, rectified.rows, [&](const gl::Table& map) {
+  draw_channels(rectified.columns, rectified.rows, [&](const MapTexture& map) {
     const gl::Program& program =
         use_columns("columns.frag", has_map_rows ? "MAP_ROWS" : "", rectified, style.sampling);
-    map.bind(program, "map_texels", 0);
+    map.bind(program);
     program.set("first_quad", static_cast<int>(first_row) / 4);
     if (rectified.columns > 0 && rectified.rows > 0) screen_.draw();
   });
@@ -289,9 +331,9 @@ BodyPicture BodyPass::draw_columns(const View& view, const Style& style) {
 
 BodyPicture BodyPass::draw_march(const View& view, const Style& style) {
   const int columns = (view.width - 1) / pixels_per_column(style) + 2;
-  draw_channels(columns, view.height, [&](const gl::Table& map) {
+  draw_channels(columns, view.height, [&](const MapTexture& map) {
     const gl::Program& program = use_march("march.frag", view, style.sampling);
-    map.bind(program, "map_texels", 0);
+    map.bind(program);
     program.set("pixels_per_column", double(pixels_per_column(style)));
     screen_.draw();
   });
@@ -324,7 +366,7 @@ void BodyPass::draw_in_front(const View& view, const Style& style, const gl::Tar
   for (int channel = 0; channel < channels(); ++channel) {
     if (has_spectrum()) glColorMask(channel == 0, channel == 1, channel == 2, GL_FALSE);
     const auto shade = [&](const gl::Program& program) {
-      map_texels_[static_cast<std::size_t>(channel)].bind(program, "map_texels", 0);
+      textures_[static_cast<std::size_t>(channel)].bind(program);
       surface_depth.bind(program, "surface_depth", 3);
       program.set("view_height", double(view.height));
       screen_.draw(box);

@@ -25,6 +25,15 @@ struct BodyPicture {
   bool is_resampled = false;                ///< pixels lie between columns, which are interpolated
 };
 
+/// A channel of a map in GPU memory, by the map's precision.
+struct MapTexture {
+  explicit MapTexture(MapPrecision precision);
+  void bind(const gl::Program& program) const;
+  std::size_t size_B() const { return texels.size_B() + byte_ranges.size_B(); }
+
+  gl::Table texels, byte_ranges;  ///< see map_texels.hpp
+};
+
 /// Draws the body's optical depth into a texture of its own: for maps about a straight axis on the columns of
 /// a RectifiedView, whose rays sample the map at the same places of its circles, and otherwise by ray
 /// marching, pixel by pixel. Four rows of a column share a texel. With a spectrum the masses of the materials
@@ -75,6 +84,8 @@ class BodyPass {
   int channels() const { return has_spectrum() ? 3 : 1; }
   void prepare(const Style& style);
   void upload_map(const MapGeometry& drawn, const Style& style);
+  void upload_channel(int channel, const Style& style);
+  std::string variant(const std::string& defines) const;
   void upload_march_tables(const MapGeometry& drawn, const SampleOptions& options);
   void upload_samples(const RectifiedView& rectified, const SampleOptions& options);
   template <typename Draw>
@@ -90,10 +101,10 @@ class BodyPass {
 
   FullscreenPass& screen_;
   std::shared_ptr<const BodyMap> map_;
-  MapGeometry geometry_;           ///< of the map, without its field if the body extends beyond it
-  std::optional<Style> prepared_;  ///< the style that the map's texels are made for
-  MapTexels texels_;               ///< of each channel
-  std::vector<gl::Table> map_texels_;
+  MapGeometry geometry_;              ///< of the map, without its field if the body extends beyond it
+  std::optional<Style> prepared_;     ///< the style that the map's texels are made for
+  MapTexels texels_;                  ///< of each channel
+  std::vector<MapTexture> textures_;  ///< of the channels
   gl::Table column_table_, sample_table_, axis_table_, layer_table_, outline_table_, spectrum_table_;
   int spectrum_bins_ = 0;
   std::optional<Drawn> drawn_;

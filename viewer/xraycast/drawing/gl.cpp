@@ -53,6 +53,19 @@ bool is_out_of_memory() { return glGetError() == GL_OUT_OF_MEMORY; }
                    size_B >> 20);
 }
 
+std::size_t texel_B(GLenum format) {
+  switch (format) {
+    case GL_R32F:
+    case GL_RGBA8:
+      return 4;
+    case GL_RG32F:
+    case GL_RGBA16F:
+      return 8;
+    default:
+      return 16;
+  }
+}
+
 }  // namespace
 
 int objects_alive() { return detail::alive; }
@@ -102,17 +115,17 @@ void Program::set(const char* name, const glm::dmat4& value) const {
   glUniformMatrix4fv(at(name), 1, GL_FALSE, glm::value_ptr(rounded));
 }
 
-void Table::allocate(std::size_t count, const float* values, const std::string& what) {
-  const std::size_t channels = format_ == GL_R32F ? 1 : format_ == GL_RG32F ? 2 : 4;
+void Table::allocate(std::size_t size_B, const void* texels, const std::string& what) {
+  const std::size_t count = size_B / texel_B(format_);
   GLint limit = 0;
   glGetIntegerv(GL_MAX_TEXTURE_BUFFER_SIZE, &limit);
-  if (count / channels > static_cast<std::size_t>(limit))
+  if (count > static_cast<std::size_t>(limit))
     throw InputError(
         "{}: {} texels, but the OpenGL driver allows {} in one texture; cast fewer layers or angles", what,
-        count / channels, limit);
-  size_B_ = count * sizeof(float);
+        count, limit);
+  size_B_ = size_B;
   glBindBuffer(GL_TEXTURE_BUFFER, buffer_.id());
-  glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), values, GL_DYNAMIC_DRAW);
+  glBufferData(GL_TEXTURE_BUFFER, static_cast<GLsizeiptr>(size_B_), texels, GL_DYNAMIC_DRAW);
   if (is_out_of_memory()) throw_no_memory(what, size_B_);
   glBindTexture(GL_TEXTURE_BUFFER, texture_.id());
   glTexBuffer(GL_TEXTURE_BUFFER, format_, buffer_.id());
@@ -121,12 +134,16 @@ void Table::allocate(std::size_t count, const float* values, const std::string& 
 void Table::fill(std::span<const float> values, const std::string& what) {
   static constexpr std::array<float, 4> kNothing{};
   if (values.empty()) values = kNothing;
-  allocate(values.size(), values.data(), what);
+  allocate(values.size_bytes(), values.data(), what);
+}
+
+void Table::fill_bytes(std::span<const std::byte> texels, const std::string& what) {
+  allocate(texels.size(), texels.data(), what);
 }
 
 void Table::fill(std::size_t count, const std::function<void(std::span<float>)>& write,
                  const std::string& what) {
-  allocate(count, nullptr, what);
+  allocate(count * sizeof(float), nullptr, what);
   void* mapped = glMapBufferRange(GL_TEXTURE_BUFFER, 0, static_cast<GLsizeiptr>(size_B_),
                                   GL_MAP_WRITE_BIT | GL_MAP_INVALIDATE_BUFFER_BIT);
   if (is_out_of_memory() || !mapped) throw_no_memory(what, size_B_);

@@ -3,6 +3,7 @@
 #include <glm/fwd.hpp>
 
 #include <atomic>
+#include <cstddef>
 #include <epoxy/gl.h>
 #include <functional>
 #include <span>
@@ -100,15 +101,19 @@ class Program {
 /// A table that shaders read by texelFetch from a samplerBuffer.
 class Table {
  public:
-  /// GL_R32F, GL_RG32F or GL_RGBA32F.
+  /// GL_R32F, GL_RG32F, GL_RGBA32F, GL_RGBA16F or GL_RGBA8.
   explicit Table(GLenum format) : format_(format) {}
 
   /// Throws InputError, naming `what`, when it has more texels than the driver supports or has memory for.
+  /// Of 32-bit floats, as the next.
   void fill(std::span<const float> values, const std::string& what);
 
   /// The same with `count` values, at least one, that `write` puts into the mapped buffer, in any order and
   /// from any thread; its former contents are undefined.
   void fill(std::size_t count, const std::function<void(std::span<float>)>& write, const std::string& what);
+
+  /// The same with the bytes of whole texels of any format.
+  void fill_bytes(std::span<const std::byte> texels, const std::string& what);
 
   /// Binds it to texture unit `unit` and sampler `name` of the current program.
   void bind(const Program& program, const char* name, int unit) const;
@@ -117,7 +122,7 @@ class Table {
 
  private:
   /// Reallocates the buffer and leaves it bound.
-  void allocate(std::size_t count, const float* values, const std::string& what);
+  void allocate(std::size_t size_B, const void* texels, const std::string& what);
 
   GLenum format_;
   std::size_t size_B_ = 0;

@@ -69,7 +69,7 @@ class Sampler {
                     static_cast<float>(weight), static_cast<float>(column - first),
                     static_cast<float>(position.fraction), static_cast<float>(line.foot_s_mm + along_mm),
                     static_cast<float>(line.foot_s_mm + from_mm), static_cast<float>(line.foot_s_mm + to_mm),
-                    0});
+                    static_cast<float>(position.layer)});
   }
 
   void sample_walls(const Line& line) {
@@ -181,10 +181,11 @@ void sample_projections(const RectifiedView& rectified, int column, const MapGeo
         std::clamp((mirrored ? -u_mm : u_mm) / geometry.row_spacing_mm + 0.5 * (geometry.width - 1), 0.0,
                    geometry.width - 1.0);
     const double left = std::min(std::floor(texel), std::max(0.0, geometry.width - 2.0));
-    out.push_back({static_cast<float>(index % geometry.views * (geometry.width + 1) + left),
-                   static_cast<float>(weight), static_cast<float>(texel - left), 0, static_cast<float>(s_mm),
+    const int layer = index % geometry.views;
+    out.push_back({static_cast<float>(layer * (geometry.width + 1) + left), static_cast<float>(weight),
+                   static_cast<float>(texel - left), 0, static_cast<float>(s_mm),
                    static_cast<float>(s_mm - geometry.radius_mm()),
-                   static_cast<float>(s_mm + geometry.radius_mm()), 0});
+                   static_cast<float>(s_mm + geometry.radius_mm()), static_cast<float>(layer)});
   }
 }
 

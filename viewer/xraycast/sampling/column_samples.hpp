@@ -24,7 +24,7 @@ struct ColumnSample {
   float layer_fraction;   ///< of the next layer
   float s_mm;             ///< its place along the ray: see RectifiedView
   float from_mm, to_mm;   ///< the interval of s that it integrates; empty for a wall
-  float unused;
+  float layer;            ///< of the first texel
 };
 static_assert(sizeof(ColumnSample) == 32);
 

@@ -3,8 +3,11 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/sampling/shell_halves.hpp"
 
+#include <glm/gtc/packing.hpp>
+
 #include <algorithm>
 #include <cassert>
+#include <cstring>
 #include <optional>
 #include <vector>
 
@@ -102,6 +105,31 @@ void make_texels(const MapGeometry& geometry, std::span<const float> values, con
       }
     }
   });
+}
+
+PackedTexels pack_texels(const MapTexels& layout, std::span<const float> texels, MapPrecision precision) {
+  assert(precision != MapPrecision::float32 && texels.size() == layout.values());
+  const bool is_half = precision == MapPrecision::float16;
+  const std::size_t value_B = is_half ? sizeof(glm::uint16) : 1;
+  const auto of_layer = static_cast<std::size_t>(4) * layout.layer_stride();
+  PackedTexels packed;
+  packed.values.resize(texels.size() * value_B);
+  if (!is_half) packed.byte_ranges.resize(static_cast<std::size_t>(layout.layers));
+  parallel_for(layout.layers, [&](std::int64_t layer) {
+    const std::size_t first = static_cast<std::size_t>(layer) * of_layer;
+    const std::span<const float> from = texels.subspan(first, of_layer);
+    std::byte* to = &packed.values[first * value_B];
+    if (is_half) {
+      for (std::size_t i = 0; i < of_layer; ++i) {
+        const glm::uint16 half = glm::packHalf1x16(from[i]);
+        std::memcpy(to + i * value_B, &half, value_B);
+      }
+      return;
+    }
+    const ByteRange range = packed.byte_ranges[static_cast<std::size_t>(layer)] = byte_range_of(from);
+    for (std::size_t i = 0; i < of_layer; ++i) to[i] = std::byte{range.byte_of(from[i])};
+  });
+  return packed;
 }
 
 }  // namespace xraycast

@@ -3,7 +3,9 @@
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 
+#include <cstddef>
 #include <span>
+#include <vector>
 
 namespace xraycast {
 
@@ -28,5 +30,14 @@ MapTexels texels_of(const MapGeometry& drawn);
 /// per layer. `texels` holds as many values as given by texels_of; they are written and never read.
 void make_texels(const MapGeometry& geometry, std::span<const float> values, const SampleOptions& options,
                  std::span<const float> layer_weights, std::span<float> texels);
+
+/// Texels as a texture of less precision stores them.
+struct PackedTexels {
+  std::vector<std::byte> values;
+  std::vector<ByteRange> byte_ranges;  ///< of each layer, where bytes are stored
+};
+
+/// `precision` is not that of 32-bit floats.
+PackedTexels pack_texels(const MapTexels& layout, std::span<const float> texels, MapPrecision precision);
 
 }  // namespace xraycast

@@ -147,11 +147,18 @@ glm::dvec2 pixel_mm(const View& view, const Homography& to_plane) {
   return {to_plane.at(a + 1, b).x - middle.x, middle.y - to_plane.at(a, b + 1).y};
 }
 
+/// Pixels between the columns and rows that are drawn. Where pixels lie between columns, as under a cone or a
+/// tilt, full resolution takes twice as many: columns as far apart as pixels would blur when interpolated.
+double pixels_apart(const View& view, const RectifiedView& rectified, int pixels_per_column) {
+  const bool lie_between = view.cone || rectified.slope != 0;
+  return lie_between && pixels_per_column == kFullResolution ? 0.5 : pixels_per_column;
+}
+
 constexpr double kMaxSize = 1 << 24;  // more than any OpenGL draws into, which then says so
 
 /// Columns that pass through the pixels' centres where the plane is parallel to the detector.
 void set_columns(RectifiedView& rectified, const View& view, const Homography& to_plane,
-                 const VisibleBody& body, int pixels_per_column) {
+                 const VisibleBody& body, double pixels_per_column) {
   const double pixel_x_mm = pixel_mm(view, to_plane).x;
   rectified.column_mm = pixel_x_mm * pixels_per_column;
   const double phase =
@@ -164,7 +171,7 @@ void set_columns(RectifiedView& rectified, const View& view, const Homography& t
 
 /// The map's own rows for untilted parallel views; otherwise rows that are no coarser anywhere along a ray.
 void set_rows(RectifiedView& rectified, const View& view, const Homography& to_plane,
-              const MapGeometry& geometry, VisibleBody body, int pixels_per_column) {
+              const MapGeometry& geometry, VisibleBody body, double pixels_per_column) {
   if (!view.cone && rectified.slope == 0) {
     rectified.row_mm = geometry.row_spacing_mm;
     body.z_mm.intersect({geometry.z_mm(geometry.height - 1), geometry.z_mm(0)});
@@ -203,8 +210,9 @@ RectifiedView rectified_view(const View& view, const MapGeometry& geometry, int 
   RectifiedView rectified = plane_of(view);
   const Homography to_plane(view, rectified);
   const VisibleBody body = visible_body(view, rectified, to_plane, bounds_of(geometry));
-  set_columns(rectified, view, to_plane, body, pixels_per_column);
-  set_rows(rectified, view, to_plane, geometry, body, pixels_per_column);
+  const double apart = pixels_apart(view, rectified, pixels_per_column);
+  set_columns(rectified, view, to_plane, body, apart);
+  set_rows(rectified, view, to_plane, geometry, body, apart);
   rectified.from_pixel = to_grid(rectified) * to_plane.matrix();
   return rectified;
 }

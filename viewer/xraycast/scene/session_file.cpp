@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
@@ -135,6 +136,36 @@ Style style_of(const Fields& fields) {
   return style;
 }
 
+ViewSession read_fields(const fs::path& path) {
+  const std::string name = path.string();
+  const nlohmann::json json = parse_json(read_whole_file(path), name);
+  if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
+    throw InputError("{}: not a session; save one in the viewer with Ctrl+S", name);
+  const Fields fields(json, name);
+  if (const auto version = whole_number(fields.value("xraycast_session")); version != kVersion)
+    throw InputError("{}: session version {}, but this program reads version {}; save one with it", name,
+                     version ? std::to_string(*version) : "unknown", kVersion);
+  ViewSession session;
+  if (fields.has("files")) {
+    const Fields named = fields.at("files");
+    for (const auto& [field, file] : files_of(session)) {
+      if (!named.has(field)) continue;
+      *file = (fs::absolute(path).parent_path() / named.get<std::string>(field)).lexically_normal();
+      if (!fs::exists(*file))
+        throw InputError("{}: its {} {} does not exist; put it there", name, field, file->string());
+    }
+  }
+  if (fields.has("contrast_mg_ml"))
+    session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMaxContrast_mg_ml);
+  if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
+  session.camera = camera_of(fields.at("camera"));
+  session.style = style_of(fields.at("style"));
+  session.has_window = fields.has("window");
+  if (session.has_window) session.style.window = window_of(fields.at("window"));
+  if (fields.has("opacity")) session.opacity = Opacity::from_json(fields.value("opacity").dump(), name);
+  return session;
+}
+
 }  // namespace
 
 void write_session(const ViewSession& session, const fs::path& path) {
@@ -169,32 +200,7 @@ void write_session(const ViewSession& session, const fs::path& path) {
 }
 
 ViewSession read_session(const fs::path& path) {
-  const std::string name = path.string();
-  const nlohmann::json json = parse_json(read_whole_file(path), name);
-  if (json.is_discarded() || !json.is_object() || !json.contains("xraycast_session"))
-    throw InputError("{}: not a session; save one in the viewer with Ctrl+S", name);
-  const Fields fields(json, name);
-  if (const auto version = whole_number(fields.value("xraycast_session")); version != kVersion)
-    throw InputError("{}: session version {}, but this program reads version {}", name,
-                     version ? std::to_string(*version) : "unknown", kVersion);
-  ViewSession session;
-  if (fields.has("files")) {
-    const Fields named = fields.at("files");
-    for (const auto& [field, file] : files_of(session)) {
-      if (!named.has(field)) continue;
-      *file = (fs::absolute(path).parent_path() / named.get<std::string>(field)).lexically_normal();
-      if (!fs::exists(*file)) throw InputError("{}: its {} {} does not exist", name, field, file->string());
-    }
-  }
-  if (fields.has("contrast_mg_ml"))
-    session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMaxContrast_mg_ml);
-  if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
-  session.camera = camera_of(fields.at("camera"));
-  session.style = style_of(fields.at("style"));
-  session.has_window = fields.has("window");
-  if (session.has_window) session.style.window = window_of(fields.at("window"));
-  if (fields.has("opacity")) session.opacity = Opacity::from_json(fields.value("opacity").dump(), name);
-  return session;
+  return with_remedy("save the session again in the viewer with Ctrl+S", [&] { return read_fields(path); });
 }
 
 }  // namespace xraycast

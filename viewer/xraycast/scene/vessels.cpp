@@ -20,7 +20,10 @@ Mesh mesh_of_folder(const std::filesystem::path& folder) {
   for (const char* name : {"surface.vtp", "surface.stl"})
     if (std::filesystem::exists(folder / name)) return read_mesh(folder / name);
   if (std::filesystem::exists(folder / "tree.vtp")) return tube_mesh(read_tree(folder));
-  throw InputError("{}: the folder holds neither surface.vtp, surface.stl nor tree.vtp", folder.string());
+  throw InputError(
+      "{}: the folder holds neither surface.vtp, surface.stl nor tree.vtp; give the one that `xraycast "
+      "segment` wrote",
+      folder.string());
 }
 
 }  // namespace
@@ -34,11 +37,13 @@ double catheter_per_mm() {
 }
 
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
-  if (!std::filesystem::exists(path)) throw InputError("{}: no such file or folder", path.string());
+  if (!std::filesystem::exists(path))
+    throw InputError("{}: no such file or folder; check its name", path.string());
   Surface vessels{std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path),
                   fluoroscopy_per_mm("I", contrast_mg_ml),
                   {0.80, 0.16, 0.14}};
-  if (vessels.mesh.triangles.empty()) throw InputError("{}: the surface has no triangles", path.string());
+  if (vessels.mesh.triangles.empty())
+    throw InputError("{}: the surface has no triangles; segment the scan again", path.string());
   return vessels;
 }
 
@@ -64,7 +69,7 @@ Surface read_catheter(const std::filesystem::path& path) {
     if (fields >> p.x >> p.y >> p.z)
       points.push_back(p);
     else if (number > 1 && line.find_first_not_of(" \t\r") != std::string::npos)
-      throw InputError("{}: line {} is not x, y, z", path.string(), number);
+      throw InputError("{}: line {} is not x, y, z; correct it", path.string(), number);
   }
   return {tube_mesh(NurbsCurve::cubic(points, path.string()), kCatheterRadius_mm),
           catheter_per_mm(),

@@ -1,6 +1,7 @@
 #include "xraycast/window/opened_files.hpp"
 
 #include "xraycast/casting/basis_file.hpp"
+#include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -15,9 +16,9 @@ void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
     check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
 }
 
-/// The parameters of a map of a scan: the body's outline, and the opacity.
+/// The parameters of a map of a scan.
 struct CastParameters {
-  BodyOutline body;
+  OutlineFinder body;
   Opacity opacity;
 };
 
@@ -25,12 +26,12 @@ struct CastParameters {
 CastParameters load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
   check_scan(opened, scan.source->geometry());
-  OutlineFinder finder(scan.source->geometry());
+  OutlineFinder finder(scan.source->geometry(), {.finds_skin = true});
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
   opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
   const bool is_subtracted = scan.source->hu_range().is_subtracted();
-  return {finder.finish(), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
+  return {std::move(finder), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
 }
 
 void cast_scan(OpenedFiles& opened, const CastParameters& parameters, const std::string& device,
@@ -38,9 +39,7 @@ void cast_scan(OpenedFiles& opened, const CastParameters& parameters, const std:
   constexpr int kLayers = 16, kAngles = 360;  // ribs show, and a frame takes a quarter longer than one of 8
   const ResidentScan& scan = *opened.scan->scan;
   const auto& [body, opacity] = parameters;
-  const MapGeometry geometry =
-      cylinder_map(scan.geometry(), kAngles, shell_radii_mm(RadiiRule::equal_area, kLayers, body.radius_mm),
-                   body.centre_mm);
+  const MapGeometry geometry = body_map(scan.geometry(), kAngles, kLayers, body);
   opened.map = std::make_shared<BodyMap>(cast(scan, geometry, opacity, progress).map);
   opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(
       device, make_basis(scan, geometry, useful_knots_hu(opacity), progress));

@@ -122,6 +122,12 @@ void overlays(Viewer& viewer) {
   ImGui::End();
 }
 
+/// What follows the hashes identifies the header for all maps.
+std::string layers_title(const MapGeometry& geometry) {
+  if (geometry.projection == Projection::rectangle) return "Pictures###layers";
+  return fmt::format("Layers that follow {}###layers", geometry.has_outline() ? "the body" : "circles");
+}
+
 }  // namespace
 
 void ViewerPanel::draw(Viewer& viewer) {
@@ -131,7 +137,7 @@ void ViewerPanel::draw(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, FLT_MAX});
   ImGui::Begin("xraycast", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   style_controls(viewer);
-  if (viewer.map() && ImGui::CollapsingHeader("Layers")) layer_controls(viewer);
+  if (viewer.map() && ImGui::CollapsingHeader(layers_title(viewer.map()->geometry).c_str())) layer_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader("Opacity", ImGuiTreeNodeFlags_DefaultOpen))
     opacity_controls(viewer);
   file_controls(viewer);

@@ -1,0 +1,127 @@
+#include "pictures/map_preview.hpp"
+
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/scene/canvas.hpp"
+
+#include <fmt/format.h>
+#include <glm/trigonometric.hpp>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace xraycast::cli {
+namespace {
+
+constexpr int kFont = 13, kRight = 12;
+constexpr Colour kPaper{0.11, 0.11, 0.11}, kInk{0.9, 0.9, 0.9};
+
+/// What the rows of a layer measure, row 0 on top.
+struct RowScale {
+  std::string unit;
+  double first, per_row;  ///< at the middle of row 0, and from row to row
+
+  double row_of(double value) const { return (value - first) / per_row; }
+};
+
+RowScale rows_of(const MapGeometry& geometry) {
+  if (geometry.projection == Projection::sphere)
+    return {"deg", glm::degrees(geometry.theta_rad(0)),
+            glm::degrees(geometry.theta_rad(1) - geometry.theta_rad(0))};
+  return {"z, mm", geometry.top_mm, -geometry.row_spacing_mm};
+}
+
+std::string title_of(const MapGeometry& geometry, int layer) {
+  const int layers = geometry.layers();
+  if (geometry.projection == Projection::rectangle)
+    return fmt::format("view {} of {}: {:.1f} deg", layer + 1, layers,
+                       glm::degrees(geometry.view_rad(layer)));
+  const auto edge_mm = [&](int k) { return geometry.radii_mm[static_cast<std::size_t>(k)]; };
+  return fmt::format("layer {} of {}: {:.1f} to {:.1f} mm{}", layer + 1, layers, edge_mm(layer),
+                     edge_mm(layer + 1), geometry.has_outline() ? " at the widest" : "");
+}
+
+/// 1, 2 or 5 times a power of ten, at least that much.
+double round_step(double least) {
+  const double decade = std::pow(10, std::floor(std::log10(least)));
+  for (const double digit : {1.0, 2.0, 5.0})
+    if (digit * decade >= least) return digit * decade;
+  return 10 * decade;
+}
+
+/// 8-bit RGB of a height that a canvas need not have.
+struct Strip {
+  int width, height;
+  std::vector<std::uint8_t> rgb;
+};
+
+/// The scale to the left of a layer.
+Strip scale_of(const MapGeometry& geometry) {
+  constexpr int kRowsAtOnce = 4096;  // a canvas has at most 32,767
+  constexpr double kLeastBetween = 2.5 * kFont, kTick = 6;
+  const RowScale rows = rows_of(geometry);
+  const double step = round_step(kLeastBetween * std::abs(rows.per_row));
+  const double last = rows.first + rows.per_row * (geometry.height - 1);
+  Strip strip{kPreviewLeft, geometry.height, {}};
+  for (int top = 0; top < geometry.height; top += kRowsAtOnce) {
+    Canvas canvas(kPreviewLeft, std::min(kRowsAtOnce, geometry.height - top), kPaper);
+    for (double tick = std::ceil(std::min(rows.first, last) / step);
+         tick * step <= std::max(rows.first, last); ++tick) {
+      const double y = std::floor(rows.row_of(tick * step) + 0.5) + 0.5 - top;
+      canvas.line(std::array{glm::dvec2(kPreviewLeft - kTick, y), glm::dvec2(kPreviewLeft, y)}, kInk);
+      // Whole within the strip, and the pixels of the next canvas go on where this one's end.
+      const double baseline = std::clamp(y + 0.36 * kFont, kFont - 2.0 - top, geometry.height - 1.0 - top);
+      canvas.text({kPreviewLeft - kTick - 3, baseline}, fmt::format("{:g}", tick * step), kFont, kInk,
+                  Align::right);
+    }
+    const std::vector<std::uint8_t> rgb = canvas.rgb();
+    strip.rgb.insert(strip.rgb.end(), rgb.begin(), rgb.end());
+  }
+  return strip;
+}
+
+/// The line above a layer.
+Strip title(const MapGeometry& geometry, int layer, int width) {
+  Canvas canvas(width, kPreviewTitle, kPaper);
+  canvas.text({kPreviewLeft - 9, kPreviewTitle - 6}, rows_of(geometry).unit, kFont, kInk, Align::right);
+  canvas.text({kPreviewLeft, kPreviewTitle - 6}, title_of(geometry, layer), kFont, kInk);
+  return {width, kPreviewTitle, canvas.rgb()};
+}
+
+/// Wide enough for the layers and their titles.
+int width_of(const MapGeometry& geometry) {
+  Canvas canvas(1, 1, kPaper);
+  double width = geometry.width;
+  for (int k = 0; k < geometry.layers(); ++k)
+    width = std::max(width, canvas.text_width(title_of(geometry, k), kFont));
+  return kPreviewLeft + static_cast<int>(std::ceil(width)) + kRight;
+}
+
+}  // namespace
+
+void write_map_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
+  const MapGeometry& geometry = map.geometry;
+  const std::vector<std::uint8_t> greys = preview_of(map, window);
+  const Strip scale = scale_of(geometry);
+  const int width = width_of(geometry), layers = geometry.layers();
+  const auto paper = static_cast<std::uint8_t>(std::lround(255 * kPaper.red));
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(std::size_t{3} * width * layers * (kPreviewTitle + geometry.height));
+  const std::uint8_t* grey = greys.data();
+  for (int k = 0; k < layers; ++k) {
+    const Strip line = title(geometry, k, width);
+    rgb.insert(rgb.end(), line.rgb.begin(), line.rgb.end());
+    for (int y = 0; y < geometry.height; ++y) {
+      const auto left = scale.rgb.begin() + std::ptrdiff_t{3} * kPreviewLeft * y;
+      rgb.insert(rgb.end(), left, left + std::ptrdiff_t{3} * kPreviewLeft);
+      for (int x = 0; x < geometry.width; ++x) rgb.insert(rgb.end(), 3, *grey++);
+      rgb.insert(rgb.end(), std::size_t{3} * (width - kPreviewLeft - geometry.width), paper);
+    }
+  }
+  write_png(rgb, width, layers * (kPreviewTitle + geometry.height), 3, path);
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,26 @@
+#pragma once
+
+#include <filesystem>
+#include <string>
+
+namespace xraycast {
+
+/// A folder below the one for temporary files that only this user can read, and that is removed with its
+/// content. What killed processes left of the same kind goes when the next one is made; a lock tells that
+/// apart from what a process still uses.
+class TemporaryFolderOnDisk {
+ public:
+  /// `kind` starts its name, such as "xraycast-zip-". Throws Error where none can be made.
+  explicit TemporaryFolderOnDisk(const std::string& kind);
+  ~TemporaryFolderOnDisk();
+  TemporaryFolderOnDisk(const TemporaryFolderOnDisk&) = delete;
+  TemporaryFolderOnDisk& operator=(const TemporaryFolderOnDisk&) = delete;
+
+  const std::filesystem::path& path() const { return path_; }
+
+ private:
+  std::filesystem::path path_;
+  int lock_ = -1;
+};
+
+}  // namespace xraycast
