@@ -160,16 +160,19 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
 
 /// The phantom's vessels as segmentation finds them, in `vessels`.
 VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
-  const Mask mask = report.timed(
-      "vessels segmented", [&] { return segment_mask(volume, {}, "thorax phantom", device, progress); });
+  SegmentLog log;
+  const Mask mask = report.timed("vessels segmented", [&] {
+    return segment_mask(volume, {}, "thorax phantom", device, progress, &log);
+  });
   const Centrelines centrelines =
       report.timed("centrelines", [&] { return extract_centrelines(mask, "thorax phantom"); });
   fs::create_directories(report.file("vessels"));
   write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
   write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
   write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
-  write_vessel_report("thorax phantom: " + pluralize(centrelines.tree.branches().size(), "branch"), volume,
-                      mask, centrelines.tree, report.file("vessels/report.png"));
+  write_vessel_report("thorax phantom: " + pluralize(centrelines.tree.branches().size(), "branch"),
+                      assumptions(log, {}, weak_share(centrelines.tree, volume, log.noise_hu)), volume, mask,
+                      centrelines.tree, report.file("vessels/report.png"));
   report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
   return centrelines.tree;
 }

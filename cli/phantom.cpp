@@ -19,18 +19,32 @@ struct PhantomArguments {
   PhantomOptions phantom;
 };
 
+void write_vessels(const std::vector<VesselBranch>& branches, const std::string& name,
+                   const std::filesystem::path& folder, const std::string& suffix) {
+  const VesselTree tree(branches, name);
+  write_tree(tree, folder / ("tree" + suffix + ".vtp"));
+  write_mesh(tube_mesh(tree), folder / ("surface" + suffix + ".vtp"));
+}
+
 /// The ground truth for segmentations of the phantom.
-void write_truth(const Phantom& phantom, const std::filesystem::path& folder) {
-  const VesselTree tree(phantom.vessel_branches(), "phantom " + phantom.name());
-  write_tree(tree, folder / "tree.vtp");
-  write_mesh(tube_mesh(tree), folder / "surface.vtp");
+void write_truth(const Phantom& phantom, const std::filesystem::path& folder, ComputeDevice& device,
+                 Progress& progress) {
+  const std::string name = "phantom " + phantom.name();
+  write_vessels(phantom.vessel_branches(), name, folder, "");
   write_mask(phantom.geometry(), vessel_mask(phantom), folder / "mask.nrrd");
+  for (const PhantomPart& part : phantom.parts()) {
+    const std::string suffix = "_" + part.name;
+    write_mask(phantom.geometry(), part_mask(phantom, part.name, device, progress),
+               folder / ("mask" + suffix + ".nrrd"));
+    if (!part.vessels.empty()) write_vessels(part.vessels, name, folder, suffix);
+  }
 }
 
 void check_truth_folder(const Phantom& phantom, const std::string& folder) {
   if (phantom.vessel_branches().empty())
-    throw InputError("--truth: the phantom {} has no vessels; make thorax or head, or leave --truth out",
-                     phantom.name());
+    throw InputError(
+        "--truth: the phantom {} has no vessels; make thorax, head or abdomen, or leave --truth out",
+        phantom.name());
   make_folder(folder, "--truth " + folder);
   check_writable(std::filesystem::path(folder) / "tree.vtp");
 }
@@ -48,7 +62,7 @@ void make(PhantomArguments options, Session& session) {
   ComputeDevice device(session.device);
   OutputSet outputs;
   write_volume(generate(phantom, device, session.progress), options.output, session.progress);
-  if (!options.truth.empty()) write_truth(phantom, options.truth);
+  if (!options.truth.empty()) write_truth(phantom, options.truth, device, session.progress);
   outputs.commit();
   const VolumeGeometry& g = phantom.geometry();
   session.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
@@ -86,8 +100,11 @@ void add_phantom(CLI::App& app, Session& session) {
       ->type_name("N");
   command->add_flag("--table", options->phantom.table, "Include the patient table or the head rest");
   command
-      ->add_option("--truth", options->truth,
-                   "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp")
+      ->add_option(
+          "--truth", options->truth,
+          "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp; of the abdomen, "
+          "where these are the arteries, also mask_PART.nrrd of each system of vessels and each "
+          "organ")
       ->type_name("DIR");
 }
 

@@ -1,6 +1,7 @@
 #include "xraycast/segmentation/segment.hpp"
 
 #include "command.hpp"
+#include "pictures/step_pictures.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/materials.hpp"
 #include "xraycast/base/atomic_file.hpp"
@@ -9,6 +10,8 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/series/seg_file.hpp"
 
@@ -26,7 +29,7 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SegmentArguments {
-  std::string input, folder, from_mask, window = "auto", surface = "level-set", root;
+  std::string input, folder, explain, from_mask, window = "auto", surface = "level-set", root;
   std::vector<std::string> seeds, not_vessels;
   ScanOptions scan;
   SegmentOptions segment;
@@ -81,16 +84,6 @@ Mask selected_components(const Mask& mask, const Markers& markers, const std::st
   return kept;
 }
 
-SegmentedVessels found_vessels(const Volume& volume, const SegmentOptions& segmenting,
-                               const SegmentArguments& options, ComputeDevice& device, Session& session) {
-  if (options.from_mask.empty())
-    return segment_vessels(volume, segmenting, options.input, device, session.progress);
-  Mask mask = selected_components(read_mask(options.from_mask, volume.geometry(), session.progress),
-                                  segmenting.markers, options.from_mask, session);
-  LumenFill fill = fill_of(volume, mask);
-  return {std::move(mask), std::move(fill), {}};
-}
-
 /// Text on how several components of the mask were linked to one tree.
 std::string linked(const Centrelines& found) {
   std::string words;
@@ -135,6 +128,51 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
   return "";
 }
 
+/// What would make a segmentation accept a seed.
+const char* remedy(LostSeed::Cause cause) {
+  switch (cause) {
+    case LostSeed::Cause::window:
+      return "; give a --window that holds it, or leave --window out";
+    case LostSeed::Cause::chamber:
+      return ", and counts as a heart chamber; raise --max-radius";
+    case LostSeed::Cause::body:
+      return "; a mask of it can be given by --from-mask";
+    default:
+      return "; give a --seed in a vessel";
+  }
+}
+
+/// The vessels by the steps, which --explain shows.
+SegmentedVessels segmented(const Volume& volume, const SegmentOptions& segmenting,
+                           const SegmentArguments& options, ComputeDevice& device, Session& session,
+                           SegmentLog& log) {
+  std::optional<StepPictures> steps;
+  if (!options.explain.empty()) {
+    make_folder(options.explain, "--explain " + options.explain);
+    steps.emplace(options.explain);
+    log.on_step = [&](const std::string& step, const Mask& mask) { steps->add(step, mask); };
+  }
+  try {
+    SegmentedVessels vessels =
+        segment_vessels(volume, segmenting, options.input, device, session.progress, &log);
+    if (steps) steps->finish(volume);
+    return vessels;
+  } catch (const LostSeed& error) {
+    throw InputError("{}{}", error.what(), remedy(error.cause()));
+  }
+}
+
+/// The vessels by the steps, or those of the mask that was given.
+SegmentedVessels found_vessels(const Volume& volume, const SegmentOptions& segmenting,
+                               const SegmentArguments& options, ComputeDevice& device, Session& session,
+                               SegmentLog& log) {
+  if (options.from_mask.empty()) return segmented(volume, segmenting, options, device, session, log);
+  Mask mask = selected_components(read_mask(options.from_mask, volume.geometry(), session.progress),
+                                  segmenting.markers, options.from_mask, session);
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill)};
+}
+
 void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
@@ -152,7 +190,8 @@ void segment(const SegmentArguments& options, Session& session) {
   const Volume volume = collect(*scan.source, progress);
   ComputeDevice device(session.device);
 
-  const auto [mask, fill, scale] = found_vessels(volume, segmenting, options, device, session);
+  SegmentLog log;
+  const auto [mask, fill] = found_vessels(volume, segmenting, options, device, session, log);
   const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm, &fill);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;
@@ -175,8 +214,12 @@ void segment(const SegmentArguments& options, Session& session) {
   write_mesh(surface, folder / "surface.stl");
   const std::string found = pluralize(centrelines.tree.branches().size(), "branch") + ", " +
                             pluralize(centrelines.loops.size(), "loop");
-  write_vessel_report(fmt::format("{}: {}", options.input, found), volume, mask, centrelines.tree,
-                      folder / "report.png");
+  if (!options.from_mask.empty()) log.noise_hu = measure_noise_hu(volume);
+  const double weak = weak_share(centrelines.tree, volume, log.noise_hu);
+  write_vessel_report(
+      fmt::format("{}: {}", options.input, found),
+      options.from_mask.empty() ? assumptions(log, segmenting, weak) : "the mask " + options.from_mask,
+      volume, mask, centrelines.tree, folder / "report.png");
   outputs.commit();
   remove_stale_seg(scan.info, folder);
   const std::string why_none = why_no_seg(scan.info);
@@ -187,10 +230,13 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"no_seg", why_none.empty() ? Json() : Json(why_none)},
                   {"voxels", mask.count()},
                   {"lumen_mm3", fill.volume_mm3()},
-                  {"evidence", scale ? Json{{"lumen_hu", scale->lumen_hu},
-                                            {"noise_hu", scale->noise_hu},
-                                            {"blur_vox", scale->blur_vox}}
-                                     : Json()},
+                  {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
+                                                {"noise_hu", log.scale->noise_hu},
+                                                {"blur_vox", log.scale->blur_vox}}
+                                         : Json()},
+                  {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
+                  {"noise_hu", log.noise_hu},
+                  {"weak_share", weak},
                   {"branches", centrelines.tree.branches().size()},
                   {"loops", centrelines.loops},
                   {"gaps_mm", centrelines.gaps_mm},
@@ -241,6 +287,10 @@ void add_segment(CLI::App& app, Session& session) {
                    "Range of CT numbers of the vessels in HU; auto: from the histogram")
       ->capture_default_str()
       ->type_name("auto|LO,HI");
+  command
+      ->add_option("--explain", options->explain,
+                   "Folder for the mask that each step left, and a picture of what each took off")
+      ->type_name("DIR");
   command
       ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")
       ->type_name("MASK");

@@ -1,12 +1,13 @@
 #include "pictures/vessel_report.hpp"
 
-#include "xraycast/base/parallel.hpp"
+#include "pictures/scan_projection.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>
+#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <array>
@@ -21,52 +22,6 @@ constexpr int kWidth = 1500, kHeight = 860, kMargin = 20, kTop = 50, kPanelWidth
 constexpr int kFont = 15, kLine = 22, kTableLeft = kMargin + 2 * (kPanelWidth + kMargin);
 constexpr std::size_t kRows = (kHeight - kTop) / kLine - 4;  ///< branches that the table lists
 constexpr Colour kPaper{0.10, 0.11, 0.13}, kInk{0.9, 0.9, 0.9}, kFaint{0.6, 0.62, 0.65};
-
-/// The scan along one axis as grey, with the mask over it in red: row 0 is the most superior slice.
-struct Projection {
-  int axis;           ///< viewing direction: 0 from the left, 1 from the front
-  int width, height;  ///< voxels
-  double width_mm, height_mm;
-  std::vector<std::uint8_t> rgb;
-};
-
-Projection project(const Volume& volume, const Mask& mask, int axis) {
-  const VolumeGeometry& g = volume.geometry();
-  const int across = axis == 0 ? 1 : 0;
-  const auto width = g.size[across], depth = g.size[axis];
-  Projection picture{axis,
-                     static_cast<int>(width),
-                     static_cast<int>(g.size.z),
-                     static_cast<double>(width) * g.spacing_mm[across],
-                     static_cast<double>(g.size.z) * g.spacing_mm.z,
-                     {}};
-  std::vector<float> mean(static_cast<std::size_t>(width * g.size.z)), vessel(mean.size());
-  const double darkest_hu = std::max<double>(-1000, *std::ranges::min_element(volume.hu()));
-  parallel_for(g.size.z, [&](std::int64_t z) {
-    for (std::int64_t u = 0; u < width; ++u) {
-      double sum = 0;
-      std::int64_t inside = 0;
-      for (std::int64_t v = 0; v < depth; ++v) {
-        const Index3 voxel = axis == 0 ? Index3(v, u, z) : Index3(u, v, z);
-        // Values above bone are clipped, so that metal does not darken everything else.
-        sum += std::clamp<double>(volume.at(voxel.x, voxel.y, voxel.z) - darkest_hu, 0, 2500);
-        inside += mask[voxel];
-      }
-      const auto at = static_cast<std::size_t>((g.size.z - 1 - z) * width + u);
-      mean[at] = static_cast<float>(sum / static_cast<double>(depth));
-      vessel[at] = static_cast<float>(static_cast<double>(inside) * g.spacing_mm[axis]);
-    }
-  });
-  const float lightest = std::max(1.0F, *std::ranges::max_element(mean));
-  constexpr float kSolid_mm = 6;  // lumen of this thickness or more has full colour
-  for (std::size_t i = 0; i < mean.size(); ++i) {
-    const float grey = 0.85F * mean[i] / lightest,
-                share = vessel[i] > 0 ? 0.35F + 0.4F * std::min(1.0F, vessel[i] / kSolid_mm) : 0;
-    for (const float red : {0.95F, 0.18F, 0.15F})
-      picture.rgb.push_back(static_cast<std::uint8_t>(std::lround(255 * (grey + share * (red - grey)))));
-  }
-  return picture;
-}
 
 void text(Canvas& sheet, double x, double y, const std::string& words, const Colour& colour = kInk,
           Align align = Align::left) {
@@ -109,18 +64,16 @@ class Labels {
 
 /// Draws a projection, the tree's centrelines over it and the listed branches' numbers into a panel whose
 /// left edge is at `left`.
-void draw(Canvas& sheet, int left, const Projection& picture, const VolumeGeometry& g,
+void draw(Canvas& sheet, int left, const ScanProjection& picture, const VolumeGeometry& g,
           const VesselTree& tree) {
+  const PixelBox box =
+      draw_projection(sheet, picture, {static_cast<double>(left), kTop, kPanelWidth, kPanelHeight});
   const double pixels_per_mm = std::min(kPanelWidth / picture.width_mm, kPanelHeight / picture.height_mm);
-  const double width = std::max(1.0, std::floor(picture.width_mm * pixels_per_mm)),
-               height = std::max(1.0, std::floor(picture.height_mm * pixels_per_mm));
-  const double x0 = left + std::floor(0.5 * (kPanelWidth - width)),
-               y0 = kTop + std::floor(0.5 * (kPanelHeight - height));
-  sheet.picture(picture.rgb, picture.width, picture.height, {x0, y0, width, height});
   const int across = picture.axis == 0 ? 1 : 0;
   const auto pixel = [&](const glm::dvec3& p) {
     const glm::dvec3 mm = (g.to_index(p) + 0.5) * g.spacing_mm;
-    return glm::dvec2(x0 + mm[across] * pixels_per_mm, y0 + (picture.height_mm - mm.z) * pixels_per_mm);
+    return glm::dvec2(box.left + mm[across] * pixels_per_mm,
+                      box.top + (picture.height_mm - mm.z) * pixels_per_mm);
   };
   for (const VesselBranch& branch : tree.branches()) {
     std::vector<glm::dvec2> line;
@@ -181,12 +134,67 @@ std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volu
   return facts;
 }
 
-void write_vessel_report(const std::string& title, const Volume& volume, const Mask& mask,
-                         const VesselTree& tree, const std::filesystem::path& path) {
+double weak_share(const VesselTree& tree, const Volume& volume, double noise_hu) {
+  constexpr int kAlong = 5;  // points, of which the mean counts
+  constexpr double kDeviations = 3;
+  const VolumeGeometry& g = volume.geometry();
+  const auto hu_at = [&](const glm::dvec3& p) {
+    const Index3 voxel = glm::clamp(Index3(glm::round(g.to_index(p))), Index3(0), g.size - Index3(1));
+    return static_cast<double>(volume.at(voxel.x, voxel.y, voxel.z));
+  };
+  const double voxel_mm = std::max({g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z}),
+               least_hu = kDeviations * noise_hu / std::sqrt(static_cast<double>(kAlong));
+  double all_mm = 0, weak_mm = 0;
+  for (const VesselBranch& branch : tree.branches()) {
+    std::vector<double> contrast_hu;
+    for (const VesselPoint& point : branch.points) {
+      std::vector<double> around_hu;
+      for (const Index3& step : kNeighbours)
+        around_hu.push_back(
+            hu_at(point.position_mm + (2 * point.radius_mm + voxel_mm) * glm::normalize(glm::dvec3(step))));
+      const auto middle = around_hu.begin() + static_cast<std::ptrdiff_t>(around_hu.size() / 2);
+      std::ranges::nth_element(around_hu, middle);
+      contrast_hu.push_back(hu_at(point.position_mm) - *middle);
+    }
+    const auto count = static_cast<int>(contrast_hu.size());
+    for (int i = 1; i < count; ++i) {
+      const int first = std::clamp(i - kAlong / 2, 0, std::max(0, count - kAlong)),
+                last = std::min(count, first + kAlong);
+      const double mean_hu =
+          std::accumulate(contrast_hu.begin() + first, contrast_hu.begin() + last, 0.0) / (last - first);
+      const auto at = static_cast<std::size_t>(i);
+      const double mm = branch.arc_length_mm[at] - branch.arc_length_mm[at - 1];
+      all_mm += mm;
+      if (mean_hu < least_hu) weak_mm += mm;
+    }
+  }
+  return weak_mm / all_mm;
+}
+
+std::string assumptions(const SegmentLog& log, const SegmentOptions& options, double weak_share) {
+  const std::size_t seeds = options.markers.vessels_mm.size();
+  const char* const source = options.window_hu        ? "as given"
+                             : log.is_window_of_seeds ? "around the seeds"
+                                                      : "from the histogram";
+  std::string window = "no window";
+  if (log.window)
+    window = fmt::format("window {:.0f} to {:.0f} HU {}", log.window->low_hu, log.window->high_hu, source);
+  if (log.scale)
+    window = fmt::format("by evidence: lumen of {:.0f} HU above the background, blur {:.1f} voxels",
+                         log.scale->lumen_hu, log.scale->blur_vox);
+  return fmt::format("{}; noise {:.0f} HU; {}; weak evidence along {:.0f} % of the tree", window,
+                     log.noise_hu, seeds == 0 ? "no seeds" : pluralize(seeds, "seed"), 100 * weak_share);
+}
+
+void write_vessel_report(const std::string& title, const std::string& assumed, const Volume& volume,
+                         const Mask& mask, const VesselTree& tree, const std::filesystem::path& path) {
+  constexpr std::array kRed{Colour{0.95, 0.18, 0.15}};
   Canvas sheet(kWidth, kHeight, kPaper);
-  text(sheet, kMargin, 30, title);
-  draw(sheet, kMargin, project(volume, mask, 1), volume.geometry(), tree);
-  draw(sheet, kMargin + kPanelWidth + kMargin, project(volume, mask, 0), volume.geometry(), tree);
+  text(sheet, kMargin, 22, title);
+  text(sheet, kMargin, 42, assumed, kFaint);
+  draw(sheet, kMargin, project_scan(volume, mask.voxels, kRed, 1), volume.geometry(), tree);
+  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask.voxels, kRed, 0), volume.geometry(),
+       tree);
   draw_table(sheet, tree, branch_facts(tree, volume));
   write_png(sheet.rgb(), kWidth, kHeight, 3, path);
 }

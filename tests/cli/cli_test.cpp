@@ -1036,9 +1036,9 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
 TEST_F(Cli, SegmentsAPhantomsVessels) {
   output_of("phantom thorax -o @/thorax.nrrd --spacing 2 --truth @/truth -q");
   const Json json = json_of("segment @/thorax.nrrd -o @/vessels -q");
-  EXPECT_THAT(keys_of(json),
-              ElementsAre("input", "folder", "seg", "no_seg", "voxels", "lumen_mm3", "evidence", "branches",
-                          "loops", "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
+  EXPECT_THAT(keys_of(json), ElementsAre("input", "folder", "seg", "no_seg", "voxels", "lumen_mm3",
+                                         "evidence", "window_hu", "noise_hu", "weak_share", "branches",
+                                         "loops", "gaps_mm", "parts_left_out", "triangles", "timings_ms"));
   for (const char* name :
        {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
@@ -1052,6 +1052,29 @@ TEST_F(Cli, SegmentsAPhantomsVessels) {
   EXPECT_GE(json["branches"], 15);
   // The results serve a cast.
   output_of("cast @/thorax.nrrd -o @/map.exr -q --opacity spectrum:80 --iodine @/vessels/mask.nrrd");
+}
+
+TEST_F(Cli, SegmentExplainsItsSteps) {
+  output_of("phantom thorax -o @/thorax.nrrd --spacing 3 -q");
+  output_of("segment @/thorax.nrrd -o @/vessels --explain @/steps -q");
+  for (const char* name :
+       {"1-window.nrrd", "2-body.nrrd", "3-bone.nrrd", "4-chambers.nrrd", "5-trabecular-bone.nrrd",
+        "6-gaps.nrrd", "7-selection.nrrd", "8-filling.nrrd", "steps.png"})
+    EXPECT_TRUE(fs::exists(folder_ / "steps" / name)) << name;
+  EXPECT_EQ(read_bytes(folder_ / "steps" / "8-filling.nrrd"), read_bytes(folder_ / "vessels" / "mask.nrrd"));
+}
+
+TEST_F(Cli, SegmentTellsWhichOptionGivesASeedBack) {
+  output_of("phantom abdomen -o @/abdomen.nrrd --spacing 2.5 -q");
+  const auto message = [&](const std::string& options) {
+    const Finished finished = run("segment @/abdomen.nrrd -o @/vessels -q " + options);
+    EXPECT_EQ(finished.status, 3);
+    return finished.err;
+  };
+  expect_one_line(message("--seed 6,-10,-95 --window 250,400"), "leave --window out");
+  expect_one_line(message("--seed -110,-20,-20"), "raise --max-radius");
+  expect_one_line(message("--seed 0,-180,-40"), "lies in air (-");
+  expect_one_line(message(""), "the brightest candidates are (");
 }
 
 TEST_F(Cli, SegmentedVesselsServeTheRest) {

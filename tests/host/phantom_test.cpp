@@ -54,7 +54,8 @@ TEST(VesselCourses, AreReadFromThePhantomsData) {
 }
 
 TEST(Phantom, NamesThoseThatThereAre) {
-  EXPECT_THAT(phantom_names(), ElementsAre("thorax", "head", "cylinder", "sphere", "box", "shepp-logan"));
+  EXPECT_THAT(phantom_names(),
+              ElementsAre("thorax", "head", "abdomen", "cylinder", "sphere", "box", "shepp-logan"));
 }
 
 TEST(Phantom, RefusesWhatItCannotMake) {
@@ -65,7 +66,7 @@ TEST(Phantom, RefusesWhatItCannotMake) {
   } kCases[] = {
       {"torso",
        {},
-       "unknown phantom 'torso'; choose one of thorax, head, cylinder, sphere, box, shepp-logan"},
+       "unknown phantom 'torso'; choose one of thorax, head, abdomen, cylinder, sphere, box, shepp-logan"},
       {"box", {.size = Index3(0, 8, 8)}, "phantom box: size 0 x 8 x 8"},
       {"box", {.size = Index3(8, 8, 70000)}, "phantom box: size 8 x 8 x 70000"},
       {"box", {.spacing_mm = 0.0}, "voxel spacing 0 x 0 x 0"},
@@ -157,7 +158,7 @@ class BodyPhantom : public testing::TestWithParam<const char*> {
   const Phantom phantom_ = make_phantom(GetParam());
   const std::vector<VesselBranch>& branches_ = phantom_.vessel_branches();
 };
-INSTANTIATE_TEST_SUITE_P(, BodyPhantom, testing::Values("thorax", "head"));
+INSTANTIATE_TEST_SUITE_P(, BodyPhantom, testing::Values("thorax", "head", "abdomen"));
 
 TEST_P(BodyPhantom, HasVesselsThatFormATree) {
   ASSERT_GT(branches_.size(), 10u);
@@ -181,10 +182,11 @@ TEST_P(BodyPhantom, HasVesselsThatFormATree) {
 }
 
 TEST_P(BodyPhantom, FillsItsVesselsWithContrast) {
+  const double contrast_hu = phantom_.name() == "abdomen" ? 150 : 350;
   for (const VesselBranch& branch : branches_)
     for (const VesselPoint& point : branch.points) {
       const glm::dvec3& p = point.position_mm;
-      EXPECT_DOUBLE_EQ(phantom_.hu_at(p), 350) << p.x << ' ' << p.y << ' ' << p.z;
+      EXPECT_DOUBLE_EQ(phantom_.hu_at(p), contrast_hu) << p.x << ' ' << p.y << ' ' << p.z;
     }
 }
 
@@ -276,6 +278,42 @@ TEST(Head, HasItsPartsAndItsAneurysmOnTheLeft) {
                                           {"sac of the aneurysm, to its side", {49, -27, 24}, 350, 350},
                                           {"its place on the right", {-49, -27, 24}, -1000, 60},
                                       });
+}
+
+TEST(Abdomen, HasItsOrgansInThePortalPhase) {
+  expect_places(make_phantom("abdomen"), {
+                                             {"liver, on the right", {-110, -20, -20}, 115, 115},
+                                             {"spleen, on the left", {104, 42, 4}, 125, 125},
+                                             {"left kidney", {76, 44, -42}, 180, 180},
+                                             {"right kidney", {-78, 44, -56}, 180, 180},
+                                             {"aorta before the spine", {6, -8, -80}, 150, 150},
+                                             {"portal vein", {-20, -28, -36}, 165, 165},
+                                             {"its fissure", {-18, -36, -30}, -100, -100},
+                                             {"vena cava", {-22, 6, 0}, 165, 165},
+                                             {"right hepatic vein", {-56, 10, 36}, 165, 165},
+                                             {"spongy bone of a vertebra", {0, 17, -100}, 150, 350},
+                                             {"right lung", {-60, 60, 60}, -1000, -500},
+                                         });
+}
+
+TEST(Abdomen, VesselsOfDifferentSystemsDoNotTouch) {
+  const Phantom abdomen = make_phantom("abdomen");
+  const auto is_into_the_cava = [](const PhantomPart& a, const PhantomPart& b) {
+    return a.name == "hepatic-veins" && b.name == "cava";
+  };
+  // A wall of each, and fat between them: more than a voxel, so that a darker one lies between.
+  constexpr double kGap_mm = 1.5;
+  for (const PhantomPart& a : abdomen.parts())
+    for (const PhantomPart& b : abdomen.parts()) {
+      if (&a >= &b || is_into_the_cava(a, b)) continue;
+      for (const VesselBranch& p_branch : a.vessels)
+        for (const VesselBranch& q_branch : b.vessels)
+          for (const VesselPoint& p : p_branch.points)
+            for (const VesselPoint& q : q_branch.points)
+              ASSERT_GT(glm::distance(p.position_mm, q.position_mm), p.radius_mm + q.radius_mm + kGap_mm)
+                  << a.name << " and " << b.name << " at " << p.position_mm.x << ' ' << p.position_mm.y << ' '
+                  << p.position_mm.z;
+    }
 }
 
 }  // namespace

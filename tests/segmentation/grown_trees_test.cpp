@@ -188,7 +188,7 @@ TEST_P(TreesByThreshold, AreNeverBetter) {
     const Mask mask = segment_mask(tree.noisy, {}, "tree", device, progress);
     // The best threshold is chosen by the truth: in noise of 5 without blur, where one reaches 0.981, that is
     // 0.002 to 0.003 more than what is chosen without it.
-    EXPECT_GE(agreement(mask, tree.lumen).mean(), best_of_thresholds(tree, device) - 0.004) << seed;
+    EXPECT_GE(agreement(mask, tree.lumen).mean(), best_of_thresholds(tree, device)) << seed;
   }
 }
 

@@ -19,6 +19,7 @@ struct Kind {
   glm::dvec3 spacing_mm;
   double noise_hu;
   PhantomBody (*make)(bool table);
+  glm::dvec3 centre_mm = {0, 0, 0};
 };
 
 constexpr double kBodyNoise_hu = 10;
@@ -26,6 +27,7 @@ constexpr double kBodyNoise_hu = 10;
 const Kind kKinds[] = {
     {"thorax", {512, 512, 720}, {0.78, 0.78, 1.0}, kBodyNoise_hu, make_thorax},
     {"head", {320, 384, 416}, {0.6, 0.6, 0.6}, kBodyNoise_hu, make_head},
+    {"abdomen", {512, 512, 160}, {0.75, 0.75, 1.5}, 15, make_abdomen, {0, 0, -40}},
     {"cylinder", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_cylinder(); }},
     {"sphere", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_sphere(); }},
     {"box", {128, 128, 128}, {2, 2, 2}, 0, [](bool) { return make_box(); }},
@@ -49,7 +51,7 @@ VolumeGeometry geometry_of(const Kind& kind, const PhantomOptions& options) {
   if (options.size && !options.spacing_mm) geometry.spacing_mm = extent_mm / glm::dvec3(geometry.size);
   if (options.spacing_mm && !options.size)
     geometry.size = glm::max(Index3(glm::round(glm::min(extent_mm / *options.spacing_mm, 1e9))), Index3(1));
-  geometry.origin_mm = -0.5 * geometry.spacing_mm * (glm::dvec3(geometry.size) - 1.0);
+  geometry.origin_mm = kind.centre_mm - 0.5 * geometry.spacing_mm * (glm::dvec3(geometry.size) - 1.0);
   validate(geometry, fmt::format("phantom {}", kind.name));
   return geometry;
 }
@@ -57,11 +59,13 @@ VolumeGeometry geometry_of(const Kind& kind, const PhantomOptions& options) {
 }  // namespace
 
 Phantom::Phantom(std::string name, const VolumeGeometry& geometry, std::shared_ptr<const PhantomScene> scene,
-                 std::vector<VesselBranch> vessels, double noise_hu, std::uint32_t seed)
+                 std::vector<VesselBranch> vessels, std::vector<PhantomPart> parts, double noise_hu,
+                 std::uint32_t seed)
     : name_(std::move(name)),
       geometry_(geometry),
       scene_(std::move(scene)),
       vessels_(std::move(vessels)),
+      parts_(std::move(parts)),
       noise_hu_(noise_hu),
       seed_(seed) {}
 
@@ -89,6 +93,7 @@ Phantom make_phantom(const std::string& name, const PhantomOptions& options) {
           geometry,
           std::make_shared<const PhantomScene>(std::move(body.scene)),
           std::move(body.vessels),
+          std::move(body.parts),
           noise_hu,
           options.seed};
 }
@@ -113,6 +118,19 @@ std::vector<std::uint8_t> vessel_mask(const Phantom& phantom) {
   };
   for (const VesselBranch& branch : phantom.vessel_branches())
     for (std::size_t i = 1; i < branch.points.size(); ++i) mark(branch.points[i - 1], branch.points[i]);
+  return mask;
+}
+
+std::vector<std::uint8_t> part_mask(const Phantom& phantom, const std::string& part, ComputeDevice& device,
+                                    Progress& progress) {
+  constexpr double kWhole = 1000;
+  const Phantom indicator(phantom.name(), phantom.geometry(),
+                          std::make_shared<const PhantomScene>(phantom.scene().indicator(part, kWhole)), {},
+                          {}, 0, 0);
+  const Volume share = generate(indicator, device, progress);
+  std::vector<std::uint8_t> mask(share.hu().size());
+  std::ranges::transform(share.hu(), mask.begin(),
+                         [](std::int16_t value) { return static_cast<std::uint8_t>(2 * value >= kWhole); });
   return mask;
 }
 

@@ -25,13 +25,20 @@ struct PhantomOptions {
   std::uint32_t seed = 1;  ///< of the noise
 };
 
+/// A part of a phantom's body with a mask of its own: an organ, or a system of vessels.
+struct PhantomPart {
+  std::string name;
+  std::vector<VesselBranch> vessels = {};  ///< ready for VesselTree's constructor; none of an organ
+};
+
 /// A scan made from a description: the device paints the shapes into voxels, and the same shapes give the
 /// value at any point here, so that tests know the true content of the scan.
 class Phantom {
  public:
   /// `noise_hu` is not negative.
   Phantom(std::string name, const VolumeGeometry& geometry, std::shared_ptr<const PhantomScene> scene,
-          std::vector<VesselBranch> vessels, double noise_hu, std::uint32_t seed);
+          std::vector<VesselBranch> vessels, std::vector<PhantomPart> parts, double noise_hu,
+          std::uint32_t seed);
 
   const std::string& name() const { return name_; }
   const VolumeGeometry& geometry() const { return geometry_; }
@@ -47,15 +54,19 @@ class Phantom {
   /// rounding.
   double hu_at(const glm::dvec3& world_mm) const;
 
-  /// The contrast-filled vessels as they were painted, ready for VesselTree's constructor; empty for a
-  /// phantom without vessels.
+  /// The contrast-filled vessels as they were painted (of the abdomen the arteries), ready for VesselTree's
+  /// constructor; empty for a phantom without vessels.
   const std::vector<VesselBranch>& vessel_branches() const { return vessels_; }
+
+  /// The parts that part_mask knows.
+  const std::vector<PhantomPart>& parts() const { return parts_; }
 
  private:
   std::string name_;
   VolumeGeometry geometry_;
   std::shared_ptr<const PhantomScene> scene_;
   std::vector<VesselBranch> vessels_;
+  std::vector<PhantomPart> parts_;
   double noise_hu_;
   std::uint32_t seed_;
 };
@@ -66,13 +77,15 @@ std::vector<std::string> phantom_names();
 /// Makes a phantom by name:
 /// - `thorax`: a trunk from the neck to the hips, arms raised, with contrast agent in the arteries;
 /// - `head`: a head and neck with contrast agent in the arteries, one of which has an aneurysm;
+/// - `abdomen`: the thorax's upper abdomen in the portal venous phase, with contrast agent in arteries, veins
+///   and organs; its parts are aorta, portal, hepatic-veins, cava, liver, kidneys, spleen and spine;
 /// - `cylinder` (radius 80 mm, along the whole axis), `sphere` (radius 80 mm) and `box` (half sizes 80, 60
 /// and
 ///   70 mm), of water in air (-1000 HU), centred;
 /// - `shepp-logan`: see shepp_logan_ellipsoids.
 ///
-/// The volume's centre is the origin. Throws InputError for another name, an invalid size or spacing, or a
-/// negative noise.
+/// The volume's centre is the origin, but for the abdomen's, which lies 40 mm below that of its thorax.
+/// Throws InputError for another name, an invalid size or spacing, or a negative noise.
 Phantom make_phantom(const std::string& name, const PhantomOptions& options = {});
 
 /// An ellipsoid rotated about z, which adds `density` inside.
@@ -90,6 +103,11 @@ std::vector<Ellipsoid> shepp_logan_ellipsoids();
 
 /// 1 where a voxel's centre lies in a contrast-filled vessel, 0 elsewhere; x fastest.
 std::vector<std::uint8_t> vessel_mask(const Phantom& phantom);
+
+/// 1 where a part fills half of a voxel or more, 0 elsewhere; x fastest. A stage of `progress`. Throws
+/// DeviceError.
+std::vector<std::uint8_t> part_mask(const Phantom& phantom, const std::string& part, ComputeDevice& device,
+                                    Progress& progress);
 
 /// Paints a phantom slice by slice on a device; both must outlive it.
 class PhantomSource final : public SliceSource {

@@ -175,8 +175,9 @@ Loft Loft::between(double bottom_mm, double top_mm) const {
 
 // ---- building -------------------------------------------------------------------------------------
 
-void PhantomScene::begin_layer(double hu, bool is_additive) {
+void PhantomScene::begin_layer(double hu, bool is_additive, std::string_view part) {
   ++layer_;
+  parts_.emplace_back(part);
   layer_hu_ = hu;
   layer_is_additive_ = is_additive;
 }
@@ -290,6 +291,16 @@ double PhantomScene::hu_at(const glm::dvec3& point_mm, double edge_mm) const {
     nearest = kFar;
   }
   return hu;
+}
+
+PhantomScene PhantomScene::indicator(std::string_view part, double hu) const {
+  PhantomScene result = *this;
+  result.background_hu_ = 0;
+  for (XrcPrimitive& shape : result.primitives_) {
+    assert(!shape.is_additive);
+    shape.hu = parts_[static_cast<std::size_t>(shape.layer - 1)] == part ? static_cast<float>(hu) : 0;
+  }
+  return result;
 }
 
 bool PhantomScene::covers(const XrcPrimitive& shape, const Box& box, double edge_mm) const {

@@ -6,6 +6,8 @@
 #include <glm/vec3.hpp>
 
 #include <span>
+#include <string>
+#include <string_view>
 #include <vector>
 
 namespace xraycast {
@@ -50,8 +52,9 @@ class PhantomScene {
  public:
   explicit PhantomScene(double background_hu) : background_hu_(background_hu) {}
 
-  void paint(double hu) { begin_layer(hu, false); }  ///< the layer replaces earlier values
-  void add(double hu) { begin_layer(hu, true); }     ///< the layer adds to earlier values
+  /// The layer replaces earlier values. `part` names the part of the body that it belongs to.
+  void paint(double hu, std::string_view part = {}) { begin_layer(hu, false, part); }
+  void add(double hu) { begin_layer(hu, true, {}); }  ///< the layer adds to earlier values
 
   void ellipsoid(const glm::dvec3& centre, const glm::dvec3& half_axes, const ShapeAxes& axes = {});
   /// `section` is the exponent in the plane of the first two axes, `height` the one along the third.
@@ -75,18 +78,22 @@ class PhantomScene {
   struct Box {
     glm::dvec3 lower_mm, upper_mm;
   };
+  /// The scene with `hu` where a part is the last that was painted, and 0 elsewhere. Not for layers that add.
+  PhantomScene indicator(std::string_view part, double hu) const;
+
   /// The shape fills the whole box, its faded edge excluded, so that it hides everything painted earlier.
   bool covers(const XrcPrimitive& shape, const Box& box, double edge_mm) const;
 
  private:
-  void begin_layer(double hu, bool is_additive);
+  void begin_layer(double hu, bool is_additive, std::string_view part);
   XrcPrimitive& append(int kind, const Box& bounds);
   double distance_mm(const XrcPrimitive& shape, const glm::dvec3& point_mm) const;
 
   double background_hu_;
   double layer_hu_ = 0;
   bool layer_is_additive_ = false;
-  int layer_ = 0;
+  int layer_ = 0;                   ///< from 1
+  std::vector<std::string> parts_;  ///< of each layer
   std::vector<XrcPrimitive> primitives_;
   std::vector<XrcStation> stations_;
 };

@@ -57,13 +57,14 @@ void paint_spine(PhantomScene& scene, const std::vector<Vertebra>& vertebrae) {
   for (const Vertebra& v : vertebrae)
     scene.superellipsoid(v.centre_mm, {v.half_width_mm - 1, v.half_depth_mm - 1, v.height_mm / 2 + 1}, 2.5, 8,
                          {{1, 0, 0}, backwards(v)});
-  scene.paint(kCortical_hu);
+  constexpr const char* kPart = "spine";
+  scene.paint(kCortical_hu, kPart);
   bodies(scene, vertebrae, 0);
-  scene.paint(kTrabecular_hu);
+  scene.paint(kTrabecular_hu, kPart);
   bodies(scene, vertebrae, kWall_mm);
-  scene.paint(kThinCortical_hu);
+  scene.paint(kThinCortical_hu, kPart);
   for (const Vertebra& v : vertebrae) arch(scene, v, 0);
-  scene.paint(kDenseTrabecular_hu);
+  scene.paint(kDenseTrabecular_hu, kPart);
   for (const Vertebra& v : vertebrae) arch(scene, v, kWall_mm);
 
   std::vector<VesselPoint> canal;

@@ -1,5 +1,6 @@
 #include "xraycast/evidence/vessel_evidence.hpp"
 
+#include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/evidence/ridge_detection.hpp"
@@ -7,6 +8,8 @@
 #include "xraycast/evidence/scan_response.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -95,13 +98,14 @@ Mask near(Mask mask, double reach_vox) {
 }
 
 /// Values within a box of a grid, x fastest.
-Field cropped(const Field& values, const Mask& grid, const Box& box) {
+Field cropped(const Field& values, const VolumeGeometry& grid, const Box& box) {
+  const Index3 size = grid.size;
   Field part;
   part.reserve(static_cast<std::size_t>((box.upper.x - box.lower.x) * (box.upper.y - box.lower.y) *
                                         (box.upper.z - box.lower.z)));
   for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
     for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
-      const auto row = values.begin() + static_cast<std::ptrdiff_t>(grid.offset({box.lower.x, y, z}));
+      const auto row = values.begin() + (z * size.y + y) * size.x + box.lower.x;
       part.insert(part.end(), row, row + (box.upper.x - box.lower.x));
     }
   return part;
@@ -216,6 +220,35 @@ Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field&
   return ridges;
 }
 
+/// The shares of a box of the scan, smoothed by as much as its noise asks for, and deblurred.
+Field estimated_shares(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
+                       const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device) {
+  const double smoothing = smoothing_vox(scale);
+  const int steps = 3 + static_cast<int>(std::lround(3 * std::min(scale.blur_vox, 1.0)));
+  const Field shares =
+      shares_within(cropped(smoothed_contrast(volume, response, smoothing, device), volume.geometry(), box),
+                    reach, scale.lumen_hu);
+  return deblurred(shares, std::hypot(smoothing, scale.blur_vox), steps, smooth);
+}
+
+/// Writes the shares of the vessels in a box.
+void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenFill& fill) {
+  const Mask whole(fill.geometry);
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    if (vessels.voxels[i] == 0) continue;
+    const Index3 voxel = voxel_at(vessels.geometry, static_cast<std::int64_t>(i)) + box.lower;
+    fill.shares[whole.offset(voxel)] = quantised_share(static_cast<double>(shares[i]));
+  }
+}
+
+/// Up to ten fields at once, with the device's.
+void require_memory_of_fields(const VolumeGeometry& grid) {
+  constexpr std::int64_t kBytesPerVoxel = 40;
+  const std::int64_t bytes = kBytesPerVoxel * grid.voxel_count();
+  require_memory(fmt::format("finding vessels in {} x {} x {} voxels", grid.size.x, grid.size.y, grid.size.z),
+                 {bytes, bytes});
+}
+
 }  // namespace
 
 double smoothing_vox(const LumenScale& scale) {
@@ -233,6 +266,7 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
                             Progress& progress) {
   constexpr double kLight_vox = 0.8, kNear_vox = 3.5;
   const VolumeGeometry& grid = volume.geometry();
+  require_memory_of_fields(grid);
   progress.begin("detecting ridges", 3, "passes");
   const ScanResponse response(volume, noise_hu);
   Field strength = ridge_strength(volume, device);
@@ -253,25 +287,16 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
       candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu)));
   progress.advance();
   const Mask part = crop(candidates, box), reach = near(part, kNear_vox);
-  const Mask whole(grid);
-  const double smoothing = smoothing_vox(scale);
   Smoother smooth(device, part.geometry.size);
-  const Field light = shares_within(cropped(contrast, whole, box), reach, scale.lumen_hu);
-  contrast = smoothed_contrast(volume, response, smoothing, device);
-  const int steps = 3 + static_cast<int>(std::lround(3 * std::min(scale.blur_vox, 1.0)));
-  Field shares = deblurred(shares_within(cropped(contrast, whole, box), reach, scale.lumen_hu),
-                           std::hypot(smoothing, scale.blur_vox), steps, smooth);
+  const Field light = shares_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
   contrast = {};
+  Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device);
   progress.advance();
   const Mask vessels =
       lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares, least_share(scale));
   shares = conserved(std::move(shares), vessels, light, smooth);
   paste(vessels, box, found.vessels);
-  for (std::size_t i = 0; i < shares.size(); ++i) {
-    if (vessels.voxels[i] == 0) continue;
-    const Index3 voxel = voxel_at(part.geometry, static_cast<std::int64_t>(i)) + box.lower;
-    found.fill.shares[whole.offset(voxel)] = quantised_share(static_cast<double>(shares[i]));
-  }
+  set_shares(shares, vessels, box, found.fill);
   progress.advance();
   return found;
 }

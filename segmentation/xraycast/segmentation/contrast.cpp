@@ -169,7 +169,7 @@ double measure_noise_hu(const Volume& volume) {
   return seen_hu / spread_above(static_cast<double>(cut_off) / static_cast<double>(cut_off + all));
 }
 
-Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress) {
+std::optional<Contrast> find_contrast(const Volume& volume, const std::string& name, Progress& progress) {
   const double noise_hu = measure_noise_hu(volume);
   const auto [lowest, highest] = std::ranges::minmax(volume.hu());
   progress.advance();
@@ -187,18 +187,21 @@ Contrast measure_contrast(const Volume& volume, const std::string& name, Progres
     const auto [median_hu, spread_hu] = median_and_spread_hu(all, lowest, highest);
     const double least_hu =
         std::max(0.5 * (classes->first + classes->second), median_hu + kRise * std::max(spread_hu, noise_hu));
-    return {classes->first, classes->first + 2 * (least_hu - classes->first), noise_hu, false};
+    return Contrast{classes->first, classes->first + 2 * (least_hu - classes->first), noise_hu, false};
   }
   const Histogram insides(volume, static_cast<int>(std::max(60.0, 4 * noise_hu)));
   progress.advance();
   const double tissue_hu = insides.mode_hu(kTissueLow_hu, kTissueHigh_hu, 10);
   const auto peak_hu = contrast_peak_hu(insides, tissue_hu);
-  if (!peak_hu)
-    throw InputError(
-        "{}: no vessel: no contrast agent shows between {} and {} HU; give the window of the vessels' CT "
-        "numbers",
-        name, kContrastLow_hu, kContrastHigh_hu);
-  return {tissue_hu, *peak_hu, noise_hu};
+  if (!peak_hu) return std::nullopt;
+  return Contrast{tissue_hu, *peak_hu, noise_hu};
+}
+
+Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress) {
+  const std::optional<Contrast> contrast = find_contrast(volume, name, progress);
+  if (contrast) return *contrast;
+  throw InputError("{}: no vessel: no contrast agent shows between {} and {} HU", name, kContrastLow_hu,
+                   kContrastHigh_hu);
 }
 
 }  // namespace xraycast

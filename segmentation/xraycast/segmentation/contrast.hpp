@@ -3,6 +3,7 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/volume/volume.hpp"
 
+#include <optional>
 #include <string>
 
 namespace xraycast {
@@ -19,8 +20,11 @@ struct Contrast {
 /// CT angiographies have a peak of contrast-filled vessels between 200 and 700 HU (guidelines ask for 250 and
 /// more in the aorta), distinct from trabecular bone below and cortical bone above. The histogram of scans
 /// without air, such as subtracted ones, is split into two classes instead (Ridler and Calvard, Picture
-/// thresholding using an iterative selection method, 1978). Throws InputError, with `name` in front, when
-/// there are no bright voxels. Three units of `progress`.
+/// thresholding using an iterative selection method, 1978). Nothing where no contrast agent shows. Throws
+/// InputError, with `name` in front, when all voxels are alike. Three units of `progress`.
+std::optional<Contrast> find_contrast(const Volume& volume, const std::string& name, Progress& progress);
+
+/// The same; throws InputError where no contrast agent shows.
 Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress);
 inline Contrast measure_contrast(const Volume& volume, const std::string& name) {
   Progress unheard;

@@ -9,9 +9,11 @@
 #include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/bone.hpp"
+#include "xraycast/segmentation/candidates.hpp"
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
+#include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
 
 #include <glm/common.hpp>
@@ -77,14 +79,42 @@ void check(const Volume& volume, const SegmentOptions& options, const std::strin
     }
 }
 
-HuWindow resolve_window(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                        Progress& progress) {
-  if (!options.window_hu) return window_of(measure_contrast(volume, name, progress));
-  const auto [low, high] = *options.window_hu;
-  if (low >= high)
-    throw InputError("{}: the window's lower limit, {} HU, is not below its upper one, {} HU", name, low,
-                     high);
-  return {low, low, high};
+/// The window of CT numbers, and whether it is that of the seeds.
+struct ChosenWindow {
+  HuWindow hu;
+  bool is_of_seeds;
+};
+
+[[noreturn]] void throw_without_contrast(const Volume& volume, const std::string& name,
+                                         ComputeDevice& device) {
+  std::string places;
+  for (const Candidate& c : brightest_candidates(volume, device))
+    places += fmt::format("{}({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU", places.empty() ? "" : ", ",
+                          c.point_mm.x, c.point_mm.y, c.point_mm.z, c.hu);
+  throw InputError(
+      "{}: no vessel: no vessels filled with contrast agent stand out; give a seed, a point in a vessel{}{}",
+      name, places.empty() ? "" : "; the brightest candidates are ", places);
+}
+
+ChosenWindow choose_window(const Volume& scan, const std::vector<Seed>& seeds, const SegmentOptions& options,
+                           const std::string& name, ComputeDevice& device, Progress& progress) {
+  if (options.window_hu) {
+    const auto [low, high] = *options.window_hu;
+    if (low >= high)
+      throw InputError("{}: the window's lower limit, {} HU, is not below its upper one, {} HU", name, low,
+                       high);
+    return {{low, low, high}, false};
+  }
+  const std::optional<Contrast> contrast = find_contrast(scan, name, progress);
+  if (!contrast && seeds.empty()) throw_without_contrast(scan, name, device);
+  if (!contrast) return {window_of_seeds(seeds, name), true};
+  const HuWindow window = window_of(*contrast);
+  constexpr double kContrast_hu = 100;  // darker ones were meant for the vessel beside them
+  const bool are_others = std::ranges::any_of(seeds, [&](const Seed& seed) {
+    return seed.hu > window.high_hu || (seed.hu > kContrast_hu && seed.hu < window.low_hu);
+  });
+  if (are_others) return {window_of_seeds(seeds, name), true};
+  return {window, false};
 }
 
 /// Whether there is air around the body; a scan without it was subtracted, so that only vessels are bright.
@@ -94,8 +124,10 @@ bool has_air(const Volume& volume) {
 
 /// Vessels of a scan that shows nothing else bright, however thin, by the evidence of lumen in its voxels.
 SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& markers, const std::string& name,
-                                     ComputeDevice& device, Progress& progress) {
-  auto [mask, fill, scale] = find_vessels(volume, measure_noise_hu(volume), device, progress);
+                                     ComputeDevice& device, Progress& progress, SegmentLog& log) {
+  auto [mask, fill, scale] = find_vessels(volume, log.noise_hu, device, progress);
+  log.scale = scale;
+  log.on_step("evidence", mask);
   if (mask.count() == 0)
     throw InputError(
         "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "
@@ -107,9 +139,10 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
     separate_chambers(mask, markers, name, progress);
     mask = select_vessels(mask, markers, name, progress);
   }
+  log.on_step("selection", mask);
   for (std::size_t i = 0; i < mask.voxels.size(); ++i)
     if (mask.voxels[i] == 0) fill.shares[i] = 0;
-  return {std::move(mask), std::move(fill), scale};
+  return {std::move(mask), std::move(fill)};
 }
 
 }  // namespace
@@ -125,8 +158,10 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
     return components.select(keep);
   }
   // Weighted by the integral of the distance transform. A vessel that branches by Murray's law into n ends
-  // has as much as n^(1/3) tubes as wide as its trunk; plates and shells have more than one with 125 ends.
-  constexpr double kMinSlenderness = 2, kMaxOfATube = 5, kMinShare = 0.01;
+  // which all are as long as the whole has as much as n^(1/3) tubes as wide as its trunk: 2.5 with sixteen.
+  // Arteries of the head, the trunk and a dissected aorta have 0.5 to 1.8, plates and shells more than 5, and
+  // a ventricle full of papillary muscles 2.7 to 3.
+  constexpr double kMinSlenderness = 2, kMaxOfATube = 2.5, kMinShare = 0.01;
   std::vector<int> order(static_cast<std::size_t>(components.count()));
   std::iota(order.begin(), order.end(), 0);
   std::ranges::sort(order, [&](int a, int b) { return components.voxels(a) > components.voxels(b); });
@@ -156,72 +191,221 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
 
 namespace {
 
-/// The steps for a scan that shows more than vessels, or whose window is given.
-Mask segment_by_thresholds(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                           ComputeDevice& device, Progress& progress) {
-  progress.begin("contrast", 4, "passes");
-  std::optional<Volume> quiet = denoised(volume, device);
-  progress.advance();
-  const Volume& scan = quiet ? *quiet : volume;
-  const HuWindow window = resolve_window(scan, options, name, progress);
+/// Those points to exclude that lie in what is left; what the others lie in is gone.
+Markers live(const Markers& markers, const Mask& bright, const Mask& left, const std::string& name) {
+  Markers result = markers;
+  std::erase_if(result.not_vessels_mm, [&](const glm::dvec3& p) {
+    nearest_voxel(bright, p, name);  // throws where nothing was bright
+    return !is_near(left, p);
+  });
+  return result;
+}
 
-  progress.begin("thresholding", 1, "scans");
-  Mask mask = has_air(scan) ? threshold(scan, window) : threshold_with_hysteresis(scan, window);
-  if (2 * mask.count() > volume.geometry().voxel_count())
-    throw InputError(
-        "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
-        "numbers",
-        name, window.low_hu);
-  if (has_air(scan)) intersect(mask, find_body_mask(scan));
+void remove_trabecular_bone(Mask& mask, const Mask& bone, Progress& progress) {
+  const Mask trabecular = find_trabecular_bone(mask, bone, progress);
+  subtract(mask, trabecular);
+  remove_marrow(mask, united(bone, trabecular));
   progress.advance();
-  if (!has_air(scan) && options.markers.vessels_mm.empty() && options.markers.not_vessels_mm.empty())
-    return without_small_components(mask);  // only vessels remain in a subtracted scan
+  remove_thin_components(mask);
+  progress.advance();
+}
 
-  const Mask bright = mask;
-  const Mask bone = has_air(scan) ? find_bone(scan, window, bright, progress) : Mask(mask.geometry);
-  subtract(mask, bone);
-  separate_chambers(mask, options.markers, name, progress);
-  progress.begin("removing trabecular bone", 7, "passes");
-  Mask candidates = mask;
-  if (has_air(scan)) {
-    constexpr double kBeside_mm = 3;
-    intersect(candidates, dilated_by_cylinder(bone, kBeside_mm));
-    progress.advance();
-    const Mask trabecular = find_trabecular_bone(mask, bone, progress);
-    subtract(mask, trabecular);
-    remove_marrow(mask, united(bone, trabecular));
-    progress.advance();
-    remove_thin_components(mask);
-    progress.advance();
-  }
-  close_gaps(mask, candidates, progress);
-  Mask vessels = select_vessels(mask, options.markers, name, progress);
-  progress.begin("filling", 3, "passes");
-  add_partial_volume_rim(bright, vessels);
+/// The rim of a lumen, its dense wall and its holes.
+void complete_lumen(const Volume& scan, const ChosenWindow& window, const Mask& bright, const Mask& bone,
+                    Mask& vessels, Progress& progress) {
+  if (window.is_of_seeds)
+    add_half_filled_rim(scan, between(scan, window.hu.high_hu, kMaxHu), vessels);
+  else
+    add_partial_volume_rim(bright, vessels);
   progress.advance();
-  add_dense_wall(scan, window, bone, vessels);
+  if (!window.is_of_seeds) add_dense_wall(scan, window.hu, bone, vessels);
   progress.advance();
   constexpr double kStrut_mm2 = 30;
   fill_holes(vessels, kStrut_mm2);
   progress.advance();
-  return vessels;
+}
+
+/// Whether what was bright is bone alone: with contrast agent, 9 % (a head) to 60 % (a trunk) is not
+/// recognised as trabecular bone; in scans without it 5 % and less.
+bool is_bone_alone(std::int64_t before_trabecular, std::int64_t after) {
+  return 15 * after < before_trabecular;
+}
+
+/// Everything within the window, in the body.
+Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& body,
+                   const std::string& name) {
+  Mask mask = window.is_of_seeds ? between(scan, window.hu.low_hu, window.hu.high_hu)
+              : has_air(scan)    ? threshold(scan, window.hu)
+                                 : threshold_with_hysteresis(scan, window.hu);
+  if (2 * mask.count() > scan.geometry().voxel_count())
+    throw InputError(
+        "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
+        "numbers",
+        name, window.hu.low_hu);
+  intersect(mask, body);
+  return mask;
+}
+
+/// The steps for a scan that shows more than vessels, or whose window is given, in the order of their calls.
+class ThresholdSteps {
+ public:
+  ThresholdSteps(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                 ComputeDevice& device, Progress& progress, SegmentLog& log)
+      : options_(options), name_(name), device_(device), progress_(progress), log_(log), volume_(volume) {}
+
+  Mask vessels() {
+    smooth_scans();
+    choose_scan_and_window();
+    threshold_body();
+    if (is_subtracted_ && markers().vessels_mm.empty() && markers().not_vessels_mm.empty())
+      return without_small_components(mask_);  // only vessels remain in a subtracted scan
+    find_lumen_at_seeds();
+    remove_bone();
+    remove_chambers();
+    remove_trabecular();
+    return selected();
+  }
+
+ private:
+  const Markers& markers() const { return options_.markers; }
+  const Volume& denoised_scan() const { return quiet_ ? *quiet_ : volume_; }
+  const Volume& at_seeds() const { return smooth_ ? *smooth_ : denoised_scan(); }
+  const Volume& scan() const { return window_.is_of_seeds ? at_seeds() : denoised_scan(); }
+
+  void give_lumen_back() {
+    if (!seeds_.empty()) mask_ = united(std::move(mask_), lumen_);
+  }
+
+  void finish_step(const std::string& step, LostSeed::Cause cause) {
+    check_seeds(seeds_, mask_, cause, name_);
+    log_.on_step(step, mask_);
+  }
+
+  void smooth_scans() {
+    quiet_ = denoised(volume_, device_);
+    progress_.advance();
+    is_subtracted_ = !has_air(denoised_scan());
+    if (!markers().vessels_mm.empty()) smooth_ = smoothed_for_seeds(volume_, device_);
+  }
+
+  void choose_scan_and_window() {
+    if (!is_subtracted_) seeds_ = look_at_seeds(at_seeds(), markers(), name_);
+    window_ = choose_window(denoised_scan(), seeds_, options_, name_, device_, progress_);
+    log_.window = window_.hu;
+    log_.is_window_of_seeds = window_.is_of_seeds;
+  }
+
+  void threshold_body() {
+    progress_.begin("thresholding", 1, "scans");
+    body_ = Mask(volume_.geometry());
+    std::ranges::fill(body_.voxels, 1);
+    mask_ = bright_voxels(scan(), window_, body_, name_);
+    finish_step("window", LostSeed::Cause::window);
+    if (!is_subtracted_) {
+      body_ = find_body_mask(scan());
+      intersect(mask_, body_);
+      finish_step("body", LostSeed::Cause::body);
+    }
+    progress_.advance();
+  }
+
+  void find_lumen_at_seeds() {
+    lumen_ = lumen_at_seeds(at_seeds(), seeds_, window_.hu, body_, markers(), name_);
+    give_lumen_back();
+    body_ = Mask(VolumeGeometry{});  // a byte a voxel
+    bright_ = mask_;
+  }
+
+  void remove_bone() {
+    bone_ = is_subtracted_ ? Mask(mask_.geometry) : find_bone(scan(), window_.hu, bright_, progress_);
+    subtract(mask_, bone_);
+    give_lumen_back();
+    finish_step("bone", LostSeed::Cause::bone);
+  }
+
+  void remove_chambers() {
+    separate_chambers(mask_, live(markers(), bright_, mask_, name_), name_, progress_);
+    give_lumen_back();
+    finish_step("chambers", LostSeed::Cause::chamber);
+  }
+
+  void remove_trabecular() {
+    progress_.begin("removing trabecular bone", 7, "passes");
+    candidates_ = mask_;
+    if (is_subtracted_) return;
+    constexpr double kBeside_mm = 3;
+    intersect(candidates_, dilated_by_cylinder(bone_, kBeside_mm));
+    progress_.advance();
+    const std::int64_t before = mask_.count();
+    remove_trabecular_bone(mask_, bone_, progress_);
+    if (!options_.window_hu && is_bone_alone(before, mask_.count()) && lumen_.count() == 0) {
+      check_contrast(seeds_, name_);
+      throw_without_contrast(volume_, name_, device_);
+    }
+    give_lumen_back();
+    finish_step("trabecular-bone", LostSeed::Cause::bone);
+  }
+
+  Mask selected() {
+    close_gaps(mask_, candidates_, progress_);
+    log_.on_step("gaps", mask_);
+    Mask vessels = select_vessels(mask_, markers(), name_, progress_);
+    log_.on_step("selection", vessels);
+    progress_.begin("filling", 3, "passes");
+    complete_lumen(scan(), window_, bright_, bone_, vessels, progress_);
+    log_.on_step("filling", vessels);
+    return vessels;
+  }
+
+  const SegmentOptions& options_;
+  const std::string& name_;
+  ComputeDevice& device_;
+  Progress& progress_;
+  SegmentLog& log_;
+  const Volume& volume_;
+  std::optional<Volume> quiet_, smooth_;
+  bool is_subtracted_ = false;
+  std::vector<Seed> seeds_;
+  ChosenWindow window_{};
+  Mask mask_{VolumeGeometry{}}, body_{VolumeGeometry{}}, lumen_{VolumeGeometry{}}, bright_{VolumeGeometry{}},
+      bone_{VolumeGeometry{}}, candidates_{VolumeGeometry{}};
+};
+
+/// The first step of both ways: what is wrong with the arguments, and the noise.
+void begin_segmenting(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                      Progress& progress, SegmentLog& log) {
+  check(volume, options, name);
+  progress.begin("contrast", 5, "passes");
+  log.noise_hu = measure_noise_hu(volume);
+  progress.advance();
+}
+
+bool shows_vessels_alone(const Volume& volume, const SegmentOptions& options) {
+  return !options.window_hu && !has_air(volume);
 }
 
 }  // namespace
 
 SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                                 ComputeDevice& device, Progress& progress) {
-  check(volume, options, name);
-  if (!options.window_hu && !has_air(volume))
-    return segment_by_evidence(volume, options.markers, name, device, progress);
-  Mask mask = segment_by_thresholds(volume, options, name, device, progress);
+                                 ComputeDevice& device, Progress& progress, SegmentLog* log) {
+  SegmentLog unheard;
+  SegmentLog& heard = log != nullptr ? *log : unheard;
+  begin_segmenting(volume, options, name, progress, heard);
+  if (shows_vessels_alone(volume, options))
+    return segment_by_evidence(volume, options.markers, name, device, progress, heard);
+  Mask mask = ThresholdSteps(volume, options, name, device, progress, heard).vessels();
   LumenFill fill = fill_of(volume, mask);
-  return {std::move(mask), std::move(fill), {}};
+  return {std::move(mask), std::move(fill)};
 }
 
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress) {
-  return segment_vessels(volume, options, name, device, progress).mask;
+                  ComputeDevice& device, Progress& progress, SegmentLog* log) {
+  SegmentLog unheard;
+  SegmentLog& heard = log != nullptr ? *log : unheard;
+  begin_segmenting(volume, options, name, progress, heard);
+  if (shows_vessels_alone(volume, options))
+    return segment_by_evidence(volume, options.markers, name, device, progress, heard).mask;
+  return ThresholdSteps(volume, options, name, device, progress, heard).vessels();
 }
 
 }  // namespace xraycast

@@ -8,6 +8,7 @@
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
+#include <functional>
 #include <optional>
 #include <string>
 #include <utility>
@@ -22,11 +23,20 @@ struct SegmentOptions {
   Markers markers;  ///< seeds, excluded structures, and the largest radius
 };
 
+/// What a segmentation assumed and what each of its steps left, for those who ask.
+struct SegmentLog {
+  std::optional<HuWindow> window;   ///< none where vessels were found by evidence
+  std::optional<LumenScale> scale;  ///< what was measured on the vessels, where they were found by evidence
+  bool is_window_of_seeds = false;  ///< from the seeds' neighbourhoods, not from the histogram
+  double noise_hu = 0;              ///< standard deviation
+  /// Called after each step with its name and the mask that it leaves.
+  std::function<void(const std::string& step, const Mask& mask)> on_step = [](const auto&, const auto&) {};
+};
+
 /// Vessels on a scan's own grid.
 struct SegmentedVessels {
   Mask mask;
-  LumenFill fill;                   ///< how full of lumen voxels are
-  std::optional<LumenScale> scale;  ///< what was measured on the vessels, where find_vessels found them
+  LumenFill fill;  ///< how full of lumen voxels are
 };
 
 /// Segments vessels by the steps in this folder: denoising where noise is heavy, thresholds, removal of bone,
@@ -34,14 +44,18 @@ struct SegmentedVessels {
 /// selection of components by select_vessels. A scan without air, of vessels alone, is segmented by
 /// find_vessels instead, unless a window is given. A stage of `progress` for each step.
 ///
-/// Throws InputError, with `name` in front, when there is no vessel, no seed lies in one, or the scan has
-/// fewer than 10 slices.
+/// Without a window, seeds outside that of the histogram set it from their own neighbourhoods. What is
+/// connected to a seed by lumen of its own brightness, narrower than the largest radius, stays whatever the
+/// steps recognise in it.
+///
+/// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, and InputError when there is no
+/// vessel, or the scan has fewer than 10 slices.
 SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                                 ComputeDevice& device, Progress& progress);
+                                 ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
 
 /// Their mask alone.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress);
+                  ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
 
 /// Keeps the connected components of a mask in which seeds lie. Without seeds all that are elongated, neither
 /// plates nor shells, and whose distance transform sums to at least a hundredth of the largest one's: both

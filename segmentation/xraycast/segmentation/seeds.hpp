@@ -1,0 +1,78 @@
+#pragma once
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/mask/mask.hpp"
+#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/segmentation/watershed.hpp"
+
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// A seed that lies in no vessel. The message says what it lies in; `cause` tells which option would change
+/// that.
+class LostSeed : public InputError {
+ public:
+  enum class Cause {
+    air,
+    tissue,
+    bone,
+    metal,
+    window,   ///< outside the CT numbers asked for
+    body,     ///< outside the body
+    chamber,  ///< in a structure wider than the largest radius
+  };
+  LostSeed(Cause cause, const std::string& message) : InputError("{}", message), cause_(cause) {}
+  Cause cause() const { return cause_; }
+
+ private:
+  Cause cause_;
+};
+
+/// What a scan shows at a seed.
+struct Seed {
+  glm::dvec3 point_mm;
+  double hu;            ///< median of the voxels around it that differ from its own by noise alone
+  double tolerance_hu;  ///< by which lumen of its own brightness may differ
+};
+
+/// The scan in which the brightness of seeds and of what is connected to them is measured: smoothed by a
+/// Gaussian of 0.8 mm, unless its noise is low enough. Throws DeviceError.
+std::optional<Volume> smoothed_for_seeds(const Volume& volume, ComputeDevice& device);
+
+/// The seeds among `markers`, as `scan` shows them. Lumen of a seed's own brightness differs from it by at
+/// most a fifth of its contrast to soft tissue, or by two and a half standard deviations. Throws LostSeed,
+/// with `name` in front, for a seed in air, in metal, or in bone denser than any contrast agent.
+std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers, const std::string& name);
+
+/// Throws LostSeed for a seed that is no brighter than soft tissue.
+void check_contrast(const std::vector<Seed>& seeds, const std::string& name);
+
+/// The CT numbers of the seeds, with their tolerances. Throws as check_contrast.
+HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name);
+
+/// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
+bool is_near(const Mask& mask, const glm::dvec3& point_mm);
+
+/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask; of tissue, for one that is no
+/// brighter than that.
+void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
+                 const std::string& name);
+
+/// What is connected to the seeds by lumen of their own brightness, and narrower than the largest radius:
+/// no step removes it. Grows through voxels of the body within the window and a seed's tolerance whose six
+/// neighbours are so too, so that it does not pass through the rim of bone, where every brightness occurs;
+/// what a point to exclude lies in is left out. Throws LostSeed where a seed lies in a wider structure, or
+/// within bone.
+Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
+                    const Mask& body, const Markers& markers, const std::string& name);
+
+/// Adds the voxels around a mask that its lumen fills by half or more: those that are brighter than halfway
+/// from the darkest voxel around them to the lumen's own brightness, which is that of the mask's voxels
+/// beside them. `excluded` stays out.
+void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels);
+
+}  // namespace xraycast
