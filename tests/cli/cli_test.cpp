@@ -1042,12 +1042,12 @@ TEST_F(Cli, SegmentsAPhantomsVessels) {
   for (const char* name :
        {"mask.nrrd", "lumen.nrrd", "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"})
     EXPECT_TRUE(fs::exists(folder_ / "vessels" / name)) << name;
-  // A map of floats that other programs and we read, between its mask's volume and three quarters of it.
+  // A map of floats that other programs and we read. The mask's wall lies where voxels are half full, so that
+  // both have the same volume but for branches as thin as a voxel: those were 3 % when this was written.
   EXPECT_EQ(json_of("info @/vessels/lumen.nrrd -q")["volume"]["size"],
             json_of("info @/thorax.nrrd -q")["volume"]["size"]);
   const double mask_mm3 = 8.0 * json["voxels"].get<double>();
-  EXPECT_LT(json["lumen_mm3"], mask_mm3);
-  EXPECT_GT(json["lumen_mm3"], 0.75 * mask_mm3);
+  EXPECT_NEAR(json["lumen_mm3"].get<double>(), mask_mm3, 0.06 * mask_mm3);
   // A voxel of 2 mm is about as wide as the thinnest of the 24 branches; most are found.
   EXPECT_GE(json["branches"], 15);
   // The results serve a cast.

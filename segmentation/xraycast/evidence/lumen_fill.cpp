@@ -104,10 +104,13 @@ LumenFill fill_of(const Volume& volume, const Mask& mask) {
   constexpr double kBrightest = 0.95;  // of vessels that have no full voxel
   if (!lumen_hu)
     lumen_hu = quantile_hu(volume, box, kBrightest, [&](const Index3& v) { return mask[v] != 0; });
+  constexpr double kLeast_hu =
+      1;  // a scan that does not show the mask's vessels says nothing about their walls
+  const bool shows_vessels = tissue_hu && *lumen_hu - *tissue_hu > kLeast_hu;
   for_each_voxel(box, [&](const Index3& voxel) {
     if (wall[voxel] == 0) return;
-    double share = 1;
-    if (full[voxel] == 0 && tissue_hu) {
+    double share = mask[voxel];
+    if (full[voxel] == 0 && shows_vessels) {
       const double here_hu = volume.at(voxel.x, voxel.y, voxel.z),
                    rise_hu =
                        std::max(lumen_near_hu(volume, full, voxel).value_or(*lumen_hu) - *tissue_hu, 1.0);

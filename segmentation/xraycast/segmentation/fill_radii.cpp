@@ -110,6 +110,7 @@ void set_radii(const std::vector<double>& lumen_mm3, double voxel_mm, double wid
 }  // namespace
 
 void radii_from_fill(const LumenFill& fill, std::vector<VesselBranch>& branches) {
+  if (std::ranges::all_of(fill.shares, [](std::uint8_t share) { return share == 0; })) return;
   LumenOwners owners(fill);
   std::int32_t count = 0;
   for (const VesselBranch& branch : branches)

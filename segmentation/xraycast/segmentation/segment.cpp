@@ -128,11 +128,16 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
   auto [mask, fill, scale] = find_vessels(volume, log.noise_hu, device, progress);
   log.scale = scale;
   log.on_step("evidence", mask);
-  if (mask.count() == 0)
+  if (mask.count() == 0) {
+    constexpr int kAlike_hu = 10;
+    const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+    if (highest - lowest < kAlike_hu)
+      throw InputError("{}: no vessel: all voxels have about {} HU", name, lowest);
     throw InputError(
         "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "
         "window of the vessels' CT numbers",
         name);
+  }
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
     mask = without_small_components(mask);
   } else {
