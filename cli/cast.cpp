@@ -361,7 +361,7 @@ void cast_map(const CastArguments& options, Session& session) {
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open(options, session.progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
   const std::string frame_of_reference = frame_of_reference_uid(scan.info);

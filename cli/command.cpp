@@ -2,7 +2,6 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/printable.hpp"
 
 #include <algorithm>
@@ -21,7 +20,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char *kSkipDamaged = "--skip-damaged", *kSeries = "--series";
+constexpr const char* kSkipDamaged = "--skip-damaged";
 
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
@@ -90,7 +89,7 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
       } catch (const DamagedSlice& error) {
         const CLI::Option* const skip = command->get_option_no_throw(kSkipDamaged);
         if (skip == nullptr || !skip->empty()) throw;
-        throw InputError("{}; {} leaves out what is damaged", error.what(), kSkipDamaged);
+        throw InputError("{}, or leave out what is damaged with {}", error.what(), kSkipDamaged);
       }
     };
   });
@@ -99,7 +98,7 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
-      .add_option(kSeries, options.series,
+      .add_option("--series", options.series,
                   "DICOM series to read: its number, part of its description, or UID")
       ->type_name("TEXT");
   command.add_flag("--keep-slices", options.keep_slices,
@@ -129,20 +128,6 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
     numbers.push_back(number);
   }
   return numbers;
-}
-
-std::vector<std::string> warnings_of(const ScanInfo& scan, const ScanOptions& options) {
-  std::vector<std::string> warnings = scan.warnings;
-  const auto chosen = std::ranges::find_if(scan.all_series, &ScanInfo::Series::chosen);
-  if (scan.studies * scan.patients < 2 || !options.series.empty() || chosen == scan.all_series.end())
-    return warnings;
-  const std::string& date = chosen->study_date;
-  warnings.push_back(
-      fmt::format("{} of {} in the folder; the chosen series is of the study {}; {} chooses "
-                  "another one",
-                  pluralize(scan.studies, "study"), pluralize(scan.patients, "patient"),
-                  date.empty() ? "without a date" : "of " + date, kSeries));
-  return warnings;
 }
 
 void make_folder(const std::filesystem::path& folder, const std::string& name) {

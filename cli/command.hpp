@@ -67,10 +67,6 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
 /// `12.5,-30`. Throws InputError naming `option`.
 std::vector<double> parse_numbers(const std::string& text, const std::string& option);
 
-/// The warnings, with one where the series was chosen among several patients' or studies' and `options` named
-/// none.
-std::vector<std::string> warnings_of(const ScanInfo& scan, const ScanOptions& options);
-
 /// Creates a folder and its parents unless they exist. Throws InputError with `name` in front.
 void make_folder(const std::filesystem::path& folder, const std::string& name);
 

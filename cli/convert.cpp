@@ -27,20 +27,20 @@ void convert(const ConvertArguments& options, Session& session) {
   }
   const DicomPatient patient = parse_patient(options.patient, "--patient");
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
   if (is_series) check_ct_series(scan.source->geometry(), options.output, patient);
 
-  const Volume volume = collect(*scan.source, session.progress);
+  const Volume volume = collect(*scan.source, session.progress, options.input);
+  const std::string frame_uid = frame_of_reference_for(patient, frame_of_reference_uid(scan.info));
   if (is_series)
-    write_ct_series(volume, options.output, patient, {options.input, frame_of_reference_uid(scan.info)},
-                    session.progress);
+    write_ct_series(volume, options.output, patient, {options.input, frame_uid}, session.progress);
   else
     write_volume(volume, options.output, session.progress);
 
   Json json{
       {"input", options.input}, {"output", options.output}, {"volume", cli::to_json(volume.geometry())}};
-  if (is_series) json["frame_of_reference"] = frame_of_reference_uid(scan.info).empty() ? "new" : "scan";
+  if (is_series) json["frame_of_reference"] = frame_uid.empty() ? "new" : "scan";
   const Index3& size = volume.geometry().size;
   const glm::dvec3& spacing_mm = volume.geometry().spacing_mm;
   session.report(json, fmt::format("{}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm{}\n",

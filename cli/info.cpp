@@ -105,8 +105,7 @@ void add_info(CLI::App& app, Session& session) {
       "  xraycast info scans/chest/\n"
       "  xraycast info head.nii.gz --json",
       [options, &session] {
-        Scan scan = open_scan(options->input, options->scan, session.progress);
-        scan.info.warnings = warnings_of(scan.info, options->scan);
+        const Scan scan = open_scan(options->input, options->scan, session.progress);
         const auto hu = read_range(*scan.source, session.progress);
         const VolumeGeometry& geometry = scan.source->geometry();
         session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));

@@ -41,10 +41,10 @@ void project_scan(const ProjectArguments& options, Session& session) {
   View view = parse_view(options.view);
   check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
 
-  xa.frame_of_reference_uid = frame_of_reference_uid(scan.info);
+  xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, frame_of_reference_uid(scan.info));
   ComputeDevice device(session.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;

@@ -220,7 +220,7 @@ void render(const RenderArguments& options, Session& session) {
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   const ViewSession scene = resolve(options);
   const auto map = load_map(scene, session);
-  xa.frame_of_reference_uid = map->frame_of_reference_uid;
+  xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const BodyBounds bounds = bounds_of(map->geometry);
   const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
   const View view = resolve_view(options, scene, bounds);

@@ -66,7 +66,7 @@ SegmentOptions parsed(const SegmentArguments& options) {
 Mask read_mask(const std::string& file, const VolumeGeometry& grid, Progress& progress) {
   const Scan scan = open_scan(file, {}, progress);
   check_mask_grid(scan.source->geometry(), grid, "--from-mask " + file);
-  const Volume values = collect(*scan.source, progress);
+  const Volume values = collect(*scan.source, progress, file);
   return between(values, 1, 32767);
 }
 
@@ -185,9 +185,9 @@ void segment(const SegmentArguments& options, Session& session) {
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
-  const Volume volume = collect(*scan.source, progress);
+  const Volume volume = collect(*scan.source, progress, options.input);
   ComputeDevice device(session.device);
 
   SegmentLog log;

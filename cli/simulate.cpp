@@ -106,7 +106,7 @@ class Cine {
                 const Session& session) {
     XaOptions xa = parse_xa(options);
     xa.frame_time_ms = 1000 * cine.step_s;
-    xa.frame_of_reference_uid = map->frame_of_reference_uid;
+    xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, session);
     const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;

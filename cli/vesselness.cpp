@@ -43,9 +43,9 @@ void write_vesselness(const Options& options, Session& session) {
   check_volume_format(options.output);
   check_writable(options.output);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(warnings_of(scan.info, options.scan));
+  session.say(scan.info.warnings);
   session.say(scan.info.notes);
-  const Volume volume = collect(*scan.source, session.progress);
+  const Volume volume = collect(*scan.source, session.progress, options.input);
   ComputeDevice device(session.device);
   const VolumeGeometry& g = volume.geometry();
   write_field(g, vesselness(volume, filter, device, session.progress), options.output, session.progress);

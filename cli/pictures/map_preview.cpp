@@ -1,5 +1,6 @@
 #include "pictures/map_preview.hpp"
 
+#include "pictures/scale_ticks.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
@@ -10,6 +11,7 @@
 #include <array>
 #include <cmath>
 #include <cstdint>
+#include <limits>
 #include <string>
 #include <vector>
 
@@ -44,14 +46,6 @@ std::string title_of(const MapGeometry& geometry, int layer) {
                      edge_mm(layer + 1), geometry.has_outline() ? " at the widest" : "");
 }
 
-/// 1, 2 or 5 times a power of ten, at least that much.
-double round_step(double least) {
-  const double decade = std::pow(10, std::floor(std::log10(least)));
-  for (const double digit : {1.0, 2.0, 5.0})
-    if (digit * decade >= least) return digit * decade;
-  return 10 * decade;
-}
-
 /// 8-bit RGB of a height that a canvas need not have.
 struct Strip {
   int width, height;
@@ -63,19 +57,22 @@ Strip scale_of(const MapGeometry& geometry) {
   constexpr int kRowsAtOnce = 4096;  // a canvas has at most 32,767
   constexpr double kLeastBetween = 2.5 * kFont, kTick = 6;
   const RowScale rows = rows_of(geometry);
-  const double step = round_step(kLeastBetween * std::abs(rows.per_row));
   const double last = rows.first + rows.per_row * (geometry.height - 1);
+  const std::vector<double> ticks = scale_ticks(std::min(rows.first, last), std::max(rows.first, last),
+                                                kLeastBetween * std::abs(rows.per_row));
   Strip strip{kPreviewLeft, geometry.height, {}};
   for (int top = 0; top < geometry.height; top += kRowsAtOnce) {
     Canvas canvas(kPreviewLeft, std::min(kRowsAtOnce, geometry.height - top), kPaper);
-    for (double tick = std::ceil(std::min(rows.first, last) / step);
-         tick * step <= std::max(rows.first, last); ++tick) {
-      const double y = std::floor(rows.row_of(tick * step) + 0.5) + 0.5 - top;
+    double last_baseline = std::numeric_limits<double>::infinity();
+    for (const double tick : ticks) {
+      const double y = std::floor(rows.row_of(tick) + 0.5) + 0.5 - top;
       canvas.line(std::array{glm::dvec2(kPreviewLeft - kTick, y), glm::dvec2(kPreviewLeft, y)}, kInk);
       // Whole within the strip, and the pixels of the next canvas go on where this one's end.
-      const double baseline = std::clamp(y + 0.36 * kFont, kFont - 2.0 - top, geometry.height - 1.0 - top);
-      canvas.text({kPreviewLeft - kTick - 3, baseline}, fmt::format("{:g}", tick * step), kFont, kInk,
-                  Align::right);
+      const double baseline =
+          std::max(kFont - 2.0 - top, std::min(y + 0.36 * kFont, geometry.height - 1.0 - top));
+      if (std::abs(baseline - last_baseline) < kFont) continue;  // in a layer of few rows
+      last_baseline = baseline;
+      canvas.text({kPreviewLeft - kTick - 3, baseline}, fmt::format("{:g}", tick), kFont, kInk, Align::right);
     }
     const std::vector<std::uint8_t> rgb = canvas.rgb();
     strip.rgb.insert(strip.rgb.end(), rgb.begin(), rgb.end());

@@ -1,6 +1,7 @@
 // The program in odd surroundings: without a home, on full disks of others, in other languages, beside
 // another run, and under names that shells and options trip over.
 #include "cli/writers.hpp"
+#include "support/leftover.hpp"
 #include "support/scan_files.hpp"
 
 #include <fmt/format.h>
@@ -125,7 +126,7 @@ TEST_F(CliEnvironment, TwoRunsWriteTheSameFile) {
     std::uintmax_t sum = 0;
     std::error_code gone;
     for (const auto& entry : fs::directory_iterator(folder_ / ""))
-      if (entry.path().string().find(".part") != std::string::npos)
+      if (is_leftover(entry.path()))
         if (const auto size_B = entry.file_size(gone); !gone) sum += size_B;
     return sum;
   };

@@ -227,8 +227,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again; --skip-damaged leaves out "
-     "what is damaged",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave out what is "
+     "damaged with --skip-damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -381,7 +381,8 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) {
        write_bytes(f / "s.json", R"({"xraycast_session": 1, "files": {"map": "gone.exr"}})");
      }},
-    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3, "session version 9",
+    {"SessionOfAnotherVersion", "render --session @/s.json -o @/out.png", 3,
+     "session version 9, but this program reads version 1; use a newer xraycast",
      [](const TemporaryFolder& f) { write_bytes(f / "s.json", R"({"xraycast_session": 9})"); }},
     {"CompareWithoutViews", "compare @/ct.nii @/map.exr --views 0", 3, "--views 0"},
     {"ConeBehindTheAxis", "project @/ct.nii -o @/out.exr --cone 1000,900", 3, "beyond the axis"},

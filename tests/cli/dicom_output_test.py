@@ -282,15 +282,19 @@ class DicomOutput(unittest.TestCase):
         run("cast", self.series(), "-o", body_map, "--layers", 4, "--angles", 90, "--keep-basis", basis,
             "--opacity", opacity)
         run("recast", basis, "-o", recast, "--opacity", opacity)
+        other = ("--patient", "Doe^Jane,1")
         for words, expected in ((("project", self.series()), "scan"), (("render", body_map), "scan"),
                                 (("render", recast), "scan"), (("project", self.phantom()), "new"),
-                                (("render", self.map()), "new")):
+                                (("render", self.map()), "new"),
+                                # Another patient does not lie in the same frame.
+                                (("project", self.series(), *other), "new"), (("render", body_map, *other), "new")):
             with self.subTest(words=words):
                 told = json.loads(run(*words, "-o", file, "--size", "32x32", "--json").stdout)
                 data = pydicom.dcmread(file)
                 self.assertEqual(told["frame_of_reference"], expected)
                 self.assertEqual(data.FrameOfReferenceUID == scans, expected == "scan")
-                self.assertIn({"scan": "is the scan's.", "new": "is new, since"}[expected], data.DerivationDescription)
+                self.assertIn({"scan": "is the scan's.", "new": "is new, since the " +
+                               ("patient was given" if other[0] in words else "scan's is unknown")}[expected], data.DerivationDescription)
 
     def test_a_mask_is_a_valid_segmentation_of_its_series(self):
         series, folder = self.folder / "whose", self.folder / "whose vessels"
@@ -403,6 +407,12 @@ class DicomOutput(unittest.TestCase):
                 self.assertEqual(len(frames), 1)
                 self.assertEqual(frames <= before, kept != "")
                 self.assertEqual(told["frame_of_reference"], "scan" if kept != "" else "new")
+        # Another patient does not lie in the same frame.
+        named = self.folder / "named"
+        told = json.loads(run("convert", self.series(), "-o", named, "--patient", "Doe^Jane,1", "--json").stdout)
+        self.assertEqual(told["frame_of_reference"], "new")
+        self.assertTrue({data.FrameOfReferenceUID for data in source}.isdisjoint(
+            data.FrameOfReferenceUID for data in self.read_series(named)[1]))
         study = {data.StudyInstanceUID for data in source}
         self.assertTrue(study.isdisjoint(data.StudyInstanceUID for data in self.read_series(folder / "thorax")[1]))
 

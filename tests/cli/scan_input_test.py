@@ -197,8 +197,9 @@ class ScanInput(unittest.TestCase):
         self.assertEqual(self.leftovers(), [])
 
     def test_what_a_killed_run_left_is_removed(self):
-        abandoned = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-zip-", dir=self.temporary))
-        (abandoned / "000000").mkdir()
+        abandoned = self.temporary / "xraycast-zip-0123456789abcdef"
+        (abandoned / "000000").mkdir(parents=True)
+        abandoned.chmod(0o700)
         run("info", self.zipped())
         self.assertFalse(abandoned.exists())
 
@@ -284,6 +285,7 @@ class ScanInput(unittest.TestCase):
                         warnings = json.loads(run("info", path, "--json").stdout)["warnings"]
                         self.assertEqual(len(warnings), 0 if told is None else 1, warnings)
                         self.assertIn(told or "", (warnings or [""])[0])
+                        self.assertEqual("left and right" in str(warnings), "deg" in (told or ""), warnings)
         shifted = affine.copy()
         for shift, count in ((0.09, 0), (0.11, 1)):
             shifted[0, 3] = affine[0, 3] + shift
@@ -292,13 +294,24 @@ class ScanInput(unittest.TestCase):
             image.set_qform(shifted, 1)
             nibabel.save(image, path)
             self.assertEqual(len(json.loads(run("info", path, "--json").stdout)["warnings"]), count)
-        # A row of zeros says nothing, whatever the qform says.
+        # A row of zeros says nothing: the qform is taken, and without one the file is refused.
         image = nibabel.Nifti1Image(data, None)
         image.set_qform(affine, 1)
         image.set_sform(affine, 1)
         image.header["srow_y"] = 0
         nibabel.save(nibabel.Nifti1Image(data, None, image.header), path)
-        self.fails(path, "scan.nii.gz", "sform (srow_x, srow_y, srow_z) is a singular matrix", "set sform_code to 0")
+        by_qform = self.voxels(path)
+        warnings = json.loads(run("info", path, "--json").stdout)["warnings"]
+        self.assertEqual(len(warnings), 1, warnings)
+        self.assertIn("sform (srow_x, srow_y, srow_z) is a singular matrix; the qform was taken", warnings[0])
+        image.header["sform_code"] = 0
+        nibabel.save(nibabel.Nifti1Image(data, None, image.header), path)
+        expected = self.voxels(path)
+        numpy.testing.assert_array_equal(by_qform[0], expected[0])
+        self.assertEqual(by_qform[1:], expected[1:])
+        image.header["sform_code"], image.header["qform_code"] = 1, 0
+        nibabel.save(nibabel.Nifti1Image(data, None, image.header), path)
+        self.fails(path, "scan.nii.gz", "sform (srow_x, srow_y, srow_z) is a singular matrix", "export the file again")
 
     def test_nifti_in_the_other_byte_order(self):
         data = numpy.arange(60).reshape(3, 4, 5)
@@ -353,8 +366,9 @@ class ScanInput(unittest.TestCase):
             said = (done.stdout if words[0] == "info" else done.stderr).splitlines()
             about = [line for line in said if "studies" in line]
             self.assertEqual(len(about), 1, said)
-            self.assertIn("3 studies of 2 patients in the folder; the chosen series is of the study of 2026-01-01; "
-                          "--series chooses another", about[0])
+            self.assertIn("3 series of 3 studies of 2 patients in the folder, the one with the most slices was chosen", about[0])
+            self.assertIn("study of 2026-01-01); choose another series by its number, description or UID", about[0])
+            self.assertEqual(sum("in the folder" in line for line in said), 1, said)
             self.assertNotIn("Secret", done.stdout + done.stderr)
         said = json.loads(run("info", both, "--json").stdout)
         self.assertEqual((said["studies"], said["patients"]), (3, 2))
@@ -469,7 +483,7 @@ class ScanInput(unittest.TestCase):
 
         write_enhanced(path, range(SLICES), True)
         path.write_bytes(path.read_bytes()[:-ROWS * COLUMNS * 3])
-        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again; --skip-damaged leaves out")
+        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again, or leave out what is damaged with --skip-damaged")
         voxels, _, _ = self.voxels(path, "--skip-damaged")
         self.assertEqual(len(voxels), SLICES - 2)
         said = json.loads(run("info", path, "--skip-damaged", "--json").stdout)

@@ -1,5 +1,6 @@
 #include "cli/writers.hpp"
 
+#include "support/leftover.hpp"
 #include "support/scan_files.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
@@ -201,7 +202,7 @@ bool EveryWriter::is_whole(const std::string& name, std::uintmax_t size_B) const
 
 void EveryWriter::expect_whole_or_old_files(bool may_leave_parts) const {
   for (const auto& [name, content] : found()) {
-    if (may_leave_parts && name.find(".part") != std::string::npos) continue;
+    if (may_leave_parts && is_leftover(name)) continue;
     const auto old = old_.find(name);
     EXPECT_TRUE(is_whole(name, content.first) || (old != old_.end() && content == old->second))
         << name << " is partial or was left behind";

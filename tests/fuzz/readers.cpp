@@ -380,7 +380,7 @@ const Reader kReaders[] = {
     {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
 };
 
-/// What follows a semicolon, or what must be.
+/// What follows a semicolon, or what must be; `message` is what stands behind the file's name.
 bool says_what_to_do(std::string_view message) {
   return message.find("; ") != std::string_view::npos || message.find(" must ") != std::string_view::npos;
 }
@@ -400,10 +400,13 @@ std::optional<Content> FileToRead::read(const std::string& bytes) const {
   try {
     return reader_.read(path_);
   } catch (const InputError& error) {
-    const std::string_view message = error.what();
+    std::string_view message = error.what();
     // A series is named by its folder, the voxels' file by its own name.
     if (!message.starts_with(path_.parent_path().string()))
       throw std::logic_error(std::string("not the file's name first: ") + error.what());
+    // Another file's name than this one's is one of the reader's own, without a semicolon.
+    const std::string name = path_.string(), folder = path_.parent_path().string();
+    message.remove_prefix(message.starts_with(name) ? name.size() : folder.size());
     if (reader_.read != read_messages && !says_what_to_do(message))
       throw std::logic_error(std::string("not what to do: ") + error.what());
     return std::nullopt;

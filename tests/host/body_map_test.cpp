@@ -207,6 +207,11 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
     EXPECT_EQ(refusal_of(folder / name),
               (folder / name).string() + ": not a body map; make one with `xraycast cast`");
   EXPECT_THAT(refusal_of(folder / "none.exr"), testing::EndsWith(": no such file; check its name"));
+  // A name that no file can have.
+  EXPECT_THAT(refusal_of(std::string(300, 'a') + ".exr"), testing::EndsWith(": no such file; check its name"));
+  header.insert("xraycast:version", Imf::IntAttribute(9));
+  write_layers(folder / "later.exr", {header});
+  EXPECT_THAT(refusal_of(folder / "later.exr"), testing::EndsWith("versions 1 to 4; use a newer xraycast"));
 }
 
 TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {

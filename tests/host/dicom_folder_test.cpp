@@ -237,7 +237,26 @@ TEST(DicomFolder, CountsStudiesAndPatients) {
   }
   EXPECT_THAT(dates, ElementsAre("2026-01-31", "2025-12-24", "", ""));
   EXPECT_THAT(info.series, HasSubstr("1: 1 slice, axial, 1 mm, CHEST, study of 2026-01-31, UID"));
+  EXPECT_THAT(info.warnings,
+              ElementsAre(HasSubstr(
+                  "4 series of 3 studies of 2 patients in the folder, the one with the most slices was "
+                  "chosen (1: 1 slice")));
   EXPECT_EQ(read_scan(folder / "1").info.studies, 1);
+  EXPECT_THAT(read_scan(folder / "", {.series = "2"}).info.warnings, IsEmpty());
+  write("5", "1.7.3", "", "", "One");  // that of an ID
+  EXPECT_EQ(read_scan(folder / "").info.patients, 2);
+  write("6", "1.7.3", "", "B", "One");
+  EXPECT_EQ(read_scan(folder / "").info.patients, 3);
+}
+
+TEST(DicomFolder, CountsStudiesOfSeriesToChooseFromOnly) {
+  const TemporaryFolder folder;
+  constexpr std::uint32_t kStudyUid = 0x0020000d;
+  write_series(folder / "a", "1", 2);
+  image_of("3", "MR").text(kStudyUid, "UI", "1.7.9").text(kPatient, "LO", "another").write(folder / "mr");
+  const ScanInfo info = read_scan(folder / "").info;
+  EXPECT_EQ(info.studies, 1);
+  EXPECT_EQ(info.patients, 1);
 }
 
 // ---- what is passed over ---------------------------------------------------------------------------

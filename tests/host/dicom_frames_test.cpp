@@ -67,9 +67,9 @@ TEST(DicomFramesErrors, NameTheFrame) {
   DicomFile file = frames_file(true);
   file.sequence(kPerFrameGroups, {"", "", "", ""}).write(folder / "frames.dcm");
   EXPECT_THAT([&] { read_scan(folder / "frames.dcm"); },
-              testing::ThrowsMessage<DamagedSlice>(
-                  HasSubstr("frames.dcm: 4 of 4 frames are damaged, first frame 1: ImagePositionPatient "
-                            "(0020,0032) is missing")));
+              testing::ThrowsMessage<DamagedSlice>(HasSubstr(
+                  "frames.dcm: 4 of 4 frames are damaged; the first is frame 1: ImagePositionPatient "
+                  "(0020,0032) is missing")));
 }
 
 TEST(DicomFramesErrors, EndSequencesThatNestForEver) {

@@ -16,6 +16,8 @@ namespace {
 using ::testing::ElementsAreArray;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::StartsWith;
+using ::testing::ThrowsMessage;
 
 const VolumeGeometry kGeometry{{5, 4, 3}, {0.7, 0.9, 1.1}, {-12.3, 45.6, -78.9}};
 
@@ -35,6 +37,13 @@ std::vector<std::string> names_in(const std::filesystem::path& folder) {
 }
 
 class WriteVolume : public testing::TestWithParam<const char*> {};
+
+TEST(VolumeOfMoreThanTheMemory, IsRefusedWithItsName) {
+  const VolumeGeometry geometry{{65536, 65536, 65536}, {1, 1, 1}, {0, 0, 0}};
+  EXPECT_THAT(
+      [&] { Volume(geometry, "scans/huge.nrrd"); },
+      ThrowsMessage<InputError>(StartsWith("scans/huge.nrrd: 65536 x 65536 x 65536 voxels need 524288 GiB")));
+}
 
 TEST_P(WriteVolume, IsReadBackBitForBit) {
   const TemporaryFolder folder;

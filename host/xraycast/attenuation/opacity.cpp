@@ -78,10 +78,11 @@ Opacity Opacity::named(const std::string& name_or_file) {
   if (name_or_file == "paper") return paper();
   if (name_or_file == "bilinear") return bilinear();
   if (name_or_file == "subtracted") return subtracted();
-  if (!std::filesystem::is_regular_file(name_or_file))
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(name_or_file, error))
     throw InputError("{}: unknown opacity; give paper, bilinear, subtracted or a readable JSON file",
                      name_or_file);
-  return with_remedy("correct the file",
+  return with_remedy(name_or_file, "correct the file",
                      [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
 }
 

@@ -145,10 +145,11 @@ Spectrum::Spectrum(std::string name, std::vector<Bin> bins) : name_(std::move(na
 Spectrum Spectrum::named(const std::string& kvp_or_file) {
   for (const int tube_kv : kTubes_kv)
     if (kvp_or_file == std::to_string(tube_kv)) return tube_spectrum(tube_kv);
-  if (!std::filesystem::is_regular_file(kvp_or_file))
+  std::error_code error;
+  if (!std::filesystem::is_regular_file(kvp_or_file, error))
     throw InputError("spectrum:{}: give a tube voltage of {} kVp, or a file of energies in keV and fluences",
                      kvp_or_file, fmt::join(kTubes_kv, ", "));
-  return with_remedy("correct the file", [&] { return read_columns(kvp_or_file); });
+  return with_remedy(kvp_or_file, "correct the file", [&] { return read_columns(kvp_or_file); });
 }
 
 Spectrum Spectrum::from_json(const std::string& text, const std::string& origin) {

@@ -7,7 +7,14 @@ namespace xraycast {
 /// The patient of a DICOM file, in DICOM's notation (`Doe^Jane`) and UTF-8; empty: none.
 struct DicomPatient {
   std::string name{}, id{};
+  bool is_given() const { return !name.empty() || !id.empty(); }
 };
+
+/// The frame of reference of what is made for `patient` from a file in `source_uid`: the same one, but for a
+/// patient that was given, who must not share it, none (empty).
+inline std::string frame_of_reference_for(const DicomPatient& patient, const std::string& source_uid) {
+  return patient.is_given() ? "" : source_uid;
+}
 
 /// Parses `Doe^Jane,12345`; an empty text gives no patient. Throws InputError, with `name` in front, when it
 /// is not NAME,ID.

@@ -2,20 +2,28 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <filesystem>
+#include <string>
 #include <string_view>
 
 namespace xraycast {
 
+/// Whether a message about `file` says behind a semicolon what to do. A semicolon in the file's name is none.
+inline bool has_remedy(std::string message, const std::filesystem::path& file) {
+  const std::string name = file.string();
+  if (!name.empty() && message.starts_with(name)) message.erase(0, name.size());
+  return message.find("; ") != std::string::npos;
+}
+
 /// What `read` returns. Messages say what is wrong, and after a semicolon what to do: an InputError that does
 /// not say that gets `remedy`.
 template <typename Read>
-auto with_remedy(std::string_view remedy, const Read& read) {
+auto with_remedy(const std::filesystem::path& file, std::string_view remedy, const Read& read) {
   try {
     return read();
   } catch (const InputError& error) {
-    const std::string_view message = error.what();
-    if (message.find("; ") != std::string_view::npos) throw;
-    throw InputError("{}; {}", message, remedy);
+    if (has_remedy(error.what(), file)) throw;
+    throw InputError("{}; {}", error.what(), remedy);
   }
 }
 

@@ -16,7 +16,7 @@ void require_regular_file(const std::filesystem::path& path) {
   if (std::filesystem::is_directory(status))
     throw InputError("{}: a folder, but a file is needed here; give the file", path.string());
   if (!std::filesystem::is_regular_file(status))
-    throw InputError("{}: not a regular file; give one", path.string());
+    throw InputError("{}: not a regular file; give the file itself, not a pipe or device", path.string());
 }
 
 std::string read_whole_file(const std::filesystem::path& path) {

@@ -5,6 +5,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/remedy.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -179,9 +180,8 @@ class Writer {
 class Reader {
  public:
   explicit Reader(const std::filesystem::path& path) : name_(path.string()) {
+    require_regular_file(path);
     std::error_code error;
-    if (!std::filesystem::is_regular_file(path, error))
-      throw InputError("{}: no such file; check its name", name_);
     file_.open(path, std::ios::binary);
     left_B_ = static_cast<std::int64_t>(std::filesystem::file_size(path, error));
     if (!file_ || error)
@@ -190,8 +190,11 @@ class Reader {
     if (left_B_ < 12 || !get(magic, 8) || std::memcmp(magic, kBasisMagic, 8) != 0 || !get(&version_, 4))
       throw InputError("{}: not a basis; make one with `xraycast cast --keep-basis`", name_);
     if (version_ != kBasisVersion && version_ != kBasisOutlineVersion)
-      throw InputError("{}: basis version {}, but this program reads versions {} and {}; use a newer one",
-                       name_, version_, kBasisVersion, kBasisOutlineVersion);
+      throw InputError("{}: basis version {}, but this program reads versions {} and {}; {}", name_, version_,
+                       kBasisVersion, kBasisOutlineVersion,
+                       version_ > std::max(kBasisVersion, kBasisOutlineVersion)
+                           ? "use a newer xraycast"
+                           : "cast the scan again with --keep-basis");
   }
 
   const std::string& name() const { return name_; }
@@ -305,7 +308,7 @@ void write_basis(const Basis& basis, const std::filesystem::path& path) {
 }
 
 Basis read_basis(const std::filesystem::path& path) {
-  return with_remedy("cast the scan again with --keep-basis", [&] { return read_whole_basis(path); });
+  return with_remedy(path, "cast the scan again with --keep-basis", [&] { return read_whole_basis(path); });
 }
 
 }  // namespace xraycast

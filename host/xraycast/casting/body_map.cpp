@@ -248,15 +248,17 @@ void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) 
 
 BodyMap read_map(const std::filesystem::path& path) {
   const std::string name = path.string();
-  if (std::filesystem::is_directory(path))
+  std::error_code error;
+  if (std::filesystem::is_directory(path, error))
     throw InputError("{}: a folder, but a body map is needed; make one of a scan with `xraycast cast`", name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   const ExrReader file(path);
   const int version = file.number("xraycast:version").value_or(0);
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
-    throw InputError("{}: body map version {}, but this program reads versions up to {}; use a newer one",
-                     name, version, kPrecisionVersion);
+    throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
+                     kTauVersion, kPrecisionVersion,
+                     version > kPrecisionVersion ? "use a newer xraycast" : "cast the scan again");
 
   BodyMap map;
   map.geometry = geometry_of(file, name);
@@ -316,7 +318,7 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {
-  return with_remedy("cast the map again", [&] { return read_map(path); });
+  return with_remedy(path, "cast the map again", [&] { return read_map(path); });
 }
 
 std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {

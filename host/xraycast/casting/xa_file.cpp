@@ -125,13 +125,15 @@ void add_run(DicomElements& image, std::size_t frames, double frame_time_ms) {
   image.number(0x00181063, frame_time_ms);
 }
 
-std::string derivation(const View& view, bool is_frame_the_scans) {
+std::string derivation(const View& view, const XaOptions& options) {
+  const char* const frame = !options.frame_of_reference_uid.empty() ? "the scan's"
+                            : options.patient.is_given()            ? "new, since the patient was given"
+                                                                    : "new, since the scan's is unknown";
   const glm::dvec3& c = view.centre_mm;
   return fmt::format(
       "Simulated by xraycast from a CT scan, a digitally reconstructed radiograph; not for clinical use. "
       "Isocentre in the scan: {:.4f} {:.4f} {:.4f} mm (LPS). The frame of reference is {}.{}",
-      c.x, c.y, c.z, is_frame_the_scans ? "the scan's" : "new, since the scan's is unknown",
-      view.cone ? "" : " The beam is parallel: it has no source.");
+      c.x, c.y, c.z, frame, view.cone ? "" : " The beam is parallel: it has no source.");
 }
 
 }  // namespace
@@ -168,7 +170,7 @@ void XaWriter::finish() {
   const std::string& scans_frame = options_.frame_of_reference_uid;
   DicomElements image = dicom_elements("1.2.840.10008.5.1.4.1.1.12.1", options_.patient);
   image.text(0x00080008, "DERIVED\\SECONDARY\\SINGLE PLANE");  // Image Type
-  image.text(0x00082111, derivation(views_.front(), !scans_frame.empty()));
+  image.text(0x00082111, derivation(views_.front(), options_));
   image.text(0x0008103e, "Simulated projection");  // Series Description
   image.text(0x00200052, scans_frame.empty() ? new_dicom_uid() : scans_frame);
   image.text(0x00201040, "");  // Position Reference Indicator

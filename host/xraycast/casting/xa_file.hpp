@@ -27,7 +27,7 @@ struct XaOptions {
   DicomPatient patient{};
   std::optional<double> tube_kvp{};      ///< where a spectrum was used
   double frame_time_ms = 50;             ///< of a run; 50 ms as in other cines
-  std::string frame_of_reference_uid{};  ///< the scan's; empty: unknown, and a new one is made
+  std::string frame_of_reference_uid{};  ///< the scan's; empty: a new one is made
 };
 
 /// Whether a file's name has the extension of an X-Ray Angiographic Image, `.dcm`.

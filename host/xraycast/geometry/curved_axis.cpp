@@ -77,7 +77,7 @@ CurvedAxis CurvedAxis::from_file(const std::string& name) {
     if (error != std::errc{} || end != last)
       throw InputError("{}: the text after # must be the number of a branch", name);
   }
-  return with_remedy("correct the file", [&]() -> CurvedAxis {
+  return with_remedy(path, "correct the file", [&]() -> CurvedAxis {
     return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
   });
 }

@@ -244,7 +244,7 @@ void write_mesh(const Mesh& mesh, const std::filesystem::path& path) {
 
 Mesh read_mesh(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  return with_remedy("export the surface again as STL or VTP", [&] {
+  return with_remedy(path, "export the surface again as STL or VTP", [&] {
     if (extension == ".stl") return read_stl(path);
     if (extension == ".vtp") return read_polys(path);
     throw InputError("{}: a surface is read from .stl or .vtp, not \"{}\"", path.string(), extension);

@@ -81,12 +81,12 @@ void measure(VesselBranch& branch, std::size_t index, const std::string& name) {
       throw InputError("{}: branch {}: point {}: the radius {} mm is not above zero", name, index, k,
                        point.radius_mm);
     if (point.radius_mm > kLargestRadius_mm)
-      throw InputError("{}: branch {}: point {}: the radius {:g} mm is more than {:g}; lengths are in mm",
+      throw InputError("{}: branch {}: point {}: the radius {:g} mm is more than {:g} (lengths are in mm)",
                        name, index, k, point.radius_mm, kLargestRadius_mm);
     const glm::dvec3 away_mm = glm::abs(point.position_mm);
     if (const double farthest_mm = std::max({away_mm.x, away_mm.y, away_mm.z}); farthest_mm > kFarthest_mm)
       throw InputError(
-          "{}: branch {}: point {} lies {:g} mm from the origin, more than {:g}; lengths are in mm", name,
+          "{}: branch {}: point {} lies {:g} mm from the origin, more than {:g} (lengths are in mm)", name,
           index, k, farthest_mm, kFarthest_mm);
     if (k == 0) continue;
     const double before = branch.arc_length_mm.back();
@@ -321,9 +321,10 @@ void write_tree(const VesselTree& tree, const std::filesystem::path& path) {
 }
 
 VesselTree read_tree(const std::filesystem::path& path) {
-  return with_remedy("segment the scan again or correct the file", [&] {
-    if (std::filesystem::is_directory(path)) {
-      if (!std::filesystem::exists(path / "tree.vtp"))
+  return with_remedy(path, "segment the scan again or correct the file", [&] {
+    std::error_code error;
+    if (std::filesystem::is_directory(path, error)) {
+      if (!std::filesystem::exists(path / "tree.vtp", error))
         throw InputError("{}: the folder holds no tree.vtp; give the one that `xraycast segment` wrote",
                          path.string());
       return read_lines(path / "tree.vtp");

@@ -181,11 +181,11 @@ void warn_of_difference(const NiftiHeader& header, double mm_per_unit, std::vect
   if (mm <= kSame_mm && deg <= kSame_deg) return;
   warnings.push_back(
       fmt::format("sform and qform place the patient differently, by {:.3g} mm and {:.3g} deg; the sform was "
-                  "taken, as most programs do: check left and right",
-                  mm, deg));
+                  "taken, as most programs do{}",
+                  mm, deg, deg > kSame_deg ? ": check left and right" : ""));
 }
 
-/// The sform, as most programs do, else the qform.
+/// The sform, as most programs do, else the qform. Of a singular sform nothing can be made.
 NiftiAxes axes_of(const fs::path& path, const NiftiHeader& header, double mm_per_unit,
                   std::vector<std::string>& warnings) {
   require_finite(path, "pixdim", std::span(header.pixdim).first(4));
@@ -195,11 +195,16 @@ NiftiAxes axes_of(const fs::path& path, const NiftiHeader& header, double mm_per
   if (header.sform_code > 0) {
     require_finite(path, "sform", header.sform);
     const NiftiAxes axes = axes_of_sform(header);
-    if (is_singular(axes))
-      throw InputError(
-          "{}: sform (srow_x, srow_y, srow_z) is a singular matrix; export the file again with "
-          "its orientation{}",
-          path.string(), header.qform_code > 0 ? ", or set sform_code to 0 for the qform's" : "");
+    if (is_singular(axes)) {
+      if (header.qform_code <= 0 || is_singular(axes_of_qform(header)))
+        throw InputError(
+            "{}: sform (srow_x, srow_y, srow_z) is a singular matrix; export the file again with its "
+            "orientation",
+            path.string());
+      warnings.emplace_back(
+          "sform (srow_x, srow_y, srow_z) is a singular matrix; the qform was taken: check left and right");
+      return axes_of_qform(header);
+    }
     if (header.qform_code > 0) warn_of_difference(header, mm_per_unit, warnings);
     return axes;
   }

@@ -94,7 +94,7 @@ LoadedVoxels load_voxels(const VtkXmlFile& file, ImageHeader& header) {
 
 Scan open_vti(const std::filesystem::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
-  return with_remedy("export the file again", [&] {
+  return with_remedy(path, "export the file again", [&] {
     const VtkXmlFile file(path, "ImageData");
     ImageHeader header;
     header.path = path;

@@ -138,7 +138,7 @@ std::int64_t PhantomSource::read(std::span<std::int16_t> hu, Progress& progress)
 }
 
 Volume generate(const Phantom& phantom, ComputeDevice& device, Progress& progress) {
-  Volume volume(phantom.geometry());
+  Volume volume(phantom.geometry(), "phantom " + phantom.name());
   PhantomSource source(phantom, device);
   progress.begin("painting", phantom.geometry().size.z, "slices");
   source.read(volume.hu(), progress);

@@ -194,7 +194,8 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
   if (!fs::exists(status)) throw InputError("{}: no such file or folder; check its name", path.string());
   if (fs::is_directory(status)) return open_folder(path, options, progress);
   if (!fs::is_regular_file(status))
-    throw InputError("{}: neither a file nor a folder; give one", path.string());
+    throw InputError("{}: neither a file nor a folder; give the file itself, not a pipe or device",
+                     path.string());
 
   switch (format_of(path)) {
     case Format::dicom:

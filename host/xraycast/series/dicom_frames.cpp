@@ -216,7 +216,7 @@ std::string fault_of_frames(const std::string& file, std::size_t frames, std::si
   if (whole + damaged == frames)
     return fmt::format("{}: truncated, {} of {} frames are there; copy the file again", file, whole, frames);
   if (damaged == 1) return first;
-  return fmt::format("{}: {} of {} frames are damaged, first {}", file, damaged, frames,
+  return fmt::format("{}: {} of {} frames are damaged; the first is {}", file, damaged, frames,
                      first.substr(file.size() + 2));
 }
 

@@ -140,8 +140,8 @@ std::size_t index_of(const std::string& wanted, const std::vector<DicomSeries>& 
       const auto found = std::ranges::find_if(all, fits);
       if (found == all.end()) continue;
       if (std::ranges::count_if(all, fits) > 1)
-        throw InputError("{}: several series match '{}'; give more of one of these: {}", path.string(),
-                         wanted, list_of(all));
+        throw InputError("{}: several series match '{}'; give a UID of these: {}", path.string(), wanted,
+                         list_of(all));
       return static_cast<std::size_t>(found - all.begin());
     }
   throw InputError("{}: no series matches '{}'; give one of these: {}", path.string(), wanted, list_of(all));
@@ -180,13 +180,37 @@ ScanInfo::Series summary_of(const DicomSeries& series, bool chosen) {
           .chosen = chosen};
 }
 
-/// How many different ones there are; at least one, though no file may name it.
-std::int64_t count_different(const std::vector<DicomSeries>& all, std::string DicomFileSummary::*text) {
+/// At least one, though no file may name it.
+std::int64_t count_studies(const std::vector<const DicomFileSummary*>& files) {
   std::set<std::string> different;
-  for (const DicomSeries& series : all)
-    for (const DicomFileSummary& file : series.files)
-      if (!(file.*text).empty()) different.insert(file.*text);
+  for (const DicomFileSummary* file : files)
+    if (!file->study_uid.empty()) different.insert(file->study_uid);
   return std::max<std::int64_t>(1, std::ssize(different));
+}
+
+/// At least one, by their IDs. A file without an ID is compared by the patient's name.
+std::int64_t count_patients(const std::vector<const DicomFileSummary*>& files) {
+  std::set<std::string> ids, named_with_id, named_without;
+  for (const DicomFileSummary* file : files) {
+    if (!file->patient_id.empty()) ids.insert(file->patient_id);
+    (file->patient_id.empty() ? named_without : named_with_id).insert(file->patient_name);
+  }
+  named_with_id.insert("");
+  const auto others =
+      std::ranges::count_if(named_without, [&](const auto& name) { return !named_with_id.contains(name); });
+  return std::max<std::int64_t>(1, std::ssize(ids) + others);
+}
+
+/// Of a choice that the user did not make.
+std::string warning_of_choice(const DicomSeries& chosen, const ScanInfo& info) {
+  const std::string of = info.studies * info.patients < 2
+                             ? ""
+                             : fmt::format(" of {} of {}", pluralize(info.studies, "study"),
+                                           pluralize(info.patients, "patient"));
+  return fmt::format(
+      "{} series{} in the folder, the one with the most slices was chosen ({}); choose another series by its "
+      "number, description or UID",
+      info.other_series.size() + 1, of, name_of(chosen));
 }
 
 }  // namespace
@@ -198,22 +222,22 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
   if (all.empty()) refuse(files, path);
   std::ranges::sort(all, is_better);
   const std::size_t chosen = wanted.empty() ? 0 : index_of(wanted, all, path);
-  info.studies = count_different(all, &DicomFileSummary::study_uid);
-  info.patients = count_different(all, &DicomFileSummary::patient);
   all[chosen].files.insert(all[chosen].files.end(), strays.begin(), strays.end());
 
   const bool only_ct = all[chosen].is_ct;
+  std::vector<const DicomFileSummary*> to_choose_from;
   for (std::size_t i = 0; i < all.size(); ++i) {
     info.all_series.push_back(summary_of(all[i], i == chosen));
-    if (i == chosen || (only_ct && !all[i].is_ct)) continue;
+    if (only_ct && !all[i].is_ct) continue;
+    for (const DicomFileSummary& file : all[i].files) to_choose_from.push_back(&file);
+    if (i == chosen) continue;
     info.other_series.push_back(describe(all[i]));
     if (wanted.empty()) info.notes.push_back("other series " + name_of(all[i]));
   }
+  info.studies = count_studies(to_choose_from);
+  info.patients = count_patients(to_choose_from);
   if (wanted.empty() && !info.other_series.empty())
-    info.warnings.push_back(
-        fmt::format("{} series in the folder, the one with the most slices was chosen ({}); choose another "
-                    "series by its number, description or UID",
-                    info.other_series.size() + 1, name_of(all[chosen])));
+    info.warnings.push_back(warning_of_choice(all[chosen], info));
   note_passed_over(files, only_ct, info);
 
   info.series = describe(all[chosen]);

@@ -64,12 +64,6 @@ std::string iso_date(std::string text) {
   return text.substr(0, 4) + "-" + text.substr(4, 2) + "-" + text.substr(6);
 }
 
-/// The ID, or without one what else tells a patient from others. Names alone are spelt in several ways.
-std::string patient_of(const DicomHeader& header) {
-  if (std::string id = header.text(kPatientId); !id.empty()) return id;
-  return header.text(kPatientName) + header.text(kPatientBirthDate);
-}
-
 }  // namespace
 
 std::int64_t DicomPixels::size_B() const {
@@ -102,7 +96,8 @@ DicomFileSummary summarise_dicom(const fs::path& file) {
   summary.body_part = header.text(kBodyPartExamined);
   summary.study_uid = header.text(kStudyUid);
   summary.study_date = iso_date(header.text(kStudyDate));
-  summary.patient = patient_of(header);
+  summary.patient_id = header.text(kPatientId);
+  summary.patient_name = header.text(kPatientName);
 
   // A truncated header may be that of a CT slice unless it says otherwise.
   summary.is_cut_off = header.is_cut_off() || (is_ct_class(object_class) && !header.pixel_data());

@@ -46,13 +46,13 @@ struct DicomSlice {
 /// Any DICOM file: what it is, and its slice if it is one.
 struct DicomFileSummary {
   std::string modality, series_uid, series_description, series_number, body_part;
-  std::string study_uid, study_date;  ///< the date as 2026-01-31
-  std::string patient;                ///< tells patients apart; never shown
-  std::string noun;                   ///< name of the kind of file in counts, such as "structured report"
-  bool is_directory = false;          ///< a DICOMDIR
-  bool is_ct_slice = false;           ///< by its header; scouts and screen shots are not
-  bool is_image = false;              ///< a grey image of any modality, or a CT slice that is damaged
-  bool is_cut_off = false;            ///< before its pixel data, so its kind may be unknown
+  std::string study_uid, study_date;     ///< the date as 2026-01-31
+  std::string patient_id, patient_name;  ///< tell patients apart; never shown
+  std::string noun;                      ///< name of the kind of file in counts, such as "structured report"
+  bool is_directory = false;             ///< a DICOMDIR
+  bool is_ct_slice = false;              ///< by its header; scouts and screen shots are not
+  bool is_image = false;                 ///< a grey image of any modality, or a CT slice that is damaged
+  bool is_cut_off = false;               ///< before its pixel data, so its kind may be unknown
 
   std::vector<DicomSlice> slices;  ///< what can be used: one, or a multi-frame file's frames
   std::int64_t faulty_slices = 0;  ///< what cannot: the whole file is one, unless its frames are known

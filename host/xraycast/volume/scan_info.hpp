@@ -29,7 +29,7 @@ struct ScanInfo {
     bool chosen;
   };
   std::vector<Series> all_series;  ///< DICOM: all series of greyscale images, the best CT series first
-  std::int64_t studies = 0, patients = 0;  ///< DICOM: of how many those series are
+  std::int64_t studies = 0, patients = 0;  ///< DICOM: of the chosen and the other series
   Index3 size{0, 0, 0};                    ///< columns, rows and slices as stored, without those left out
   struct LeftOut {
     std::int64_t damaged = 0, same_place = 0;  ///< at the place of another slice

@@ -4,8 +4,8 @@
 
 namespace xraycast {
 
-Volume collect(SliceSource& source, Progress& progress) {
-  Volume volume(source.geometry());
+Volume collect(SliceSource& source, Progress& progress, const std::string& name) {
+  Volume volume(source.geometry(), name);
   const std::int64_t slices = source.geometry().size.z;
   progress.begin("reading", slices, "slices");
   std::int64_t done = 0;

@@ -31,8 +31,8 @@ class SliceSource {
   virtual HuRange hu_range() const = 0;
 };
 
-/// Reads all slices. Starts a stage "reading" of `progress`.
-Volume collect(SliceSource& source, Progress& progress);
+/// Reads all slices. Starts a stage "reading" of `progress`. Throws as Volume, with `name` in front.
+Volume collect(SliceSource& source, Progress& progress, const std::string& name = "volume");
 
 /// Yields the slices of a volume in memory; the volume must outlive it.
 class VolumeSource final : public SliceSource {

@@ -23,12 +23,12 @@ void validate(const VolumeGeometry& geometry, const std::string& name) {
   }
 }
 
-Volume::Volume(const VolumeGeometry& geometry) : geometry_(geometry) {
-  validate(geometry, "volume");
+Volume::Volume(const VolumeGeometry& geometry, const std::string& name) : geometry_(geometry) {
+  validate(geometry, name);
   const std::int64_t bytes = geometry.voxel_count() * static_cast<std::int64_t>(sizeof(std::int16_t));
   if (bytes > machine_memory_B())
-    throw InputError("{} x {} x {} voxels need {} GiB, more than this machine's memory; make it smaller",
-                     geometry.size.x, geometry.size.y, geometry.size.z, bytes >> 30);
+    throw InputError("{}: {} x {} x {} voxels need {} GiB, more than this machine's memory; make it smaller",
+                     name, geometry.size.x, geometry.size.y, geometry.size.z, bytes >> 30);
   require_memory(
       fmt::format("a scan of {} x {} x {} voxels", geometry.size.x, geometry.size.y, geometry.size.z),
       {bytes, bytes});

@@ -48,8 +48,9 @@ inline constexpr std::int16_t kPaddingHu = -1024, kMaxHu = 32767;
 /// initialised.
 class Volume {
  public:
-  /// Throws InputError when the geometry is invalid or needs more than the machine's memory.
-  explicit Volume(const VolumeGeometry& geometry);
+  /// Throws InputError, with `name` in front, when the geometry is invalid or needs more than the machine's
+  /// memory.
+  explicit Volume(const VolumeGeometry& geometry, const std::string& name = "volume");
 
   const VolumeGeometry& geometry() const { return geometry_; }
 

@@ -59,7 +59,7 @@ void check_above_zero(double value, const std::string& where, const char* key) {
 void check_radius(double radius_mm, const std::string& where) {
   check_above_zero(radius_mm, where, "radius_mm");
   check(radius_mm, radius_mm <= kLargestRadius_mm, where, "radius_mm",
-        "that is more than any vessel's; lengths are in mm");
+        "that is more than any vessel's (lengths are in mm)");
 }
 
 }  // namespace
@@ -138,7 +138,7 @@ InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   if (extension_of(name_or_file) != ".json")
     throw InputError("{}: unknown device; choose one of {}, or give a file that ends in .json", name_or_file,
                      fmt::join(preset_names(), ", "));
-  return with_remedy("correct the file",
+  return with_remedy(name_or_file, "correct the file",
                      [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
 }
 

@@ -117,7 +117,7 @@ Script Script::parse(const std::string& text, const std::string& origin) {
 }
 
 Script Script::read(const std::filesystem::path& path) {
-  return with_remedy("correct the script", [&] { return parse(read_whole_file(path), path.string()); });
+  return with_remedy(path, "correct the script", [&] { return parse(read_whole_file(path), path.string()); });
 }
 
 HubPose Script::pose_at(double time_s) const {

@@ -143,8 +143,10 @@ ViewSession read_fields(const fs::path& path) {
     throw InputError("{}: not a session; save one in the viewer with Ctrl+S", name);
   const Fields fields(json, name);
   if (const auto version = whole_number(fields.value("xraycast_session")); version != kVersion)
-    throw InputError("{}: session version {}, but this program reads version {}; save one with it", name,
-                     version ? std::to_string(*version) : "unknown", kVersion);
+    throw InputError("{}: session version {}, but this program reads version {}; {}", name,
+                     version ? std::to_string(*version) : "unknown", kVersion,
+                     version.value_or(0) > kVersion ? "use a newer xraycast"
+                                                    : "save the session again in the viewer with Ctrl+S");
   ViewSession session;
   if (fields.has("files")) {
     const Fields named = fields.at("files");
@@ -200,7 +202,8 @@ void write_session(const ViewSession& session, const fs::path& path) {
 }
 
 ViewSession read_session(const fs::path& path) {
-  return with_remedy("save the session again in the viewer with Ctrl+S", [&] { return read_fields(path); });
+  return with_remedy(path, "save the session again in the viewer with Ctrl+S",
+                     [&] { return read_fields(path); });
 }
 
 }  // namespace xraycast

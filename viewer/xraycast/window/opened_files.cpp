@@ -25,6 +25,7 @@ struct CastParameters {
 /// Uploads the scan to a device.
 CastParameters load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
+  opened.warnings = scan.info.warnings;
   check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry(), {.finds_skin = true});
   LoadTimings timings;

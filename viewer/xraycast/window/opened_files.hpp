@@ -11,6 +11,7 @@
 
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -39,6 +40,7 @@ struct OpenedFiles {
   std::shared_ptr<RecastOnDevice> recast;
   std::shared_ptr<const Surface> vessels, catheter;
   std::shared_ptr<const VesselTree> tree;  ///< of the vessels' folder, where it has one
+  std::vector<std::string> warnings;       ///< of a scan that was opened, one line each
 };
 
 /// Opens the files of a session, on a worker's thread; contents that `before` has read from the same files

@@ -15,6 +15,7 @@
 #include <algorithm>
 #include <cmath>
 #include <epoxy/gl.h>
+#include <iterator>
 
 namespace xraycast {
 namespace {
@@ -116,10 +117,12 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   for (const auto& surface : {opened_.vessels, opened_.catheter})
     if (surface && !intervention_) surfaces.push_back(*surface);
   renderer_.set_surfaces(surfaces);
+  std::vector<std::string> notes = opened_.warnings;
   if (opened_.map && opened_.vessels)
-    for (const std::string& note : notes_on_place(
-             opened_.vessels->mesh.points_mm, bounds_of(opened_.map->geometry), session_.vessels.string()))
-      message_ = note;
+    std::ranges::copy(notes_on_place(opened_.vessels->mesh.points_mm, bounds_of(opened_.map->geometry),
+                                     session_.vessels.string()),
+                      std::back_inserter(notes));
+  if (!notes.empty()) message_ = fmt::format("{}", fmt::join(notes, "\n"));
   opacity_.open(opened_.map, opened_.recast);
 }
 
