@@ -209,10 +209,11 @@ Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Fi
     (is_bright ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
     const double least = wide.voxels[i] != 0 ? 0.5 : least_share;
     if (static_cast<double>(shares[i]) < least) return;
-    if (static_cast<double>(shares[i]) < certain_share && to_pruned_mm[i] < to_kept_mm[i]) return;
+    const bool is_certain = static_cast<double>(shares[i]) >= certain_share;
+    if (!is_certain && to_pruned_mm[i] < to_kept_mm[i]) return;
     const Index3 voxel = voxel_at(candidates.geometry, static_cast<std::int64_t>(i));
     if (candidates.voxels[i] != 0 ||
-        std::any_of(kNeighbours.begin(), kNeighbours.begin() + 18,
+        std::any_of(kNeighbours.begin(), kNeighbours.begin() + (is_certain ? 26 : 18),
                     [&](const Index3& step) { return candidates.at(voxel + step); }))
       vessels.voxels[i] = 1;
   });
