@@ -3,7 +3,6 @@
 #include "support/tubes.hpp"
 #include "xraycast/evidence/scan_response.hpp"
 #include "xraycast/evidence/vessel_evidence.hpp"
-#include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 
@@ -34,26 +33,6 @@ TEST(Response, IsTheContrastWhereNothingIsCutOff) {
   // Between the entries of a table whose range is 3000.
   for (const double contrast_hu : {-15.0, 0.0, 100.0, 400.0})
     EXPECT_NEAR(response.contrast_hu(50 + contrast_hu), contrast_hu, 0.1);
-}
-
-TEST(MaskedScan, HasNoVesselsInWhatIsLeftOfItsNoise) {
-  // Most of a masked scan is one value, so that its median deviation is none; noise is left around vessels.
-  constexpr double kNoise_hu = 25;
-  GrownTree tree = grow_tree({.seed = 42, .noise = kNoise_hu});
-  const std::vector<float> away_vox = distance_to_foreground_mm(tree.lumen);
-  for (std::size_t i = 0; i < away_vox.size(); ++i)
-    if (away_vox[i] > 4) tree.noisy.hu()[i] = 0;
-  ComputeDevice device;
-  Progress progress;
-  const VesselEvidence found = find_vessels(tree.noisy, kNoise_hu, device, progress);
-  std::int64_t wrong = 0, right = 0;
-  for (std::size_t i = 0; i < away_vox.size(); ++i) {
-    wrong += found.vessels.voxels[i] != 0 && away_vox[i] > 2;
-    right += found.vessels.voxels[i] & tree.lumen.voxels[i];
-  }
-  // As in noise everywhere.
-  EXPECT_LE(static_cast<double>(wrong), 0.01 * static_cast<double>(found.vessels.count()));
-  EXPECT_GE(static_cast<double>(right), 0.8 * static_cast<double>(tree.lumen.count()));
 }
 
 TEST(QuietScan, ShowsAllThatItsLumenTouches) {

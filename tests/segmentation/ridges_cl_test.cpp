@@ -98,6 +98,19 @@ TEST(RidgeStrength, IsTheSameInAMirror) {
   for (std::size_t i = 0; i < strength.size(); ++i) ASSERT_NEAR(strength[i], mirrored_strength[i], 1e-3) << i;
 }
 
+TEST(NoiseAlone, CountsWhereAMaskHasLeftIt) {
+  const Volume volume = noise_alone({60, 60, 60});
+  Volume masked({.size = {60, 60, 60}});
+  for (std::int64_t z = 20; z < 40; ++z)
+    for (std::int64_t y = 20; y < 40; ++y)
+      for (std::int64_t x = 20; x < 40; ++x) masked.at(x, y, z) = volume.at(x, y, z);
+  ComputeDevice device;
+  const double everywhere = strong_ridge(ridge_strength(volume, device)),
+               left = strong_ridge(ridge_strength(masked, device));
+  // The mean of what is left is brighter than what was masked. The median strength of all voxels is 0.
+  EXPECT_GE(left, everywhere);
+}
+
 TEST(NoiseAlone, HoldsNoVessel) {
   const Volume volume = noise_alone({60, 60, 60});
   ComputeDevice device;

@@ -195,27 +195,69 @@ Mask wide_vessels(const Mask& candidates, const Field& shares) {
   return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWide_vox + kWall_vox);
 }
 
+/// Judges voxels by their shares.
+class ShareJudge {
+ public:
+  ShareJudge(const Mask& candidates, const Field& shares, const LumenScale& scale)
+      : candidates_(candidates),
+        wide_(wide_vessels(candidates, shares)),
+        shares_(shares),
+        least_(least_share(scale)),
+        certain_(certain_share(scale)) {}
+
+  bool is_certain(std::size_t i) const { return share(i) >= certain_; }
+
+  /// Whether a voxel of a skeleton holds almost as much as is needed.
+  bool is_bright(std::size_t i) const {
+    constexpr double kAlmost = 0.8;
+    return share(i) >= kAlmost * least_;
+  }
+
+  /// Whether a voxel on a candidate or beside one holds enough. A neighbour of a half full one needs less, as
+  /// its share is less likely to be noise.
+  bool is_lumen(std::size_t i) const {
+    constexpr double kLess = 0.95, kMore = 1.05;
+    if (share(i) < kLess * least_) return false;
+    const Index3 voxel = voxel_at(candidates_.geometry, static_cast<std::int64_t>(i));
+    if (!is_by_a_candidate(i, voxel)) return false;
+    if (wide_.voxels[i] != 0) return share(i) >= kHalf;
+    return share(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * least_;
+  }
+
+ private:
+  static constexpr double kHalf = 0.5;
+
+  double share(std::size_t i) const { return static_cast<double>(shares_[i]); }
+
+  bool has_half_full_neighbour(const Index3& voxel) const {
+    return std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6, [&](const Index3& step) {
+      return candidates_.contains(voxel + step) && share(candidates_.offset(voxel + step)) >= kHalf;
+    });
+  }
+
+  bool is_by_a_candidate(std::size_t i, const Index3& voxel) const {
+    return candidates_.voxels[i] != 0 ||
+           std::any_of(kNeighbours.begin(), kNeighbours.begin() + (is_certain(i) ? 26 : 18),
+                       [&](const Index3& step) { return candidates_.at(voxel + step); });
+  }
+
+  const Mask& candidates_;
+  Mask wide_;
+  const Field& shares_;
+  double least_, certain_;
+};
+
 /// The voxels beside candidates that hold enough lumen, but not those of pruned spurs unless they are
-/// certain; and the skeleton: all that holds almost as much, and of the rest what joins such parts.
+/// certain; and the skeleton: what is bright of it, and of the rest what joins such parts.
 Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Field& shares,
-                double least_share, double certain_share) {
-  constexpr double kOfLeast = 0.8;
-  const Mask wide = wide_vessels(candidates, shares);
+                const LumenScale& scale) {
+  const ShareJudge judge(candidates, shares, scale);
   const Field to_kept_mm = distance_to_foreground_mm(skeleton.kept),
               to_pruned_mm = distance_to_foreground_mm(skeleton.pruned);
   Mask vessels(candidates.geometry), faint(candidates.geometry);
   for_each_index(shares.size(), [&](std::size_t i) {
-    const bool is_bright = static_cast<double>(shares[i]) >= kOfLeast * least_share;
-    (is_bright ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
-    const double least = wide.voxels[i] != 0 ? 0.5 : least_share;
-    if (static_cast<double>(shares[i]) < least) return;
-    const bool is_certain = static_cast<double>(shares[i]) >= certain_share;
-    if (!is_certain && to_pruned_mm[i] < to_kept_mm[i]) return;
-    const Index3 voxel = voxel_at(candidates.geometry, static_cast<std::int64_t>(i));
-    if (candidates.voxels[i] != 0 ||
-        std::any_of(kNeighbours.begin(), kNeighbours.begin() + (is_certain ? 26 : 18),
-                    [&](const Index3& step) { return candidates.at(voxel + step); }))
-      vessels.voxels[i] = 1;
+    (judge.is_bright(i) ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
+    if ((judge.is_certain(i) || to_pruned_mm[i] >= to_kept_mm[i]) && judge.is_lumen(i)) vessels.voxels[i] = 1;
   });
   for_each_index(shares.size(), [&](std::size_t i) {
     if (vessels.voxels[i] != 0) faint.voxels[i] = 0;
@@ -269,9 +311,9 @@ void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenF
   }
 }
 
-/// Up to twelve fields at once, with the device's.
+/// Up to thirteen fields at once, with the device's.
 void require_memory_of_fields(const VolumeGeometry& grid) {
-  constexpr std::int64_t kBytesPerVoxel = 48;
+  constexpr std::int64_t kBytesPerVoxel = 52;
   const std::int64_t bytes = kBytesPerVoxel * grid.voxel_count();
   require_memory(fmt::format("finding vessels in {} x {} x {} voxels", grid.size.x, grid.size.y, grid.size.z),
                  {bytes, bytes});
@@ -326,8 +368,8 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
   contrast = {};
   Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device);
   progress.advance();
-  const Mask vessels = lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares,
-                                  least_share(scale), certain_share(scale));
+  const Mask vessels =
+      lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares, scale);
   shares = conserved(std::move(shares), vessels, light, smooth);
   paste(vessels, box, found.vessels);
   set_shares(shares, vessels, box, found.fill);
