@@ -21,7 +21,6 @@
 #include <filesystem>
 #include <memory>
 #include <optional>
-#include <utility>
 
 namespace xraycast::cli {
 namespace {
@@ -167,17 +166,6 @@ SegmentedVessels segmented(const Volume& volume, const SegmentOptions& segmentin
   }
 }
 
-/// The vessels by the steps, or those of the mask that was given.
-SegmentedVessels found_vessels(const Volume& volume, const SegmentOptions& segmenting,
-                               const SegmentArguments& options, ComputeDevice& device, Session& session,
-                               SegmentLog& log) {
-  if (options.from_mask.empty()) return segmented(volume, segmenting, options, device, session, log);
-  Mask mask = selected_components(read_mask(options.from_mask, volume.geometry(), session.progress),
-                                  segmenting.markers, options.from_mask, session);
-  LumenFill fill = fill_of(volume, mask);
-  return {std::move(mask), std::move(fill)};
-}
-
 void segment(const SegmentArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const SegmentOptions segmenting = parsed(options);
@@ -196,7 +184,11 @@ void segment(const SegmentArguments& options, Session& session) {
   ComputeDevice device(session.device);
 
   SegmentLog log;
-  const auto [mask, fill] = found_vessels(volume, segmenting, options, device, session, log);
+  const auto [mask, fill] =
+      options.from_mask.empty()
+          ? segmented(volume, segmenting, options, device, session, log)
+          : with_fill(volume, selected_components(read_mask(options.from_mask, volume.geometry(), progress),
+                                                  segmenting.markers, options.from_mask, session));
   const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm, &fill);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;

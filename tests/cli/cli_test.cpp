@@ -1131,10 +1131,10 @@ TEST_F(Cli, SegmentExplainsItsStepsInNoise) {
   write_bytes(folder_ / "steps" / "8-filling.nrrd", "of an earlier run");
   write_bytes(folder_ / "steps" / "8-mine.nrrd", "of the user");
   output_of("segment @/head.nrrd -o @/vessels --explain @/steps -q");
-  for (const char* name : {"1-ridges.nrrd", "2-lumen.nrrd", "steps.png", "8-mine.nrrd"})
+  for (const char* name : {"1-evidence.nrrd", "steps.png", "8-mine.nrrd"})
     EXPECT_TRUE(fs::exists(folder_ / "steps" / name)) << name;
   EXPECT_FALSE(fs::exists(folder_ / "steps" / "8-filling.nrrd"));
-  EXPECT_EQ(read_bytes(folder_ / "steps" / "3-selection.nrrd"),
+  EXPECT_EQ(read_bytes(folder_ / "steps" / "2-selection.nrrd"),
             read_bytes(folder_ / "vessels" / "mask.nrrd"));
 }
 

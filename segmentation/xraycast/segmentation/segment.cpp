@@ -144,6 +144,7 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
     mask = without_small_components(mask);
   } else {
     separate_chambers(mask, markers, name, progress);
+    log.on_step("chambers", mask);
     mask = select_vessels(mask, markers, name, progress);
   }
   log.on_step("selection", mask);
@@ -390,6 +391,11 @@ bool shows_vessels_alone(const Volume& volume, const std::optional<Volume>& quie
 
 }  // namespace
 
+SegmentedVessels with_fill(const Volume& volume, Mask mask) {
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill)};
+}
+
 SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
                                  ComputeDevice& device, Progress& progress, SegmentLog* log) {
   SegmentLog unheard;
@@ -402,9 +408,8 @@ SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& opt
   progress.advance();
   if (!options.window_hu && shows_vessels_alone(volume, quiet, heard.noise_hu))
     return segment_by_evidence(volume, options.markers, name, device, progress, heard);
-  Mask mask = ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels();
-  LumenFill fill = fill_of(volume, mask);
-  return {std::move(mask), std::move(fill)};
+  return with_fill(
+      volume, ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels());
 }
 
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,

@@ -45,6 +45,9 @@ struct SegmentedVessels {
   LumenFill fill;  ///< how full of lumen voxels are
 };
 
+/// Vessels of which only the mask is known.
+SegmentedVessels with_fill(const Volume& volume, Mask mask);
+
 /// Segments vessels by the steps in this folder: denoising where noise is heavy, thresholds, removal of bone,
 /// separation of chambers, removal of trabecular bone, closing of the gaps that both have left, and the
 /// selection of components by select_vessels. A scan without air, of vessels alone, is segmented by
