@@ -7,7 +7,7 @@
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/printable.hpp"
-#include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/opencl/failure_in_words.hpp"
 #include "xraycast/opencl/kernel_cache.hpp"
 
 #include <csignal>
@@ -17,7 +17,6 @@
 #include <malloc.h>
 #include <new>
 #include <poll.h>
-#include <system_error>
 #include <unistd.h>
 
 namespace {
@@ -43,22 +42,13 @@ int report_cancelled() {
 /// Reports the exception that is being handled.
 int report_failure() {
   try {
-    throw;
+    rethrow_in_words();
   } catch (const InputError& error) {
     return report(error.what(), kBadInput);
   } catch (const DeviceError& error) {
     return report(error.what(), kDeviceFailed);
-  } catch (const cl::Error& error) {
-    return report(std::string(error.what()) + " failed with " + status_name(error.err()), kDeviceFailed);
-  } catch (const std::filesystem::filesystem_error& error) {
-    return report(error.path1().string() + ": " + error.code().message(), kBadInput);
   } catch (const std::bad_alloc&) {
     return report("not enough memory", kFailed);
-  } catch (const std::system_error& error) {
-    if (error.code() != std::errc::resource_unavailable_try_again) return report(error.what(), kFailed);
-    return report(
-        "no thread could be started: raise the limits of memory (`ulimit -v`) and processes (`ulimit -u`)",
-        kFailed);
   } catch (const std::exception& error) {
     return report(error.what(), kFailed);
   }

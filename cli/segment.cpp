@@ -13,6 +13,7 @@
 #include "xraycast/segmentation/contrast.hpp"
 #include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/surface.hpp"
+#include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/series/seg_file.hpp"
 
 #include <fmt/format.h>

@@ -6,7 +6,7 @@ import unittest
 
 ROOT = pathlib.Path(sys.argv.pop(1))
 MAX_LINES = 4000  # what one can still read in a day
-LIBRARIES = ("host", "segmentation", "simulation", "viewer")
+LIBRARIES = ("host", "segmentation", "simulation", "viewer", "python")
 
 
 def read_rooms():

@@ -14,7 +14,7 @@ import sys
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
 COLOURS = {"kernels": "#d9d9d9", "host": "#cfe2f3", "segmentation": "#fce5cd", "simulation": "#d9ead3",
-           "viewer": "#ead1dc", "cli": "#fff2cc"}
+           "viewer": "#ead1dc", "python": "#d0e0e3", "cli": "#fff2cc"}
 
 
 def read_rooms():

@@ -401,6 +401,8 @@ std::optional<Content> FileToRead::read(const std::string& bytes) const {
     return reader_.read(path_);
   } catch (const InputError& error) {
     std::string_view message = error.what();
+    if (message.find_first_of("\n\r\x1b") != std::string_view::npos)
+      throw std::logic_error(std::string("not one line, fit for a terminal: ") + error.what());
     // A series is named by its folder, the voxels' file by its own name.
     if (!message.starts_with(path_.parent_path().string()))
       throw std::logic_error(std::string("not the file's name first: ") + error.what());

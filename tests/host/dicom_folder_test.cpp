@@ -208,6 +208,19 @@ TEST(DicomFolder, GivesAnotherModalityWhereItIsNamed) {
   EXPECT_EQ(read_scan(folder / "", {.series = "3"}).info.modality, "MR");
 }
 
+TEST(DicomFolder, WarnsOfASeriesOfTwoPatients) {
+  const TemporaryFolder folder;
+  const auto write = [&](int z_mm, const std::string& patient) {
+    slice_of("1", z_mm).text(kPatient, "LO", patient).write(folder / std::to_string(z_mm));
+  };
+  const auto warnings = [&] { return read_scan(folder / "").info.warnings; };
+  for (int z_mm = 0; z_mm < 4; ++z_mm) write(z_mm, "A");
+  EXPECT_THAT(warnings(), IsEmpty());
+  write(4, "B");
+  EXPECT_THAT(warnings(),
+              ElementsAre("the series has slices of 2 patients; check that they are of one scan"));
+}
+
 TEST(DicomFolder, CountsStudiesAndPatients) {
   const TemporaryFolder folder;
   constexpr std::uint32_t kStudyDate = 0x00080020, kPatientName = 0x00100010, kBodyPart = 0x00180015,

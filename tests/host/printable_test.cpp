@@ -1,3 +1,4 @@
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/printable.hpp"
 
 #include <gtest/gtest.h>
@@ -26,6 +27,11 @@ TEST(Printable, SpellsOutWhatIsNoUtf8) {
   EXPECT_EQ(printable("\xE0\x80\xAF"), "\\xe0\\x80\\xaf");           // and in three
   EXPECT_EQ(printable("\xED\xA0\x80"), "\\xed\\xa0\\x80");           // half of a pair of UTF-16
   EXPECT_EQ(printable("\xF4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");  // beyond U+10FFFF
+}
+
+TEST(Error, IsOneLineWhateverAFileGave) {
+  EXPECT_STREQ(InputError("{}: its title is {}", "scan", std::string("a\0b\r\nc\x1B[2J", 10)).what(),
+               "scan: its title is a\\x00b  c\\x1b[2J");
 }
 
 }  // namespace

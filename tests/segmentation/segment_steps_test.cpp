@@ -10,13 +10,16 @@
 #include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/threshold.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
+#include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/segmentation/watershed.hpp"
 
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <random>
 
 namespace xraycast {
@@ -225,6 +228,66 @@ TEST(Selection, LeavesPlatesAndLumps) {
   const auto lump = [](const glm::dvec3& p) { return glm::distance(p, glm::dvec3(50, 40, 40)) < 12; };
   const Mask mask = mask_where(grid, [&](const glm::dvec3& p) { return vessel(p) || plate(p) || lump(p); });
   EXPECT_EQ(select_vessels(mask, {}, "mask").voxels, mask_where(grid, vessel).voxels);
+}
+
+/// The crescent of a right ventricle around a left one that is 55 mm long.
+Mask ventricle(const VolumeGeometry& grid, std::mt19937& random) {
+  std::uniform_real_distribution<double> angle(0, 2 * std::numbers::pi), shift(6, 9), radius(24, 28);
+  const double phi = angle(random), shift_mm = shift(random), radius_mm = radius(random);
+  const glm::dvec3 outer_mm(38, 38, 60),
+      inner_mm = outer_mm - shift_mm * glm::dvec3(std::cos(phi), std::sin(phi), 0);
+  const auto is_in = [&](const glm::dvec3& p, const glm::dvec3& middle_mm, double across_mm) {
+    return glm::length((p - middle_mm) / glm::dvec3(across_mm, across_mm, 2 * across_mm)) < 1;
+  };
+  return mask_where(grid, [&](const glm::dvec3& p) {
+    return is_in(p, outer_mm, radius_mm) && !is_in(p, inner_mm, radius_mm - 2);
+  });
+}
+
+/// A vessel along the scan, off which some hundred thin ones fork that fork again.
+Mask malformation(const VolumeGeometry& grid, std::mt19937& random) {
+  std::uniform_real_distribution<double> across(4, 72), along(4, 116), share(0, 1);
+  struct Tube {
+    glm::dvec3 from, to;
+    double radius;
+  };
+  std::vector<Tube> tubes{{{38, 38, -5}, {38, 38, 125}, 5}};
+  for (int i = 0; i < 220; ++i) {
+    const Tube& parent = tubes[i < 50 ? 0 : static_cast<std::size_t>(50 * share(random))];
+    const glm::dvec3 from = glm::mix(parent.from, parent.to, share(random));
+    tubes.push_back({from, {across(random), across(random), along(random)}, 1.5});
+  }
+  return mask_where(grid, [&](const glm::dvec3& p) {
+    return std::ranges::any_of(
+        tubes, [&](const Tube& tube) { return distance_to_segment(p, tube.from, tube.to) < tube.radius; });
+  });
+}
+
+/// How often a component's volume holds a tube as wide as it and as long as its box's diagonal.
+double tubes_in(const Mask& mask) {
+  const std::vector<float> distance_mm = distance_to_background_mm(mask);
+  const double radius = *std::ranges::max_element(distance_mm);
+  const Box box = bounding_box(mask);
+  return static_cast<double>(mask.count()) /
+         (std::numbers::pi * radius * radius * glm::length(glm::dvec3(box.upper - box.lower)));
+}
+
+TEST(Selection, TellsAMalformationFromAVentricleOfAsMuchVolume) {
+  const VolumeGeometry grid{.size = {76, 76, 120}};
+  for (unsigned seed = 1; seed <= 3; ++seed) {
+    std::mt19937 random(seed);
+    const Mask vessels = malformation(grid, random);
+    EXPECT_GT(tubes_in(vessels), 2.5) << seed;  // more than a tree of few branches has
+    // Some voxels' tips touch no other.
+    EXPECT_GT(select_vessels(vessels, {}, "mask").count(), vessels.count() * 99 / 100) << seed;
+
+    Mask chamber = ventricle(grid, random);
+    EXPECT_GT(tubes_in(chamber), 2.5) << seed;
+    const Mask beside =
+        mask_where(grid, [](const glm::dvec3& p) { return std::hypot(p.x - 8, p.y - 8) < 4; });
+    for (std::size_t i = 0; i < chamber.voxels.size(); ++i) chamber.voxels[i] |= beside.voxels[i];
+    EXPECT_EQ(select_vessels(chamber, {}, "mask").voxels, beside.voxels) << seed;
+  }
 }
 
 // ---- spongy bone ----------------------------------------------------------------------------------

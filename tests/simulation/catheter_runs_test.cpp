@@ -5,8 +5,8 @@
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/segment.hpp"
 #include "xraycast/segmentation/threshold.hpp"
+#include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/simulation/script.hpp"
 

@@ -608,6 +608,8 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: len(self.pictures()) == 2, "another picture")
         sizes = [struct.unpack(">II", path.read_bytes()[16:24]) for path in self.pictures()]
         self.assertEqual(sizes, [(1280, 720), (700, 500)])
+        self.do("key", "p", "p", "p")
+        self.wait_until(lambda: len(self.pictures()) == 5, "a picture for each key that is pressed")
 
     def test_is_killed_while_it_saves(self):
         """What it saves is whole or not there, and the next session leaves nothing of a killed one's; what is left of

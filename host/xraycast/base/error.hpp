@@ -1,27 +1,20 @@
 #pragma once
 
+#include "xraycast/base/printable.hpp"
+
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <stdexcept>
-#include <string>
 
 namespace xraycast {
 
 /// A failure caused neither by the user's input nor by the OpenCL device, such as a full disk. `what()` is
-/// one line that says what to do; the command line prints it and exits with 1.
+/// one line, fit for a terminal, that says what to do; the command line prints it and exits with 1.
 class Error : public std::runtime_error {
  public:
   template <typename... Args>
   explicit Error(fmt::format_string<Args...> format, Args&&... args)
-      : std::runtime_error(without_zeros(fmt::format(format, std::forward<Args>(args)...))) {}
-
- private:
-  /// Zeros in a text that a file gave would end `what()` early.
-  static std::string without_zeros(std::string text) {
-    std::replace(text.begin(), text.end(), '\0', ' ');
-    return text;
-  }
+      : std::runtime_error(printable_line(fmt::format(format, std::forward<Args>(args)...))) {}
 };
 
 /// The user's data or arguments cannot be used; names the file and the field. Exit status 3.

@@ -3,6 +3,7 @@
 #include <cstdint>
 #include <filesystem>
 #include <span>
+#include <string>
 
 namespace xraycast {
 
@@ -10,5 +11,8 @@ namespace xraycast {
 /// Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_png(std::span<const std::uint8_t> pixels, int width, int height, int channels,
                const std::filesystem::path& path);
+
+/// The same file's bytes. Throws Error when there is not enough memory.
+std::string png_bytes(std::span<const std::uint8_t> pixels, int width, int height, int channels);
 
 }  // namespace xraycast

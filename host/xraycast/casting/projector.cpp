@@ -20,11 +20,24 @@ void store(const glm::dvec3& from, XRC_FLOAT (&to)[3]) {
   for (int axis = 0; axis < 3; ++axis) to[axis] = static_cast<float>(from[axis]);
 }
 
+XrcDetector detector_with(int width, int height, const VolumeGeometry& volume,
+                          const std::optional<BodyOutline>& within) {
+  XrcDetector detector{};
+  detector.width = width;
+  detector.height = height;
+  store(volume.spacing_mm, detector.spacing_mm);
+  constexpr double kEverything_mm = 1e9;
+  const BodyOutline body = within.value_or(BodyOutline{{0, 0}, kEverything_mm});
+  const glm::dvec3 axis = volume.to_index({body.centre_mm, 0});
+  detector.axis[0] = static_cast<float>(axis.x);
+  detector.axis[1] = static_cast<float>(axis.y);
+  detector.radius_mm = static_cast<float>(body.radius_mm);
+  return detector;
+}
+
 XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
                         const std::optional<BodyOutline>& within) {
-  XrcDetector detector{};
-  detector.width = view.width;
-  detector.height = view.height;
+  XrcDetector detector = detector_with(view.width, view.height, volume, within);
   detector.is_cone = view.cone.has_value();
   store(volume.to_index(view.pixel_on_detector_mm(0, 0)), detector.corner);
   store(view.right() * view.pixel_mm / volume.spacing_mm, detector.right);
@@ -39,14 +52,47 @@ XrcDetector detector_of(const View& view, const VolumeGeometry& volume,
                            view.pixel_mm * (view.width + view.height);
     store(span_mm * view.towards_detector() / volume.spacing_mm, detector.beam);
   }
-  store(volume.spacing_mm, detector.spacing_mm);
-  constexpr double kEverything_mm = 1e9;
-  const BodyOutline body = within.value_or(BodyOutline{{0, 0}, kEverything_mm});
-  const glm::dvec3 axis = volume.to_index({body.centre_mm, 0});
-  detector.axis[0] = static_cast<float>(axis.x);
-  detector.axis[1] = static_cast<float>(axis.y);
-  detector.radius_mm = static_cast<float>(body.radius_mm);
   return detector;
+}
+
+/// How far along the camera's z the scan extends.
+double farthest_mm(const PinholeCamera& camera, const VolumeGeometry& volume) {
+  double farthest = 0;
+  for (int corner = 0; corner < 8; ++corner) {
+    const glm::dvec3 at(corner & 1 ? volume.upper_mm().x : volume.lower_mm().x,
+                        corner & 2 ? volume.upper_mm().y : volume.lower_mm().y,
+                        corner & 4 ? volume.upper_mm().z : volume.lower_mm().z);
+    farthest = std::max(farthest, (camera.rotation * at + camera.translation_mm).z);
+  }
+  if (!(farthest > 0))
+    throw InputError(
+        "RT: the whole scan lies behind the camera; RT must map the patient's mm to the camera's, "
+        "which looks along its z");
+  return farthest;
+}
+
+/// The camera's detector in a plane behind the scan, so that every ray crosses all of it.
+XrcDetector detector_of(const PinholeCamera& camera, const VolumeGeometry& volume) {
+  XrcDetector detector = detector_with(camera.width, camera.height, volume, {});
+  detector.is_cone = 1;
+  const double depth_mm = farthest_mm(camera, volume);
+  const auto across = [&](glm::dvec3 step_mm) {
+    // What rotations leave of a step along an axis is rounding, and would hide that the view has no tilt.
+    constexpr double kTurnRounding = 1e-12;
+    for (int axis = 0; axis < 3; ++axis)
+      if (std::abs(step_mm[axis]) < kTurnRounding * glm::length(step_mm)) step_mm[axis] = 0;
+    return depth_mm * step_mm / volume.spacing_mm;
+  };
+  store(volume.to_index(camera.source_mm() + depth_mm * camera.ray_mm(0, 0)), detector.corner);
+  store(across(camera.right_mm()), detector.right);
+  store(across(camera.down_mm()), detector.down);
+  store(volume.to_index(camera.source_mm()), detector.source);
+  return detector;
+}
+
+/// Whether rows lie in slices, and columns along them: all rays of a column cross the slices alike.
+bool is_untilted(const XrcDetector& detector) {
+  return detector.right[2] == 0 && detector.beam[2] == 0 && detector.down[0] == 0 && detector.down[1] == 0;
 }
 
 /// A kernel that draws pictures, and the work-items that it takes for one.
@@ -58,20 +104,20 @@ struct Projector {
 
 /// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
 /// and vectors when there is no tilt, since their rays then meet the same voxels.
-Projector projector_for(const ResidentScan& scan, const View& view) {
+Projector projector_for(const ResidentScan& scan, const XrcDetector& detector) {
   if (scan.storage() == ScanStorage::image || scan.device().info().is_gpu)
-    return {"joseph", "project_detector", {view.width, view.height, 1}, {8, 8, 1}};
+    return {"joseph", "project_detector", {detector.width, detector.height, 1}, {8, 8, 1}};
   const auto parts = [](int pixels, int part) { return (pixels + part - 1) / part; };
-  if (view.tilt_rad == 0)
+  if (is_untilted(detector))
     return {"joseph_untilted",
             "project_untilted",
-            {parts(view.width, XRC_UNTILTED_COLUMNS), parts(view.height, XRC_UNTILTED_ROWS), 1},
+            {parts(detector.width, XRC_UNTILTED_COLUMNS), parts(detector.height, XRC_UNTILTED_ROWS), 1},
             {1, 1, 1},
             true};
   constexpr int kTile = 32;  // columns; their shared part of the scan fits into a second-level cache
   return {"joseph_rows",
           "project_rows",
-          {kTile, parts(view.height, XRC_DETECTOR_ROWS), parts(view.width, kTile)},
+          {kTile, parts(detector.height, XRC_DETECTOR_ROWS), parts(detector.width, kTile)},
           {1, 1, 1}};
 }
 
@@ -95,33 +141,86 @@ std::optional<cl::Buffer> find_block_mu(const ResidentScan& scan, const Opacity&
   return constant * kFewest >= count ? std::optional(mu) : std::nullopt;
 }
 
-}  // namespace
-
-ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
-                        Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
+/// The optical depths that a detector sees, and the kernel's time.
+double project_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
+                    Progress& progress, Sampling sampling, std::vector<float>& depths) {
   ComputeDevice& device = scan.device();
   const DeviceOpacity device_opacity(device, opacity);
-  ProjectionImage image{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height), 0};
+  depths.resize(static_cast<std::size_t>(detector.width) * static_cast<std::size_t>(detector.height));
   const cl::Buffer tau =
-      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(image.tau.size() * sizeof(float)));
+      device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(depths.size() * sizeof(float)));
 
-  const Projector projector = projector_for(scan, view);
+  const Projector projector = projector_for(scan, detector);
   cl::Kernel kernel =
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
-  set_args(kernel, scan.voxels(), scan.layout(), detector_of(view, scan.geometry(), within),
-           device_opacity.parameters(), device_opacity.table(), tau);
+  set_args(kernel, scan.voxels(), scan.layout(), detector, device_opacity.parameters(),
+           device_opacity.table(), tau);
   std::optional<cl::Buffer> block_mu;
   if (projector.takes_blocks) {
     if (sampling == Sampling::but_constant_blocks) block_mu = find_block_mu(scan, opacity, device_opacity);
     kernel.setArg(6, block_mu.value_or(device_opacity.table()));
     kernel.setArg(7, static_cast<cl_int>(block_mu.has_value()));
   }
-  progress.begin("projecting", view.height, "rows");
+  progress.begin("projecting", detector.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);
-  device.download(tau, std::span(image.tau));
-  image.kernel_ms = duration_ms(done);
-  progress.advance(view.height);
+  device.download(tau, std::span(depths));
+  const double kernel_ms = duration_ms(done);
+  progress.advance(detector.height);
+  return kernel_ms;
+}
+
+PoseGradient gradient_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
+                           Progress& progress) {
+  ComputeDevice& device = scan.device();
+  const DeviceOpacity device_opacity(device, opacity);
+  PoseGradient found;
+  found.tau.resize(static_cast<std::size_t>(detector.width) * static_cast<std::size_t>(detector.height));
+  found.gradient.resize(6 * found.tau.size());
+  const auto buffer_for = [&](const std::vector<float>& values) {
+    return device.buffer(CL_MEM_WRITE_ONLY, static_cast<std::int64_t>(values.size() * sizeof(float)));
+  };
+  const cl::Buffer tau = buffer_for(found.tau), gradient = buffer_for(found.gradient);
+  const glm::vec3 centre(0.5 * glm::dvec3(scan.geometry().size - Index3(1)));
+
+  cl::Kernel kernel = device.kernel("joseph_gradient", "project_gradient",
+                                    device_opacity.build_options() + scan.build_options());
+  set_args(kernel, scan.voxels(), scan.layout(), detector, cl_float4{{centre.x, centre.y, centre.z, 0}},
+           device_opacity.parameters(), device_opacity.table(), tau, gradient);
+  progress.begin("projecting", detector.height, "rows");
+  device.run(kernel, {detector.width, detector.height, 1}, {8, 8, 1});
+  device.download(tau, std::span(found.tau));
+  device.download(gradient, std::span(found.gradient));
+  progress.advance(detector.height);
+  return found;
+}
+
+}  // namespace
+
+ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                        Progress& progress, const std::optional<BodyOutline>& within, Sampling sampling) {
+  ProjectionImage image{view, {}, 0};
+  image.kernel_ms =
+      project_onto(detector_of(view, scan.geometry(), within), scan, opacity, progress, sampling, image.tau);
   return image;
+}
+
+std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
+                           Progress& progress, Sampling sampling) {
+  validate(camera, "camera");
+  std::vector<float> depths;
+  project_onto(detector_of(camera, scan.geometry()), scan, opacity, progress, sampling, depths);
+  return depths;
+}
+
+PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                                   Progress& progress) {
+  return gradient_onto(detector_of(view, scan.geometry(), {}), scan, opacity, progress);
+}
+
+PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+                                   const Opacity& opacity, Progress& progress) {
+  validate(camera, "camera");
+  return gradient_onto(detector_of(camera, scan.geometry()), scan, opacity, progress);
 }
 
 std::vector<float> project(const ResidentScan& scan, std::span<const RaySegment> rays, const Opacity& opacity,

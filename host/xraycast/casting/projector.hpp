@@ -2,6 +2,7 @@
 
 #include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/base/progress.hpp"
+#include "xraycast/casting/pinhole_camera.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
 #include "xraycast/volume/body_outline.hpp"
@@ -43,6 +44,24 @@ enum class Sampling {
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
                         Progress& progress, const std::optional<BodyOutline>& within = {},
                         Sampling sampling = Sampling::but_constant_blocks);
+
+/// The same for a camera: H x W optical depths, row 0 on top, of the lines from the source through the whole
+/// scan. Throws InputError, with "RT" in front, when the whole scan lies behind the camera.
+std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
+                           Progress& progress, Sampling sampling = Sampling::but_constant_blocks);
+
+/// Optical depths with their derivatives by the pose of source and detector, which move like a rigid body:
+/// six numbers a pixel, by their translation in mm along x, y and z, and by their rotation in rad about x, y
+/// and z through the middle of the scan.
+struct PoseGradient {
+  std::vector<float> tau, gradient;
+};
+
+/// The derivatives of Joseph's sum itself: exact where no ray lies on a voxel's edge. Otherwise as `project`.
+PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
+                                   Progress& progress);
+PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,
+                                   const Opacity& opacity, Progress& progress);
 
 /// The same along any lines, for detectors that are not flat: one optical depth per segment. Throws
 /// InputError when an end is not finite or farther than a kilometre.

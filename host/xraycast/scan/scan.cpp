@@ -5,6 +5,7 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
+#include "xraycast/image_file/image_file_stack.hpp"
 #include "xraycast/scan/unpacked_zip.hpp"
 #include "xraycast/series/dicom_header.hpp"
 #include "xraycast/series/dicom_scan.hpp"
@@ -221,6 +222,20 @@ Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progr
       "{}: not a scan; DICOM, GE Genesis, zip archives of them, NIfTI, NRRD, MetaImage and VTK (.vti) are "
       "read",
       path.string());
+}
+
+Scan open_array(std::span<const std::int16_t> hu, const Index3& size,
+                const std::array<glm::dvec3, 3>& step_mm, const glm::dvec3& origin_mm,
+                const std::string& name) {
+  ImageHeader header;
+  header.path = name;
+  header.size = {size.x, size.y, size.z};
+  header.step_mm = step_mm;
+  header.origin_mm = origin_mm;
+  const auto bytes = std::as_bytes(hu);
+  return deliver_image(std::move(header),
+                       LoadedVoxels{{reinterpret_cast<const char*>(bytes.data()), bytes.size()}}, "array", {},
+                       {});
 }
 
 }  // namespace xraycast

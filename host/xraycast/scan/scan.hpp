@@ -3,7 +3,11 @@
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/volume/scan_info.hpp"
 
+#include <array>
+#include <cstdint>
 #include <filesystem>
+#include <span>
+#include <string>
 
 namespace xraycast {
 
@@ -22,5 +26,12 @@ namespace xraycast {
 /// Throws InputError, naming the file and the field, and DamagedSlice for a slice that skip_damaged would
 /// leave out.
 Scan open_scan(const std::filesystem::path& path, const ScanOptions& options, Progress& progress);
+
+/// Voxels in memory, as if a file named `name` held them: HU of `size` voxels, the first axis fastest.
+/// `step_mm` leads from a voxel to the next along each axis, and `origin_mm` is the first voxel's centre,
+/// both in LPS. Copies the voxels. Throws InputError, with `name` in front.
+Scan open_array(std::span<const std::int16_t> hu, const Index3& size,
+                const std::array<glm::dvec3, 3>& step_mm, const glm::dvec3& origin_mm,
+                const std::string& name);
 
 }  // namespace xraycast

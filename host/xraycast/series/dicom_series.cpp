@@ -213,6 +213,12 @@ std::string warning_of_choice(const DicomSeries& chosen, const ScanInfo& info) {
       info.other_series.size() + 1, of, name_of(chosen));
 }
 
+std::vector<const DicomFileSummary*> pointers_to(const std::vector<DicomFileSummary>& files) {
+  std::vector<const DicomFileSummary*> pointers;
+  for (const DicomFileSummary& file : files) pointers.push_back(&file);
+  return pointers;
+}
+
 }  // namespace
 
 DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string& wanted,
@@ -229,7 +235,7 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
   for (std::size_t i = 0; i < all.size(); ++i) {
     info.all_series.push_back(summary_of(all[i], i == chosen));
     if (only_ct && !all[i].is_ct) continue;
-    for (const DicomFileSummary& file : all[i].files) to_choose_from.push_back(&file);
+    for (const DicomFileSummary* file : pointers_to(all[i].files)) to_choose_from.push_back(file);
     if (i == chosen) continue;
     info.other_series.push_back(describe(all[i]));
     if (wanted.empty()) info.notes.push_back("other series " + name_of(all[i]));
@@ -238,6 +244,9 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
   info.patients = count_patients(to_choose_from);
   if (wanted.empty() && !info.other_series.empty())
     info.warnings.push_back(warning_of_choice(all[chosen], info));
+  if (const std::int64_t patients = count_patients(pointers_to(all[chosen].files)); patients > 1)
+    info.warnings.push_back(
+        fmt::format("the series has slices of {} patients; check that they are of one scan", patients));
   note_passed_over(files, only_ct, info);
 
   info.series = describe(all[chosen]);

@@ -32,7 +32,13 @@ Volume::Volume(const VolumeGeometry& geometry, const std::string& name) : geomet
   require_memory(
       fmt::format("a scan of {} x {} x {} voxels", geometry.size.x, geometry.size.y, geometry.size.z),
       {bytes, bytes});
-  hu_ = std::make_unique_for_overwrite<std::int16_t[]>(static_cast<std::size_t>(geometry.voxel_count()));
+  hu_ = {new std::int16_t[static_cast<std::size_t>(geometry.voxel_count())],
+         std::default_delete<std::int16_t[]>()};
+}
+
+Volume::Volume(const VolumeGeometry& geometry, std::int16_t* hu, Release release, const std::string& name)
+    : geometry_(geometry), hu_(hu, std::move(release)) {
+  validate(geometry, name);
 }
 
 }  // namespace xraycast

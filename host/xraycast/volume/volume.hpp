@@ -4,6 +4,7 @@
 #include <glm/vec3.hpp>
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -52,6 +53,11 @@ class Volume {
   /// memory.
   explicit Volume(const VolumeGeometry& geometry, const std::string& name = "volume");
 
+  /// Voxels that lie elsewhere, such as in another program's array, without a copy; the last thing that is
+  /// done with them is `release`. Throws InputError, with `name` in front, when the geometry is invalid.
+  using Release = std::function<void(std::int16_t*)>;
+  Volume(const VolumeGeometry& geometry, std::int16_t* hu, Release release, const std::string& name);
+
   const VolumeGeometry& geometry() const { return geometry_; }
 
   std::span<std::int16_t> hu() { return {hu_.get(), static_cast<std::size_t>(geometry_.voxel_count())}; }
@@ -74,7 +80,7 @@ class Volume {
   }
 
   VolumeGeometry geometry_;
-  std::unique_ptr<std::int16_t[]> hu_;
+  std::unique_ptr<std::int16_t[], Release> hu_;
 };
 
 }  // namespace xraycast

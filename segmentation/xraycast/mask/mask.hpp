@@ -37,6 +37,10 @@ inline Index3 voxel_at(const VolumeGeometry& grid, std::int64_t offset) {
   return {offset % size.x, offset / size.x % size.y, offset / (size.x * size.y)};
 }
 
+inline double voxel_mm3(const VolumeGeometry& grid) {
+  return grid.spacing_mm.x * grid.spacing_mm.y * grid.spacing_mm.z;
+}
+
 /// Voxels from `lower` up to, but not including, `upper`.
 struct Box {
   Index3 lower{0, 0, 0}, upper{0, 0, 0};

@@ -14,8 +14,6 @@ constexpr double kClosing_mm = 2;     ///< closes cracks in cortical bone, less 
 constexpr double kMarrow_mm2 = 1500;  ///< a vertebral body's section, and far less than a skull's
 constexpr double kVesselShare = 0.3;  ///< of a hole, from which on it is a canal
 
-double voxel_mm3(const VolumeGeometry& g) { return g.spacing_mm.x * g.spacing_mm.y * g.spacing_mm.z; }
-
 /// Dense voxels in components too large for plaques, without metal and its blooming. As many units of
 /// progress as there are slices.
 Mask dense_bone(const Volume& volume, const HuWindow& window, Progress& progress) {

@@ -5,7 +5,6 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/mask/components.hpp"
-#include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/bone.hpp"
@@ -15,14 +14,13 @@
 #include "xraycast/segmentation/lumen_completion.hpp"
 #include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
+#include "xraycast/segmentation/vessel_selection.hpp"
 
 #include <glm/common.hpp>
-#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
-#include <numbers>
-#include <numeric>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -152,52 +150,6 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
     if (mask.voxels[i] == 0) fill.shares[i] = 0;
   return {std::move(mask), std::move(fill)};
 }
-
-}  // namespace
-
-Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
-  constexpr std::size_t kTried = 16;
-  progress.begin("selecting", kTried, "components");
-  const Components components(mask);
-  std::vector<bool> keep(static_cast<std::size_t>(components.count()));
-  if (!markers.vessels_mm.empty()) {
-    for (const glm::dvec3& seed : markers.vessels_mm)
-      keep[static_cast<std::size_t>(components.at(nearest_voxel(mask, seed, name)))] = true;
-    return components.select(keep);
-  }
-  // Weighted by the integral of the distance transform. A vessel that branches by Murray's law into n ends
-  // which all are as long as the whole has as much as n^(1/3) tubes as wide as its trunk: 2.5 with sixteen.
-  // Arteries of the head, the trunk and a dissected aorta have 0.5 to 1.8, plates and shells more than 5, and
-  // a ventricle full of papillary muscles 2.7 to 3.
-  constexpr double kMinSlenderness = 2, kMaxOfATube = 2.5, kMinShare = 0.01;
-  std::vector<int> order(static_cast<std::size_t>(components.count()));
-  std::iota(order.begin(), order.end(), 0);
-  std::ranges::sort(order, [&](int a, int b) { return components.voxels(a) > components.voxels(b); });
-  order.resize(std::min(order.size(), kTried));
-  const glm::dvec3 s = mask.geometry.spacing_mm;
-  std::vector<double> weights(static_cast<std::size_t>(components.count()));
-  for (const int component : order) {
-    progress.advance();
-    keep.assign(keep.size(), false);
-    keep[static_cast<std::size_t>(component)] = true;
-    const Mask alone = components.select(keep);
-    const Box box = bounding_box(alone);
-    const auto distance_mm = distance_to_background_mm(crop(alone, grown(box, 1, mask.geometry.size)));
-    const double radius_mm = *std::ranges::max_element(distance_mm),
-                 length_mm = glm::length(s * glm::dvec3(box.upper - box.lower)),
-                 volume = static_cast<double>(components.voxels(component)) * s.x * s.y * s.z,
-                 tube = std::numbers::pi * radius_mm * radius_mm * length_mm;
-    if (length_mm >= 2 * kMinSlenderness * radius_mm && volume <= kMaxOfATube * tube)
-      weights[static_cast<std::size_t>(component)] = std::reduce(distance_mm.begin(), distance_mm.end(), 0.0);
-  }
-  const double best = components.count() > 0 ? *std::ranges::max_element(weights) : 0;
-  for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = weights[i] > 0 && weights[i] >= kMinShare * best;
-  if (best > 0) return components.select(keep);
-  throw InputError(
-      "{}: no vessel: no bright structure is longer than it is wide; give a seed, a point in a vessel", name);
-}
-
-namespace {
 
 /// Those points to exclude that lie in what is left; what the others lie in is gone.
 Markers live(const Markers& markers, const Mask& bright, const Mask& left, const std::string& name) {

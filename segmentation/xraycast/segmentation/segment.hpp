@@ -58,24 +58,12 @@ SegmentedVessels with_fill(const Volume& volume, Mask mask);
 /// steps recognise in it.
 ///
 /// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, NoContrast without seeds in a
-/// scan without contrast agent, and InputError when there is no
-/// vessel, or the scan has fewer than 10 slices.
+/// scan without contrast agent, and InputError when there is no vessel, or the scan has fewer than 10 slices.
 SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
                                  ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
 
 /// Their mask alone.
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
-
-/// Keeps the connected components of a mask in which seeds lie. Without seeds all that are elongated, neither
-/// plates nor shells, and whose distance transform sums to at least a hundredth of the largest one's: both
-/// sides of a neck whose arteries join below the scan, but not every small component. Heart chambers are not
-/// recognised here: a short stretch of a wide vessel has the same shape. A stage of `progress`. Throws
-/// InputError, with `name` in front, where there is none.
-Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress);
-inline Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name) {
-  Progress unheard;
-  return select_vessels(mask, markers, name, unheard);
-}
 
 }  // namespace xraycast

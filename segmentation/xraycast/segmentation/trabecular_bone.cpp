@@ -14,8 +14,6 @@ constexpr double kMaxThickness_mm = 5;
 constexpr double kReach = 4, kMinReach_vox = 8, kFork = 1.75;  ///< see the header
 constexpr double kAround_vox = 2.5, kSurrounded = 0.65;        ///< see the header
 
-double voxel_mm3(const VolumeGeometry& g) { return g.spacing_mm.x * g.spacing_mm.y * g.spacing_mm.z; }
-
 /// A ball as rows of voxels along x.
 class Ball {
  public:

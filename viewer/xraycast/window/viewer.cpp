@@ -159,11 +159,11 @@ void Viewer::save_picture() {
         std::copy_n(&part[j * row], std::min(row, std::size_t{3} * pane.width),
                     &rgb[3 * (static_cast<std::size_t>(j) * width + pane.x)]);
     }
-    const fs::path path = unused("xraycast", ".png");
-    message_ = "saved " + fs::absolute(path).string();
-    writing_.start("Saving", [rgb = std::move(rgb), width, height, path](Progress&) -> Worker::Delivery {
+    // The name is chosen by the job: the one before it is done by then, and its file is there.
+    writing_.start("Saving", [this, rgb = std::move(rgb), width, height](Progress&) -> Worker::Delivery {
+      const fs::path path = unused("xraycast", ".png");
       write_png(rgb, width, height, 3, path);
-      return {};
+      return [this, path] { message_ = "saved " + fs::absolute(path).string(); };
     });
   });
 }

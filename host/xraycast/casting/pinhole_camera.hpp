@@ -1,0 +1,37 @@
+#pragma once
+
+#include "xraycast/casting/view.hpp"
+
+#include <glm/mat3x3.hpp>
+#include <glm/vec3.hpp>
+
+#include <string>
+
+namespace xraycast {
+
+/// An X-ray source and its detector as computer vision describes a camera (OpenCV, nanodrr). A point of the
+/// patient at `x` mm (LPS) is at c = rotation * x + translation_mm before the camera, which looks along its
+/// z; it is shown at (u, v) pixels, where (u, v, 1) is intrinsics * c / c.z. The middle of the pixel in
+/// column 0 and row 0, on top, is at (0, 0).
+struct PinholeCamera {
+  glm::dmat3 intrinsics{1};
+  glm::dmat3 rotation{1};  ///< its determinant may be -1: pictures seen from the detector are mirrored
+  glm::dvec3 translation_mm{0, 0, 0};
+  int width = 0, height = 0;  ///< pixels
+
+  glm::dvec3 source_mm() const;
+
+  /// From the source to the point with c.z = 1 mm that pixel (i, j) shows, and its changes with i and j.
+  glm::dvec3 ray_mm(double i, double j) const;
+  glm::dvec3 right_mm() const;
+  glm::dvec3 down_mm() const;
+};
+
+/// The camera of a view, which must be complete and have a cone.
+PinholeCamera camera_of(const View& view);
+
+/// Throws InputError, with `name` in front, when a number is not finite, the intrinsics' last row is not
+/// (0, 0, 1), there is no focal length, the rotation is none, or a side of the picture is not 1 to 16384.
+void validate(const PinholeCamera& camera, const std::string& name);
+
+}  // namespace xraycast

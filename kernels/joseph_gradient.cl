@@ -1,0 +1,151 @@
+#include "classify.h"
+#include "joseph_ray.h"
+#include "scan_access.h"
+#include "xraycast/kernels/params.h"
+
+/* How the sum of `joseph` changes when source and detector move like a rigid body: its derivative by their
+ * translation in mm and by their rotation in rad about a point, both along the axes of the world.
+ *
+ * A point of the ray that belongs to a plane of voxels moves with the velocity V of the body there, and along
+ * the ray back into its plane. Whatever changes by `slope * V` changes by `slope` per mm of translation, and by
+ * cross(point - centre, slope) per rad. */
+
+#define RAY_ENDS -1 /* what cuts a ray off, if not the scan's faces across an axis */
+
+static inline float mu_slope_of(const float hu, constant const XrcOpacity* opacity, global const float2* table) {
+#if RAMPS > 0
+  (void)table;
+  float slope = 0.0f;
+  for (int i = 0; i < RAMPS; ++i) slope += hu > opacity->from[i] ? opacity->slope[i] : 0.0f;
+  return slope;
+#else
+  const float at = hu - opacity->first_hu;
+  return at > 0.0f && at < (float)(opacity->entries - 1) ? table[(int)at].y : 0.0f;
+#endif
+}
+
+/* A vector of that component along `axis` and of the other two, in ascending order of axis. */
+static inline float3 along_axes(const int axis, const float across, const float u, const float v) {
+  return axis == 0 ? (float3)(across, u, v) : axis == 1 ? (float3)(u, across, v) : (float3)(u, v, across);
+}
+
+/* CT number in plane k across `axis`, as `sample_plane` takes it, and its changes along the other two axes per
+ * voxel: HU, by u, by v. */
+static inline float3 sample_slopes(SCAN voxels, const XrcScan* scan, const int axis, const int k, const float u,
+                                   const float v) {
+  const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
+  const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
+  const float cu = clamp(u, 0.0f, (float)last_u), cv = clamp(v, 0.0f, (float)last_v);
+  const int u0 = (int)cu, v0 = (int)cv, u1 = min(u0 + 1, last_u), v1 = min(v0 + 1, last_v);
+  float corner[4];
+  for (int c = 0; c < 4; ++c) {
+    const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
+    corner[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
+                : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
+                            : voxel_hu(voxels, scan, iu, iv, k);
+  }
+  const float along_u = cu - (float)u0, along_v = cv - (float)v0;
+  const float below = mix(corner[0], corner[1], along_u), above = mix(corner[2], corner[3], along_u);
+  const float by_u = cu == u ? mix(corner[1] - corner[0], corner[3] - corner[2], along_v) : 0.0f;
+  const float by_v = cv == v ? above - below : 0.0f;
+  return (float3)(mix(below, above, along_v), by_u, by_v);
+}
+
+/* A ray over the number of the plane across its dominant axis, and where it is cut off, by what. */
+typedef struct {
+  int axis;
+  float3 at_0, per_plane; /* voxels */
+  float low, high;
+  int low_by, high_by;
+} Line;
+
+static inline void clip_line(Line* line, const int by, const float from, const float to) {
+  const float low = line->low, high = line->high;
+  const int is_own = line->axis == by;
+  clip(&line->low, &line->high, is_own ? 0.0f : component(line->at_0, by),
+       is_own ? 1.0f : component(line->per_plane, by), from, to);
+  if (line->low != low) line->low_by = by;
+  if (line->high != high) line->high_by = by;
+}
+
+/* 0 for a ray that misses the scan. */
+static inline int prepare_line(Line* line, const XrcScan* scan, const float3 start, const float3 end) {
+  const float3 along = end - start, steep = fabs(along);
+  line->axis = steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
+  const float planes = component(along, line->axis), origin = component(start, line->axis);
+  if (!(fabs(planes) > 0.0f)) return 0;
+  line->per_plane = along / planes;
+  line->at_0 = start - origin * line->per_plane;
+  line->low = fmin(origin, origin + planes);
+  line->high = fmax(origin, origin + planes);
+  line->low_by = line->high_by = RAY_ENDS;
+  clip_line(line, 0, 0.0f, (float)(scan->size_x - 1));
+  clip_line(line, 1, 0.0f, (float)(scan->size_y - 1));
+  clip_line(line, 2, -0.5f, (float)scan->size_z - 0.5f);
+  return line->low < line->high;
+}
+
+/* Derivatives by translation and rotation. */
+typedef struct {
+  float3 by_mm, by_rad;
+} Motion;
+
+static inline void add(Motion* sum, const float weight, const float3 slope, const float3 from_centre_mm) {
+  sum->by_mm += weight * slope;
+  sum->by_rad += weight * cross(from_centre_mm, slope);
+}
+
+/* What moves the end `at` of the counted planes: per mm, in planes. */
+static inline float3 end_slope(const Line* line, const int by, const float3 spacing_mm) {
+  const float3 own = along_axes(line->axis, 1.0f, 0.0f, 0.0f) / spacing_mm;
+  if (by == RAY_ENDS) return own;
+  if (by == line->axis) return (float3)(0.0f);
+  const float3 face = (float3)(by == 0, by == 1, by == 2) / spacing_mm;
+  return own - face / component(line->per_plane, by);
+}
+
+kernel void project_gradient(SCAN voxels, const XrcScan scan, const XrcDetector detector, const float4 centre,
+                             constant const XrcOpacity* opacity, global const float2* table, global float* tau,
+                             global float* gradient) {
+  const int i = (int)get_global_id(0), j = (int)get_global_id(1);
+  if (i >= detector.width || j >= detector.height) return;
+  const float3 hit = float3_of(detector.corner) + (float)i * float3_of(detector.right) +
+                     (float)j * float3_of(detector.down);
+  const float3 start = detector.is_cone ? float3_of(detector.source) : hit - float3_of(detector.beam);
+  const float3 end = detector.is_cone ? hit : hit + float3_of(detector.beam);
+  const float3 spacing_mm = float3_of(detector.spacing_mm);
+
+  Line line;
+  Motion motion = {(float3)(0.0f), (float3)(0.0f)};
+  float sum = 0.0f, plane_mm = 0.0f;
+  if (prepare_line(&line, &scan, start, end)) {
+    const int axis = line.axis;
+    const int size = axis == 0 ? scan.size_x : axis == 1 ? scan.size_y : scan.size_z;
+    const int first = clamp((int)floor(line.low + 0.5f), 0, size - 1),
+              last = clamp((int)floor(line.high + 0.5f), 0, size - 1);
+    const float du = axis == 0 ? line.per_plane.y : line.per_plane.x,
+                dv = axis == 2 ? line.per_plane.y : line.per_plane.z;
+    float first_mu = 0.0f, last_mu = 0.0f;
+    for (int k = first; k <= last; ++k) {
+      const float share = fmax(fmin((float)k + 0.5f, line.high) - fmax((float)k - 0.5f, line.low), 0.0f);
+      const float3 at = line.at_0 + (float)k * line.per_plane;
+      const float3 sample = sample_slopes(voxels, &scan, axis, k, axis == 0 ? at.y : at.x, axis == 2 ? at.y : at.z);
+      last_mu = mu_of(sample.x, opacity, table);
+      if (k == first) first_mu = last_mu;
+      sum = fma(share, last_mu, sum);
+      const float3 hu_slope = along_axes(axis, -(sample.y * du + sample.z * dv), sample.y, sample.z) / spacing_mm;
+      add(&motion, share * mu_slope_of(sample.x, opacity, table), hu_slope, (at - centre.xyz) * spacing_mm);
+    }
+    const float3 low = line.at_0 + line.low * line.per_plane, high = line.at_0 + line.high * line.per_plane;
+    add(&motion, -first_mu, end_slope(&line, line.low_by, spacing_mm), (low - centre.xyz) * spacing_mm);
+    add(&motion, last_mu, end_slope(&line, line.high_by, spacing_mm), (high - centre.xyz) * spacing_mm);
+    /* A ray that turns crosses planes at another angle. */
+    const float3 way_mm = line.per_plane * spacing_mm;
+    plane_mm = length(way_mm);
+    motion.by_rad -= sum / component(way_mm, axis) * cross(way_mm, along_axes(axis, 1.0f, 0.0f, 0.0f));
+  }
+  const long pixel = (long)j * detector.width + i;
+  tau[pixel] = sum * plane_mm;
+  vstore3(plane_mm * motion.by_mm, 2 * pixel, gradient);
+  vstore3(plane_mm * motion.by_rad, 2 * pixel + 1, gradient);
+}

@@ -1,0 +1,112 @@
+#include "drawing.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+
+#include <condition_variable>
+#include <exception>
+#include <functional>
+#include <future>
+#include <mutex>
+#include <optional>
+#include <thread>
+#include <unistd.h>
+
+namespace xraycast::python {
+namespace {
+
+/// A context, its renderer, and the map that this has.
+struct Canvas {
+  HeadlessContext context;
+  Renderer renderer;
+  std::shared_ptr<const BodyMap> map;
+};
+
+/// The thread that draws; one frame at a time.
+class Drawing {
+ public:
+  Drawing() : thread_([this] { work(); }) {}
+  ~Drawing() {
+    {
+      const std::lock_guard lock(mutex_);
+      is_stopping_ = true;
+      changed_.notify_all();
+    }
+    thread_.join();
+  }
+  Drawing(const Drawing&) = delete;
+  Drawing& operator=(const Drawing&) = delete;
+
+  std::vector<float> tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
+    std::packaged_task<std::vector<float>()> task([&] { return draw(map, view); });
+    std::future<std::vector<float>> result = task.get_future();
+    {
+      std::unique_lock lock(mutex_);
+      changed_.wait(lock, [&] { return !task_; });
+      task_ = &task;
+      changed_.notify_all();
+    }
+    return result.get();
+  }
+
+ private:
+  std::vector<float> draw(const std::shared_ptr<const BodyMap>& map, const View& view) {
+    if (!canvas_) canvas_.emplace();
+    if (canvas_->map != map) canvas_->renderer.set_map(map);
+    canvas_->map = map;
+    return canvas_->renderer.tau(view, {});
+  }
+
+  void work() {
+    std::unique_lock lock(mutex_);
+    for (;;) {
+      changed_.wait(lock, [&] { return task_ || is_stopping_; });
+      if (!task_) break;
+      auto& task = *std::exchange(task_, nullptr);
+      lock.unlock();
+      task();
+      lock.lock();
+      changed_.notify_all();
+    }
+    canvas_.reset();
+  }
+
+  std::mutex mutex_;
+  std::condition_variable changed_;
+  std::packaged_task<std::vector<float>()>* task_ = nullptr;  ///< the next one, of a caller that waits
+  bool is_stopping_ = false;
+  std::optional<Canvas> canvas_;  ///< of the thread
+  std::thread thread_;
+};
+
+std::mutex drawing_mutex;
+std::unique_ptr<Drawing> drawing;  ///< guarded by drawing_mutex, as drawing_in is
+pid_t drawing_in = 0;
+
+Drawing& the_drawing() {
+  const std::lock_guard lock(drawing_mutex);
+  if (drawing && drawing_in != getpid())
+    throw Error(
+        "frames were drawn before this process was forked, and cannot be drawn here; start processes by "
+        "multiprocessing's method `spawn`");
+  if (!drawing) drawing = std::make_unique<Drawing>();
+  drawing_in = getpid();
+  return *drawing;
+}
+
+}  // namespace
+
+std::vector<float> drawn_tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
+  return the_drawing().tau(map, view);
+}
+
+void stop_drawing() {
+  const std::lock_guard lock(drawing_mutex);
+  if (drawing_in == getpid())
+    drawing.reset();
+  else
+    static_cast<void>(drawing.release());  // its thread is not in this process
+}
+
+}  // namespace xraycast::python

@@ -1,0 +1,197 @@
+#include "frame.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/casting/projection_file.hpp"
+
+#include <cmath>
+#include <nanobind/stl/string.h>
+#include <numbers>
+
+namespace xraycast::python {
+namespace {
+
+using Picture = nb::ndarray<nb::numpy, float, nb::ndim<2>>;
+using Pictures = nb::ndarray<nb::numpy, float, nb::ndim<3>>;
+
+const View& view_of(const Frame& frame, const char* what) {
+  if (const auto* view = std::get_if<View>(&frame.pose)) return *view;
+  throw InputError("{}: this frame was made by K and RT; use those instead", what);
+}
+
+Picture tau_of(const Frame& frame) {
+  return array_over<float, 2>(
+      frame.tau(), {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width())},
+      frame.depths);
+}
+
+Picture transmission_of(const Frame& frame) {
+  auto values = std::make_shared<std::vector<float>>(frame.tau(), frame.tau() + frame.pixels());
+  for (float& value : *values) value = std::exp(-value);
+  return array_over<float, 2>(
+      values->data(), {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width())},
+      values);
+}
+
+Pictures gradient_of(const Frame& frame) {
+  if (frame.depths->gradient.empty())
+    throw InputError("gradient: was not asked for; give gradient=True to project");
+  return array_over<float, 3>(
+      frame.depths->gradient.data() + 6 * frame.index * frame.pixels(),
+      {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width()), 6}, frame.depths);
+}
+
+Pictures tau_of(const Frames& frames) {
+  const glm::ivec2 size = size_of(frames.poses.front());
+  return array_over<float, 3>(
+      frames.depths->tau.data(),
+      {frames.poses.size(), static_cast<std::size_t>(size.y), static_cast<std::size_t>(size.x)},
+      frames.depths);
+}
+
+nb::ndarray<nb::numpy, float, nb::ndim<4>> gradient_of(const Frames& frames) {
+  gradient_of(frames.at(0));  // throws where there is none
+  const glm::ivec2 size = size_of(frames.poses.front());
+  return array_over<float, 4>(
+      frames.depths->gradient.data(),
+      {frames.poses.size(), static_cast<std::size_t>(size.y), static_cast<std::size_t>(size.x), 6},
+      frames.depths);
+}
+
+nb::bytes png_of(const Frame& frame) {
+  const std::string bytes =
+      png_bytes(windowed_transmission({frame.tau(), frame.pixels()}), frame.width(), frame.height(), 1);
+  return nb::bytes(bytes.data(), bytes.size());
+}
+
+void write(const Frame& frame, nb::handle path, double gamma, bool inverted) {
+  const std::string file = path_of(path);
+  if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
+    throw InputError("{}: a frame made by K and RT is written as .png only; numpy.save keeps its depths",
+                     file);
+  ProjectionImage image{.view = {}, .tau = {frame.tau(), frame.tau() + frame.pixels()}};
+  if (const auto* view = std::get_if<View>(&frame.pose)) image.view = *view;
+  image.view.width = frame.width();
+  image.view.height = frame.height();
+  const nb::gil_scoped_release released;
+  write_projection(image, file, gamma, inverted);
+}
+
+std::string description_of(const Frame& frame) {
+  const auto* view = std::get_if<View>(&frame.pose);
+  return fmt::format("<xraycast.Frame {}, {} x {} pixels>", view ? label(*view) : "by K and RT",
+                     frame.width(), frame.height());
+}
+
+template <typename Class, typename Type>
+void add_array_protocols(Class& held, nb::object (*array)(const Type&)) {
+  held.def(
+          "__array__",
+          [array](const Type& self, const nb::object& dtype, const nb::object& copy) {
+            return as_array(array(self), dtype, copy);
+          },
+          nb::arg("dtype") = nb::none(), nb::arg("copy") = nb::none())
+      .def("__dlpack__",
+           [array](const Type& self, const nb::kwargs& wishes) {
+             return array(self).attr("__dlpack__")(**wishes);
+           })
+      .def("__dlpack_device__",
+           [array](const Type& self) { return array(self).attr("__dlpack_device__")(); });
+}
+
+constexpr double kDegrees = 180 / std::numbers::pi;
+
+}  // namespace
+
+nb::object frames_object(std::shared_ptr<Depths> depths, Poses poses) {
+  if (poses.is_batch) return nb::cast(Frames{std::move(depths), std::move(poses.poses)});
+  return nb::cast(Frame{std::move(depths), 0, std::move(poses.poses.front())});
+}
+
+void add_frames(nb::module_& module) {
+  nb::class_<Frame> frame(
+      module, "Frame",
+      "A picture: optical depths tau of whole lines, (rows, columns) float32, row 0 on top, seen "
+      "from the detector.\n\nnumpy.asarray(frame) and torch.from_dlpack(frame) share its memory.");
+  add_array_protocols<nb::class_<Frame>, Frame>(frame, [](const Frame& f) { return nb::cast(tau_of(f)); });
+  frame
+      .def_prop_ro(
+          "tau", [](const Frame& f) { return tau_of(f); }, kShared,
+          "Optical depth, (rows, columns) float32; no copy.")
+      .def_prop_ro("transmission", transmission_of, kShared,
+                   "exp(-tau), (rows, columns) float32; a new array.")
+      .def_prop_ro(
+          "gradient", [](const Frame& f) { return gradient_of(f); }, kShared,
+          "How tau changes with the pose of source and detector, (rows, columns, 6) float32: per mm along "
+          "x, y and z, then per rad about x, y and z through the scan's centre (LPS). Only with "
+          "gradient=True.")
+      .def_prop_ro(
+          "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
+      .def_prop_ro(
+          "lao", [](const Frame& f) { return kDegrees * view_of(f, "lao").angle_rad; },
+          "The C-arm's angle in degrees, LAO positive.")
+      .def_prop_ro(
+          "cranial", [](const Frame& f) { return kDegrees * view_of(f, "cranial").tilt_rad; },
+          "The C-arm's tilt in degrees, cranial positive.")
+      .def_prop_ro(
+          "pixel_mm", [](const Frame& f) { return view_of(f, "pixel_mm").pixel_mm; },
+          "Pixel size on the detector, mm.")
+      .def_prop_ro(
+          "centre_mm", [](const Frame& f) { return tuple_of(view_of(f, "centre_mm").centre_mm); },
+          "The isocentre (x, y, z), mm, LPS.")
+      .def_prop_ro(
+          "cone_mm",
+          [](const Frame& f) -> nb::object {
+            const auto& cone = view_of(f, "cone_mm").cone;
+            if (!cone) return nb::none();
+            return nb::make_tuple(cone->source_axis_mm, cone->source_detector_mm);
+          },
+          "(source to isocentre, source to detector), mm; None for a parallel beam.")
+      .def_prop_ro(
+          "K", [](const Frame& f) { return intrinsics_of(f.pose); },
+          "3 x 3, pixels; pixel (0, 0) has its middle at (0, 0). None for a parallel beam.")
+      .def_prop_ro(
+          "RT", [](const Frame& f) { return extrinsics_of(f.pose); },
+          "3 x 4, from LPS mm to the camera's mm, z forward. None for a parallel beam.")
+      .def("write", write, nb::arg("path"), nb::kw_only(), nb::arg("gamma") = 1.0,
+           nb::arg("inverted") = false,
+           "Writes .exr, .tif or .nrrd (float depths), .dcm (DICOM XA) or .png (the displayed picture).")
+      .def("_repr_png_", png_of, "What a notebook shows: the transmission in an automatic grey window.")
+      .def("__repr__", description_of);
+
+  nb::class_<Frames> frames(
+      module, "Frames",
+      "Pictures of one size: (poses, rows, columns) float32 by numpy.asarray, or one by one.");
+  add_array_protocols<nb::class_<Frames>, Frames>(frames,
+                                                  [](const Frames& f) { return nb::cast(tau_of(f)); });
+  frames
+      .def_prop_ro(
+          "tau", [](const Frames& f) { return tau_of(f); }, kShared,
+          "Optical depths, (poses, rows, columns) float32; no copy.")
+      .def_prop_ro(
+          "gradient", [](const Frames& f) { return gradient_of(f); }, kShared,
+          "As a Frame's, (poses, rows, columns, 6) float32.")
+      .def_prop_ro(
+          "shape",
+          [](const Frames& f) {
+            const glm::ivec2 size = size_of(f.poses.front());
+            return nb::make_tuple(f.poses.size(), size.y, size.x);
+          },
+          "(poses, rows, columns)")
+      .def("__len__", [](const Frames& f) { return f.poses.size(); })
+      .def(
+          "__getitem__",
+          [](const Frames& f, nb::ssize_t index) {
+            const auto count = static_cast<nb::ssize_t>(f.poses.size());
+            if (index < -count || index >= count) throw nb::index_error("no such frame");
+            return f.at(static_cast<std::size_t>(index < 0 ? index + count : index));
+          },
+          nb::arg("index"))
+      .def("__repr__", [](const Frames& f) {
+        const glm::ivec2 size = size_of(f.poses.front());
+        return fmt::format("<xraycast.Frames: {} of {} x {} pixels>", f.poses.size(), size.x, size.y);
+      });
+}
+
+}  // namespace xraycast::python

@@ -1,0 +1,74 @@
+#include "device.hpp"
+#include "drawing.hpp"
+#include "frame.hpp"
+#include "opacity.hpp"
+#include "scan.hpp"
+#include "vessels.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/printable.hpp"
+#include "xraycast/opencl/failure_in_words.hpp"
+
+#include <exception>
+#include <nanobind/nanobind.h>
+#include <nanobind/stl/string.h>
+#include <string>
+
+namespace xraycast::python {
+namespace {
+
+void set_error(const char* name, const std::exception& error) {
+  const nb::object type = nb::module_::import_("xraycast._errors").attr(name);
+  const std::string line = printable_line(error.what());
+  const nb::object text =
+      nb::steal(PyUnicode_DecodeUTF8(line.data(), static_cast<Py_ssize_t>(line.size()), "replace"));
+  PyErr_SetObject(type.ptr(), text.ptr());
+}
+
+/// The one place where the library's errors become Python's.
+void translate(const std::exception_ptr& failure, void*) {
+  try {
+    try {
+      std::rethrow_exception(failure);
+    } catch (...) {
+      rethrow_in_words();
+    }
+  } catch (const InputError& error) {
+    set_error("InputError", error);
+  } catch (const DeviceError& error) {
+    set_error("DeviceError", error);
+  } catch (const Error& error) {
+    set_error("Error", error);
+  }
+}
+
+nb::list devices() {
+  nb::list names;
+  for (const ComputeDevice::Info& info : ComputeDevice::list()) names.append(info.name);
+  return names;
+}
+
+void clean_up() {
+  const nb::gil_scoped_release released;
+  stop_drawing();
+  clean_up_after_device();
+}
+
+}  // namespace
+}  // namespace xraycast::python
+
+NB_MODULE(_core, module) {
+  using namespace xraycast::python;
+  module.doc() = "CT scans into fluoroscopy one can fly through.";
+  module.attr("__version__") = XRAYCAST_VERSION;
+  nb::register_exception_translator(translate);
+  add_opacity(module);
+  add_frames(module);
+  add_scan(module);
+  add_catheter(module);
+  module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
+  module.def("use_device", choose_device, nb::arg("name"),
+             "Chooses the OpenCL device by its number or part of its name, before the first call that needs "
+             "one; else "
+             "XRAYCAST_DEVICE names it, or the first GPU or processor is used.");
+  nb::module_::import_("atexit").attr("register")(nb::cpp_function(clean_up));
+}

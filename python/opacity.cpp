@@ -1,0 +1,64 @@
+#include "opacity.hpp"
+
+#include "values.hpp"
+#include "xraycast/base/error.hpp"
+
+#include <nanobind/stl/string.h>
+
+namespace xraycast::python {
+namespace {
+
+Opacity with_knots(const nb::object& knots, const std::string& name) {
+  const Numbers numbers = numbers_of(knots, "knots");
+  if (numbers.shape.size() != 2 || numbers.shape[1] != 2)
+    throw InputError("knots: must be a list of (HU, mu in 1/mm)");
+  std::vector<Opacity::Knot> list;
+  for (std::size_t i = 0; i < numbers.values.size(); i += 2)
+    list.push_back({numbers.values[i], numbers.values[i + 1]});
+  return {name, list};
+}
+
+nb::list knots_of(const Opacity& opacity) {
+  nb::list knots;
+  for (const Opacity::Knot& knot : opacity.knots()) knots.append(nb::make_tuple(knot.hu, knot.mu_per_mm));
+  return knots;
+}
+
+}  // namespace
+
+Attenuation attenuation_of(const nb::object& opacity) {
+  if (nb::isinstance<Opacity>(opacity)) return nb::cast<Opacity>(opacity);
+  const std::string name = path_of(opacity), prefix = "spectrum:";
+  if (name.starts_with(prefix)) return Spectrum::named(name.substr(prefix.size()));
+  return Opacity::named(name);
+}
+
+Opacity opacity_of(const nb::object& opacity, const char* call) {
+  const Attenuation attenuation = attenuation_of(opacity);
+  if (const auto* chosen = std::get_if<Opacity>(&attenuation)) return *chosen;
+  throw InputError("opacity {}: {} takes no spectrum; the command `xraycast cast` does",
+                   std::get<Spectrum>(attenuation).name(), call);
+}
+
+void add_opacity(nb::module_& module) {
+  nb::class_<Opacity>(
+      module, "Opacity",
+      "From CT numbers to attenuation: linear between knots (HU, mu in 1/mm), constant beyond.")
+      .def(
+          "__init__",
+          [](Opacity* self, const nb::object& knots, const std::string& name) {
+            new (self) Opacity(with_knots(knots, name));
+          },
+          nb::arg("knots"), nb::arg("name") = "custom")
+      .def_static(
+          "named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
+          "paper, bilinear, subtracted, or a JSON file.")
+      .def_prop_ro("name", &Opacity::name)
+      .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
+      .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")
+      .def("__repr__", [](const Opacity& o) {
+        return fmt::format("<xraycast.Opacity {}: {} knots>", o.name(), o.knots().size());
+      });
+}
+
+}  // namespace xraycast::python

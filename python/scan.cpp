@@ -1,0 +1,255 @@
+#include "scan.hpp"
+
+#include "job.hpp"
+#include "values.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/phantom/phantom.hpp"
+
+#include <algorithm>
+#include <filesystem>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/string.h>
+#include <nanobind/stl/vector.h>
+
+namespace xraycast::python {
+namespace {
+
+using HuArray = nb::ndarray<const std::int16_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
+
+void warn(const ScanInfo& info) {
+  for (const std::string& line : info.warnings)
+    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) throw nb::python_error();
+}
+
+HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
+  Volume volume = collect(*scan.source, progress, name);
+  return {std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name)};
+}
+
+HeldScan open(nb::handle path, const ScanOptions& options, const nb::object& progress) {
+  const std::string file = path_of(path);
+  HeldScan held = result_of(progress, [&](Progress& reported) {
+    return collected(open_scan(file, options, reported), file, reported);
+  });
+  warn(held.info());
+  return held;
+}
+
+HeldScan make(const std::string& name, PhantomOptions options, const nb::object& size,
+              const nb::object& progress) {
+  if (!size.is_none()) {
+    const glm::dvec3 voxels = point_of(size, "size");
+    if (!(glm::all(glm::greaterThanEqual(voxels, glm::dvec3(1))) &&
+          glm::all(glm::lessThanEqual(voxels, glm::dvec3(65536)))))
+      throw InputError("size: must be the number of voxels along x, y and z, 1 to 65536");
+    options.size = Index3(voxels);
+  }
+  return result_of(progress, [&](Progress& reported) {
+    const Phantom phantom = make_phantom(name, options);
+    const DeviceUse device;
+    ScanInfo info;
+    info.format = "phantom";
+    info.modality = "CT";
+    return HeldScan(generate(phantom, *device, reported), info, "phantom " + name);
+  });
+}
+
+std::string text_of(const nb::object& object) {
+  return nb::cast<std::string>(nb::steal(PyObject_Str(object.ptr())));
+}
+
+/// A C-ordered int16 array of three axes: the given one where it is that. Throws InputError.
+nb::object hu_array(const nb::object& hu) {
+  const nb::object numpy = nb::module_::import_("numpy");
+  nb::object array;
+  try {
+    array = numpy.attr("asarray")(hu);
+  } catch (nb::python_error&) {
+    throw InputError(
+        "hu: must be an array; a tensor on another device must be copied to the processor first");
+  }
+  const nb::object dtype = array.attr("dtype");
+  const bool is_int16 =
+      nb::cast<std::string>(dtype.attr("kind")) == "i" && nb::cast<int>(dtype.attr("itemsize")) == 2;
+  if (nb::cast<int>(array.attr("ndim")) != 3 || !is_int16)
+    throw InputError(
+        "hu: must be an int16 array of shape (z, y, x), not {} of shape {}; convert it by "
+        ".astype(numpy.int16)",
+        text_of(dtype), text_of(array.attr("shape")));
+  if (nb::cast<std::size_t>(array.attr("size")) == 0)
+    throw InputError("hu: is empty; give an array with voxels");
+  array = numpy.attr("ascontiguousarray")(array, numpy.attr("int16"));
+  // What is below counts as padding everywhere, and kernels rely on it.
+  if (nb::cast<int>(array.attr("min")()) < kPaddingHu)
+    array = numpy.attr("maximum")(array, numpy.attr("int16")(int(kPaddingHu)));
+  return array;
+}
+
+/// The axes of the array's x, y and z, in columns. Throws InputError.
+std::array<glm::dvec3, 3> axes_of(const nb::object& direction) {
+  if (direction.is_none()) return {glm::dvec3(1, 0, 0), glm::dvec3(0, 1, 0), glm::dvec3(0, 0, 1)};
+  const Numbers m = numbers_of(direction, "direction");
+  if (m.values.size() != 9 ||
+      (m.shape != std::vector<std::size_t>{3, 3} && m.shape != std::vector<std::size_t>{9}))
+    throw InputError("direction: must be 3 x 3, with the axes of x, y and z in its columns");
+  std::array<glm::dvec3, 3> axes;
+  for (std::size_t column = 0; column < 3; ++column) {
+    axes[column] = {m.values[column], m.values[3 + column], m.values[6 + column]};
+    if (!(std::abs(glm::length(axes[column]) - 1) < 1e-3))
+      throw InputError("direction: its columns must be of length 1; the length of voxels is spacing_mm");
+  }
+  return axes;
+}
+
+HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::object& origin,
+                    const nb::object& direction, const nb::object& progress) {
+  const glm::dvec3 spacing_mm = point_of(spacing, "spacing_mm"), origin_mm = point_of(origin, "origin_mm");
+  for (int axis = 0; axis < 3; ++axis)
+    if (!(spacing_mm[axis] > 0)) throw InputError("spacing_mm: {} must be above zero", spacing_mm[axis]);
+  const std::array<glm::dvec3, 3> axes = axes_of(direction);
+  const nb::object array = hu_array(hu);
+  const auto voxels = nb::cast<HuArray>(array);
+  VolumeGeometry geometry;
+  geometry.size = Index3(voxels.shape(2), voxels.shape(1), voxels.shape(0));
+  geometry.spacing_mm = spacing_mm;
+  geometry.origin_mm = origin_mm;
+  ScanInfo info;
+  info.format = "array";
+  info.modality = "CT";
+  if (axes == axes_of(nb::none())) {
+    // Nobody writes into a volume that is held.
+    auto* const data = const_cast<std::int16_t*>(voxels.data());
+    const auto keeper = std::make_shared<nb::object>(array);
+    const auto release = [keeper](std::int16_t*) {
+      const nb::gil_scoped_acquire held;
+      keeper->reset();
+    };
+    return {Volume(geometry, data, release, "hu"), info, "array"};
+  }
+  validate(geometry, "hu");
+  return result_of(progress, [&](Progress& reported) {
+    const std::span<const std::int16_t> all(voxels.data(), voxels.size());
+    const std::array<glm::dvec3, 3> step_mm{axes[0] * spacing_mm.x, axes[1] * spacing_mm.y,
+                                            axes[2] * spacing_mm.z};
+    return collected(open_array(all, geometry.size, step_mm, origin_mm, "hu"), "hu", reported);
+  });
+}
+
+auto hu_of(const HeldScan& scan) {
+  const Index3& size = scan.geometry().size;
+  return array_over<const std::int16_t, 3>(
+      std::as_const(*scan.volume()).hu().data(),
+      {static_cast<std::size_t>(size.z), static_cast<std::size_t>(size.y), static_cast<std::size_t>(size.x)},
+      scan.volume());
+}
+
+nb::tuple direction_of(const HeldScan&) {
+  return nb::make_tuple(nb::make_tuple(1.0, 0.0, 0.0), nb::make_tuple(0.0, 1.0, 0.0),
+                        nb::make_tuple(0.0, 0.0, 1.0));
+}
+
+void write(const HeldScan& scan, nb::handle path, const nb::object& progress) {
+  const std::string file = path_of(path);
+  check_volume_format(file);
+  run_job(progress, [&](Progress& reported) { write_volume(*scan.volume(), file, reported); });
+}
+
+std::string description_of(const HeldScan& scan) {
+  const VolumeGeometry& g = scan.geometry();
+  return fmt::format("<xraycast.Scan of {}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm>",
+                     scan.source(), g.size.x, g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y,
+                     g.spacing_mm.z);
+}
+
+nb::object with_sitk(const char* function, const nb::object& argument) {
+  return nb::module_::import_("xraycast._sitk").attr(function)(argument);
+}
+
+}  // namespace
+
+const SpectralScan& HeldScan::resident(const DeviceUse& device) {
+  if (!resident_) resident_.emplace(SpectralScan{upload(*device, *volume_), {}});
+  return *resident_;
+}
+
+const OutlineFinder& HeldScan::outline(const DeviceUse&) {
+  if (!outline_) {
+    OutlineFinder finder(geometry(), {.finds_skin = true});
+    finder.add(std::as_const(*volume_).hu());
+    outline_.emplace(std::move(finder));
+  }
+  return *outline_;
+}
+
+void add_scan(nb::module_& module) {
+  nb::class_<HeldScan> scan(
+      module, "Scan",
+      "A CT scan in memory, aligned with the patient: x grows towards the left, y towards "
+      "posterior, z towards superior (LPS, mm).");
+  scan.def_static(
+          "from_array", from_array, nb::arg("hu"), nb::arg("spacing_mm"),
+          nb::arg("origin_mm") = nb::make_tuple(0, 0, 0), nb::arg("direction") = nb::none(), nb::kw_only(),
+          nb::arg("progress") = nb::none(),
+          "A scan of CT numbers in an array.\n\n"
+          "hu: (z, y, x) int16, Hounsfield units; shared, not copied, where it is contiguous, the direction "
+          "is the identity and no value is below -1024. Do not write into it afterwards.\n"
+          "spacing_mm, origin_mm: (x, y, z), mm, LPS; the origin is the middle of voxel (0, 0, 0).\n"
+          "direction: 3 x 3, the axes of x, y and z in its columns; other than the identity the scan is "
+          "reoriented or resampled.")
+      .def_static(
+          "from_sitk", [](const nb::object& image) { return with_sitk("from_sitk", image); },
+          nb::arg("image"), "A scan of a SimpleITK image.")
+      .def(
+          "to_sitk", [](const nb::object& self) { return with_sitk("to_sitk", self); },
+          "A SimpleITK image; a copy.")
+      .def_prop_ro("hu", hu_of, kShared, "CT numbers, (z, y, x) int16, Hounsfield units; no copy, read-only.")
+      .def_prop_ro(
+          "spacing_mm", [](const HeldScan& s) { return tuple_of(s.geometry().spacing_mm); },
+          "Voxel size (x, y, z), mm.")
+      .def_prop_ro(
+          "origin_mm", [](const HeldScan& s) { return tuple_of(s.geometry().origin_mm); },
+          "Middle of voxel (0, 0, 0): (x, y, z), mm, LPS.")
+      .def_prop_ro("direction", direction_of,
+                   "3 x 3, the axes of x, y and z in its columns: always the identity.")
+      .def_prop_ro(
+          "centre_mm", [](const HeldScan& s) { return tuple_of(s.middle_mm()); },
+          "The middle of the scan (x, y, z), mm, LPS.")
+      .def_prop_ro(
+          "notes", [](const HeldScan& s) { return s.info().notes; },
+          "What was changed when the scan was read, such as resampling.")
+      .def_prop_ro(
+          "warnings", [](const HeldScan& s) { return s.info().warnings; }, "What to look at in the scan.")
+      .def("write", write, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
+           "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
+      .def("__repr__", description_of);
+  add_projection(scan);
+  add_casting(module, scan);
+  add_segmentation(module, scan);
+
+  module.def(
+      "open",
+      [](nb::handle path, const std::string& series, bool keep_slices, bool skip_damaged,
+         const nb::object& progress) {
+        return open(path, {series, keep_slices, skip_damaged}, progress);
+      },
+      nb::arg("path"), nb::kw_only(), nb::arg("series") = "", nb::arg("keep_slices") = false,
+      nb::arg("skip_damaged") = false, nb::arg("progress") = nb::none(),
+      "Reads a scan: a DICOM folder, file or .zip, or a NIfTI, NRRD, MetaImage or VTK file.\n\n"
+      "series: the DICOM series' number, or part of its description or UID; else the best CT.\n"
+      "progress: a callable (fraction, stage), or tqdm.");
+  module.def(
+      "phantom",
+      [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,
+         std::optional<double> noise_hu, bool table, std::uint32_t seed, const nb::object& progress) {
+        return make(name, {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
+                    size, progress);
+      },
+      nb::arg("name"), nb::kw_only(), nb::arg("size") = nb::none(), nb::arg("spacing_mm") = nb::none(),
+      nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,
+      nb::arg("progress") = nb::none(),
+      "A synthetic CT scan of known anatomy: thorax, head, abdomen, cylinder, sphere, box or shepp-logan.\n\n"
+      "size: voxels (x, y, z).");
+}
+
+}  // namespace xraycast::python

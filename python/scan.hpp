@@ -1,0 +1,54 @@
+#pragma once
+
+#include "device.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/volume/body_outline.hpp"
+
+#include <memory>
+#include <nanobind/nanobind.h>
+#include <optional>
+#include <string>
+
+namespace xraycast::python {
+
+namespace nb = nanobind;
+
+/// A scan in memory; on the device and with its body's outline once these are needed. The calls that take a
+/// DeviceUse are for its holder only.
+class HeldScan {
+ public:
+  HeldScan(Volume volume, ScanInfo info, std::string source)
+      : volume_(std::make_shared<Volume>(std::move(volume))),
+        info_(std::move(info)),
+        source_(std::move(source)) {}
+
+  const std::shared_ptr<Volume>& volume() const { return volume_; }
+  const VolumeGeometry& geometry() const { return volume_->geometry(); }
+  glm::dvec3 middle_mm() const { return 0.5 * (geometry().lower_mm() + geometry().upper_mm()); }
+  const ScanInfo& info() const { return info_; }
+  const std::string& source() const { return source_; }  ///< for messages and in files
+
+  /// Throws DeviceError when the device has not enough memory.
+  const SpectralScan& resident(const DeviceUse& device);
+
+  /// Of the body, with its skin.
+  const OutlineFinder& outline(const DeviceUse& device);
+
+ private:
+  std::shared_ptr<Volume> volume_;
+  ScanInfo info_;
+  std::string source_;
+  std::optional<SpectralScan> resident_;
+  std::optional<OutlineFinder> outline_;
+};
+
+/// Open, phantom and Scan.
+void add_scan(nb::module_& module);
+
+/// Scan's project, cast and cast_basis, and segment.
+void add_projection(nb::class_<HeldScan>& scan);
+void add_casting(nb::module_& module, nb::class_<HeldScan>& scan);
+void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan);
+
+}  // namespace xraycast::python

@@ -1,0 +1,58 @@
+#pragma once
+
+#include <glm/vec2.hpp>
+#include <glm/vec3.hpp>
+
+#include <array>
+#include <cstddef>
+#include <cstdint>
+#include <memory>
+#include <nanobind/nanobind.h>
+#include <nanobind/ndarray.h>
+#include <string>
+#include <vector>
+
+namespace xraycast::python {
+
+namespace nb = nanobind;
+
+/// Numbers that Python gave, in an array of any shape; `shape` is empty for a single one.
+struct Numbers {
+  std::vector<double> values;
+  std::vector<std::size_t> shape;
+  bool is_single() const { return shape.empty(); }
+};
+
+/// Throws InputError, with `name` in front, for what is no array of finite numbers.
+Numbers numbers_of(nb::handle object, const std::string& name);
+double number_of(nb::handle object, const std::string& name);
+glm::dvec3 point_of(nb::handle object, const std::string& name);
+std::vector<glm::dvec3> points_of(nb::handle object, const std::string& name);
+
+/// (width, height). Throws InputError.
+glm::ivec2 size_of(nb::handle object, const std::string& name);
+
+/// A tuple of three floats.
+nb::tuple tuple_of(const glm::dvec3& v);
+
+/// The name of a file, as Python's os.fspath gives it.
+std::string path_of(nb::handle object);
+
+/// For properties that are arrays with an owner: no copy.
+inline constexpr auto kShared = nb::rv_policy::automatic;
+
+/// A NumPy array over memory that `keeper` keeps alive; read-only for a const T.
+template <typename T, int Dimensions, typename Keeper>
+nb::ndarray<nb::numpy, T, nb::ndim<Dimensions>> array_over(T* data,
+                                                           const std::array<std::size_t, Dimensions>& shape,
+                                                           std::shared_ptr<Keeper> keeper,
+                                                           const std::int64_t* strides = nullptr) {
+  const nb::capsule owner(new std::shared_ptr<Keeper>(std::move(keeper)),
+                          [](void* held) noexcept { delete static_cast<std::shared_ptr<Keeper>*>(held); });
+  return {data, static_cast<std::size_t>(Dimensions), shape.data(), owner, strides};
+}
+
+/// What numpy.asarray and DLPack ask of an object that is an array: `array` as they want it.
+nb::object as_array(const nb::object& array, const nb::object& dtype, const nb::object& copy);
+
+}  // namespace xraycast::python

@@ -1,0 +1,98 @@
+"""Arrays that are shared rather than copied, and scans made of arrays."""
+import numpy as np
+import pytest
+import xraycast as xc
+
+
+def address(array):
+    return np.asarray(array).__array_interface__["data"][0]
+
+
+def test_ct_numbers_are_not_copied(body):
+    assert body.hu.dtype == np.int16 and body.hu.ndim == 3
+    assert address(body.hu) == address(body.hu) and not body.hu.flags.writeable
+
+
+def test_a_scan_shares_its_array(hu):
+    scan = xc.Scan.from_array(hu, (1, 2, 3))
+    assert address(scan.hu) == address(hu)
+    assert scan.spacing_mm == (1, 2, 3) and scan.origin_mm == (0, 0, 0)
+    assert np.array_equal(scan.direction, np.eye(3))
+
+
+def test_an_array_outlives_its_scan(hu):
+    expected = hu.copy()
+    held = xc.Scan.from_array(hu.copy(), (1, 1, 1)).hu
+    assert np.array_equal(held, expected)
+
+
+def test_values_below_padding_become_padding_in_a_copy(hu):
+    hu[0, 0, 0] = -2000
+    scan = xc.Scan.from_array(hu, (1, 1, 1))
+    assert scan.hu[0, 0, 0] == -1024 and hu[0, 0, 0] == -2000
+
+
+def test_a_strided_array_is_taken(hu):
+    assert np.array_equal(xc.Scan.from_array(hu[:, :, ::2], (1, 1, 1)).hu, hu[:, :, ::2])
+
+
+def test_directions_reorient_the_scan(hu):
+    scan = xc.Scan.from_array(hu, (1, 2, 3), (10, 20, 30), np.diag([-1.0, -1.0, 1.0]))
+    assert np.array_equal(scan.hu, hu[:, ::-1, ::-1])
+    # The last voxels of a row and a column become the first: x = 10 - 6 * 1, y = 20 - 5 * 2.
+    assert scan.origin_mm == (4, 10, 30)
+
+
+def test_pictures_and_maps_are_not_copied(body):
+    frame, map_ = body.project(), body.cast(layers=2)
+    assert address(frame) == address(frame.tau) == address(np.asarray(frame))
+    assert address(map_.tau) == address(map_.tau)
+    assert address(np.array(frame)) != address(frame)
+    assert np.asarray(frame, dtype=np.float64).dtype == np.float64
+
+
+def test_dlpack_shares_memory(body):
+    frame = body.project()
+    assert address(np.from_dlpack(frame)) == address(frame.tau)
+    assert address(np.from_dlpack(body.hu)) == address(body.hu)
+
+
+@pytest.mark.parametrize("array, words", [
+    (np.zeros((3, 3), np.int16), "shape (z, y, x)"),
+    (np.zeros((3, 3, 3)), "not float64"),
+    (np.zeros((0, 3, 3), np.int16), "is empty"),
+    ("text", "hu: must be"),
+])
+def test_arrays_of_a_wrong_kind_are_rejected(array, words):
+    with pytest.raises(xc.InputError) as error:
+        xc.Scan.from_array(array, (1, 1, 1))
+    assert words in str(error.value) and "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (((1, 1),), "spacing_mm"),
+    (((1, -1, 1),), "spacing_mm: -1 must be above zero"),
+    (((1, 1, 1), (0, float("nan"), 0)), "origin_mm"),
+    (((1, 1, 1), (0, 0, 0), np.eye(2)), "direction"),
+    (((1, 1, 1), (0, 0, 0), 2 * np.eye(3)), "length 1"),
+    (((1, 1, 1), (0, 0, 0), [[1, 1, 0], [0, 0, 0], [0, 0, 1]]), "direction"),
+    (((1, 1, 1), (0, 0, 0), np.full((3, 3), np.inf)), "direction"),
+])
+def test_geometries_that_are_none_are_rejected(hu, arguments, words):
+    with pytest.raises(xc.InputError, match=words.replace("(", r"\(")):
+        xc.Scan.from_array(hu, *arguments)
+
+
+def test_a_scan_is_written_and_read(body, tmp_path):
+    body.write(tmp_path / "scan.nrrd")
+    again = xc.open(tmp_path / "scan.nrrd")
+    assert np.array_equal(again.hu, body.hu) and again.origin_mm == body.origin_mm
+    with pytest.raises(xc.InputError, match="no such file"):
+        xc.open(tmp_path / "missing.nrrd")
+
+
+def test_simple_itk_images_come_back(hu):
+    pytest.importorskip("SimpleITK")
+    scan = xc.Scan.from_array(hu, (1, 2, 3), (4, 5, 6))
+    again = xc.Scan.from_sitk(scan.to_sitk())
+    assert np.array_equal(again.hu, hu) and again.spacing_mm == (1, 2, 3) and again.origin_mm == (4, 5, 6)

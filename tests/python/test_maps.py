@@ -1,0 +1,62 @@
+"""Body maps: cast, recast, drawn, written."""
+import numpy as np
+import pytest
+import xraycast as xc
+
+
+def test_a_map_holds_the_whole_attenuation(body):
+    map_ = body.cast(layers=16)
+    assert map_.tau.shape == (16, body.hu.shape[0], 360) and map_.tau.dtype == np.float32
+    assert len(map_.radii_mm) == 17
+    # The layers of a map add up to one layer's.
+    one = body.cast(layers=1).tau.sum(0)
+    np.testing.assert_allclose(map_.tau.sum(0), one, atol=1e-4 * one.max())
+
+
+def test_recasting_is_casting_with_another_opacity(body):
+    bone = xc.Opacity([(-1000, 0), (150, 0), (1000, 0.06)], "bone")
+    basis = body.cast_basis(layers=4, knots_hu=[-1000, 150, 1000])
+    recast, cast = basis.recast(bone), body.cast(layers=4, opacity=bone)
+    # The weights are rounded by a shell's thickness / 131070 of mu's change, 0.06/mm; float32 sums by some 1e-5.
+    thickness_mm = np.diff(recast.radii_mm).max()
+    np.testing.assert_allclose(recast.tau, cast.tau, rtol=0, atol=thickness_mm / 131070 * 0.06 + 1e-5)
+    assert recast.opacity.name == "bone" and recast.opacity.knots == bone.knots
+    with pytest.raises(xc.InputError, match="knot"):
+        basis.recast(xc.Opacity([(-900, 0), (0, 0.02)]))
+
+
+def test_a_frame_resembles_the_projection(body):
+    map_ = body.cast(layers=16)
+    frame = np.asarray(map_.render(lao=30, size=(120, 90), pixel_mm=4, centre_mm=body.centre_mm))
+    drr = np.asarray(body.project(lao=30, size=(120, 90), pixel_mm=4, centre_mm=body.centre_mm))
+    assert frame.shape == drr.shape == (90, 120)
+    assert np.corrcoef(frame.ravel(), drr.ravel())[0, 1] > 0.98  # a map of 16 layers is an approximation
+    assert map_.render([0, 30]).shape[0] == 2
+
+
+def test_maps_and_bases_are_written_and_read(body, tmp_path):
+    map_ = body.cast(layers=2)
+    map_.write(tmp_path / "map.exr")
+    assert np.array_equal(xc.BodyMap.read(tmp_path / "map.exr").tau, map_.tau)
+    basis = body.cast_basis(layers=2)
+    basis.write(tmp_path / "map.basis")
+    assert np.array_equal(xc.Basis.read(tmp_path / "map.basis").recast("paper").tau, basis.recast("paper").tau)
+    assert map_._repr_png_().startswith(b"\x89PNG")
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (dict(layers=0), "layers"), (dict(outline="square"), "outline"), (dict(angles=0), "angles"),
+    (dict(opacity="spectrum:80"), "spectrum"),
+])
+def test_arguments_that_make_no_map_are_rejected(body, arguments, words):
+    with pytest.raises(xc.InputError, match=words):
+        body.cast(**arguments)
+
+
+def test_opacities():
+    bone = xc.Opacity([(-1000, 0), (1000, 0.06)])
+    assert bone(0) == pytest.approx(0.03) and bone(5000) == pytest.approx(0.06)
+    with pytest.raises(xc.InputError, match="knots"):
+        xc.Opacity([1, 2, 3])
+    with pytest.raises(xc.InputError):
+        xc.Opacity([(0, -1)])

@@ -1,0 +1,71 @@
+"""Vessels, and a catheter in them."""
+import json
+
+import numpy as np
+import pytest
+import xraycast as xc
+
+
+@pytest.fixture(scope="module")
+def tube(tmp_path_factory):
+    """A straight vessel of radius 5 mm, 300 mm upwards."""
+    file = tmp_path_factory.mktemp("tree") / "tree.json"
+    points = [[0, 0, float(z), 5] for z in range(0, 301, 5)]
+    file.write_text(json.dumps({"branches": [{"id": 0, "parent": -1, "points": points}]}))
+    return xc.VesselTree.read(file)
+
+
+def test_vessels_are_segmented():
+    scan = xc.phantom("thorax", spacing_mm=3, noise_hu=0)
+    vessels = scan.segment(max_radius_mm=20)
+    assert vessels.mask.shape == scan.hu.shape and vessels.mask.dtype == np.uint8 and vessels.mask.max() == 1
+    assert len(vessels.tree) > 1 and vessels.surface.triangles.max() < len(vessels.surface.points_mm)
+    # The arteries are bright with contrast agent.
+    assert np.median(scan.hu[vessels.mask == 1]) > 150
+    with pytest.raises(xc.InputError, match="seeds"):
+        scan.segment(seeds=[(190, -190, 0)])
+    with pytest.raises(xc.InputError, match="points"):
+        scan.segment(seeds=[1, 2])
+
+
+def test_a_tree_shows_its_centrelines(tube, tmp_path):
+    assert len(tube) == 1 and tube.root == 0 and tube[0].parent == -1
+    assert tube[0].points.shape == (61, 4) and tube[0].length_mm == pytest.approx(300)
+    tube.write(tmp_path / "tree.vtp")
+    assert np.array_equal(xc.VesselTree.read(tmp_path / "tree.vtp")[0].points, tube[0].points)
+
+
+def test_a_catheter_advances_and_turns(tube):
+    run = xc.Catheter(tube, "guidewire-035-j")
+    for _ in range(40):
+        state = run.step(push_mm=1, turn_deg=2, ms=10)
+    assert state.time_s == pytest.approx(0.4) and state.insertion_mm == pytest.approx(40)
+    assert state.rotation_deg == pytest.approx(80) and not state.is_held
+    # The foremost node is about as far in the vessel as the hub has moved; the guide wire's J points back.
+    assert 25 < run.nodes_mm[:, 2].max() < 41 and state.branch == 0
+    assert run.nodes_mm.shape[1] == 3 and np.allclose(run.nodes_mm[-1], state.tip_mm)
+
+
+def test_one_call_is_many_steps(tube):
+    once, often = xc.Catheter(tube, "cobra-5f"), xc.Catheter(tube, "cobra-5f")
+    for _ in range(20):
+        often.step(push_mm=0.2, ms=1)
+    # The hub's path is the same but for rounding.
+    assert np.allclose(once.step(push_mm=4, ms=20).tip_mm, often.state.tip_mm, atol=1e-6)
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (dict(ms=0), "ms"), (dict(push_mm=float("nan")), "push_mm"), (dict(turn_deg=float("inf")), "turn_deg"),
+])
+def test_steps_that_are_none_are_rejected(tube, arguments, words):
+    with pytest.raises(xc.InputError, match=words):
+        xc.Catheter(tube, "cobra-5f").step(**arguments)
+
+
+def test_models_and_entries_are_checked(tube):
+    with pytest.raises(xc.InputError, match="no-such"):
+        xc.Catheter(tube, "no-such-model")
+    with pytest.raises(xc.InputError, match="entry"):
+        xc.Catheter(tube, "cobra-5f", entry=7)
+    with pytest.raises(xc.InputError, match="entry"):
+        xc.Catheter(tube, "cobra-5f", entry=(900, 0, 0))
