@@ -7,12 +7,13 @@
  * translation in mm and by their rotation in rad about a point, both along the axes of the world.
  *
  * A point of the ray that belongs to a plane of voxels moves with the velocity V of the body there, and along
- * the ray back into its plane. Whatever changes by `slope * V` changes by `slope` per mm of translation, and by
- * cross(point - centre, slope) per rad. */
+ * the ray back into its plane. Whatever changes by `slope * V` changes by `slope` per mm of translation, and
+ * by cross(point - centre, slope) per rad. */
 
 #define RAY_ENDS -1 /* what cuts a ray off, if not the scan's faces across an axis */
 
-static inline float mu_slope_of(const float hu, constant const XrcOpacity* opacity, global const float2* table) {
+static inline float mu_slope_of(const float hu, constant const XrcOpacity* opacity,
+                                global const float2* table) {
 #if RAMPS > 0
   (void)table;
   float slope = 0.0f;
@@ -29,10 +30,10 @@ static inline float3 along_axes(const int axis, const float across, const float 
   return axis == 0 ? (float3)(across, u, v) : axis == 1 ? (float3)(u, across, v) : (float3)(u, v, across);
 }
 
-/* CT number in plane k across `axis`, as `sample_plane` takes it, and its changes along the other two axes per
- * voxel: HU, by u, by v. */
-static inline float3 sample_slopes(SCAN voxels, const XrcScan* scan, const int axis, const int k, const float u,
-                                   const float v) {
+/* CT number in plane k across `axis`, as `sample_plane` takes it, and its changes along the other two axes
+ * per voxel: HU, by u, by v. */
+static inline float3 sample_slopes(SCAN voxels, const XrcScan* scan, const int axis, const int k,
+                                   const float u, const float v) {
   const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
   const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
   const float cu = clamp(u, 0.0f, (float)last_u), cv = clamp(v, 0.0f, (float)last_v);
@@ -95,7 +96,7 @@ static inline void add(Motion* sum, const float weight, const float3 slope, cons
   sum->by_rad += weight * cross(from_centre_mm, slope);
 }
 
-/* What moves the end `at` of the counted planes: per mm, in planes. */
+/* How far an end of the counted planes moves per mm, in planes, where `by` cuts the ray off. */
 static inline float3 end_slope(const Line* line, const int by, const float3 spacing_mm) {
   const float3 own = along_axes(line->axis, 1.0f, 0.0f, 0.0f) / spacing_mm;
   if (by == RAY_ENDS) return own;
@@ -104,13 +105,44 @@ static inline float3 end_slope(const Line* line, const int by, const float3 spac
   return own - face / component(line->per_plane, by);
 }
 
+/* The sum over the planes, in planes, and its derivatives. */
+static inline float sum_and_motion(SCAN voxels, const XrcScan* scan, const Line* line,
+                                   const float3 spacing_mm, const float3 centre,
+                                   constant const XrcOpacity* opacity, global const float2* table,
+                                   Motion* motion) {
+  const int axis = line->axis;
+  const int size = axis == 0 ? scan->size_x : axis == 1 ? scan->size_y : scan->size_z;
+  const int first = clamp((int)floor(line->low + 0.5f), 0, size - 1),
+            last = clamp((int)floor(line->high + 0.5f), 0, size - 1);
+  const float du = axis == 0 ? line->per_plane.y : line->per_plane.x,
+              dv = axis == 2 ? line->per_plane.y : line->per_plane.z;
+  float sum = 0.0f, first_mu = 0.0f, last_mu = 0.0f;
+  for (int k = first; k <= last; ++k) {
+    const float share = fmax(fmin((float)k + 0.5f, line->high) - fmax((float)k - 0.5f, line->low), 0.0f);
+    const float3 at = line->at_0 + (float)k * line->per_plane;
+    const float3 sample =
+        sample_slopes(voxels, scan, axis, k, axis == 0 ? at.y : at.x, axis == 2 ? at.y : at.z);
+    last_mu = mu_of(sample.x, opacity, table);
+    if (k == first) first_mu = last_mu;
+    sum = fma(share, last_mu, sum);
+    const float3 hu_slope = along_axes(axis, -(sample.y * du + sample.z * dv), sample.y, sample.z);
+    add(motion, share * mu_slope_of(sample.x, opacity, table), hu_slope / spacing_mm,
+        (at - centre) * spacing_mm);
+  }
+  const float3 low = line->at_0 + line->low * line->per_plane,
+               high = line->at_0 + line->high * line->per_plane;
+  add(motion, -first_mu, end_slope(line, line->low_by, spacing_mm), (low - centre) * spacing_mm);
+  add(motion, last_mu, end_slope(line, line->high_by, spacing_mm), (high - centre) * spacing_mm);
+  return sum;
+}
+
 kernel void project_gradient(SCAN voxels, const XrcScan scan, const XrcDetector detector, const float4 centre,
-                             constant const XrcOpacity* opacity, global const float2* table, global float* tau,
-                             global float* gradient) {
+                             constant const XrcOpacity* opacity, global const float2* table,
+                             global float* tau, global float* gradient) {
   const int i = (int)get_global_id(0), j = (int)get_global_id(1);
   if (i >= detector.width || j >= detector.height) return;
-  const float3 hit = float3_of(detector.corner) + (float)i * float3_of(detector.right) +
-                     (float)j * float3_of(detector.down);
+  const float3 hit =
+      float3_of(detector.corner) + (float)i * float3_of(detector.right) + (float)j * float3_of(detector.down);
   const float3 start = detector.is_cone ? float3_of(detector.source) : hit - float3_of(detector.beam);
   const float3 end = detector.is_cone ? hit : hit + float3_of(detector.beam);
   const float3 spacing_mm = float3_of(detector.spacing_mm);
@@ -119,30 +151,12 @@ kernel void project_gradient(SCAN voxels, const XrcScan scan, const XrcDetector 
   Motion motion = {(float3)(0.0f), (float3)(0.0f)};
   float sum = 0.0f, plane_mm = 0.0f;
   if (prepare_line(&line, &scan, start, end)) {
-    const int axis = line.axis;
-    const int size = axis == 0 ? scan.size_x : axis == 1 ? scan.size_y : scan.size_z;
-    const int first = clamp((int)floor(line.low + 0.5f), 0, size - 1),
-              last = clamp((int)floor(line.high + 0.5f), 0, size - 1);
-    const float du = axis == 0 ? line.per_plane.y : line.per_plane.x,
-                dv = axis == 2 ? line.per_plane.y : line.per_plane.z;
-    float first_mu = 0.0f, last_mu = 0.0f;
-    for (int k = first; k <= last; ++k) {
-      const float share = fmax(fmin((float)k + 0.5f, line.high) - fmax((float)k - 0.5f, line.low), 0.0f);
-      const float3 at = line.at_0 + (float)k * line.per_plane;
-      const float3 sample = sample_slopes(voxels, &scan, axis, k, axis == 0 ? at.y : at.x, axis == 2 ? at.y : at.z);
-      last_mu = mu_of(sample.x, opacity, table);
-      if (k == first) first_mu = last_mu;
-      sum = fma(share, last_mu, sum);
-      const float3 hu_slope = along_axes(axis, -(sample.y * du + sample.z * dv), sample.y, sample.z) / spacing_mm;
-      add(&motion, share * mu_slope_of(sample.x, opacity, table), hu_slope, (at - centre.xyz) * spacing_mm);
-    }
-    const float3 low = line.at_0 + line.low * line.per_plane, high = line.at_0 + line.high * line.per_plane;
-    add(&motion, -first_mu, end_slope(&line, line.low_by, spacing_mm), (low - centre.xyz) * spacing_mm);
-    add(&motion, last_mu, end_slope(&line, line.high_by, spacing_mm), (high - centre.xyz) * spacing_mm);
+    sum = sum_and_motion(voxels, &scan, &line, spacing_mm, centre.xyz, opacity, table, &motion);
     /* A ray that turns crosses planes at another angle. */
     const float3 way_mm = line.per_plane * spacing_mm;
     plane_mm = length(way_mm);
-    motion.by_rad -= sum / component(way_mm, axis) * cross(way_mm, along_axes(axis, 1.0f, 0.0f, 0.0f));
+    motion.by_rad -=
+        sum / component(way_mm, line.axis) * cross(way_mm, along_axes(line.axis, 1.0f, 0.0f, 0.0f));
   }
   const long pixel = (long)j * detector.width + i;
   tau[pixel] = sum * plane_mm;

@@ -45,7 +45,7 @@ MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const De
                       body.centre_mm);
 }
 
-void check(const CastArguments& arguments) {
+void check_cast(const CastArguments& arguments) {
   if (arguments.outline != "body" && arguments.outline != "circle")
     throw InputError("outline {}: must be body or circle", arguments.outline);
   constexpr int kMostLayers = 4096;
@@ -59,7 +59,7 @@ std::string frame_of_reference(const HeldScan& scan) {
 
 HeldBody cast_scan(HeldScan& scan, const CastArguments& arguments, const nb::object& opacity,
                    const nb::object& progress) {
-  check(arguments);
+  check_cast(arguments);
   const Opacity chosen = opacity_of(opacity, "cast");
   return result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
@@ -71,7 +71,7 @@ HeldBody cast_scan(HeldScan& scan, const CastArguments& arguments, const nb::obj
   });
 }
 
-std::vector<double> knots_of(const nb::object& knots, const nb::object& opacity) {
+std::vector<double> basis_knots(const nb::object& knots, const nb::object& opacity) {
   if (knots.is_none()) return useful_knots_hu(opacity_of(opacity, "cast_basis"));
   std::vector<double> knots_hu = numbers_of(knots, "knots_hu").values;
   validate_knots(knots_hu, "knots_hu");
@@ -80,8 +80,8 @@ std::vector<double> knots_of(const nb::object& knots, const nb::object& opacity)
 
 HeldBasis cast_basis(HeldScan& scan, const CastArguments& arguments, const nb::object& knots,
                      const nb::object& opacity, const nb::object& progress) {
-  check(arguments);
-  const std::vector<double> knots_hu = knots_of(knots, opacity);
+  check_cast(arguments);
+  const std::vector<double> knots_hu = basis_knots(knots, opacity);
   return result_of(progress, [&](Progress& reported) {
     const DeviceUse device;
     Basis basis =
@@ -101,7 +101,7 @@ HeldBody recast(HeldBasis& basis, const nb::object& opacity, const nb::object& p
   });
 }
 
-auto tau_of(const HeldBody& body) {
+auto map_tau(const HeldBody& body) {
   const MapGeometry& geometry = body.map->geometry;
   if (body.map->spectrum) throw InputError("tau: this map holds the masses of materials, by a spectrum");
   return array_over<const float, 3>(
@@ -156,7 +156,7 @@ void add_body(nb::module_& module) {
       .def_static("read", read_map, nb::arg("path"), "Reads a map that `xraycast cast` or write() wrote.")
       .def("write", write_map, nb::arg("path"), "Writes the map, an OpenEXR file.")
       .def_prop_ro(
-          "tau", tau_of, kShared,
+          "tau", map_tau, kShared,
           "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
           "superior row first, angle 0 anterior and growing towards the patient's left; no copy, read-only.")
       .def_prop_ro(

@@ -16,7 +16,7 @@
 namespace xraycast::python {
 namespace {
 
-constexpr double kDegree = std::numbers::pi / 180;
+constexpr double kRadiansPerDegree = std::numbers::pi / 180;
 
 /// What a step leaves.
 struct State {
@@ -40,8 +40,8 @@ class HeldCatheter {
     for (int i = 1; i <= steps; ++i) {
       const double share = static_cast<double>(i) / steps;
       catheter_.step({start.insertion_mm + share * push_mm, start.rotation_rad + share * turn_rad});
-      constexpr std::chrono::milliseconds kInterval{50};
-      if (std::chrono::steady_clock::now() - looked < kInterval) continue;
+      constexpr std::chrono::milliseconds kLookInterval{50};
+      if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
       check_signals();
       looked = std::chrono::steady_clock::now();
@@ -79,21 +79,22 @@ EntryChoice entry_of(const nb::object& entry) {
   return {point_of(entry, "entry"), "entry"};
 }
 
-void make(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model, const nb::object& entry) {
+void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model,
+                   const nb::object& entry) {
   const std::string name = path_of(model);
   const EntryChoice choice = entry_of(entry);
   const nb::gil_scoped_release released;
   new (catheter) HeldCatheter(tree.tree, InstrumentModel::named(name), choice);
 }
 
-State step(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
+State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
   if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
   if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
   const nb::gil_scoped_release released;
-  return catheter.step(push_mm, kDegree * turn_deg, ms);
+  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms);
 }
 
 auto nodes_of(HeldCatheter& catheter) {
@@ -105,7 +106,7 @@ auto nodes_of(HeldCatheter& catheter) {
   return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
 }
 
-std::string description_of(const State& s) {
+std::string state_description(const State& s) {
   const glm::dvec3& tip = s.record.tip.position_mm;
   return fmt::format(
       "<xraycast.CatheterState at {:.3f} s: {:.1f} mm in, tip at ({:.1f}, {:.1f}, {:.1f}) mm in branch "
@@ -120,7 +121,8 @@ void add_state(nb::module_& module) {
       .def_prop_ro(
           "insertion_mm", [](const State& s) { return s.record.pose.insertion_mm; },
           "Length fed in. Less than was pushed where the hub is held, or cannot move as fast.")
-      .def_prop_ro("rotation_deg", [](const State& s) { return s.record.pose.rotation_rad / kDegree; })
+      .def_prop_ro("rotation_deg",
+                   [](const State& s) { return s.record.pose.rotation_rad / kRadiansPerDegree; })
       .def_prop_ro(
           "force_N", [](const State& s) { return s.record.load.force_N; },
           "On the hand at the hub; positive pushes it back.")
@@ -142,7 +144,7 @@ void add_state(nb::module_& module) {
       .def_prop_ro(
           "is_held", [](const State& s) { return s.is_held; },
           "The hub did not advance, since the push force is 3 N already.")
-      .def("__repr__", description_of);
+      .def("__repr__", state_description);
 }
 
 }  // namespace
@@ -150,12 +152,13 @@ void add_state(nb::module_& module) {
 void add_catheter(nb::module_& module) {
   add_state(module);
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
-      .def("__init__", make, nb::arg("tree"), nb::arg("model"), nb::kw_only(), nb::arg("entry") = nb::none(),
+      .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
+           nb::arg("entry") = nb::none(),
            "model: cobra-5f, simmons2-5f, pigtail-5f, microcatheter-27f, guidewire-035-j, or a JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; else the most "
            "inferior end "
            "that it fits into.")
-      .def("step", step, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
+      .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by so much, evenly over so many steps of 1 ms, and returns the CatheterState.")
       .def_prop_ro("state", &HeldCatheter::state, nb::call_guard<nb::gil_scoped_release>())
       .def_prop_ro("nodes_mm", nodes_of, kShared,

@@ -20,13 +20,13 @@ const View& view_of(const Frame& frame, const char* what) {
   throw InputError("{}: this frame was made by K and RT; use those instead", what);
 }
 
-Picture tau_of(const Frame& frame) {
+Picture tau_array(const Frame& frame) {
   return array_over<float, 2>(
       frame.tau(), {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width())},
       frame.depths);
 }
 
-Picture transmission_of(const Frame& frame) {
+Picture transmission_array(const Frame& frame) {
   auto values = std::make_shared<std::vector<float>>(frame.tau(), frame.tau() + frame.pixels());
   for (float& value : *values) value = std::exp(-value);
   return array_over<float, 2>(
@@ -34,7 +34,7 @@ Picture transmission_of(const Frame& frame) {
       values);
 }
 
-Pictures gradient_of(const Frame& frame) {
+Pictures gradient_array(const Frame& frame) {
   if (frame.depths->gradient.empty())
     throw InputError("gradient: was not asked for; give gradient=True to project");
   return array_over<float, 3>(
@@ -42,7 +42,7 @@ Pictures gradient_of(const Frame& frame) {
       {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width()), 6}, frame.depths);
 }
 
-Pictures tau_of(const Frames& frames) {
+Pictures tau_array(const Frames& frames) {
   const glm::ivec2 size = size_of(frames.poses.front());
   return array_over<float, 3>(
       frames.depths->tau.data(),
@@ -50,8 +50,8 @@ Pictures tau_of(const Frames& frames) {
       frames.depths);
 }
 
-nb::ndarray<nb::numpy, float, nb::ndim<4>> gradient_of(const Frames& frames) {
-  gradient_of(frames.at(0));  // throws where there is none
+nb::ndarray<nb::numpy, float, nb::ndim<4>> gradient_array(const Frames& frames) {
+  gradient_array(frames.at(0));  // throws where there is none
   const glm::ivec2 size = size_of(frames.poses.front());
   return array_over<float, 4>(
       frames.depths->gradient.data(),
@@ -65,7 +65,7 @@ nb::bytes png_of(const Frame& frame) {
   return nb::bytes(bytes.data(), bytes.size());
 }
 
-void write(const Frame& frame, nb::handle path, double gamma, bool inverted) {
+void write_frame(const Frame& frame, nb::handle path, double gamma, bool inverted) {
   const std::string file = path_of(path);
   if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
     throw InputError("{}: a frame made by K and RT is written as .png only; numpy.save keeps its depths",
@@ -78,7 +78,7 @@ void write(const Frame& frame, nb::handle path, double gamma, bool inverted) {
   write_projection(image, file, gamma, inverted);
 }
 
-std::string description_of(const Frame& frame) {
+std::string frame_description(const Frame& frame) {
   const auto* view = std::get_if<View>(&frame.pose);
   return fmt::format("<xraycast.Frame {}, {} x {} pixels>", view ? label(*view) : "by K and RT",
                      frame.width(), frame.height());
@@ -100,13 +100,13 @@ void add_array_protocols(Class& held, nb::object (*array)(const Type&)) {
            [array](const Type& self) { return array(self).attr("__dlpack_device__")(); });
 }
 
-constexpr double kDegrees = 180 / std::numbers::pi;
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
 
 nb::object frames_object(std::shared_ptr<Depths> depths, Poses poses) {
   if (poses.is_batch) return nb::cast(Frames{std::move(depths), std::move(poses.poses)});
-  return nb::cast(Frame{std::move(depths), 0, std::move(poses.poses.front())});
+  return nb::cast(Frame{std::move(depths), 0, poses.poses.front()});
 }
 
 void add_frames(nb::module_& module) {
@@ -114,25 +114,25 @@ void add_frames(nb::module_& module) {
       module, "Frame",
       "A picture: optical depths tau of whole lines, (rows, columns) float32, row 0 on top, seen "
       "from the detector.\n\nnumpy.asarray(frame) and torch.from_dlpack(frame) share its memory.");
-  add_array_protocols<nb::class_<Frame>, Frame>(frame, [](const Frame& f) { return nb::cast(tau_of(f)); });
+  add_array_protocols<nb::class_<Frame>, Frame>(frame, [](const Frame& f) { return nb::cast(tau_array(f)); });
   frame
       .def_prop_ro(
-          "tau", [](const Frame& f) { return tau_of(f); }, kShared,
+          "tau", [](const Frame& f) { return tau_array(f); }, kShared,
           "Optical depth, (rows, columns) float32; no copy.")
-      .def_prop_ro("transmission", transmission_of, kShared,
+      .def_prop_ro("transmission", transmission_array, kShared,
                    "exp(-tau), (rows, columns) float32; a new array.")
       .def_prop_ro(
-          "gradient", [](const Frame& f) { return gradient_of(f); }, kShared,
+          "gradient", [](const Frame& f) { return gradient_array(f); }, kShared,
           "How tau changes with the pose of source and detector, (rows, columns, 6) float32: per mm along "
           "x, y and z, then per rad about x, y and z through the scan's centre (LPS). Only with "
           "gradient=True.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
       .def_prop_ro(
-          "lao", [](const Frame& f) { return kDegrees * view_of(f, "lao").angle_rad; },
+          "lao", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "lao").angle_rad; },
           "The C-arm's angle in degrees, LAO positive.")
       .def_prop_ro(
-          "cranial", [](const Frame& f) { return kDegrees * view_of(f, "cranial").tilt_rad; },
+          "cranial", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "cranial").tilt_rad; },
           "The C-arm's tilt in degrees, cranial positive.")
       .def_prop_ro(
           "pixel_mm", [](const Frame& f) { return view_of(f, "pixel_mm").pixel_mm; },
@@ -154,23 +154,23 @@ void add_frames(nb::module_& module) {
       .def_prop_ro(
           "RT", [](const Frame& f) { return extrinsics_of(f.pose); },
           "3 x 4, from LPS mm to the camera's mm, z forward. None for a parallel beam.")
-      .def("write", write, nb::arg("path"), nb::kw_only(), nb::arg("gamma") = 1.0,
+      .def("write", write_frame, nb::arg("path"), nb::kw_only(), nb::arg("gamma") = 1.0,
            nb::arg("inverted") = false,
            "Writes .exr, .tif or .nrrd (float depths), .dcm (DICOM XA) or .png (the displayed picture).")
       .def("_repr_png_", png_of, "What a notebook shows: the transmission in an automatic grey window.")
-      .def("__repr__", description_of);
+      .def("__repr__", frame_description);
 
   nb::class_<Frames> frames(
       module, "Frames",
       "Pictures of one size: (poses, rows, columns) float32 by numpy.asarray, or one by one.");
   add_array_protocols<nb::class_<Frames>, Frames>(frames,
-                                                  [](const Frames& f) { return nb::cast(tau_of(f)); });
+                                                  [](const Frames& f) { return nb::cast(tau_array(f)); });
   frames
       .def_prop_ro(
-          "tau", [](const Frames& f) { return tau_of(f); }, kShared,
+          "tau", [](const Frames& f) { return tau_array(f); }, kShared,
           "Optical depths, (poses, rows, columns) float32; no copy.")
       .def_prop_ro(
-          "gradient", [](const Frames& f) { return gradient_of(f); }, kShared,
+          "gradient", [](const Frames& f) { return gradient_array(f); }, kShared,
           "As a Frame's, (poses, rows, columns, 6) float32.")
       .def_prop_ro(
           "shape",

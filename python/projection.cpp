@@ -21,8 +21,8 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   return fitted(view, volume, body);
 }
 
-std::vector<float> tau_of(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
-                          Progress& progress) {
+std::vector<float> tau_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
+                            Progress& progress) {
   const auto* camera = std::get_if<PinholeCamera>(&pose);
   if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
     if (camera)
@@ -35,8 +35,8 @@ std::vector<float> tau_of(const SpectralScan& scan, const Pose& pose, const Atte
                 : project(scan.native, std::get<View>(pose), opacity, progress).tau;
 }
 
-Depths gradient_of(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
-                   Progress& progress) {
+Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
+                     Progress& progress) {
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (!opacity)
     throw InputError("opacity {}: gradient takes no spectrum; give an opacity",
@@ -53,8 +53,8 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
   const SpectralScan& resident = scan.resident(device);
   auto depths = std::make_shared<Depths>();
   for (const Pose& pose : poses) {
-    Depths one = has_gradient ? gradient_of(resident, pose, attenuation, progress)
-                              : Depths{tau_of(resident, pose, attenuation, progress), {}};
+    Depths one = has_gradient ? gradient_from(resident, pose, attenuation, progress)
+                              : Depths{tau_from(resident, pose, attenuation, progress), {}};
     if (poses.size() == 1) {
       *depths = std::move(one);
       break;

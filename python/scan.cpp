@@ -27,7 +27,7 @@ HeldScan collected(const Scan& scan, const std::string& name, Progress& progress
   return {std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name)};
 }
 
-HeldScan open(nb::handle path, const ScanOptions& options, const nb::object& progress) {
+HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object& progress) {
   const std::string file = path_of(path);
   HeldScan held = result_of(progress, [&](Progress& reported) {
     return collected(open_scan(file, options, reported), file, reported);
@@ -36,8 +36,8 @@ HeldScan open(nb::handle path, const ScanOptions& options, const nb::object& pro
   return held;
 }
 
-HeldScan make(const std::string& name, PhantomOptions options, const nb::object& size,
-              const nb::object& progress) {
+HeldScan made_phantom(const std::string& name, PhantomOptions options, const nb::object& size,
+                      const nb::object& progress) {
   if (!size.is_none()) {
     const glm::dvec3 voxels = point_of(size, "size");
     if (!(glm::all(glm::greaterThanEqual(voxels, glm::dvec3(1))) &&
@@ -149,13 +149,13 @@ nb::tuple direction_of(const HeldScan&) {
                         nb::make_tuple(0.0, 0.0, 1.0));
 }
 
-void write(const HeldScan& scan, nb::handle path, const nb::object& progress) {
+void write_scan(const HeldScan& scan, nb::handle path, const nb::object& progress) {
   const std::string file = path_of(path);
   check_volume_format(file);
   run_job(progress, [&](Progress& reported) { write_volume(*scan.volume(), file, reported); });
 }
 
-std::string description_of(const HeldScan& scan) {
+std::string scan_description(const HeldScan& scan) {
   const VolumeGeometry& g = scan.geometry();
   return fmt::format("<xraycast.Scan of {}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm>",
                      scan.source(), g.size.x, g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y,
@@ -220,9 +220,9 @@ void add_scan(nb::module_& module) {
           "What was changed when the scan was read, such as resampling.")
       .def_prop_ro(
           "warnings", [](const HeldScan& s) { return s.info().warnings; }, "What to look at in the scan.")
-      .def("write", write, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
+      .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
-      .def("__repr__", description_of);
+      .def("__repr__", scan_description);
   add_projection(scan);
   add_casting(module, scan);
   add_segmentation(module, scan);
@@ -231,7 +231,7 @@ void add_scan(nb::module_& module) {
       "open",
       [](nb::handle path, const std::string& series, bool keep_slices, bool skip_damaged,
          const nb::object& progress) {
-        return open(path, {series, keep_slices, skip_damaged}, progress);
+        return open_file(path, {series, keep_slices, skip_damaged}, progress);
       },
       nb::arg("path"), nb::kw_only(), nb::arg("series") = "", nb::arg("keep_slices") = false,
       nb::arg("skip_damaged") = false, nb::arg("progress") = nb::none(),
@@ -242,8 +242,9 @@ void add_scan(nb::module_& module) {
       "phantom",
       [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,
          std::optional<double> noise_hu, bool table, std::uint32_t seed, const nb::object& progress) {
-        return make(name, {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
-                    size, progress);
+        return made_phantom(name,
+                            {.spacing_mm = spacing_mm, .noise_hu = noise_hu, .table = table, .seed = seed},
+                            size, progress);
       },
       nb::arg("name"), nb::kw_only(), nb::arg("size") = nb::none(), nb::arg("spacing_mm") = nb::none(),
       nb::arg("noise_hu") = nb::none(), nb::arg("table") = false, nb::arg("seed") = 1,

@@ -71,8 +71,8 @@ SegmentOptions options_of(const nb::object& seeds, const nb::object& not_vessels
   return options;
 }
 
-HeldVessels segment(const HeldScan& scan, const SegmentOptions& options, const nb::object& root,
-                    std::size_t triangles, const nb::object& progress) {
+HeldVessels segmented(const HeldScan& scan, const SegmentOptions& options, const nb::object& root,
+                      std::size_t triangles, const nb::object& progress) {
   if (triangles < 100) throw InputError("triangles {}: must be 100 or more", triangles);
   std::optional<glm::dvec3> root_mm;
   if (!root.is_none()) root_mm = point_of(root, "root_mm");
@@ -192,8 +192,8 @@ void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {
       [](const HeldScan& self, const nb::object& seeds, const nb::object& not_vessels,
          const nb::object& window_hu, double max_radius_mm, const nb::object& root_mm, std::size_t triangles,
          const nb::object& progress) {
-        return segment(self, options_of(seeds, not_vessels, window_hu, max_radius_mm), root_mm, triangles,
-                       progress);
+        return segmented(self, options_of(seeds, not_vessels, window_hu, max_radius_mm), root_mm, triangles,
+                         progress);
       },
       nb::arg("seeds") = nb::tuple(), nb::kw_only(), nb::arg("not_vessels") = nb::tuple(),
       nb::arg("window_hu") = nb::none(), nb::arg("max_radius_mm") = Markers{}.max_radius_mm,

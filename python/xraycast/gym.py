@@ -1,0 +1,112 @@
+"""A Gymnasium environment: steer a catheter to a target in a vessel tree."""
+import numpy as np
+
+from . import Catheter, InputError, VesselTree
+
+try:
+    import gymnasium
+except ImportError as error:
+    raise ImportError("xraycast.gym needs Gymnasium: pip install gymnasium") from error
+
+AHEAD, AHEAD_MM = 8, 5.0  # points of the way ahead, and how far apart
+
+
+class _Tree:
+    """Ways in a tree, as points (x, y, z) in mm."""
+
+    def __init__(self, tree):
+        self.branches = [np.array(tree[i].points)[:, :3] for i in range(len(tree))]
+        self.parents = [tree[i].parent for i in range(len(tree))]
+        self.arcs = [np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(points, axis=0), axis=1))])
+                     for points in self.branches]
+        parents = set(self.parents)
+        self.leaves = [i for i in range(len(tree)) if i not in parents]
+
+    def ancestors(self, branch):
+        """The branch and those before it, up to the root."""
+        line = []
+        while branch >= 0:
+            line.append(branch)
+            branch = self.parents[branch]
+        return line
+
+    def way(self, branch, arc_mm, target):
+        """From a place on a branch to the end of the branch `target`."""
+        back, forth = self.ancestors(branch), self.ancestors(target)
+        shared = next((b for b in back if b in forth), -1)
+        points, arcs = self.branches[branch], self.arcs[branch]
+        here = [np.interp(arc_mm, arcs, points[:, axis]) for axis in range(3)]
+        if shared == branch:
+            parts = [points[arcs > arc_mm]]
+        else:
+            parts = [points[arcs < arc_mm][::-1]]
+            parts += [self.branches[b][::-1] for b in back[1:back.index(shared) if shared >= 0 else None]]
+        parts += [self.branches[b] for b in reversed(forth[:forth.index(shared) if shared >= 0 else None])]
+        return np.vstack([[here], *parts])
+
+
+class ReachTarget(gymnasium.Env):
+    """Reach the end of a branch.
+
+    tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number or point.
+    target: the number of a leaf; else another one in each episode.
+    ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in it.
+    max_steps: after so many an episode is truncated.
+
+    Action, (2,) float32 in [-1, 1]: push and turn at the hub.
+    Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
+    target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
+    rotation, and at the hub the force in N and the torque in N mm.
+    Reward: the millimetres by which the way became shorter, less 0.1 a step, and 100 at the target: within 5 mm of
+    its end, which also ends the episode.
+    """
+
+    metadata = {"render_modes": []}
+    REACHED_MM, BONUS, PRICE = 5.0, 100.0, 0.1
+
+    def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
+                 max_steps=2000):
+        self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
+        self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
+        if target is not None and target not in self.tree.leaves:
+            raise InputError(f"target {target}: is no leaf of the tree; give one of {self.tree.leaves}")
+        self.target_given, self.ms, self.max_steps = target, ms, max_steps
+        self.scale = np.array([max_push_mm, max_turn_deg])
+        self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
+        self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
+
+    def reset(self, *, seed=None, options=None):
+        super().reset(seed=seed)
+        self.run = Catheter(self.vessels, self.model, entry=self.entry)
+        self.target = self.target_given
+        if self.target is None:
+            away = [leaf for leaf in self.tree.leaves if leaf != self.run.state.branch]
+            self.target = int(self.np_random.choice(away or self.tree.leaves))
+        self.steps = 0
+        observation = self._observe(self.run.state)
+        return observation, self._info()
+
+    def step(self, action):
+        push_mm, turn_deg = np.clip(np.asarray(action, dtype=np.float64), -1, 1) * self.scale
+        before_mm = self.left_mm
+        state = self.run.step(push_mm=float(push_mm), turn_deg=float(turn_deg), ms=self.ms)
+        self.steps += 1
+        observation = self._observe(state)
+        is_there = bool(self.left_mm < self.REACHED_MM)
+        reward = before_mm - self.left_mm - self.PRICE + (self.BONUS if is_there else 0)
+        return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
+
+    def _observe(self, state):
+        tip = np.array(state.tip_mm)
+        way = self.tree.way(state.branch, state.arc_length_mm, self.target)
+        arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
+        self.left_mm = float(arcs[-1])
+        marks = AHEAD_MM * np.arange(1, AHEAD + 1)
+        ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip
+        turn = np.radians(state.rotation_deg)
+        numbers = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm, state.insertion_mm, np.cos(turn),
+                   np.sin(turn), state.force_N, 1000 * state.torque_Nm]
+        return np.array(numbers, dtype=np.float32)
+
+    def _info(self):
+        return {"target": self.target, "left_mm": self.left_mm}

@@ -1,0 +1,75 @@
+"""The Gymnasium environment; skipped where Gymnasium is not installed."""
+import json
+
+import numpy as np
+import pytest
+import xraycast as xc
+
+gymnasium = pytest.importorskip("gymnasium")
+from gymnasium.utils.env_checker import check_env  # noqa: E402
+from xraycast.gym import ReachTarget, _Tree  # noqa: E402
+
+
+@pytest.fixture(scope="module")
+def fork(tmp_path_factory):
+    """A vessel that parts into two after 100 mm."""
+    file = tmp_path_factory.mktemp("tree") / "tree.json"
+    stem = [[0, 0, float(z), 6] for z in range(0, 101, 5)]
+    arms = [[[side * x, 0, 100 + x, 5] for x in range(0, 61, 5)] for side in (-1, 1)]
+    file.write_text(json.dumps({"branches": [{"id": 0, "parent": -1, "points": stem}, {"id": 1, "parent": 0, "points": arms[0]},
+                                             {"id": 2, "parent": 0, "points": arms[1]}]}))
+    return file
+
+
+def test_gymnasium_accepts_it(fork):
+    check_env(ReachTarget(fork, "guidewire-035-j", max_steps=50), skip_render_check=True)
+
+
+def test_ways_follow_the_tree(fork):
+    tree = _Tree(xc.VesselTree.read(fork))
+    length = lambda way: np.linalg.norm(np.diff(way, axis=0), axis=1).sum()  # noqa: E731
+    arm = 60 * np.sqrt(2)
+    assert tree.leaves == [1, 2]
+    assert length(tree.way(0, 30, 1)) == pytest.approx(70 + arm)
+    assert length(tree.way(1, 20, 1)) == pytest.approx(arm - 20)
+    assert length(tree.way(2, 20, 1)) == pytest.approx(20 + arm)  # back, and into the other arm
+
+
+def test_pushing_earns_the_way_that_it_saves(fork):
+    env = ReachTarget(fork, "guidewire-035-j", target=1)
+    observation, info = env.reset(seed=1)
+    assert observation.shape == (36,) and observation.dtype == np.float32
+    start_mm, earned, steps = info["left_mm"], 0, 0
+    for _ in range(20):
+        observation, reward, ended, cut, info = env.step([1, 0])
+        earned += reward
+        steps += 1
+    assert not ended and not cut and info["left_mm"] < start_mm - 10
+    assert earned == pytest.approx(start_mm - info["left_mm"] - 0.1 * steps, rel=1e-6)
+    with pytest.raises(xc.InputError, match="no leaf"):
+        ReachTarget(fork, target=0)
+
+
+def test_an_episode_ends_at_the_target(tmp_path):
+    file = tmp_path / "tree.json"
+    file.write_text(json.dumps({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 5.0 * i, 5] for i in range(21)]}]}))
+    env = ReachTarget(file, "microcatheter-27f", target=0)
+    env.reset(seed=1)
+    rewards = []
+    for _ in range(200):
+        _, reward, ended, _, _ = env.step([1, 0.2])
+        rewards.append(reward)
+        if ended:
+            break
+    assert ended and rewards[-1] > 90
+
+
+def test_it_runs_in_several_processes(fork):
+    envs = gymnasium.vector.AsyncVectorEnv([lambda: ReachTarget(str(fork), "guidewire-035-j", max_steps=20)] * 2)
+    try:
+        envs.reset(seed=3)
+        for _ in range(3):
+            observations, *_ = envs.step(np.ones((2, 2), np.float32))
+        assert observations.shape == (2, 36)
+    finally:
+        envs.close()
