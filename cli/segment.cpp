@@ -143,9 +143,10 @@ const char* remedy(LostSeed::Cause cause, bool has_window) {
   }
 }
 
-/// The mask by the steps, which --explain shows.
-Mask segmented(const Volume& volume, const SegmentOptions& segmenting, const SegmentArguments& options,
-               ComputeDevice& device, Session& session, SegmentLog& log) {
+/// The vessels by the steps, which --explain shows.
+SegmentedVessels segmented(const Volume& volume, const SegmentOptions& segmenting,
+                           const SegmentArguments& options, ComputeDevice& device, Session& session,
+                           SegmentLog& log) {
   std::optional<StepPictures> steps;
   if (!options.explain.empty()) {
     make_folder(options.explain, "--explain " + options.explain);
@@ -153,9 +154,10 @@ Mask segmented(const Volume& volume, const SegmentOptions& segmenting, const Seg
     log.on_step = [&](const std::string& step, const Mask& mask) { steps->add(step, mask); };
   }
   try {
-    Mask mask = segment_mask(volume, segmenting, options.input, device, session.progress, &log);
+    SegmentedVessels vessels =
+        segment_vessels(volume, segmenting, options.input, device, session.progress, &log);
     if (steps) steps->finish(volume);
-    return mask;
+    return vessels;
   } catch (const LostSeed& error) {
     if (steps) steps->finish(volume);
     throw InputError("{}{}", error.what(), remedy(error.cause(), segmenting.window_hu.has_value()));
@@ -172,7 +174,8 @@ void segment(const SegmentArguments& options, Session& session) {
   if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
   const fs::path folder = options.folder;
   check_folder(folder,
-               {"mask.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl", "report.png"},
+               {"mask.nrrd", "lumen.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl",
+                "report.png"},
                "-o " + options.folder);
   Progress& progress = session.progress;
   const Scan scan = open_scan(options.input, options.scan, progress);
@@ -182,11 +185,12 @@ void segment(const SegmentArguments& options, Session& session) {
   ComputeDevice device(session.device);
 
   SegmentLog log;
-  const Mask mask = options.from_mask.empty()
-                        ? segmented(volume, segmenting, options, device, session, log)
-                        : selected_components(read_mask(options.from_mask, volume.geometry(), progress),
-                                              segmenting.markers, options.from_mask, session);
-  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm);
+  const auto [mask, fill] =
+      options.from_mask.empty()
+          ? segmented(volume, segmenting, options, device, session, log)
+          : with_fill(volume, selected_components(read_mask(options.from_mask, volume.geometry(), progress),
+                                                  segmenting.markers, options.from_mask, session));
+  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm, &fill);
   if (root_mm) {
     const VesselTree& tree = centrelines.tree;
     check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm,
@@ -200,6 +204,7 @@ void segment(const SegmentArguments& options, Session& session) {
   make_folder(folder, "-o " + options.folder);
   OutputSet outputs;  // a mask beside another scan's report would be misleading
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_shares(fill.geometry, fill.shares, folder / "lumen.nrrd");
   write_dicom_mask(mask, scan.info, options, folder);
   write_tree(centrelines.tree, folder / "tree.vtp");
   write_tree(centrelines.tree, folder / "tree.json");
@@ -222,6 +227,11 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
                   {"no_seg", why_none.empty() ? Json() : Json(why_none)},
                   {"voxels", mask.count()},
+                  {"lumen_mm3", fill.volume_mm3()},
+                  {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
+                                                {"noise_hu", log.scale->noise_hu},
+                                                {"blur_vox", log.scale->blur_vox}}
+                                         : Json()},
                   {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
                   {"noise_hu", log.noise_hu},
                   {"weak_share", weak},

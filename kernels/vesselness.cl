@@ -3,25 +3,39 @@
 
 static int clamped(const int i, const int size) { return clamp(i, 0, size - 1); }
 
-/* One axis of a Gaussian: `stride` is that axis's. Weights are of distances 0 to reach and add up, both sides
- * together, to 1. */
+/* One axis of a Gaussian at one voxel: `at` is its place along that axis, which is `length` voxels long. */
+static float gaussian_at(global const float* source, const int here, const int at, const int length,
+                         const int stride, constant float* weights, const int reach) {
+  const int first = here - at * stride;
+  float sum = weights[0] * source[here];
+  for (int k = 1; k <= reach; ++k)
+    sum += weights[k] * (source[first + clamped(at - k, length) * stride] +
+                         source[first + clamped(at + k, length) * stride]);
+  return sum;
+}
+
+/* One axis of a Gaussian, for eight voxels along x. Weights are of distances 0 to reach and add up, both
+ * sides together, to 1. */
 kernel void gaussian(global const float* source, global float* target, const int4 size, const int axis,
                      constant float* weights, const int reach) {
-  const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
+  const int x = 8 * (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (x >= size.x || y >= size.y || z >= size.z) return;
   const int stride = axis == 0 ? 1 : axis == 1 ? size.x : size.x * size.y;
   const int at = axis == 0 ? x : axis == 1 ? y : z, length = axis == 0 ? size.x : axis == 1 ? size.y : size.z;
-  const int here = (z * size.y + y) * size.x + x, first = here - at * stride;
-  float sum = weights[0] * source[here];
-  if (at >= reach && at + reach < length) {
-    for (int k = 1; k <= reach; ++k)
-      sum += weights[k] * (source[here - k * stride] + source[here + k * stride]);
-  } else {
-    for (int k = 1; k <= reach; ++k)
-      sum += weights[k] * (source[first + clamped(at - k, length) * stride] +
-                           source[first + clamped(at + k, length) * stride]);
+  const int here = (z * size.y + y) * size.x + x, count = min(size.x - x, 8);
+  if (count < 8 || (axis == 0 && (x < reach || x + 8 + reach > length))) {
+    for (int i = 0; i < count; ++i)
+      target[here + i] =
+          gaussian_at(source, here + i, axis == 0 ? at + i : at, length, stride, weights, reach);
+    return;
   }
-  target[here] = sum;
+  float8 sum = weights[0] * vload8(0, source + here);
+  for (int k = 1; k <= reach; ++k) {
+    const int below = axis == 0 ? k : (at - clamped(at - k, length)) * stride,
+              above = axis == 0 ? k : (clamped(at + k, length) - at) * stride;
+    sum += weights[k] * (vload8(0, source + here - below) + vload8(0, source + here + above));
+  }
+  vstore8(sum, 0, target + here);
 }
 
 /* acos by Hastings (Approximations for Digital Computers, 1955, sheet 37), to 7e-5. */
@@ -96,37 +110,73 @@ kernel void tubularity(global const float* smoothed, global float* best, const i
   best[here] = max(best[here], is_frangi ? frangi(l, strength) : jerman(l, strength));
 }
 
-static float sample(global const float* v, const int4 size, const float3 p) {
-  const float3 q = clamp(p, (float3)(0, 0, 0), (float3)(size.x - 1, size.y - 1, size.z - 1));
-  const int x = min((int)q.x, max(size.x - 2, 0)), y = min((int)q.y, max(size.y - 2, 0)),
-            z = min((int)q.z, max(size.z - 2, 0));
-  const float fx = q.x - x, fy = q.y - y, fz = q.z - z;
-  const int dx = size.x > 1, dy = size.y > 1 ? size.x : 0, dz = size.z > 1 ? size.x * size.y : 0;
-  global const float* a = v + (z * size.y + y) * size.x + x;
-  const float low = mix(mix(a[0], a[dx], fx), mix(a[dy], a[dy + dx], fx), fy);
-  const float high = mix(mix(a[dz], a[dz + dx], fx), mix(a[dz + dy], a[dz + dy + dx], fx), fy);
-  return mix(low, high, fz);
+/* A block with a margin of `margin` voxels before it and as many or more behind, in which its border is
+ * replicated; `size` is that of the block, `padded` that of the target. */
+kernel void with_margin(global const float* source, global float* target, const int4 size, const int4 padded,
+                        const int margin) {
+  const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
+  if (x >= padded.x || y >= padded.y || z >= padded.z) return;
+  const int from_x = clamped(x - margin, size.x), from_y = clamped(y - margin, size.y),
+            from_z = clamped(z - margin, size.z);
+  target[(z * padded.y + y) * padded.x + x] = source[(from_z * size.y + from_y) * size.x + from_x];
 }
 
-/* Ridge strength: the largest line integral through each voxel. Of each direction the weaker of its two arms'
- * weighted means counts, so that a bright structure on one side only is no ridge; a step is one voxel.
- * Weights are of distances 0 to reach; both arms together add up to 1. */
+/* The largest of each of eight voxels and its neighbours. */
+static float8 largest_around(global const float* v, const int row, const int slice) {
+  float8 largest = vload8(0, v);
+  for (int k = 0; k < 27; ++k)
+    largest = fmax(largest, vload8(0, v + (k / 9 - 1) * slice + (k / 3 % 3 - 1) * row + k % 3 - 1));
+  return largest;
+}
+
+/* Trilinear samples at the same place between voxels beside each of eight; `v` is the corner before it. */
+static float8 sample(global const float* v, const int row, const int slice, const float4 fraction) {
+  const float8 a = vload8(0, v), b = vload8(0, v + row), c = vload8(0, v + slice),
+               d = vload8(0, v + slice + row);
+  const float8 low = a + fraction.x * (vload8(0, v + 1) - a),
+               next = b + fraction.x * (vload8(0, v + row + 1) - b),
+               high = c + fraction.x * (vload8(0, v + slice + 1) - c),
+               last = d + fraction.x * (vload8(0, v + slice + row + 1) - d);
+  const float8 below = low + fraction.y * (next - low), above = high + fraction.y * (last - high);
+  return below + fraction.z * (above - below);
+}
+
+/* Ridge strength of eight voxels along x: the largest line integral through each. Of each direction the
+ * weaker of its two arms' weighted means counts, so that a bright structure on one side only is no ridge.
+ * Steps are one voxel long: those of each direction's one arm, then those of its other one, with the corner
+ * before each in voxels and the place between corners. Weights are of distances 0 to reach; both arms
+ * together add up to 1. `source` has a margin of `reach` + 1 voxels, and of 8 more behind x; `padded` is its
+ * size. Where a voxel and its neighbours are below `least`, the strength is 0. */
 kernel void ridge_strength(global const float* source, global float* target, const int4 size,
-                           constant float4* directions, const int count, constant float* weights,
-                           const int reach) {
-  const int x = (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
+                           const int4 padded, constant int4* corners, constant float4* fractions,
+                           const int directions, constant float* weights, const int reach,
+                           const float least) {
+  const int x = 8 * (int)get_global_id(0), y = (int)get_global_id(1), z = (int)get_global_id(2);
   if (x >= size.x || y >= size.y || z >= size.z) return;
-  const float3 here = (float3)(x, y, z);
-  const float centre = weights[0] * source[(z * size.y + y) * size.x + x];
-  float best = -FLT_MAX;
-  for (int d = 0; d < count; ++d) {
-    const float3 step = directions[d].xyz;
-    float forwards = 0, backwards = 0;
-    for (int k = 1; k <= reach; ++k) {
-      forwards += weights[k] * sample(source, size, here + k * step);
-      backwards += weights[k] * sample(source, size, here - k * step);
+  const int margin = reach + 1, row = padded.x, slice = padded.x * padded.y;
+  global const float* here = source + (z + margin) * slice + (y + margin) * row + x + margin;
+  const float8 around = largest_around(here, row, slice);
+  float8 best = -FLT_MAX;
+  if (any(around >= least)) {
+    for (int d = 0; d < directions; ++d) {
+      float8 forwards = 0, backwards = 0;
+      for (int k = 1; k <= reach; ++k) {
+        const int i = 2 * d * reach + k - 1, j = i + reach;
+        forwards += weights[k] * sample(here + corners[i].z * slice + corners[i].y * row + corners[i].x, row,
+                                        slice, fractions[i]);
+        backwards += weights[k] * sample(here + corners[j].z * slice + corners[j].y * row + corners[j].x, row,
+                                         slice, fractions[j]);
+      }
+      best = fmax(best, fmin(forwards, backwards));
     }
-    best = max(best, centre + 2 * min(forwards, backwards));
   }
-  target[(z * size.y + y) * size.x + x] = best;
+  const float8 strength = select((float8)(0), weights[0] * vload8(0, here) + 2 * best, around >= least);
+  const int at = (z * size.y + y) * size.x + x;
+  if (x + 8 <= size.x) {
+    vstore8(strength, 0, target + at);
+  } else {
+    float values[8];
+    vstore8(strength, 0, values);
+    for (int i = 0; i < size.x - x; ++i) target[at + i] = values[i];
+  }
 }

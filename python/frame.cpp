@@ -106,7 +106,7 @@ constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 nb::object frames_object(std::shared_ptr<Depths> depths, Poses poses) {
   if (poses.is_batch) return nb::cast(Frames{std::move(depths), std::move(poses.poses)});
-  return nb::cast(Frame{std::move(depths), 0, std::move(poses.poses.front())});
+  return nb::cast(Frame{std::move(depths), 0, poses.poses.front()});
 }
 
 void add_frames(nb::module_& module) {

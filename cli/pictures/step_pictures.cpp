@@ -25,7 +25,7 @@ constexpr std::array<Colour, 8> kTakenOff{{{0.55, 0.55, 0.60},
                                            {0.45, 0.95, 0.35},
                                            {0.55, 0.35, 0.95}}};
 
-constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "ridges", "lumen",
+constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "evidence",
                             "trabecular-bone", "gaps", "selection", "filling"};
 
 }  // namespace

@@ -176,9 +176,12 @@ std::string assumptions(const SegmentLog& log, const SegmentOptions& options, do
   const char* const source = options.window_hu        ? "as given"
                              : log.is_window_of_seeds ? "around the seeds"
                                                       : "from the histogram";
-  const std::string window = log.window ? fmt::format("window {:.0f} to {:.0f} HU {}", log.window->low_hu,
-                                                      log.window->high_hu, source)
-                                        : "ridges in noise, no window";
+  std::string window = "no window";
+  if (log.window)
+    window = fmt::format("window {:.0f} to {:.0f} HU {}", log.window->low_hu, log.window->high_hu, source);
+  if (log.scale)
+    window = fmt::format("by evidence: lumen of {:.0f} HU above the background, blur {:.1f} voxels",
+                         log.scale->lumen_hu, log.scale->blur_vox);
   return fmt::format("{}; noise {:.0f} HU; {}; weak evidence along {:.0f} % of the tree", window,
                      log.noise_hu, seeds == 0 ? "no seeds" : pluralize(seeds, "seed"), 100 * weak_share);
 }

@@ -104,15 +104,52 @@ class FineLumen {
           if (glm::distance(glm::dvec3(x, y, z), at) <= reach) mask_[{x, y, z}] = 1;
   }
 
-  double share(const Index3& voxel) const {
-    int inside = 0;
-    for (std::int64_t z = 0; z < kFine; ++z)
-      for (std::int64_t y = 0; y < kFine; ++y)
-        for (std::int64_t x = 0; x < kFine; ++x) inside += mask_[kFine * voxel + Index3(x, y, z)];
-    return static_cast<double>(inside) / (kFine * kFine * kFine);
+  double share(const Index3& voxel) const { return mean_in(mask_.voxels, voxel); }
+
+  /// Shares of all voxels of the lumen blurred by a Gaussian of this width, in voxels.
+  std::vector<double> blurred_shares(double blur) const {
+    std::vector<float> values(mask_.voxels.begin(), mask_.voxels.end());
+    for (int axis = 0; axis < 3 && blur > 0; ++axis) blur_along(axis, kFine * blur, values);
+    std::vector<double> shares;
+    for (std::int64_t i = 0; i < kSize * kSize * kSize; ++i)
+      shares.push_back(mean_in(values, {i % kSize, i / kSize % kSize, i / (kSize * kSize)}));
+    return shares;
   }
 
  private:
+  template <typename Value>
+  double mean_in(const std::vector<Value>& values, const Index3& voxel) const {
+    double sum = 0;
+    for (std::int64_t z = 0; z < kFine; ++z)
+      for (std::int64_t y = 0; y < kFine; ++y)
+        for (std::int64_t x = 0; x < kFine; ++x)
+          sum += static_cast<double>(values[mask_.offset(kFine * voxel + Index3(x, y, z))]);
+    return sum / (kFine * kFine * kFine);
+  }
+
+  /// Nothing lies beyond the grid.
+  void blur_along(int axis, double sigma, std::vector<float>& values) const {
+    const int reach = static_cast<int>(std::ceil(3 * sigma));
+    std::vector<float> weights;
+    float sum = 0;
+    for (int k = -reach; k <= reach; ++k) {
+      weights.push_back(static_cast<float>(std::exp(-0.5 * k * k / (sigma * sigma))));
+      sum += weights.back();
+    }
+    const std::vector<float> before = values;
+    for (std::size_t i = 0; i < values.size(); ++i) {
+      const Index3 here = voxel_at(mask_.geometry, static_cast<std::int64_t>(i));
+      float value = 0;
+      for (int k = -reach; k <= reach; ++k) {
+        Index3 there = here;
+        there[axis] += k;
+        if (mask_.contains(there))
+          value += weights[static_cast<std::size_t>(k + reach)] * before[mask_.offset(there)];
+      }
+      values[i] = value / sum;
+    }
+  }
+
   Mask mask_;
 };
 
@@ -122,7 +159,7 @@ GrownTree grow_tree(const GrownTreeOptions& options) {
   Dice dice(options.seed);
   const std::vector<Place> places = grow(options.ends, dice);
   const VolumeGeometry grid{.size = Index3(kSize)};
-  GrownTree tree{Volume(grid), Mask(grid), {}};
+  GrownTree tree{Volume(grid), Mask(grid), 0, {}};
   FineLumen lumen;
   for (std::size_t i = 1; i < places.size(); ++i) {
     const glm::dvec3 a = places[static_cast<std::size_t>(places[i].parent)].at, b = places[i].at;
@@ -137,14 +174,14 @@ GrownTree grow_tree(const GrownTreeOptions& options) {
       tree.centreline.push_back(at);
     }
   }
-  for (std::int64_t z = 0; z < kSize; ++z)
-    for (std::int64_t y = 0; y < kSize; ++y)
-      for (std::int64_t x = 0; x < kSize; ++x) {
-        const double share = lumen.share({x, y, z});
-        tree.lumen[{x, y, z}] = share > 1.0 / 14;
-        tree.noisy.at(x, y, z) = static_cast<std::int16_t>(
-            std::lround(std::clamp(255 * share + options.noise * dice.normal(), 0.0, 255.0)));
-      }
+  const std::vector<double> seen = lumen.blurred_shares(options.blur);
+  for (std::size_t i = 0; i < seen.size(); ++i) {
+    const double share = lumen.share(voxel_at(grid, static_cast<std::int64_t>(i)));
+    tree.lumen.voxels[i] = share > 1.0 / 14;
+    tree.lumen_voxels += share;
+    tree.noisy.hu()[i] = static_cast<std::int16_t>(
+        std::lround(std::clamp(255 * seen[i] + options.noise * dice.normal(), 0.0, 255.0)));
+  }
   return tree;
 }
 

@@ -13,6 +13,7 @@
 #include <string>
 #include <string_view>
 #include <utility>
+#include <vector>
 #include <zlib.h>
 
 // Written by hand rather than by ITK, whose NIfTI writer reports success on a full disk and whose MetaImage
@@ -49,6 +50,14 @@ class OutputFile {
   }
   void write(const std::string& text) { write(text.data(), std::ssize(text)); }
 
+  /// What follows is gzipped.
+  void continue_gzipped() {
+    errno = 0;
+    if (gzclose(std::exchange(file_, nullptr)) != Z_OK) throw atomic_.failure(errno, needed_B_);
+    file_ = gzopen(atomic_.temporary().c_str(), "ab6");
+    if (!file_) throw atomic_.failure(errno, needed_B_);
+  }
+
   void commit() {
     errno = 0;
     if (gzclose(std::exchange(file_, nullptr)) != Z_OK) throw atomic_.failure(errno, needed_B_);
@@ -78,14 +87,16 @@ constexpr VoxelType kVoxelType<float>{"float", "MET_FLOAT", 16, 32};
 
 // ---- headers -------------------------------------------------------------------------------------
 
-std::string nrrd_header(const VolumeGeometry& geometry, const VoxelType& type) {
+std::string nrrd_header(const VolumeGeometry& geometry, const VoxelType& type,
+                        const std::string& encoding = "raw") {
   const auto& [size, spacing, origin] = geometry;
   return fmt::format(
       "NRRD0004\ntype: {}\ndimension: 3\nspace: left-posterior-superior\nsizes: {} {} {}\n"
       "space directions: ({},0,0) (0,{},0) (0,0,{})\nkinds: domain domain domain\nendian: little\nencoding: "
-      "raw\n"
+      "{}\n"
       "space origin: ({},{},{})\n\n",
-      type.nrrd, size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, origin.x, origin.y, origin.z);
+      type.nrrd, size.x, size.y, size.z, spacing.x, spacing.y, spacing.z, encoding, origin.x, origin.y,
+      origin.z);
 }
 
 std::string meta_image_header(const VolumeGeometry& geometry, const VoxelType& type,
@@ -191,6 +202,22 @@ void write_volume(const Volume& volume, const fs::path& path, Progress& progress
 void write_field(const VolumeGeometry& geometry, std::span<const float> field, const fs::path& path,
                  Progress& progress) {
   write(geometry, field, path, progress);
+}
+
+void write_shares(const VolumeGeometry& geometry, std::span<const std::uint8_t> shares,
+                  const fs::path& path) {
+  const std::string header = nrrd_header(geometry, kVoxelType<float>, "gzip");
+  OutputFile file(path, false, std::ssize(header) + geometry.voxel_count() / 64);  // mostly zeros
+  file.write(header);
+  file.continue_gzipped();
+  const auto slice = static_cast<std::size_t>(geometry.slice_voxels());
+  std::vector<float> values(slice);
+  for (std::int64_t z = 0; z < geometry.size.z; ++z) {
+    std::ranges::transform(shares.subspan(static_cast<std::size_t>(z) * slice, slice), values.begin(),
+                           [](std::uint8_t share) { return static_cast<float>(share) / 255.0F; });
+    file.write(values.data(), static_cast<std::int64_t>(slice * sizeof(float)));
+  }
+  file.commit();
 }
 
 void write_mask(const VolumeGeometry& geometry, std::span<const std::uint8_t> mask, const fs::path& path) {

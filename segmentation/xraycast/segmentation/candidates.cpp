@@ -1,8 +1,8 @@
 #include "xraycast/segmentation/candidates.hpp"
 
+#include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/morphology.hpp"
-#include "xraycast/segmentation/block_filter.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
 #include "xraycast/segmentation/bone.hpp"
 #include "xraycast/segmentation/seeds.hpp"

@@ -4,6 +4,7 @@
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/mask/skeleton_graph.hpp"
 #include "xraycast/mask/thinning.hpp"
+#include "xraycast/segmentation/fill_radii.hpp"
 #include "xraycast/segmentation/lumen.hpp"
 #include "xraycast/segmentation/skeleton_pruning.hpp"
 
@@ -157,12 +158,14 @@ class TreeBuilder {
     });
   }
 
-  Centrelines build(const std::optional<glm::dvec3>& root_mm, const std::string& name) {
+  Centrelines build(const std::optional<glm::dvec3>& root_mm, const LumenFill* fill,
+                    const std::string& name) {
     const auto nearness = [&](const FreeEnd& end) { return -glm::distance(end.position_mm, *root_mm); };
     const auto width = [](const FreeEnd& end) {
       return end.length_mm > 2 * end.radius_mm ? end.radius_mm : -1 / end.radius_mm;
     };
     traverse(root_mm ? best_end(nearness) : best_end(width));
+    if (fill != nullptr) radii_from_fill(*fill, branches_);
     VesselTree tree(std::move(branches_), name);
     return {std::move(tree), std::move(loops_), {}, 0};
   }
@@ -259,7 +262,7 @@ SkeletonGraph linked_graph(Mask skeleton, const std::vector<ComponentLink>& link
 }  // namespace
 
 Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progress& progress,
-                                const std::optional<glm::dvec3>& root_mm) {
+                                const std::optional<glm::dvec3>& root_mm, const LumenFill* fill) {
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) throw InputError("{}: no vessel: the mask is empty", name);
   const Mask part = crop(mask, box);
@@ -270,10 +273,13 @@ Centrelines extract_centrelines(const Mask& mask, const std::string& name, Progr
     return face_within(mask.geometry, end + box.lower,
                        lumen.inscribed_radius_mm(end_mm) + lumen.coarsest_mm());
   });
-  const SkeletonGraph graph = prune(linked_graph(std::move(skeleton), found.links), lumen);
+  // A mask of all voxels that lumen touches is made along ridges, and has fewer spurs than one of a
+  // threshold.
+  const double spur_vox = fill != nullptr && fill->is_of_touched_voxels ? 1 : 2;
+  const SkeletonGraph graph = prune(linked_graph(std::move(skeleton), found.links), lumen, spur_vox);
   if (graph.edges.empty())
     throw InputError("{}: no vessel: no structure in the mask is longer than it is wide", name);
-  Centrelines centrelines = TreeBuilder(graph, lumen, progress).build(root_mm, name);
+  Centrelines centrelines = TreeBuilder(graph, lumen, progress).build(root_mm, fill, name);
   for (const ComponentLink& link : found.links) centrelines.gaps_mm.push_back(link.length_mm);
   centrelines.parts_left_out = found.left_out;
   return centrelines;

@@ -1,6 +1,6 @@
 #include "xraycast/segmentation/denoise.hpp"
 
-#include "xraycast/segmentation/block_filter.hpp"
+#include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 
 #include <algorithm>

@@ -1,9 +1,9 @@
 #include "xraycast/segmentation/seeds.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
-#include "xraycast/segmentation/block_filter.hpp"
 #include "xraycast/segmentation/contrast.hpp"
 
 #include <glm/common.hpp>

@@ -3,6 +3,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
+#include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/body_mask.hpp"
@@ -11,8 +12,6 @@
 #include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/gap_closing.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
-#include "xraycast/segmentation/ridge_detection.hpp"
-#include "xraycast/segmentation/ridge_tracking.hpp"
 #include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/trabecular_bone.hpp"
 #include "xraycast/segmentation/vessel_selection.hpp"
@@ -21,6 +20,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -121,36 +121,35 @@ bool has_air(const Volume& volume) {
   return std::ranges::any_of(volume.hu(), [](std::int16_t hu) { return hu < -500; });
 }
 
-/// In noise so heavy that neither bone nor chambers can be recognised, vessels are found as ridges.
-Mask segment_in_noise(const Volume& volume, const Markers& markers, const std::string& name,
-                      ComputeDevice& device, Progress& progress, const SegmentLog& log) {
-  constexpr double kTracking_vox = 0.7, kLumen_vox = 0.8;
-  progress.begin("detecting ridges", 2, "scans");
-  Mask ridges = detect_ridges(ridge_strength(volume, device), volume.geometry());
-  progress.advance();
-  ridges = united(track_ridges(contrast_to_noise(volume, kTracking_vox, device), ridges, progress), ridges);
-  progress.advance();
-  Mask vessels = recover_lumen(ridges, contrast_to_noise(volume, kLumen_vox, device));
-  if (vessels.count() == 0)
+/// Vessels of a scan that shows nothing else bright, however thin, by the evidence of lumen in its voxels.
+SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& markers, const std::string& name,
+                                     ComputeDevice& device, Progress& progress, SegmentLog& log) {
+  auto [mask, fill, scale] = find_vessels(volume, log.noise_hu, device, progress);
+  log.scale = scale;
+  log.on_step("evidence", mask);
+  if (mask.count() == 0) {
+    constexpr int kAlike_hu = 10;
+    const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+    if (highest - lowest < kAlike_hu)
+      throw InputError("{}: no vessel: all voxels have about {} HU; give a scan that shows vessels", name,
+                       lowest);
     throw InputError(
-        "{}: no vessel: no thin bright structure stands out from the noise; give a scan with less noise",
+        "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "
+        "window of the vessels' CT numbers",
         name);
-  log.on_step("ridges", ridges);
-  log.on_step("lumen", vessels);
-  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
-    vessels = without_small_components(vessels);
-  } else {
-    separate_chambers(vessels, markers, name, progress);
-    log.on_step("chambers", vessels);
-    vessels = select_vessels(vessels, markers, name, progress);
   }
-  log.on_step("selection", vessels);
-  return vessels;
+  if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
+    mask = without_small_components(mask);
+  } else {
+    separate_chambers(mask, markers, name, progress);
+    log.on_step("chambers", mask);
+    mask = select_vessels(mask, markers, name, progress);
+  }
+  log.on_step("selection", mask);
+  for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+    if (mask.voxels[i] == 0) fill.shares[i] = 0;
+  return {std::move(mask), std::move(fill)};
 }
-
-}  // namespace
-
-namespace {
 
 /// Those points to exclude that lie in what is left; what the others lie in is gone.
 Markers live(const Markers& markers, const Mask& bright, const Mask& left, const std::string& name) {
@@ -207,88 +206,167 @@ Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& b
   return mask;
 }
 
+/// The steps for a scan that shows more than vessels, or whose window is given, in the order of their calls.
+class ThresholdSteps {
+ public:
+  /// `quiet` is the denoised scan, if it needs that.
+  ThresholdSteps(const Volume& volume, std::optional<Volume> quiet, const SegmentOptions& options,
+                 const std::string& name, ComputeDevice& device, Progress& progress, SegmentLog& log)
+      : options_(options),
+        name_(name),
+        device_(device),
+        progress_(progress),
+        log_(log),
+        volume_(volume),
+        quiet_(std::move(quiet)),
+        is_subtracted_(!has_air(denoised_scan())) {
+    if (!markers().vessels_mm.empty()) smooth_ = smoothed_for_seeds(volume_, device_);
+  }
+
+  Mask vessels() {
+    choose_scan_and_window();
+    threshold_body();
+    if (is_subtracted_ && markers().vessels_mm.empty() && markers().not_vessels_mm.empty()) {
+      mask_ = without_small_components(mask_);  // only vessels remain in a subtracted scan
+      log_.on_step("selection", mask_);
+      return std::move(mask_);
+    }
+    find_lumen_at_seeds();
+    remove_bone();
+    remove_chambers();
+    remove_trabecular();
+    return selected();
+  }
+
+ private:
+  const Markers& markers() const { return options_.markers; }
+  const Volume& denoised_scan() const { return quiet_ ? *quiet_ : volume_; }
+  const Volume& at_seeds() const { return smooth_ ? *smooth_ : denoised_scan(); }
+  const Volume& scan() const { return window_.is_of_seeds ? at_seeds() : denoised_scan(); }
+
+  void give_lumen_back() {
+    if (!seeds_.empty()) mask_ = united(std::move(mask_), lumen_);
+  }
+
+  void finish_step(const std::string& step, LostSeed::Cause cause) {
+    check_seeds(seeds_, mask_, cause, name_);
+    log_.on_step(step, mask_);
+  }
+
+  void choose_scan_and_window() {
+    if (!is_subtracted_) seeds_ = look_at_seeds(at_seeds(), markers());
+    window_ = choose_window(denoised_scan(), volume_, seeds_, options_, name_, device_, progress_);
+    log_.window = window_.hu;
+    log_.is_window_of_seeds = window_.is_of_seeds;
+  }
+
+  void threshold_body() {
+    progress_.begin("thresholding", 1, "scans");
+    body_ = Mask(volume_.geometry());
+    std::ranges::fill(body_.voxels, 1);
+    mask_ = bright_voxels(scan(), window_, body_, name_);
+    finish_step("window", LostSeed::Cause::window);
+    if (!is_subtracted_) {
+      body_ = find_body_mask(scan());
+      intersect(mask_, body_);
+      finish_step("body", LostSeed::Cause::body);
+    }
+    progress_.advance();
+  }
+
+  void find_lumen_at_seeds() {
+    lumen_ = lumen_at_seeds(at_seeds(), seeds_, window_.hu, body_, markers(), name_);
+    give_lumen_back();
+    body_ = Mask(VolumeGeometry{});  // a byte a voxel
+    bright_ = mask_;
+  }
+
+  void remove_bone() {
+    bone_ = is_subtracted_ ? Mask(mask_.geometry) : find_bone(scan(), window_.hu, bright_, progress_);
+    subtract(mask_, bone_);
+    give_lumen_back();
+    finish_step("bone", LostSeed::Cause::bone);
+  }
+
+  void remove_chambers() {
+    separate_chambers(mask_, live(markers(), bright_, mask_, name_), name_, progress_);
+    give_lumen_back();
+    finish_step("chambers", LostSeed::Cause::chamber);
+  }
+
+  void remove_trabecular() {
+    progress_.begin("removing trabecular bone", 7, "passes");
+    candidates_ = mask_;
+    if (is_subtracted_) return;
+    constexpr double kBeside_mm = 3;
+    intersect(candidates_, dilated_by_cylinder(bone_, kBeside_mm));
+    progress_.advance();
+    const std::int64_t before = mask_.count();
+    remove_trabecular_bone(mask_, bone_, progress_);
+    if (!options_.window_hu && seeds_.empty() && is_bone_alone(before, mask_.count()))
+      throw_without_contrast(volume_, name_, device_);
+    give_lumen_back();
+    finish_step("trabecular-bone", LostSeed::Cause::bone);
+  }
+
+  Mask selected() {
+    close_gaps(mask_, candidates_, progress_);
+    log_.on_step("gaps", mask_);
+    Mask vessels = select_vessels(mask_, markers(), name_, progress_);
+    log_.on_step("selection", vessels);
+    progress_.begin("filling", 3, "passes");
+    complete_lumen(scan(), window_, bright_, bone_, vessels, progress_);
+    log_.on_step("filling", vessels);
+    return vessels;
+  }
+
+  const SegmentOptions& options_;
+  const std::string& name_;
+  ComputeDevice& device_;
+  Progress& progress_;
+  SegmentLog& log_;
+  const Volume& volume_;
+  std::optional<Volume> quiet_, smooth_;
+  bool is_subtracted_;
+  std::vector<Seed> seeds_;
+  ChosenWindow window_{};
+  Mask mask_{VolumeGeometry{}}, body_{VolumeGeometry{}}, lumen_{VolumeGeometry{}}, bright_{VolumeGeometry{}},
+      bone_{VolumeGeometry{}}, candidates_{VolumeGeometry{}};
+};
+
+/// Whether nothing but vessels is bright: there is no air around a body, or noise hides it.
+bool shows_vessels_alone(const Volume& volume, const std::optional<Volume>& quiet, double noise_hu) {
+  constexpr double kHides = 0.1;  // of the scan's range
+  const auto [lowest, highest] = std::ranges::minmax(volume.hu());
+  return noise_hu > kHides * (highest - lowest) || !has_air(quiet ? *quiet : volume);
+}
+
 }  // namespace
+
+SegmentedVessels with_fill(const Volume& volume, Mask mask) {
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill)};
+}
+
+SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
+                                 ComputeDevice& device, Progress& progress, SegmentLog* log) {
+  SegmentLog unheard;
+  SegmentLog& heard = log != nullptr ? *log : unheard;
+  check(volume, options, name);
+  progress.begin("contrast", 5, "passes");
+  heard.noise_hu = measure_noise_hu(volume);
+  progress.advance();
+  std::optional<Volume> quiet = denoised(volume, device);
+  progress.advance();
+  if (!options.window_hu && shows_vessels_alone(volume, quiet, heard.noise_hu))
+    return segment_by_evidence(volume, options.markers, name, device, progress, heard);
+  return with_fill(
+      volume, ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels());
+}
 
 Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
                   ComputeDevice& device, Progress& progress, SegmentLog* log) {
-  check(volume, options, name);
-  SegmentLog unheard;
-  SegmentLog& heard = log != nullptr ? *log : unheard;
-  const Markers& markers = options.markers;
-  progress.begin("contrast", 5, "passes");
-  heard.noise_hu = measure_noise_hu(volume);
-  if (!options.window_hu && is_dominated_by_noise(volume))
-    return segment_in_noise(volume, markers, name, device, progress, heard);
-  progress.advance();
-  std::optional<Volume> quiet = denoised(volume, device), smooth;
-  progress.advance();
-  const Volume& denoised_scan = quiet ? *quiet : volume;
-  const bool is_subtracted = !has_air(denoised_scan);
-  if (!markers.vessels_mm.empty()) smooth = smoothed_for_seeds(volume, device);
-  const Volume& at_seeds = smooth ? *smooth : denoised_scan;
-  const std::vector<Seed> seeds = is_subtracted ? std::vector<Seed>{} : look_at_seeds(at_seeds, markers);
-  const ChosenWindow window = choose_window(denoised_scan, volume, seeds, options, name, device, progress);
-  const Volume& scan = window.is_of_seeds ? at_seeds : denoised_scan;
-  heard.window = window.hu;
-  heard.is_window_of_seeds = window.is_of_seeds;
-
-  progress.begin("thresholding", 1, "scans");
-  Mask body(volume.geometry());
-  std::ranges::fill(body.voxels, 1);
-  Mask mask = bright_voxels(scan, window, body, name);
-  check_seeds(seeds, mask, LostSeed::Cause::window, name);
-  heard.on_step("window", mask);
-  if (!is_subtracted) {
-    body = find_body_mask(scan);
-    intersect(mask, body);
-    check_seeds(seeds, mask, LostSeed::Cause::body, name);
-    heard.on_step("body", mask);
-  }
-  progress.advance();
-  if (is_subtracted && markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
-    mask = without_small_components(mask);  // only vessels remain in a subtracted scan
-    heard.on_step("selection", mask);
-    return mask;
-  }
-
-  const Mask lumen = lumen_at_seeds(at_seeds, seeds, window.hu, body, markers, name);
-  const auto give_lumen_back = [&] {
-    if (!seeds.empty()) mask = united(std::move(mask), lumen);
-  };
-  give_lumen_back();
-  body = Mask(VolumeGeometry{});  // a byte a voxel
-  const Mask bright = mask;
-  const Mask bone = is_subtracted ? Mask(mask.geometry) : find_bone(scan, window.hu, bright, progress);
-  subtract(mask, bone);
-  give_lumen_back();
-  check_seeds(seeds, mask, LostSeed::Cause::bone, name);
-  heard.on_step("bone", mask);
-  separate_chambers(mask, live(markers, bright, mask, name), name, progress);
-  give_lumen_back();
-  check_seeds(seeds, mask, LostSeed::Cause::chamber, name);
-  heard.on_step("chambers", mask);
-  progress.begin("removing trabecular bone", 7, "passes");
-  Mask candidates = mask;
-  if (!is_subtracted) {
-    constexpr double kBeside_mm = 3;
-    intersect(candidates, dilated_by_cylinder(bone, kBeside_mm));
-    progress.advance();
-    const std::int64_t before = mask.count();
-    remove_trabecular_bone(mask, bone, progress);
-    if (!options.window_hu && seeds.empty() && is_bone_alone(before, mask.count()))
-      throw_without_contrast(volume, name, device);
-    give_lumen_back();
-    check_seeds(seeds, mask, LostSeed::Cause::bone, name);
-    heard.on_step("trabecular-bone", mask);
-  }
-  close_gaps(mask, candidates, progress);
-  heard.on_step("gaps", mask);
-  Mask vessels = select_vessels(mask, markers, name, progress);
-  heard.on_step("selection", vessels);
-  progress.begin("filling", 3, "passes");
-  complete_lumen(scan, window, bright, bone, vessels, progress);
-  heard.on_step("filling", vessels);
-  return vessels;
+  return segment_vessels(volume, options, name, device, progress, log).mask;
 }
 
 }  // namespace xraycast

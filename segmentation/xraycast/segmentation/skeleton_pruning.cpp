@@ -13,7 +13,8 @@ namespace {
 
 class SkeletonPruner {
  public:
-  SkeletonPruner(SkeletonGraph graph, const Lumen& lumen) : graph_(std::move(graph)), lumen_(lumen) {
+  SkeletonPruner(SkeletonGraph graph, const Lumen& lumen, double spur_vox)
+      : graph_(std::move(graph)), lumen_(lumen), spur_mm_(spur_vox * lumen.coarsest_mm()) {
     removed_.resize(graph_.edges.size());
   }
 
@@ -95,8 +96,7 @@ class SkeletonPruner {
     const auto [a, b] = edge(e).nodes;
     if (is_leaf(a) == is_leaf(b)) return std::nullopt;
     const int fork = is_leaf(a) ? b : a, tip = is_leaf(a) ? a : b;
-    return length_mm(edge(e).points_mm) - radius_mm(fork) -
-           std::max(2 * lumen_.coarsest_mm(), radius_mm(tip));
+    return length_mm(edge(e).points_mm) - radius_mm(fork) - std::max(spur_mm_, radius_mm(tip));
   }
 
   void remove_spurs() {
@@ -170,13 +170,14 @@ class SkeletonPruner {
 
   SkeletonGraph graph_;
   const Lumen& lumen_;
+  double spur_mm_;
   std::vector<bool> removed_;
 };
 
 }  // namespace
 
-SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen) {
-  return SkeletonPruner(std::move(graph), lumen).run();
+SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen, double spur_vox) {
+  return SkeletonPruner(std::move(graph), lumen, spur_vox).run();
 }
 
 }  // namespace xraycast

@@ -10,9 +10,9 @@ namespace xraycast {
 ///   `closes_loop`; an edge shorter than the lumen's circumference only surrounds a hole in the mask, and is
 ///   removed (maximum spanning forest by thickness: Kruskal, On the shortest spanning subtree of a graph,
 ///   1956);
-/// - spurs, which are leaves whose tip stays within the sphere inscribed at their origin, are removed, the
-///   shortest first;
+/// - spurs, which are leaves whose tip reaches less than `spur_vox` voxels out of the sphere inscribed at
+///   their origin, are removed, the shortest first: so much voxels cannot tell;
 /// - bifurcations within half a radius of each other are merged into one with more than two branches.
-SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen);
+SkeletonGraph prune(SkeletonGraph graph, const Lumen& lumen, double spur_vox = 2);
 
 }  // namespace xraycast

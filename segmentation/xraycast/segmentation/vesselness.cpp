@@ -1,6 +1,6 @@
 #include "xraycast/segmentation/vesselness.hpp"
 
-#include "xraycast/segmentation/block_filter.hpp"
+#include "xraycast/evidence/block_filter.hpp"
 
 #include <algorithm>
 #include <cmath>

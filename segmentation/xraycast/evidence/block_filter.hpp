@@ -31,16 +31,19 @@ class BlockFilter {
 
   /// Ridge strength by oriented line integrals: the largest over `directions` of the weaker of a line's two
   /// arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
-  cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions);
+  /// It is 0 where a voxel and its neighbours are below `least`.
+  cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions,
+                            double least);
 
  private:
   cl::Buffer block();
 
-  /// Runs a kernel of vesselness.cl over the block. Its first arguments are input, output and size;
-  /// `arguments` are the rest.
+  /// Runs a kernel of vesselness.cl with so many work items. Its first arguments are input, output and the
+  /// block's size; `arguments` are the rest.
   template <typename... Arguments>
-  void run(const char* name, const cl::Buffer& source, const cl::Buffer& target,
+  void run(const char* name, const Index3& items, const cl::Buffer& source, const cl::Buffer& target,
            const Arguments&... arguments);
+  Index3 eight_a_work_item() const;
 
   ComputeDevice& device_;
   Index3 size_;

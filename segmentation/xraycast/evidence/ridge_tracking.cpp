@@ -1,4 +1,4 @@
-#include "xraycast/segmentation/ridge_tracking.hpp"
+#include "xraycast/evidence/ridge_tracking.hpp"
 
 #include "xraycast/mask/thinning.hpp"
 #include "xraycast/mask/trilinear.hpp"

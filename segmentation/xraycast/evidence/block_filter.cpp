@@ -1,4 +1,6 @@
-#include "xraycast/segmentation/block_filter.hpp"
+#include "xraycast/evidence/block_filter.hpp"
+
+#include <glm/common.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -25,15 +27,36 @@ std::vector<float> gaussian_weights(double sigma_vox, int reach) {
 }
 
 /// Directions spread evenly over a half sphere, by the golden angle.
-std::vector<cl_float4> spread_directions(int count) {
-  std::vector<cl_float4> directions;
+std::vector<glm::dvec3> spread_directions(int count) {
+  std::vector<glm::dvec3> directions;
   for (int i = 0; i < count; ++i) {
     const double z = (i + 0.5) / count, r = std::sqrt(1 - z * z),
                  phi = i * std::numbers::pi * (1 + std::sqrt(5.0));
-    directions.push_back({{static_cast<float>(r * std::cos(phi)), static_cast<float>(r * std::sin(phi)),
-                           static_cast<float>(z), 0}});
+    directions.emplace_back(r * std::cos(phi), r * std::sin(phi), z);
   }
   return directions;
+}
+
+/// The steps of lines from a voxel: the corner before each, and where it lies between corners.
+struct LineSteps {
+  std::vector<cl_int4> corners;
+  std::vector<cl_float4> fractions;
+
+  void add(const glm::dvec3& step) {
+    const glm::dvec3 corner = glm::floor(step), fraction = step - corner;
+    corners.push_back(int4_of(Index3(corner)));
+    fractions.push_back({{static_cast<float>(fraction.x), static_cast<float>(fraction.y),
+                          static_cast<float>(fraction.z), 0}});
+  }
+};
+
+/// Of each direction one arm, then the other.
+LineSteps steps_of(const std::vector<glm::dvec3>& directions, int reach) {
+  LineSteps steps;
+  for (const glm::dvec3& direction : directions)
+    for (const double sign : {1.0, -1.0})
+      for (int k = 1; k <= reach; ++k) steps.add(sign * k * direction);
+  return steps;
 }
 
 }  // namespace
@@ -55,13 +78,15 @@ std::vector<float> BlockFilter::download(const cl::Buffer& values) {
 }
 
 template <typename... Arguments>
-void BlockFilter::run(const char* name, const cl::Buffer& source, const cl::Buffer& target,
-                      const Arguments&... arguments) {
+void BlockFilter::run(const char* name, const Index3& items, const cl::Buffer& source,
+                      const cl::Buffer& target, const Arguments&... arguments) {
   cl::Kernel kernel = device_.kernel("vesselness", name);
   set_args(kernel, source, target, int4_of(size_), arguments...);
-  device_.run(kernel, {size_.x, size_.y, size_.z});
+  device_.run(kernel, {items.x, items.y, items.z});
   device_.finish();
 }
+
+Index3 BlockFilter::eight_a_work_item() const { return {(size_.x + 7) / 8, size_.y, size_.z}; }
 
 cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma_vox) {
   cl::Buffer source = values;
@@ -69,7 +94,7 @@ cl::Buffer BlockFilter::smooth(const cl::Buffer& values, const glm::dvec3& sigma
     const int reach = std::max(1, static_cast<int>(std::ceil(3 * sigma_vox[axis])));
     const std::vector<float> weights = gaussian_weights(sigma_vox[axis], reach);
     const cl::Buffer device_weights = device_.upload(std::span(weights)), target = block();
-    run("gaussian", source, target, axis, device_weights, static_cast<cl_int>(reach));
+    run("gaussian", eight_a_work_item(), source, target, axis, device_weights, static_cast<cl_int>(reach));
     source = target;
   }
   return source;
@@ -84,19 +109,27 @@ void BlockFilter::add_tubularity(const cl::Buffer& smoothed, const glm::dvec3& s
       static_cast<float>(scale2 / (s.z * s.z)), static_cast<float>(scale2 / (s.x * s.y)),
       static_cast<float>(scale2 / (s.x * s.z)), static_cast<float>(scale2 / (s.y * s.z))};
   const cl::Buffer device_per_mm2 = device_.upload(std::span(per_mm2));
-  run("tubularity", smoothed, best, device_per_mm2, static_cast<cl_float>(strength),
+  run("tubularity", size_, smoothed, best, device_per_mm2, static_cast<cl_float>(strength),
       static_cast<cl_int>(is_frangi));
 }
 
 cl::Buffer BlockFilter::ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox,
-                                       int directions) {
+                                       int directions, double least) {
   const std::vector<float> weights = gaussian_weights(sigma_vox, reach_vox);
-  const std::vector<cl_float4> spread = spread_directions(directions);
+  const LineSteps steps = steps_of(spread_directions(directions), reach_vox);
   const cl::Buffer device_weights = device_.upload(std::span(weights)),
-                   device_spread = device_.upload(std::span(spread));
-  cl::Buffer target = block();
-  run("ridge_strength", values, target, device_spread, static_cast<cl_int>(directions), device_weights,
-      static_cast<cl_int>(reach_vox));
+                   corners = device_.upload(std::span(steps.corners)),
+                   fractions = device_.upload(std::span(steps.fractions));
+  const int margin = reach_vox + 1;
+  const Index3 items = eight_a_work_item(),
+               padded = Index3(8 * items.x, size_.y, size_.z) + Index3(2 * margin);
+  const cl::Buffer wide = device_.buffer(CL_MEM_READ_WRITE, padded.x * padded.y * padded.z *
+                                                                static_cast<std::int64_t>(sizeof(float))),
+                   target = block();
+  run("with_margin", padded, values, wide, int4_of(padded), static_cast<cl_int>(margin));
+  run("ridge_strength", items, wide, target, int4_of(padded), corners, fractions,
+      static_cast<cl_int>(directions), device_weights, static_cast<cl_int>(reach_vox),
+      static_cast<cl_float>(least));
   return target;
 }
 

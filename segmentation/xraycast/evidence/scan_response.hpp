@@ -1,0 +1,31 @@
+#pragma once
+
+#include "xraycast/volume/volume.hpp"
+
+#include <vector>
+
+namespace xraycast {
+
+/// What a scan shows of a contrast above its background: Gaussian noise is added, and the sum is cut off at
+/// the scan's lowest and highest values, so that means lie nearer to the middle of the range. Where nothing
+/// is cut off, means are the contrasts themselves.
+class ScanResponse {
+ public:
+  /// The background is the median.
+  ScanResponse(const Volume& volume, double noise_hu);
+  ScanResponse(double background_hu, double noise_hu, double lowest_hu, double highest_hu);
+
+  double noise_hu() const { return noise_hu_; }
+
+  /// From the background to the scan's highest value.
+  double largest_hu() const { return largest_hu_; }
+
+  /// The contrast whose mean in the scan is `mean_hu`.
+  double contrast_hu(double mean_hu) const;
+
+ private:
+  double noise_hu_, largest_hu_, first_hu_ = 0, step_hu_ = 1;
+  std::vector<double> means_hu_;  ///< of contrasts from `first_hu_` on, `step_hu_` apart; ascending
+};
+
+}  // namespace xraycast

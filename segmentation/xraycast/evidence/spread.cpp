@@ -1,0 +1,36 @@
+#include "xraycast/evidence/spread.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+
+namespace xraycast {
+namespace {
+
+template <typename Counts>
+Spread spread_where(const std::vector<float>& values, const Counts& counts) {
+  constexpr std::size_t kEnough = 1'000'000;
+  const std::size_t step = std::max<std::size_t>(1, values.size() / kEnough);
+  std::vector<float> some;
+  for (std::size_t i = 0; i < values.size(); i += step)
+    if (counts(values[i])) some.push_back(values[i]);
+  if (some.empty()) return {};
+  const auto middle = some.begin() + static_cast<std::ptrdiff_t>(some.size() / 2);
+  std::ranges::nth_element(some, middle);
+  const float median = *middle;
+  for (float& v : some) v = std::abs(v - median);
+  std::ranges::nth_element(some, middle);
+  return {static_cast<double>(median), 1.4826 * static_cast<double>(*middle)};
+}
+
+}  // namespace
+
+Spread spread_of(const std::vector<float>& values) {
+  return spread_where(values, [](float) { return true; });
+}
+
+Spread spread_of_nonzero(const std::vector<float>& values) {
+  return spread_where(values, [](float v) { return v != 0; });
+}
+
+}  // namespace xraycast

@@ -1,0 +1,380 @@
+#include "xraycast/evidence/vessel_evidence.hpp"
+
+#include "xraycast/base/memory_limit.hpp"
+#include "xraycast/base/parallel.hpp"
+#include "xraycast/evidence/block_filter.hpp"
+#include "xraycast/evidence/ridge_detection.hpp"
+#include "xraycast/evidence/ridge_tracking.hpp"
+#include "xraycast/evidence/scan_response.hpp"
+#include "xraycast/evidence/spread.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/mask/distance_transform.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+using Field = std::vector<float>;
+
+/// Calls `change(i)` for all indices of a field, in parallel.
+template <typename Change>
+void for_each_index(std::size_t count, const Change& change) {
+  constexpr std::size_t kPiece = 1 << 16;
+  parallel_for(static_cast<std::int64_t>((count + kPiece - 1) / kPiece), [&](std::int64_t piece) {
+    const std::size_t first = static_cast<std::size_t>(piece) * kPiece;
+    for (std::size_t i = first; i < std::min(first + kPiece, count); ++i) change(i);
+  });
+}
+
+/// A scan smoothed by a Gaussian.
+Field smoothed(const Volume& volume, double smoothing_vox, ComputeDevice& device) {
+  const auto halo = static_cast<std::int64_t>(std::ceil(3 * smoothing_vox));
+  return filtered(volume, device, halo, [&](BlockFilter& block, const cl::Buffer& hu) {
+    return block.smooth(hu, glm::dvec3(smoothing_vox));
+  });
+}
+
+/// The contrasts whose means are these values.
+Field contrasts(Field values, const ScanResponse& response) {
+  for_each_index(values.size(), [&](std::size_t i) {
+    values[i] = static_cast<float>(response.contrast_hu(static_cast<double>(values[i])));
+  });
+  return values;
+}
+
+/// The contrast that each voxel of a scan shows when it is smoothed by a Gaussian.
+Field smoothed_contrast(const Volume& volume, const ScanResponse& response, double smoothing_vox,
+                        ComputeDevice& device) {
+  return contrasts(smoothed(volume, smoothing_vox, device), response);
+}
+
+/// What a Gaussian leaves of the standard deviation of white noise.
+double left_of_noise(double smoothing_vox) {
+  const double along_an_axis = 1 / (2 * std::sqrt(std::numbers::pi) * smoothing_vox);
+  return std::pow(std::min(along_an_axis, 1.0), 1.5);
+}
+
+/// The most noise that a scan can have, given the scan smoothed by a Gaussian: where most of it is the same
+/// value, what differs around vessels is no noise. Three times what is seen, as noise that is cut off spreads
+/// less.
+double most_noise_hu(const Field& smooth, double smoothing_vox) {
+  constexpr double kCutOff = 3;
+  return kCutOff * spread_of(smooth).standard_deviation / left_of_noise(smoothing_vox);
+}
+
+bool is_local_maximum(const Mask& grid, const Field& values, const Index3& voxel) {
+  const float here = values[grid.offset(voxel)];
+  return std::ranges::all_of(kNeighbours, [&](const Index3& step) {
+    return !grid.contains(voxel + step) || values[grid.offset(voxel + step)] <= here;
+  });
+}
+
+std::vector<MiddleOfVessel> middles_of_vessels(const Mask& grid, const Field& narrow, const Field& wide,
+                                               const Field& strength, double least_strength) {
+  std::vector<MiddleOfVessel> middles;
+  for (std::size_t i = 0; i < wide.size(); ++i)
+    if (static_cast<double>(strength[i]) > least_strength &&
+        is_local_maximum(grid, wide, voxel_at(grid.geometry, static_cast<std::int64_t>(i))))
+      middles.push_back({narrow[i], wide[i], strength[i]});
+  return middles;
+}
+
+/// The brightest contrast, less the few voxels that are brighter still: at most one in a thousand.
+double brightest_hu(Field contrast) {
+  const std::size_t rank = std::min<std::size_t>(contrast.size() / 1000, 1000);
+  const auto at = contrast.end() - 1 - static_cast<std::ptrdiff_t>(rank);
+  std::ranges::nth_element(contrast, at);
+  return *at;
+}
+
+LumenScale measure_scale(const Volume& volume, const ScanResponse& response, const Field& strength,
+                         ComputeDevice& device) {
+  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device);
+  Field wide = smoothed_contrast(volume, response, kWide_vox, device);
+  const double least_strength = strong_ridge(strength);
+  const auto middles = middles_of_vessels(Mask(volume.geometry()), narrow, wide, strength, least_strength);
+  return measure_lumen_scale(middles, response, least_strength, brightest_hu(std::move(wide)));
+}
+
+/// Voxels of wide vessels, within which ridges fade: half full, and above the noise, in large components.
+Mask half_full(const Field& contrast, const LumenScale& scale, const VolumeGeometry& grid) {
+  constexpr double kOfNoise = 1.3;  // six standard deviations of noise smoothed by 0.8 voxels
+  constexpr std::int64_t kMinVoxels = 14;
+  const auto least_hu = static_cast<float>(std::max(0.5 * scale.lumen_hu, kOfNoise * scale.noise_hu));
+  Mask mask(grid);
+  for_each_index(contrast.size(),
+                 [&](std::size_t i) { mask.voxels[i] = static_cast<std::uint8_t>(contrast[i] > least_hu); });
+  return large_components(mask, kMinVoxels);
+}
+
+/// Voxels near a mask, within `reach_vox` voxels of the isotropic kind.
+Mask near(Mask mask, double reach_vox) {
+  mask.geometry.spacing_mm = glm::dvec3(1);
+  const Field away = distance_to_foreground_mm(mask);
+  for_each_index(away.size(), [&](std::size_t i) {
+    mask.voxels[i] = static_cast<std::uint8_t>(static_cast<double>(away[i]) <= reach_vox);
+  });
+  return mask;
+}
+
+/// Values within a box of a grid, x fastest.
+Field cropped(const Field& values, const VolumeGeometry& grid, const Box& box) {
+  const Index3 size = grid.size;
+  Field part;
+  part.reserve(static_cast<std::size_t>((box.upper.x - box.lower.x) * (box.upper.y - box.lower.y) *
+                                        (box.upper.z - box.lower.z)));
+  for (std::int64_t z = box.lower.z; z < box.upper.z; ++z)
+    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y) {
+      const auto row = values.begin() + (z * size.y + y) * size.x + box.lower.x;
+      part.insert(part.end(), row, row + (box.upper.x - box.lower.x));
+    }
+  return part;
+}
+
+/// A Gaussian smooths a box of values.
+class Smoother {
+ public:
+  Smoother(ComputeDevice& device, const Index3& size) : block_(device, size) {}
+  Field operator()(const Field& values, double sigma_vox) {
+    return block_.download(block_.smooth(block_.upload(values), glm::dvec3(sigma_vox)));
+  }
+
+ private:
+  BlockFilter block_;
+};
+
+/// Shares deblurred by Richardson and Lucy's iteration, which keeps their sum, up to full.
+Field deblurred(const Field& shares, double blur_vox, int steps, Smoother& smooth) {
+  constexpr float kLeast = 1e-4F;
+  constexpr double kSharp_vox = 0.15;
+  Field result = shares;
+  for (int step = 0; step < steps && blur_vox > kSharp_vox; ++step) {
+    Field ratio = smooth(result, blur_vox);
+    for_each_index(ratio.size(), [&](std::size_t i) { ratio[i] = shares[i] / (ratio[i] + kLeast); });
+    ratio = smooth(ratio, blur_vox);
+    for_each_index(ratio.size(), [&](std::size_t i) { result[i] = std::min(result[i] * ratio[i], 1.0F); });
+  }
+  return result;
+}
+
+/// Gives what the vessels' light outside of `mask` holds to the voxels in it, so that shares add up to the
+/// volume. Twice: what a full voxel cannot take goes to others nearby.
+Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& smooth) {
+  constexpr double kAround_vox = 2;
+  constexpr float kMost = 2, kLeast = 1e-3F;
+  const Field near_light = smooth(light, kAround_vox);
+  for_each_index(shares.size(), [&](std::size_t i) {
+    if (mask.voxels[i] == 0) shares[i] = 0;
+  });
+  for (int pass = 0; pass < 2; ++pass) {
+    const Field held = smooth(shares, kAround_vox);
+    for_each_index(shares.size(), [&](std::size_t i) {
+      const float ratio = std::clamp(near_light[i] / std::max(held[i], kLeast), 1.0F, kMost);
+      shares[i] = std::min(shares[i] * ratio, 1.0F);
+    });
+  }
+  return shares;
+}
+
+/// The voxels of vessels wider than four voxels' radius, with those at their wall.
+Mask wide_vessels(const Mask& candidates, const Field& shares) {
+  constexpr double kWide_vox = 4, kWall_vox = 1.5;
+  Mask core(candidates.geometry);
+  core.geometry.spacing_mm = glm::dvec3(1);
+  for_each_index(shares.size(),
+                 [&](std::size_t i) { core.voxels[i] = static_cast<std::uint8_t>(shares[i] >= 0.5F); });
+  const Field depth = distance_to_background_mm(core);
+  for_each_index(shares.size(), [&](std::size_t i) {
+    core.voxels[i] = static_cast<std::uint8_t>(static_cast<double>(depth[i]) >= kWide_vox);
+  });
+  return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWide_vox + kWall_vox);
+}
+
+/// Judges voxels by their shares.
+class ShareJudge {
+ public:
+  ShareJudge(const Mask& candidates, const Field& shares, const LumenScale& scale)
+      : candidates_(candidates),
+        wide_(wide_vessels(candidates, shares)),
+        shares_(shares),
+        least_(least_share(scale)),
+        certain_(certain_share(scale)) {}
+
+  bool is_certain(std::size_t i) const { return share(i) >= certain_; }
+
+  /// Whether a voxel of a skeleton holds almost as much as is needed.
+  bool is_bright(std::size_t i) const {
+    constexpr double kAlmost = 0.8;
+    return share(i) >= kAlmost * least_;
+  }
+
+  /// Whether a voxel on a candidate or beside one holds enough. A neighbour of a half full one needs less, as
+  /// its share is less likely to be noise.
+  bool is_lumen(std::size_t i) const {
+    constexpr double kLess = 0.95, kMore = 1.05;
+    if (share(i) < kLess * least_) return false;
+    const Index3 voxel = voxel_at(candidates_.geometry, static_cast<std::int64_t>(i));
+    if (!is_by_a_candidate(i, voxel)) return false;
+    if (wide_.voxels[i] != 0) return share(i) >= kHalf;
+    return share(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * least_;
+  }
+
+ private:
+  static constexpr double kHalf = 0.5;
+
+  double share(std::size_t i) const { return static_cast<double>(shares_[i]); }
+
+  bool has_half_full_neighbour(const Index3& voxel) const {
+    return std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6, [&](const Index3& step) {
+      return candidates_.contains(voxel + step) && share(candidates_.offset(voxel + step)) >= kHalf;
+    });
+  }
+
+  bool is_by_a_candidate(std::size_t i, const Index3& voxel) const {
+    return candidates_.voxels[i] != 0 ||
+           std::any_of(kNeighbours.begin(), kNeighbours.begin() + (is_certain(i) ? 26 : 18),
+                       [&](const Index3& step) { return candidates_.at(voxel + step); });
+  }
+
+  const Mask& candidates_;
+  Mask wide_;
+  const Field& shares_;
+  double least_, certain_;
+};
+
+/// The voxels beside candidates that hold enough lumen, but not those of pruned spurs unless they are
+/// certain; and the skeleton: what is bright of it, and of the rest what joins such parts.
+Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Field& shares,
+                const LumenScale& scale) {
+  const ShareJudge judge(candidates, shares, scale);
+  const Field to_kept_mm = distance_to_foreground_mm(skeleton.kept),
+              to_pruned_mm = distance_to_foreground_mm(skeleton.pruned);
+  Mask vessels(candidates.geometry), faint(candidates.geometry);
+  for_each_index(shares.size(), [&](std::size_t i) {
+    (judge.is_bright(i) ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
+    if ((judge.is_certain(i) || to_pruned_mm[i] >= to_kept_mm[i]) && judge.is_lumen(i)) vessels.voxels[i] = 1;
+  });
+  for_each_index(shares.size(), [&](std::size_t i) {
+    if (vessels.voxels[i] != 0) faint.voxels[i] = 0;
+  });
+  return with_weak_links(vessels, faint);
+}
+
+/// Shares from 0 to 1 of what a contrast is of the lumen's, and nothing beyond `reach`.
+Field shares_within(Field contrast, const Mask& reach, double lumen_hu) {
+  for_each_index(contrast.size(), [&](std::size_t i) {
+    contrast[i] = reach.voxels[i] == 0
+                      ? 0
+                      : static_cast<float>(std::clamp(static_cast<double>(contrast[i]) / lumen_hu, 0.0, 1.0));
+  });
+  return contrast;
+}
+
+/// Ridges and half full voxels.
+Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field& strength,
+                     const Field& contrast, ComputeDevice& device, Progress& progress) {
+  constexpr double kTracking_vox = 0.7;
+  Mask ridges = detect_ridges(strength, volume.geometry(), kLeastRidge * scale.lumen_hu);
+  const Mask tracks = track_ridges(
+      contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu)), ridges, progress);
+  const Mask full = half_full(contrast, scale, volume.geometry());
+  for_each_index(ridges.voxels.size(), [&](std::size_t i) {
+    ridges.voxels[i] |= tracks.voxels[i];
+    ridges.voxels[i] |= full.voxels[i];
+  });
+  return ridges;
+}
+
+/// The shares of a box of the scan, smoothed by as much as its noise asks for, and deblurred.
+Field estimated_shares(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
+                       const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device) {
+  const double smoothing = smoothing_vox(scale);
+  const int steps = 3 + static_cast<int>(std::lround(3 * std::min(scale.blur_vox, 1.0)));
+  const Field shares =
+      shares_within(cropped(smoothed_contrast(volume, response, smoothing, device), volume.geometry(), box),
+                    reach, scale.lumen_hu);
+  return deblurred(shares, std::hypot(smoothing, scale.blur_vox), steps, smooth);
+}
+
+/// Writes the shares of the vessels in a box.
+void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenFill& fill) {
+  const Mask whole(fill.geometry);
+  for (std::size_t i = 0; i < shares.size(); ++i) {
+    if (vessels.voxels[i] == 0) continue;
+    const Index3 voxel = voxel_at(vessels.geometry, static_cast<std::int64_t>(i)) + box.lower;
+    fill.shares[whole.offset(voxel)] = quantised_share(static_cast<double>(shares[i]));
+  }
+}
+
+/// Up to thirteen fields at once, with the device's.
+void require_memory_of_fields(const VolumeGeometry& grid) {
+  constexpr std::int64_t kBytesPerVoxel = 52;
+  const std::int64_t bytes = kBytesPerVoxel * grid.voxel_count();
+  require_memory(fmt::format("finding vessels in {} x {} x {} voxels", grid.size.x, grid.size.y, grid.size.z),
+                 {bytes, bytes});
+}
+
+}  // namespace
+
+double smoothing_vox(const LumenScale& scale) {
+  constexpr double kMost_vox = 0.8, kHalfway = 0.025, kLeast_vox = 0.1;
+  const double noise2 = scale.noise() * scale.noise();
+  return std::max(kMost_vox * noise2 / (noise2 + kHalfway * kHalfway), kLeast_vox);
+}
+
+double least_share(const LumenScale& scale) {
+  const double blur3 = std::pow(std::hypot(smoothing_vox(scale), scale.blur_vox), 3);
+  return 0.042 + 0.13 * blur3 / (blur3 + 0.25) + 0.22 * std::min(scale.noise(), 0.2);
+}
+
+double certain_share(const LumenScale& scale) {
+  constexpr double kDeviations = 2;
+  return least_share(scale) + kDeviations * scale.noise() * left_of_noise(smoothing_vox(scale));
+}
+
+VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device,
+                            Progress& progress) {
+  constexpr double kLight_vox = 0.8, kNear_vox = 3.5;
+  const VolumeGeometry& grid = volume.geometry();
+  require_memory_of_fields(grid);
+  progress.begin("detecting ridges", 3, "passes");
+  Field contrast = smoothed(volume, kLight_vox, device);
+  const ScanResponse response(volume, std::min(noise_hu, most_noise_hu(contrast, kLight_vox)));
+  contrast = contrasts(std::move(contrast), response);
+  Field strength = ridge_strength(volume, device);
+  progress.advance();
+  const LumenScale scale = measure_scale(volume, response, strength, device);
+  progress.advance();
+  const Mask candidates = find_candidates(volume, scale, strength, contrast, device, progress);
+  strength = {};
+  progress.advance();
+  VesselEvidence found{Mask(grid), LumenFill(grid), scale};
+  found.fill.is_of_touched_voxels = true;
+  const Box box = grown(bounding_box(candidates), 6, grid.size);
+  if (box.empty()) return found;
+
+  progress.begin("estimating the lumen", 3, "passes");
+  const PrunedSkeleton skeleton = pruned_skeleton(
+      candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu)));
+  progress.advance();
+  const Mask part = crop(candidates, box), reach = near(part, kNear_vox);
+  Smoother smooth(device, part.geometry.size);
+  const Field light = shares_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
+  contrast = {};
+  Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device);
+  progress.advance();
+  const Mask vessels =
+      lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares, scale);
+  shares = conserved(std::move(shares), vessels, light, smooth);
+  paste(vessels, box, found.vessels);
+  set_shares(shares, vessels, box, found.fill);
+  progress.advance();
+  return found;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,140 @@
+// What is estimated of a scan of vessels alone: its blur, the lumen's contrast, and how full voxels are.
+#include "support/grown_tree.hpp"
+#include "support/tubes.hpp"
+#include "xraycast/evidence/scan_response.hpp"
+#include "xraycast/evidence/vessel_evidence.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <random>
+
+namespace xraycast {
+namespace {
+
+TEST(Response, IsUndoneWhereNoiseIsCutOff) {
+  constexpr double kNoise_hu = 30;
+  const ScanResponse response(0, kNoise_hu, 0, 255);
+  std::mt19937 random(1);
+  std::normal_distribution<double> noise(0, kNoise_hu);
+  for (const double contrast_hu : {0.0, 15.0, 60.0, 200.0, 250.0}) {
+    constexpr int kCount = 100'000;
+    double sum = 0;
+    for (int i = 0; i < kCount; ++i) sum += std::clamp(contrast_hu + noise(random), 0.0, 255.0);
+    // The mean's standard error is 0.1; cut off in the middle, a mean rises half as fast as its contrast.
+    EXPECT_NEAR(response.contrast_hu(sum / kCount), contrast_hu, 0.8) << contrast_hu;
+  }
+}
+
+TEST(Response, IsTheContrastWhereNothingIsCutOff) {
+  const ScanResponse response(50, 10, -1000, 3000);
+  // Between the entries of a table whose range is 3000.
+  for (const double contrast_hu : {-15.0, 0.0, 100.0, 400.0})
+    EXPECT_NEAR(response.contrast_hu(50 + contrast_hu), contrast_hu, 0.1);
+}
+
+TEST(QuietScan, ShowsAllThatItsLumenTouches) {
+  // Without any noise the voxels around vessels are all alike, and what differs in vessels is no noise.
+  const GrownTree tree = grow_tree({.seed = 43, .noise = 0});
+  ComputeDevice device;
+  Progress progress;
+  const VesselEvidence found = find_vessels(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
+  double both = 0;
+  for (std::size_t i = 0; i < tree.lumen.voxels.size(); ++i)
+    both += found.vessels.voxels[i] & tree.lumen.voxels[i];
+  // 0.99 when this was written; a branch of four voxels may hide in its parent's side.
+  EXPECT_GE(both, 0.97 * static_cast<double>(tree.lumen.count()));
+  EXPECT_GE(both, 0.97 * static_cast<double>(found.vessels.count()));
+}
+
+struct Blurred {
+  double noise, blur;
+};
+
+class ScaleOfATree : public testing::TestWithParam<Blurred> {};
+
+TEST_P(ScaleOfATree, IsMeasuredOnItsVessels) {
+  const auto [noise, blur] = GetParam();
+  const GrownTree tree = grow_tree({.seed = 41, .noise = noise, .blur = blur});
+  ComputeDevice device;
+  Progress progress;
+  const VesselEvidence found = find_vessels(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
+  // Of the trees by which the model was tried, one in ten was 6 % off at these noises.
+  EXPECT_NEAR(found.scale.lumen_hu, 255, 0.08 * 255);
+  EXPECT_NEAR(found.scale.blur_vox, blur, blur > 0 ? 0.1 : 0.25);
+  // As the volume of grown trees is measured elsewhere; under a blur of a voxel, vessels of half a voxel keep
+  // a tenth of their contrast, and some are lost: 0.89 when this was written.
+  EXPECT_NEAR(found.fill.volume_mm3() / tree.lumen_voxels, 1, blur < 1 ? 0.1 : 0.13);
+}
+
+INSTANTIATE_TEST_SUITE_P(OfBlurs, ScaleOfATree,
+                         testing::Values(Blurred{5, 0}, Blurred{11, 0}, Blurred{5, 0.5}, Blurred{11, 0.5},
+                                         Blurred{5, 1}),
+                         [](const auto& at) {
+                           return "Noise" + std::to_string(static_cast<int>(at.param.noise)) + "Blur" +
+                                  std::to_string(static_cast<int>(10 * at.param.blur));
+                         });
+
+/// A tube of a radius between voxels, with the share of each voxel at 7 x 7 points across it.
+Volume tube(double radius, double background_hu, double lumen_hu) {
+  Volume volume({.size = {30, 30, 40}});
+  for (std::int64_t z = 0; z < 40; ++z)
+    for (std::int64_t y = 0; y < 30; ++y)
+      for (std::int64_t x = 0; x < 30; ++x) {
+        int inside = 0;
+        for (int k = 0; k < 49; ++k)
+          inside += std::hypot(static_cast<double>(x) + (k % 7 - 3) / 7.0 - 14.3,
+                               static_cast<double>(y) + (k / 7 - 3) / 7.0 - 15.1) < radius;
+        volume.at(x, y, z) =
+            static_cast<std::int16_t>(std::lround(background_hu + (lumen_hu - background_hu) * inside / 49));
+      }
+  return volume;
+}
+
+TEST(Fill, OfAMaskHasTheLumensVolume) {
+  for (const double radius : {1.5, 2.2, 3.7, 6.0}) {
+    const Volume volume = tube(radius, 50, 350);
+    const Mask mask = mask_where(
+        volume.geometry(), [&](const glm::dvec3& p) { return std::hypot(p.x - 14.3, p.y - 15.1) < radius; });
+    const LumenFill fill = fill_of(volume, mask);
+    // Shares at 49 points; corners that two voxels of the wall lie between are lost.
+    EXPECT_NEAR(fill.volume_mm3() / (std::acos(-1) * radius * radius * 40), 1, 0.03) << radius;
+  }
+}
+
+TEST(Fill, LeavesOutWhatIsBrightBesideTheMask) {
+  Volume volume = tube(3, 50, 350);
+  for (std::int64_t z = 0; z < 40; ++z)
+    for (std::int64_t y = 0; y < 30; ++y)
+      for (std::int64_t x = 18; x < 30; ++x) volume.at(x, y, z) = 900;  // bone
+  const Mask mask = mask_where(volume.geometry(), [&](const glm::dvec3& p) {
+    return std::hypot(p.x - 14.3, p.y - 15.1) < 3 && p.x < 18;
+  });
+  const LumenFill fill = fill_of(volume, mask);
+  EXPECT_EQ(fill.shares[mask.offset({18, 15, 20})], 0);
+  EXPECT_EQ(fill.shares[mask.offset({14, 15, 20})], LumenFill::kFull);
+}
+
+TEST(Radii, OfAThinVesselAreThoseOfItsLumen) {
+  for (const double radius : {0.9, 1.3}) {
+    const Volume volume = tube(radius, 0, 255);
+    Mask mask = mask_where(volume.geometry(), [&](const glm::dvec3& p) {
+      return std::hypot(p.x - 14.3, p.y - 15.1) < radius + 0.7;  // all that the lumen touches
+    });
+    LumenFill fill(volume.geometry());
+    for (std::size_t i = 0; i < mask.voxels.size(); ++i)
+      if (mask.voxels[i] != 0) fill.shares[i] = static_cast<std::uint8_t>(volume.hu()[i]);
+    fill.is_of_touched_voxels = true;
+    Progress progress;
+    const Centrelines found = extract_centrelines(mask, "tube", progress, {}, &fill);
+    ASSERT_EQ(found.tree.branches().size(), 1U);
+    const std::vector<VesselPoint>& points = found.tree.branches()[0].points;
+    // The lumen of 49 points a voxel; the ends' caps belong to their points.
+    EXPECT_NEAR(points[points.size() / 2].radius_mm, radius, 0.05);
+  }
+}
+
+}  // namespace
+}  // namespace xraycast
