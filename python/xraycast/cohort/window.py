@@ -104,7 +104,7 @@ class Window:
     # ---- jobs -------------------------------------------------------------------------------------
 
     def _submit(self, job):
-        key = f"{job.scan.name}-{uuid.uuid4().hex}"
+        key = f"scan-{uuid.uuid4().hex}"  # dask keeps what stands before the hexadecimal digits for ever
         place = {**self._place, "topic": self._topic, "key": key}
         job.began_on = ""
         self._jobs[key] = job
