@@ -2,12 +2,23 @@
 
 #include <algorithm>
 #include <atomic>
+#include <cstdlib>
 #include <exception>
 #include <mutex>
 #include <thread>
 #include <vector>
 
 namespace xraycast {
+namespace {
+
+/// All cores, or what XRAYCAST_THREADS says, where several processes share a machine.
+std::int64_t most_threads() {
+  if (const char* limit = std::getenv("XRAYCAST_THREADS"))
+    if (const int count = std::atoi(limit); count > 0) return count;
+  return static_cast<std::int64_t>(std::thread::hardware_concurrency());
+}
+
+}  // namespace
 
 void parallel_for(std::int64_t count, const std::function<void(std::int64_t)>& work) {
   std::atomic<std::int64_t> next{0};
@@ -24,8 +35,8 @@ void parallel_for(std::int64_t count, const std::function<void(std::int64_t)>& w
   };
   {
     std::vector<std::jthread> helpers;
-    const auto cores = static_cast<std::int64_t>(std::thread::hardware_concurrency());
-    for (std::int64_t i = 1; i < std::min(cores, count); ++i) helpers.emplace_back(run);
+    for (std::int64_t i = 1, threads = std::min(most_threads(), count); i < threads; ++i)
+      helpers.emplace_back(run);
     run();
   }
   if (failure) std::rethrow_exception(failure);

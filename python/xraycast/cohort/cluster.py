@@ -1,0 +1,98 @@
+"""The workers: those of a scheduler that runs, or processes of this machine."""
+import contextlib
+import dataclasses
+import logging
+import os
+import signal
+import uuid
+from multiprocessing import resource_tracker
+
+import dask
+from distributed import Client, LocalCluster
+
+from .. import _core
+from .._errors import Error, InputError
+from .task import probe
+
+ANSWER_S = 5
+CLOSE_S = 2
+WORKER_S = 60
+
+
+@dataclasses.dataclass(frozen=True)
+class Workers:
+    """What the command line says of them. scheduler: an address, or empty for `count` processes here."""
+    scheduler: str = ""
+    count: int = 0
+    threads: int = 0
+    resources: dict = dataclasses.field(default_factory=dict)
+    allowed_failures: int = 3
+    worker_ttl: str = "5 minutes"
+
+
+@contextlib.contextmanager
+def address_of(workers):
+    """The scheduler's address: of `workers`, or of a cluster of this machine that ends with the `with`."""
+    _silence_dask()
+    if workers.scheduler:
+        yield workers.scheduler
+        return
+    dask.config.set({"distributed.scheduler.allowed-failures": workers.allowed_failures,
+                     "distributed.scheduler.worker-ttl": workers.worker_ttl})
+    with _ctrl_c_kept_from_children():
+        cluster = LocalCluster(n_workers=workers.count, threads_per_worker=1, processes=True, host="127.0.0.1",
+                               dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, resources=workers.resources or None)
+    try:
+        yield cluster.scheduler_address
+    finally:
+        with contextlib.suppress(Exception):
+            cluster.close(timeout=CLOSE_S)
+
+
+def _silence_dask():
+    """What it warns of, such as workers that died, is in the ledger."""
+    for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+
+
+@contextlib.contextmanager
+def _ctrl_c_kept_from_children():
+    """A terminal sends it to all processes; this one alone ends the workers. Threads and processes inherit the mask."""
+    resource_tracker.ensure_running()  # which would lift the mask when it starts
+    signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
+
+
+def local_threads(workers):
+    """Cores for each worker of this machine."""
+    return workers.threads or max(1, len(os.sched_getaffinity(0)) // workers.count)
+
+
+def connect(address):
+    """Throws InputError."""
+    try:
+        return Client(address, timeout=ANSWER_S, set_as_default=False)
+    except (OSError, ValueError, TypeError) as error:
+        reason = "not an address" if isinstance(error, (ValueError, TypeError)) else "no scheduler answers"
+        raise InputError(f"--scheduler {address}: {reason}; start one by `dask scheduler`, or give --workers N") from None
+
+
+def check_workers(client, out):
+    """That one has joined, has this version, and sees OUT. Throws Error."""
+    token = out / f".seen-{uuid.uuid4().hex}"
+    token.touch()
+    try:
+        version, is_seen = client.submit(probe, str(token), pure=False).result(timeout=WORKER_S)
+    except TimeoutError:
+        raise Error(f"no worker joined the scheduler in {WORKER_S} s; start some by `dask worker ADDRESS`") from None
+    except ImportError as error:
+        raise Error(f"the workers cannot import xraycast: {error}; install it with them") from None
+    finally:
+        token.unlink(missing_ok=True)
+    if version != _core.__version__:
+        raise Error(f"the workers have xraycast {version}, this is {_core.__version__}; install the same")
+    if not is_seen:
+        raise Error(f"-o {out}: the workers do not see this folder; give one that all machines share")

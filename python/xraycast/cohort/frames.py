@@ -1,0 +1,173 @@
+"""Training frames of a scan with their labels: PNG pictures, and coco.json with cameras, vessels and catheter.
+
+The same scan, options and seed give the same frames.
+"""
+import json
+import zlib
+
+import numpy as np
+
+from .. import _core
+
+CONE_MM = (1000, 1500)  # source to isocentre, source to detector
+LAO_DEG, CRANIAL_DEG = 90, 40  # random poses lie within these on either side
+MOST_CONTRAST_PER_MM = 0.03  # of optical depth: some 15 mg of iodine per ml at 80 kV
+CATHETER_RADIUS_MM, CATHETER_PER_MM = 0.83, 0.15  # 5 F; the walls are made to be seen
+AIR_TAU = 0.5  # beside the body
+SPEED_MM_PER_MS = 0.1
+VESSEL, CATHETER = 1, 2
+CATEGORIES = [{"id": VESSEL, "name": "vessel"}, {"id": CATHETER, "name": "catheter", "keypoints": ["tip"], "skeleton": []}]
+
+
+def write_frames(scan, folder, options, vessels, name):
+    """vessels: those of the scan, or None. name: the scan's, from which its random numbers depend."""
+    folder.mkdir()
+    random = np.random.default_rng([options.seed, zlib.crc32(name.encode())])
+    lengths = _vessel_lengths(scan, vessels)
+    run = CatheterRun(vessels.tree, options.catheter, options.frames, random) if options.catheter else None
+    document = {"info": {"scan": name, "seed": options.seed, "version": _core.__version__},
+                "images": [], "annotations": [], "categories": CATEGORIES}
+    for number, (lao, cranial) in enumerate(_poses(options, random)):
+        frame = scan.project(lao=lao, cranial=cranial, size=options.size, cone_mm=CONE_MM, opacity=options.opacity)
+        picture = Picture(frame, random)
+        if lengths:
+            picture.add_vessels(lengths)
+        if run:
+            picture.add_catheter(run.next_nodes_mm())
+        picture.write(folder / f"{number:04}.png")
+        picture.describe(document, number, f"{number:04}.png")
+    (folder / "coco.json").write_text(json.dumps(document) + "\n", encoding="utf-8")
+
+
+def _poses(options, random):
+    """(lao, cranial) in degrees: those given, in turn, or random ones."""
+    if options.poses:
+        return [options.poses[i % len(options.poses)] for i in range(options.frames)]
+    spread = random.uniform(-1, 1, (options.frames, 2)) * (LAO_DEG, CRANIAL_DEG)
+    return [(round(float(lao), 3), round(float(cranial), 3)) for lao, cranial in spread]
+
+
+def _vessel_lengths(scan, vessels):
+    """The mask as a scan whose optical depth is the length in vessels, mm."""
+    if vessels is None:
+        return None
+    hu = np.where(vessels.mask > 0, np.int16(1000), np.int16(-1000))
+    return _core.Scan.from_array(hu, scan.spacing_mm, scan.origin_mm)
+
+
+class CatheterRun:
+    """A catheter that is pushed further from frame to frame, and turned."""
+
+    def __init__(self, tree, model, frames, random):
+        self._catheter = _core.Catheter(tree, model)
+        most_mm = min(self._catheter.max_insertion_mm, longest_way_mm(tree))
+        self._insertions_mm = iter(np.sort(random.uniform(0.1, 0.9, frames)) * most_mm)
+        self._random = random
+
+    def next_nodes_mm(self):
+        push_mm = next(self._insertions_mm) - self._catheter.state.insertion_mm
+        turn_deg = self._random.uniform(-90, 90)
+        self._catheter.step(push_mm=max(0.0, push_mm), turn_deg=turn_deg, ms=max(100, int(push_mm / SPEED_MM_PER_MS)))
+        return self._catheter.nodes_mm
+
+
+def longest_way_mm(tree):
+    """From the root to a leaf."""
+    ways = {-1: 0.0}
+    waiting = [tree.root]
+    while waiting:
+        branch = tree[number := waiting.pop()]
+        ways[number] = ways[branch.parent] + branch.length_mm
+        waiting += branch.children
+    return max(ways.values())
+
+
+class Picture:
+    """A frame, what is added to it, and the labels of that."""
+
+    def __init__(self, frame, random):
+        self._tau = np.array(frame.tau)
+        self._frame, self._random = frame, random
+        self._K, self._RT = np.array(frame.K), np.array(frame.RT)[:3]
+        self._contrast_per_mm = 0.0
+        self._labels = []
+
+    def add_vessels(self, lengths):
+        """Contrast agent, thin or thick."""
+        height, width = self._tau.shape
+        through = lengths.project(K=self._K, RT=self._RT, size=(width, height), opacity=_core.Opacity([(-1000, 0), (1000, 1)])).tau
+        self._contrast_per_mm = float(self._random.uniform(0, MOST_CONTRAST_PER_MM))
+        self._tau += np.float32(self._contrast_per_mm) * through
+        # At the edge of the mask half a voxel's length is interpolated.
+        self._labels.append((VESSEL, through > 0.5 * min(lengths.spacing_mm), {}))
+
+    def add_catheter(self, nodes_mm):
+        thickness_mm = catheter_thickness(nodes_mm, self._K, self._RT, self._tau.shape)
+        self._tau += np.float32(CATHETER_PER_MM) * thickness_mm
+        tip = project_points(nodes_mm[-1:], self._K, self._RT)[0]
+        is_seen = 0 <= round(tip[0]) < self._tau.shape[1] and 0 <= round(tip[1]) < self._tau.shape[0]
+        keypoints = [round(float(tip[0]), 2), round(float(tip[1]), 2), 2 if is_seen else 0]
+        self._labels.append((CATHETER, thickness_mm > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))
+
+    def write(self, path):
+        """Logarithmic, as fluoroscopes show it: grey values fall with the optical depth, over the range that the body has."""
+        from PIL import Image
+        body = self._tau[self._tau > AIR_TAU]
+        low, high = np.percentile(body, (1, 99.8)) if body.size else (0, 1)
+        greys = np.clip((high - self._tau) / max(high - low, 1e-6), 0, 1)
+        Image.fromarray(np.round(255 * greys).astype(np.uint8)).save(path)
+
+    def describe(self, document, number, file):
+        height, width = self._tau.shape
+        document["images"].append({
+            "id": number, "file_name": file, "width": width, "height": height, "K": self._K.tolist(), "RT": self._RT.tolist(),
+            "lao": self._frame.lao, "cranial": self._frame.cranial, "contrast_per_mm": self._contrast_per_mm})
+        for category, mask, more in self._labels:
+            if mask.any():
+                document["annotations"].append({"id": len(document["annotations"]) + 1, "image_id": number, "iscrowd": 0,
+                                                "category_id": category, **_mask_labels(mask), **more})
+
+
+def _mask_labels(mask):
+    rows, columns = np.nonzero(mask)
+    left, top = int(columns.min()), int(rows.min())
+    return {"bbox": [left, top, int(columns.max()) - left + 1, int(rows.max()) - top + 1], "area": int(mask.sum()),
+            "segmentation": {"size": list(mask.shape), "counts": run_lengths(mask)}}
+
+
+def run_lengths(mask):
+    """COCO's: lengths of runs of 0 and 1 in turn, down the columns, 0 first."""
+    flat = mask.ravel(order="F")
+    starts = np.concatenate([[0], np.flatnonzero(flat[1:] != flat[:-1]) + 1, [flat.size]])
+    counts = np.diff(starts).tolist()
+    return [0, *counts] if flat[0] else counts
+
+
+def project_points(points_mm, K, RT):
+    """(points, 3): column, row, depth in mm."""
+    camera = points_mm @ RT[:, :3].T + RT[:, 3]
+    pixels = camera @ K.T
+    return np.column_stack([pixels[:, :2] / pixels[:, 2:], camera[:, 2]])
+
+
+def catheter_thickness(nodes_mm, K, RT, shape):
+    """The length of each pixel's ray in the catheter, mm, as if it were straight across; its ends are round. Narrower than
+    pixels, it is drawn wider and as much thinner."""
+    thickness = np.zeros(shape, np.float32)
+    nodes = project_points(nodes_mm, K, RT)
+    for start, end in zip(nodes[:-1], nodes[1:]):
+        mm_per_pixel = (start[2] + end[2]) / 2 / abs(K[0, 0])  # negative where K mirrors
+        radius_mm = max(CATHETER_RADIUS_MM, mm_per_pixel)
+        reach = radius_mm / mm_per_pixel + 1
+        left, top = np.maximum(np.floor(np.minimum(start, end)[:2] - reach), 0).astype(int)
+        right, bottom = np.minimum(np.ceil(np.maximum(start, end)[:2] + reach) + 1, shape[::-1]).astype(int)
+        if left >= right or top >= bottom:
+            continue
+        y, x = np.mgrid[top:bottom, left:right]
+        along = end[:2] - start[:2]
+        share = np.clip(((x - start[0]) * along[0] + (y - start[1]) * along[1]) / max(along @ along, 1e-9), 0, 1)
+        distance = np.hypot(x - start[0] - share * along[0], y - start[1] - share * along[1]) * mm_per_pixel
+        chord = 2 * np.sqrt(np.maximum(radius_mm**2 - distance**2, 0)) * (CATHETER_RADIUS_MM / radius_mm) ** 2
+        window = thickness[top:bottom, left:right]
+        np.maximum(window, chord, out=window)
+    return thickness

@@ -1,0 +1,87 @@
+"""OUT/ledger.jsonl: a line an attempt, appended whole."""
+import fcntl
+import json
+import os
+import time
+
+from .._errors import InputError
+
+SYNC_INTERVAL_S = 1.0
+
+
+class Ledger:
+    """Appends lines. Several processes may: each write is one, at the end, under a lock of the file."""
+
+    def __init__(self, path):
+        self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
+        self._synced = time.monotonic()
+        with self._locked():
+            self._remove_torn_line()
+
+    def append(self, record):
+        line = (json.dumps(record, ensure_ascii=False) + "\n").encode()
+        with self._locked():
+            self._remove_torn_line()
+            written = os.write(self._file, line)
+            if written != len(line):
+                self._remove_torn_line()
+                raise OSError(28, "No space left on device")
+        if time.monotonic() - self._synced > SYNC_INTERVAL_S:
+            self.sync()
+
+    def sync(self):
+        os.fsync(self._file)
+        self._synced = time.monotonic()
+
+    def close(self):
+        self.sync()
+        os.close(self._file)
+
+    def _locked(self):
+        return _FileLock(self._file)
+
+    def _remove_torn_line(self):
+        """What a process left that died, or had no space, while it wrote."""
+        size = os.fstat(self._file).st_size
+        end = size
+        while end > 0:
+            start = max(0, end - 4096)
+            newline = os.pread(self._file, end - start, start).rfind(b"\n")
+            if newline >= 0:
+                end = start + newline + 1
+                break
+            end = start
+        if end != size:
+            os.ftruncate(self._file, end)
+
+
+class _FileLock:
+    def __init__(self, file):
+        self._file = file
+
+    def __enter__(self):
+        fcntl.flock(self._file, fcntl.LOCK_EX)
+
+    def __exit__(self, *_):
+        fcntl.flock(self._file, fcntl.LOCK_UN)
+
+
+def read_ledger(path):
+    """The records, oldest first; none where there is no ledger. A last line without an end is left out. Throws InputError."""
+    try:
+        with open(path, "rb") as file:
+            for number, line in enumerate(file, 1):
+                if line.endswith(b"\n"):
+                    yield _record_of(line, f"{path} line {number}")
+    except FileNotFoundError:
+        return
+
+
+def _record_of(line, place):
+    try:
+        record = json.loads(line)
+    except ValueError:
+        record = None
+    if not isinstance(record, dict) or not isinstance(record.get("scan"), str) or "hash" not in record:
+        raise InputError(f"{place}: not a record of an attempt; remove the line")
+    return record

@@ -1,0 +1,184 @@
+"""The scans of a cohort: from a CSV file, or found in a folder."""
+import csv
+import dataclasses
+import io
+import os
+import pathlib
+import urllib.parse
+
+from .._errors import InputError
+
+VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".vti", ".vtk", ".zip")
+DICOM_MAGIC_AT = 128
+
+
+@dataclasses.dataclass(frozen=True)
+class CohortScan:
+    """name is unique in the cohort; path is a local path or a URL that fsspec knows."""
+    name: str
+    path: str
+
+    @property
+    def folder(self):
+        """The name as that of one folder: different names give different folders."""
+        quoted = urllib.parse.quote(self.name.replace("/", "\0"), safe=" ").replace("%00", "+")
+        return "%2E" + quoted[1:] if quoted.startswith(".") else quoted
+
+
+def is_url(path):
+    return "://" in path or "::" in path
+
+
+def read_cohort(source):
+    """The scans of a manifest (.csv) or folder, local or by URL, in order. Throws InputError."""
+    scans = read_manifest(source) if source.lower().endswith(".csv") else find_scans(source)
+    _check_unique(scans, source)
+    return scans
+
+
+def read_manifest(source):
+    """From the columns path and, if wanted, name. Local paths are relative to the manifest."""
+    rows = csv.DictReader(io.StringIO(_text_of(source), newline=""))
+    if "path" not in (rows.fieldnames or []):
+        raise InputError(f"{source}: has no column path; its first line must name the columns path and, if wanted, name")
+    scans = []
+    for row in rows:
+        path = (row["path"] or "").strip()
+        if not path:
+            raise InputError(f"{source} line {rows.line_num}: path is empty; name a scan, or remove the line")
+        located = path if is_url(path) else _beside(source, path)
+        if not is_url(located) and not os.path.exists(located):
+            raise InputError(f"{source} line {rows.line_num}: path {path}: no such file; correct or remove the line")
+        scans.append(CohortScan((row.get("name") or "").strip() or path, located))
+    if not scans:
+        raise InputError(f"{source}: names no scan; add a line for each")
+    return scans
+
+
+def _text_of(source):
+    try:
+        if is_url(source):
+            import fsspec
+            with fsspec.open(source, "rt", encoding="utf-8-sig", newline="") as file:
+                return file.read()
+        with open(source, encoding="utf-8-sig", newline="") as file:
+            return file.read()
+    except (OSError, ImportError, UnicodeDecodeError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "cannot be read as UTF-8" if isinstance(error, ValueError) else error
+        if isinstance(error, FileNotFoundError):
+            reason = "no such file"
+        raise InputError(f"{source}: {reason}; give a manifest (.csv) or a folder of scans") from None
+
+
+def _beside(source, path):
+    if is_url(source):
+        return source.rsplit("/", 1)[0] + "/" + path
+    return os.path.join(os.path.dirname(os.path.abspath(source)), path)
+
+
+def find_scans(source):
+    """Each volume file is a scan, and so is each folder that holds DICOM files."""
+    if is_url(source):
+        scans = _found_by_url(source)
+    elif os.path.isdir(source):
+        scans = _found_below(pathlib.Path(source).absolute())
+    else:
+        raise InputError(f"{source}: no such folder; give a manifest (.csv) or a folder of scans")
+    if not scans:
+        raise InputError(f"{source}: holds no scan; give a folder of {', '.join(VOLUMES)} files or DICOM folders")
+    return sorted(scans, key=lambda scan: scan.name)
+
+
+def _found_below(root):
+    scans = []
+    for folder, folders, files in os.walk(root):
+        folders[:] = sorted(name for name in folders if not name.startswith("."))
+        volumes, others = _sorted_out(files)
+        here = pathlib.Path(folder)
+        scans += [CohortScan((here / name).relative_to(root).as_posix(), str(here / name)) for name in volumes]
+        if any(_is_dicom(here / name) for name in others):
+            name = here.relative_to(root).as_posix()
+            scans.append(CohortScan(root.name if name == "." else name, folder))
+            folders.clear()  # its subfolders, if any, belong to it
+    return scans
+
+
+def _sorted_out(names):
+    visible = sorted(name for name in names if not name.startswith("."))
+    volumes = [name for name in visible if name.lower().endswith(VOLUMES)]
+    return volumes, [name for name in visible if name not in set(volumes)]
+
+
+def _is_dicom(path):
+    if path.suffix.lower() == ".dcm":
+        return True
+    try:
+        with open(path, "rb") as file:
+            return file.read(DICOM_MAGIC_AT + 4)[DICOM_MAGIC_AT:] == b"DICM"
+    except OSError:
+        return False
+
+
+def _found_by_url(source):
+    import fsspec
+    try:
+        system, root = fsspec.core.url_to_fs(source)
+        paths = system.find(root)
+    except (OSError, ImportError, ValueError) as error:
+        raise InputError(f"{source}: {error}; give the URL of a folder of scans") from None
+    scans, dicom_folders = [], set()
+    for path in paths:
+        if path.lower().endswith(VOLUMES):
+            scans.append(CohortScan(os.path.relpath(path, root), system.unstrip_protocol(path)))
+        elif path.lower().endswith(".dcm"):
+            dicom_folders.add(os.path.dirname(path))
+    return scans + [CohortScan(os.path.relpath(path, root), system.unstrip_protocol(path)) for path in dicom_folders]
+
+
+def _check_unique(scans, source):
+    seen = set()
+    for scan in scans:
+        if scan.name in seen:
+            raise InputError(f"{source}: two scans have the name {scan.name}; give each line another name")
+        seen.add(scan.name)
+
+
+def identity_of(path):
+    """What changes when a scan's files do: their names, sizes and times. Throws OSError."""
+    if is_url(path):
+        return _identity_by_url(path)
+    if os.path.isdir(path):
+        return [_identity_of_file(os.path.join(folder, name), path)
+                for folder, folders, names in sorted(os.walk(path)) for name in sorted(names)]
+    return [_identity_of_file(file, os.path.dirname(path)) for file in _with_voxels(path)]
+
+
+def _identity_of_file(path, root):
+    status = os.stat(path)
+    return [os.path.relpath(path, root), status.st_size, status.st_mtime_ns]
+
+
+def _with_voxels(path):
+    """A header may have its voxels in another file of the same name."""
+    if not path.lower().endswith((".mhd", ".nhdr")):
+        return [path]
+    stem = pathlib.Path(path).stem
+    return sorted(str(file) for file in pathlib.Path(path).parent.iterdir() if file.name.split(".")[0] == stem.split(".")[0])
+
+
+def _identity_by_url(path):
+    import fsspec
+    system, root = fsspec.core.url_to_fs(path)
+    if not system.isdir(root):
+        return [[os.path.basename(root), str(system.size(root)), _time_at(system, root)]]
+    return [[os.path.relpath(name, root), str(info.get("size")), _time_in(info)]
+            for name, info in sorted(system.find(root, detail=True).items())]
+
+
+def _time_at(system, path):
+    return _time_in(system.info(path))
+
+
+def _time_in(info):
+    known = ("ETag", "etag", "md5", "mtime", "LastModified", "last_modified", "created")
+    return next((str(info[name]) for name in known if info.get(name)), "")

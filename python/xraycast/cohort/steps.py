@@ -1,0 +1,37 @@
+"""What is made of a scan, a function a step: (scan, folder, options, made), where made holds the name and what earlier steps left."""
+import json
+
+import numpy as np
+
+from .. import _core
+
+
+def info(scan, folder, options, made):
+    hu = scan.hu
+    facts = {"size": list(hu.shape[::-1]), "spacing_mm": list(scan.spacing_mm), "origin_mm": list(scan.origin_mm),
+             "hu": [int(hu.min()), int(hu.max())], "notes": list(scan.notes), "warnings": list(scan.warnings)}
+    (folder / "info.json").write_text(json.dumps(facts, indent=1) + "\n", encoding="utf-8")
+
+
+def cast(scan, folder, options, made):
+    body = scan.cast(layers=options.layers, angles=options.angles, opacity=options.opacity)
+    body.write(folder / "map.exr")
+    (folder / "map.png").write_bytes(body._repr_png_())
+
+
+def segment(scan, folder, options, made):
+    made["vessels"] = vessels = scan.segment()
+    inside = folder / "vessels"
+    inside.mkdir()
+    mask = _core.Scan.from_array(vessels.mask.astype(np.int16), scan.spacing_mm, scan.origin_mm)
+    mask.write(inside / "mask.nrrd")
+    vessels.tree.write(inside / "tree.vtp")
+    vessels.surface.write(inside / "surface.vtp")
+
+
+def frames(scan, folder, options, made):
+    from .frames import write_frames
+    write_frames(scan, folder / "frames", options, made.get("vessels"), made["name"])
+
+
+ALL = {"info": info, "cast": cast, "segment": segment, "frames": frames}

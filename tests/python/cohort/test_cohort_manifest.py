@@ -1,0 +1,95 @@
+"""Which scans a manifest or folder holds, and what tells that one has changed."""
+import os
+
+import fsspec
+import pytest
+import xraycast as xc
+from xraycast.cohort.manifest import CohortScan, identity_of, read_cohort
+
+
+def test_files_and_dicom_folders_are_scans(phantoms, tmp_path):
+    (tmp_path / "patient" / "series").mkdir(parents=True)
+    (tmp_path / "patient" / "series" / "1").write_bytes(bytes(128) + b"DICM")
+    (tmp_path / "head.nii.gz").write_bytes(b"")
+    (tmp_path / "notes.txt").write_text("not a scan")
+    assert [scan.name for scan in read_cohort(str(tmp_path))] == ["head.nii.gz", "patient/series"]
+    assert [scan.name for scan in read_cohort(str(phantoms))] == [
+        "a.nrrd", "b.nrrd", "c.nrrd", "cut.nrrd", "more/d.nrrd", "text.nrrd"]
+
+
+def test_a_manifest_names_scans_beside_itself(tmp_path):
+    (tmp_path / "scan.nrrd").write_bytes(b"")
+    (tmp_path / "list.csv").write_text("path,name\nscan.nrrd,first\ns3://bucket/scan.nrrd,\n")
+    assert read_cohort(str(tmp_path / "list.csv")) == [CohortScan("first", str(tmp_path / "scan.nrrd")),
+                                                       CohortScan("s3://bucket/scan.nrrd", "s3://bucket/scan.nrrd")]
+
+
+@pytest.mark.parametrize("text, reason", [
+    ("path\nmissing.nrrd\n", "line 2: path missing.nrrd: no such file"),
+    ("file\nscan.nrrd\n", "has no column path"),
+    ("path\n", "names no scan"),
+    ("path,name\nscan.nrrd,x\nscan.nrrd,x\n", "two scans have the name x"),
+    ("path,name\n,x\n", "line 2: path is empty"),
+])
+def test_a_bad_manifest_is_refused_in_one_line(tmp_path, text, reason):
+    (tmp_path / "scan.nrrd").write_bytes(b"")
+    (tmp_path / "list.csv").write_text(text)
+    with pytest.raises(xc.InputError) as error:
+        read_cohort(str(tmp_path / "list.csv"))
+    assert str(tmp_path / "list.csv") in str(error.value) and reason in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("source, reason", [("no-such-folder", "no such folder"), ("none.csv", "no such file")])
+def test_a_missing_source_is_refused(tmp_path, source, reason):
+    with pytest.raises(xc.InputError, match=reason):
+        read_cohort(str(tmp_path / source))
+
+
+def test_an_empty_folder_is_refused(tmp_path):
+    with pytest.raises(xc.InputError, match="holds no scan"):
+        read_cohort(str(tmp_path))
+
+
+def test_different_names_have_different_folders():
+    names = ["a/b", "a+b", "a b", "a%2Bb", ".", "..", "../a", ".hidden", "ä", "a//b", "-a"]
+    folders = [CohortScan(name, "").folder for name in names]
+    assert len(set(folders)) == len(names)
+    assert not any("/" in folder or folder.startswith(".") for folder in folders)
+    assert CohortScan("patient/p1.nrrd", "").folder == "patient+p1.nrrd"
+
+
+def test_a_changed_file_has_another_identity(tmp_path):
+    file = tmp_path / "slice"
+    file.write_text("1")
+    before = identity_of(str(tmp_path)), identity_of(str(file))
+    assert (identity_of(str(tmp_path)), identity_of(str(file))) == before
+    os.utime(file, ns=(1, 1))
+    after = identity_of(str(tmp_path)), identity_of(str(file))
+    assert after[0] != before[0] and after[1] != before[1]
+
+
+def test_voxels_beside_a_header_count(tmp_path):
+    (tmp_path / "a.mhd").write_text("header")
+    (tmp_path / "a.raw").write_text("voxels")
+    (tmp_path / "b.raw").write_text("others")
+    before = identity_of(str(tmp_path / "a.mhd"))
+    (tmp_path / "b.raw").write_text("other voxels")
+    assert identity_of(str(tmp_path / "a.mhd")) == before
+    (tmp_path / "a.raw").write_text("other voxels")
+    assert identity_of(str(tmp_path / "a.mhd")) != before
+
+
+def test_scans_are_found_by_url(phantoms):
+    system = fsspec.filesystem("memory")
+    system.pipe("/cohort/a.nrrd", (phantoms / "a.nrrd").read_bytes())
+    system.pipe("/cohort/ct/1.dcm", b"")
+    try:
+        assert [(scan.name, scan.path) for scan in read_cohort("memory://cohort")] == [
+            ("a.nrrd", "memory:///cohort/a.nrrd"), ("ct", "memory:///cohort/ct")]
+        before = identity_of("memory:///cohort/a.nrrd")
+        assert identity_of("memory:///cohort/a.nrrd") == before
+        system.pipe("/cohort/a.nrrd", b"other")
+        assert identity_of("memory:///cohort/a.nrrd") != before
+    finally:
+        system.rm("/cohort", recursive=True)
