@@ -1,5 +1,6 @@
-#include "xraycast/base/error.hpp"
 #include "xraycast/base/printable.hpp"
+
+#include "xraycast/base/error.hpp"
 
 #include <gtest/gtest.h>
 
