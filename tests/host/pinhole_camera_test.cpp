@@ -61,7 +61,8 @@ TEST(PinholeCamera, RejectsMatricesThatAreNone) {
   EXPECT_THAT(message_of([](PinholeCamera& c) { c.rotation *= 1.001; }), HasSubstr("rotation"));
   EXPECT_THAT(
       message_of([](PinholeCamera& c) { c.translation_mm.x = std::numeric_limits<double>::infinity(); }),
-      HasSubstr("finite"));
+      HasSubstr("at most"));
+  EXPECT_THAT(message_of([](PinholeCamera& c) { c.translation_mm.z = 1e7; }), HasSubstr("at most"));
   EXPECT_THAT(message_of([](PinholeCamera& c) { c.width = 0; }), HasSubstr("1 to 16384"));
 }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <glm/geometric.hpp>
 #include <glm/matrix.hpp>
 
 #include <cmath>
@@ -54,6 +55,7 @@ PinholeCamera camera_of(const View& view) {
 
 void validate(const PinholeCamera& camera, const std::string& name) {
   constexpr int kMaxPictureSide = 16384;
+  constexpr double kMaxDistance_mm = 1e6;  // single precision still tells voxels apart there
   const glm::dmat3& k = camera.intrinsics;
   if (!is_finite(k) || k[0][2] != 0 || k[1][2] != 0 || k[2][2] != 1)
     throw InputError("{}: K must be finite, with (0, 0, 1) in its last row", name);
@@ -61,9 +63,8 @@ void validate(const PinholeCamera& camera, const std::string& name) {
     throw InputError("{}: K has no focal length; K[0][0] and K[1][1] must be it, in pixels", name);
   if (!is_finite(camera.rotation) || !is_orthonormal(camera.rotation))
     throw InputError("{}: the first three columns of RT must be a rotation", name);
-  for (int axis = 0; axis < 3; ++axis)
-    if (!std::isfinite(camera.translation_mm[axis]))
-      throw InputError("{}: the last column of RT must be finite", name);
+  if (!(glm::length(camera.translation_mm) <= kMaxDistance_mm))
+    throw InputError("{}: the last column of RT must be at most {} mm long", name, kMaxDistance_mm);
   if (camera.width < 1 || camera.width > kMaxPictureSide || camera.height < 1 ||
       camera.height > kMaxPictureSide)
     throw InputError("{}: a picture of {} x {} pixels: each side must be 1 to {}", name, camera.width,
