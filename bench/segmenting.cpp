@@ -13,9 +13,9 @@ namespace xraycast::bench {
 namespace {
 
 void segment(Bench& bench) {
-  const Mask mask = segment_mask(bench.volume, {}, "thorax", bench.device, bench.progress);
-  benchmark::DoNotOptimize(extract_centrelines(mask, "thorax"));
-  benchmark::DoNotOptimize(surface_of(mask, 50'000));
+  const auto [mask, fill] = segment_vessels(bench.volume, {}, "thorax", bench.device, bench.progress);
+  benchmark::DoNotOptimize(extract_centrelines(mask, "thorax", bench.progress, {}, &fill));
+  benchmark::DoNotOptimize(surface_of(mask, fill, 50'000));
 }
 
 }  // namespace

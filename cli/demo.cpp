@@ -161,13 +161,16 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
 /// The phantom's vessels as segmentation finds them, in `vessels`.
 VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
   SegmentLog log;
-  const Mask mask = report.timed("vessels segmented", [&] {
-    return segment_mask(volume, {}, "thorax phantom", device, progress, &log);
+  const SegmentedVessels vessels = report.timed("vessels segmented", [&] {
+    return segment_vessels(volume, {}, "thorax phantom", device, progress, &log);
   });
-  const Centrelines centrelines =
-      report.timed("centrelines", [&] { return extract_centrelines(mask, "thorax phantom"); });
+  const Mask& mask = vessels.mask;
+  const Centrelines centrelines = report.timed("centrelines", [&] {
+    return extract_centrelines(mask, "thorax phantom", progress, {}, &vessels.fill);
+  });
   fs::create_directories(report.file("vessels"));
   write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
+  write_shares(vessels.fill.geometry, vessels.fill.shares, report.file("vessels/lumen.nrrd"));
   write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
   write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
   write_vessel_report("thorax phantom: " + pluralize(centrelines.tree.branches().size(), "branch"),

@@ -198,7 +198,7 @@ void segment(const SegmentArguments& options, Session& session) {
   }
   progress.begin("surface", 1, "surfaces");
   const Mesh surface =
-      options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, options.triangles);
+      options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, fill, options.triangles);
   progress.advance();
 
   make_folder(folder, "-o " + options.folder);

@@ -45,10 +45,10 @@ const char* remedy(LostSeed::Cause cause, bool has_window) {
   }
 }
 
-Mask mask_of(const HeldScan& scan, const SegmentOptions& options, Progress& progress) {
+SegmentedVessels vessels_of(const HeldScan& scan, const SegmentOptions& options, Progress& progress) {
   const DeviceUse device;
   try {
-    return segment_mask(*scan.volume(), options, scan.source(), *device, progress);
+    return segment_vessels(*scan.volume(), options, scan.source(), *device, progress);
   } catch (const LostSeed& error) {
     throw InputError("{}{}", error.what(), remedy(error.cause(), options.window_hu.has_value()));
   } catch (const NoContrast& error) {
@@ -77,14 +77,15 @@ HeldVessels segmented(const HeldScan& scan, const SegmentOptions& options, const
   std::optional<glm::dvec3> root_mm;
   if (!root.is_none()) root_mm = point_of(root, "root_mm");
   return result_of(progress, [&](Progress& reported) {
-    auto mask = std::make_shared<const Mask>(mask_of(scan, options, reported));
-    Centrelines found = extract_centrelines(*mask, scan.source(), reported, root_mm);
+    auto [voxels, fill] = vessels_of(scan, options, reported);
+    auto mask = std::make_shared<const Mask>(std::move(voxels));
+    Centrelines found = extract_centrelines(*mask, scan.source(), reported, root_mm, &fill);
     auto tree = std::make_shared<const VesselTree>(std::move(found.tree));
     if (root_mm)
       check_near_end(tree->branches()[static_cast<std::size_t>(tree->root())].points.front().position_mm,
                      *root_mm, "root_mm");
     reported.begin("surface", 1, "surfaces");
-    auto surface = std::make_shared<const Mesh>(surface_of(*mask, triangles));
+    auto surface = std::make_shared<const Mesh>(surface_of(*mask, fill, triangles));
     reported.advance();
     return HeldVessels{mask, {tree}, {surface}};
   });

@@ -28,12 +28,17 @@ constexpr std::array<Colour, 8> kTakenOff{{{0.55, 0.55, 0.60},
 constexpr std::array kSteps{"window",          "body", "bone",      "chambers", "evidence",
                             "trabecular-bone", "gaps", "selection", "filling"};
 
+// Of earlier versions, and removed with the others.
+constexpr std::array kFormerSteps{"ridges", "lumen"};
+
 }  // namespace
 
 StepPictures::StepPictures(std::filesystem::path folder) : folder_(std::move(folder)) {
   std::vector<std::string> names{"steps.png"};
   for (std::size_t number = 1; number <= kSteps.size(); ++number)
     for (const char* const step : kSteps) names.push_back(fmt::format("{}-{}.nrrd", number, step));
+  for (std::size_t number = 1; number <= kFormerSteps.size(); ++number)
+    names.push_back(fmt::format("{}-{}.nrrd", number, kFormerSteps[number - 1]));
   for (const std::string& name : names) {
     std::error_code error;
     std::filesystem::remove(folder_ / name, error);

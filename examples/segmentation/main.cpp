@@ -11,8 +11,8 @@ int main() {
       xraycast::make_phantom("thorax", {.size = xraycast::Index3(192, 192, 160)});
   const xraycast::Volume volume = xraycast::generate(thorax, device, progress);
 
-  const xraycast::Mask mask = xraycast::segment_mask(volume, {}, "thorax", device, progress);
-  const xraycast::VesselTree tree = xraycast::extract_centrelines(mask, "thorax").tree;
+  const auto [mask, fill] = xraycast::segment_vessels(volume, {}, "thorax", device, progress);
+  const xraycast::VesselTree tree = xraycast::extract_centrelines(mask, "thorax", progress, {}, &fill).tree;
   xraycast::write_tree(tree, "tree.vtp");
   std::cout << "found " << tree.branches().size() << " branches\n";
 }

@@ -32,7 +32,7 @@ Result segmented(const std::string& name, std::optional<double> noise_hu, std::o
   ComputeDevice device;
   Progress progress;
   Phantom phantom = make_phantom(name, {.size = size, .noise_hu = noise_hu});
-  Mask mask = segment_mask(generate(phantom, device, progress), {}, name, device, progress);
+  Mask mask = segment_vessels(generate(phantom, device, progress), {}, name, device, progress).mask;
   return {std::move(phantom), std::move(mask)};
 }
 
@@ -167,7 +167,7 @@ TEST(Segmenting, TellsHowFarEachStepIs) {
     ++moves[state.stage];
     if (state.done > state.total) wrong += state.stage + " ";
   });
-  const Mask mask = segment_mask(small_thorax(device), {}, "thorax", device, progress);
+  const Mask mask = segment_vessels(small_thorax(device), {}, "thorax", device, progress).mask;
   extract_centrelines(mask, "thorax", progress);
   EXPECT_EQ(wrong, "");
   EXPECT_EQ(stages,
@@ -190,7 +190,7 @@ TEST(Segmenting, StopsInAnyStep) {
     });
     running = &progress;
     try {
-      extract_centrelines(segment_mask(volume, {}, "thorax", device, progress), "thorax", progress);
+      extract_centrelines(segment_vessels(volume, {}, "thorax", device, progress).mask, "thorax", progress);
     } catch (const Cancelled&) {
       continue;
     }

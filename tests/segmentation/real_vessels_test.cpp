@@ -21,7 +21,7 @@ class RealVessels : public testing::Test {
     if (!std::filesystem::exists(kData)) GTEST_SKIP() << "no real scans in " << kData;
   }
   Mask found(const Volume& volume, const SegmentOptions& options) {
-    return segment_mask(volume, options, "scan", device_, progress_);
+    return segment_vessels(volume, options, "scan", device_, progress_).mask;
   }
   const std::filesystem::path kData = XRAYCAST_TEST_DATA;
   ComputeDevice device_;

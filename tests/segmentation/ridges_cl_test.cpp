@@ -46,7 +46,7 @@ TEST_P(LineVessels, AreFoundInNoise) {
   const GrownTree tree = grow_tree({.seed = seed, .bend = bend, .noise = noise});
   ComputeDevice device;
   Progress progress;
-  const Mask found = segment_mask(tree.noisy, {}, "tree", device, progress);
+  const Mask found = segment_vessels(tree.noisy, {}, "tree", device, progress).mask;
   constexpr double kCorner = 1.8;  // the diagonal of a voxel
   // Vessels are about a voxel thick: half a voxel off, and as much is wrong as right. But no noise makes them
   // wider or thinner: of the trees by which the limit was chosen none was off by more than 4 % in these.
@@ -115,7 +115,7 @@ TEST(NoiseAlone, HoldsNoVessel) {
   const Volume volume = noise_alone({60, 60, 60});
   ComputeDevice device;
   Progress progress;
-  EXPECT_THROW(segment_mask(volume, {}, "noise", device, progress), InputError);
+  EXPECT_THROW(segment_vessels(volume, {}, "noise", device, progress).mask, InputError);
 }
 
 TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {

@@ -76,7 +76,7 @@ class Abdomen {
   glm::dvec3 place(const glm::dvec3& p) const { return variant_.is_turned ? glm::dvec3(p.y, p.x, p.z) : p; }
 
   Mask found(const SegmentOptions& options) {
-    return segment_mask(scan_, options, "abdomen", device_, progress_);
+    return segment_vessels(scan_, options, "abdomen", device_, progress_).mask;
   }
   Mask found_from(const glm::dvec3& seed) {
     SegmentOptions options;
@@ -230,7 +230,7 @@ TEST(SeedsInAnAbdomen, TheLogTellsWhatWasAssumedAndWhatEachStepLeft) {
     steps.push_back(step);
     selected = mask.count();
   };
-  const Mask found = segment_mask(abdomen.scan(), options, "abdomen", device, progress, &log);
+  const Mask found = segment_vessels(abdomen.scan(), options, "abdomen", device, progress, &log).mask;
   EXPECT_THAT(steps, testing::ElementsAre("window", "body", "bone", "chambers", "trabecular-bone", "gaps",
                                           "selection", "filling"));
   EXPECT_EQ(selected, found.count());
@@ -254,7 +254,7 @@ TEST(SeedsInAThorax, OnTheRimOfAVesselFindWhatItsMiddleFinds) {
     SegmentOptions options;
     options.markers.vessels_mm = {
         vessels.geometry.to_world_mm(glm::dvec3(voxel_at(vessels.geometry, voxel)))};
-    return segment_mask(scan, options, "thorax", device, progress).count();
+    return segment_vessels(scan, options, "thorax", device, progress).mask.count();
   };
   const std::vector<float> depth_mm = distance_to_background_mm(vessels);
   const std::int64_t middle = found_from(std::ranges::max_element(depth_mm) - depth_mm.begin());

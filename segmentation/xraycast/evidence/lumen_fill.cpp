@@ -13,7 +13,7 @@
 namespace xraycast {
 namespace {
 
-/// Calls `visit(voxel, thread's own value)` for each voxel of a box, slices in parallel.
+/// Calls `visit(voxel)` for each voxel of a box, slices in parallel.
 template <typename Visit>
 void for_each_voxel(const Box& box, const Visit& visit) {
   parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {

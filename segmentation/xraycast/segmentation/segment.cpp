@@ -126,6 +126,7 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
                                      ComputeDevice& device, Progress& progress, SegmentLog& log) {
   auto [mask, fill, scale] = find_vessels(volume, log.noise_hu, device, progress);
   log.scale = scale;
+  log.noise_hu = scale.noise_hu;
   log.on_step("evidence", mask);
   if (mask.count() == 0) {
     constexpr int kAlike_hu = 10;
@@ -194,9 +195,8 @@ bool is_bone_alone(std::int64_t before_trabecular, std::int64_t after) {
 /// Everything within the window, in the body.
 Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& body,
                    const std::string& name) {
-  Mask mask = window.is_of_seeds ? between(scan, window.hu.low_hu, window.hu.high_hu)
-              : has_air(scan)    ? threshold(scan, window.hu)
-                                 : threshold_with_hysteresis(scan, window.hu);
+  Mask mask =
+      window.is_of_seeds ? between(scan, window.hu.low_hu, window.hu.high_hu) : threshold(scan, window.hu);
   if (2 * mask.count() > scan.geometry().voxel_count())
     throw InputError(
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
@@ -360,13 +360,8 @@ SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& opt
   progress.advance();
   if (!options.window_hu && shows_vessels_alone(volume, quiet, heard.noise_hu))
     return segment_by_evidence(volume, options.markers, name, device, progress, heard);
-  return with_fill(
-      volume, ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels());
-}
-
-Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress, SegmentLog* log) {
-  return segment_vessels(volume, options, name, device, progress, log).mask;
+  Mask mask = ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels();
+  return with_fill(volume, std::move(mask));
 }
 
 }  // namespace xraycast

@@ -62,8 +62,4 @@ SegmentedVessels with_fill(const Volume& volume, Mask mask);
 SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
                                  ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
 
-/// Their mask alone.
-Mask segment_mask(const Volume& volume, const SegmentOptions& options, const std::string& name,
-                  ComputeDevice& device, Progress& progress, SegmentLog* log = nullptr);
-
 }  // namespace xraycast

@@ -16,11 +16,9 @@
 namespace xraycast {
 namespace {
 
-/// The isosurface at the level that encloses the mask's volume, by bisection.
-Mesh volume_preserving_mesh(const LevelSet& smoothed, const Mask& mask) {
-  const glm::dvec3 s = mask.geometry.spacing_mm;
-  const double target_mm3 = static_cast<double>(mask.count()) * s.x * s.y * s.z;
-  double low = 0.2, high = 0.9;
+/// The isosurface at the level that encloses a volume, by bisection.
+Mesh mesh_of_volume(const LevelSet& smoothed, double target_mm3) {
+  double low = 0.2, high = 0.95;
   Mesh mesh;
   for (int pass = 0; pass < 7; ++pass) {
     const double level = pass == 0 ? 0.5 : 0.5 * (low + high);
@@ -107,13 +105,11 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   return with_manifold_edges(result);
 }
 
-}  // namespace
-
-Mesh surface_of(const Mask& mask, std::size_t triangles) {
+Mesh surface_of_volume(const Mask& mask, double lumen_mm3, std::size_t triangles) {
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  Mesh whole = volume_preserving_mesh(*level_set_of(part), part);
+  Mesh whole = mesh_of_volume(*level_set_of(part), lumen_mm3);
   if (whole.triangles.size() <= triangles) return whole;
   const double volume = volume_mm3(whole);
   for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {
@@ -122,6 +118,17 @@ Mesh surface_of(const Mask& mask, std::size_t triangles) {
     if (is_watertight(fewer) && std::abs(volume_mm3(fewer) / volume - 1) < kShrinking) return fewer;
   }
   return whole;
+}
+
+}  // namespace
+
+Mesh surface_of(const Mask& mask, std::size_t triangles) {
+  return surface_of_volume(mask, static_cast<double>(mask.count()) * voxel_mm3(mask.geometry), triangles);
+}
+
+Mesh surface_of(const Mask& mask, const LumenFill& fill, std::size_t triangles) {
+  return fill.is_of_touched_voxels ? surface_of_volume(mask, fill.volume_mm3(), triangles)
+                                   : surface_of(mask, triangles);
 }
 
 }  // namespace xraycast

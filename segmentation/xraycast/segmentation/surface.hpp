@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/evidence/lumen_fill.hpp"
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/mask/mask.hpp"
 
@@ -11,5 +12,9 @@ namespace xraycast {
 /// quadric error metrics, 1997); where decimation would open the surface it is left finer. Throws Error when
 /// the mask is empty.
 Mesh surface_of(const Mask& mask, std::size_t triangles);
+
+/// The same for segmented vessels: where their mask holds all voxels that lumen touches, at the level that
+/// encloses the lumen's volume.
+Mesh surface_of(const Mask& mask, const LumenFill& fill, std::size_t triangles);
 
 }  // namespace xraycast

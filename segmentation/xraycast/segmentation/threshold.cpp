@@ -1,7 +1,6 @@
 #include "xraycast/segmentation/threshold.hpp"
 
 #include "xraycast/base/parallel.hpp"
-#include "xraycast/mask/components.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -47,18 +46,6 @@ Mask threshold(const Volume& volume, const HuWindow& window) {
     }
   });
   return mask;
-}
-
-Mask threshold_with_hysteresis(const Volume& volume, const HuWindow& window) {
-  const Components components(between(volume, window.low_hu, window.high_hu));
-  std::vector<bool> keep(static_cast<std::size_t>(components.count()));
-  for (const Components::Run& run : components.runs()) {
-    const auto hu =
-        volume.hu().subspan(static_cast<std::size_t>(run.first), static_cast<std::size_t>(run.length));
-    if (std::ranges::any_of(hu, [&](std::int16_t value) { return value >= window.core_hu; }))
-      keep[static_cast<std::size_t>(run.component)] = true;
-  }
-  return components.select(keep);
 }
 
 }  // namespace xraycast

@@ -21,9 +21,6 @@ HuWindow window_of(const Contrast& contrast);
 /// voxel wide.
 Mask threshold(const Volume& volume, const HuWindow& window);
 
-/// Hysteresis threshold: voxels of the edge's CT number count wherever they are connected to the core.
-Mask threshold_with_hysteresis(const Volume& volume, const HuWindow& window);
-
 /// The voxels from `low_hu` up to and including `high_hu`.
 Mask between(const Volume& volume, double low_hu, double high_hu);
 
