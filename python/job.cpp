@@ -1,12 +1,12 @@
 #include "job.hpp"
 
+#include "values.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 
 #include <chrono>
 #include <condition_variable>
 #include <exception>
 #include <mutex>
-#include <nanobind/stl/string.h>
 #include <thread>
 
 namespace xraycast::python {
@@ -68,7 +68,7 @@ nb::object listening(const nb::object& listener) {
 }
 
 void tell(const nb::object& listener, const Progress::State& state) {
-  listener(state.stage, state.done, state.total, state.unit);
+  listener(text_object(state.stage), state.done, state.total, text_object(state.unit));
 }
 
 /// Tells the listener and looks for signals until the work is done. Returns the exception of either.

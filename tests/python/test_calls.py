@@ -1,4 +1,5 @@
 """What all long calls have in common: progress, cancelling, threads, errors."""
+import contextlib
 import multiprocessing
 import os
 import pathlib
@@ -131,6 +132,62 @@ def test_a_forked_process_is_told_to_be_spawned(body):
     assert process.exitcode == 0
 
 
+FORK_WHILE_BUSY = """
+import os, sys, threading, time, xraycast as xc
+body = xc.phantom('thorax', spacing_mm=4)
+map_ = body.cast(layers=2)
+{first}
+def go_on():
+    while True: {call}
+threading.Thread(target=go_on, daemon=True).start()
+time.sleep(0.3)
+child = os.fork()
+if child == 0:
+    try: {call}
+    except xc.Error as error: print(error)
+    sys.exit(0)
+print('child', os.waitpid(child, 0)[1], flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("call", ["body.cast(layers=16)", "map_.render(lao=30)", "xc.devices()"])
+def test_a_fork_while_a_thread_computes_is_told(call):
+    result = run_python(FORK_WHILE_BUSY.format(first=call, call=call))
+    assert "spawn" in result.stdout and "child 0" in result.stdout, result.stderr
+
+
+def test_a_forked_process_leaves_the_kernels():
+    code = """
+import ctypes, os, sys, xraycast as xc
+xc.phantom('box', spacing_mm=8)
+getenv = ctypes.CDLL(None).getenv
+getenv.restype = ctypes.c_char_p
+folder = getenv(b'POCL_CACHE_DIR')
+child = os.fork()
+if child == 0: sys.exit(0)
+print(os.waitpid(child, 0)[1], os.path.isdir(folder), folder.decode())
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
+    environment.update(HOME="/dev/null", XDG_CACHE_HOME="/dev/null")
+    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    status, is_there, folder = result.stdout.split()
+    assert (status, is_there) == ("0", "True") and not os.path.exists(folder)
+
+
+def test_choosing_a_device_waits_without_the_interpreters_lock(body):
+    """The worker calls its listener, which needs that lock, while it holds the device."""
+    done = []
+    thread = threading.Thread(target=lambda: done.append(body.cast(layers=16, progress=lambda *_: time.sleep(0.01))))
+    thread.start()
+    time.sleep(0.05)
+    with contextlib.suppress(xc.InputError):
+        xc.use_device("")
+    assert xc.devices()
+    thread.join()
+    assert done
+
+
 def test_the_interpreter_exits_cleanly():
     result = run_python("import xraycast as xc\nb = xc.phantom('box', spacing_mm=8).cast(layers=2)\nb.render(lao=30)\nprint('drawn')")
     assert (result.returncode, result.stdout, result.stderr) == (0, "drawn\n", "")
@@ -153,4 +210,5 @@ def test_types_are_shipped():
     assert (package / "py.typed").exists()
     for name in ("class Scan", "def project", "def cast_basis", "class Catheter", "def open"):
         assert name in stub
+    assert stub.count(") -> Frame | Frames:") == 2
     assert all(getattr(xc, name).__doc__ for name in xc.__all__)
