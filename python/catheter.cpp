@@ -37,7 +37,7 @@ class HeldCatheter {
         catheter_(*tree_, model, find_entry(*tree_, entry, model)) {}
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
-  State step(double push_mm, double turn_rad, int steps) {
+  State step(double push_mm, double turn_rad, int steps, const RunningCall& call) {
     const auto lock = locked();
     const Stepping stepping(stepping_);
     const HubPose start = catheter_.pose();
@@ -49,6 +49,7 @@ class HeldCatheter {
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
       check_signals();
+      call.check();
       looked = std::chrono::steady_clock::now();
     }
     return state_now();
@@ -137,8 +138,10 @@ State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) 
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
   if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
   if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
+  Progress progress;
+  const RunningCall call(progress);
   const nb::gil_scoped_release released;
-  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms);
+  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms, call);
 }
 
 auto nodes_of(HeldCatheter& catheter) {

@@ -1,6 +1,7 @@
 #include "device.hpp"
 #include "drawing.hpp"
 #include "frame.hpp"
+#include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
 #include "values.hpp"
@@ -49,6 +50,7 @@ nb::typed<nb::list, nb::str> devices() {
 }
 
 void clean_up() {
+  end_running_calls();
   const nb::gil_scoped_release released;
   stop_drawing();
   clean_up_after_device();

@@ -193,6 +193,47 @@ def test_the_interpreter_exits_cleanly():
     assert (result.returncode, result.stdout, result.stderr) == (0, "drawn\n", "")
 
 
+@pytest.mark.parametrize("call", ["body.cast(layers=16, angles=720)", "map_.render(lao=30)", "run.step(ms=3_000_000)"])
+def test_the_interpreter_exits_while_daemon_threads_compute(tmp_path, call):
+    file = tmp_path / "tree.json"
+    points = ", ".join(f"[0, 0, {z}, 5]" for z in range(0, 301, 5))
+    file.write_text('{"branches": [{"id": 0, "parent": -1, "points": [%s]}]}' % points)
+    result = run_python(f"""
+import threading, time, xraycast as xc
+body = xc.phantom('thorax', spacing_mm=4)
+map_ = body.cast(layers=2)
+run = xc.Catheter(xc.VesselTree.read({str(file)!r}), 'cobra-5f')
+def go_on():
+    while True: {call}
+for _ in range(3): threading.Thread(target=go_on, daemon=True).start()
+time.sleep(0.3)
+print('ends')
+""")
+    assert (result.returncode, result.stdout) == (0, "ends\n"), result.stderr
+    assert "terminate" not in result.stderr
+
+
+def test_the_last_news_is_told():
+    told = []
+    for _ in range(20):
+        xc.phantom("box", spacing_mm=8, progress=lambda fraction, stage: told.append(fraction))
+        assert told[-1] == 1
+
+
+def test_closing_a_bar_does_not_replace_an_exception():
+    class Bar:
+        total, n = None, 0
+
+        def set_description(self, text, refresh=True):
+            raise KeyError("enough")
+
+        def close(self):
+            raise OSError("closed")
+
+    with pytest.raises(KeyError, match="enough"):
+        xc.phantom("box", spacing_mm=8, progress=Bar)
+
+
 def test_importing_is_quick_and_light():
     result = run_python("import sys, xraycast; print('numpy' in sys.modules)")
     assert result.stdout == "False\n"
