@@ -47,7 +47,8 @@ def project(scan, K, RT, size, opacity="paper"):
     """Optical depths of a Scan as a tensor, (rows, columns) float32, or (poses, rows, columns) where RT is a batch.
 
     RT: (3, 4) or (4, 4), or a batch of them, from LPS mm to the camera's mm; gradients flow back to it along rigid
-    motions, on a processor, once. Its rotation must stay one: optimise the parameters of a motion, not RT's entries. K, size and opacity: as of Scan.project; no gradients.
+    motions, on a processor; no second ones. Its rotation must stay one: optimise the parameters of a motion from which
+    it is made, not its entries. K, size and opacity: as of Scan.project; no gradients.
     """
     needs = RT.requires_grad and torch.is_grad_enabled()
     return _Project.apply(RT, scan, np.asarray(K, dtype=np.float64), size, opacity, needs)
