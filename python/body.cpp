@@ -111,7 +111,7 @@ auto map_tau(const HeldBody& body) {
       body.map);
 }
 
-nb::object render(const HeldBody& body, const PoseArguments& arguments, const nb::object& progress) {
+FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const nb::object& progress) {
   const BodyBounds bounds = bounds_of(body.map->geometry);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     if (!has_centre) view.centre_mm = bounds.centre_mm;
@@ -178,8 +178,8 @@ void add_body(nb::module_& module) {
       .def("_repr_png_", preview_png, "What a notebook shows: the layers, innermost on top.")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;
-        return fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>", b.map->source,
-                           g.layers(), g.width, g.height);
+        return text_object(fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>",
+                                       b.map->source, g.layers(), g.width, g.height));
       });
 }
 

@@ -6,12 +6,16 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
+#include <atomic>
 #include <chrono>
 #include <cmath>
+#include <limits>
 #include <mutex>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 #include <numbers>
+#include <optional>
+#include <thread>
 
 namespace xraycast::python {
 namespace {
@@ -33,8 +37,9 @@ class HeldCatheter {
         catheter_(*tree_, model, find_entry(*tree_, entry, model)) {}
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
-  State step(double push_mm, double turn_rad, int steps) {
-    const std::lock_guard lock(mutex_);
+  State step(double push_mm, double turn_rad, int steps, const RunningCall& call) {
+    const auto lock = locked();
+    const Stepping stepping(stepping_);
     const HubPose start = catheter_.pose();
     auto looked = std::chrono::steady_clock::now();
     for (int i = 1; i <= steps; ++i) {
@@ -44,18 +49,19 @@ class HeldCatheter {
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
       check_signals();
+      call.check();
       looked = std::chrono::steady_clock::now();
     }
     return state_now();
   }
 
   State state() {
-    const std::lock_guard lock(mutex_);
+    const auto lock = locked();
     return state_now();
   }
 
   std::shared_ptr<std::vector<glm::dvec3>> nodes_mm() {
-    const std::lock_guard lock(mutex_);
+    const auto lock = locked();
     auto nodes = std::make_shared<std::vector<glm::dvec3>>();
     catheter_.copy_nodes(*nodes);
     return nodes;
@@ -65,17 +71,56 @@ class HeldCatheter {
   double max_insertion_mm() const { return catheter_.max_insertion_mm(); }
 
  private:
+  using Stepper = std::atomic<std::thread::id>;
+
+  /// Says for its lifetime that this thread steps.
+  class Stepping {
+   public:
+    explicit Stepping(Stepper& stepper) : stepper_(stepper) { stepper_ = std::this_thread::get_id(); }
+    ~Stepping() { stepper_ = std::thread::id(); }
+    Stepping(const Stepping&) = delete;
+    Stepping& operator=(const Stepping&) = delete;
+
+   private:
+    Stepper& stepper_;
+  };
+
+  /// Waits for other threads. Throws Error on a thread that steps, which would wait for itself.
+  std::unique_lock<std::mutex> locked() {
+    if (stepping_ == std::this_thread::get_id())
+      throw Error(
+          "a step of this catheter is under way on this thread, which a signal handler interrupted; use the "
+          "catheter when step() has returned");
+    return std::unique_lock(mutex_);
+  }
+
   State state_now() const { return {record_of(catheter_, catheter_.time_s()), catheter_.is_held()}; }
 
   std::shared_ptr<const VesselTree> tree_;
   std::string name_;
   std::mutex mutex_;
+  Stepper stepping_{};  ///< the thread that steps
   Catheter catheter_;
 };
 
+/// A branch's number, as operator.index gives it; none for what is no number, such as a point.
+std::optional<int> branch_of(const nb::object& entry) {
+  const nb::object number = nb::steal(PyNumber_Index(entry.ptr()));
+  if (!number.is_valid()) {
+    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw nb::python_error();
+    PyErr_Clear();
+    return std::nullopt;
+  }
+  int overflow = 0;
+  const long branch = PyLong_AsLongAndOverflow(number.ptr(), &overflow);
+  if (overflow != 0 || branch < 0 || branch > std::numeric_limits<int>::max())
+    throw InputError("entry {}: must be the number of a branch, 0 or more", nb::str(number).c_str());
+  return static_cast<int>(branch);
+}
+
 EntryChoice entry_of(const nb::object& entry) {
   if (entry.is_none()) return {};
-  if (nb::isinstance<nb::int_>(entry)) return {nb::cast<int>(entry), "entry"};
+  if (const auto branch = branch_of(entry)) return {*branch, "entry"};
   return {point_of(entry, "entry"), "entry"};
 }
 
@@ -93,8 +138,10 @@ State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) 
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
   if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
   if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
+  Progress progress;
+  const RunningCall call(progress);
   const nb::gil_scoped_release released;
-  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms);
+  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms, call);
 }
 
 auto nodes_of(HeldCatheter& catheter) {
@@ -163,9 +210,11 @@ void add_catheter(nb::module_& module) {
       .def_prop_ro("state", &HeldCatheter::state, nb::call_guard<nb::gil_scoped_release>())
       .def_prop_ro("nodes_mm", nodes_of, kShared,
                    "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def_prop_ro("model", &HeldCatheter::name)
+      .def_prop_ro("model", [](const HeldCatheter& c) { return text_object(c.name()); })
       .def_prop_ro("max_insertion_mm", &HeldCatheter::max_insertion_mm)
-      .def("__repr__", [](HeldCatheter& c) { return fmt::format("<xraycast.Catheter {}>", c.name()); });
+      .def("__repr__", [](const HeldCatheter& c) {
+        return text_object(fmt::format("<xraycast.Catheter {}>", c.name()));
+      });
 }
 
 }  // namespace xraycast::python

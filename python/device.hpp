@@ -4,6 +4,7 @@
 
 #include <mutex>
 #include <string>
+#include <vector>
 
 namespace xraycast::python {
 
@@ -22,8 +23,12 @@ class DeviceUse {
   std::unique_lock<std::recursive_mutex> lock_;
 };
 
-/// Chooses the device as `--device` does. Throws InputError once another one is in use.
+/// Chooses the device as `--device` does. Throws InputError once another one is in use. Without the
+/// interpreter's lock, as device_names.
 void choose_device(const std::string& choice);
+
+/// The devices' names, in the order of their numbers.
+std::vector<std::string> device_names();
 
 /// Removes what the device left on the disk. When the interpreter exits.
 void clean_up_after_device();

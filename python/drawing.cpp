@@ -1,5 +1,6 @@
 #include "drawing.hpp"
 
+#include "owning_process.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
@@ -11,7 +12,7 @@
 #include <mutex>
 #include <optional>
 #include <thread>
-#include <unistd.h>
+#include <utility>
 
 namespace xraycast::python {
 namespace {
@@ -80,18 +81,18 @@ class Drawing {
   std::thread thread_;
 };
 
+OwningProcess drawing_owner;
 std::mutex drawing_mutex;
-std::unique_ptr<Drawing> drawing;  ///< guarded by drawing_mutex, as drawing_in is
-pid_t drawing_in = 0;
+/// Guarded by drawing_mutex. Destroyed by stop_drawing only: a forked process has not its thread.
+Drawing* drawing = nullptr;
 
 Drawing& the_drawing() {
-  const std::lock_guard lock(drawing_mutex);
-  if (drawing && drawing_in != getpid())
+  if (!drawing_owner.claim())
     throw Error(
         "frames were drawn before this process was forked, and cannot be drawn here; start processes by "
         "multiprocessing's method `spawn`");
-  if (!drawing) drawing = std::make_unique<Drawing>();
-  drawing_in = getpid();
+  const std::lock_guard lock(drawing_mutex);
+  if (!drawing) drawing = new Drawing;
   return *drawing;
 }
 
@@ -102,11 +103,9 @@ std::vector<float> drawn_tau(const std::shared_ptr<const BodyMap>& map, const Vi
 }
 
 void stop_drawing() {
+  if (!drawing_owner.is_this()) return;
   const std::lock_guard lock(drawing_mutex);
-  if (drawing_in == getpid())
-    drawing.reset();
-  else
-    static_cast<void>(drawing.release());  // its thread is not in this process
+  delete std::exchange(drawing, nullptr);
 }
 
 }  // namespace xraycast::python

@@ -104,9 +104,10 @@ constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
 
-nb::object frames_object(std::shared_ptr<Depths> depths, Poses poses) {
-  if (poses.is_batch) return nb::cast(Frames{std::move(depths), std::move(poses.poses)});
-  return nb::cast(Frame{std::move(depths), 0, poses.poses.front()});
+FrameOrFrames frames_object(std::shared_ptr<Depths> depths, Poses poses) {
+  const nb::object frames = poses.is_batch ? nb::cast(Frames{std::move(depths), std::move(poses.poses)})
+                                           : nb::cast(Frame{std::move(depths), 0, poses.poses.front()});
+  return nb::borrow<FrameOrFrames>(frames);
 }
 
 void add_frames(nb::module_& module) {

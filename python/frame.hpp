@@ -34,8 +34,13 @@ struct Frames {
   Frame at(std::size_t index) const { return {depths, index, poses[index]}; }
 };
 
-/// A Frame, or Frames of a batch, as Python gets it.
-nb::object frames_object(std::shared_ptr<Depths> depths, Poses poses);
+inline bool always(PyObject*) { return true; }
+
+/// A Frame, or Frames of a batch, as Python gets it; with a name for type checkers.
+class FrameOrFrames : public nb::object {
+  NB_OBJECT(FrameOrFrames, nb::object, "xraycast._core.Frame | xraycast._core.Frames", always)
+};
+FrameOrFrames frames_object(std::shared_ptr<Depths> depths, Poses poses);
 
 void add_frames(nb::module_& module);
 

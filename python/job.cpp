@@ -1,13 +1,17 @@
 #include "job.hpp"
 
+#include "values.hpp"
+#include "xraycast/base/error.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 
+#include <algorithm>
 #include <chrono>
 #include <condition_variable>
 #include <exception>
+#include <map>
 #include <mutex>
-#include <nanobind/stl/string.h>
 #include <thread>
+#include <unistd.h>
 
 namespace xraycast::python {
 namespace {
@@ -33,6 +37,10 @@ class Mailbox {
   std::optional<Progress::State> wait(bool is_listening) {
     std::unique_lock lock(mutex_);
     changed_.wait_for(lock, kInterval, [&] { return is_done_ || (is_listening && latest_); });
+    return std::exchange(latest_, std::nullopt);
+  }
+  std::optional<Progress::State> rest() {
+    const std::lock_guard lock(mutex_);
     return std::exchange(latest_, std::nullopt);
   }
   bool is_done() const {
@@ -68,7 +76,7 @@ nb::object listening(const nb::object& listener) {
 }
 
 void tell(const nb::object& listener, const Progress::State& state) {
-  listener(state.stage, state.done, state.total, state.unit);
+  listener(text_object(state.stage), state.done, state.total, text_object(state.unit));
 }
 
 /// Tells the listener and looks for signals until the work is done. Returns the exception of either.
@@ -89,10 +97,58 @@ std::exception_ptr watch(Mailbox& mailbox, Progress& progress, const nb::object&
       progress.cancel();
     }
   }
+  if (failure || listener.is_none()) return failure;
+  try {
+    if (const auto state = mailbox.rest()) tell(listener, *state);
+  } catch (...) {
+    failure = std::current_exception();
+  }
   return failure;
 }
 
+/// An exception of close() does not replace the call's.
+void close(const nb::object& listener, bool has_failed) {
+  if (listener.is_none()) return;
+  try {
+    listener.attr("close")();
+  } catch (...) {
+    if (!has_failed) throw;
+  }
+}
+
+/// Guarded by the interpreter's lock, as is_exiting. Each with its process: a forked one has not its
+/// parent's.
+std::map<Progress*, pid_t> running;
+bool is_exiting = false;
+
+bool is_running_here() {
+  return std::ranges::any_of(running, [](const auto& call) { return call.second == getpid(); });
+}
+
 }  // namespace
+
+RunningCall::RunningCall(Progress& progress) : progress_(progress) {
+  if (is_exiting) throw Error("the interpreter is exiting; make calls before");
+  running[&progress_] = getpid();
+}
+
+RunningCall::~RunningCall() { running.erase(&progress_); }
+
+void RunningCall::check() const {
+  if (!is_exiting) return;
+  PyErr_SetNone(PyExc_SystemExit);
+  throw nb::python_error();
+}
+
+void end_running_calls() {
+  is_exiting = true;
+  for (const auto& [progress, process] : running)
+    if (process == getpid()) progress->cancel();
+  while (is_running_here()) {
+    const nb::gil_scoped_release released;
+    std::this_thread::sleep_for(kInterval / 10);
+  }
+}
 
 void check_signals() {
   if (PyErr_CheckSignals() != 0) throw nb::python_error();
@@ -102,6 +158,7 @@ void run_job(const nb::object& listener, const std::function<void(Progress&)>& w
   const nb::object told = listening(listener);
   Mailbox mailbox;
   Progress progress([&](const Progress::State& state) { mailbox.put(state); });
+  const RunningCall call(progress);
   std::thread worker;
   try {
     worker = std::thread([&] { mailbox.finish(failure_of(work, progress)); });
@@ -113,7 +170,8 @@ void run_job(const nb::object& listener, const std::function<void(Progress&)>& w
     const nb::gil_scoped_release released;
     worker.join();
   }
-  if (!told.is_none()) told.attr("close")();
+  close(told, interruption || mailbox.failure());
+  if (mailbox.failure()) call.check();
   if (interruption) std::rethrow_exception(interruption);
   if (mailbox.failure()) std::rethrow_exception(mailbox.failure());
 }

@@ -25,6 +25,26 @@ auto result_of(const nb::object& listener, const Work& work) {
   return std::move(*result);
 }
 
+/// A call that runs without the interpreter's lock, for its lifetime. Both ends with that lock.
+class RunningCall {
+ public:
+  /// Throws Error when the interpreter exits.
+  explicit RunningCall(Progress& progress);
+  ~RunningCall();
+  RunningCall(const RunningCall&) = delete;
+  RunningCall& operator=(const RunningCall&) = delete;
+
+  /// Throws SystemExit when the interpreter exits, which ends a thread without a word.
+  void check() const;
+
+ private:
+  Progress& progress_;
+};
+
+/// Cancels the calls of daemon threads and waits for them, with the interpreter's lock: when the interpreter
+/// has gone, it ends such threads in the middle of a call, which aborts the process.
+void end_running_calls();
+
 /// Throws the Python exception of a signal that has come; on the main thread only, with the interpreter's
 /// lock.
 void check_signals();

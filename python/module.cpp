@@ -1,8 +1,10 @@
 #include "device.hpp"
 #include "drawing.hpp"
 #include "frame.hpp"
+#include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
+#include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/printable.hpp"
@@ -18,10 +20,7 @@ namespace {
 
 void set_error(const char* name, const std::exception& error) {
   const nb::object type = nb::module_::import_("xraycast._errors").attr(name);
-  const std::string line = printable_line(error.what());
-  const nb::object text =
-      nb::steal(PyUnicode_DecodeUTF8(line.data(), static_cast<Py_ssize_t>(line.size()), "replace"));
-  PyErr_SetObject(type.ptr(), text.ptr());
+  PyErr_SetObject(type.ptr(), text_object(printable_line(error.what())).ptr());
 }
 
 /// The one place where the library's errors become Python's.
@@ -41,13 +40,17 @@ void translate(const std::exception_ptr& failure, void*) {
   }
 }
 
-nb::list devices() {
-  nb::list names;
-  for (const ComputeDevice::Info& info : ComputeDevice::list()) names.append(info.name);
-  return names;
+nb::typed<nb::list, nb::str> devices() {
+  std::vector<std::string> names;
+  {
+    const nb::gil_scoped_release released;
+    names = device_names();
+  }
+  return text_objects(names);
 }
 
 void clean_up() {
+  end_running_calls();
   const nb::gil_scoped_release released;
   stop_drawing();
   clean_up_after_device();
@@ -66,7 +69,7 @@ NB_MODULE(_core, module) {
   add_scan(module);
   add_catheter(module);
   module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
-  module.def("use_device", choose_device, nb::arg("name"),
+  module.def("use_device", choose_device, nb::arg("name"), nb::call_guard<nb::gil_scoped_release>(),
              "Chooses the OpenCL device by its number or part of its name, before the first call that needs "
              "one; else "
              "XRAYCAST_DEVICE names it, or the first GPU or processor is used.");

@@ -53,11 +53,11 @@ void add_opacity(nb::module_& module) {
       .def_static(
           "named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
           "paper, bilinear, subtracted, or a JSON file.")
-      .def_prop_ro("name", &Opacity::name)
+      .def_prop_ro("name", [](const Opacity& o) { return text_object(o.name()); })
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
       .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")
       .def("__repr__", [](const Opacity& o) {
-        return fmt::format("<xraycast.Opacity {}: {} knots>", o.name(), o.knots().size());
+        return text_object(fmt::format("<xraycast.Opacity {}: {} knots>", o.name(), o.knots().size()));
       });
 }
 

@@ -6,6 +6,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cmath>
 #include <cstddef>
 #include <memory>
 #include <numbers>
@@ -104,6 +105,18 @@ Matrices matrices_of(const nb::object& object, const std::string& name, std::siz
   return matrices;
 }
 
+/// Throws InputError where a 4 x 4 matrix is no rigid motion.
+void check_last_rows(const Matrices& rt) {
+  constexpr double kRounding = 1e-6;  // of a matrix that was inverted, even in single precision
+  constexpr std::array<double, 4> kLastRow{0, 0, 0, 1};
+  for (std::size_t i = 0; rt.rows == 4 && i < std::max<std::size_t>(rt.count, 1); ++i)
+    for (std::size_t column = 0; column < 4; ++column)
+      if (!(std::abs(rt.at(i)[12 + column] - kLastRow[column]) < kRounding))
+        throw InputError(
+            "RT: the last row of a 4 x 4 matrix must be (0, 0, 0, 1); give the motion from LPS mm "
+            "to the camera's, without K");
+}
+
 PinholeCamera camera_of(const double* k, const double* rt, glm::ivec2 size) {
   PinholeCamera camera;
   for (int row = 0; row < 3; ++row)
@@ -139,6 +152,7 @@ Poses cameras_of(const PoseArguments& arguments) {
   const glm::ivec2 size = size_of(arguments.size, "size");
   const Matrices k = matrices_of(arguments.intrinsics, "K", 3, 3, "3 x 3"),
                  rt = matrices_of(arguments.extrinsics, "RT", 3, 4, "3 x 4 or 4 x 4");
+  check_last_rows(rt);
   const std::size_t count = count_of({{"K", k.count}, {"RT", rt.count}});
   Poses poses;
   poses.is_batch = count > 0;

@@ -65,8 +65,8 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
   return depths;
 }
 
-nb::object project_scan(HeldScan& scan, const PoseArguments& arguments, const nb::object& opacity,
-                        bool has_gradient, const nb::object& progress) {
+FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const nb::object& opacity,
+                           bool has_gradient, const nb::object& progress) {
   const Attenuation attenuation = attenuation_of(opacity);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     // Finding the body takes a while.

@@ -19,7 +19,7 @@ using HuArray = nb::ndarray<const std::int16_t, nb::ndim<3>, nb::c_contig, nb::d
 
 void warn(const ScanInfo& info) {
   for (const std::string& line : info.warnings)
-    if (PyErr_WarnEx(PyExc_UserWarning, line.c_str(), 1) != 0) throw nb::python_error();
+    if (PyErr_WarnFormat(PyExc_UserWarning, 1, "%s", line.c_str()) != 0) throw nb::python_error();
 }
 
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
@@ -41,8 +41,8 @@ HeldScan made_phantom(const std::string& name, PhantomOptions options, const nb:
   if (!size.is_none()) {
     const glm::dvec3 voxels = point_of(size, "size");
     if (!(glm::all(glm::greaterThanEqual(voxels, glm::dvec3(1))) &&
-          glm::all(glm::lessThanEqual(voxels, glm::dvec3(65536)))))
-      throw InputError("size: must be the number of voxels along x, y and z, 1 to 65536");
+          glm::all(glm::lessThanEqual(voxels, glm::dvec3(65536))) && voxels == glm::floor(voxels)))
+      throw InputError("size: must be the numbers of voxels along x, y and z, whole numbers of 1 to 65536");
     options.size = Index3(voxels);
   }
   return result_of(progress, [&](Progress& reported) {
@@ -62,13 +62,9 @@ std::string text_of(const nb::object& object) {
 /// A C-ordered int16 array of three axes: the given one where it is that. Throws InputError.
 nb::object hu_array(const nb::object& hu) {
   const nb::object numpy = nb::module_::import_("numpy");
-  nb::object array;
-  try {
-    array = numpy.attr("asarray")(hu);
-  } catch (nb::python_error&) {
-    throw InputError(
-        "hu: must be an array; a tensor on another device must be copied to the processor first");
-  }
+  nb::object array =
+      numpy_array(hu, nb::none(),
+                  "hu: must be an array; a tensor on another device must be copied to the processor first");
   const nb::object dtype = array.attr("dtype");
   const bool is_int16 =
       nb::cast<std::string>(dtype.attr("kind")) == "i" && nb::cast<int>(dtype.attr("itemsize")) == 2;
@@ -79,7 +75,7 @@ nb::object hu_array(const nb::object& hu) {
         text_of(dtype), text_of(array.attr("shape")));
   if (nb::cast<std::size_t>(array.attr("size")) == 0)
     throw InputError("hu: is empty; give an array with voxels");
-  array = numpy.attr("ascontiguousarray")(array, numpy.attr("int16"));
+  array = numpy.attr("require")(array, numpy.attr("int16"), nb::make_tuple("C", "ALIGNED"));
   // What is below counts as padding everywhere, and kernels rely on it.
   if (nb::cast<int>(array.attr("min")()) < kPaddingHu)
     array = numpy.attr("maximum")(array, numpy.attr("int16")(int(kPaddingHu)));
@@ -155,11 +151,11 @@ void write_scan(const HeldScan& scan, nb::handle path, const nb::object& progres
   run_job(progress, [&](Progress& reported) { write_volume(*scan.volume(), file, reported); });
 }
 
-std::string scan_description(const HeldScan& scan) {
+nb::str scan_description(const HeldScan& scan) {
   const VolumeGeometry& g = scan.geometry();
-  return fmt::format("<xraycast.Scan of {}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm>",
-                     scan.source(), g.size.x, g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y,
-                     g.spacing_mm.z);
+  return text_object(fmt::format("<xraycast.Scan of {}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm>",
+                                 scan.source(), g.size.x, g.size.y, g.size.z, g.spacing_mm.x, g.spacing_mm.y,
+                                 g.spacing_mm.z));
 }
 
 nb::object with_sitk(const char* function, const nb::object& argument) {
@@ -216,10 +212,11 @@ void add_scan(nb::module_& module) {
           "centre_mm", [](const HeldScan& s) { return tuple_of(s.middle_mm()); },
           "The middle of the scan (x, y, z), mm, LPS.")
       .def_prop_ro(
-          "notes", [](const HeldScan& s) { return s.info().notes; },
+          "notes", [](const HeldScan& s) { return text_objects(s.info().notes); },
           "What was changed when the scan was read, such as resampling.")
       .def_prop_ro(
-          "warnings", [](const HeldScan& s) { return s.info().warnings; }, "What to look at in the scan.")
+          "warnings", [](const HeldScan& s) { return text_objects(s.info().warnings); },
+          "What to look at in the scan.")
       .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
       .def("__repr__", scan_description);

@@ -3,17 +3,11 @@
 #include "xraycast/base/error.hpp"
 
 #include <cmath>
-#include <nanobind/stl/string.h>
 
 namespace xraycast::python {
 
 Numbers numbers_of(nb::handle object, const std::string& name) {
-  nb::object array;
-  try {
-    array = nb::module_::import_("numpy").attr("asarray")(object, "float64", "C");
-  } catch (nb::python_error&) {
-    throw InputError("{}: must be numbers", name);
-  }
+  const nb::object array = numpy_array(object, nb::str("float64"), name + ": must be numbers");
   const auto view = nb::cast<nb::ndarray<const double, nb::c_contig, nb::device::cpu>>(array);
   Numbers numbers;
   numbers.values.assign(view.data(), view.data() + view.size());
@@ -61,7 +55,34 @@ glm::ivec2 size_of(nb::handle object, const std::string& name) {
 nb::tuple tuple_of(const glm::dvec3& v) { return nb::make_tuple(v.x, v.y, v.z); }
 
 std::string path_of(nb::handle object) {
-  return nb::cast<std::string>(nb::module_::import_("os").attr("fspath")(object));
+  const auto name = nb::cast<nb::bytes>(nb::module_::import_("os").attr("fsencode")(object));
+  std::string path(name.c_str(), name.size());
+  if (path.find('\0') != std::string::npos)
+    throw InputError("{}: holds a zero byte; give the name of a file", path.c_str());
+  return path;
+}
+
+nb::str text_object(std::string_view text) {
+  PyObject* const decoded =
+      PyUnicode_DecodeUTF8(text.data(), static_cast<Py_ssize_t>(text.size()), "replace");
+  if (!decoded) throw nb::python_error();
+  return nb::steal<nb::str>(decoded);
+}
+
+nb::typed<nb::list, nb::str> text_objects(const std::vector<std::string>& lines) {
+  nb::typed<nb::list, nb::str> list;
+  for (const std::string& line : lines) list.append(text_object(line));
+  return list;
+}
+
+nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message) {
+  const nb::object numpy = nb::module_::import_("numpy");
+  try {
+    return numpy.attr("asarray")(object, dtype, "C");
+  } catch (const nb::python_error& error) {
+    if (!error.matches(PyExc_TypeError) && !error.matches(PyExc_ValueError)) throw;
+    throw InputError("{}", message);
+  }
 }
 
 nb::object as_array(const nb::object& array, const nb::object& dtype, const nb::object& copy) {

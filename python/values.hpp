@@ -10,6 +10,7 @@
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
 #include <string>
+#include <string_view>
 #include <vector>
 
 namespace xraycast::python {
@@ -35,8 +36,15 @@ glm::ivec2 size_of(nb::handle object, const std::string& name);
 /// A tuple of three floats.
 nb::tuple tuple_of(const glm::dvec3& v);
 
-/// The name of a file, as Python's os.fspath gives it.
+/// The name of a file, as Python's os.fsencode gives it. Throws InputError for one with a zero byte.
 std::string path_of(nb::handle object);
+
+/// Text of files and arguments, which may be no UTF-8: what is none is replaced.
+nb::str text_object(std::string_view text);
+nb::typed<nb::list, nb::str> text_objects(const std::vector<std::string>& lines);
+
+/// numpy.asarray(object, dtype, "C"). Throws InputError with `message` for what NumPy takes for no array.
+nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message);
 
 /// For properties that are arrays with an owner: no copy.
 inline constexpr auto kShared = nb::rv_policy::automatic;

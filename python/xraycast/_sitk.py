@@ -21,6 +21,6 @@ def to_sitk(scan):
 def from_sitk(image):
     sitk = _sitk()
     if image.GetDimension() == 3 and image.GetNumberOfComponentsPerPixel() == 1:
-        image = sitk.Cast(image, sitk.sitkInt16)
+        image = sitk.Clamp(image, sitk.sitkInt16, -1024, 32767)
     direction = [image.GetDirection()[i:i + 3] for i in (0, 3, 6)]
     return Scan.from_array(sitk.GetArrayFromImage(image), image.GetSpacing(), image.GetOrigin(), direction)

@@ -18,6 +18,7 @@ class _Project(torch.autograd.Function):
         return torch.from_numpy(np.asarray(frames)).to(rt.device)
 
     @staticmethod
+    @torch.autograd.function.once_differentiable
     def backward(context, by_tau):
         rt, by_pose = context.saved_tensors
         motion = torch.einsum("...ij,...ijn->...n", by_tau.cpu().double(), by_pose.double())
@@ -46,7 +47,8 @@ def project(scan, K, RT, size, opacity="paper"):
     """Optical depths of a Scan as a tensor, (rows, columns) float32, or (poses, rows, columns) where RT is a batch.
 
     RT: (3, 4) or (4, 4), or a batch of them, from LPS mm to the camera's mm; gradients flow back to it along rigid
-    motions, on a processor. K, size and opacity: as of Scan.project; no gradients.
+    motions, on a processor; no second ones. Its rotation must stay one: optimise the parameters of a motion from which
+    it is made, not its entries. K, size and opacity: as of Scan.project; no gradients.
     """
     needs = RT.requires_grad and torch.is_grad_enabled()
     return _Project.apply(RT, scan, np.asarray(K, dtype=np.float64), size, opacity, needs)

@@ -36,6 +36,28 @@ def test_a_strided_array_is_taken(hu):
     assert np.array_equal(xc.Scan.from_array(hu[:, :, ::2], (1, 1, 1)).hu, hu[:, :, ::2])
 
 
+def test_an_unaligned_array_is_taken(hu):
+    unaligned = np.frombuffer(b"x" + hu.tobytes(), np.int16, offset=1).reshape(hu.shape)
+    scan = xc.Scan.from_array(unaligned, (1, 1, 1))
+    assert not unaligned.flags.aligned and np.array_equal(scan.hu, hu) and address(scan.hu) % 2 == 0
+
+
+@pytest.mark.parametrize("kind", [MemoryError, KeyboardInterrupt])
+def test_exceptions_of_an_array_go_on(kind):
+    class Array:
+        def __array__(self, dtype=None, copy=None):
+            raise kind
+
+    for call in (lambda: xc.Scan.from_array(Array(), (1, 1, 1)), lambda: xc.Opacity(Array())):
+        with pytest.raises(kind):
+            call()
+
+
+def test_a_phantom_has_whole_voxels():
+    with pytest.raises(xc.InputError, match="size: .* whole numbers"):
+        xc.phantom("box", size=(10.7, 10, 10))
+
+
 def test_directions_reorient_the_scan(hu):
     scan = xc.Scan.from_array(hu, (1, 2, 3), (10, 20, 30), np.diag([-1.0, -1.0, 1.0]))
     assert np.array_equal(scan.hu, hu[:, ::-1, ::-1])
@@ -89,6 +111,12 @@ def test_a_scan_is_written_and_read(body, tmp_path):
     assert np.array_equal(again.hu, body.hu) and again.origin_mm == body.origin_mm
     with pytest.raises(xc.InputError, match="no such file"):
         xc.open(tmp_path / "missing.nrrd")
+
+
+def test_simple_itk_values_are_clamped():
+    sitk = pytest.importorskip("SimpleITK")
+    image = sitk.GetImageFromArray(np.array([[[-40000, -2000, 50], [40000, 65536, 32767]]], np.int32))
+    assert xc.Scan.from_sitk(image).hu.tolist() == [[[-1024, -1024, 50], [32767, 32767, 32767]]]
 
 
 def test_simple_itk_images_come_back(hu):

@@ -131,9 +131,124 @@ def test_a_forked_process_is_told_to_be_spawned(body):
     assert process.exitcode == 0
 
 
+FORK_WHILE_BUSY = """
+import os, sys, threading, time, xraycast as xc
+body = xc.phantom('thorax', spacing_mm=4)
+map_ = body.cast(layers=2)
+{first}
+def go_on():
+    while True: {call}
+threading.Thread(target=go_on, daemon=True).start()
+time.sleep(0.3)
+child = os.fork()
+if child == 0:
+    try: {call}
+    except xc.Error as error: print(error)
+    sys.exit(0)
+print('child', os.waitpid(child, 0)[1], flush=True)
+os._exit(0)
+"""
+
+
+@pytest.mark.parametrize("call", ["body.cast(layers=16)", "map_.render(lao=30)", "xc.devices()"])
+def test_a_fork_while_a_thread_computes_is_told(call):
+    result = run_python(FORK_WHILE_BUSY.format(first=call, call=call))
+    assert "spawn" in result.stdout and "child 0" in result.stdout, result.stderr
+
+
+def test_a_forked_process_leaves_the_kernels():
+    code = """
+import ctypes, os, sys, xraycast as xc
+xc.phantom('box', spacing_mm=8)
+getenv = ctypes.CDLL(None).getenv
+getenv.restype = ctypes.c_char_p
+folder = getenv(b'POCL_CACHE_DIR')
+child = os.fork()
+if child == 0: sys.exit(0)
+print(os.waitpid(child, 0)[1], os.path.isdir(folder), folder.decode())
+"""
+    environment = {name: value for name, value in os.environ.items() if name != "POCL_CACHE_DIR"}
+    environment.update(HOME="/dev/null", XDG_CACHE_HOME="/dev/null")
+    result = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, timeout=120)
+    status, is_there, folder = result.stdout.split()
+    assert (status, is_there) == ("0", "True") and not os.path.exists(folder)
+
+
+def test_choosing_a_device_waits_without_the_interpreters_lock(body):
+    counts, done = [0], threading.Event()
+
+    def count():
+        while not done.is_set():
+            counts[0] += 1
+            time.sleep(1e-3)
+
+    def cast():
+        while not done.is_set():
+            body.cast(layers=16, angles=720)
+
+    threads = [threading.Thread(target=count), threading.Thread(target=cast)]
+    [thread.start() for thread in threads]
+    start, longest = time.monotonic(), 0
+    while time.monotonic() - start < 0.5:
+        before, called = counts[0], time.monotonic()
+        xc.use_device("")
+        waited = time.monotonic() - called
+        if waited > longest:
+            longest, counted = waited, counts[0] - before
+    done.set()
+    [thread.join() for thread in threads]
+    # With the interpreter's lock held nothing is counted while it waits, which takes a cast.
+    assert counted > 100 * longest - 1
+
+
 def test_the_interpreter_exits_cleanly():
     result = run_python("import xraycast as xc\nb = xc.phantom('box', spacing_mm=8).cast(layers=2)\nb.render(lao=30)\nprint('drawn')")
     assert (result.returncode, result.stdout, result.stderr) == (0, "drawn\n", "")
+
+
+@pytest.mark.parametrize("call", ["body.cast(layers=16, angles=720)", "map_.render(lao=30)", "run.step(ms=3_000_000)"])
+def test_the_interpreter_exits_while_daemon_threads_compute(tmp_path, call):
+    file = tmp_path / "tree.json"
+    points = ", ".join(f"[0, 0, {z}, 5]" for z in range(0, 301, 5))
+    file.write_text('{"branches": [{"id": 0, "parent": -1, "points": [%s]}]}' % points)
+    result = run_python(f"""
+import threading, time, xraycast as xc
+body = xc.phantom('thorax', spacing_mm=4)
+map_ = body.cast(layers=2)
+run = xc.Catheter(xc.VesselTree.read({str(file)!r}), 'cobra-5f')
+def go_on():
+    while True: {call}
+for _ in range(3): threading.Thread(target=go_on, daemon=True).start()
+time.sleep(0.3)
+print('ends')
+""")
+    assert (result.returncode, result.stdout) == (0, "ends\n"), result.stderr
+    assert "terminate" not in result.stderr
+
+
+def test_the_last_news_is_told():
+    told = []
+
+    def listen(fraction, stage):
+        told.append(fraction)
+        time.sleep(0.3)  # in which the work ends
+
+    xc.phantom("box", spacing_mm=8, progress=listen)
+    assert told[-1] == 1
+
+
+def test_closing_a_bar_does_not_replace_an_exception():
+    class Bar:
+        total, n = None, 0
+
+        def set_description(self, text, refresh=True):
+            raise KeyError("enough")
+
+        def close(self):
+            raise OSError("closed")
+
+    with pytest.raises(KeyError, match="enough"):
+        xc.phantom("box", spacing_mm=8, progress=Bar)
 
 
 def test_importing_is_quick_and_light():
@@ -153,4 +268,5 @@ def test_types_are_shipped():
     assert (package / "py.typed").exists()
     for name in ("class Scan", "def project", "def cast_basis", "class Catheter", "def open"):
         assert name in stub
+    assert stub.count(") -> Frame | Frames:") == 2
     assert all(getattr(xc, name).__doc__ for name in xc.__all__)

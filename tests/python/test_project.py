@@ -96,6 +96,7 @@ K = camera((20, 20), 100)
 @pytest.mark.parametrize("arguments, words", [
     (dict(K=K), "RT"),
     (dict(RT=RT), "K"),
+    (dict(K=K, RT=np.vstack([RT, [0, 0, 1, 0]]), size=(20, 20)), "last row"),
     (dict(K=K, RT=RT), "size"),
     (dict(K=np.diag([0, 0, 1.0]), RT=RT, size=(20, 20)), "focal length"),
     (dict(K=np.eye(2), RT=RT, size=(20, 20)), "K: must be a matrix of 3 x 3"),

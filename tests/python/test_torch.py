@@ -39,6 +39,14 @@ def test_a_loss_falls_along_its_gradient(body):
     assert (loss - after).item() == pytest.approx(0.1 * start.grad[:, 3].norm().item(), rel=0.05)
 
 
+def test_there_are_no_second_derivatives(body):
+    frame = body.project(20, 5, (24, 18), (1000, 1500))
+    rt = torch.tensor(frame.RT).requires_grad_()
+    first, = torch.autograd.grad((project(body, frame.K, rt, (24, 18)) ** 2).sum(), rt, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        first.sum().backward()
+
+
 def test_batches_have_gradients_each(body):
     frames = body.project([0, 20], 5, (24, 18), (1000, 1500), pixel_mm=16)
     poses = torch.tensor(np.stack([f.RT for f in frames])).requires_grad_()

@@ -1,6 +1,10 @@
 """Vessels, and a catheter in them."""
 import json
 
+import os
+import signal
+import threading
+
 import numpy as np
 import pytest
 import xraycast as xc
@@ -67,5 +71,28 @@ def test_models_and_entries_are_checked(tube):
         xc.Catheter(tube, "no-such-model")
     with pytest.raises(xc.InputError, match="entry"):
         xc.Catheter(tube, "cobra-5f", entry=7)
-    with pytest.raises(xc.InputError, match="entry"):
-        xc.Catheter(tube, "cobra-5f", entry=(900, 0, 0))
+    for entry in ((900, 0, 0), -1, 2**40, 2**80, 0.5):
+        with pytest.raises(xc.InputError, match="entry"):
+            xc.Catheter(tube, "cobra-5f", entry=entry)
+    for entry in (0, np.int64(0), (0, 0, 0), np.zeros(3)):
+        assert xc.Catheter(tube, "cobra-5f", entry=entry).state.branch == 0
+
+
+def test_a_signal_handler_is_told_that_a_step_is_under_way(tube):
+    run, told = xc.Catheter(tube, "cobra-5f"), []
+
+    def ask(*_):
+        for call in (lambda: run.state, lambda: run.nodes_mm, run.step):
+            with pytest.raises(xc.Error, match="a step of this catheter is under way") as error:
+                call()
+            told.append(error)
+        raise InterruptedError
+
+    before = signal.signal(signal.SIGUSR1, ask)
+    try:
+        threading.Timer(0.3, os.kill, (os.getpid(), signal.SIGUSR1)).start()
+        with pytest.raises(InterruptedError):
+            run.step(ms=3_000_000)
+    finally:
+        signal.signal(signal.SIGUSR1, before)
+    assert len(told) == 3 and run.state.time_s > 0
