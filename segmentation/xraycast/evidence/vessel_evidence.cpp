@@ -74,31 +74,26 @@ bool is_local_maximum(const Mask& grid, const Field& values, const Index3& voxel
   });
 }
 
-std::vector<MiddleOfVessel> middles_of_vessels(const Mask& grid, const Field& narrow, const Field& wide,
+/// The middles of certain ridges. A ridge of noise is short, so that detection drops it: in a large scan the
+/// strongest of noise would outnumber the middles of a short vessel.
+std::vector<MiddleOfVessel> middles_of_vessels(const Mask& ridges, const Field& narrow, const Field& wide,
                                                const Field& strength, double least_strength) {
   std::vector<MiddleOfVessel> middles;
   for (std::size_t i = 0; i < wide.size(); ++i)
-    if (static_cast<double>(strength[i]) > least_strength &&
-        is_local_maximum(grid, wide, voxel_at(grid.geometry, static_cast<std::int64_t>(i))))
+    if (ridges.voxels[i] != 0 && static_cast<double>(strength[i]) > least_strength &&
+        is_local_maximum(ridges, wide, voxel_at(ridges.geometry, static_cast<std::int64_t>(i))))
       middles.push_back({narrow[i], wide[i], strength[i]});
   return middles;
 }
 
-/// The brightest contrast, less the few voxels that are brighter still: at most one in a thousand.
-double brightest_hu(Field contrast) {
-  const std::size_t rank = std::min<std::size_t>(contrast.size() / 1000, 1000);
-  const auto at = contrast.end() - 1 - static_cast<std::ptrdiff_t>(rank);
-  std::ranges::nth_element(contrast, at);
-  return *at;
-}
-
 LumenScale measure_scale(const Volume& volume, const ScanResponse& response, const Field& strength,
                          ComputeDevice& device) {
-  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device);
-  Field wide = smoothed_contrast(volume, response, kWide_vox, device);
+  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device),
+              wide = smoothed_contrast(volume, response, kWide_vox, device);
   const double least_strength = strong_ridge(strength);
-  const auto middles = middles_of_vessels(Mask(volume.geometry()), narrow, wide, strength, least_strength);
-  return measure_lumen_scale(middles, response, least_strength, brightest_hu(std::move(wide)));
+  const Mask ridges = detect_ridges(strength, volume.geometry(), least_strength);
+  return measure_lumen_scale(middles_of_vessels(ridges, narrow, wide, strength, least_strength), response,
+                             least_strength);
 }
 
 /// Voxels of wide vessels, within which ridges fade: half full, and above the noise, in large components.
