@@ -1,6 +1,9 @@
 // What is estimated of a scan of vessels alone: its blur, the lumen's contrast, and how full voxels are.
 #include "support/grown_tree.hpp"
 #include "support/tubes.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/evidence/block_filter.hpp"
+#include "xraycast/evidence/ridge_detection.hpp"
 #include "xraycast/evidence/scan_response.hpp"
 #include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/segmentation/centreline.hpp"
@@ -76,6 +79,23 @@ INSTANTIATE_TEST_SUITE_P(OfBlurs, ScaleOfATree,
                            return "Noise" + std::to_string(static_cast<int>(at.param.noise)) + "Blur" +
                                   std::to_string(static_cast<int>(10 * at.param.blur));
                          });
+
+TEST(Steps, EndWhenTheyAreCancelled) {
+  const Volume volume({.size = {20, 20, 20}});
+  const Mask mask(volume.geometry());
+  ComputeDevice device;
+  Progress progress;
+  progress.cancel();
+  EXPECT_THROW(ridge_strength(volume, device, &progress), Cancelled);
+  EXPECT_THROW(contrast_to_noise(volume, 0.7, device, 0, &progress), Cancelled);
+  EXPECT_THROW(pruned_skeleton(mask, std::vector<float>(mask.voxels.size()), &progress), Cancelled);
+}
+
+TEST(Block, OfMoreVoxelsThanIntCountsIsRefused) {
+  ComputeDevice device;
+  EXPECT_NO_THROW(BlockFilter(device, {2048, 2048, 511}));
+  EXPECT_THROW(BlockFilter(device, {2048, 2048, 512}), InputError);
+}
 
 /// A straight vessel alone in a cube.
 struct ShortVessel {

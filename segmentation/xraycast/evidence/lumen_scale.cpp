@@ -32,6 +32,16 @@ double half_square_radius(double quotient, double blur2) {
   return low;
 }
 
+/// Whether middles are so few that they may be one vessel's.
+bool are_few(std::size_t middles) { return middles < 100; }
+
+/// How many of the brightest middles tell the lumen's contrast: a tenth, but of a few the more, as the
+/// brightest of these are so by noise.
+std::size_t count_of_brightest(std::size_t middles) {
+  constexpr std::size_t kOfFew = 40;
+  return are_few(middles) ? std::min(middles, kOfFew) : middles / 10;
+}
+
 /// The blur's variance, from vessels that are neither full nor lost in noise.
 double measure_blur2(const std::vector<MiddleOfVessel>& middles, double lumen_hu, double before) {
   // Voxels' centres lie off the vessels' middles: without a blur of its own, a scan has this much less.
@@ -44,19 +54,12 @@ double measure_blur2(const std::vector<MiddleOfVessel>& middles, double lumen_hu
     if (narrow > kFaint && narrow < kFull && wide > kFaintWide && wide < kFull)
       quotients.push_back(std::log1p(-wide) / std::log1p(-narrow));
   }
-  // Where most are full, the others are full too, and fainter by noise or off their middles.
-  if (quotients.empty() || quotients.size() < full) return before;
+  // Where most of a few are full, the others are full too, and fainter by noise or off their middles.
+  if (quotients.empty() || (are_few(middles.size()) && quotients.size() < full)) return before;
   const double rho = quantile(std::move(quotients), 0.5);
   if (rho >= 1) return kMax;
   return std::clamp((rho * variance(kWide_vox, 0) - variance(kNarrow_vox, 0)) / (1 - rho) + kOffMiddle, 0.0,
                     kMax);
-}
-
-/// How many of the brightest middles tell the lumen's contrast: a tenth, but of a few the more, as the
-/// brightest of these are so by noise.
-std::size_t count_of_brightest(std::size_t middles) {
-  constexpr std::size_t kFewest = 40;
-  return std::min(std::max(middles / 10, kFewest), middles);
 }
 
 /// The lumen's contrast, from the brightest of the vessels.
@@ -81,10 +84,11 @@ double measure_lumen_hu(const std::vector<MiddleOfVessel>& middles, double blur2
 /// A first guess of the lumen's contrast: the brightest middles are almost full, whatever share of the scan
 /// vessels fill.
 double bright_hu(const std::vector<MiddleOfVessel>& middles) {
+  constexpr std::size_t kOfMany = 20;
   std::vector<double> narrow_hu;
   for (const MiddleOfVessel& m : middles) narrow_hu.push_back(m.narrow_hu);
   std::ranges::sort(narrow_hu, std::greater());
-  narrow_hu.resize(count_of_brightest(narrow_hu.size()));
+  narrow_hu.resize(are_few(narrow_hu.size()) ? count_of_brightest(narrow_hu.size()) : kOfMany);
   return quantile(std::move(narrow_hu), 0.5);
 }
 
