@@ -1,9 +1,12 @@
 #include "xraycast/evidence/block_filter.hpp"
 
+#include "xraycast/base/error.hpp"
+
 #include <glm/common.hpp>
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace xraycast {
@@ -11,6 +14,16 @@ namespace {
 
 cl_int4 int4_of(const Index3& i) {
   return {{static_cast<cl_int>(i.x), static_cast<cl_int>(i.y), static_cast<cl_int>(i.z), 0}};
+}
+
+/// The kernels count voxels with int.
+void require_indices(const Index3& size) {
+  constexpr std::int64_t kMost = std::numeric_limits<cl_int>::max();
+  if (size.x > kMost || size.y > kMost / size.x || size.z > kMost / (size.x * size.y))
+    throw InputError(
+        "a block of {} x {} x {} voxels is too large to filter; at most {} voxels fit: give a part of "
+        "the scan, or resample it to larger voxels",
+        size.x, size.y, size.z, kMost);
 }
 
 /// Weights of a Gaussian at 0, 1, 2 … `reach` voxels; both sides add up to 1.
@@ -61,7 +74,9 @@ LineSteps steps_of(const std::vector<glm::dvec3>& directions, int reach) {
 
 }  // namespace
 
-BlockFilter::BlockFilter(ComputeDevice& device, const Index3& size) : device_(device), size_(size) {}
+BlockFilter::BlockFilter(ComputeDevice& device, const Index3& size) : device_(device), size_(size) {
+  require_indices(size);
+}
 
 cl::Buffer BlockFilter::block() {
   return device_.buffer(CL_MEM_READ_WRITE, static_cast<std::int64_t>(voxel_count() * sizeof(float)));
@@ -123,6 +138,7 @@ cl::Buffer BlockFilter::ridge_strength(const cl::Buffer& values, double sigma_vo
   const int margin = reach_vox + 1;
   const Index3 items = eight_a_work_item(),
                padded = Index3(8 * items.x, size_.y, size_.z) + Index3(2 * margin);
+  require_indices(padded);
   const cl::Buffer wide = device_.buffer(CL_MEM_READ_WRITE, padded.x * padded.y * padded.z *
                                                                 static_cast<std::int64_t>(sizeof(float))),
                    target = block();

@@ -14,7 +14,7 @@ namespace xraycast {
 /// beyond the block its border is replicated.
 class BlockFilter {
  public:
-  /// Throws DeviceError.
+  /// Throws InputError for a block of more voxels than the kernels index, and DeviceError.
   BlockFilter(ComputeDevice& device, const Index3& size);
 
   std::size_t voxel_count() const { return static_cast<std::size_t>(size_.x * size_.y * size_.z); }
@@ -31,7 +31,8 @@ class BlockFilter {
 
   /// Ridge strength by oriented line integrals: the largest over `directions` of the weaker of a line's two
   /// arms' means, weighted by a Gaussian of `sigma_vox` over `reach_vox` voxels.
-  /// It is 0 where a voxel and its neighbours are below `least`.
+  /// It is 0 where a voxel and its neighbours are below `least`. Throws InputError where the block with a
+  /// margin of `reach_vox` has more voxels than the kernels index.
   cl::Buffer ridge_strength(const cl::Buffer& values, double sigma_vox, int reach_vox, int directions,
                             double least);
 
@@ -50,7 +51,7 @@ class BlockFilter {
 };
 
 /// Filters a whole scan slab by slab, each with `halo` additional slices on either side. Advances `progress`,
-/// if given, by the finished slices. Throws DeviceError.
+/// if given, by the finished slices. Throws InputError where a slab has too many voxels, and DeviceError.
 std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::int64_t halo,
                             const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
                             Progress* progress = nullptr);

@@ -26,10 +26,10 @@ inline constexpr double kNarrow_vox = 0.5, kWide_vox = 1;
 /// Measures both on vessels as a partial-volume model has them: in the middle of a vessel of radius r, a
 /// point spread of variance v leaves 1 - exp(-r^2 / 2v) of the lumen's contrast. Two Gaussians more make two
 /// equations. In thin vessels their quotient tells the blur, in the widest ones the radius and with it the
-/// lumen's contrast; a few passes settle both. `least_strength` is that of a ridge in noise, and
-/// `brightest_hu` a first guess.
+/// lumen's contrast; a few passes from the brightest middles settle both. `least_strength` is that of a ridge
+/// in noise. Without any middle the lumen's contrast is that of the scan's brightest voxel.
 LumenScale measure_lumen_scale(const std::vector<MiddleOfVessel>& middles, const ScanResponse& response,
-                               double least_strength, double brightest_hu);
+                               double least_strength);
 
 /// The least ridge strength that is a vessel's, as a share of the lumen's contrast: what a vessel of half a
 /// voxel under a blur of one has. What is weaker lies between vessels.

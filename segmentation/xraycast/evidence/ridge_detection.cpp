@@ -17,6 +17,10 @@ constexpr double kSurround_vox = 3;
 constexpr double kStrong = 4.25;  ///< standard deviations of a ridge that is no noise
 constexpr auto kHalo = static_cast<std::int64_t>(3 * kSurround_vox);  ///< the reach of the widest Gaussian
 
+void check(const Progress* progress) {
+  if (progress != nullptr) progress->check();
+}
+
 /// Gaussians of `across_vox` and of the surround, subtracted.
 cl::Buffer difference_of_gaussians(BlockFilter& block, const cl::Buffer& values, double across_vox) {
   std::vector<float> narrow = block.download(block.smooth(values, glm::dvec3(across_vox)));
@@ -57,9 +61,11 @@ std::vector<Index3> spur_at(const Mask& skeleton, Index3 here) {
 }
 
 /// Prunes the spurs of a skeleton whose mean contrast is below `min_contrast`, and returns them.
-Mask prune_dark_spurs(Mask& skeleton, const std::vector<float>& contrast, double min_contrast) {
+Mask prune_dark_spurs(Mask& skeleton, const std::vector<float>& contrast, double min_contrast,
+                      const Progress* progress) {
   Mask pruned(skeleton.geometry);
   while (true) {
+    check(progress);
     std::vector<Index3> found;  // all of them, before a bifurcation becomes an end
     for (std::size_t i = 0; i < skeleton.voxels.size(); ++i) {
       if (skeleton.voxels[i] == 0) continue;
@@ -111,21 +117,23 @@ Mask with_weak_links(const Mask& strong, const Mask& weak) {
   return result;
 }
 
-std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device) {
+std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device, const Progress* progress) {
   constexpr double kAcross_vox = 0.5, kAlong_vox = 3.5;
   constexpr int kDirections = 64;
   const auto [lowest, highest] = std::ranges::minmax(volume.hu());
   const double least_hu = 0.01 * (highest - lowest);
   return filtered(volume, device, kHalo + kReach_vox, [=](BlockFilter& block, const cl::Buffer& values) {
+    check(progress);
     return block.ridge_strength(difference_of_gaussians(block, values, kAcross_vox), kAlong_vox, kReach_vox,
                                 kDirections, least_hu);
   });
 }
 
 std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, ComputeDevice& device,
-                                     double least_unit_hu) {
+                                     double least_unit_hu, const Progress* progress) {
   std::vector<float> contrast =
       filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
+        check(progress);
         return difference_of_gaussians(block, values, across_vox);
       });
   const Spread noise = spread_of(contrast);
@@ -150,10 +158,11 @@ Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& gri
   return components_with(with_weak_links(strong, weak), large_components(strong, kCertainVoxels));
 }
 
-PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast) {
+PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast,
+                               const Progress* progress) {
   constexpr double kMinOfASpur = 2.5;
   Mask kept = thin(vessels);
-  Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur);
+  Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur, progress);
   return {std::move(kept), std::move(pruned)};
 }
 

@@ -1,5 +1,6 @@
 #include "xraycast/evidence/vessel_evidence.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/evidence/block_filter.hpp"
@@ -32,9 +33,10 @@ void for_each_index(std::size_t count, const Change& change) {
 }
 
 /// A scan smoothed by a Gaussian.
-Field smoothed(const Volume& volume, double smoothing_vox, ComputeDevice& device) {
+Field smoothed(const Volume& volume, double smoothing_vox, ComputeDevice& device, const Progress& progress) {
   const auto halo = static_cast<std::int64_t>(std::ceil(3 * smoothing_vox));
   return filtered(volume, device, halo, [&](BlockFilter& block, const cl::Buffer& hu) {
+    progress.check();
     return block.smooth(hu, glm::dvec3(smoothing_vox));
   });
 }
@@ -49,8 +51,8 @@ Field contrasts(Field values, const ScanResponse& response) {
 
 /// The contrast that each voxel of a scan shows when it is smoothed by a Gaussian.
 Field smoothed_contrast(const Volume& volume, const ScanResponse& response, double smoothing_vox,
-                        ComputeDevice& device) {
-  return contrasts(smoothed(volume, smoothing_vox, device), response);
+                        ComputeDevice& device, const Progress& progress) {
+  return contrasts(smoothed(volume, smoothing_vox, device, progress), response);
 }
 
 /// What a Gaussian leaves of the standard deviation of white noise.
@@ -74,31 +76,26 @@ bool is_local_maximum(const Mask& grid, const Field& values, const Index3& voxel
   });
 }
 
-std::vector<MiddleOfVessel> middles_of_vessels(const Mask& grid, const Field& narrow, const Field& wide,
+/// The middles of certain ridges. A ridge of noise is short, so that detection drops it: in a large scan the
+/// strongest of noise would outnumber the middles of a short vessel.
+std::vector<MiddleOfVessel> middles_of_vessels(const Mask& ridges, const Field& narrow, const Field& wide,
                                                const Field& strength, double least_strength) {
   std::vector<MiddleOfVessel> middles;
   for (std::size_t i = 0; i < wide.size(); ++i)
-    if (static_cast<double>(strength[i]) > least_strength &&
-        is_local_maximum(grid, wide, voxel_at(grid.geometry, static_cast<std::int64_t>(i))))
+    if (ridges.voxels[i] != 0 && static_cast<double>(strength[i]) > least_strength &&
+        is_local_maximum(ridges, wide, voxel_at(ridges.geometry, static_cast<std::int64_t>(i))))
       middles.push_back({narrow[i], wide[i], strength[i]});
   return middles;
 }
 
-/// The brightest contrast, less the few voxels that are brighter still: at most one in a thousand.
-double brightest_hu(Field contrast) {
-  const std::size_t rank = std::min<std::size_t>(contrast.size() / 1000, 1000);
-  const auto at = contrast.end() - 1 - static_cast<std::ptrdiff_t>(rank);
-  std::ranges::nth_element(contrast, at);
-  return *at;
-}
-
 LumenScale measure_scale(const Volume& volume, const ScanResponse& response, const Field& strength,
-                         ComputeDevice& device) {
-  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device);
-  Field wide = smoothed_contrast(volume, response, kWide_vox, device);
+                         ComputeDevice& device, const Progress& progress) {
+  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device, progress),
+              wide = smoothed_contrast(volume, response, kWide_vox, device, progress);
   const double least_strength = strong_ridge(strength);
-  const auto middles = middles_of_vessels(Mask(volume.geometry()), narrow, wide, strength, least_strength);
-  return measure_lumen_scale(middles, response, least_strength, brightest_hu(std::move(wide)));
+  const Mask ridges = detect_ridges(strength, volume.geometry(), least_strength);
+  return measure_lumen_scale(middles_of_vessels(ridges, narrow, wide, strength, least_strength), response,
+                             least_strength);
 }
 
 /// Voxels of wide vessels, within which ridges fade: half full, and above the noise, in large components.
@@ -149,11 +146,12 @@ class Smoother {
 };
 
 /// Shares deblurred by Richardson and Lucy's iteration, which keeps their sum, up to full.
-Field deblurred(const Field& shares, double blur_vox, int steps, Smoother& smooth) {
+Field deblurred(const Field& shares, double blur_vox, int steps, Smoother& smooth, const Progress& progress) {
   constexpr float kLeast = 1e-4F;
   constexpr double kSharp_vox = 0.15;
   Field result = shares;
   for (int step = 0; step < steps && blur_vox > kSharp_vox; ++step) {
+    progress.check();
     Field ratio = smooth(result, blur_vox);
     for_each_index(ratio.size(), [&](std::size_t i) { ratio[i] = shares[i] / (ratio[i] + kLeast); });
     ratio = smooth(ratio, blur_vox);
@@ -164,7 +162,8 @@ Field deblurred(const Field& shares, double blur_vox, int steps, Smoother& smoot
 
 /// Gives what the vessels' light outside of `mask` holds to the voxels in it, so that shares add up to the
 /// volume. Twice: what a full voxel cannot take goes to others nearby.
-Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& smooth) {
+Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& smooth,
+                const Progress& progress) {
   constexpr double kAround_vox = 2;
   constexpr float kMost = 2, kLeast = 1e-3F;
   const Field near_light = smooth(light, kAround_vox);
@@ -172,6 +171,7 @@ Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& sm
     if (mask.voxels[i] == 0) shares[i] = 0;
   });
   for (int pass = 0; pass < 2; ++pass) {
+    progress.check();
     const Field held = smooth(shares, kAround_vox);
     for_each_index(shares.size(), [&](std::size_t i) {
       const float ratio = std::clamp(near_light[i] / std::max(held[i], kLeast), 1.0F, kMost);
@@ -183,16 +183,16 @@ Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& sm
 
 /// The voxels of vessels wider than four voxels' radius, with those at their wall.
 Mask wide_vessels(const Mask& candidates, const Field& shares) {
-  constexpr double kWide_vox = 4, kWall_vox = 1.5;
+  constexpr double kWideRadius_vox = 4, kWall_vox = 1.5;
   Mask core(candidates.geometry);
   core.geometry.spacing_mm = glm::dvec3(1);
   for_each_index(shares.size(),
                  [&](std::size_t i) { core.voxels[i] = static_cast<std::uint8_t>(shares[i] >= 0.5F); });
   const Field depth = distance_to_background_mm(core);
   for_each_index(shares.size(), [&](std::size_t i) {
-    core.voxels[i] = static_cast<std::uint8_t>(static_cast<double>(depth[i]) >= kWide_vox);
+    core.voxels[i] = static_cast<std::uint8_t>(static_cast<double>(depth[i]) >= kWideRadius_vox);
   });
-  return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWide_vox + kWall_vox);
+  return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWideRadius_vox + kWall_vox);
 }
 
 /// Judges voxels by their shares.
@@ -280,8 +280,9 @@ Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field&
                      const Field& contrast, ComputeDevice& device, Progress& progress) {
   constexpr double kTracking_vox = 0.7;
   Mask ridges = detect_ridges(strength, volume.geometry(), kLeastRidge * scale.lumen_hu);
-  const Mask tracks = track_ridges(
-      contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu)), ridges, progress);
+  const Mask tracks =
+      track_ridges(contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu), &progress),
+                   ridges, progress);
   const Mask full = half_full(contrast, scale, volume.geometry());
   for_each_index(ridges.voxels.size(), [&](std::size_t i) {
     ridges.voxels[i] |= tracks.voxels[i];
@@ -292,13 +293,14 @@ Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field&
 
 /// The shares of a box of the scan, smoothed by as much as its noise asks for, and deblurred.
 Field estimated_shares(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
-                       const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device) {
+                       const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device,
+                       const Progress& progress) {
   const double smoothing = smoothing_vox(scale);
   const int steps = 3 + static_cast<int>(std::lround(3 * std::min(scale.blur_vox, 1.0)));
-  const Field shares =
-      shares_within(cropped(smoothed_contrast(volume, response, smoothing, device), volume.geometry(), box),
-                    reach, scale.lumen_hu);
-  return deblurred(shares, std::hypot(smoothing, scale.blur_vox), steps, smooth);
+  const Field shares = shares_within(
+      cropped(smoothed_contrast(volume, response, smoothing, device, progress), volume.geometry(), box),
+      reach, scale.lumen_hu);
+  return deblurred(shares, std::hypot(smoothing, scale.blur_vox), steps, smooth, progress);
 }
 
 /// Writes the shares of the vessels in a box.
@@ -315,8 +317,13 @@ void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenF
 void require_memory_of_fields(const VolumeGeometry& grid) {
   constexpr std::int64_t kBytesPerVoxel = 52;
   const std::int64_t bytes = kBytesPerVoxel * grid.voxel_count();
-  require_memory(fmt::format("finding vessels in {} x {} x {} voxels", grid.size.x, grid.size.y, grid.size.z),
-                 {bytes, bytes});
+  try {
+    require_memory(
+        fmt::format("finding vessels in {} x {} x {} voxels", grid.size.x, grid.size.y, grid.size.z),
+        {bytes, bytes});
+  } catch (const Error& e) {
+    throw Error("{}; or give a window, which needs less", e.what());
+  }
 }
 
 }  // namespace
@@ -343,12 +350,12 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
   const VolumeGeometry& grid = volume.geometry();
   require_memory_of_fields(grid);
   progress.begin("detecting ridges", 3, "passes");
-  Field contrast = smoothed(volume, kLight_vox, device);
+  Field contrast = smoothed(volume, kLight_vox, device, progress);
   const ScanResponse response(volume, std::min(noise_hu, most_noise_hu(contrast, kLight_vox)));
   contrast = contrasts(std::move(contrast), response);
-  Field strength = ridge_strength(volume, device);
+  Field strength = ridge_strength(volume, device, &progress);
   progress.advance();
-  const LumenScale scale = measure_scale(volume, response, strength, device);
+  const LumenScale scale = measure_scale(volume, response, strength, device, progress);
   progress.advance();
   const Mask candidates = find_candidates(volume, scale, strength, contrast, device, progress);
   strength = {};
@@ -360,17 +367,18 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
 
   progress.begin("estimating the lumen", 3, "passes");
   const PrunedSkeleton skeleton = pruned_skeleton(
-      candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu)));
+      candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu), &progress),
+      &progress);
   progress.advance();
   const Mask part = crop(candidates, box), reach = near(part, kNear_vox);
   Smoother smooth(device, part.geometry.size);
   const Field light = shares_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
   contrast = {};
-  Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device);
+  Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device, progress);
   progress.advance();
   const Mask vessels =
       lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares, scale);
-  shares = conserved(std::move(shares), vessels, light, smooth);
+  shares = conserved(std::move(shares), vessels, light, smooth, progress);
   paste(vessels, box, found.vessels);
   set_shares(shares, vessels, box, found.fill);
   progress.advance();

@@ -17,11 +17,11 @@ struct VesselEvidence {
 /// Finds vessels by one measure in all noise: the share of lumen in a voxel. The scan's blur and the lumen's
 /// contrast are measured on the vessels themselves (lumen_scale). Ridges that rise above the noise and above
 /// kLeastRidge of the lumen's contrast, and what is half full, are candidates. The scan, smoothed the more
-/// the more noise there is, is deblurred within 2 voxels of them (Richardson 1972, Lucy 1974); voxels beside
-/// a candidate are in the mask when their share exceeds `least_share`, in vessels wider than four voxels when
-/// it exceeds one half. `noise_hu` is the noise's standard deviation, which counts as far as the background
-/// shows it. Two stages of `progress`. Throws
-/// DeviceError.
+/// the more noise there is, is deblurred within 3.5 voxels of them (Richardson 1972, Lucy 1974); voxels
+/// beside a candidate are in the mask when their share exceeds `least_share`, in vessels whose radius exceeds
+/// four voxels when it exceeds one half. `noise_hu` is the noise's standard deviation; where the background
+/// varies less than that, what the background shows counts. Two stages of `progress`, which can cancel each
+/// slab and pass. Throws InputError where a block has too many voxels, Error without memory, DeviceError.
 VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device, Progress& progress);
 
 /// By how much a scan is smoothed before its voxels' shares are estimated, in voxels.
