@@ -60,6 +60,8 @@ void clean_up() {
 }  // namespace xraycast::python
 
 NB_MODULE(_core, module) {
+  // A daemon thread's frames keep what they hold when the interpreter exits.
+  nanobind::set_leak_warnings(false);
   using namespace xraycast::python;
   module.doc() = "CT scans into fluoroscopy one can fly through.";
   module.attr("__version__") = XRAYCAST_VERSION;
