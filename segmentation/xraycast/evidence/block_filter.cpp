@@ -139,9 +139,9 @@ cl::Buffer BlockFilter::ridge_strength(const cl::Buffer& values, double sigma_vo
   const Index3 items = eight_a_work_item(),
                padded = Index3(8 * items.x, size_.y, size_.z) + Index3(2 * margin);
   require_indices(padded);
-  const cl::Buffer wide = device_.buffer(CL_MEM_READ_WRITE, padded.x * padded.y * padded.z *
-                                                                static_cast<std::int64_t>(sizeof(float))),
-                   target = block();
+  const cl::Buffer wide = device_.buffer(
+      CL_MEM_READ_WRITE, padded.x * padded.y * padded.z * static_cast<std::int64_t>(sizeof(float)));
+  cl::Buffer target = block();
   run("with_margin", padded, values, wide, int4_of(padded), static_cast<cl_int>(margin));
   run("ridge_strength", items, wide, target, int4_of(padded), corners, fractions,
       static_cast<cl_int>(directions), device_weights, static_cast<cl_int>(reach_vox),
