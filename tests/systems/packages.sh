@@ -4,25 +4,12 @@
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-root=$(mktemp -d /var/tmp/xraycast-bare.XXXXXX)
-clean() {
-  for folder in proc sys dev; do mountpoint -q "$root/$folder" && umount -lR "$root/$folder"; done
-  rm -rf --one-file-system "$root"
-}
-trap clean EXIT
-
-within() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive "$@"; }
-
-debootstrap --variant=minbase bookworm "$root" >/dev/null
-mount -t proc proc "$root/proc"
-mount --rbind /sys "$root/sys"
-mount --make-rslave "$root/sys"
-mount --rbind /dev "$root/dev"
-mount --make-rslave "$root/dev"
+source tests/systems/bare_root.sh
+make_bare_root bookworm
 cp out/packages/*.deb "$root/root/"
 
 echo "== xraycast"
-within bash -c 'apt-get update -qq && apt-get install -y -qq --no-install-recommends /root/xraycast_*.deb' >/dev/null
+install_within '/root/xraycast_*.deb'
 if within bash -c 'command -v g++ cc make'; then
   echo "the program's package brings a compiler" >&2
   exit 1
