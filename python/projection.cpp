@@ -49,9 +49,9 @@ Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuati
 /// The pictures of all poses, one behind the other.
 std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses,
                                   const Attenuation& attenuation, bool has_gradient, Progress& progress) {
+  auto depths = room_for(poses, has_gradient);
   const DeviceUse device;
   const SpectralScan& resident = scan.resident(device);
-  auto depths = std::make_shared<Depths>();
   for (const Pose& pose : poses) {
     Depths one = has_gradient ? gradient_from(resident, pose, attenuation, progress)
                               : Depths{tau_from(resident, pose, attenuation, progress), {}};
