@@ -39,7 +39,7 @@ MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const De
   const OutlineFinder& finder = scan.outline(device);
   if (arguments.outline == "body")
     return body_map(scan.geometry(), arguments.angles, arguments.layers, finder);
-  const BodyOutline body = finder.finish();
+  const BodyOutline& body = scan.body(device);
   return cylinder_map(scan.geometry(), arguments.angles,
                       shell_radii_mm(RadiiRule::equal_area, arguments.layers, body.radius_mm),
                       body.centre_mm);

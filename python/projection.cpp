@@ -16,7 +16,7 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   const VolumeGeometry& volume = scan.geometry();
   const bool is_sized = view.width > 0 && view.height > 0 && view.pixel_mm > 0;
   BodyOutline body{.centre_mm = glm::dvec2(scan.middle_mm()), .radius_mm = 1};
-  if (!has_centre || !is_sized) body = scan.outline(device).finish();
+  if (!has_centre || !is_sized) body = scan.body(device);
   if (!has_centre) view.centre_mm = {body.centre_mm, scan.middle_mm().z};
   return fitted(view, volume, body);
 }

@@ -188,6 +188,11 @@ const OutlineFinder& HeldScan::outline(const DeviceUse&) {
   return *outline_;
 }
 
+const BodyOutline& HeldScan::body(const DeviceUse& device) {
+  if (!body_) body_ = outline(device).finish();
+  return *body_;
+}
+
 void add_scan(nb::module_& module) {
   nb::class_<HeldScan> scan(
       module, "Scan",

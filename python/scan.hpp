@@ -44,6 +44,7 @@ class HeldScan {
 
   /// Of the body, with its skin.
   const OutlineFinder& outline(const DeviceUse& device);
+  const BodyOutline& body(const DeviceUse& device);
 
  private:
   std::shared_ptr<Volume> volume_;
@@ -52,6 +53,7 @@ class HeldScan {
   std::optional<ScanFile> file_;
   std::optional<SpectralScan> resident_;
   std::optional<OutlineFinder> outline_;
+  std::optional<BodyOutline> body_;
 };
 
 /// Open, phantom and Scan.
