@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # packages.sh, as root: installs the packages of `./dev package` in a bare Debian 12, where `xraycast demo` must work
-# without a compiler, and each example of libxraycast-dev must be built and run. Takes the network and about 4 GB.
+# without a compiler, the Python package too, and each example of libxraycast-dev must be built and run. Takes the network and about 4 GB.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
@@ -24,8 +24,17 @@ mv "$root/usr/bin/ld.away" "$root/usr/bin/ld"
 echo "$said"
 [[ $(wc -l <<<"$said") = 1 && $said == *binutils* ]]
 
+echo "== python3-xraycast"
+install_within '/root/python3-xraycast_*.deb'
+within python3 -c '
+import xraycast as xc
+scan = xc.phantom("thorax", spacing_mm=2)
+body = scan.cast(layers=4)
+print(scan, scan.project(lao=30, cone_mm=(1000, 1500)).tau.max(), body.render(lao=30).shape, len(scan.segment().tree), "branches")
+'
+
 echo "== libxraycast-dev"
-within bash -c 'apt-get install -y -qq --no-install-recommends cmake g++ make /root/libxraycast-dev_*.deb' >/dev/null
+install_within cmake g++ make '/root/libxraycast-dev_*.deb'
 for example in host segmentation simulation viewer; do
   within bash -c "cp -r /usr/share/doc/libxraycast-dev/examples/$example /root/ && cd /root/$example &&
     cmake -S . -B build -DCMAKE_BUILD_TYPE=Release >/dev/null && cmake --build build >/dev/null && ./build/example"
