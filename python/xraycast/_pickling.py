@@ -1,4 +1,6 @@
 """What pickles of objects hold: functions that make them again, and these functions' arguments."""
+import os
+import tempfile
 import warnings
 
 from . import _core
@@ -32,3 +34,20 @@ def opacity(self):
 
 def tree(self):
     return _core.VesselTree, ([(self[i].points, self[i].parent) for i in range(len(self))],)
+
+
+def body_map(self):
+    """By the bytes of its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "map.exr")
+        self.write(path)
+        with open(path, "rb") as file:
+            return map_of, (file.read(),)
+
+
+def map_of(bytes_):
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "map.exr")
+        with open(path, "wb") as file:
+            file.write(bytes_)
+        return _core.BodyMap.read(path)

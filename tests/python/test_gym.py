@@ -105,3 +105,14 @@ def test_observations_are_frames(fork, vessel_in_water):
     away = [np.hypot(rows - r, columns - c).min() for r, c in zip(*np.nonzero(darker))]
     assert len(away) > 20 and max(away) < 7
     assert np.array_equal(frame[..., 1], first[..., 1]) and set(np.unique(way)) == {False, True}
+
+
+def test_frames_are_made_in_spawned_processes(fork, vessel_in_water):
+    body = vessel_in_water.cast(layers=2)
+    envs = gymnasium.vector.AsyncVectorEnv(
+        [lambda: ReachTarget(str(fork), "guidewire-035-j", body=body, size=(32, 24), max_steps=20)] * 2, context="spawn")
+    try:
+        observations, _ = envs.reset(seed=3)
+        assert observations.shape == (2, 24, 32, 2) and observations[..., 0].std() > 0
+    finally:
+        envs.close()
