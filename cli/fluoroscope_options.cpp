@@ -105,8 +105,7 @@ void note_on_energies(const Session& session) {
        "much; for the tissues' own hardening give --opacity spectrum:KVP"});
 }
 
-void check_fluoroscopy_output(const GreyOptions& grey, const DicomOptions& dicom) {
-  (void)grey;
+void check_linear_codes(const DicomOptions& dicom) {
   if (dicom.intensity == "log")
     throw InputError("--intensity log: a fluoroscope's detector sends linear codes; leave it out");
 }

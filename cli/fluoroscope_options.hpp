@@ -39,8 +39,8 @@ View on_c_arm(const FluoroscopeArguments& options, const std::optional<Fluorosco
 /// One line for what has no energies.
 void note_on_energies(const Session& session);
 
-/// Throws InputError when a grey or DICOM option contradicts the detector's codes.
-void check_fluoroscopy_output(const GreyOptions& grey, const DicomOptions& dicom);
+/// Throws InputError for an --intensity that the detector's codes do not have.
+void check_linear_codes(const DicomOptions& dicom);
 
 /// A frame's displayed greys, with --gamma and --inverted.
 std::vector<std::uint8_t> displayed(const FluoroscopyFrame& frame, const GreyOptions& grey);

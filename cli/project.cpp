@@ -82,7 +82,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
   check_shown(options.grey, options.output);
   auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (fluoroscopy) {
-    check_fluoroscopy_output(options.grey, options.dicom);
+    check_linear_codes(options.dicom);
     use_spectrum(options.attenuation.opacity, attenuation, *fluoroscopy);
   }
   XaOptions xa = parse_xa(options.dicom, options.output);

@@ -1,5 +1,6 @@
 #include "catheter_options.hpp"
 #include "command.hpp"
+#include "fluoroscope_options.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
 #include "view_options.hpp"
@@ -32,6 +33,7 @@ struct SimulateArguments {
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
   DicomOptions dicom;
+  FluoroscopeArguments fluoroscope;
 };
 
 /// FROM,TO in seconds. Throws InputError.
@@ -71,7 +73,8 @@ class Cine {
   Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
-    cine.view = parse_view(options.view);
+    const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
+    cine.view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
     cine.view.centre_mm = bounds.centre_mm;
@@ -81,6 +84,11 @@ class Cine {
     cine.style.shading = parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
+    if (fluoroscopy) {
+      if (!map->spectrum) note_on_energies(session);
+      fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
+      cine.step_s = 1 / fluoroscopy->pulses_per_s;
+    }
     if (is_xa(options.cine))
       start_xa(options, map, tree, cine, longest_s, session);
     else
@@ -89,8 +97,12 @@ class Cine {
   void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
   void finish() {
     if (writer_) writer_->finish();
-    if (xa_) xa_->finish();
+    if (!xa_) return;
+    if (fluoroscope_) xa_->set_exposure(exposure_of(*fluoroscope_, technique_));
+    xa_->finish();
   }
+  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  const Technique& technique() const { return technique_; }  ///< of the last pulse
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
 
@@ -98,7 +110,12 @@ class Cine {
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
-    run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
+    if (fluoroscope_)
+      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
+        writer_->add(rgb_of(displayed(pulse(tau), {})));
+      });
+    else
+      run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
 
   void start_xa(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
@@ -109,10 +126,23 @@ class Cine {
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, session);
+    if (fluoroscope_) xa.code_bits = fluoroscope_->bits();
     const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
     xa_.emplace(options.cine, cine.view, most_frames, xa);
-    run_.emplace(map, tree, cine,
-                 [this, view = cine.view](const std::vector<float>& tau) { xa_->add(view, tau); });
+    run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
+      if (fluoroscope_)
+        xa_->add_codes(view, pulse(tau).codes);
+      else
+        xa_->add(view, tau);
+    });
+  }
+
+  /// The next pulse; before the first one the exposure control settles.
+  const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
+    if (fluoroscope_->dose().images == 0) fluoroscope_->settle(tau);
+    const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
+    technique_ = frame.technique;
+    return frame;
   }
 
   HeadlessContext context_;
@@ -120,6 +150,8 @@ class Cine {
   std::optional<XaWriter> xa_;
   std::string frame_of_reference_;
   std::optional<RunCine> run_;
+  std::optional<Fluoroscope> fluoroscope_;
+  Technique technique_;
 };
 
 /// Samples the hub's loads during a run, at the resolution of a plot.
@@ -144,7 +176,15 @@ class HubPlot {
 
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
-  if (options.cine.empty()) return;
+  const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
+  if (options.cine.empty()) {
+    if (is_fluoroscopy)
+      throw InputError("a fluoroscope's options draw a run's pictures; add --cine and --map");
+    return;
+  }
+  if (is_fluoroscopy) check_linear_codes(options.dicom);
+  if (is_fluoroscopy && options.look == "surface")
+    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   parse_injection(options.inject);
@@ -206,6 +246,10 @@ void simulate(const SimulateArguments& options, Session& session) {
                 {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
+  if (cine && cine->fluoroscope()) {
+    result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
+    pictures = summary(*cine->fluoroscope(), cine->technique());
+  }
   for (const std::string& file : {options.plot, options.cine})
     if (!file.empty()) pictures += fmt::format("{}: written\n", file);
   session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
@@ -245,8 +289,10 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
-      ->add_option("--cine", options->cine,
-                   "Frames of the run, ten per second: a folder of PNGs, a .gif, or a .dcm (DICOM XA)")
+      ->add_option(
+          "--cine", options->cine,
+          "Frames of the run, ten per second, or a fluoroscope's pulses: a folder of PNGs, a .gif, or a .dcm "
+          "(DICOM XA)")
       ->type_name("DIR|GIF|DCM");
   command
       ->add_option("--look", options->look,
@@ -260,6 +306,7 @@ void add_simulate(CLI::App& app, Session& session) {
       ->type_name("FROM_S,TO_S");
   add_view_options(*command, options->view);
   add_dicom_options(*command, options->dicom);
+  add_fluoroscope_options(*command, options->fluoroscope);
 }
 
 }  // namespace xraycast::cli
