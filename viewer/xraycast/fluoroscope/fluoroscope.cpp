@@ -58,17 +58,17 @@ void rows_around(const Plane& plane, const PictureSize& size, int j, int neighbo
     rows.push_back(plane.data() + size.row(std::clamp(j + k, 0, size.height - 1)));
 }
 
-void check_exposure(const char* name, std::optional<double> value, double most, const char* unit) {
+void check_exposure(std::optional<double> value, double most, const char* unit) {
   if (value && !(*value > 0 && *value <= most))
-    throw InputError("an exposure of {} {:g}{}: must be above 0 and at most {:g}", name, *value, unit, most);
+    throw InputError("an exposure of {:g} {}: must be above 0 and at most {:g}", *value, unit, most);
 }
 
 }  // namespace
 
 void check(const FluoroscopyOptions& options) {
   constexpr double kMostMas = 2000, kMostPhotons = 1e7, kLowestRate = 3, kHighestRate = 30;
-  check_exposure("mAs", options.mas, kMostMas, " mAs");
-  check_exposure("photons", options.photons, kMostPhotons, " photons a pixel");
+  check_exposure(options.mas, kMostMas, "mAs");
+  check_exposure(options.photons, kMostPhotons, "photons a pixel");
   if (options.photons && options.mas)
     throw InputError("photons and mAs are both given, but each sets the exposure; give one of them");
   const XrayTube& tube = options.c_arm.tube;
