@@ -1,3 +1,4 @@
+#include "angiography_options.hpp"
 #include "catheter_options.hpp"
 #include "command.hpp"
 #include "pictures/hub_plot.hpp"
@@ -29,19 +30,12 @@ namespace fs = std::filesystem;
 
 struct SimulateArguments {
   std::string tree, instrument_model, script, log, plot, entry;
-  std::string map, cine, look = "fluoro", inject;
+  std::string map, cine, look = "fluoro";
+  InjectionOptions injection;
+  SubtractionOptions subtraction;
   ViewOptions view;
   DicomOptions dicom;
 };
-
-/// FROM,TO in seconds. Throws InputError.
-std::pair<double, double> parse_injection(const std::string& text) {
-  if (text.empty()) return {0, 0};
-  const std::vector<double> times_s = parse_numbers(text, "--inject");
-  if (times_s.size() != 2 || !(0 <= times_s[0] && times_s[0] < times_s[1]))
-    throw InputError("--inject {}: must be FROM,TO in seconds", text);
-  return {times_s[0], times_s[1]};
-}
 
 std::vector<glm::vec3> points_of(const VesselTree& tree) {
   std::vector<glm::vec3> points_mm;
@@ -78,9 +72,13 @@ class Cine {
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.style.shading = parse_shading_mode(options.look);
+    cine.subtracts = options.look == "dsa";
+    cine.style.shading = cine.subtracts ? ShadingMode::fluoro : parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
-    std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
+    cine.injection = parse_injection(options.injection);
+    cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
+    cine.mask_shift = parse_mask_shift(options.subtraction);
+    cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
     if (is_xa(options.cine))
       start_xa(options, map, tree, cine, longest_s, session);
     else
@@ -89,7 +87,9 @@ class Cine {
   void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
   void finish() {
     if (writer_) writer_->finish();
-    if (xa_) xa_->finish();
+    if (!xa_) return;
+    xa_->set_mask_frames(run_->mask_frames());
+    xa_->finish();
   }
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
@@ -147,7 +147,13 @@ void check_cine(const SimulateArguments& options) {
   if (options.cine.empty()) return;
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
-  parse_injection(options.inject);
+  const Injection injection = parse_injection(options.injection);
+  const bool subtracts = options.look == "dsa";
+  if (subtracts && injection.volume_ml() == 0)
+    throw InputError("--look dsa: there is no contrast agent to show; add --inject FROM_S,TO_S");
+  parse_heart_rate(options.injection);
+  parse_mask_shift(options.subtraction);
+  check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_folder(options.cine, options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");
@@ -228,6 +234,8 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --cine run.gif --inject 8,9 --size 480x640\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
       "    --cine run.dcm --inject 8,9 --cone 780,1200 --patient Phantom,1\n"
+      "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
+      "    --cine dsa.gif --look dsa --inject 8 --injection-rate 6 --injection-volume 12 --iodine 300\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
@@ -250,14 +258,13 @@ void add_simulate(CLI::App& app, Session& session) {
       ->type_name("DIR|GIF|DCM");
   command
       ->add_option("--look", options->look,
-                   "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface)")
-      ->check(CLI::IsMember({"fluoro", "surface"}))
+                   "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
+                   "since the mask, the frames of half a second before --inject, with which it begins")
+      ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command
-      ->add_option("--inject", options->inject,
-                   "--cine: inject contrast agent at the tip at 5 ml/s between these times")
-      ->type_name("FROM_S,TO_S");
+  add_injection_options(*command, options->injection);
+  add_subtraction_options(*command, options->subtraction);
   add_view_options(*command, options->view);
   add_dicom_options(*command, options->dicom);
 }

@@ -51,6 +51,10 @@ class XaWriter {
   /// The next picture's optical depths, W x H, row 0 on top.
   void add(const View& view, std::span<const float> tau);
 
+  /// The mean of that many first pictures is the mask that programs subtract from the others to show them (DICOM's
+  /// Mask Module); 0: no subtraction.
+  void set_mask_frames(int frames) { mask_frames_ = frames; }
+
   /// Once, after the last picture; without pictures nothing is written. Throws Error when the disk is full.
   void finish();
 
@@ -59,6 +63,7 @@ class XaWriter {
   XaOptions options_;
   std::vector<View> views_;
   std::vector<std::uint16_t> pixels_;
+  int mask_frames_ = 0;
 };
 
 }  // namespace xraycast

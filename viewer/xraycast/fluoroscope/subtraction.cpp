@@ -84,7 +84,10 @@ void Subtraction::move_mask() {
 }
 
 void Subtraction::subtract(std::span<const float> frame, std::span<float> difference) {
-  if (mask_frames_ == 0) return std::ranges::fill(difference, 0.0f);
+  if (mask_frames_ == 0) {
+    std::ranges::fill(difference, 0.0f);
+    return;
+  }
   if (!is_moved_) move_mask();
   for (std::size_t i = 0; i < frame.size(); ++i) difference[i] = frame[i] - moved_[i];
 }
