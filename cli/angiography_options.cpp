@@ -35,7 +35,8 @@ void add_injection_options(CLI::App& command, InjectionOptions& options) {
   command.add_option("--iodine", options.iodine_mg_ml, "--inject: iodine concentration of the agent")
       ->capture_default_str()
       ->type_name("MG/ML");
-  command.add_option("--heart-rate", options.heart_rate_bpm, "--inject: beats per minute of the blood's flow")
+  command
+      .add_option("--heart-rate", options.heart_rate_bpm, "--inject: beats per minute of the blood's flow")
       ->capture_default_str()
       ->type_name("BPM");
 }
@@ -93,8 +94,8 @@ void check_subtraction(const SubtractionOptions& options, bool subtracts, const 
     if (!is_given) return;
     if (!subtracts) throw InputError("{}: applies only to --look dsa; add that or leave it out", option);
     if (is_xa(file))
-      throw InputError("{}: {} holds frames and mask before subtraction; leave it out, or write a .gif", option,
-                       file);
+      throw InputError("{}: {} holds frames and mask before subtraction; leave it out, or write a .gif",
+                       option, file);
   };
   check(!options.mask_shift.empty(), "--mask-shift");
   check(options.shows_maximum_opacification, "--max-opacification");

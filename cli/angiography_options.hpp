@@ -36,8 +36,8 @@ void add_subtraction_options(CLI::App& command, SubtractionOptions& options);
 /// RIGHT,DOWN; no shift for an empty text. Throws InputError.
 PixelShift parse_mask_shift(const SubtractionOptions& options);
 
-/// Throws InputError for an option that does not apply: to another look than dsa, or to a file that holds what
-/// is not yet subtracted.
+/// Throws InputError for an option that does not apply: to another look than dsa, or to a file that holds
+/// what is not yet subtracted.
 void check_subtraction(const SubtractionOptions& options, bool subtracts, const std::string& file);
 
 }  // namespace xraycast::cli

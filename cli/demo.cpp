@@ -207,8 +207,8 @@ double darkness(const std::vector<std::uint8_t>& rgb) {
   return -std::accumulate(rgb.begin(), rgb.end(), 0.0);
 }
 
-/// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at the
-/// hub.
+/// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
+/// the hub.
 void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
               Progress& progress) {
   const HeadlessContext context;

@@ -257,9 +257,10 @@ void add_simulate(CLI::App& app, Session& session) {
                    "Frames of the run, ten per second: a folder of PNGs, a .gif, or a .dcm (DICOM XA)")
       ->type_name("DIR|GIF|DCM");
   command
-      ->add_option("--look", options->look,
-                   "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
-                   "since the mask, the frames of half a second before --inject, with which it begins")
+      ->add_option(
+          "--look", options->look,
+          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
+          "since the mask, the frames of half a second before --inject, with which it begins")
       ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->capture_default_str()
       ->type_name("NAME");

@@ -11,11 +11,22 @@ namespace {
 
 enum : std::size_t { kCatheter, kContrast };
 
+/// Of the point of the tree at a place or next beyond it.
+double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
+  const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(place.branch)];
+  const auto beyond = std::ranges::lower_bound(branch.arc_length_mm, place.arc_length_mm);
+  return branch
+      .points[static_cast<std::size_t>(
+          std::min(beyond - branch.arc_length_mm.begin(), std::ssize(branch.points) - 1))]
+      .radius_mm;
+}
+
 }  // namespace
 
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
                  std::variant<Screen, Detector> taker)
-    : options_(options),
+    : tree_(tree),
+      options_(options),
       taker_(std::move(taker)),
       bolus_(tree, options.blood),
       contrast_(tree),
@@ -54,7 +65,7 @@ bool RunCine::is_before_injection(double time_s) const {
 double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   const Injection& injection = options_.injection;
   const double diluted = std::min(1.0, injection.rate_ml_s / bolus_.mean_flow_ml_s(tip.branch));
-  return 2 * tip.radius_mm * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
+  return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
 void RunCine::take_frame() {

@@ -18,8 +18,8 @@
 namespace xraycast {
 
 /// The frames of a catheter's run with a fixed C-arm: the body, the catheter, contrast agent while it is
-/// injected, and the vessels' outline as a road map; or a run of digital subtraction angiography, which begins
-/// half a second before the injection and whose frames until then are its mask. Needs a current OpenGL
+/// injected, and the vessels' outline as a road map; or a run of digital subtraction angiography, which
+/// begins half a second before the injection and whose frames until then are its mask. Needs a current OpenGL
 /// context.
 class RunCine {
  public:
@@ -30,7 +30,7 @@ class RunCine {
     Injection injection;  ///< none: of no duration
     Blood blood;
     bool subtracts = false;
-    PixelShift mask_shift;                   ///< subtraction: of the mask
+    PixelShift mask_shift;                     ///< subtraction: of the mask
     bool shows_maximum_opacification = false;  ///< subtraction: every frame has the vessels filled so far
   };
   static constexpr double kMask_s = 0.5;  ///< what a run of subtraction shows before the injection
@@ -55,6 +55,7 @@ class RunCine {
   void take_frame();
   std::vector<std::uint8_t> subtracted(const std::vector<float>& tau);
 
+  const VesselTree& tree_;
   Options options_;
   std::variant<Screen, Detector> taker_;
   Renderer renderer_;
