@@ -13,6 +13,7 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -44,6 +45,8 @@ struct RenderArguments {
   ViewOptions view;
   GreyOptions grey;
   DicomOptions dicom;
+
+  bool subtracts() const { return look == "dsa"; }
 };
 
 void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
@@ -59,15 +62,19 @@ void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
 }
 
 void apply_style(const RenderArguments& options, Style& style) {
-  if (options.look) style.shading = parse_shading_mode(*options.look);
+  if (options.subtracts())
+    style.shading = ShadingMode::fluoro;
+  else if (options.look)
+    style.shading = parse_shading_mode(*options.look);
   apply_sampling(options, style.sampling);
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
     style.layer_weights.assign(weights.begin(), weights.end());
   }
   if (options.full_contrast) {
-    if (style.shading != ShadingMode::fluoro)
-      throw InputError("--full-contrast does not apply to --look surface; leave it out");
+    if (style.shading != ShadingMode::fluoro || options.subtracts())
+      throw InputError("--full-contrast does not apply to --look {}; leave it out",
+                       options.subtracts() ? "dsa" : "surface");
     style.full_contrast = true;
   }
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
@@ -84,6 +91,8 @@ ViewSession resolve(const RenderArguments& options) {
   apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
+  if (options.subtracts() && (scene.vessels.empty() || scene.steered))
+    throw InputError("--look dsa: there are no vessels with contrast agent; give --vessels too");
   return scene;
 }
 
@@ -151,19 +160,21 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
 class FrameRenderer {
  public:
   FrameRenderer(const ViewSession& scene, const std::shared_ptr<const BodyMap>& map, const BodyBounds& bounds,
-                std::span<const Surface> surfaces, bool with_annotations)
-      : scene_(scene), bounds_(bounds), with_annotations_(with_annotations) {
+                std::vector<Surface> surfaces, bool subtracts, bool with_annotations)
+      : scene_(scene),
+        bounds_(bounds),
+        surfaces_(std::move(surfaces)),
+        subtracts_(subtracts),
+        with_annotations_(with_annotations) {
     renderer_.set_map(map);
-    renderer_.set_surfaces(surfaces);
+    renderer_.set_surfaces(surfaces_);
     if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
       road_map_.emplace(read_tree(scene.vessels));
   }
 
   /// The displayed picture: in the session's grey window, or in an automatic one for the view.
   std::vector<std::uint8_t> picture(const View& view) {
-    Style style = scene_.style;
-    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
-    std::vector<std::uint8_t> rgb = renderer_.picture(view, style);
+    std::vector<std::uint8_t> rgb = subtracts_ ? subtracted_picture(view) : grey_picture(view);
     const glm::dvec3 half(0, 0, bounds_.half_height_mm);
     if (with_annotations_)
       draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
@@ -172,13 +183,37 @@ class FrameRenderer {
     return rgb;
   }
 
-  std::vector<float> tau(const View& view) { return renderer_.tau(view, scene_.style); }
+  /// Optical depths, or their differences from those without the vessels.
+  std::vector<float> tau(const View& view) {
+    std::vector<float> tau = renderer_.tau(view, scene_.style);
+    if (!subtracts_) return tau;
+    renderer_.set_surfaces(std::span(surfaces_).subspan(1));  // the first are the vessels
+    Subtraction subtraction(view.width, view.height);
+    subtraction.add_to_mask(renderer_.tau(view, scene_.style));
+    subtraction.subtract(tau, tau);
+    renderer_.set_surfaces(surfaces_);
+    return tau;
+  }
   std::size_t texture_B() const { return renderer_.texture_B(); }
 
  private:
+  std::vector<std::uint8_t> grey_picture(const View& view) {
+    Style style = scene_.style;
+    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
+    return renderer_.picture(view, style);
+  }
+  /// All frames have the window of the first.
+  std::vector<std::uint8_t> subtracted_picture(const View& view) {
+    const std::vector<float> difference = tau(view);
+    if (!window_) window_ = automatic_subtraction_window(difference);
+    return subtraction_picture(difference, *window_);
+  }
+
   const ViewSession& scene_;
   BodyBounds bounds_;
-  bool with_annotations_;
+  std::vector<Surface> surfaces_;
+  bool subtracts_, with_annotations_;
+  std::optional<SubtractionWindow> window_;
   HeadlessContext context_;
   Renderer renderer_;
   std::optional<RoadMap> road_map_;
@@ -224,11 +259,11 @@ void render(const RenderArguments& options, Session& session) {
   const auto map = load_map(scene, session);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const BodyBounds bounds = bounds_of(map->geometry);
-  const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
   const View view = resolve_view(options, scene, bounds);
 
   check_dicom(view, xa, options.output, session);
-  FrameRenderer frames(scene, map, bounds, surfaces, options.annotations);
+  FrameRenderer frames(scene, map, bounds, read_surfaces(scene, bounds, session), options.subtracts(),
+                       options.annotations);
   const Stopwatch stopwatch;
   if (cine_deg.empty())
     write_frame(frames, view, options.output, xa);
@@ -265,6 +300,7 @@ void add_render(CLI::App& app, Session& session) {
       app, session, "render", "Render a frame or a cine of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
+      "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render --session operation.json -o frame.png",
@@ -279,10 +315,12 @@ void add_render(CLI::App& app, Session& session) {
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
   command
-      ->add_option("--look", options->look,
-                   "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
-                   "opaque, and a float file holds the optical depth in front of them")
-      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->add_option(
+          "--look", options->look,
+          "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
+          "opaque, and a float file holds the optical depth in front of them; dsa: vessels alone, as "
+          "the difference from the picture without them, with the iodine of --contrast")
+      ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->type_name("NAME");
   command
       ->add_option("--compositing", options->compositing,

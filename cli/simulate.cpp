@@ -159,6 +159,13 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
+void check_injection_begins(const SimulateArguments& options, const Script& script) {
+  const double end_s = script.rows().back().time_s;
+  if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
+    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier", options.injection.times,
+                     options.script, end_s);
+}
+
 std::string held_note(double held_s) {
   if (held_s < 0.05) return "";
   return fmt::format(
@@ -173,6 +180,7 @@ void simulate(const SimulateArguments& options, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
   const InstrumentModel device = InstrumentModel::named(options.instrument_model);
   const Script script = Script::read(options.script);
+  check_injection_begins(options, script);
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, device);
 
