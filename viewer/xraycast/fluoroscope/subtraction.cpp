@@ -103,15 +103,21 @@ void blend_road_map(std::span<const float> vessels, double strength, std::span<f
     frame[i] -= share * std::max(0.0f, vessels[i]);
 }
 
-std::vector<std::uint8_t> subtraction_picture(std::span<const float> difference,
-                                              const SubtractionWindow& window) {
+std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
+                                            const SubtractionWindow& window) {
   const auto background = static_cast<float>(255 * window.background);
   const float slope = background / static_cast<float>(window.black);
-  std::vector<std::uint8_t> rgb(3 * difference.size());
-  for (std::size_t i = 0; i < difference.size(); ++i) {
-    const float grey = std::clamp(background - slope * difference[i], 0.0f, 255.0f);
-    std::fill_n(&rgb[3 * i], 3, static_cast<std::uint8_t>(grey + 0.5f));
-  }
+  std::vector<std::uint8_t> greys(difference.size());
+  for (std::size_t i = 0; i < difference.size(); ++i)
+    greys[i] = static_cast<std::uint8_t>(std::clamp(background - slope * difference[i], 0.0f, 255.0f) + 0.5f);
+  return greys;
+}
+
+std::vector<std::uint8_t> subtraction_picture(std::span<const float> difference,
+                                              const SubtractionWindow& window) {
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(3 * difference.size());
+  for (const std::uint8_t grey : subtraction_greys(difference, window)) rgb.insert(rgb.end(), 3, grey);
   return rgb;
 }
 

@@ -71,7 +71,11 @@ struct SubtractionWindow {
   double background = 0.8;  ///< the grey of zero, 0 to 1
 };
 
-/// 8-bit RGB.
+/// 8-bit greys.
+std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
+                                            const SubtractionWindow& window);
+
+/// The same as RGB.
 std::vector<std::uint8_t> subtraction_picture(std::span<const float> difference,
                                               const SubtractionWindow& window);
 
