@@ -25,6 +25,12 @@ std::vector<float> above_median(std::span<const float> picture) {
   return above;
 }
 
+/// What the detector sees of a view.
+View on_detector(View view, const CArm& c_arm) {
+  if (!view.cone) view.pixel_mm *= c_arm.distances.source_detector_mm / c_arm.distances.source_axis_mm;
+  return view;
+}
+
 }  // namespace
 
 FluoroscopyConsole::FluoroscopyConsole(FluoroscopyOptions options) : options_(std::move(options)) {
@@ -60,7 +66,7 @@ bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
 
 void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path) {
   before_ = dose();
-  fluoroscope_.emplace(options, view, path);
+  fluoroscope_.emplace(options, on_detector(view, options.c_arm), path);
 }
 
 void FluoroscopyConsole::forget_pictures() {
@@ -88,7 +94,7 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
     restart(locked, view, path);
     is_locked_ = true;
   }
-  fluoroscope_->set_view(view);
+  fluoroscope_->set_view(on_detector(view, options_.c_arm));
   const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
   if (subtracts_)
     show_subtracted(frame);
@@ -112,6 +118,9 @@ void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
   const bool masks = is_masking();
   if (masks) subtraction_->add_to_mask(frame_);
   subtraction_->subtract(frame_, difference_);
+  const std::span<const float> field = fluoroscope_->field();
+  for (std::size_t i = 0; i < field.size(); ++i)
+    if (field[i] < 0.5f) difference_[i] = 0;  // behind the blades there is only noise
   if (!masks) opacified_.add(difference_);
   const bool is_whole = shows_maximum_opacification && has_angiogram();
   image_ = subtraction_greys(is_whole ? opacified_.picture() : difference_, window);

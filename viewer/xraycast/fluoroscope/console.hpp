@@ -29,8 +29,8 @@ class FluoroscopyConsole {
   /// at once when the pedal goes down.
   bool is_due(bool pedal, double passed_s);
 
-  /// A pulse through optical depths of a view. In a view of another geometry mask, angiogram and road map are
-  /// lost.
+  /// A pulse through optical depths of a view; in a parallel one as if the C-arm magnified it as the
+  /// isocentre. In a view of another geometry mask, angiogram and road map are lost.
   void expose(std::span<const float> tau, const View& view, const WaterPath& path);
 
   /// The held image: 8-bit greys, row 0 on top; empty before the first exposure.

@@ -541,6 +541,7 @@ double Fluoroscope::kerma_rate_mGy_min() const {
   return kMilli * now.mas * state_->beam(now.kvp).reference_uGy_per_mas * state_->options.pulses_per_s *
          kSecondsPerMinute;
 }
+std::span<const float> Fluoroscope::field() const { return state_->field; }
 double Fluoroscope::target_kev() const { return state_->target_kev(); }
 double Fluoroscope::open_quanta() const { return state_->open_quanta(); }
 int Fluoroscope::bits() const { return state_->options.c_arm.detector.bits; }

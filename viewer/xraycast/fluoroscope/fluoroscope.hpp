@@ -78,6 +78,9 @@ class Fluoroscope {
   double open_quanta() const;         ///< that a pixel of the open field detects in the next pulse
   int bits() const;
 
+  /// The share of the beam that reaches each pixel between the blades, H x W.
+  std::span<const float> field() const;
+
  private:
   struct State;
   std::unique_ptr<State> state_;

@@ -33,7 +33,7 @@ void settings(FluoroscopyConsole& console) {
     for (const std::string& name : CArm::preset_names())
       if (ImGui::Selectable(name.c_str(), name == options.c_arm.name) && name != options.c_arm.name) {
         options.c_arm = CArm::named(name);
-        options.field_mm = 0;
+        options.field_mm = options.c_arm.fields_mm.front();
         is_other = true;
       }
     ImGui::EndCombo();
@@ -126,8 +126,10 @@ void draw_exposure_panel(Viewer& viewer) {
   if (!console) return;
   const float width = 27 * ImGui::GetFontSize();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({size.x - width - 8, size.y - 3 * ImGui::GetFontSize()}, ImGuiCond_FirstUseEver,
-                          {0, 1});
+  constexpr float kBelowCatheter = 26, kOnTop = 3;
+  ImGui::SetNextWindowPos(
+      {size.x - width - 8, (viewer.intervention() ? kBelowCatheter : kOnTop) * ImGui::GetFontSize()},
+      ImGuiCond_FirstUseEver);
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("exposure", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   viewer.attempt([&] {

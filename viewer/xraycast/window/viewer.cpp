@@ -269,6 +269,22 @@ void Viewer::toggle_console() {
   });
 }
 
+void Viewer::use_fluoroscope(const FluoroscopyOptions& options) {
+  FluoroscopyOptions with_field = options;
+  if (with_field.field_mm == 0) with_field.field_mm = options.c_arm.fields_mm.front();
+  console_.emplace(with_field);
+  is_console_on_ = fits_field_ = true;
+}
+
+/// Magnifies so that the fluoroscope's field fills the height of the picture.
+void Viewer::fit_field(const Pane& pane) {
+  fits_field_ = false;
+  const Cone& distances = console_->options().c_arm.distances;
+  const double field_mm =
+      console_->options().field_mm * distances.source_axis_mm / distances.source_detector_mm;
+  session_.camera.magnify(view_in(pane.width, pane.height).pixel_mm * pane.height / field_mm);
+}
+
 void Viewer::toggle_console_road_map() {
   console_->show_road_map(!console_->shows_road_map());
   if (console_->has_angiogram()) return console_->subtract(false);
@@ -413,6 +429,7 @@ void Viewer::draw(int width, int height) {
   if (!shown_ || width <= 0 || height <= 0) return;
   constexpr double kRotation_deg = 2.5;
   if (is_rotating) session_.camera.rotate(kRotation_deg);
+  if (console() && fits_field_) fit_field(panes(width, height).front());
   if (intervention_) attempt([&] { show_catheter(); });
   is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);
   since_frame_ = {};

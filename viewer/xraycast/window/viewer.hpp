@@ -55,7 +55,7 @@ class Viewer {
   // ---- the fluoroscope
   /// Takes pictures of the map as a fluoroscope does from now on, while the pedal is down. Throws as its
   /// console does.
-  void use_fluoroscope(const FluoroscopyOptions& options) { console_.emplace(options); }
+  void use_fluoroscope(const FluoroscopyOptions& options);
 
   /// Off, and on again with its counters; the first time with a mobile C-arm.
   void toggle_console();
@@ -128,6 +128,7 @@ class Viewer {
   void draw_pane(const Pane& pane);
   void draw_drr(const Pane& pane);
   void draw_fluoroscopy(const Pane& pane);
+  void fit_field(const Pane& pane);
   std::vector<std::uint8_t> annotated_picture(const Pane& pane, View& drawn);
   void take_results();
   void export_cine_frame();
@@ -152,7 +153,7 @@ class Viewer {
   std::optional<Intervention> intervention_;
   std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
   std::optional<FluoroscopyConsole> console_;
-  bool is_console_on_ = true, pedal_ = false, is_pulse_due_ = false;
+  bool is_console_on_ = true, fits_field_ = false, pedal_ = false, is_pulse_due_ = false;
   GreyPicture held_;  ///< the fluoroscope's last image
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
