@@ -14,6 +14,7 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -46,6 +47,8 @@ struct RenderArguments {
   GreyOptions grey;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
+
+  bool subtracts() const { return look == "dsa"; }
 };
 
 void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
@@ -61,15 +64,19 @@ void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
 }
 
 void apply_style(const RenderArguments& options, Style& style) {
-  if (options.look) style.shading = parse_shading_mode(*options.look);
+  if (options.subtracts())
+    style.shading = ShadingMode::fluoro;
+  else if (options.look)
+    style.shading = parse_shading_mode(*options.look);
   apply_sampling(options, style.sampling);
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
     style.layer_weights.assign(weights.begin(), weights.end());
   }
   if (options.full_contrast) {
-    if (style.shading != ShadingMode::fluoro)
-      throw InputError("--full-contrast does not apply to --look surface; leave it out");
+    if (style.shading != ShadingMode::fluoro || options.subtracts())
+      throw InputError("--full-contrast does not apply to --look {}; leave it out",
+                       options.subtracts() ? "dsa" : "surface");
     style.full_contrast = true;
   }
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
@@ -86,6 +93,8 @@ ViewSession resolve(const RenderArguments& options) {
   apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
+  if (options.subtracts() && (scene.vessels.empty() || scene.steered))
+    throw InputError("--look dsa: there are no vessels with contrast agent; give --vessels too");
   return scene;
 }
 
@@ -154,10 +163,15 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
 class FrameRenderer {
  public:
   FrameRenderer(const ViewSession& scene, const std::shared_ptr<const BodyMap>& map, const BodyBounds& bounds,
-                std::span<const Surface> surfaces, const RenderArguments& options)
-      : scene_(scene), bounds_(bounds), grey_(options.grey), with_annotations_(options.annotations) {
+                std::vector<Surface> surfaces, const RenderArguments& options)
+      : scene_(scene),
+        bounds_(bounds),
+        surfaces_(std::move(surfaces)),
+        grey_(options.grey),
+        subtracts_(options.subtracts()),
+        with_annotations_(options.annotations) {
     renderer_.set_map(map);
-    renderer_.set_surfaces(surfaces);
+    renderer_.set_surfaces(surfaces_);
     if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
       road_map_.emplace(read_tree(scene.vessels));
   }
@@ -166,6 +180,7 @@ class FrameRenderer {
   void use(const FluoroscopyOptions& options, const View& first, const BodyMap& map) {
     fluoroscope_.emplace(options, first, WaterPath(map));
     fluoroscope_->settle(renderer_.tau(first, scene_.style));
+    fluoroscope_->hold_technique(subtracts_);
   }
 
   /// A fluoroscope's next pulse.
@@ -175,13 +190,15 @@ class FrameRenderer {
     return frame;
   }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  bool subtracts() const { return subtracts_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
 
   /// The displayed picture: a fluoroscope's, or in the session's grey window, or in an automatic one for the
   /// view.
   std::vector<std::uint8_t> picture(const View& view) {
-    std::vector<std::uint8_t> rgb =
-        fluoroscope_ ? rgb_of(displayed(pulse(view), grey_)) : windowed_picture(view);
+    std::vector<std::uint8_t> rgb = subtracts_     ? subtracted_picture(view)
+                                    : fluoroscope_ ? rgb_of(displayed(pulse(view), grey_))
+                                                   : grey_picture(view);
     const glm::dvec3 half(0, 0, bounds_.half_height_mm);
     if (with_annotations_)
       draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
@@ -190,20 +207,43 @@ class FrameRenderer {
     return rgb;
   }
 
-  std::vector<float> tau(const View& view) { return renderer_.tau(view, scene_.style); }
+  /// Optical depths, or their differences from those without the vessels.
+  std::vector<float> tau(const View& view) {
+    std::vector<float> tau = measured_tau(view);
+    if (!subtracts_) return tau;
+    renderer_.set_surfaces(std::span(surfaces_).subspan(1));  // the first are the vessels
+    Subtraction subtraction(view.width, view.height);
+    subtraction.add_to_mask(measured_tau(view));
+    subtraction.subtract(tau, tau);
+    renderer_.set_surfaces(surfaces_);
+    return tau;
+  }
   std::size_t texture_B() const { return renderer_.texture_B(); }
 
  private:
-  std::vector<std::uint8_t> windowed_picture(const View& view) {
+  std::vector<std::uint8_t> grey_picture(const View& view) {
     Style style = scene_.style;
     if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
     return renderer_.picture(view, style);
   }
+  /// All frames have the window of the first.
+  std::vector<std::uint8_t> subtracted_picture(const View& view) {
+    const std::vector<float> difference = tau(view);
+    if (!window_) window_ = automatic_subtraction_window(difference);
+    return subtraction_picture(difference, *window_);
+  }
+
+  /// With a fluoroscope the optical depths that its detector measures.
+  std::vector<float> measured_tau(const View& view) {
+    return fluoroscope_ ? measured_depths(pulse(view)) : renderer_.tau(view, scene_.style);
+  }
 
   const ViewSession& scene_;
   BodyBounds bounds_;
+  std::vector<Surface> surfaces_;
   GreyOptions grey_;
-  bool with_annotations_;
+  bool subtracts_, with_annotations_;
+  std::optional<SubtractionWindow> window_;
   HeadlessContext context_;
   Renderer renderer_;
   std::optional<RoadMap> road_map_;
@@ -231,7 +271,8 @@ void write_cine(FrameRenderer& frames, View view, std::span<const double> angles
 void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
                    const std::string& output, XaOptions options, Progress& progress) {
   const auto& fluoroscope = frames.fluoroscope();
-  if (fluoroscope) {
+  const bool has_codes = fluoroscope && !frames.subtracts();
+  if (has_codes) {
     options.code_bits = fluoroscope->bits();
     options.frame_time_ms = 1000 / fluoroscope->options().pulses_per_s;
   }
@@ -239,7 +280,7 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
   progress.begin("drawing", std::ssize(angles_deg), "frames");
   for (const double angle_deg : angles_deg) {
     view.angle_rad = angle_deg * kRadians;
-    if (fluoroscope)
+    if (has_codes)
       writer.add_codes(view, frames.pulse(view).codes);
     else
       writer.add(view, frames.tau(view));
@@ -252,7 +293,7 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
 void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa) {
   if (is_picture(output))
     write_png(frames.picture(view), view.width, view.height, 3, output);
-  else if (frames.fluoroscope())
+  else if (frames.fluoroscope() && !frames.subtracts())
     write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
   else
     write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
@@ -278,11 +319,10 @@ void render(const RenderArguments& options, Session& session) {
   const auto map = load_map(scene, session);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const BodyBounds bounds = bounds_of(map->geometry);
-  const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
   const View view = resolve_view(options, scene, bounds, fluoroscopy);
 
   check_dicom(view, xa, options.output, session);
-  FrameRenderer frames(scene, map, bounds, surfaces, options);
+  FrameRenderer frames(scene, map, bounds, read_surfaces(scene, bounds, session), options);
   if (fluoroscopy) {
     if (!map->spectrum) note_on_energies(session);
     frames.use(*fluoroscopy, cine_deg.empty() ? view : turned(view, cine_deg.front()), *map);
@@ -328,6 +368,7 @@ void add_render(CLI::App& app, Session& session) {
       app, session, "render", "Render a frame or a cine of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
+      "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
@@ -344,10 +385,12 @@ void add_render(CLI::App& app, Session& session) {
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
   command
-      ->add_option("--look", options->look,
-                   "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
-                   "opaque, and a float file holds the optical depth in front of them")
-      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->add_option(
+          "--look", options->look,
+          "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
+          "opaque, and a float file holds the optical depth in front of them; dsa: vessels alone, as "
+          "the difference from the picture without them, with the iodine of --contrast")
+      ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->type_name("NAME");
   command
       ->add_option("--compositing", options->compositing,

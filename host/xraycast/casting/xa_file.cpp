@@ -144,6 +144,22 @@ void add_run(DicomElements& image, std::size_t frames, double frame_time_ms) {
   image.number(0x00181063, frame_time_ms);
 }
 
+/// C.7.6.10: the frames behind the mask are shown subtracted.
+void add_mask(DicomElements& image, std::size_t frames, int mask_frames) {
+  if (mask_frames <= 0 || static_cast<std::size_t>(mask_frames) >= frames) return;
+  std::vector<std::uint16_t> numbers;
+  for (int frame = 1; frame <= mask_frames; ++frame) numbers.push_back(static_cast<std::uint16_t>(frame));
+  const std::vector<std::uint16_t> applicable{static_cast<std::uint16_t>(mask_frames + 1),
+                                              static_cast<std::uint16_t>(frames)};
+  DicomElements mask;
+  mask.text(0x00286101, "AVG_SUB");   // Mask Operation
+  mask.words(0x00286102, applicable);  // Applicable Frame Range
+  mask.words(0x00286110, numbers);     // Mask Frame Numbers
+  mask.word(0x00286112, 1);            // Contrast Frame Averaging
+  image.sequence(0x00286100, {mask});
+  image.text(0x00281090, "SUB");  // Recommended Viewing Mode
+}
+
 std::string derivation(const View& view, const XaOptions& options) {
   const char* const frame = !options.frame_of_reference_uid.empty() ? "the scan's"
                             : options.patient.is_given()            ? "new, since the patient was given"
@@ -202,6 +218,7 @@ void XaWriter::finish() {
   add_acquisition(image, options_.tube_kvp, exposure_);
   add_pose(image, views_);
   add_run(image, views_.size(), options_.frame_time_ms);
+  add_mask(image, views_.size(), mask_frames_);
   write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
 }
 

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -134,6 +135,7 @@ struct Fluoroscope::State {
   Technique technique;
   DoseRecord dose;
   std::uint32_t frame_number = 0;
+  bool is_held = false;
 
   Plane field;
   double open_area_cm2 = 0;
@@ -504,6 +506,12 @@ void Fluoroscope::State::settle(const LookUp& look_up) {
   }
 }
 
+std::vector<float> measured_depths(const FluoroscopyFrame& frame) {
+  std::vector<float> depths(frame.logarithm.size());
+  std::ranges::transform(frame.logarithm, depths.begin(), std::negate{});
+  return depths;
+}
+
 // ---- the class ------------------------------------------------------------------------------------------
 
 Fluoroscope::Fluoroscope(FluoroscopyOptions options, const View& view, WaterPath path)
@@ -514,14 +522,14 @@ Fluoroscope& Fluoroscope::operator=(Fluoroscope&&) noexcept = default;
 
 const FluoroscopyFrame& Fluoroscope::expose(std::span<const float> tau) {
   state_->expose(state_->looking_up(tau), true);
-  if (state_->is_automatic())
+  if (state_->is_automatic() && !state_->is_held)
     state_->technique = state_->control().next(state_->technique, state_->frame.mean_kev);
   return state_->frame;
 }
 
 const FluoroscopyFrame& Fluoroscope::expose(const MaterialDepths& g_cm2) {
   state_->expose(state_->looking_up(g_cm2), true);
-  if (state_->is_automatic())
+  if (state_->is_automatic() && !state_->is_held)
     state_->technique = state_->control().next(state_->technique, state_->frame.mean_kev);
   return state_->frame;
 }
@@ -532,6 +540,8 @@ void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(state_->l
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
 void Fluoroscope::set_dose(DoseLevel dose) { state_->options.dose = dose; }
 
+void Fluoroscope::hold_technique(bool is_held) { state_->is_held = is_held; }
+
 const FluoroscopyOptions& Fluoroscope::options() const { return state_->options; }
 const DoseRecord& Fluoroscope::dose() const { return state_->dose; }
 Technique Fluoroscope::technique() const { return state_->technique; }
@@ -541,6 +551,7 @@ double Fluoroscope::kerma_rate_mGy_min() const {
   return kMilli * now.mas * state_->beam(now.kvp).reference_uGy_per_mas * state_->options.pulses_per_s *
          kSecondsPerMinute;
 }
+std::span<const float> Fluoroscope::field() const { return state_->field; }
 double Fluoroscope::target_kev() const { return state_->target_kev(); }
 double Fluoroscope::open_quanta() const { return state_->open_quanta(); }
 int Fluoroscope::bits() const { return state_->options.c_arm.detector.bits; }

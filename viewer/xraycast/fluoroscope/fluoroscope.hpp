@@ -45,6 +45,9 @@ struct FluoroscopyFrame {
   double mean_kev = 0;  ///< mean signal in the measuring field
 };
 
+/// A frame's optical depths as its detector measured them, up to a constant: for subtraction.
+std::vector<float> measured_depths(const FluoroscopyFrame& frame);
+
 /// A fluoroscope from the X-ray tube to the display, with its own memory: lag, recursive filter, exposure
 /// control and dose. Pictures are functions of the options, the rays and the pulses before, whatever the
 /// number of threads.
@@ -70,6 +73,9 @@ class Fluoroscope {
   void set_view(const View& view);
   void set_dose(DoseLevel dose);
 
+  /// Whether the exposure control leaves voltage and mAs as they are, as for subtraction.
+  void hold_technique(bool is_held);
+
   const FluoroscopyOptions& options() const;
   const DoseRecord& dose() const;
   Technique technique() const;        ///< of the next pulse
@@ -77,6 +83,9 @@ class Fluoroscope {
   double target_kev() const;          ///< the exposure control's, as mean signal of a pixel
   double open_quanta() const;         ///< that a pixel of the open field detects in the next pulse
   int bits() const;
+
+  /// The share of the beam that reaches each pixel between the blades, H x W.
+  std::span<const float> field() const;
 
  private:
   struct State;

@@ -1,0 +1,168 @@
+#include "xraycast/fluoroscope/console.hpp"
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+/// Live greys with the vessels taken off, as bright as subtraction shows them dark.
+void blend_greys(std::span<const float> vessels, double black, std::span<std::uint8_t> greys) {
+  constexpr float kStrength = 0.7f, kWhite = 255;
+  const float per_tau = kStrength * kWhite / static_cast<float>(black);
+  for (std::size_t i = 0; i < greys.size(); ++i)
+    greys[i] =
+        static_cast<std::uint8_t>(std::min(kWhite, static_cast<float>(greys[i]) + per_tau * vessels[i]));
+}
+
+/// What rises above the picture's median: most of a picture is no vessel, but the largest of many noisy
+/// values.
+std::vector<float> above_median(std::span<const float> picture) {
+  std::vector<float> sorted(picture.begin(), picture.end());
+  const auto middle = sorted.begin() + std::ssize(sorted) / 2;
+  std::ranges::nth_element(sorted, middle);
+  std::vector<float> above(picture.begin(), picture.end());
+  for (float& value : above) value = std::max(0.0f, value - *middle);
+  return above;
+}
+
+/// What the detector sees of a view.
+View on_detector(View view, const CArm& c_arm) {
+  if (!view.cone) view.pixel_mm *= c_arm.distances.source_detector_mm / c_arm.distances.source_axis_mm;
+  return view;
+}
+
+}  // namespace
+
+FluoroscopyConsole::FluoroscopyConsole(FluoroscopyOptions options) : options_(std::move(options)) {
+  check(options_);
+  window.black = 0.5;
+}
+
+void FluoroscopyConsole::set(FluoroscopyOptions options) {
+  check(options);
+  options_ = std::move(options);
+  is_locked_ = false;
+  if (fluoroscope_) restart(options_, view_, *path_);
+  forget_pictures();
+}
+
+void FluoroscopyConsole::next_dose() {
+  options_.dose = options_.dose == DoseLevel::low      ? DoseLevel::normal
+                  : options_.dose == DoseLevel::normal ? DoseLevel::cine
+                                                       : DoseLevel::low;
+  if (fluoroscope_) fluoroscope_->set_dose(options_.dose);
+}
+
+bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
+  const bool was_down = pedal_;
+  pedal_ = pedal;
+  if (!pedal) return false;
+  since_pulse_s_ = was_down ? since_pulse_s_ + passed_s : 1 / options_.pulses_per_s;
+  if (since_pulse_s_ * options_.pulses_per_s < 1) return false;
+  // A display that is late skips pulses; it does not make up for them.
+  since_pulse_s_ = std::min(since_pulse_s_ - 1 / options_.pulses_per_s, 1 / options_.pulses_per_s);
+  return true;
+}
+
+void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path) {
+  before_ = dose();
+  fluoroscope_.emplace(options, on_detector(view, options.c_arm), path);
+}
+
+void FluoroscopyConsole::forget_pictures() {
+  subtraction_.reset();
+  opacified_.clear();
+  road_map_.clear();
+}
+
+void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path) {
+  path_ = path;
+  if (!fluoroscope_) {
+    view_ = view;
+    restart(options_, view, path);
+    fluoroscope_->settle(tau);
+  }
+  if (view_ != view) forget_pictures();
+  view_ = view;
+  if (subtracts_ && !is_locked_) {
+    // As a unit does, after the exposure control has settled.
+    FluoroscopyOptions locked = options_;
+    if (!locked.photons) {
+      locked.kvp = technique().kvp;
+      locked.mas = technique().mas;
+    }
+    restart(locked, view, path);
+    is_locked_ = true;
+  }
+  fluoroscope_->set_view(on_detector(view, options_.c_arm));
+  const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
+  if (subtracts_)
+    show_subtracted(frame);
+  else
+    show_live(frame);
+}
+
+void FluoroscopyConsole::show_live(const FluoroscopyFrame& frame) {
+  image_ = frame.shown;
+  if (shows_road_map()) blend_greys(road_map_, window.black, image_);
+}
+
+void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
+  frame_.resize(frame.logarithm.size());
+  difference_.resize(frame.logarithm.size());
+  std::ranges::transform(frame.logarithm, frame_.begin(), [](float logarithm) { return -logarithm; });
+  if (!subtraction_) {
+    subtraction_.emplace(view_.width, view_.height);
+    subtraction_->shift_mask(shift_);
+  }
+  const bool masks = is_masking();
+  if (masks) subtraction_->add_to_mask(frame_);
+  subtraction_->subtract(frame_, difference_);
+  const std::span<const float> field = fluoroscope_->field();
+  for (std::size_t i = 0; i < field.size(); ++i)
+    if (field[i] < 0.5f) difference_[i] = 0;  // behind the blades there is only noise
+  if (!masks) opacified_.add(difference_);
+  const bool is_whole = shows_maximum_opacification && has_angiogram();
+  image_ = subtraction_greys(is_whole ? opacified_.picture() : difference_, window);
+}
+
+void FluoroscopyConsole::subtract(bool subtracts) {
+  if (subtracts == subtracts_) return;
+  subtracts_ = subtracts;
+  if (subtracts) return forget_pictures();
+  // The exposure control works again.
+  is_locked_ = false;
+  if (fluoroscope_) restart(options_, view_, *path_);
+}
+
+void FluoroscopyConsole::take_new_mask() {
+  subtraction_.reset();
+  opacified_.clear();
+}
+
+void FluoroscopyConsole::shift_mask(PixelShift shift) {
+  shift_ = shift;
+  if (subtraction_) subtraction_->shift_mask(shift);
+}
+
+void FluoroscopyConsole::show_road_map(bool shows) {
+  road_map_.clear();
+  if (shows && has_angiogram()) road_map_ = above_median(opacified_.picture());
+}
+
+DoseRecord FluoroscopyConsole::dose() const {
+  if (!fluoroscope_) return before_;
+  const DoseRecord& now = fluoroscope_->dose();
+  return {before_.air_kerma_mGy + now.air_kerma_mGy, before_.dap_Gycm2 + now.dap_Gycm2,
+          before_.fluoroscopy_s + now.fluoroscopy_s, before_.images + now.images};
+}
+
+Technique FluoroscopyConsole::technique() const {
+  return fluoroscope_ ? fluoroscope_->technique() : Technique{};
+}
+
+double FluoroscopyConsole::kerma_rate_mGy_min() const {
+  return fluoroscope_ ? fluoroscope_->kerma_rate_mGy_min() : 0;
+}
+
+}  // namespace xraycast
