@@ -10,9 +10,11 @@ namespace xraycast {
 /// errors as mass_attenuation_cm2_g.
 double photoelectric_cm2_g(const std::string& material, double energy_kev);
 
-/// Air kerma in uGy of a fluence in photons per cm2: the sum over the bins of fluence, energy, and air's mass
-/// energy-absorption coefficient by xraylib, which at these energies is its energy-transfer coefficient to
-/// within 0.1 %.
+/// Air's mass energy-transfer coefficient: photoelectric absorption, and what Compton scattering hands to
+/// electrons. Within 2 % of NIST's mass energy-absorption coefficients from 10 to 150 keV.
+double air_energy_transfer_cm2_g(double energy_kev);
+
+/// Air kerma in uGy of a fluence in photons per cm2.
 double air_kerma_uGy(const Spectrum& fluence_cm2);
 
 }  // namespace xraycast

@@ -7,6 +7,7 @@
 #include <glm/vector_relational.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <xraylib.h>
 
@@ -58,12 +59,33 @@ double photoelectric_cm2_g(const std::string& material, double energy_kev) {
   return material_cm2_g(&CS_Photo, material, energy_kev);
 }
 
+namespace {
+
+/// The mean share of its energy that a photon hands to an electron in Compton scattering, by Klein and
+/// Nishina (R. D. Evans, The atomic nucleus, 1955, chapter 23).
+double compton_transfer(double energy_kev) {
+  const double a = energy_kev / MEC2, b = 1 + 2 * a, log_b = std::log(b);
+  const double all =
+      2 * ((1 + a) / (a * a) * (2 * (1 + a) / b - log_b / a) + log_b / (2 * a) - (1 + 3 * a) / (b * b));
+  const double scattered = log_b / (a * a * a) + 2 * (1 + a) * (2 * a * a - 2 * a - 1) / (a * a * b * b) +
+                           8 * a * a / (3 * b * b * b);
+  return 1 - scattered / all;
+}
+
+}  // namespace
+
+// Not by xraylib's mass energy-absorption coefficients, which below 60 keV lie far below NIST's.
+double air_energy_transfer_cm2_g(double energy_kev) {
+  const char* const air = "Air, Dry (near sea level)";
+  return material_cm2_g(&CS_Photo, air, energy_kev) +
+         material_cm2_g(&CS_Compt, air, energy_kev) * compton_transfer(energy_kev);
+}
+
 double air_kerma_uGy(const Spectrum& fluence_cm2) {
   constexpr double kKevPerGram_uGy = 1.602177e-7;
   double kev_g = 0;
   for (const auto& [energy_kev, fluence] : fluence_cm2.bins())
-    if (fluence > 0)
-      kev_g += fluence * energy_kev * material_cm2_g(&CS_Energy, "Air, Dry (near sea level)", energy_kev);
+    if (fluence > 0) kev_g += fluence * energy_kev * air_energy_transfer_cm2_g(energy_kev);
   return kKevPerGram_uGy * kev_g;
 }
 

@@ -48,7 +48,7 @@ double transfer_of(const SymmetricTaps& taps, double cycles) {
 
 SymmetricTaps taps_for(const std::function<double(double)>& transfer) {
   constexpr int kMost = 24;
-  constexpr double kClose = 0.008;
+  constexpr double kClose = 0.006;
   for (int neighbours = 1;; ++neighbours) {
     SymmetricTaps taps = fitted_taps(transfer, neighbours);
     double worst = 0;

@@ -442,6 +442,15 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
         rows_around(wide, size, j, static_cast<int>(wide_taps.size()) - 1, rows);
         add_filtered_column(rows.data(), wide_taps, wide_share, size.width, signal);
       }
+      // The measuring field: the middle half of both sides, as far as it is not behind the blades; its
+      // sensor keeps no charge of earlier pulses.
+      constexpr int kEvery = 4;
+      if (j % kEvery == 0 && 4 * j >= size.height && 4 * j < 3 * size.height)
+        for (int i = size.width / 4; i < 3 * size.width / 4; ++i)
+          if (field[at + static_cast<std::size_t>(i)] > 0.5f) {
+            sum += signal[i];
+            ++pixels;
+          }
       if (options.stages.lag && leaves_traces) {
         std::copy_n(signal, size.width, before.begin());
         for (std::size_t trap = 0; trap < kept.size(); ++trap) {
@@ -450,14 +459,6 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
                   before.data(), kept[trap].data() + at, signal);
         }
       }
-      // The measuring field: the middle half of both sides, as far as it is not behind the blades.
-      constexpr int kEvery = 4;
-      if (j % kEvery == 0 && 4 * j >= size.height && 4 * j < 3 * size.height)
-        for (int i = size.width / 4; i < 3 * size.width / 4; ++i)
-          if (field[at + static_cast<std::size_t>(i)] > 0.5f) {
-            sum += signal[i];
-            ++pixels;
-          }
       if (options.stages.electronics && detector.electronic_noise_kev > 0)
         electronic_noise_row(static_cast<float>(detector.electronic_noise_kev),
                              static_cast<std::uint32_t>(at), {keys.electronics, frame_number}, size.width,
