@@ -1,6 +1,7 @@
 #include "angiography_options.hpp"
 #include "catheter_options.hpp"
 #include "command.hpp"
+#include "fluoroscope_options.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
 #include "view_options.hpp"
@@ -12,6 +13,7 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/fluoroscope/angiography_run.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/run_script.hpp"
@@ -35,6 +37,7 @@ struct SimulateArguments {
   SubtractionOptions subtraction;
   ViewOptions view;
   DicomOptions dicom;
+  FluoroscopeArguments fluoroscope;
 };
 
 std::vector<glm::vec3> points_of(const VesselTree& tree) {
@@ -65,20 +68,27 @@ class Cine {
   Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
-    cine.view = parse_view(options.view);
+    const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
+    cine.view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
     cine.view.centre_mm = bounds.centre_mm;
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.subtracts = options.look == "dsa";
-    cine.style.shading = cine.subtracts ? ShadingMode::fluoro : parse_shading_mode(options.look);
+    cine.begins_with_mask = options.look == "dsa";
+    cine.style.shading = cine.begins_with_mask ? ShadingMode::fluoro : parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     cine.injection = parse_injection(options.injection);
     cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
-    cine.mask_shift = parse_mask_shift(options.subtraction);
-    cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
+    if (fluoroscopy) {
+      if (!map->spectrum) note_on_energies(session);
+      fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
+      cine.step_s = 1 / fluoroscopy->pulses_per_s;
+    }
+    if (cine.begins_with_mask)
+      angiography_.emplace(cine.view.width, cine.view.height, parse_mask_shift(options.subtraction),
+                           options.subtraction.shows_maximum_opacification);
     if (is_xa(options.cine))
       start_xa(options, map, tree, cine, longest_s, session);
     else
@@ -88,9 +98,12 @@ class Cine {
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
-    xa_->set_mask_frames(run_->mask_frames());
+    if (fluoroscope_) xa_->set_exposure(exposure_of(*fluoroscope_, technique_));
+    if (angiography_) xa_->set_mask_frames(mask_frames_);
     xa_->finish();
   }
+  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  const Technique& technique() const { return technique_; }  ///< of the last pulse
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
 
@@ -98,7 +111,16 @@ class Cine {
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
-    run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
+    if (angiography_)
+      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
+        writer_->add(angiography_->picture(minus_logarithm(tau), run_->is_mask(), run_->opacified_tau()));
+      });
+    else if (fluoroscope_)
+      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
+        writer_->add(rgb_of(displayed(pulse(tau), {})));
+      });
+    else
+      run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
 
   void start_xa(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
@@ -109,17 +131,46 @@ class Cine {
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, session);
+    if (fluoroscope_) xa.code_bits = fluoroscope_->bits();
     const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
     xa_.emplace(options.cine, cine.view, most_frames, xa);
-    run_.emplace(map, tree, cine,
-                 [this, view = cine.view](const std::vector<float>& tau) { xa_->add(view, tau); });
+    run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
+      if (angiography_ && run_->is_mask()) ++mask_frames_;
+      if (fluoroscope_)
+        xa_->add_codes(view, pulse(tau).codes);
+      else
+        xa_->add(view, tau);
+    });
+  }
+
+  /// The next pulse; before the first one the exposure control settles.
+  const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
+    if (fluoroscope_->dose().images == 0) {
+      fluoroscope_->settle(tau);
+      if (angiography_) fluoroscope_->lock_exposure();  // a mask fits frames of the same exposure
+    }
+    const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
+    technique_ = frame.technique;
+    return frame;
+  }
+
+  /// What the detector measures, or the optical depths themselves.
+  std::vector<float> minus_logarithm(const std::vector<float>& tau) {
+    if (!fluoroscope_) return tau;
+    std::vector<float> measured = pulse(tau).logarithm;
+    for (float& value : measured) value = -value;
+    return measured;
   }
 
   HeadlessContext context_;
+  std::optional<AngiographyRun> angiography_;
+  int mask_frames_ = 0;
   std::optional<CineWriter> writer_;
   std::optional<XaWriter> xa_;
   std::string frame_of_reference_;
   std::optional<RunCine> run_;
+  std::optional<Fluoroscope> fluoroscope_;
+  Technique technique_;
 };
 
 /// Samples the hub's loads during a run, at the resolution of a plot.
@@ -144,7 +195,15 @@ class HubPlot {
 
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
-  if (options.cine.empty()) return;
+  const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
+  if (options.cine.empty()) {
+    if (is_fluoroscopy)
+      throw InputError("a fluoroscope's options draw a run's pictures; add --cine and --map");
+    return;
+  }
+  if (is_fluoroscopy) check_linear_codes(options.dicom);
+  if (is_fluoroscopy && options.look == "surface")
+    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   const Injection injection = parse_injection(options.injection);
@@ -162,8 +221,8 @@ void check_cine(const SimulateArguments& options) {
 void check_injection_begins(const SimulateArguments& options, const Script& script) {
   const double end_s = script.rows().back().time_s;
   if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
-    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier", options.injection.times,
-                     options.script, end_s);
+    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier",
+                     options.injection.times, options.script, end_s);
 }
 
 std::string held_note(double held_s) {
@@ -220,6 +279,10 @@ void simulate(const SimulateArguments& options, Session& session) {
                 {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
+  if (cine && cine->fluoroscope()) {
+    result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
+    pictures = summary(*cine->fluoroscope(), cine->technique());
+  }
   for (const std::string& file : {options.plot, options.cine})
     if (!file.empty()) pictures += fmt::format("{}: written\n", file);
   session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
@@ -261,8 +324,10 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
-      ->add_option("--cine", options->cine,
-                   "Frames of the run, ten per second: a folder of PNGs, a .gif, or a .dcm (DICOM XA)")
+      ->add_option(
+          "--cine", options->cine,
+          "Frames of the run, ten per second, or a fluoroscope's pulses: a folder of PNGs, a .gif, or a .dcm "
+          "(DICOM XA)")
       ->type_name("DIR|GIF|DCM");
   command
       ->add_option(
@@ -276,6 +341,7 @@ void add_simulate(CLI::App& app, Session& session) {
   add_subtraction_options(*command, options->subtraction);
   add_view_options(*command, options->view);
   add_dicom_options(*command, options->dicom);
+  add_fluoroscope_options(*command, options->fluoroscope);
 }
 
 }  // namespace xraycast::cli

@@ -463,7 +463,7 @@ class Window(unittest.TestCase):
 
     def test_subtracts_and_maps_the_road(self):
         self.steer()
-        self.hold("Up", 3)
+        self.hold("Up", 4.2)
         self.drag(2, 700, 500, 0, -190)  # to the groin
         self.do("key", "e", "g", "d")  # at the dose of a cine, subtracted
         self.do("keydown", "x")

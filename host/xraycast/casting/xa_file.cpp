@@ -47,18 +47,20 @@ DicomElements intensity_table() {
 }
 
 void add_image(DicomElements& image, const View& view, std::span<const std::uint16_t> pixels,
-               XaIntensity intensity) {
+               const XaOptions& options) {
+  constexpr int kOwnBits = 12;
+  const auto bits = static_cast<std::uint16_t>(options.code_bits.value_or(kOwnBits));
   image.word(0x00280002, 1);              // Samples per Pixel
   image.text(0x00280004, "MONOCHROME2");  // Photometric Interpretation
   image.word(0x00280010, static_cast<std::uint16_t>(view.height));
   image.word(0x00280011, static_cast<std::uint16_t>(view.width));
-  image.word(0x00280100, 16);    // Bits Allocated
-  image.word(0x00280101, 12);    // Bits Stored
-  image.word(0x00280102, 11);    // High Bit
-  image.word(0x00280103, 0);     // Pixel Representation: unsigned
-  image.text(0x00280301, "NO");  // Burned In Annotation
-  image.text(0x00282110, "00");  // Lossy Image Compression
-  const bool is_log = intensity == XaIntensity::logarithmic;
+  image.word(0x00280100, 16);                                    // Bits Allocated
+  image.word(0x00280101, bits);                                  // Bits Stored
+  image.word(0x00280102, static_cast<std::uint16_t>(bits - 1));  // High Bit
+  image.word(0x00280103, 0);                                     // Pixel Representation: unsigned
+  image.text(0x00280301, "NO");                                  // Burned In Annotation
+  image.text(0x00282110, "00");                                  // Lossy Image Compression
+  const bool is_log = !options.code_bits && options.intensity == XaIntensity::logarithmic;
   image.text(0x00281040, is_log ? "LOG" : "LIN");  // Pixel Intensity Relationship
   if (is_log) image.sequence(0x00283000, {intensity_table()});
   const auto [darkest, lightest] = std::ranges::minmax(pixels);
@@ -79,9 +81,24 @@ std::string sides(const glm::dvec3& direction) {
   return letters;
 }
 
-void add_acquisition(DicomElements& image, std::optional<double> tube_kvp) {
+void add_acquisition(DicomElements& image, std::optional<double> tube_kvp,
+                     const std::optional<XaExposure>& exposure) {
   image.text(0x00080060, "XA");
   image.text(0x00180060, "");  // KVP
+  if (exposure) {
+    const double seconds = exposure->pulse_ms / 1000;
+    image.number(0x00180060, exposure->kvp);
+    image.text(0x00181155, exposure->is_fluoroscopy ? "SC" : "GR");           // Radiation Setting
+    image.number(0x00181151, std::round(exposure->mas / seconds));            // X-Ray Tube Current, mA
+    image.number(0x00181150, std::max(1.0, std::round(exposure->pulse_ms)));  // Exposure Time, ms
+    image.number(0x00181152, std::round(exposure->mas));                      // Exposure, mAs
+    image.number(0x00181153, std::round(1000 * exposure->mas));               // Exposure in uAs
+    image.number(0x00181154, exposure->pulse_ms);                             // Average Pulse Width
+    image.text(0x0018115a, "PULSED");                                         // Radiation Mode
+    constexpr double kDecigray = 10;
+    image.number(0x0018115e, kDecigray * exposure->dap_Gycm2);  // Image and Fluoroscopy Area Dose Product
+    return;
+  }
   if (tube_kvp) image.number(0x00180060, *tube_kvp);
   image.text(0x00181155, "GR");  // Radiation Setting: general, not low dose
   image.text(0x00181151, "");    // X-Ray Tube Current
@@ -133,7 +150,7 @@ void add_mask(DicomElements& image, std::size_t frames, int mask_frames) {
   const std::vector<std::uint16_t> applicable{static_cast<std::uint16_t>(mask_frames + 1),
                                               static_cast<std::uint16_t>(frames)};
   DicomElements mask;
-  mask.text(0x00286101, "AVG_SUB");   // Mask Operation
+  mask.text(0x00286101, "AVG_SUB");    // Mask Operation
   mask.words(0x00286102, applicable);  // Applicable Frame Range
   mask.words(0x00286110, numbers);     // Mask Frame Numbers
   mask.word(0x00286112, 1);            // Contrast Frame Averaging
@@ -181,6 +198,11 @@ void XaWriter::add(const View& view, std::span<const float> tau) {
   for (const float depth : tau) pixels_.push_back(pixel_of(depth, options_.intensity));
 }
 
+void XaWriter::add_codes(const View& view, std::span<const std::uint16_t> codes) {
+  views_.push_back(view);
+  pixels_.insert(pixels_.end(), codes.begin(), codes.end());
+}
+
 void XaWriter::finish() {
   if (views_.empty()) return;
   const std::string& scans_frame = options_.frame_of_reference_uid;
@@ -190,8 +212,8 @@ void XaWriter::finish() {
   image.text(0x0008103e, "Simulated projection");  // Series Description
   image.text(0x00200052, scans_frame.empty() ? new_dicom_uid() : scans_frame);
   image.text(0x00201040, "");  // Position Reference Indicator
-  add_image(image, views_.front(), pixels_, options_.intensity);
-  add_acquisition(image, options_.tube_kvp);
+  add_image(image, views_.front(), pixels_, options_);
+  add_acquisition(image, options_.tube_kvp, exposure_);
   add_pose(image, views_);
   add_run(image, views_.size(), options_.frame_time_ms);
   add_mask(image, views_.size(), mask_frames_);

@@ -9,8 +9,8 @@ namespace xraycast {
 /// on. The weights add up to 1.
 using SymmetricTaps = std::vector<float>;
 
-/// The shortest filter whose transfer function is the asked one within 0.004, by least squares over the
-/// frequencies from 0 to Nyquist's, in cycles a pixel; where that takes more than 24 neighbours, those.
+/// The shortest filter whose transfer function is the asked one within 0.008 at all frequencies up to
+/// Nyquist's, in cycles a pixel; where that takes more than 24 neighbours, those.
 SymmetricTaps taps_for(const std::function<double(double cycles)>& transfer);
 
 double transfer_of(const SymmetricTaps& taps, double cycles);

@@ -86,12 +86,9 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
   view_ = view;
   if (subtracts_ && !is_locked_) {
     // As a unit does, after the exposure control has settled.
-    FluoroscopyOptions locked = options_;
-    if (!locked.photons) {
-      locked.kvp = technique().kvp;
-      locked.mas = technique().mas;
-    }
-    restart(locked, view, path);
+    fluoroscope_->set_view(on_detector(view, options_.c_arm));
+    fluoroscope_->settle(tau);
+    fluoroscope_->lock_exposure();
     is_locked_ = true;
   }
   fluoroscope_->set_view(on_detector(view, options_.c_arm));

@@ -11,7 +11,7 @@ namespace {
 constexpr float kEdgeStrength = 0.7f;
 constexpr float kNewFrameWeight =
     0.4f;  // of fluoroscopy's recursive filter: halves the noise's variance and more
-constexpr float kWindowWidth = 3.0f;  // of the logarithm, from black to white
+constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white
 
 }  // namespace
 

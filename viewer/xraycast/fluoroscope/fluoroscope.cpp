@@ -391,7 +391,7 @@ void Fluoroscope::State::absorb_quanta(double open) {
   const int primary_margin = static_cast<int>(primary_taps.size()) - 1;
   for_rows(size, [&](int first, int end) {
     const auto width = static_cast<std::size_t>(size.width);
-    Plane blurred(width), scattered(width, 0.0f), counts(width), energy(width), padded;
+    Plane blurred(width), scattered(width, 0.0f), counts(width), energy(width), normals(2 * width), padded;
     std::vector<const float*> rows;
     for (int j = first; j < end; ++j) {
       const std::size_t at = size.row(j);
@@ -405,7 +405,7 @@ void Fluoroscope::State::absorb_quanta(double open) {
       if (options.stages.quanta)
         quantum_noise_row(counts.data(), mean_kev.data() + at, spread_kev.data() + at,
                           static_cast<std::uint32_t>(at), {keys.quanta, frame_number}, size.width,
-                          energy.data());
+                          energy.data(), normals.data());
       else
         expected_energy_row(counts.data(), mean_kev.data() + at, size.width, energy.data());
       // Both planes were read for the last time: the means here, the shares in the pass before.
@@ -429,7 +429,7 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
   for_rows(size, [&](int first, int end) {
     std::vector<const float*> rows;
     double sum = 0, pixels = 0;
-    Plane before(static_cast<std::size_t>(size.width));
+    Plane before(static_cast<std::size_t>(size.width)), normals(static_cast<std::size_t>(size.width) + 1);
     for (int j = first; j < end; ++j) {
       const std::size_t at = size.row(j);
       float* const signal = frame.signal_kev.data() + at;
@@ -459,7 +459,7 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
       if (options.stages.electronics && detector.electronic_noise_kev > 0)
         electronic_noise_row(static_cast<float>(detector.electronic_noise_kev),
                              static_cast<std::uint32_t>(at), {keys.electronics, frame_number}, size.width,
-                             signal);
+                             signal, normals.data());
       std::uint16_t* const codes = frame.codes.data() + at;
       digitise_row({codes_per_kev, dark, most}, size.width, signal, codes);
       display.take_logarithm(codes, size.width, frame.logarithm.data() + at);
@@ -531,6 +531,12 @@ void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(state_->l
 
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
 void Fluoroscope::set_dose(DoseLevel dose) { state_->options.dose = dose; }
+
+void Fluoroscope::lock_exposure() {
+  if (state_->options.photons) return;
+  state_->options.kvp = state_->technique.kvp;
+  state_->options.mas = state_->technique.mas;
+}
 
 const FluoroscopyOptions& Fluoroscope::options() const { return state_->options; }
 const DoseRecord& Fluoroscope::dose() const { return state_->dose; }

@@ -70,6 +70,9 @@ class Fluoroscope {
   void set_view(const View& view);
   void set_dose(DoseLevel dose);
 
+  /// The exposure control stays at the present technique from now on, as in runs that are subtracted.
+  void lock_exposure();
+
   const FluoroscopyOptions& options() const;
   const DoseRecord& dose() const;
   Technique technique() const;        ///< of the next pulse

@@ -6,18 +6,29 @@
 #include <cmath>
 
 namespace xraycast {
+namespace {
+
+// Filters keep the sums of as many pixels in registers as AVX2 has room for.
+constexpr int kEights = 4, kBlock = 8 * kEights;
+using Eight = float __attribute__((vector_size(32), aligned(4), may_alias));
+
+inline Eight& eight_at(float* pixels) { return *reinterpret_cast<Eight*>(pixels); }
+inline const Eight& eight_at(const float* pixels) { return *reinterpret_cast<const Eight*>(pixels); }
+
+}  // namespace
 
 XRAYCAST_WIDE_VECTORS
 void look_up_row(const QuantaTable& table, const float* __restrict tau, int count, float* __restrict share,
                  float* __restrict mean_kev, float* __restrict spread_kev) {
-  const float per_tau = table.steps_per_tau, last = static_cast<float>(table.share.size() - 2);
+  const float per_tau = table.steps_per_tau;
+  const int last = static_cast<int>(table.share.size()) - 2;
   const float* __restrict shares = table.share.data();
   const float* __restrict means = table.mean_kev.data();
   const float* __restrict spreads = table.spread_kev.data();
   for (int i = 0; i < count; ++i) {
-    const float wanted = tau[i] * per_tau;
-    const float at = wanted > 0 ? (wanted < last ? wanted : last) : 0;  // also where tau is NaN
-    const int step = static_cast<int>(at);
+    const float at = tau[i] * per_tau;
+    const int wanted = static_cast<int>(at), above = wanted > 0 ? wanted : 0;
+    const int step = above < last ? above : last;
     const float part = at - static_cast<float>(step);
     share[i] = shares[step] + part * (shares[step + 1] - shares[step]);
     mean_kev[i] = means[step];
@@ -28,13 +39,23 @@ void look_up_row(const QuantaTable& table, const float* __restrict tau, int coun
 XRAYCAST_WIDE_VECTORS
 void filter_row(const float* __restrict padded, const SymmetricTaps& taps, int count, float* __restrict out) {
   const int neighbours = static_cast<int>(taps.size()) - 1;
-  const float* __restrict middle = padded + neighbours;
-  const float own = taps[0];
-  for (int i = 0; i < count; ++i) out[i] = own * middle[i];
-  for (int k = 1; k <= neighbours; ++k) {
-    const float weight = taps[static_cast<std::size_t>(k)];
-    const float* __restrict left = middle - k, * __restrict right = middle + k;
-    for (int i = 0; i < count; ++i) out[i] += weight * (left[i] + right[i]);
+  const float* const middle = padded + neighbours;
+  int i = 0;
+  for (; i + kBlock <= count; i += kBlock) {
+    Eight sums[kEights];
+    for (int e = 0; e < kEights; ++e) sums[e] = taps[0] * eight_at(middle + i + 8 * e);
+    for (int k = 1; k <= neighbours; ++k) {
+      const float tap = taps[static_cast<std::size_t>(k)];
+      const float *const left = middle + i - k, *const right = middle + i + k;
+      for (int e = 0; e < kEights; ++e) sums[e] += tap * (eight_at(left + 8 * e) + eight_at(right + 8 * e));
+    }
+    for (int e = 0; e < kEights; ++e) eight_at(out + i + 8 * e) = sums[e];
+  }
+  for (; i < count; ++i) {
+    float sum = taps[0] * middle[i];
+    for (int k = 1; k <= neighbours; ++k)
+      sum += taps[static_cast<std::size_t>(k)] * (middle[i - k] + middle[i + k]);
+    out[i] = sum;
   }
 }
 
@@ -42,13 +63,22 @@ XRAYCAST_WIDE_VECTORS
 void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
                          float* __restrict out) {
   const int neighbours = static_cast<int>(taps.size()) - 1;
-  const float* __restrict own = rows[neighbours];
-  const float own_weight = weight * taps[0];
-  for (int i = 0; i < count; ++i) out[i] += own_weight * own[i];
-  for (int k = 1; k <= neighbours; ++k) {
-    const float tap = weight * taps[static_cast<std::size_t>(k)];
-    const float* __restrict above = rows[neighbours - k], * __restrict below = rows[neighbours + k];
-    for (int i = 0; i < count; ++i) out[i] += tap * (above[i] + below[i]);
+  int i = 0;
+  for (; i + kBlock <= count; i += kBlock) {
+    Eight sums[kEights];
+    for (int e = 0; e < kEights; ++e) sums[e] = taps[0] * eight_at(rows[neighbours] + i + 8 * e);
+    for (int k = 1; k <= neighbours; ++k) {
+      const float tap = taps[static_cast<std::size_t>(k)];
+      const float *const above = rows[neighbours - k] + i, *const below = rows[neighbours + k] + i;
+      for (int e = 0; e < kEights; ++e) sums[e] += tap * (eight_at(above + 8 * e) + eight_at(below + 8 * e));
+    }
+    for (int e = 0; e < kEights; ++e) eight_at(out + i + 8 * e) += weight * sums[e];
+  }
+  for (; i < count; ++i) {
+    float sum = taps[0] * rows[neighbours][i];
+    for (int k = 1; k <= neighbours; ++k)
+      sum += taps[static_cast<std::size_t>(k)] * (rows[neighbours - k][i] + rows[neighbours + k][i]);
+    out[i] += weight * sum;
   }
 }
 
@@ -62,25 +92,42 @@ void quanta_counts_row(const float* __restrict share, const float* __restrict fi
 }
 
 XRAYCAST_WIDE_VECTORS
+void normals_row(std::uint32_t first, NoiseStream noise, int count, float* __restrict one,
+                 float* __restrict other) {
+  constexpr int kRun = 256;
+  std::uint32_t low[kRun], high[kRun];
+  for (int start = 0; start < count; start += kRun) {
+    const int run = std::min(kRun, count - start);
+    for (int i = 0; i < run; ++i) {
+      const RandomPair random =
+          random_pair(first + static_cast<std::uint32_t>(start + i), noise.frame, noise.key);
+      low[i] = random.first;
+      high[i] = random.second;
+    }
+    for (int i = 0; i < run; ++i) {
+      const NormalPair normal = normals_of({low[i], high[i]});
+      one[start + i] = normal.first;
+      other[start + i] = normal.second;
+    }
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void quantum_noise_row(const float* __restrict counts, const float* __restrict mean_kev,
                        const float* __restrict spread_kev, std::uint32_t first_pixel, NoiseStream noise,
-                       int count, float* __restrict energy_kev) {
+                       int count, float* __restrict energy_kev, float* __restrict normals) {
+  float* __restrict spreading = normals + count;
+  normals_row(first_pixel, noise, count, normals, spreading);
   for (int i = 0; i < count; ++i) {
-    const RandomPair random = philox(first_pixel + static_cast<std::uint32_t>(i), noise.frame, noise.key);
-    const NormalPair normal = normals_of(random);
     const float expected = counts[i] > kLeastExpandedMean ? counts[i] : kLeastExpandedMean;
-    const float quanta = poisson_quantile(expected, normal.first);
-    const float energy = quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * normal.second;
+    const float quanta = poisson_quantile(expected, normals[i]);
+    const float energy = quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i];
     energy_kev[i] = energy > 0 ? energy : 0;
   }
   for (int i = 0; i < count; ++i) {
     if (counts[i] >= kLeastExpandedMean) continue;
-    const RandomPair random = philox(first_pixel + static_cast<std::uint32_t>(i), noise.frame, noise.key);
-    const float uniform = (static_cast<float>(random.first >> 8) + 0.5f) * 0x1p-24f;
-    // The pair's second number turns; its first, used up by the count, must not be the spread's.
-    const float normal = normals_of(philox(random.second, noise.frame, ~noise.key)).first;
-    const float quanta = poisson_by_inversion(counts[i], uniform);
-    energy_kev[i] = std::max(0.0f, quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * normal);
+    const float quanta = poisson_by_inversion(counts[i], normals[i]);
+    energy_kev[i] = std::max(0.0f, quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i]);
   }
 }
 
@@ -102,18 +149,10 @@ void lag_row(float fraction, float decayed, int count, const float* __restrict s
 
 XRAYCAST_WIDE_VECTORS
 void electronic_noise_row(float rms_kev, std::uint32_t first_pixel, NoiseStream noise, int count,
-                          float* __restrict signal) {
+                          float* __restrict signal, float* __restrict normals) {
   const int half = (count + 1) / 2;
-  for (int i = 0; i < count / 2; ++i) {
-    const NormalPair normal =
-        normals_of(philox(first_pixel + static_cast<std::uint32_t>(i), noise.frame, noise.key));
-    signal[i] += rms_kev * normal.first;
-    signal[i + half] += rms_kev * normal.second;
-  }
-  if (count % 2 == 1)
-    signal[half - 1] +=
-        rms_kev *
-        normals_of(philox(first_pixel + static_cast<std::uint32_t>(half - 1), noise.frame, noise.key)).first;
+  normals_row(first_pixel, noise, half, normals, normals + half);
+  for (int i = 0; i < count; ++i) signal[i] += rms_kev * normals[i];
 }
 
 XRAYCAST_WIDE_VECTORS

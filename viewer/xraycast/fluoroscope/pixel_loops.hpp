@@ -37,9 +37,14 @@ struct NoiseStream {
   std::uint32_t key, frame;
 };
 
+/// Two independent standard normal numbers a pixel.
+void normals_row(std::uint32_t first, NoiseStream noise, int count, float* one, float* other);
+
 /// Energy in keV that Poisson numbers of quanta leave; `counts` are the expected numbers.
+/// `normals` is room for two numbers a pixel.
 void quantum_noise_row(const float* counts, const float* mean_kev, const float* spread_kev,
-                       std::uint32_t first_pixel, NoiseStream noise, int count, float* energy_kev);
+                       std::uint32_t first_pixel, NoiseStream noise, int count, float* energy_kev,
+                       float* normals);
 void expected_energy_row(const float* counts, const float* mean_kev, int count, float* energy_kev);
 
 /// One trap of the detector's charge: takes a share of the signal in, and gives back what decayed since the
@@ -47,7 +52,7 @@ void expected_energy_row(const float* counts, const float* mean_kev, int count, 
 void lag_row(float fraction, float decayed, int count, const float* signal, float* kept, float* out);
 
 void electronic_noise_row(float rms_kev, std::uint32_t first_pixel, NoiseStream noise, int count,
-                          float* signal);
+                          float* signal, float* normals);
 
 struct Digitiser {
   float codes_per_kev, dark, most;
