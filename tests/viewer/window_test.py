@@ -467,7 +467,7 @@ class Window(unittest.TestCase):
         self.drag(2, 700, 500, 0, -190)  # to the groin
         self.do("key", "e", "g", "d")  # at the dose of a cine, subtracted
         self.do("keydown", "x")
-        grey = lambda: self.picture()[::4]
+        grey = lambda: self.screen().region(370, 100, 540, 580)[::4]
         light = lambda: sum(150 < g < 250 for g in grey()) / len(grey())
         dark = lambda: sum(g < 90 for g in grey())
         self.wait_until(lambda: light() > 0.98, "an even picture, subtracted from its mask")
@@ -477,7 +477,7 @@ class Window(unittest.TestCase):
         self.keep_screen("subtraction")
         self.do("keyup", "i")
         self.wait_until(lambda: dark() < none + 50, "it is washed out")
-        bright = lambda: sum(g > 250 for g in self.screen().region(560, 350, 200, 300)[::4])
+        bright = lambda: sum(g > 250 for g in grey())
         self.do("key", "g")
         self.wait_until(lambda: light() < 0.9, "the live picture")
         without = bright()

@@ -51,6 +51,15 @@ void FluoroscopyConsole::next_dose() {
                   : options_.dose == DoseLevel::normal ? DoseLevel::cine
                                                        : DoseLevel::low;
   if (fluoroscope_) fluoroscope_->set_dose(options_.dose);
+  unlock();
+}
+
+/// The exposure control works again, and a mask of the locked exposure no longer fits.
+void FluoroscopyConsole::unlock() {
+  if (!is_locked_) return;
+  is_locked_ = false;
+  restart(options_, view_, *path_);
+  subtraction_.reset();
 }
 
 bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
@@ -127,9 +136,7 @@ void FluoroscopyConsole::subtract(bool subtracts) {
   if (subtracts == subtracts_) return;
   subtracts_ = subtracts;
   if (subtracts) return forget_pictures();
-  // The exposure control works again.
-  is_locked_ = false;
-  if (fluoroscope_) restart(options_, view_, *path_);
+  unlock();
 }
 
 void FluoroscopyConsole::take_new_mask() {
