@@ -16,7 +16,6 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/drawing/run_cine.hpp"
-#include "xraycast/fluoroscope/angiography_run.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
@@ -236,16 +235,12 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   }
   options.style.shading = ShadingMode::fluoro;
   options.style.window.inverted = false;
-  options.begins_with_mask = true;
+  options.subtracts = true;
   options.injection = kShortInjection;
   CineWriter& subtracted = *writers.emplace_back(
       std::make_unique<CineWriter>(report.file("run-dsa.gif"), options.view.width, options.view.height));
   std::vector<std::uint8_t>& fullest = last_frames[report.file("run-dsa.png")];
-  AngiographyRun angiography(options.view.width, options.view.height, {}, false);
-  const std::size_t run = cines.size();
-  cines.push_back(std::make_unique<RunCine>(map, tree, options, [&, run](const std::vector<float>& tau) {
-    std::vector<std::uint8_t> rgb =
-        angiography.picture(tau, cines[run]->is_mask(), cines[run]->opacified_tau());
+  cines.push_back(std::make_unique<RunCine>(map, tree, options, [&](std::vector<std::uint8_t> rgb) {
     subtracted.add(rgb);
     if (fullest.empty() || darkness(rgb) > darkness(fullest)) fullest = std::move(rgb);
   }));

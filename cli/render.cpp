@@ -180,7 +180,7 @@ class FrameRenderer {
   void use(const FluoroscopyOptions& options, const View& first, const BodyMap& map) {
     fluoroscope_.emplace(options, first, WaterPath(map));
     fluoroscope_->settle(renderer_.tau(first, scene_.style));
-    if (subtracts_) fluoroscope_->lock_exposure();
+    fluoroscope_->hold_technique(subtracts_);
   }
 
   /// A fluoroscope's next pulse.
@@ -190,6 +190,7 @@ class FrameRenderer {
     return frame;
   }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  bool subtracts() const { return subtracts_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
 
   /// The displayed picture: a fluoroscope's, or in the session's grey window, or in an automatic one for the
@@ -197,7 +198,7 @@ class FrameRenderer {
   std::vector<std::uint8_t> picture(const View& view) {
     std::vector<std::uint8_t> rgb = subtracts_     ? subtracted_picture(view)
                                     : fluoroscope_ ? rgb_of(displayed(pulse(view), grey_))
-                                                   : windowed_picture(view);
+                                                   : grey_picture(view);
     const glm::dvec3 half(0, 0, bounds_.half_height_mm);
     if (with_annotations_)
       draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
@@ -206,41 +207,35 @@ class FrameRenderer {
     return rgb;
   }
 
-  /// Optical depths of the picture or, subtracted, of the vessels alone.
-  std::vector<float> depths(const View& view) {
-    return subtracts_ ? difference(view) : renderer_.tau(view, scene_.style);
+  /// Optical depths, or their differences from those without the vessels.
+  std::vector<float> tau(const View& view) {
+    std::vector<float> tau = measured_tau(view);
+    if (!subtracts_) return tau;
+    renderer_.set_surfaces(std::span(surfaces_).subspan(1));  // the first are the vessels
+    Subtraction subtraction(view.width, view.height);
+    subtraction.add_to_mask(measured_tau(view));
+    subtraction.subtract(tau, tau);
+    renderer_.set_surfaces(surfaces_);
+    return tau;
   }
-  bool subtracts() const { return subtracts_; }
   std::size_t texture_B() const { return renderer_.texture_B(); }
 
  private:
-  /// A frame's optical depths, as the detector measures them where there is one.
-  std::vector<float> measured(const View& view) {
-    if (!fluoroscope_) return renderer_.tau(view, scene_.style);
-    std::vector<float> values = pulse(view).logarithm;
-    for (float& value : values) value = -value;
-    return values;
-  }
-  /// The mask has all but the vessels, the first of the surfaces.
-  std::vector<float> difference(const View& view) {
-    Subtraction subtraction(view.width, view.height);
-    renderer_.set_surfaces(std::span(surfaces_).subspan(1));
-    subtraction.add_to_mask(measured(view));
-    renderer_.set_surfaces(surfaces_);
-    std::vector<float> values = measured(view);
-    subtraction.subtract(values, values);
-    return values;
-  }
-  /// All frames have the window of the first.
-  std::vector<std::uint8_t> subtracted_picture(const View& view) {
-    const std::vector<float> values = difference(view);
-    if (!window_) window_ = automatic_subtraction_window(values);
-    return subtraction_picture(values, *window_);
-  }
-  std::vector<std::uint8_t> windowed_picture(const View& view) {
+  std::vector<std::uint8_t> grey_picture(const View& view) {
     Style style = scene_.style;
     if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
     return renderer_.picture(view, style);
+  }
+  /// All frames have the window of the first.
+  std::vector<std::uint8_t> subtracted_picture(const View& view) {
+    const std::vector<float> difference = tau(view);
+    if (!window_) window_ = automatic_subtraction_window(difference);
+    return subtraction_picture(difference, *window_);
+  }
+
+  /// With a fluoroscope the optical depths that its detector measures.
+  std::vector<float> measured_tau(const View& view) {
+    return fluoroscope_ ? measured_depths(pulse(view)) : renderer_.tau(view, scene_.style);
   }
 
   const ViewSession& scene_;
@@ -288,10 +283,10 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
     if (has_codes)
       writer.add_codes(view, frames.pulse(view).codes);
     else
-      writer.add(view, frames.depths(view));
+      writer.add(view, frames.tau(view));
     progress.advance();
   }
-  if (has_codes) writer.set_exposure(exposure_of(*fluoroscope, frames.technique()));
+  if (fluoroscope) writer.set_exposure(exposure_of(*fluoroscope, frames.technique()));
   writer.finish();
 }
 
@@ -301,7 +296,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
   else if (frames.fluoroscope() && !frames.subtracts())
     write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
   else
-    write_projection({view, frames.depths(view), 0}, output, 1, false, xa);
+    write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
 }
 
 /// Throws InputError for options that do not apply to a fluoroscope's picture.

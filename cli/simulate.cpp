@@ -13,7 +13,6 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/run_cine.hpp"
-#include "xraycast/fluoroscope/angiography_run.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/run_script.hpp"
@@ -76,19 +75,20 @@ class Cine {
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.begins_with_mask = options.look == "dsa";
-    cine.style.shading = cine.begins_with_mask ? ShadingMode::fluoro : parse_shading_mode(options.look);
+    cine.subtracts = subtracts_ = options.look == "dsa";
+    cine.style.shading = cine.subtracts ? ShadingMode::fluoro : parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     cine.injection = parse_injection(options.injection);
     cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
+    cine.mask_shift = parse_mask_shift(options.subtraction);
+    cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
     if (fluoroscopy) {
       if (!map->spectrum) note_on_energies(session);
       fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
       cine.step_s = 1 / fluoroscopy->pulses_per_s;
+      if (cine.subtracts)
+        cine.measure = [this](const std::vector<float>& tau) { return measured_depths(pulse(tau)); };
     }
-    if (cine.begins_with_mask)
-      angiography_.emplace(cine.view.width, cine.view.height, parse_mask_shift(options.subtraction),
-                           options.subtraction.shows_maximum_opacification);
     if (is_xa(options.cine))
       start_xa(options, map, tree, cine, longest_s, session);
     else
@@ -99,7 +99,7 @@ class Cine {
     if (writer_) writer_->finish();
     if (!xa_) return;
     if (fluoroscope_) xa_->set_exposure(exposure_of(*fluoroscope_, technique_));
-    if (angiography_) xa_->set_mask_frames(mask_frames_);
+    xa_->set_mask_frames(run_->mask_frames());
     xa_->finish();
   }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
@@ -111,11 +111,7 @@ class Cine {
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
     writer_.emplace(options.cine, cine.view.width, cine.view.height);
-    if (angiography_)
-      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
-        writer_->add(angiography_->picture(minus_logarithm(tau), run_->is_mask(), run_->opacified_tau()));
-      });
-    else if (fluoroscope_)
+    if (fluoroscope_ && !cine.subtracts)
       run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
         writer_->add(rgb_of(displayed(pulse(tau), {})));
       });
@@ -135,7 +131,6 @@ class Cine {
     const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
     xa_.emplace(options.cine, cine.view, most_frames, xa);
     run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
-      if (angiography_ && run_->is_mask()) ++mask_frames_;
       if (fluoroscope_)
         xa_->add_codes(view, pulse(tau).codes);
       else
@@ -147,30 +142,22 @@ class Cine {
   const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
     if (fluoroscope_->dose().images == 0) {
       fluoroscope_->settle(tau);
-      if (angiography_) fluoroscope_->lock_exposure();  // a mask fits frames of the same exposure
+      // Subtraction needs frames that are exposed as their mask is.
+      fluoroscope_->hold_technique(subtracts_);
     }
     const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
     technique_ = frame.technique;
     return frame;
   }
 
-  /// What the detector measures, or the optical depths themselves.
-  std::vector<float> minus_logarithm(const std::vector<float>& tau) {
-    if (!fluoroscope_) return tau;
-    std::vector<float> measured = pulse(tau).logarithm;
-    for (float& value : measured) value = -value;
-    return measured;
-  }
-
   HeadlessContext context_;
-  std::optional<AngiographyRun> angiography_;
-  int mask_frames_ = 0;
   std::optional<CineWriter> writer_;
   std::optional<XaWriter> xa_;
   std::string frame_of_reference_;
   std::optional<RunCine> run_;
   std::optional<Fluoroscope> fluoroscope_;
   Technique technique_;
+  bool subtracts_ = false;
 };
 
 /// Samples the hub's loads during a run, at the resolution of a plot.

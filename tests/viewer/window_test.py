@@ -477,7 +477,7 @@ class Window(unittest.TestCase):
         self.keep_screen("subtraction")
         self.do("keyup", "i")
         self.wait_until(lambda: dark() < none + 50, "it is washed out")
-        bright = lambda: sum(g > 250 for g in grey())
+        bright = lambda: sum(g > 180 for g in grey())
         self.do("key", "g")
         self.wait_until(lambda: light() < 0.9, "the live picture")
         without = bright()

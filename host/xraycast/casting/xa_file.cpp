@@ -48,8 +48,10 @@ DicomElements intensity_table() {
 
 void add_image(DicomElements& image, const View& view, std::span<const std::uint16_t> pixels,
                const XaOptions& options) {
+  // 8, 10, 12 or 16 (C.8.7.1.1.6): codes of 14 bits count as 16.
   constexpr int kOwnBits = 12;
-  const auto bits = static_cast<std::uint16_t>(options.code_bits.value_or(kOwnBits));
+  const int used = options.code_bits.value_or(kOwnBits);
+  const std::uint16_t bits = used <= 8 ? 8 : used <= 10 ? 10 : used <= 12 ? 12 : 16;
   image.word(0x00280002, 1);              // Samples per Pixel
   image.text(0x00280004, "MONOCHROME2");  // Photometric Interpretation
   image.word(0x00280010, static_cast<std::uint16_t>(view.height));

@@ -2,6 +2,7 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
@@ -28,12 +29,16 @@ class RunCine {
     double step_s = 0.1;  ///< between frames
     Injection injection;  ///< none: of no duration
     Blood blood;
-    /// For subtraction: it begins half a second before the injection; the frames until then are the mask.
-    bool begins_with_mask = false;
+    bool subtracts = false;
+    PixelShift mask_shift;                     ///< subtraction: of the mask
+    bool shows_maximum_opacification = false;  ///< subtraction: every frame has the vessels filled so far
+    /// Subtraction on a Screen: what a detector makes of a frame's optical depths; none: those themselves.
+    std::function<std::vector<float>(const std::vector<float>& tau)> measure;
   };
+  static constexpr double kMask_s = 0.5;  ///< what a run of subtraction shows before the injection
   /// Takes a frame: 8-bit RGB, row 0 on top.
   using Screen = std::function<void(std::vector<std::uint8_t> rgb)>;
-  /// Takes a frame's optical depths, without the road map, row 0 on top.
+  /// Takes a frame's optical depths, without the road map and before subtraction, row 0 on top.
   using Detector = std::function<void(std::vector<float> tau)>;
 
   /// The tree must outlive the cine.
@@ -43,14 +48,14 @@ class RunCine {
   /// Call after every step of the simulation; draws a frame when one is due.
   void see(const Catheter& catheter, double time_s);
 
-  /// Whether the frame that is taken precedes the injection; the first one does in any case.
-  bool is_mask() const { return is_mask_; }
-
-  /// The optical depth across the vessel at the tip when it is filled with the injected agent.
-  double opacified_tau() const;
+  /// Subtraction: how many frames at the beginning the mask is the mean of.
+  int mask_frames() const { return subtraction_.mask_frames(); }
 
  private:
+  bool is_before_injection(double time_s) const;
+  double opacified_tau(const VesselTree::Location& tip) const;
   void take_frame();
+  std::vector<std::uint8_t> subtracted(const std::vector<float>& tau);
 
   const VesselTree& tree_;
   Options options_;
@@ -59,8 +64,9 @@ class RunCine {
   ContrastBolus bolus_;
   ContrastSurface contrast_;
   RoadMap road_map_;
-  VesselTree::Location tip_;
-  bool is_first_ = true, is_mask_ = true;
+  Subtraction subtraction_;
+  MaximumOpacification opacified_;
+  SubtractionWindow window_;
   double last_s_ = 0, next_s_ = 0;
 };
 

@@ -5,13 +5,13 @@
 namespace xraycast {
 namespace {
 
-/// Live greys with the vessels taken off, as bright as subtraction shows them dark.
+/// Live greys with the vessels brighter, by no more than leaves a catheter in them visible.
 void blend_greys(std::span<const float> vessels, double black, std::span<std::uint8_t> greys) {
-  constexpr float kStrength = 0.7f, kWhite = 255;
-  const float per_tau = kStrength * kWhite / static_cast<float>(black);
+  constexpr float kBrightest = 90, kWhite = 255;
+  const float per_tau = kBrightest / static_cast<float>(black);
   for (std::size_t i = 0; i < greys.size(); ++i)
-    greys[i] =
-        static_cast<std::uint8_t>(std::min(kWhite, static_cast<float>(greys[i]) + per_tau * vessels[i]));
+    greys[i] = static_cast<std::uint8_t>(
+        std::min(kWhite, static_cast<float>(greys[i]) + std::min(kBrightest, per_tau * vessels[i])));
 }
 
 /// What rises above the picture's median: most of a picture is no vessel, but the largest of many noisy
@@ -58,7 +58,7 @@ void FluoroscopyConsole::next_dose() {
 void FluoroscopyConsole::unlock() {
   if (!is_locked_) return;
   is_locked_ = false;
-  restart(options_, view_, *path_);
+  fluoroscope_->hold_technique(false);
   subtraction_.reset();
 }
 
@@ -97,7 +97,7 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
     // As a unit does, after the exposure control has settled.
     fluoroscope_->set_view(on_detector(view, options_.c_arm));
     fluoroscope_->settle(tau);
-    fluoroscope_->lock_exposure();
+    fluoroscope_->hold_technique(true);
     is_locked_ = true;
   }
   fluoroscope_->set_view(on_detector(view, options_.c_arm));
@@ -114,9 +114,8 @@ void FluoroscopyConsole::show_live(const FluoroscopyFrame& frame) {
 }
 
 void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
-  frame_.resize(frame.logarithm.size());
   difference_.resize(frame.logarithm.size());
-  std::ranges::transform(frame.logarithm, frame_.begin(), [](float logarithm) { return -logarithm; });
+  frame_ = measured_depths(frame);
   if (!subtraction_) {
     subtraction_.emplace(view_.width, view_.height);
     subtraction_->shift_mask(shift_);

@@ -11,6 +11,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <functional>
 #include <map>
 #include <numbers>
 #include <numeric>
@@ -58,17 +59,17 @@ void rows_around(const Plane& plane, const PictureSize& size, int j, int neighbo
     rows.push_back(plane.data() + size.row(std::clamp(j + k, 0, size.height - 1)));
 }
 
-void check_exposure(const char* name, std::optional<double> value, double most, const char* unit) {
+void check_exposure(std::optional<double> value, double most, const char* unit) {
   if (value && !(*value > 0 && *value <= most))
-    throw InputError("an exposure of {} {:g}{}: must be above 0 and at most {:g}", name, *value, unit, most);
+    throw InputError("an exposure of {:g} {}: must be above 0 and at most {:g}", *value, unit, most);
 }
 
 }  // namespace
 
 void check(const FluoroscopyOptions& options) {
   constexpr double kMostMas = 2000, kMostPhotons = 1e7, kLowestRate = 3, kHighestRate = 30;
-  check_exposure("mAs", options.mas, kMostMas, " mAs");
-  check_exposure("photons", options.photons, kMostPhotons, " photons a pixel");
+  check_exposure(options.mas, kMostMas, "mAs");
+  check_exposure(options.photons, kMostPhotons, "photons a pixel");
   if (options.photons && options.mas)
     throw InputError("photons and mAs are both given, but each sets the exposure; give one of them");
   const XrayTube& tube = options.c_arm.tube;
@@ -134,6 +135,7 @@ struct Fluoroscope::State {
   Technique technique;
   DoseRecord dose;
   std::uint32_t frame_number = 0;
+  bool is_held = false;
 
   Plane field;
   double open_area_cm2 = 0;
@@ -504,6 +506,12 @@ void Fluoroscope::State::settle(const LookUp& look_up) {
   }
 }
 
+std::vector<float> measured_depths(const FluoroscopyFrame& frame) {
+  std::vector<float> depths(frame.logarithm.size());
+  std::ranges::transform(frame.logarithm, depths.begin(), std::negate{});
+  return depths;
+}
+
 // ---- the class ------------------------------------------------------------------------------------------
 
 Fluoroscope::Fluoroscope(FluoroscopyOptions options, const View& view, WaterPath path)
@@ -514,14 +522,14 @@ Fluoroscope& Fluoroscope::operator=(Fluoroscope&&) noexcept = default;
 
 const FluoroscopyFrame& Fluoroscope::expose(std::span<const float> tau) {
   state_->expose(state_->looking_up(tau), true);
-  if (state_->is_automatic())
+  if (state_->is_automatic() && !state_->is_held)
     state_->technique = state_->control().next(state_->technique, state_->frame.mean_kev);
   return state_->frame;
 }
 
 const FluoroscopyFrame& Fluoroscope::expose(const MaterialDepths& g_cm2) {
   state_->expose(state_->looking_up(g_cm2), true);
-  if (state_->is_automatic())
+  if (state_->is_automatic() && !state_->is_held)
     state_->technique = state_->control().next(state_->technique, state_->frame.mean_kev);
   return state_->frame;
 }
@@ -532,11 +540,7 @@ void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(state_->l
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
 void Fluoroscope::set_dose(DoseLevel dose) { state_->options.dose = dose; }
 
-void Fluoroscope::lock_exposure() {
-  if (state_->options.photons) return;
-  state_->options.kvp = state_->technique.kvp;
-  state_->options.mas = state_->technique.mas;
-}
+void Fluoroscope::hold_technique(bool is_held) { state_->is_held = is_held; }
 
 const FluoroscopyOptions& Fluoroscope::options() const { return state_->options; }
 const DoseRecord& Fluoroscope::dose() const { return state_->dose; }

@@ -45,6 +45,9 @@ struct FluoroscopyFrame {
   double mean_kev = 0;  ///< mean signal in the measuring field
 };
 
+/// A frame's optical depths as its detector measured them, up to a constant: for subtraction.
+std::vector<float> measured_depths(const FluoroscopyFrame& frame);
+
 /// A fluoroscope from the X-ray tube to the display, with its own memory: lag, recursive filter, exposure
 /// control and dose. Pictures are functions of the options, the rays and the pulses before, whatever the
 /// number of threads.
@@ -70,8 +73,8 @@ class Fluoroscope {
   void set_view(const View& view);
   void set_dose(DoseLevel dose);
 
-  /// The exposure control stays at the present technique from now on, as in runs that are subtracted.
-  void lock_exposure();
+  /// Whether the exposure control leaves voltage and mAs as they are, as for subtraction.
+  void hold_technique(bool is_held);
 
   const FluoroscopyOptions& options() const;
   const DoseRecord& dose() const;
