@@ -1,4 +1,4 @@
-#include "command.hpp"
+#include "options/command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/map_preview.hpp"

@@ -13,7 +13,7 @@
 #include <fstream>
 #include <xraylib.h>
 
-namespace xraycast {
+namespace xraycast::spectrum_test {
 namespace {
 
 using testing::HasSubstr;
@@ -315,4 +315,4 @@ TEST(TubeSpectrum, IsTheNamedOneBehindMoreFilters) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::spectrum_test

@@ -25,7 +25,7 @@
 #include <random>
 #include <sstream>
 
-namespace xraycast {
+namespace xraycast::catheter_runs_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -282,4 +282,4 @@ TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::catheter_runs_test

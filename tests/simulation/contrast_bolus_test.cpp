@@ -7,7 +7,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast::test {
+namespace xraycast::test::contrast_bolus_test {
 namespace {
 
 VesselBranch straight(glm::dvec3 from_mm, glm::dvec3 to_mm, double radius_mm, int parent) {
@@ -222,4 +222,4 @@ TEST_P(GrownTrees, AreReachedTheLaterTheFartherDownstream) {
 INSTANTIATE_TEST_SUITE_P(Seeds, GrownTrees, testing::Range(1u, 9u));
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::contrast_bolus_test

@@ -153,6 +153,20 @@ TEST_F(Console, RaisesTheExposureWithTheDoseLevel) {
   EXPECT_LT(console_.kerma_rate_mGy_min(), normal);
 }
 
+TEST_F(Console, TakesANewMaskAtAnotherDose) {
+  console_.subtract(true);
+  expose(false, 5);
+  console_.next_dose();
+  EXPECT_TRUE(console_.is_masking());
+  expose(false, 4);
+  EXPECT_EQ(console_.options().dose, DoseLevel::cine);
+  const double cine = console_.kerma_rate_mGy_min();
+  EXPECT_NEAR(grey(kSpine), 255 * console_.window.background, 2);
+  console_.subtract(false);
+  expose(false, 8);
+  EXPECT_NEAR(console_.kerma_rate_mGy_min(), cine, 0.1 * cine) << "the exposure control agrees with the lock";
+}
+
 TEST_F(Console, KeepsItsSettingsWhenNewOnesAreInvalid) {
   FluoroscopyOptions invalid = options();
   invalid.pulses_per_s = 100;

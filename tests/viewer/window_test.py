@@ -463,11 +463,11 @@ class Window(unittest.TestCase):
 
     def test_subtracts_and_maps_the_road(self):
         self.steer()
-        self.hold("Up", 3)
+        self.hold("Up", 4.2)
         self.drag(2, 700, 500, 0, -190)  # to the groin
         self.do("key", "e", "g", "d")  # at the dose of a cine, subtracted
         self.do("keydown", "x")
-        grey = lambda: self.picture()[::4]
+        grey = lambda: self.screen().region(370, 100, 540, 580)[::4]
         light = lambda: sum(150 < g < 250 for g in grey()) / len(grey())
         dark = lambda: sum(g < 90 for g in grey())
         self.wait_until(lambda: light() > 0.98, "an even picture, subtracted from its mask")
@@ -477,7 +477,7 @@ class Window(unittest.TestCase):
         self.keep_screen("subtraction")
         self.do("keyup", "i")
         self.wait_until(lambda: dark() < none + 50, "it is washed out")
-        bright = lambda: sum(g > 250 for g in self.screen().region(560, 350, 200, 300)[::4])
+        bright = lambda: sum(g > 180 for g in grey())
         self.do("key", "g")
         self.wait_until(lambda: light() < 0.9, "the live picture")
         without = bright()
@@ -667,8 +667,7 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: len(self.pictures()) == 5, "a picture for each key that is pressed")
 
     def test_is_killed_while_it_saves(self):
-        """What it saves is whole or not there, and the next session leaves nothing of a killed one's; what is left of
-        a picture may stay, as its name is not used again."""
+        """What it saves is whole or not there, and the next window that saves removes what a killed one left."""
         session, chance = self.folder / "xraycast-session.json", random.Random(4)
         pending = 0
         for round in range(4):
@@ -692,10 +691,7 @@ class Window(unittest.TestCase):
         self.do("key", "p")
         self.wait_until(lambda: len(self.pictures()) > before, "a picture")
         self.session()
-        left = [path.name for path in self.folder.glob(".*")]
-        self.assertLessEqual(len(left), 2, left)  # two rounds end by SIGKILL, which writes one file at a time
-        for name in left:
-            self.assertRegex(name, r"^\.xraycast-\d+\.[0-9a-f]{16}\.part\.png$")
+        self.assertEqual([path.name for path in self.folder.glob(".*")], [])
 
     def test_ends_when_it_is_closed(self):
         self.view(FILES / "map.exr")

@@ -152,7 +152,7 @@ void add_mask(DicomElements& image, std::size_t frames, int mask_frames) {
   const std::vector<std::uint16_t> applicable{static_cast<std::uint16_t>(mask_frames + 1),
                                               static_cast<std::uint16_t>(frames)};
   DicomElements mask;
-  mask.text(0x00286101, "AVG_SUB");   // Mask Operation
+  mask.text(0x00286101, "AVG_SUB");    // Mask Operation
   mask.words(0x00286102, applicable);  // Applicable Frame Range
   mask.words(0x00286110, numbers);     // Mask Frame Numbers
   mask.word(0x00286112, 1);            // Contrast Frame Averaging

@@ -5,13 +5,13 @@
 namespace xraycast {
 namespace {
 
-/// Live greys with the vessels taken off, as bright as subtraction shows them dark.
+/// Live greys with the vessels brighter, by no more than leaves a catheter in them visible.
 void blend_greys(std::span<const float> vessels, double black, std::span<std::uint8_t> greys) {
-  constexpr float kStrength = 0.7f, kWhite = 255;
-  const float per_tau = kStrength * kWhite / static_cast<float>(black);
+  constexpr float kBrightest = 90, kWhite = 255;
+  const float per_tau = kBrightest / static_cast<float>(black);
   for (std::size_t i = 0; i < greys.size(); ++i)
-    greys[i] =
-        static_cast<std::uint8_t>(std::min(kWhite, static_cast<float>(greys[i]) + per_tau * vessels[i]));
+    greys[i] = static_cast<std::uint8_t>(
+        std::min(kWhite, static_cast<float>(greys[i]) + std::min(kBrightest, per_tau * vessels[i])));
 }
 
 /// What rises above the picture's median: most of a picture is no vessel, but the largest of many noisy
@@ -51,6 +51,15 @@ void FluoroscopyConsole::next_dose() {
                   : options_.dose == DoseLevel::normal ? DoseLevel::cine
                                                        : DoseLevel::low;
   if (fluoroscope_) fluoroscope_->set_dose(options_.dose);
+  unlock();
+}
+
+/// The exposure control works again, and a mask of the locked exposure no longer fits.
+void FluoroscopyConsole::unlock() {
+  if (!is_locked_) return;
+  is_locked_ = false;
+  fluoroscope_->hold_technique(false);
+  subtraction_.reset();
 }
 
 bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
@@ -86,12 +95,9 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
   view_ = view;
   if (subtracts_ && !is_locked_) {
     // As a unit does, after the exposure control has settled.
-    FluoroscopyOptions locked = options_;
-    if (!locked.photons) {
-      locked.kvp = technique().kvp;
-      locked.mas = technique().mas;
-    }
-    restart(locked, view, path);
+    fluoroscope_->set_view(on_detector(view, options_.c_arm));
+    fluoroscope_->settle(tau);
+    fluoroscope_->hold_technique(true);
     is_locked_ = true;
   }
   fluoroscope_->set_view(on_detector(view, options_.c_arm));
@@ -108,9 +114,8 @@ void FluoroscopyConsole::show_live(const FluoroscopyFrame& frame) {
 }
 
 void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
-  frame_.resize(frame.logarithm.size());
   difference_.resize(frame.logarithm.size());
-  std::ranges::transform(frame.logarithm, frame_.begin(), [](float logarithm) { return -logarithm; });
+  frame_ = measured_depths(frame);
   if (!subtraction_) {
     subtraction_.emplace(view_.width, view_.height);
     subtraction_->shift_mask(shift_);
@@ -130,9 +135,7 @@ void FluoroscopyConsole::subtract(bool subtracts) {
   if (subtracts == subtracts_) return;
   subtracts_ = subtracts;
   if (subtracts) return forget_pictures();
-  // The exposure control works again.
-  is_locked_ = false;
-  if (fluoroscope_) restart(options_, view_, *path_);
+  unlock();
 }
 
 void FluoroscopyConsole::take_new_mask() {

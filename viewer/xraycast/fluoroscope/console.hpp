@@ -64,6 +64,7 @@ class FluoroscopyConsole {
 
   void restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path);
   void forget_pictures();
+  void unlock();
   void show_subtracted(const FluoroscopyFrame& frame);
   void show_live(const FluoroscopyFrame& frame);
 

@@ -48,10 +48,12 @@ void wait_for_events(const Viewer& viewer) {
 }  // namespace
 
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
-                const std::optional<Intervention::Options>& simulation) {
+                const std::optional<Intervention::Options>& simulation,
+                const std::optional<FluoroscopyOptions>& fluoroscopy) {
   Window window;
   Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
   if (simulation) desk.viewer.simulate(*simulation);
+  if (fluoroscopy) desk.viewer.use_fluoroscope(*fluoroscopy);
   set_callbacks(window.handle(), desk);
   window.attach_gui();
   while (!glfwWindowShouldClose(window.handle()) && !progress.cancelled()) {

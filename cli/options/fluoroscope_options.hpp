@@ -1,7 +1,7 @@
 #pragma once
 
-#include "command.hpp"
-#include "view_options.hpp"
+#include "options/command.hpp"
+#include "options/view_options.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 
 #include <cstdint>

@@ -1,4 +1,4 @@
-#include "fluoroscope_options.hpp"
+#include "options/fluoroscope_options.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"

@@ -1,7 +1,7 @@
-#include "angiography_options.hpp"
+#include "options/angiography_options.hpp"
 
-#include "command.hpp"
-#include "view_options.hpp"
+#include "options/command.hpp"
+#include "options/view_options.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/xa_file.hpp"
 #include "xraycast/simulation/cardiac_waveform.hpp"
