@@ -16,7 +16,7 @@
 #include <numbers>
 #include <numeric>
 
-namespace xraycast {
+namespace xraycast::fluoroscope_test {
 namespace {
 
 using ::testing::Each;
@@ -488,4 +488,4 @@ TEST(Fluoroscope, SaysWhatIsWrongWithItsOptions) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::fluoroscope_test
