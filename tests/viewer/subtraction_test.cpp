@@ -127,16 +127,6 @@ TEST(MaximumOpacification, ShowsAllThatWasFilled) {
   EXPECT_TRUE(trace.picture().empty());
 }
 
-TEST(RoadMapBlending, ShowsVesselsBrightBehindTheLivePicture) {
-  const std::vector<float> vessels = picture(vessel), live = picture(body);
-  for (const double strength : {0.0, 0.5, 1.0}) {
-    std::vector<float> shown = live;
-    blend_road_map(vessels, strength, shown);
-    for (std::size_t i = 0; i < shown.size(); ++i)
-      EXPECT_NEAR(shown[i], live[i] - strength * vessels[i], 1e-6) << "32-bit floats of up to 5";
-  }
-}
-
 TEST(SubtractionPicture, ShowsContrastAgentDarkOnALightGround) {
   const std::vector<float> difference{0, 0.1f, 0.2f, 0.4f, -0.3f};
   const std::vector<std::uint8_t> rgb = subtraction_picture(difference, {.black = 0.2, .background = 0.8});

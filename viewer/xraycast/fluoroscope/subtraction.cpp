@@ -97,12 +97,6 @@ void MaximumOpacification::add(std::span<const float> difference) {
   for (std::size_t i = 0; i < largest_.size(); ++i) largest_[i] = std::max(largest_[i], difference[i]);
 }
 
-void blend_road_map(std::span<const float> vessels, double strength, std::span<float> frame) {
-  const auto share = static_cast<float>(strength);
-  for (std::size_t i = 0; i < std::min(vessels.size(), frame.size()); ++i)
-    frame[i] -= share * std::max(0.0f, vessels[i]);
-}
-
 std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
                                             const SubtractionWindow& window) {
   constexpr float kWhite = 255, kHalf = 0.5f;  // for rounding

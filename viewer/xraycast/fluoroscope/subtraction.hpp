@@ -61,10 +61,6 @@ class MaximumOpacification {
   std::vector<float> largest_;
 };
 
-/// Road mapping: takes a picture of opacified vessels off a live frame's optical depths, so that they appear
-/// bright, and in full strength as opaque as they were filled. `strength` is 0 to 1.
-void blend_road_map(std::span<const float> vessels, double strength, std::span<float> frame);
-
 /// Greys of differences: zero is light, contrast agent dark.
 struct SubtractionWindow {
   double black = 0.3;       ///< the optical depth of black
