@@ -16,6 +16,7 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
@@ -237,6 +238,15 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   options.style.window.inverted = false;
   options.subtracts = true;
   options.injection = kShortInjection;
+  options.view.pixel_mm *= 0.5;
+  options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
+  Fluoroscope fluoroscope({.c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine}, options.view,
+                          WaterPath(*map));
+  options.measure = [&fluoroscope](const std::vector<float>& tau) {
+    if (fluoroscope.dose().images == 0) fluoroscope.settle(tau);
+    fluoroscope.hold_technique(true);
+    return measured_depths(fluoroscope.expose(tau));
+  };
   CineWriter& subtracted = *writers.emplace_back(
       std::make_unique<CineWriter>(report.file("run-dsa.gif"), options.view.width, options.view.height));
   std::vector<std::uint8_t>& fullest = last_frames[report.file("run-dsa.png")];

@@ -6,7 +6,7 @@
 
 #include <algorithm>
 
-namespace xraycast::test {
+namespace xraycast::cardiac_waveform_test {
 namespace {
 
 class Beat : public testing::TestWithParam<double> {};
@@ -53,4 +53,4 @@ TEST(Injection, GivesItsVolumeHoweverTimeIsDivided) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::cardiac_waveform_test

@@ -6,7 +6,7 @@
 #include <functional>
 #include <numbers>
 
-namespace xraycast::test {
+namespace xraycast::laminar_vessel_test {
 namespace {
 
 constexpr double kParabola = 2, kPlug = 1e9;
@@ -163,4 +163,4 @@ TEST(LaminarVessel, FlowsBackAsItFlowedForth) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::laminar_vessel_test

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::console_test {
 namespace {
 
 constexpr int kSide = 96;
@@ -175,4 +175,4 @@ TEST_F(Console, KeepsItsSettingsWhenNewOnesAreInvalid) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::console_test

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::subtraction_test {
 namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
@@ -154,4 +154,4 @@ TEST(SubtractionPicture, AnAutomaticWindowFitsTheVesselsAndNotTheNoise) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::subtraction_test

@@ -138,12 +138,12 @@ CArm CArm::from_json(const std::string& text, const std::string& origin) {
 
 std::vector<std::string> CArm::preset_names() {
   std::vector<std::string> names;
-  for (const auto& preset : embedded_c_arms()) names.emplace_back(preset.name);
+  for (const auto& preset : embedded_carms()) names.emplace_back(preset.name);
   return names;
 }
 
 CArm CArm::named(const std::string& name_or_file) {
-  for (const auto& preset : embedded_c_arms())
+  for (const auto& preset : embedded_carms())
     if (preset.name == name_or_file) return from_json(std::string(preset.source), name_or_file);
   if (extension_of(name_or_file) != ".json")
     throw InputError("{}: unknown C-arm; choose one of {}, or give a file that ends in .json", name_or_file,

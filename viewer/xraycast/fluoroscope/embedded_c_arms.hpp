@@ -6,12 +6,12 @@
 namespace xraycast {
 
 /// One file of viewer/c_arms/.
-struct EmbeddedC_arm {
+struct EmbeddedCarm {
   std::string_view name;    ///< file name without .json
   std::string_view source;  ///< JSON, see CArm::from_json
 };
 
 /// All presets, in the order of viewer/CMakeLists.txt.
-std::span<const EmbeddedC_arm> embedded_c_arms();
+std::span<const EmbeddedCarm> embedded_carms();
 
 }  // namespace xraycast

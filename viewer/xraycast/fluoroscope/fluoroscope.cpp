@@ -45,7 +45,7 @@ void for_rows(const PictureSize& size, const Work& work) {
 
 /// A row with its first and last pixel repeated beyond it.
 void pad_row(const float* row, int count, int margin, Plane& padded) {
-  padded.resize(static_cast<std::size_t>(count + 2 * margin));
+  padded.resize(static_cast<std::size_t>(count) + 2 * static_cast<std::size_t>(margin));
   std::fill_n(padded.begin(), margin, row[0]);
   std::copy_n(row, count, padded.begin() + margin);
   std::fill_n(padded.end() - margin, margin, row[count - 1]);
