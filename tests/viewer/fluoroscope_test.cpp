@@ -192,7 +192,9 @@ TEST(Fluoroscope, ASlantedBladeHasTheAskedMtf) {
       options.photons = 1000;
       constexpr double kTurn_rad = 2 * kPi / 180, kEdge_pixels = 60;
       options.collimation = Collimation{2 * kEdge_pixels * pixel_mm, 1e4, kTurn_rad};
-      Fluoroscope fluoroscope(options, square_view(pixel_mm), ten_per_metre());
+      View view = square_view(pixel_mm);
+      view.cone = options.c_arm.distances;
+      Fluoroscope fluoroscope(options, view, ten_per_metre());
       const SlantedEdge edge(fluoroscope.expose(slab(0)).signal_kev, kSide, kEdge_pixels, kTurn_rad);
       const CArm& c_arm = options.c_arm;
       const double focal_mm = c_arm.tube.focal_spot_mm / 2.3548 *

@@ -51,7 +51,8 @@ void narrow_to_band(Stretch& stretch, double factor, double offset, double half)
 double open_area_mm2(const Collimation& blades, double width_mm, double height_mm, double round_mm) {
   const double cosine = std::cos(blades.turn_rad), sine = std::sin(blades.turn_rad);
   constexpr int kLines = 4000;  // for areas to 1e-4, since the opening is convex
-  const double apart_mm = std::min(height_mm, std::hypot(blades.width_mm, blades.height_mm)) / kLines;
+  const double reach_mm = blades.width_mm * std::abs(sine) + blades.height_mm * std::abs(cosine);
+  const double apart_mm = std::min(height_mm, reach_mm) / kLines;
   double area = 0;
   for (int line = 0; line < kLines; ++line) {
     const double y = (line + 0.5 - 0.5 * kLines) * apart_mm;
