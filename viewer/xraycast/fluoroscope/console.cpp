@@ -165,7 +165,7 @@ Technique FluoroscopyConsole::technique() const {
   return fluoroscope_ ? fluoroscope_->technique() : Technique{};
 }
 
-double FluoroscopyConsole::kerma_rate_mGy_min() const {
+double FluoroscopyConsole::kerma_rate() const {
   return fluoroscope_ ? fluoroscope_->kerma_rate_mGy_min() : 0;
 }
 

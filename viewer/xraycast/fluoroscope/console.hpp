@@ -57,7 +57,7 @@ class FluoroscopyConsole {
 
   DoseRecord dose() const;
   Technique technique() const;
-  double kerma_rate_mGy_min() const;
+  double kerma_rate() const;  ///< mGy/min, at the reference point
 
  private:
   static constexpr int kMaskPulses = 4;

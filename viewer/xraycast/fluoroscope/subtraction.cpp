@@ -105,11 +105,14 @@ void blend_road_map(std::span<const float> vessels, double strength, std::span<f
 
 std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
                                             const SubtractionWindow& window) {
-  const auto background = static_cast<float>(255 * window.background);
+  constexpr float kWhite = 255, kHalf = 0.5f;  // for rounding
+  const float background = kWhite * static_cast<float>(window.background);
   const float slope = background / static_cast<float>(window.black);
   std::vector<std::uint8_t> greys(difference.size());
-  for (std::size_t i = 0; i < difference.size(); ++i)
-    greys[i] = static_cast<std::uint8_t>(std::clamp(background - slope * difference[i], 0.0f, 255.0f) + 0.5f);
+  for (std::size_t i = 0; i < difference.size(); ++i) {
+    const float grey = std::clamp(background + kHalf - slope * difference[i], 0.0f, kWhite);
+    greys[i] = static_cast<std::uint8_t>(grey);
+  }
   return greys;
 }
 

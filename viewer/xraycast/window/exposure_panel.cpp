@@ -60,8 +60,7 @@ void technique_and_dose(const FluoroscopyConsole& console) {
   const char* const control = is_manual ? "by hand" : console.subtracts() ? "locked" : "automatic exposure";
   write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({})", technique.kvp, technique.mas, control));
   const DoseRecord dose = console.dose();
-  write_line(
-      fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate_mGy_min()));
+  write_line(fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate()));
   write_line(fmt::format("dose-area product {:.3g} Gy cm2", dose.dap_Gycm2));
   constexpr double kMinute_s = 60;
   const auto minutes = static_cast<int>(dose.fluoroscopy_s / kMinute_s);
