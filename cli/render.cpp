@@ -147,13 +147,20 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
   return surfaces;
 }
 
-/// The session's camera, unless a pixel size is given; without a session, the whole body.
+/// The session's camera, unless a pixel size is given; a C-arm keeps its pose, and has its own detector.
+/// Without a session, the whole body.
 View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds,
                   const std::optional<FluoroscopyOptions>& fluoroscopy) {
-  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
-  if (!options.session.empty() && view.pixel_mm == 0) {
+  View view = parse_view(options.view);
+  const bool has_pose = !options.session.empty() && view.pixel_mm == 0;
+  view = on_c_arm(options.fluoroscope, fluoroscopy, view);
+  if (has_pose) {
     if (view.width == 0) view.width = 640, view.height = 480;
-    return view_of(scene.camera, bounds, view.width, view.height);
+    View seen = view_of(scene.camera, bounds, view.width, view.height);
+    if (options.fluoroscope.c_arm.empty()) return seen;
+    seen.cone = view.cone;
+    seen.pixel_mm = view.pixel_mm;
+    return seen;
   }
   view.centre_mm = bounds.centre_mm;
   return fitted(view, bounds);
@@ -258,7 +265,9 @@ View turned(View view, double angle_deg) {
 
 void write_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
                 const std::string& output, Progress& progress) {
-  CineWriter writer(output, view.width, view.height);
+  const auto& fluoroscope = frames.fluoroscope();
+  CineWriter writer(output, view.width, view.height,
+                    fluoroscope ? 1 / fluoroscope->options().pulses_per_s : CineWriter::kUsualFrame_s);
   progress.begin("drawing", static_cast<std::int64_t>(angles_deg.size()), "frames");
   for (const double angle_deg : angles_deg) {
     view.angle_rad = angle_deg * kRadians;
@@ -286,7 +295,8 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
       writer.add(view, frames.tau(view));
     progress.advance();
   }
-  if (fluoroscope) writer.set_exposure(exposure_of(*fluoroscope, frames.technique()));
+  if (fluoroscope)
+    if (const auto exposure = exposure_of(*fluoroscope, frames.technique())) writer.set_exposure(*exposure);
   writer.finish();
 }
 

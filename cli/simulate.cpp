@@ -98,7 +98,8 @@ class Cine {
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
-    if (fluoroscope_) xa_->set_exposure(exposure_of(*fluoroscope_, technique_));
+    if (fluoroscope_)
+      if (const auto exposure = exposure_of(*fluoroscope_, technique_)) xa_->set_exposure(*exposure);
     xa_->set_mask_frames(run_->mask_frames());
     xa_->finish();
   }
@@ -110,7 +111,8 @@ class Cine {
  private:
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
-    writer_.emplace(options.cine, cine.view.width, cine.view.height);
+    writer_.emplace(options.cine, cine.view.width, cine.view.height,
+                    fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
     if (fluoroscope_ && !cine.subtracts)
       run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
         writer_->add(rgb_of(displayed(pulse(tau), {})));
@@ -140,7 +142,7 @@ class Cine {
 
   /// The next pulse; before the first one the exposure control settles.
   const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
-    if (fluoroscope_->dose().images == 0) {
+    if (fluoroscope_->dose().pulses == 0) {
       fluoroscope_->settle(tau);
       // Subtraction needs frames that are exposed as their mask is.
       fluoroscope_->hold_technique(subtracts_);

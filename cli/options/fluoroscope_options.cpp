@@ -1,6 +1,7 @@
 #include "options/fluoroscope_options.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 
@@ -85,12 +86,16 @@ std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& 
 void use_spectrum(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation,
                   FluoroscopyOptions& fluoroscopy) {
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  if (!spectrum || fluoroscopy.kvp) return;
+  if (!spectrum) return;
   const std::string name = opacity.substr(opacity.find(':') + 1);
-  if (name.find_first_not_of("0123456789") == std::string::npos)
-    fluoroscopy.kvp = std::stoi(name);
-  else
+  const bool is_file = spectrum->name() != name + " kVp";
+  if (is_file && fluoroscopy.kvp)
+    throw InputError("--kvp {} with --opacity {}: both give the beam; leave one of them out",
+                     *fluoroscopy.kvp, opacity);
+  if (is_file)
     fluoroscopy.spectrum = *spectrum;
+  else if (!fluoroscopy.kvp)
+    fluoroscopy.kvp = std::stoi(name);
   check(fluoroscopy);
 }
 
@@ -128,12 +133,13 @@ std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
   return rgb;
 }
 
-XaExposure exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {
-  return {.kvp = 1.0 * technique.kvp,
-          .mas = technique.mas,
-          .pulse_ms = fluoroscope.options().c_arm.tube.pulse_ms,
-          .dap_Gycm2 = fluoroscope.dose().dap_Gycm2,
-          .is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine};
+std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {
+  if (fluoroscope.options().spectrum) return std::nullopt;
+  return XaExposure{.kvp = 1.0 * technique.kvp,
+                    .mas = technique.mas,
+                    .pulse_ms = fluoroscope.options().c_arm.tube.pulse_ms,
+                    .dap_Gycm2 = fluoroscope.dose().dap_Gycm2,
+                    .is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine};
 }
 
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
@@ -143,7 +149,7 @@ void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& f
   xa.code_bits = fluoroscope.bits();
   XaWriter writer(file, view, 1, std::move(xa));
   writer.add_codes(view, frame.codes);
-  writer.set_exposure(exposure_of(fluoroscope, frame.technique));
+  if (const auto exposure = exposure_of(fluoroscope, frame.technique)) writer.set_exposure(*exposure);
   writer.finish();
 }
 
@@ -155,16 +161,17 @@ Json to_json(const Fluoroscope& fluoroscope, const Technique& technique) {
           {"air_kerma_mGy", dose.air_kerma_mGy},
           {"dap_Gycm2", dose.dap_Gycm2},
           {"fluoroscopy_s", dose.fluoroscopy_s},
+          {"pulses", dose.pulses},
           {"images", dose.images}};
 }
 
 std::string summary(const Fluoroscope& fluoroscope, const Technique& technique) {
   const DoseRecord& dose = fluoroscope.dose();
   return fmt::format(
-      "{}: {} kVp, {:.3g} mAs a pulse; {} image{} in {:.2f} s, air kerma {:.3g} mGy at the reference "
-      "point, dose-area product {:.3g} Gy cm2\n",
-      fluoroscope.options().c_arm.name, technique.kvp, technique.mas, dose.images,
-      dose.images == 1 ? "" : "s", dose.fluoroscopy_s, dose.air_kerma_mGy, dose.dap_Gycm2);
+      "{}: {} kVp, {:.3g} mAs a pulse; {}, {:.2f} s of fluoroscopy, {} recorded, air kerma {:.3g} mGy at the "
+      "reference point, dose-area product {:.3g} Gy cm2\n",
+      fluoroscope.options().c_arm.name, technique.kvp, technique.mas, pluralize(dose.pulses, "pulse"),
+      dose.fluoroscopy_s, pluralize(dose.images, "image"), dose.air_kerma_mGy, dose.dap_Gycm2);
 }
 
 }  // namespace xraycast::cli

@@ -50,9 +50,10 @@ std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys);
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
                        const std::string& file, const GreyOptions& grey, XaOptions xa);
 
-XaExposure exposure_of(const Fluoroscope& fluoroscope, const Technique& technique);
+/// Nothing for a spectrum from a file: it has no tube.
+std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique);
 
-/// {"c_arm", "kvp", "mas", "open_quanta", "air_kerma_mGy", "dap_Gycm2", "fluoroscopy_s", "images"} and the
+/// {"c_arm", "kvp", "mas", "air_kerma_mGy", "dap_Gycm2", "fluoroscopy_s", "pulses", "images"} and the
 /// same in a line.
 Json to_json(const Fluoroscope& fluoroscope, const Technique& technique);
 std::string summary(const Fluoroscope& fluoroscope, const Technique& technique);

@@ -389,7 +389,7 @@ const BadCall kBadCalls[] = {
     {"GammaOfDepths", "project @/nothing -o @/out.exr --gamma 2", 3, "--gamma does not apply to"},
     {"InvertedDepths", "project @/nothing -o @/out.nrrd --inverted", 3, "--inverted does not apply to"},
     {"RenderInvertedDepths", "render @/map.exr -o @/out.tif --inverted", 3,
-     "which holds optical depths; leave it out or write a .png"},
+     "which holds values that are not displayed; leave it out or write a .png"},
     {"RenderDepthsOfFullContrast", "render @/map.exr -o @/out.exr --full-contrast", 3,
      "--full-contrast does not apply to"},
     {"RenderDepthsWithAnnotations", "render @/map.exr -o @/out.exr --annotations", 3,

@@ -34,6 +34,11 @@ def write_steps(path):
     path.write_bytes(header.encode() + hu.tobytes())
 
 
+def delays(path):
+    """How long a GIF shows each frame, in hundredths of a second, from its graphic control extensions."""
+    return [int.from_bytes(delay, "little") for delay in re.findall(rb"\x21\xf9\x04.(..).\x00", path.read_bytes(), re.S)]
+
+
 def snr2(values):
     return values.mean() ** 2 / values.var()
 
@@ -123,16 +128,57 @@ class Fluoroscopy(unittest.TestCase):
                    "--dose", "low", "--pulse-rate", 10, "--json")
         told = json.loads(done.stdout)["fluoroscope"]
         data = pydicom.dcmread(self.folder / "run.dcm")
-        self.assertEqual(told["images"], data.NumberOfFrames)
-        self.assertAlmostEqual(told["fluoroscopy_s"], 0.1 * told["images"], delta=1e-9)
+        self.assertEqual((told["pulses"], told["images"]), (data.NumberOfFrames, 0))
+        self.assertAlmostEqual(told["fluoroscopy_s"], 0.1 * told["pulses"], delta=1e-9)
         self.assertEqual(float(data.FrameTime), 100)
         self.assertGreater(told["air_kerma_mGy"], 0)
+        for rate, hundredths in ((3, {33, 34}), (10, {10})):
+            run("render", body_map, "-o", self.folder / "turn.gif", "--cine", "0:20:5", "--size", "96x96", "--dose",
+                "low", "--pulse-rate", rate)
+            self.assertEqual(set(delays(self.folder / "turn.gif")), hundredths)
+
+    def test_a_session_keeps_its_pose_on_a_c_arm(self):
+        run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd")
+        body_map, session = self.folder / "map.exr", self.folder / "session.json"
+        run("cast", self.folder / "ct.nrrd", "-o", body_map, "--layers", 8)
+        seen = {}
+        for angle in (0, 40):
+            camera = {"angle_deg": angle, "tilt_deg": 10, "table_mm": 12, "zoom": 1}
+            session.write_text(json.dumps({
+                "xraycast_session": 1, "files": {"map": "map.exr"}, "camera": camera,
+                "style": {"look": "fluoro", "compositing": "path", "continuous": True, "strengths": []}}))
+            done = run("render", "--session", session, "-o", self.folder / "x.png", "--c-arm", "mobile-flat-panel",
+                       "--json")
+            seen[angle] = json.loads(done.stdout)["image"]
+        self.assertAlmostEqual(seen[0].pop("angle_deg"), 0)
+        self.assertAlmostEqual(seen[40].pop("angle_deg"), 40)
+        self.assertEqual(seen[0], seen[40])
+        self.assertAlmostEqual(seen[40]["tilt_deg"], 10)
+        # The largest field, by its pixels two by two.
+        self.assertEqual((seen[40]["width"], seen[40]["pixel_mm"]), (976, 0.304))
+
+    def test_a_spectrum_from_a_file_is_the_beam(self):
+        for name in ("mono.txt", "123", "99999999999"):
+            spectrum = self.folder / name
+            spectrum.write_text("60 1\n")
+            run("project", self.scan, "-o", self.folder / "x.dcm", "--opacity", f"spectrum:{spectrum}", "--photons", 1000,
+                "--size", "100x50", "--pixel", 5)
+            data = pydicom.dcmread(self.folder / "x.dcm")
+            self.assertNotIn("ImageAndFluoroscopyAreaDoseProduct", data)
+            self.assertEqual(data.ExposureTime, None)
+        for energy_kev, options, message in ((60, "--kvp 80", "both give the beam"), (1.5, "", "a harder")):
+            (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
+            done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "y.png", "--photons", "1000", "--opacity",
+                                   f"spectrum:{self.folder}/mono.txt", *options.split()], capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), done.stderr)
+            self.assertIn(message, done.stderr)
 
     def test_bad_options_get_one_line(self):
         for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "works from"),
                                  ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
                                  ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
-                                 ("--photons 5 --mas 1", "give one of them"), ("--field 100", "add --c-arm")):
+                                 ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),
+                                 ("--stages quanta,", "list some of"), ("--field 100", "add --c-arm")):
             done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "x.png", *options.split()],
                                   capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), options + done.stderr)

@@ -48,7 +48,7 @@ TEST_F(Console, HoldsTheLastImage) {
   expose(false);
   EXPECT_EQ(console_.image().size(), std::size_t{kSide} * kSide);
   EXPECT_GT(grey(kSoftTissue), grey(kSpine) + 20);
-  EXPECT_EQ(console_.dose().images, 1) << "settling counts no dose";
+  EXPECT_EQ(console_.dose().pulses, 1) << "settling counts no dose";
 }
 
 TEST_F(Console, PulsesAtItsRateWhileThePedalIsDown) {
@@ -136,7 +136,7 @@ TEST_F(Console, CountsDoseOverAllSettings) {
   expose(false, 2);
   console_.subtract(true);
   expose(false, 2);
-  EXPECT_EQ(console_.dose().images, 7);
+  EXPECT_EQ(console_.dose().pulses, 7);
   EXPECT_GT(console_.dose().air_kerma_mGy, before.air_kerma_mGy);
   EXPECT_NEAR(console_.dose().fluoroscopy_s, 7 / options().pulses_per_s, 1e-9);
 }

@@ -192,7 +192,9 @@ TEST(Fluoroscope, ASlantedBladeHasTheAskedMtf) {
       options.photons = 1000;
       constexpr double kTurn_rad = 2 * kPi / 180, kEdge_pixels = 60;
       options.collimation = Collimation{2 * kEdge_pixels * pixel_mm, 1e4, kTurn_rad};
-      Fluoroscope fluoroscope(options, square_view(pixel_mm), ten_per_metre());
+      View view = square_view(pixel_mm);
+      view.cone = options.c_arm.distances;
+      Fluoroscope fluoroscope(options, view, ten_per_metre());
       const SlantedEdge edge(fluoroscope.expose(slab(0)).signal_kev, kSide, kEdge_pixels, kTurn_rad);
       const CArm& c_arm = options.c_arm;
       const double focal_mm = c_arm.tube.focal_spot_mm / 2.3548 *
@@ -244,7 +246,8 @@ TEST(Fluoroscope, NoisePowerIsWhatMtfQuantaAndElectronicsPredict) {
     for (int kx = first; kx < first + kBand; ++kx) {
       const double mtf = detector.blur.mtf(std::hypot(kx, 6.5) / kSide / kPixel_mm);
       measured += power[kx] / kFrames;
-      predicted += kQuanta * open.m2 / open.m0 * mtf * mtf + std::pow(detector.electronic_noise_kev, 2);
+      predicted += kQuanta * open.m2 / open.m0 * mtf * mtf +
+                   std::pow(detector.electronic_noise_kev * kPixel_mm / detector.pixel_mm, 2);
     }
     EXPECT_NEAR(measured / predicted, 1, 0.05) << first;  // the bar; 4,608 values scatter by 1.5 %
   }
@@ -317,7 +320,7 @@ TEST(Fluoroscope, AirKermaAndDoseAreaProductAreThoseOfNarrowBeams) {
     EXPECT_NEAR(fluoroscope.dose().dap_Gycm2 / (1e-3 * kerma_mGy * area_cm2), 1, 0.05) << water_cm;
     const bool suffices = water_cm < 30;  // beyond, the power at 80 kV does not
     EXPECT_TRUE(!suffices || std::abs(frame.mean_kev / fluoroscope.target_kev() - 1) < 0.05) << water_cm;
-    EXPECT_EQ(fluoroscope.dose().images, 1);
+    EXPECT_EQ(fluoroscope.dose().pulses, 1);
     EXPECT_NEAR(fluoroscope.dose().fluoroscopy_s, 1.0 / 15, 1e-12);
   }
 }

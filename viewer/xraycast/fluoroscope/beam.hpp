@@ -11,15 +11,18 @@ namespace xraycast {
 struct FluoroscopyBeam {
   DetectedSpectrum spectrum;
   EnergyMoments open;  ///< of the open field, a cm2 and mAs
-  QuantaTable table;   ///< by a picture's optical depths
   double reference_uGy_per_mas = 0, limited_uGy_per_mas = 0;
+
+  /// Of a picture's optical depths.
+  QuantaTable table(const WaterPath& path) const;
 
   /// Of the C-arm's tube. Air kerma is that at the reference point, and at the point where its rate is
   /// limited, 30 cm from the detector (21 CFR 1020.32).
-  FluoroscopyBeam(const CArm& c_arm, int kvp, const WaterPath& path);
+  FluoroscopyBeam(const CArm& c_arm, int kvp);
 
-  /// Of any spectrum at the detector, without air kerma.
-  FluoroscopyBeam(const CArm& c_arm, const Spectrum& spectrum, const WaterPath& path);
+  /// Of any spectrum at the detector, without air kerma. Throws InputError where the detector absorbs nothing
+  /// of it.
+  FluoroscopyBeam(const CArm& c_arm, const Spectrum& spectrum);
 };
 
 /// The energy in keV that a cm2 of the detector absorbs an uGy of air kerma, behind a patient: at the

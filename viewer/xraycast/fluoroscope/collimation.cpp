@@ -25,7 +25,48 @@ double beside_edge(double inside_mm, double pixel_mm, double spread_mm) {
          pixel_mm;
 }
 
+/// Part of a line.
+struct Stretch {
+  double from = 0, to = 0;
+  void narrow(double other_from, double other_to) {
+    from = std::max(from, other_from);
+    to = std::min(to, other_to);
+  }
+  double length() const { return std::max(0.0, to - from); }
+};
+
+/// Where |factor x + offset| <= half.
+void narrow_to_band(Stretch& stretch, double factor, double offset, double half) {
+  constexpr double kParallel = 1e-12;
+  if (std::abs(factor) < kParallel) {
+    if (std::abs(offset) > half) stretch.to = stretch.from;
+    return;
+  }
+  const double one = (-half - offset) / factor, other = (half - offset) / factor;
+  stretch.narrow(std::min(one, other), std::max(one, other));
+}
+
 }  // namespace
+
+double open_area_mm2(const Collimation& blades, double width_mm, double height_mm, double round_mm) {
+  const double cosine = std::cos(blades.turn_rad), sine = std::sin(blades.turn_rad);
+  constexpr int kLines = 4000;  // for areas to 1e-4, since the opening is convex
+  const double reach_mm = blades.width_mm * std::abs(sine) + blades.height_mm * std::abs(cosine);
+  const double apart_mm = std::min(height_mm, reach_mm) / kLines;
+  double area = 0;
+  for (int line = 0; line < kLines; ++line) {
+    const double y = (line + 0.5 - 0.5 * kLines) * apart_mm;
+    Stretch open{-0.5 * width_mm, 0.5 * width_mm};
+    narrow_to_band(open, cosine, sine * y, 0.5 * blades.width_mm);
+    narrow_to_band(open, -sine, cosine * y, 0.5 * blades.height_mm);
+    if (round_mm > 0) {
+      const double half = std::sqrt(std::max(0.0, 0.25 * round_mm * round_mm - y * y));
+      open.narrow(-half, half);
+    }
+    area += apart_mm * open.length();
+  }
+  return area;
+}
 
 std::vector<float> open_field(const View& view, const Collimation& collimation, double round_mm,
                               double spread_mm) {

@@ -157,7 +157,8 @@ DoseRecord FluoroscopyConsole::dose() const {
   if (!fluoroscope_) return before_;
   const DoseRecord& now = fluoroscope_->dose();
   return {before_.air_kerma_mGy + now.air_kerma_mGy, before_.dap_Gycm2 + now.dap_Gycm2,
-          before_.fluoroscopy_s + now.fluoroscopy_s, before_.images + now.images};
+          before_.fluoroscopy_s + now.fluoroscopy_s, before_.images + now.images,
+          before_.pulses + now.pulses};
 }
 
 Technique FluoroscopyConsole::technique() const {

@@ -10,7 +10,7 @@ namespace {
 
 constexpr float kEdgeStrength = 0.7f;
 constexpr float kNewFrameWeight =
-    0.4f;  // of fluoroscopy's recursive filter: halves the noise's variance and more
+    0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays
 constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white
 
 }  // namespace

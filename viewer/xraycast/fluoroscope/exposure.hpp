@@ -19,8 +19,9 @@ enum class DoseLevel { low, normal, cine };
 struct DoseRecord {
   double air_kerma_mGy = 0;  ///< at the patient entrance reference point
   double dap_Gycm2 = 0;      ///< dose-area product
-  double fluoroscopy_s = 0;
-  long long images = 0;
+  double fluoroscopy_s = 0;  ///< at the low and the normal level
+  long long images = 0;      ///< recorded ones, at the cine level
+  long long pulses = 0;      ///< of both
 };
 
 /// The patient entrance reference point of IEC 60601-2-43: on the beam's axis, 15 cm from the isocentre

@@ -5,6 +5,23 @@
 #include <utility>
 
 namespace xraycast {
+namespace {
+
+/// The first integer from `first` on for which a condition holds that holds for all that follow; at most
+/// `last`.
+template <typename Condition>
+int first_of(int first, int last, const Condition& holds) {
+  while (first < last) {
+    const int middle = first + (last - first) / 2;
+    if (holds(middle))
+      last = middle;
+    else
+      first = middle + 1;
+  }
+  return last;
+}
+
+}  // namespace
 
 ExposureControl::ExposureControl(XrayTube tube, double target_kev, std::optional<int> kvp,
                                  std::optional<double> mas, SignalPerMas signal, PermittedMas permitted)
@@ -28,9 +45,17 @@ Technique ExposureControl::technique_for(double g_cm2) const {
   if (kvp_) return {*kvp_, mas_at(*kvp_)};
   const int highest = static_cast<int>(tube_.highest_kvp), lowest = static_cast<int>(tube_.lowest_kvp);
   const double wanted = kThin_kvp + kKvpPer_g_cm2 * std::max(0.0, g_cm2 - kThin_g_cm2);
-  int kvp = mas_ ? lowest : std::clamp(static_cast<int>(std::lround(std::min(wanted, 1e3))), lowest, highest);
-  constexpr double kEnough = 0.97;
-  while (kvp < highest && signal_(kvp, g_cm2) * mas_at(kvp) < kEnough * target_kev_) ++kvp;
+  const int curve =
+      mas_ ? lowest : std::clamp(static_cast<int>(std::lround(std::min(wanted, 1e3))), lowest, highest);
+  constexpr double kEnough = 0.97, kTooMuch = 1.03;
+  const auto reached = [&](int kvp) { return signal_(kvp, g_cm2) * mas_at(kvp) / target_kev_; };
+  const auto can = [&](int kvp) { return !mas_ || *mas_ <= highest_mas(tube_, kvp); };
+  // The signal rises with the voltage, and so what the tube reaches at most and at least.
+  int kvp = curve;
+  if (reached(curve) < kEnough)
+    kvp = first_of(curve, highest, [&](int at) { return !can(at + 1) || reached(at) >= kEnough; });
+  else if (reached(curve) > kTooMuch)
+    kvp = first_of(lowest, curve, [&](int at) { return reached(at + 1) > kTooMuch; });
   return {kvp, mas_at(kvp)};
 }
 

@@ -76,6 +76,12 @@ void check(const FluoroscopyOptions& options) {
   if (options.kvp && !(*options.kvp >= tube.lowest_kvp && *options.kvp <= tube.highest_kvp))
     throw InputError("{} kVp: {} works from {:g} to {:g} kVp; choose a voltage between them", *options.kvp,
                      options.c_arm.name, tube.lowest_kvp, tube.highest_kvp);
+  if (options.mas) {
+    const int kvp = options.kvp.value_or(static_cast<int>(tube.lowest_kvp));
+    if (const double most = highest_mas(tube, kvp); *options.mas > most)
+      throw InputError("{:g} mAs: {} gives at most {:.3g} mAs a pulse at {} kVp; choose fewer", *options.mas,
+                       options.c_arm.name, most, kvp);
+  }
   if (options.spectrum && !options.photons)
     throw InputError("{}: a spectrum from a file has no tube output; give the photons a pixel too",
                      options.spectrum->name());
@@ -86,6 +92,49 @@ void check(const FluoroscopyOptions& options) {
     throw InputError("the collimator is shut ({:g} x {:g} mm); open its blades", blades->width_mm,
                      blades->height_mm);
 }
+
+namespace {
+
+void check_distances(const Cone& distances) {
+  constexpr double kLeast_mm = 200;  // as for C-arms
+  if (!(distances.source_axis_mm >= kLeast_mm))
+    throw InputError(
+        "the source is {:g} mm from the isocentre: a fluoroscope's is at least {:g} mm away; increase the "
+        "first distance",
+        distances.source_axis_mm, kLeast_mm);
+}
+
+/// The pixels whose mean signal the exposure control follows, in every n-th row: those of the middle half of
+/// both sides that are in the open field, or where there is none all, by their share of the field.
+struct MeasuringField {
+  int first_row = 0, end_row = 0, first_column = 0, end_column = 0, every = 1;
+  bool is_weighted = false;
+  bool has_row(int j) const { return j >= first_row && j < end_row && (j - first_row) % every == 0; }
+  float weight(float field) const { return is_weighted ? field : field > 0.5f ? 1.0f : 0.0f; }
+};
+
+double pixels_in(const MeasuringField& measured, const Plane& field, const PictureSize& size) {
+  double pixels = 0;
+  for (int j = measured.first_row; j < measured.end_row; j += measured.every)
+    for (int i = measured.first_column; i < measured.end_column; ++i)
+      pixels += measured.weight(field[size.row(j) + static_cast<std::size_t>(i)]);
+  return pixels;
+}
+
+MeasuringField measuring_field(const Plane& field, const PictureSize& size) {
+  constexpr int kEvery = 4;
+  const MeasuringField middle{(size.height + 3) / 4, (3 * size.height + 3) / 4, size.width / 4,
+                              3 * size.width / 4, kEvery};
+  if (pixels_in(middle, field, size) > 0) return middle;
+  const MeasuringField whole{0, size.height, 0, size.width, 1, true};
+  constexpr double kLeastPixels = 0.01;
+  if (pixels_in(whole, field, size) < kLeastPixels)
+    throw InputError("the collimator leaves none of the picture's {} x {} pixels open; open its blades",
+                     size.width, size.height);
+  return whole;
+}
+
+}  // namespace
 
 struct Fluoroscope::State {
   State(FluoroscopyOptions given, const View& first_view, WaterPath given_path)
@@ -102,12 +151,16 @@ struct Fluoroscope::State {
   void find_taps();
 
   const FluoroscopyBeam& beam(int kvp);
+  const QuantaTable& table(int kvp);
+  void set_dose(DoseLevel level);
   ExposureControl control();
   double target_kev() const;
   bool is_automatic() const { return !options.photons && !(options.kvp && options.mas); }
   Technique first_technique();
   double open_quanta();
   double full_scale_kev();
+  float electronic_rms_kev() const;
+  Digitiser digitiser();
 
   // The passes of a frame.
   template <typename LookUp>
@@ -128,6 +181,7 @@ struct Fluoroscope::State {
   View view;
   PictureSize size;
   std::map<int, FluoroscopyBeam> beams;
+  std::map<int, QuantaTable> tables;
   struct {
     std::uint32_t quanta, electronics;
   } keys{};
@@ -138,6 +192,7 @@ struct Fluoroscope::State {
   bool is_held = false;
 
   Plane field;
+  MeasuringField measured;
   double open_area_cm2 = 0;
   SymmetricTaps primary_taps{1}, narrow_taps{1}, wide_taps{1};
   float wide_share = 0;
@@ -157,10 +212,18 @@ struct Fluoroscope::State {
 // ---- what depends on the view -----------------------------------------------------------------------
 
 void Fluoroscope::State::set_view(const View& next) {
+  const bool is_moved = next.cone && *next.cone != options.c_arm.distances;
   const bool is_other =
-      next.width != view.width || next.height != view.height || next.pixel_mm != view.pixel_mm;
+      next.width != view.width || next.height != view.height || next.pixel_mm != view.pixel_mm || is_moved;
+  if (next.cone) check_distances(*next.cone);
   view = next;
   if (!is_other) return;
+  if (is_moved) {
+    options.c_arm.distances = *next.cone;
+    beams.clear();
+    tables.clear();
+  }
+  frame.mean_kev = 0;
   size = {view.width, view.height};
   for (Plane* plane : {&share, &mean_kev, &spread_kev, &narrow, &wide, &frame.signal_kev, &frame.logarithm})
     plane->assign(size.pixels(), 0);
@@ -205,19 +268,24 @@ void Fluoroscope::State::find_taps() {
 
 void Fluoroscope::State::find_field() {
   const FluoroscopyDetector& detector = options.c_arm.detector;
-  constexpr double kUnlimited_mm = 1e6;
-  Collimation blades = options.collimation.value_or(Collimation{kUnlimited_mm, kUnlimited_mm});
-  double round_mm = 0;
-  if (options.field_mm > 0) {
-    if (!options.collimation)
-      blades = {std::min(options.field_mm, detector.width_mm),
-                std::min(options.field_mm, detector.height_mm)};
-    if (detector.is_round) round_mm = options.field_mm;
+  constexpr double kUnlimited_mm = 1e6, kCm2_per_mm2 = 0.01;
+  const double spread_mm = options.stages.blur ? focal_spread_mm(options.c_arm) : 0;
+  const bool has_field = options.field_mm > 0;
+  const double round_mm = has_field && detector.is_round ? options.field_mm : 0;
+  const Collimation limit = has_field ? Collimation{std::min(options.field_mm, detector.width_mm),
+                                                    std::min(options.field_mm, detector.height_mm)}
+                                      : Collimation{kUnlimited_mm, kUnlimited_mm};
+  field = open_field(view, limit, round_mm, spread_mm);
+  if (options.collimation) {
+    const Plane between = open_field(view, *options.collimation, 0, spread_mm);
+    std::ranges::transform(field, between, field.begin(), std::multiplies{});
   }
-  field = open_field(view, blades, round_mm, options.stages.blur ? focal_spread_mm(options.c_arm) : 0);
-  constexpr double kCm2_per_mm2 = 0.01;
+  measured = measuring_field(field, size);
+  // The beam fills the zoom field, whatever part of it the picture shows.
+  const double width_mm = has_field ? limit.width_mm : view.width * view.pixel_mm;
+  const double height_mm = has_field ? limit.height_mm : view.height * view.pixel_mm;
   open_area_cm2 =
-      kCm2_per_mm2 * view.pixel_mm * view.pixel_mm * std::accumulate(field.begin(), field.end(), 0.0);
+      kCm2_per_mm2 * open_area_mm2(options.collimation.value_or(limit), width_mm, height_mm, round_mm);
 }
 
 // ---- the exposure ---------------------------------------------------------------------------------------
@@ -226,9 +294,22 @@ const FluoroscopyBeam& Fluoroscope::State::beam(int kvp) {
   if (const auto known = beams.find(kvp); known != beams.end()) return known->second;
   const CArm& c_arm = options.c_arm;
   return beams
-      .emplace(kvp, options.spectrum ? FluoroscopyBeam(c_arm, *options.spectrum, path)
-                                     : FluoroscopyBeam(c_arm, kvp, path))
+      .emplace(kvp,
+               options.spectrum ? FluoroscopyBeam(c_arm, *options.spectrum) : FluoroscopyBeam(c_arm, kvp))
       .first->second;
+}
+
+/// Only of voltages that are used: the exposure control compares many.
+const QuantaTable& Fluoroscope::State::table(int kvp) {
+  if (const auto known = tables.find(kvp); known != tables.end()) return known->second;
+  return tables.emplace(kvp, beam(kvp).table(path)).first->second;
+}
+
+/// The next pulse has the technique that goes with the new gain.
+void Fluoroscope::State::set_dose(DoseLevel level) {
+  options.dose = level;
+  if (!is_automatic()) return;
+  technique = frame.mean_kev > 0 ? control().next(frame.technique, frame.mean_kev) : first_technique();
 }
 
 double Fluoroscope::State::target_kev() const {
@@ -287,8 +368,11 @@ void Fluoroscope::State::count_dose() {
   constexpr double kMilli = 1e-3, kMicro = 1e-6;
   dose.air_kerma_mGy += kMilli * kerma_uGy;
   dose.dap_Gycm2 += kMicro * kerma_uGy * open_area_cm2 * closer * closer;
-  dose.fluoroscopy_s += 1 / options.pulses_per_s;
-  ++dose.images;
+  ++dose.pulses;
+  if (options.dose == DoseLevel::cine)
+    ++dose.images;
+  else
+    dose.fluoroscopy_s += 1 / options.pulses_per_s;
 }
 
 // ---- the passes -----------------------------------------------------------------------------------------
@@ -297,18 +381,19 @@ void Fluoroscope::State::count_dose() {
 auto Fluoroscope::State::looking_up(std::span<const float> tau) {
   return [this, tau](int j) {
     const std::size_t at = size.row(j);
-    look_up_row(beam(technique.kvp).table, tau.data() + at, size.width, share.data() + at,
-                mean_kev.data() + at, spread_kev.data() + at);
+    look_up_row(tables.at(technique.kvp), tau.data() + at, size.width, share.data() + at, mean_kev.data() + at,
+                spread_kev.data() + at);
   };
 }
 
 /// What masses let through; for files, since it sums the spectrum in every pixel.
 auto Fluoroscope::State::looking_up(const MaterialDepths& g_cm2) {
   return [this, &g_cm2](int j) {
-    const FluoroscopyBeam& now = beam(technique.kvp);
+    const FluoroscopyBeam& now = beams.at(technique.kvp);
     for (std::size_t pixel = size.row(j); pixel < size.row(j + 1); ++pixel) {
       std::array<double, kMaterials.size()> depths{};
-      for (std::size_t m = 0; m < depths.size(); ++m) depths[m] = g_cm2[m][pixel];
+      for (std::size_t m = 0; m < depths.size(); ++m)
+        depths[m] = std::max(0.0f, g_cm2[m][pixel]);  // 0 for NaN
       const EnergyMoments behind = now.spectrum.behind(depths);
       share[pixel] = static_cast<float>(behind.m0 / now.open.m0);
       mean_kev[pixel] = static_cast<float>(behind.mean_kev());
@@ -320,7 +405,7 @@ auto Fluoroscope::State::looking_up(const MaterialDepths& g_cm2) {
 /// Shares of the open field, blurred along the rows, and the sums of scatter's cells.
 template <typename LookUp>
 void Fluoroscope::State::find_primary(const LookUp& look_up) {
-  beam(technique.kvp);  // made before threads look it up
+  table(technique.kvp);  // made, with its beam, before threads look it up
   const int margin = static_cast<int>(primary_taps.size()) - 1;
   for_rows(size, [&](int first, int end) {
     Plane padded;
@@ -346,19 +431,25 @@ void Fluoroscope::State::find_primary(const LookUp& look_up) {
   });
 }
 
+/// The optical depth at which the table, which falls, has a share; between steps on a line.
+double tau_of(float share, const QuantaTable& table) {
+  const auto after = std::ranges::lower_bound(table.share, share, std::greater{});
+  if (after == table.share.begin()) return 0;
+  const auto step = static_cast<double>(after - table.share.begin());
+  if (after == table.share.end()) return (step - 1) / table.steps_per_tau;
+  const float above = *(after - 1), below = *after;
+  return (step - (share - below) / (above - below)) / table.steps_per_tau;
+}
+
 void Fluoroscope::State::find_scatter() {
   if (!options.stages.scatter) return;
   constexpr int kEvery = 4;
-  const QuantaTable& table = beam(technique.kvp).table;
+  const QuantaTable& now = table(technique.kvp);
   for (std::size_t cell = 0; cell < cell_share.size(); ++cell) {
     const int row = static_cast<int>(cell) / cell_columns, column = static_cast<int>(cell) % cell_columns;
     const int rows = (std::min(kBand, size.height - row * kBand) + kEvery - 1) / kEvery;
     const auto pixels = static_cast<float>(rows * std::min(kBand, size.width - column * kBand));
-    // The step at which the table, which falls, has the cell's mean share.
-    const auto step = std::ranges::lower_bound(table.share, cell_share[cell] / pixels, std::greater{});
-    const auto steps =
-        static_cast<float>(std::min<std::ptrdiff_t>(step - table.share.begin(), std::ssize(table.share) - 1));
-    cell_water[cell] = static_cast<float>(path.g_cm2(steps / table.steps_per_tau));
+    cell_water[cell] = static_cast<float>(path.g_cm2(tau_of(cell_share[cell] / pixels, now)));
     cell_primary[cell] /= pixels;
   }
   cell_scatter = scatter->from(cell_primary, cell_water);
@@ -420,13 +511,28 @@ void Fluoroscope::State::absorb_quanta(double open) {
   });
 }
 
+/// Of a picture's pixel, which has the noise of all the detector's pixels in it.
+float Fluoroscope::State::electronic_rms_kev() const {
+  const FluoroscopyDetector& detector = options.c_arm.detector;
+  if (!options.stages.electronics) return 0;
+  return static_cast<float>(detector.electronic_noise_kev * view.pixel_mm / detector.pixel_mm);
+}
+
+/// The dark level leaves room for the electronics' noise.
+Digitiser Fluoroscope::State::digitiser() {
+  constexpr double kDarkShare = 1.0 / 256, kDarkSpreads = 5;
+  const double most = (1 << options.c_arm.detector.bits) - 1, full_kev = full_scale_kev();
+  const double dark_kev = kDarkSpreads * electronic_rms_kev();
+  const double dark = std::max(kDarkShare * most, most * dark_kev / (full_kev + dark_kev));
+  return {static_cast<float>((most - dark) / full_kev), static_cast<float>(dark), static_cast<float>(most)};
+}
+
 /// From the absorbed energy to the detector's codes.
 void Fluoroscope::State::read_out(bool leaves_traces) {
   const FluoroscopyDetector& detector = options.c_arm.detector;
-  const auto most = static_cast<float>((1 << detector.bits) - 1);
-  constexpr float kDarkShare = 1.0f / 256;
-  const float dark = most * kDarkShare;
-  const auto codes_per_kev = static_cast<float>((most - dark) / full_scale_kev());
+  const Digitiser digitised = digitiser();
+  const float codes_per_kev = digitised.codes_per_kev, dark = digitised.dark;
+  const float rms_kev = electronic_rms_kev();
   display.set_codes(detector.bits, dark);
   for_rows(size, [&](int first, int end) {
     std::vector<const float*> rows;
@@ -442,15 +548,13 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
         rows_around(wide, size, j, static_cast<int>(wide_taps.size()) - 1, rows);
         add_filtered_column(rows.data(), wide_taps, wide_share, size.width, signal);
       }
-      // The measuring field: the middle half of both sides, as far as it is not behind the blades; its
-      // sensor keeps no charge of earlier pulses.
-      constexpr int kEvery = 4;
-      if (j % kEvery == 0 && 4 * j >= size.height && 4 * j < 3 * size.height)
-        for (int i = size.width / 4; i < 3 * size.width / 4; ++i)
-          if (field[at + static_cast<std::size_t>(i)] > 0.5f) {
-            sum += signal[i];
-            ++pixels;
-          }
+      // The measuring field's sensor keeps no charge of earlier pulses.
+      if (measured.has_row(j))
+        for (int i = measured.first_column; i < measured.end_column; ++i) {
+          const float weight = measured.weight(field[at + static_cast<std::size_t>(i)]);
+          sum += weight * signal[i];
+          pixels += weight * weight;
+        }
       if (options.stages.lag && leaves_traces) {
         std::copy_n(signal, size.width, before.begin());
         for (std::size_t trap = 0; trap < kept.size(); ++trap) {
@@ -459,12 +563,11 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
                   before.data(), kept[trap].data() + at, signal);
         }
       }
-      if (options.stages.electronics && detector.electronic_noise_kev > 0)
-        electronic_noise_row(static_cast<float>(detector.electronic_noise_kev),
-                             static_cast<std::uint32_t>(at), {keys.electronics, frame_number}, size.width,
-                             signal, normals.data());
+      if (rms_kev > 0)
+        electronic_noise_row(rms_kev, static_cast<std::uint32_t>(at), {keys.electronics, frame_number},
+                             size.width, signal, normals.data());
       std::uint16_t* const codes = frame.codes.data() + at;
-      digitise_row({codes_per_kev, dark, most}, size.width, signal, codes);
+      digitise_row(digitised, size.width, signal, codes);
       display.take_logarithm(codes, size.width, frame.logarithm.data() + at);
       if (options.stages.electronics)
         for (int i = 0; i < size.width; ++i)
@@ -474,7 +577,7 @@ void Fluoroscope::State::read_out(bool leaves_traces) {
     band_pixels[static_cast<std::size_t>(first / kBand)] = pixels;
   });
   const double pixels = std::accumulate(band_pixels.begin(), band_pixels.end(), 0.0);
-  frame.mean_kev = std::accumulate(band_sums.begin(), band_sums.end(), 0.0) / std::max(1.0, pixels);
+  frame.mean_kev = std::accumulate(band_sums.begin(), band_sums.end(), 0.0) / pixels;
   display.set_level(std::log(std::max(1.0, frame.mean_kev * codes_per_kev)));
 }
 
@@ -539,7 +642,7 @@ void Fluoroscope::settle(std::span<const float> tau) { state_->settle(state_->lo
 void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(state_->looking_up(g_cm2)); }
 
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
-void Fluoroscope::set_dose(DoseLevel dose) { state_->options.dose = dose; }
+void Fluoroscope::set_dose(DoseLevel dose) { state_->set_dose(dose); }
 
 void Fluoroscope::hold_technique(bool is_held) { state_->is_held = is_held; }
 

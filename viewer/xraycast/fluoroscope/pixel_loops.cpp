@@ -22,17 +22,18 @@ void look_up_row(const QuantaTable& table, const float* __restrict tau, int coun
                  float* __restrict mean_kev, float* __restrict spread_kev) {
   const float per_tau = table.steps_per_tau;
   const int last = static_cast<int>(table.share.size()) - 2;
+  const auto end = static_cast<float>(last + 1);
   const float* __restrict shares = table.share.data();
   const float* __restrict means = table.mean_kev.data();
   const float* __restrict spreads = table.spread_kev.data();
   for (int i = 0; i < count; ++i) {
-    const float at = tau[i] * per_tau;
-    const int wanted = static_cast<int>(at), above = wanted > 0 ? wanted : 0;
-    const int step = above < last ? above : last;
+    const float wanted = tau[i] * per_tau, positive = wanted > 0 ? wanted : 0;  // 0 for NaN
+    const float at = positive < end ? positive : end;
+    const int below = static_cast<int>(at), step = below < last ? below : last;
     const float part = at - static_cast<float>(step);
     share[i] = shares[step] + part * (shares[step + 1] - shares[step]);
-    mean_kev[i] = means[step];
-    spread_kev[i] = spreads[step];
+    mean_kev[i] = means[step] + part * (means[step + 1] - means[step]);
+    spread_kev[i] = spreads[step] + part * (spreads[step + 1] - spreads[step]);
   }
 }
 
@@ -87,7 +88,8 @@ void quanta_counts_row(const float* __restrict share, const float* __restrict fi
                        const float* __restrict scatter, float open_quanta, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) {
     const float expected = open_quanta * (share[i] * field[i] + scatter[i]);
-    out[i] = expected > 0 ? expected : 0;  // a fitted filter may overshoot beside an edge
+    const float positive = expected > 0 ? expected : 0;  // a fitted filter may overshoot beside an edge
+    out[i] = positive < kMostQuanta ? positive : kMostQuanta;
   }
 }
 

@@ -9,8 +9,8 @@
 // The chain's loops over the pixels of a row, for a compiler to vectorise.
 namespace xraycast {
 
-/// Detected quanta by the optical depth, at even steps from 0; beyond the last step, as there. Two tables of
-/// neighbours for the share, which is interpolated.
+/// Detected quanta by the optical depth, at even steps from 0, linear between them. Below the first step and
+/// beyond the last, as there; NaN counts as 0.
 struct QuantaTable {
   float steps_per_tau = 0;
   std::vector<float> share;  ///< of the open field's quanta
@@ -28,7 +28,10 @@ void filter_row(const float* padded, const SymmetricTaps& taps, int count, float
 void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
                          float* out);
 
-/// out = primary (share x field) + scatter.
+/// The most quanta of a pixel: beyond, floats do not resolve their noise.
+inline constexpr float kMostQuanta = 1e12f;
+
+/// out = primary (share x field) + scatter, at most kMostQuanta.
 void quanta_counts_row(const float* share, const float* field, const float* scatter, float open_quanta,
                        int count, float* out);
 

@@ -1,5 +1,7 @@
 #include "xraycast/fluoroscope/water_path.hpp"
 
+#include "xraycast/base/error.hpp"
+
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -33,6 +35,9 @@ WaterPath::WaterPath(const Spectrum& spectrum) {
     tau_.push_back(tau);
     g_cm2_.push_back(g_cm2);
   }
+  if (tau_.size() < 2)
+    throw InputError("{}: a centimetre of water lets nothing of this spectrum through; give a harder one",
+                     spectrum.name());
 }
 
 WaterPath::WaterPath(const BodyMap& map)

@@ -15,7 +15,8 @@ class WaterPath {
   /// Water's path by its value in the opacity; 0.02/mm where the opacity leaves water out.
   explicit WaterPath(const Opacity& opacity);
 
-  /// The path of water behind which the spectrum has the optical depth.
+  /// The path of water behind which the spectrum has the optical depth. Throws InputError for a spectrum that
+  /// does not pass a centimetre.
   explicit WaterPath(const Spectrum& spectrum);
 
   /// What applies to a map.

@@ -64,8 +64,8 @@ void technique_and_dose(const FluoroscopyConsole& console) {
   write_line(fmt::format("dose-area product {:.3g} Gy cm2", dose.dap_Gycm2));
   constexpr double kMinute_s = 60;
   const auto minutes = static_cast<int>(dose.fluoroscopy_s / kMinute_s);
-  write_line(fmt::format("time {}:{:04.1f} min, images {}", minutes, dose.fluoroscopy_s - kMinute_s * minutes,
-                         dose.images));
+  write_line(fmt::format("fluoroscopy {}:{:04.1f} min, images recorded {}", minutes,
+                         dose.fluoroscopy_s - kMinute_s * minutes, dose.images));
 }
 
 void subtraction(Viewer& viewer, FluoroscopyConsole& console) {

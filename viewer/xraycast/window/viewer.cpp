@@ -296,9 +296,9 @@ void Viewer::press_pedal(bool is_down) {
   if (intervention_) intervention_->press_pedal(is_down);
 }
 
-/// A pulse where one is due, and the held image.
+/// A pulse where one is due, and the held image; black before the pedal's first pulse.
 void Viewer::draw_fluoroscopy(const Pane& pane) {
-  if (is_pulse_due_ || console_->image().empty()) {
+  if (is_pulse_due_) {
     const View view = view_in(pane.width, pane.height);
     console_->expose(renderer_.tau(view, session_.style), view, WaterPath(*shown_));
     held_.set(console_->image(), view.width, view.height);
