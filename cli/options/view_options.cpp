@@ -1,4 +1,4 @@
-#include "view_options.hpp"
+#include "options/view_options.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projection_file.hpp"
