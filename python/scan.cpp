@@ -127,8 +127,7 @@ HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::o
   geometry.size = Index3(voxels.shape(2), voxels.shape(1), voxels.shape(0));
   geometry.spacing_mm = spacing_mm;
   geometry.origin_mm = origin_mm;
-  if (axes == axes_of(nb::none()))
-    return {volume_over(array, geometry), info_of("array"), "array"};
+  if (axes == axes_of(nb::none())) return {volume_over(array, geometry), info_of("array"), "array"};
   validate(geometry, "hu");
   return result_of(progress, [&](Progress& reported) {
     const std::span<const std::int16_t> all(voxels.data(), voxels.size());

@@ -67,8 +67,8 @@ class XaWriter {
   /// Before finish().
   void set_exposure(const XaExposure& exposure) { exposure_ = exposure; }
 
-  /// The mean of that many first pictures is the mask that programs subtract from the others to show them (DICOM's
-  /// Mask Module); 0: no subtraction.
+  /// The mean of that many first pictures is the mask that programs subtract from the others to show them
+  /// (DICOM's Mask Module); 0: no subtraction.
   void set_mask_frames(int frames) { mask_frames_ = frames; }
 
   /// Once, after the last picture; without pictures nothing is written. Throws Error when the disk is full.

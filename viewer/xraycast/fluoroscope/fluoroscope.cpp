@@ -381,8 +381,8 @@ void Fluoroscope::State::count_dose() {
 auto Fluoroscope::State::looking_up(std::span<const float> tau) {
   return [this, tau](int j) {
     const std::size_t at = size.row(j);
-    look_up_row(tables.at(technique.kvp), tau.data() + at, size.width, share.data() + at, mean_kev.data() + at,
-                spread_kev.data() + at);
+    look_up_row(tables.at(technique.kvp), tau.data() + at, size.width, share.data() + at,
+                mean_kev.data() + at, spread_kev.data() + at);
   };
 }
 

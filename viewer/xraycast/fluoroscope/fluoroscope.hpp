@@ -53,8 +53,8 @@ std::vector<float> measured_depths(const FluoroscopyFrame& frame);
 /// number of threads.
 class Fluoroscope {
  public:
-  /// `view` must be complete; the distances of its cone replace the C-arm's. Throws as `check`, and InputError
-  /// for a source within 200 mm of the isocentre, or blades that leave no pixel open.
+  /// `view` must be complete; the distances of its cone replace the C-arm's. Throws as `check`, and
+  /// InputError for a source within 200 mm of the isocentre, or blades that leave no pixel open.
   Fluoroscope(FluoroscopyOptions options, const View& view, WaterPath path);
   ~Fluoroscope();
   Fluoroscope(Fluoroscope&&) noexcept;
@@ -70,7 +70,8 @@ class Fluoroscope {
   void settle(std::span<const float> tau);
   void settle(const MaterialDepths& g_cm2);
 
-  /// Takes effect with the next pulse. Throws as the constructor. A view of another size or zoom clears what earlier frames left.
+  /// Takes effect with the next pulse. Throws as the constructor. A view of another size or zoom clears what
+  /// earlier frames left.
   void set_view(const View& view);
   void set_dose(DoseLevel dose);
 
