@@ -160,6 +160,13 @@ double zoom_field_mm(const CArm& c_arm, std::optional<double> field_mm) {
                    fmt::join(c_arm.fields_mm, ", "));
 }
 
+double focal_spread_mm(const CArm& c_arm) {
+  constexpr double kHalfWidthsPerSpread = 2.3548;  // full width at half maximum of a Gaussian of spread 1
+  const Cone& distances = c_arm.distances;
+  return c_arm.tube.focal_spot_mm / kHalfWidthsPerSpread *
+         (distances.source_detector_mm / distances.source_axis_mm - 1);
+}
+
 View view_of(const CArm& c_arm, double field_mm, View view) {
   if (!view.cone) view.cone = c_arm.distances;
   const FluoroscopyDetector& detector = c_arm.detector;
