@@ -1,28 +1,36 @@
 #include "xraycast/fluoroscope/blur_stage.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/fluoroscope/pixel_loops.hpp"
 
-#include <cmath>
-#include <numbers>
+#include <algorithm>
 #include <utility>
 
 namespace xraycast {
 namespace {
 
-double gaussian_transfer(double cycles, double spread) {
-  return std::exp(-2 * std::pow(std::numbers::pi * spread * cycles, 2));
+// MTFs are within 0.02 of the asked ones, through two filters.
+constexpr double kClose = 0.006;
+
+/// Noise has the MTF of the scintillator squared, and its power is within 5 % of that where the MTF is above
+/// a twentieth: closer in proportion where the MTF is small.
+ByFrequency scintillator_tolerance(const ScintillatorBlur& blur, double pixel_mm) {
+  return [&blur, pixel_mm](double cycles) {
+    constexpr double kOfMtf = 0.016, kLeastMtf = 0.05;
+    return std::min(kClose, kOfMtf * std::max(kLeastMtf, blur.mtf(cycles / pixel_mm)));
+  };
 }
 
-SymmetricTaps primary_taps(const CArm& c_arm, double pixel_mm) {
-  const double focal = focal_spread_mm(c_arm) / pixel_mm;
-  return taps_for([&](double cycles) {
-    const double turn = std::numbers::pi * cycles;
-    return std::sin(turn) / turn * gaussian_transfer(cycles, focal);
-  });
-}
-
-SymmetricTaps gaussian_taps(double spread_mm, double pixel_mm) {
-  return taps_for([&](double cycles) { return gaussian_transfer(cycles, spread_mm / pixel_mm); });
+/// Filters must not grow without bound.
+void check_pixel(const CArm& c_arm, double pixel_mm) {
+  constexpr double kMostSpread = 25;  // pixels
+  const ScintillatorBlur& blur = c_arm.detector.blur;
+  const double widest_mm = std::max({blur.narrow_mm, blur.wide_mm, focal_spread_mm(c_arm)});
+  if (!(widest_mm <= kMostSpread * pixel_mm))
+    throw InputError(
+        "pixels of {:g} mm are too fine for the blur of {}, {:.2g} mm: take pixels of at least {:.2g} mm, or "
+        "leave blur out of the stages",
+        pixel_mm, c_arm.name, widest_mm, widest_mm / kMostSpread);
 }
 
 }  // namespace
@@ -52,12 +60,16 @@ void SeparableFilter::add_down(int j, float weight, float* out) const {
 
 BlurStage::BlurStage(const PictureSize& size) : primary(size), size_(size), narrow_(size), wide_({}) {}
 
-BlurStage::BlurStage(const PictureSize& size, double pixel_mm, const CArm& c_arm)
-    : primary(size, primary_taps(c_arm, pixel_mm)),
-      size_(size),
-      narrow_(size, gaussian_taps(c_arm.detector.blur.narrow_mm, pixel_mm)),
-      wide_(size, gaussian_taps(c_arm.detector.blur.wide_mm, pixel_mm)),
-      wide_share_(static_cast<float>(c_arm.detector.blur.wide_share)) {}
+BlurStage::BlurStage(const PictureSize& size, double pixel_mm, const CArm& c_arm) : BlurStage(size) {
+  check_pixel(c_arm, pixel_mm);
+  const ScintillatorBlur& blur = c_arm.detector.blur;
+  const ByFrequency tolerance = scintillator_tolerance(blur, pixel_mm);
+  primary = SeparableFilter(
+      size, averaged_gaussian_taps(focal_spread_mm(c_arm) / pixel_mm, [](double) { return kClose; }));
+  narrow_ = SeparableFilter(size, gaussian_taps(blur.narrow_mm / pixel_mm, tolerance));
+  wide_ = SeparableFilter(size, gaussian_taps(blur.wide_mm / pixel_mm, tolerance));
+  wide_share_ = static_cast<float>(blur.wide_share);
+}
 
 void BlurStage::scintillate_along(int j, const float* energy_kev) {
   narrow_.pass_along(j, energy_kev);

@@ -30,6 +30,7 @@ class BlurStage {
  public:
   /// Without blur.
   explicit BlurStage(const PictureSize& size);
+  /// Throws InputError for pixels that are too fine for it.
   BlurStage(const PictureSize& size, double pixel_mm, const CArm& c_arm);
 
   SeparableFilter primary;

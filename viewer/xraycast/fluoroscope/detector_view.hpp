@@ -13,8 +13,10 @@ struct DetectorView {
 
   PictureSize size;
   double pixel_mm;
-  PixelPlane field;      ///< the share of the beam that reaches each pixel between the blades
-  double open_area_cm2;  ///< of the whole beam on the detector, whatever part of it the picture shows
+  PixelPlane field;  ///< the share of the beam that reaches each pixel between the blades
+  // Of the whole beam on the detector, whatever part of it the picture shows.
+  double open_area_cm2 = 0;
+  double beam_width_mm = 0, beam_height_mm = 0;  ///< through its middle
   MeasuringField measured;
 };
 

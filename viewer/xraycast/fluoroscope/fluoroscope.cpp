@@ -36,7 +36,7 @@ struct DetectionChain {
         quanta(options.stages.quanta, options.seed),
         blur(options.stages.blur ? BlurStage(seen.size, view.pixel_mm, options.c_arm) : BlurStage(seen.size)),
         electronics(options.stages.electronics, options.c_arm.detector, view.pixel_mm, options.seed) {
-    if (options.stages.scatter) scatter.emplace(seen.size, view.pixel_mm, options.c_arm.grid);
+    if (options.stages.scatter) scatter.emplace(seen, options.c_arm.grid);
     if (options.stages.lag) lag.emplace(seen.size, options.c_arm.detector.lag, options.pulses_per_s);
     display.restart(view.width, view.height);
   }

@@ -5,7 +5,9 @@
 namespace xraycast {
 
 QuantaStage::QuantaStage(bool has_noise, std::uint32_t seed)
-    : has_noise_(has_noise), key_(noise_key(seed, NoiseUse::quanta)) {}
+    : has_noise_(has_noise),
+      key_(noise_key(seed, NoiseUse::quanta)),
+      few_key_(noise_key(seed, NoiseUse::few_quanta)) {}
 
 void QuantaStage::absorb_row(const QuantaRow& row, double open_quanta, std::size_t first_pixel,
                              std::uint32_t frame, std::vector<float>& energy_kev) const {
@@ -17,7 +19,7 @@ void QuantaStage::absorb_row(const QuantaRow& row, double open_quanta, std::size
   if (!has_noise_) return expected_energy_row(counts.data(), row.mean_kev, width, energy_kev.data());
   normals.resize(2 * energy_kev.size());
   quantum_noise_row(counts.data(), row.mean_kev, row.spread_kev, static_cast<std::uint32_t>(first_pixel),
-                    {key_, frame}, width, energy_kev.data(), normals.data());
+                    {key_, frame}, {few_key_, frame}, width, energy_kev.data(), normals.data());
 }
 
 }  // namespace xraycast

@@ -23,7 +23,7 @@ class QuantaStage {
 
  private:
   bool has_noise_;
-  std::uint32_t key_;
+  std::uint32_t key_, few_key_;
 };
 
 }  // namespace xraycast

@@ -19,15 +19,22 @@ double tau_of(float share, const QuantaTable& table) {
   return (step - (share - below) / (above - below)) / table.steps_per_tau;
 }
 
+/// The whole cells of the beam beyond the picture, on each side.
+Scatter::Beyond beyond_picture(const DetectorView& seen) {
+  const auto cells = [&](double beam_mm, int pixels) {
+    return static_cast<int>(std::max(0.0, 0.5 * (beam_mm / seen.pixel_mm - pixels) / kCell));
+  };
+  return {cells(seen.beam_width_mm, seen.size.width), cells(seen.beam_height_mm, seen.size.height)};
+}
+
 }  // namespace
 
-ScatterStage::ScatterStage(const PictureSize& size, double pixel_mm,
-                           const std::optional<AntiscatterGrid>& grid)
-    : size_(size),
+ScatterStage::ScatterStage(const DetectorView& seen, const std::optional<AntiscatterGrid>& grid)
+    : size_(seen.size),
       weight_(grid ? static_cast<float>(grid->scatter / grid->primary) : 1),
-      columns_((size.width + kCell - 1) / kCell),
-      scatter_(columns_, size.bands(), kCell * pixel_mm) {
-  const std::size_t cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(size.bands());
+      columns_((size_.width + kCell - 1) / kCell),
+      scatter_(columns_, size_.bands(), kCell * seen.pixel_mm, beyond_picture(seen)) {
+  const std::size_t cells = static_cast<std::size_t>(columns_) * static_cast<std::size_t>(size_.bands());
   for (PixelPlane* plane : {&share_, &primary_, &water_}) plane->resize(cells);
 }
 

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/fluoroscope/c_arm.hpp"
-#include "xraycast/fluoroscope/picture_rows.hpp"
+#include "xraycast/fluoroscope/detector_view.hpp"
 #include "xraycast/fluoroscope/pixel_loops.hpp"
 #include "xraycast/fluoroscope/scatter.hpp"
 #include "xraycast/fluoroscope/water_path.hpp"
@@ -13,7 +13,7 @@ namespace xraycast {
 /// Scattered radiation behind the grid, on cells of the picture.
 class ScatterStage {
  public:
-  ScatterStage(const PictureSize& size, double pixel_mm, const std::optional<AntiscatterGrid>& grid);
+  ScatterStage(const DetectorView& seen, const std::optional<AntiscatterGrid>& grid);
 
   /// Adds a row to its cells; bands on any threads, their rows in order. `share`: of the open field's quanta,
   /// behind the patient; `field`: of the beam.
