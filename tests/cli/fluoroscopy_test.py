@@ -14,6 +14,7 @@ import numpy
 import pydicom
 
 PROGRAM = sys.argv.pop(1)
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
 
 def run(*words):
@@ -118,7 +119,7 @@ class Fluoroscopy(unittest.TestCase):
     def test_noise_of_all_stages_together_is_the_predicted_one(self):
         """One energy, so that the prediction needs no spectrum of the program's: 60 keV, by NIST 0.2059 cm2/g."""
         energy_kev, photons, water_cm, pixel_mm, field_mm, side = 60, 1e4, 20, 0.308, 160, 520
-        preset = json.loads((pathlib.Path(__file__).parents[2] / "viewer/c_arms/fixed-single-plane.json").read_text())
+        preset = json.loads((REPOSITORY / "viewer/c_arms/fixed-single-plane.json").read_text())
         detector, grid = preset["detector"], preset["grid"]
         write_slab(self.folder / "slab.nrrd", water_cm)
         (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
