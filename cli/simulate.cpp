@@ -28,7 +28,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SimulateArguments {
-  std::string tree, instrument_model, script, log, plot, entry;
+  std::string tree, script, log, plot, entry;
+  std::vector<std::string> instrument_models;
   std::string map, cine, look = "fluoro", inject;
   ViewOptions view;
   DicomOptions dicom;
@@ -86,7 +87,10 @@ class Cine {
     else
       start(options, map, tree, cine);
   }
-  void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
+  template <class Devices>
+  void see(const Devices& devices, double time_s) {
+    run_->see(devices, time_s);
+  }
   void finish() {
     if (writer_) writer_->finish();
     if (xa_) xa_->finish();
@@ -122,24 +126,42 @@ class Cine {
   std::optional<RunCine> run_;
 };
 
-/// Samples the hub's loads during a run, at the resolution of a plot.
+/// A picture a device: forces.png, forces-2.png and so on.
+std::vector<fs::path> plot_paths(const SimulateArguments& options) {
+  if (options.plot.empty()) return {};
+  std::vector<fs::path> paths{options.plot};
+  for (std::size_t d = 2; d <= options.instrument_models.size(); ++d)
+    paths.push_back(paths[0].parent_path() /
+                    fmt::format("{}-{}{}", paths[0].stem().string(), d, paths[0].extension().string()));
+  return paths;
+}
+
+std::vector<RunRecord> records_of(const Catheter& catheter, double time_s) {
+  return {record_of(catheter, time_s)};
+}
+
+/// Samples the hubs' loads during a run, at the resolution of a plot.
 class HubPlot {
  public:
   explicit HubPlot(const Script& script)
       : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMaxPoints)) {}
 
-  void see(const Catheter& catheter, double time_s) {
-    if (!records_.empty() && time_s < records_.back().time_s + interval_s_) return;
-    records_.push_back(record_of(catheter, time_s));
+  template <class Devices>
+  void see(const Devices& devices, double time_s) {
+    if (!records_.empty() && time_s < records_[0].back().time_s + interval_s_) return;
+    const std::vector<RunRecord> now = records_of(devices, time_s);
+    records_.resize(now.size());
+    for (std::size_t d = 0; d < now.size(); ++d) records_[d].push_back(now[d]);
   }
-  void write(const std::string& device, const fs::path& path) const {
-    write_hub_plot(fmt::format("{}: at the hub", device), records_, path);
+  void write(const std::vector<InstrumentModel>& devices, const std::vector<fs::path>& paths) const {
+    for (std::size_t d = 0; d < paths.size(); ++d)
+      write_hub_plot(fmt::format("{}: at the hub", devices[d].name()), records_[d], paths[d]);
   }
 
  private:
   static constexpr double kFinest_s = 0.01, kMaxPoints = 2000;
   double interval_s_;
-  std::vector<RunRecord> records_;
+  std::vector<std::vector<RunRecord>> records_;  ///< of each device
 };
 
 void check_cine(const SimulateArguments& options) {
@@ -160,59 +182,99 @@ std::string held_note(double held_s) {
       Catheter::kMaxPush_N);
 }
 
-void simulate(const SimulateArguments& options, Session& session) {
-  check_writable(options.log);
-  if (!options.plot.empty()) check_plot(options.plot);
-  check_cine(options);
-  const EntryChoice entry_choice = parse_entry(options.entry);
-  const InstrumentModel device = InstrumentModel::named(options.instrument_model);
-  const Script script = Script::read(options.script);
-  const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = find_entry(tree, entry_choice, device);
+bool is_held(const Catheter& catheter) { return catheter.is_held(); }
+bool is_held(const CoaxialCatheters& devices) {
+  for (std::size_t d = 0; d < devices.count(); ++d)
+    if (devices.is_held(d)) return true;
+  return false;
+}
 
-  Catheter catheter(tree, device, entry);
+std::vector<CatheterTip> tips_of(const Catheter& catheter) { return {catheter.tip()}; }
+std::vector<CatheterTip> tips_of(const CoaxialCatheters& devices) {
+  std::vector<CatheterTip> tips;
+  for (std::size_t d = 0; d < devices.count(); ++d) tips.push_back(devices.tip(d));
+  return tips;
+}
+
+Json json_of(const CatheterTip& tip) {
+  return {{"branch", tip.branch},
+          {"arc_length_mm", tip.arc_length_mm},
+          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
+}
+
+std::string text_of(const std::vector<CatheterTip>& tips) {
+  std::string text;
+  for (std::size_t d = 0; d < tips.size(); ++d)
+    text += fmt::format("{}tip{}: in branch {}, {:.0f} mm along it", d == 0 ? "" : "; ",
+                        d == 0 ? "" : fmt::format(" {}", d + 1), tips[d].branch, tips[d].arc_length_mm);
+  return text;
+}
+
+/// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
+template <class Devices>
+void run(Devices& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
+         const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
   std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(script).see(catheter, 0);
+  if (!options.plot.empty()) plot.emplace(script).see(devices, 0);
   double held_s = 0;
-  const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
-                                                    [&](const Catheter& moved, double time_s) {
-                                                      if (plot) plot->see(moved, time_s);
-                                                      if (moved.is_held()) held_s += moved.step_s();
-                                                      if (cine) cine->see(moved, time_s);
-                                                    });
+  const auto records =
+      run_script(devices, script, options.script, session.progress, [&](const Devices& moved, double time_s) {
+        if (plot) plot->see(moved, time_s);
+        if (is_held(moved)) held_s += moved.step_s();
+        if (cine) cine->see(moved, time_s);
+      });
   const double wall_s = 1e-3 * stopwatch.ms();
   OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
-  if (plot) plot->write(device.name(), options.plot);
+  if (plot) plot->write(models, plot_paths(options));
   if (cine) cine->finish();
   outputs.commit();
 
-  const CatheterTip tip = catheter.tip();
-  const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
+  const std::vector<CatheterTip> tips = tips_of(devices);
+  const double times_faster = devices.time_s() / std::max(wall_s, 1e-9);
   Json result{{"tree", options.tree},
-              {"device_model", device.name()},
+              {"device_model", models[0].name()},
               {"entry_branch", entry.branch},
               {"held_s", held_s},
               {"log", options.log},
               {"rows", records.size()},
-              {"simulated_s", catheter.time_s()},
+              {"simulated_s", devices.time_s()},
               {"wall_s", wall_s},
-              {"tip",
-               {{"branch", tip.branch},
-                {"arc_length_mm", tip.arc_length_mm},
-                {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
+              {"tip", json_of(tips[0])}};
+  for (std::size_t d = 1; d < models.size(); ++d) {
+    result[fmt::format("device_model_{}", d + 1)] = models[d].name();
+    result[fmt::format("tip_{}", d + 1)] = json_of(tips[d]);
+  }
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
-  for (const std::string& file : {options.plot, options.cine})
-    if (!file.empty()) pictures += fmt::format("{}: written\n", file);
+  for (const fs::path& file : plot_paths(options)) pictures += fmt::format("{}: written\n", file.string());
+  if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
-                                     "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}{}",
-                                     options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
-                                     times_faster, entry.branch, tip.branch, tip.arc_length_mm,
-                                     held_note(held_s), pictures));
+                                     "entry: end of branch {}; {}\n{}{}",
+                                     options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
+                                     times_faster, entry.branch, text_of(tips), held_note(held_s), pictures));
+}
+
+void simulate(const SimulateArguments& options, Session& session) {
+  check_writable(options.log);
+  for (const fs::path& path : plot_paths(options)) check_plot(path);
+  check_cine(options);
+  const EntryChoice entry_choice = parse_entry(options.entry);
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
+  const Script script = Script::read(options.script, models.size());
+  const VesselTree tree = read_tree(options.tree);
+  const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
+  if (models.size() == 1) {
+    Catheter catheter(tree, models[0], entry);
+    run(catheter, models, entry, tree, script, options, session);
+  } else {
+    CoaxialCatheters devices(tree, models, entry);
+    run(devices, models, entry, tree, script, options, session);
+  }
 }
 
 }  // namespace
@@ -228,12 +290,17 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --cine run.gif --inject 8,9 --size 480x640\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
       "    --cine run.dcm --inject 8,9 --cone 780,1200 --patient Phantom,1\n"
-      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers.",
+      "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j --script both.csv "
+      "\\\n"
+      "    -o log.csv\n"
+      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a "
+      "second\n"
+      "device also insertion_2_mm,rotation_2_deg. All insertions are counted from the introducer.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");
-  add_catheter_options(*command, options->instrument_model, options->entry);
+  add_coaxial_options(*command, options->instrument_models, options->entry);
   command->add_option("--script", options->script, "Motion of the hub, interpolated linearly between rows")
       ->required()
       ->type_name("CSV");

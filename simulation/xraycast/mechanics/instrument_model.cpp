@@ -62,12 +62,18 @@ void check_radius(double radius_mm, const std::string& where) {
         "that is more than any vessel's (lengths are in mm)");
 }
 
+void check_inner_radius(double inner_mm, double radius_mm, const std::string& where) {
+  check(inner_mm, inner_mm >= 0 && inner_mm < radius_mm, where, "inner_radius_mm",
+        "it must lie between zero and \"radius_mm\"");
+}
+
 }  // namespace
 
 InstrumentModel::InstrumentModel(Properties properties, const std::string& origin)
     : properties_(std::move(properties)) {
   const Properties& p = properties_;
   check_radius(p.radius_mm, origin);
+  check_inner_radius(p.inner_radius_mm, p.radius_mm, origin);
   check_above_zero(p.mass_per_length_g_mm, origin, "mass_per_length_g_mm");
   check_above_zero(p.axial_stiffness_N, origin, "axial_stiffness_N");
   check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it must be zero or more");
@@ -99,9 +105,9 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   p.radius_mm = number(json, origin, "radius_mm");
   check_radius(p.radius_mm, origin);
-  const double inner_mm = number(json, origin, "inner_radius_mm", 0);
-  check(inner_mm, inner_mm >= 0 && inner_mm < p.radius_mm, origin, "inner_radius_mm",
-        "it must lie between zero and \"radius_mm\"");
+  p.inner_radius_mm = number(json, origin, "inner_radius_mm", 0);
+  const double inner_mm = p.inner_radius_mm;
+  check_inner_radius(inner_mm, p.radius_mm, origin);
   const double density = number(json, origin, "density_g_cm3");
   check_above_zero(density, origin, "density_g_cm3");
   constexpr double kBlood_g_cm3 = 1.06, kCubicMillimetre_cm3 = 1e-3;

@@ -25,6 +25,7 @@ class InstrumentModel {
   struct Properties {
     std::string name;
     double radius_mm = 0;                              ///< outer
+    double inner_radius_mm = 0;                        ///< of its lumen; 0 without
     double mass_per_length_g_mm = 0;                   ///< filled with blood, if it has a lumen
     double axial_stiffness_N = 0;                      ///< EA
     double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
@@ -52,6 +53,7 @@ class InstrumentModel {
   const std::string& name() const { return properties_.name; }
   double length_mm() const { return length_mm_; }
   double radius_mm() const { return properties_.radius_mm; }
+  double inner_radius_mm() const { return properties_.inner_radius_mm; }
   double mass_per_length_g_mm() const { return properties_.mass_per_length_g_mm; }
   double axial_stiffness_N() const { return properties_.axial_stiffness_N; }
   double static_friction() const { return properties_.static_friction; }

@@ -6,7 +6,8 @@
 namespace xraycast {
 namespace {
 
-enum : std::size_t { kCatheter, kContrast };
+/// The surfaces; inner devices follow.
+enum : std::size_t { kCatheter, kContrast, kInnerDevices };
 
 }  // namespace
 
@@ -19,19 +20,38 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
 }
 
 void RunCine::see(const Catheter& catheter, double time_s) {
-  if (time_s < next_s_) return;
-  const CatheterTip tip = catheter.tip();
-  const bool injects = last_s_ >= options_.inject_from_s && last_s_ < options_.inject_to_s;
-  bolus_.step(time_s - last_s_, place_of(tip), injects ? options_.injection_ml_s : 0);
-  last_s_ = time_s;
-  next_s_ += options_.step_s;
-
+  if (!is_due(time_s)) return;
+  inject(catheter.tip(), true, time_s);
   std::vector<glm::dvec3> nodes_mm;
   catheter.copy_nodes(nodes_mm);
   renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
+  draw_contrast();
+  take_frame();
+}
+
+void RunCine::see(const CoaxialCatheters& devices, double time_s) {
+  if (!is_due(time_s)) return;
+  inject(devices.tip(0), devices.has_free_lumen(0), time_s);
+  std::vector<glm::dvec3> nodes_mm;
+  for (std::size_t d = 0; d < devices.count(); ++d) {
+    devices.copy_nodes(d, nodes_mm);
+    renderer_.replace_surface(d == 0 ? kCatheter : kInnerDevices + d - 1,
+                              catheter_surface(nodes_mm, devices.rod(d).instrument().radius_mm()));
+  }
+  draw_contrast();
+  take_frame();
+}
+
+void RunCine::inject(const CatheterTip& tip, bool has_free_lumen, double time_s) {
+  const bool injects = has_free_lumen && last_s_ >= options_.inject_from_s && last_s_ < options_.inject_to_s;
+  bolus_.step(time_s - last_s_, place_of(tip), injects ? options_.injection_ml_s : 0);
+  last_s_ = time_s;
+  next_s_ += options_.step_s;
+}
+
+void RunCine::draw_contrast() {
   if (options_.style.shading == ShadingMode::fluoro)
     renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
-  take_frame();
 }
 
 void RunCine::take_frame() {

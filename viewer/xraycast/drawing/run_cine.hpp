@@ -3,6 +3,7 @@
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/mechanics/coaxial_catheters.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
@@ -37,8 +38,14 @@ class RunCine {
 
   /// Call after every step of the simulation; draws a frame when one is due.
   void see(const Catheter& catheter, double time_s);
+  /// The same with coaxial devices. Contrast agent is injected through the outermost device's lumen, as long
+  /// as that is free.
+  void see(const CoaxialCatheters& devices, double time_s);
 
  private:
+  bool is_due(double time_s) const { return time_s >= next_s_; }
+  void inject(const CatheterTip& tip, bool has_free_lumen, double time_s);
+  void draw_contrast();
   void take_frame();
 
   Options options_;

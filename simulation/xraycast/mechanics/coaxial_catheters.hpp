@@ -1,0 +1,77 @@
+#pragma once
+
+#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/mechanics/coaxial_rods.hpp"
+
+#include <cstddef>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// Catheters and guide wires one in the other, in a vessel tree, each moved at its own hub: a wire in a
+/// catheter, or a wire in a microcatheter in a catheter.
+///
+/// All enter through the same introducer, and all insertions are counted from there, as a Catheter's is. The
+/// introducer holds the outermost device, which holds the others.
+class CoaxialCatheters {
+ public:
+  static constexpr std::size_t kMaxDevices = 3;
+
+  /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
+  /// the outermost does not fit into the vessel at the entry, or there are more than kMaxDevices.
+  CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
+                   const VesselEnd& entry, const Catheter::Options& options);
+  CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
+                   const VesselEnd& entry)
+      : CoaxialCatheters(tree, instruments, entry, Catheter::Options{}) {}
+
+  /// One step in time towards a pose for each device.
+  void step(std::span<const HubPose> targets);
+
+  std::size_t count() const { return rods_.count(); }
+  double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
+  double step_s() const { return options_.step_s; }
+  double max_insertion_mm(std::size_t device) const;
+
+  const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }
+  bool is_held(std::size_t device) const { return hubs_[device].is_held; }  ///< see Catheter::is_held
+  HubLoad load(std::size_t device) const;
+  CatheterTip tip(std::size_t device) const;
+
+  /// No other device is inserted in its lumen, so that contrast agent can be injected through it.
+  bool has_free_lumen(std::size_t device) const;
+
+  /// Another instrument instead of a device that has been drawn back to an insertion of 0. Throws InputError
+  /// when it has not, or when the instrument does not fit into the device around it.
+  void exchange(std::size_t device, const InstrumentModel& instrument);
+
+  /// A device's nodes from the introducer's outer end to its tip.
+  void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
+
+  const Rod& rod(std::size_t device) const { return rods_.rod(device); }
+  const CoaxialRods& rods() const { return rods_; }
+  const WallContact& wall(std::size_t device) const { return *walls_[device]; }
+
+  /// Elastic, kinetic, in the lumens, and in the walls.
+  double energy_J() const;
+
+ private:
+  Rod make_rod(const InstrumentModel& instrument) const;
+  std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
+  void make_walls(std::size_t device);
+  void step_rods(double step_s);
+  void settle();
+
+  VesselTree tree_;
+  Catheter::Options options_;
+  VesselEnd entry_;
+  std::shared_ptr<const LumenDistanceField> field_;
+  CoaxialRods rods_;
+  std::vector<std::unique_ptr<WallContact>> walls_;
+  std::vector<MovingHub> hubs_;
+  long steps_ = 0;
+};
+
+}  // namespace xraycast
