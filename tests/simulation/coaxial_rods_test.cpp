@@ -239,5 +239,132 @@ TEST(CoaxialRods, AWireComesOutAlongTheTip) {
   EXPECT_GT(out.x(), 0.9);  // it points aside, as its curve does
 }
 
+// ---- friction -------------------------------------------------------------------------------------------
+
+TEST(CoaxialRods, CapstanInALumenHoldsByTheExponentialOfItsAngle) {
+  // A stiff tube bent by half a turn with a limp wire that is loaded at its tip.
+  constexpr double kFriction = 0.2, kTail_N = 0.3, kBend_mm = 40;
+  Shape wire = kWire;
+  const auto section = [&](double length_mm, double curvature_per_mm) {
+    return InstrumentSection{.length_mm = length_mm,
+                             .bending_stiffness_Nmm2 = {1e6, 1e6},
+                             .torsional_stiffness_Nmm2 = {1e6, 1e6},
+                             .curvature_per_mm = {curvature_per_mm, curvature_per_mm}};
+  };
+  const InstrumentModel bent(
+      {.name = "bent",
+       .radius_mm = 0.8,
+       .inner_radius_mm = 0.5,
+       .mass_per_length_g_mm = 2e-3,
+       .axial_stiffness_N = 1e5,
+       .static_friction = 0,
+       .kinetic_friction = 0,
+       .sections = {section(20, 0), section(kPi * kBend_mm, 1 / kBend_mm), section(30, 0)}},
+      "bent");
+  wire.length_mm = bent.length_mm() + 60;
+  wire.bending_Nmm2 = wire.torsion_Nmm2 = 0.5;
+  wire.friction = kFriction;
+  std::vector<Rod> rods;
+  rods.push_back(rod_of(bent, 2.5, bent.length_mm()));
+  rods.push_back(rod_of(device("wire", wire), 2.5, bent.length_mm() + 10));
+  CoaxialRods both(std::move(rods));
+  settle(both, 200);
+  both.set_load_N(1, 0, kTail_N * both.rod(0).state().edges.back().tangent);
+  for (int i = 0; i < 300; ++i) both.step(1e-3);
+  const auto move = [&](double by_mm, int steps) {
+    for (int i = 0; i < steps; ++i) {
+      both.feed_to(1, both.rod(1).fed_mm() + by_mm / steps);
+      both.step(1e-3);
+    }
+    return both.rod(1).clamp_force_N().z();
+  };
+  const double drawn_N = kTail_N * std::exp(kFriction * kPi),
+               let_out_N = kTail_N * std::exp(-kFriction * kPi);
+  // 5 %: the wire's bending stiffness carries a little itself.
+  EXPECT_NEAR(move(-8, 400), drawn_N, 0.05 * drawn_N);
+  EXPECT_NEAR(move(12, 600), let_out_N, 0.05 * let_out_N);
+  // What the wire draws at its clamp, the tube bears.
+  const Vector3d sum = both.rod(0).clamp_force_N() + both.rod(1).clamp_force_N();
+  const Vector3d load = kTail_N * both.rod(0).state().edges.back().tangent;
+  EXPECT_LT((sum - load).norm(), 0.02 * kTail_N);
+}
+
+TEST(CoaxialRods, TurningAWireInALumenTurnsTheCatheterByFriction) {
+  Shape tube = kTube, wire = kWire;
+  tube.curvature_per_mm = 0.04;
+  tube.curved_mm = 40;
+  wire.friction = 0.3;
+  CoaxialRods rods = pair_of(tube, wire, 80, 90);
+  settle(rods);
+  for (int i = 1; i <= 500; ++i) {
+    rods.rotate_to(1, 0.01 * i);
+    rods.step(1e-3);
+  }
+  double borne_N = 0;
+  for (const LumenContact::Contact& contact : rods.lumens()[0].contacts(rods.rods()))
+    borne_N += contact.normal_N.norm();
+  ASSERT_GT(borne_N, 0.1);
+  // Friction times the wire's radius; 15 %, since the contacts' forces also turn about the clamp's axis, from
+  // which the curve leads away.
+  const double most_Nm = 1e-3 * 0.3 * borne_N * kWire.radius_mm;
+  EXPECT_GT(-rods.rod(1).clamp_torque_Nm(), 0.5 * most_Nm);
+  EXPECT_LT(-rods.rod(1).clamp_torque_Nm(), 1.15 * most_Nm);
+}
+
+// ---- sliding --------------------------------------------------------------------------------------------
+
+/// The wire's force at its clamp while it is pushed through a curved tube, tip past tip, without friction.
+std::vector<double> forces_of_sliding(double spacing_mm, double step_mm) {
+  Shape tube = kTube, wire = kWire;
+  tube.curvature_per_mm = 0.02;
+  tube.curved_mm = 60;
+  wire.bending_Nmm2 = 100;
+  CoaxialRods rods = pair_of(tube, wire, 70, 60, spacing_mm);
+  settle(rods);
+  std::vector<double> forces_N;
+  while (rods.rod(1).fed_mm() < 85) {
+    rods.feed_to(1, rods.rod(1).fed_mm() + step_mm);
+    rods.step(kStill_s);
+    forces_N.push_back(-rods.rod(1).clamp_force_N().z());
+  }
+  return forces_N;
+}
+
+TEST(CoaxialRods, NoForceJumpsWhereATipPassesANode) {
+  const auto largest_change = [](const std::vector<double>& values) {
+    double largest = 0;
+    for (std::size_t i = 1; i < values.size(); ++i)
+      largest = std::max(largest, std::abs(values[i] - values[i - 1]));
+    return largest;
+  };
+  const std::vector<double> coarse = forces_of_sliding(2.5, 0.1), fine = forces_of_sliding(2.5, 0.025);
+  // Within the solver's tolerance of five millinewton, which a jump would exceed on a coarse way and on a
+  // fine one.
+  EXPECT_LT(largest_change(coarse), 0.005);
+  EXPECT_LT(largest_change(fine), 0.002);
+  EXPECT_GT(*std::ranges::max_element(fine), 0.01);  // the tube's curve does resist
+}
+
+TEST(CoaxialRods, EnergyNeverGrowsWithoutInput) {
+  Shape tube = kTube, wire = kWire;
+  tube.curvature_per_mm = 0.03;
+  tube.curved_mm = 60;
+  wire.friction = 0.1;
+  CoaxialRods rods = pair_of(tube, wire, 80, 100);
+  rods.set_load_N(1, 0, {0.1, -0.05, 0.05});
+  rods.rotate_to(0, 1);
+  settle(rods, 3);
+  rods.set_load_N(1, 0, Vector3d::Zero());
+  double before_J = rods.energy_J(), growth = 0;
+  const double start_J = before_J;
+  for (int i = 0; i < 500; ++i) {
+    rods.step(1e-3);
+    growth = std::max(growth, (rods.energy_J() - before_J) / start_J);
+    before_J = rods.energy_J();
+  }
+  EXPECT_LT(growth, 1e-9);  // rounding, which the line search admits
+  EXPECT_LT(before_J, 0.9 * start_J);
+}
+
 }  // namespace
 }  // namespace xraycast
