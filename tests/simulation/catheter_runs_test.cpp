@@ -33,7 +33,7 @@ InstrumentModel fitting_device(const VesselTree& tree, const VesselEnd& entry, s
   std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
   const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
   std::vector<InstrumentModel> fit;
-  for (const std::string& name : InstrumentModel::preset_names())
+  for (const char* name : {"guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f"})
     if (InstrumentModel device = InstrumentModel::named(name); device.radius_mm() < widest_mm)
       fit.push_back(std::move(device));
   if (fit.empty()) return InstrumentModel::named("microcatheter-27f");  // the thinnest one
