@@ -191,6 +191,20 @@ const BadCall kBadCalls[] = {
      "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
+    {"SimulateTooThickForItsLumen",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-035-j --script "
+     "@/push.csv "
+     "-o @/log.csv",
+     3, "does not fit into the lumen of microcatheter-27f, of 0.318 mm; choose a thinner one",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv",
+                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n1,5,0,5,0\n");
+     }},
+    {"SimulateTwoByAScriptForOne",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled --script "
+     "@/push.csv -o @/log.csv",
+     3, "push.csv: line 1: no column insertion_2_mm; a script of 2 devices has", make_push_and_tree},
     {"SimulateBackInTime",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
      "push.csv: line 4: time_s 1 is not later than 2",

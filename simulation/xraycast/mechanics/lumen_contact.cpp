@@ -14,6 +14,8 @@ constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
 // A polymer's lining, of some 0.5 GPa, hardly yields; as stiff as the introducer it gives way by a hundredth
 // of a millimetre to the forces on bends. Softer at first, so that points that come and go do not jolt.
 constexpr double kLining_mN_mm2 = 20e3, kSoft_mm = 0.02;
+// A tip bears more than the little length that it ends: the end of a curved tip bears most of its moment.
+constexpr double kTip_mm = 1;
 // Of the friction springs, per length: they slip after some micrometres.
 constexpr double kTangential_mN_mm2 = 4e3;
 
@@ -79,6 +81,7 @@ void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& 
   const double from_mm = std::max(cell.from_mm, inside.from_mm), to_mm = std::min(cell.to_mm, inside.to_mm);
   touch.length_mm = std::max(0.0, to_mm - from_mm);
   if (touch.length_mm == 0) return;
+  if (cell.from_mm == 0) touch.length_mm *= 1 + kTip_mm / cell.to_mm;
   touch.from_tip_mm = 0.5 * (from_mm + to_mm);
   touch.point = RodWeights::at(place_of(inner, touch.from_tip_mm), inner.node_count());
   if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
