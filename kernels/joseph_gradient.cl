@@ -30,26 +30,20 @@ static inline float3 along_axes(const int axis, const float across, const float 
   return axis == 0 ? (float3)(across, u, v) : axis == 1 ? (float3)(u, across, v) : (float3)(u, v, across);
 }
 
-/* CT number in plane k across `axis`, as `sample_plane` takes it, and its changes along the other two axes
- * per voxel: HU, by u, by v. */
+/* CT number at (u, v) in plane k across `axis`, and its changes along the other two axes per voxel: HU, by u,
+ * by v. Beyond the voxels' centres it does not change. */
 static inline float3 sample_slopes(SCAN voxels, const XrcScan* scan, const int axis, const int k,
                                    const float u, const float v) {
+  const PlaneCell cell = plane_cell(voxels, scan, axis, k, u, v);
   const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
   const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
-  const float cu = clamp(u, 0.0f, (float)last_u), cv = clamp(v, 0.0f, (float)last_v);
-  const int u0 = (int)cu, v0 = (int)cv, u1 = min(u0 + 1, last_u), v1 = min(v0 + 1, last_v);
-  float corner[4];
-  for (int c = 0; c < 4; ++c) {
-    const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
-    corner[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
-                : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
-                            : voxel_hu(voxels, scan, iu, iv, k);
-  }
-  const float along_u = cu - (float)u0, along_v = cv - (float)v0;
-  const float below = mix(corner[0], corner[1], along_u), above = mix(corner[2], corner[3], along_u);
-  const float by_u = cu == u ? mix(corner[1] - corner[0], corner[3] - corner[2], along_v) : 0.0f;
-  const float by_v = cv == v ? above - below : 0.0f;
-  return (float3)(mix(below, above, along_v), by_u, by_v);
+  const float below = mix(cell.hu[0], cell.hu[1], cell.along_u),
+              above = mix(cell.hu[2], cell.hu[3], cell.along_u);
+  const float by_u = u >= 0.0f && u <= (float)last_u
+                         ? mix(cell.hu[1] - cell.hu[0], cell.hu[3] - cell.hu[2], cell.along_v)
+                         : 0.0f;
+  const float by_v = v >= 0.0f && v <= (float)last_v ? above - below : 0.0f;
+  return (float3)(interpolated_hu(&cell), by_u, by_v);
 }
 
 /* A ray over the number of the plane across its dominant axis, and where it is cut off, by what. */
@@ -71,8 +65,8 @@ static inline void clip_line(Line* line, const int by, const float from, const f
 
 /* 0 for a ray that misses the scan. */
 static inline int prepare_line(Line* line, const XrcScan* scan, const float3 start, const float3 end) {
-  const float3 along = end - start, steep = fabs(along);
-  line->axis = steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
+  const float3 along = end - start;
+  line->axis = dominant_axis(along);
   const float planes = component(along, line->axis), origin = component(start, line->axis);
   if (!(fabs(planes) > 0.0f)) return 0;
   line->per_plane = along / planes;
@@ -141,10 +135,8 @@ kernel void project_gradient(SCAN voxels, const XrcScan scan, const XrcDetector 
                              global float* tau, global float* gradient) {
   const int i = (int)get_global_id(0), j = (int)get_global_id(1);
   if (i >= detector.width || j >= detector.height) return;
-  const float3 hit =
-      float3_of(detector.corner) + (float)i * float3_of(detector.right) + (float)j * float3_of(detector.down);
-  const float3 start = detector.is_cone ? float3_of(detector.source) : hit - float3_of(detector.beam);
-  const float3 end = detector.is_cone ? hit : hit + float3_of(detector.beam);
+  float3 start, end;
+  pixel_ray(&detector, i, j, &start, &end);
   const float3 spacing_mm = float3_of(detector.spacing_mm);
 
   Line line;

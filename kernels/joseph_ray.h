@@ -12,23 +12,42 @@ static inline float component(const float3 v, const int axis) {
   return axis == 0 ? v.x : axis == 1 ? v.y : v.z;
 }
 
-/* Bilinear within plane k across `axis`; u and v are the other two coordinates, in ascending order of axis,
- * held within the voxels' centres. */
-static inline float sample_plane(SCAN voxels, const XrcScan* scan, const int axis, const int k, const float u,
-                                 const float v) {
+/* The axis that a ray runs along most. */
+static inline int dominant_axis(const float3 along) {
+  const float3 steep = fabs(along);
+  return steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
+}
+
+/* The four voxels around a point of a plane of voxels, and where it lies between them: 0 at the first. */
+typedef struct {
+  float hu[4]; /* u fastest */
+  float along_u, along_v;
+} PlaneCell;
+
+/* In plane k across `axis`; u and v are the other two coordinates, in ascending order of axis, held within
+ * the voxels' centres. */
+static inline PlaneCell plane_cell(SCAN voxels, const XrcScan* scan, const int axis, const int k,
+                                   const float u, const float v) {
   const int last_u = (axis == 0 ? scan->size_y : scan->size_x) - 1;
   const int last_v = (axis == 2 ? scan->size_y : scan->size_z) - 1;
   const float cu = clamp(u, 0.0f, (float)last_u), cv = clamp(v, 0.0f, (float)last_v);
   const int u0 = (int)cu, v0 = (int)cv, u1 = min(u0 + 1, last_u), v1 = min(v0 + 1, last_v);
-  float corner[4];
+  PlaneCell cell;
+  cell.along_u = cu - (float)u0;
+  cell.along_v = cv - (float)v0;
   for (int c = 0; c < 4; ++c) {
     const int iu = c & 1 ? u1 : u0, iv = c >> 1 ? v1 : v0;
-    corner[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
-                : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
-                            : voxel_hu(voxels, scan, iu, iv, k);
+    cell.hu[c] = axis == 0   ? voxel_hu(voxels, scan, k, iu, iv)
+                 : axis == 1 ? voxel_hu(voxels, scan, iu, k, iv)
+                             : voxel_hu(voxels, scan, iu, iv, k);
   }
-  return mix(mix(corner[0], corner[1], cu - (float)u0), mix(corner[2], corner[3], cu - (float)u0),
-             cv - (float)v0);
+  return cell;
+}
+
+/* Bilinear between a cell's voxels. */
+static inline float interpolated_hu(const PlaneCell* cell) {
+  return mix(mix(cell->hu[0], cell->hu[1], cell->along_u), mix(cell->hu[2], cell->hu[3], cell->along_u),
+             cell->along_v);
 }
 
 /* Narrows [*low, *high], both in planes, to where start + slope * plane lies within [from, to]. Written so
@@ -49,8 +68,8 @@ static inline void clip(float* low, float* high, const float start, const float 
  * whatever the floats are, so that no ray can hang a device. */
 static inline float joseph(SCAN voxels, const XrcScan* scan, const float3 spacing_mm, const float3 start,
                            const float3 end, constant const XrcOpacity* opacity, global const float2* table) {
-  const float3 along = end - start, steep = fabs(along);
-  const int axis = steep.x >= steep.y && steep.x >= steep.z ? 0 : steep.y >= steep.z ? 1 : 2;
+  const float3 along = end - start;
+  const int axis = dominant_axis(along);
   const float planes = component(along, axis), origin = component(start, axis);
   if (!(fabs(planes) > 0.0f)) return 0.0f;
 
@@ -73,8 +92,8 @@ static inline float joseph(SCAN voxels, const XrcScan* scan, const float3 spacin
   float sum = 0.0f;
   for (int k = first; k <= last; ++k) {
     const float share = fmin((float)k + 0.5f, high) - fmax((float)k - 0.5f, low);
-    const float hu = sample_plane(voxels, scan, axis, k, fma((float)k, du, u0), fma((float)k, dv, v0));
-    sum = fma(fmax(share, 0.0f), mu_of(hu, opacity, table), sum);
+    const PlaneCell cell = plane_cell(voxels, scan, axis, k, fma((float)k, du, u0), fma((float)k, dv, v0));
+    sum = fma(fmax(share, 0.0f), mu_of(interpolated_hu(&cell), opacity, table), sum);
   }
   return sum * length(per_plane * spacing_mm);
 }
@@ -96,14 +115,22 @@ static inline void clip_to_cylinder(float* low, float* high, const XrcDetector* 
   *high = fmin(*high, nearest + half_chord);
 }
 
-/* The same along the ray of a detector's pixel (i, j), within the detector's cylinder. */
+/* The ends, in voxels, of the ray to a detector's pixel (i, j). */
+static inline void pixel_ray(const XrcDetector* detector, const int i, const int j, float3* start,
+                             float3* end) {
+  const float3 hit = float3_of(detector->corner) + (float)i * float3_of(detector->right) +
+                     (float)j * float3_of(detector->down);
+  *start = detector->is_cone ? float3_of(detector->source) : hit - float3_of(detector->beam);
+  *end = detector->is_cone ? hit : hit + float3_of(detector->beam);
+}
+
+/* The optical depth along a pixel's ray, within the detector's cylinder. */
 static inline float joseph_pixel(SCAN voxels, const XrcScan* scan, const XrcDetector* detector, const int i,
                                  const int j, constant const XrcOpacity* opacity,
                                  global const float2* table) {
-  const float3 hit = float3_of(detector->corner) + (float)i * float3_of(detector->right) +
-                     (float)j * float3_of(detector->down);
-  const float3 start = detector->is_cone ? float3_of(detector->source) : hit - float3_of(detector->beam);
-  const float3 end = detector->is_cone ? hit : hit + float3_of(detector->beam), along = end - start;
+  float3 start, end;
+  pixel_ray(detector, i, j, &start, &end);
+  const float3 along = end - start;
   float low = 0.0f, high = 1.0f;
   clip_to_cylinder(&low, &high, detector, start.xy, along.xy);
   if (!(low < high)) return 0.0f;

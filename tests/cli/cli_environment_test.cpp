@@ -15,7 +15,7 @@
 #include <sys/mount.h>
 #include <thread>
 
-namespace xraycast {
+namespace xraycast::cli_environment_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -203,4 +203,4 @@ TEST_F(CliEnvironment, ComplainsOfNamesOfAnyLettersInOneLine) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::cli_environment_test

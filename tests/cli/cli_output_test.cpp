@@ -17,7 +17,7 @@
 #include <thread>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::cli_output_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -199,4 +199,4 @@ TEST_F(CliOutput, TheNextRunWithoutAHomeRemovesWhatAKilledOneLeft) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::cli_output_test

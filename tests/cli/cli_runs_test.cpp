@@ -18,7 +18,7 @@
 #include <sys/mount.h>
 #include <thread>
 
-namespace xraycast {
+namespace xraycast::cli_runs_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -135,4 +135,4 @@ INSTANTIATE_TEST_SUITE_P(, WriterOnAFullDisk, kAll, name_of);
 INSTANTIATE_TEST_SUITE_P(, WriterOnASmallDisk, kAll, name_of);
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::cli_runs_test

@@ -20,7 +20,7 @@
 #include <sstream>
 #include <sys/mount.h>
 
-namespace xraycast {
+namespace xraycast::cli_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -1285,4 +1285,4 @@ TEST_F(Cli, VesselnessIsAFieldOnTheScansGrid) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::cli_test

@@ -6,7 +6,7 @@
 
 #include <cmath>
 
-namespace xraycast::cli {
+namespace xraycast::cli::scale_ticks_test {
 namespace {
 
 using testing::ElementsAre;
@@ -32,4 +32,4 @@ TEST(ScaleTicks, HaveNoNegativeZero) {
 }
 
 }  // namespace
-}  // namespace xraycast::cli
+}  // namespace xraycast::cli::scale_ticks_test

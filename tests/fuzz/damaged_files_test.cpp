@@ -9,7 +9,7 @@
 #include <random>
 #include <string_view>
 
-namespace xraycast {
+namespace xraycast::damaged_files_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -89,4 +89,4 @@ INSTANTIATE_TEST_SUITE_P(, DamagedFile, testing::ValuesIn(readers().begin(), rea
                          [](const auto& reader) { return std::string(reader.param.name); });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::damaged_files_test

@@ -17,7 +17,7 @@
 #include <thread>
 #include <unistd.h>
 
-namespace xraycast {
+namespace xraycast::atomic_file_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -253,4 +253,4 @@ TEST_F(AtomicFiles, OfASetThatIsGivenUpAreRemoved) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::atomic_file_test

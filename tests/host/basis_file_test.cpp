@@ -12,7 +12,7 @@
 #include <random>
 #include <zlib.h>
 
-namespace xraycast {
+namespace xraycast::basis_file_test {
 namespace {
 
 using testing::HasSubstr;
@@ -258,4 +258,4 @@ TEST(BasisFile, ThatIsNotThereOrAFolderIsRefused) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::basis_file_test

@@ -9,7 +9,7 @@
 #include <functional>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::body_fit_test {
 namespace {
 
 constexpr double kSpacing_mm = 1.5;
@@ -146,4 +146,4 @@ TEST(BodyFit, WithNothingInTheCircleIsRefused) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::body_fit_test

@@ -23,7 +23,7 @@
 #include <sys/resource.h>
 #include <sys/stat.h>
 
-namespace xraycast {
+namespace xraycast::body_map_test {
 namespace {
 
 BodyMap make_map(int layers) {
@@ -439,4 +439,4 @@ TEST(OutputFile, FailuresLeaveTheTargetAsItWas) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::body_map_test

@@ -7,7 +7,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::body_outline_test {
 namespace {
 
 /// Water where `inside(x_mm, y_mm)`, air elsewhere; 256 x 256 x 30 voxels of 1.5 x 1.5 x 2 mm.
@@ -78,4 +78,4 @@ TEST(BodyOutline, AirAloneIsRefused) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::body_outline_test

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <numeric>
 
-namespace xraycast::test {
+namespace xraycast::test::caster_cl_test {
 namespace {
 
 // A ray adds up some hundred products of 24-bit floats, whose positions are good to 1e-5 voxel: 1e-5 of the
@@ -292,4 +292,4 @@ TEST(CylinderCast, GivesTheSameOnEveryDevice) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::caster_cl_test

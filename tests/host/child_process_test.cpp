@@ -11,7 +11,7 @@
 #include <sys/mman.h>
 #include <unistd.h>
 
-namespace xraycast {
+namespace xraycast::child_process_test {
 namespace {
 
 constexpr ChildLimits kLimits{.memory_B = std::int64_t{256} << 20};
@@ -66,4 +66,4 @@ TEST(RunInChild, IsCalledByManyThreads) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::child_process_test

@@ -6,7 +6,7 @@
 #include <random>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::comparison_test {
 namespace {
 
 constexpr int kWidth = 64, kHeight = 48;
@@ -59,4 +59,4 @@ TEST(Comparison, LeavesOutWhatDoesNotCount) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::comparison_test

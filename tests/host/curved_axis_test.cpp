@@ -9,7 +9,7 @@
 
 #include <fstream>
 
-namespace xraycast {
+namespace xraycast::curved_axis_test {
 namespace {
 
 TEST(CurvedAxis, InterpolatesAndHoldsItsEnds) {
@@ -82,4 +82,4 @@ INSTANTIATE_TEST_SUITE_P(CurvedAxis, BadLineTest,
                          [](const auto& bad) { return bad.param.name; });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::curved_axis_test

@@ -12,7 +12,7 @@
 #include <string>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::dicom_folder_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -424,4 +424,4 @@ TEST(DamagedSlices, OfGenesisAreLeftOut) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::dicom_folder_test

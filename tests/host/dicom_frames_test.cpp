@@ -9,7 +9,7 @@
 #include <random>
 #include <sys/resource.h>
 
-namespace xraycast {
+namespace xraycast::dicom_frames_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -140,4 +140,4 @@ TEST(DicomFramesErrors, OfAnyDamageAreInputErrors) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::dicom_frames_test

@@ -14,7 +14,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::dicom_scan_test {
 namespace {
 
 using ::testing::Contains;
@@ -467,4 +467,4 @@ TEST(DicomScan, StopsWhenCancelled) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::dicom_scan_test

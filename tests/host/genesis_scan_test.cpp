@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::genesis_scan_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -96,4 +96,4 @@ TEST(GenesisScan, ReadsVersion2AndFilesThatLostTheirPixelPointer) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::genesis_scan_test

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::image_file_scan_test {
 namespace {
 
 using ::testing::Each;
@@ -314,4 +314,4 @@ TEST(MetaImageScan, StreamsRuns) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::image_file_scan_test

@@ -10,7 +10,7 @@
 
 #include <limits>
 
-namespace xraycast {
+namespace xraycast::json_text_test {
 namespace {
 
 using testing::HasSubstr;
@@ -49,4 +49,4 @@ TEST(JsonText, OfGreatDepthIsRefusedByItsReaders) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::json_text_test

@@ -9,7 +9,7 @@
 #include <limits>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::map_geometry_test {
 namespace {
 
 VolumeGeometry chest() { return {{512, 512, 275}, {0.78, 0.78, 1.0}, {-200, -180, 40}}; }
@@ -154,4 +154,4 @@ INSTANTIATE_TEST_SUITE_P(CylinderMap, BadMapTest,
                          [](const auto& bad) { return bad.param.name; });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::map_geometry_test

@@ -7,7 +7,7 @@
 #include <sys/resource.h>
 #include <unistd.h>
 
-namespace xraycast {
+namespace xraycast::memory_limit_test {
 namespace {
 
 using testing::AllOf;
@@ -93,4 +93,4 @@ TEST(AddressSpace, ShrinksByWhatIsMapped) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::memory_limit_test

@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::mesh_test {
 namespace {
 
 using testing::HasSubstr;
@@ -565,4 +565,4 @@ TEST(MeshFiles, MissingFileOrFolderIsNamed) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::mesh_test

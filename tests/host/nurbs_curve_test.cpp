@@ -9,7 +9,7 @@
 #include <limits>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::nurbs_curve_test {
 namespace {
 
 // Sums of ten or so products of lengths up to 100 mm in double precision.
@@ -111,4 +111,4 @@ INSTANTIATE_TEST_SUITE_P(
     [](const auto& bad) { return bad.param.name; });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::nurbs_curve_test

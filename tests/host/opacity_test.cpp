@@ -8,7 +8,7 @@
 
 #include <fstream>
 
-namespace xraycast {
+namespace xraycast::opacity_test {
 namespace {
 
 using testing::HasSubstr;
@@ -110,4 +110,4 @@ TEST(Opacity, UnknownNameSaysWhatThereIs) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::opacity_test

@@ -11,7 +11,7 @@
 #include <cmath>
 #include <functional>
 
-namespace xraycast {
+namespace xraycast::outline_crossings_test {
 namespace {
 
 using Outline = std::function<double(double)>;  // R over phi
@@ -117,4 +117,4 @@ TEST(SegmentsWithin, ASphereUnderAnOutlineOfEveryDirectionAreFoundToo) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::outline_crossings_test

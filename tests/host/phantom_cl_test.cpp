@@ -11,7 +11,7 @@
 #include <random>
 #include <string>
 
-namespace xraycast {
+namespace xraycast::phantom_cl_test {
 namespace {
 
 Volume paint(const Phantom& phantom) {
@@ -166,4 +166,4 @@ TEST(AbdomenParts, AreWhereTheirVoxelsAre) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::phantom_cl_test

@@ -12,7 +12,7 @@
 #include <cmath>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::phantom_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -317,4 +317,4 @@ TEST(Abdomen, VesselsOfDifferentSystemsDoNotTouch) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::phantom_test

@@ -12,7 +12,7 @@
 #include <limits>
 #include <string>
 
-namespace xraycast::test {
+namespace xraycast::test::pinhole_camera_test {
 namespace {
 
 View some_view() {
@@ -67,4 +67,4 @@ TEST(PinholeCamera, RejectsMatricesThatAreNone) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::pinhole_camera_test

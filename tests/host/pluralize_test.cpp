@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::pluralize_test {
 namespace {
 
 TEST(Pluralize, OneThingIsSingular) {
@@ -20,4 +20,4 @@ TEST(Pluralize, OneThingIsSingular) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::pluralize_test

@@ -13,7 +13,7 @@
 #include <numbers>
 #include <vector>
 
-namespace xraycast::test {
+namespace xraycast::test::pose_gradient_cl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -176,4 +176,4 @@ TEST(PoseGradient, ComesWithThePicture) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::pose_gradient_cl_test

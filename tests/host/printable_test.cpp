@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::printable_test {
 namespace {
 
 TEST(Printable, KeepsLettersOfAllTonguesAndTheLayout) {
@@ -36,4 +36,4 @@ TEST(Error, IsOneLineWhateverAFileGave) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::printable_test

@@ -18,7 +18,7 @@
 #include <regex>
 #include <tiffio.h>
 
-namespace xraycast {
+namespace xraycast::projection_file_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -153,4 +153,4 @@ TEST(ProjectionFormat, KnowsItsFormatsByAnyCase) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::projection_file_test

@@ -19,7 +19,7 @@
 #include <random>
 #include <unistd.h>
 
-namespace xraycast::test {
+namespace xraycast::test::projector_cl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -511,4 +511,4 @@ TEST(ProjectedRays, OddOnesEndInTimeWithFiniteValues) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::projector_cl_test

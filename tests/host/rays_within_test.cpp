@@ -7,7 +7,7 @@
 
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::rays_within_test {
 namespace {
 
 // Square roots of products of lengths up to 1500 mm in double precision.
@@ -70,4 +70,4 @@ TEST(RaysWithin, BentAxisIsRefused) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::rays_within_test

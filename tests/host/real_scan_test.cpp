@@ -4,7 +4,7 @@
 #include <gtest/gtest.h>
 
 // What is known of the real scans in XRAYCAST_TEST_DATA.
-namespace xraycast {
+namespace xraycast::real_scan_test {
 namespace {
 
 using ::testing::ElementsAre;
@@ -92,4 +92,4 @@ TEST_F(RealScan, SyntheticTreeIsMetaImage) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::real_scan_test

@@ -12,7 +12,7 @@
 #include <numeric>
 #include <random>
 
-namespace xraycast::test {
+namespace xraycast::test::recast_cl_test {
 namespace {
 
 // Of the map's largest value. What the weights' rounding costs is bounded test by test; this is for the
@@ -269,4 +269,4 @@ TEST(UsefulKnots, HoldTheOpacitysAndTheUsualOnesWhileThereIsRoom) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::recast_cl_test

@@ -12,7 +12,7 @@
 #include <random>
 #include <vector>
 
-namespace xraycast::test {
+namespace xraycast::test::reference_test {
 namespace {
 
 constexpr double kPi = std::numbers::pi;
@@ -351,4 +351,4 @@ TEST(ClosedForm, EllipsoidsAddUp) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::reference_test

@@ -4,7 +4,7 @@
 
 #include <string>
 
-namespace xraycast {
+namespace xraycast::remedy_test {
 namespace {
 
 std::string told(const std::string& file, const std::string& message) {
@@ -28,4 +28,4 @@ TEST(Remedy, IsNotFoundInTheNameOfTheFile) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::remedy_test

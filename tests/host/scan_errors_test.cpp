@@ -10,7 +10,7 @@
 #include <limits>
 #include <sys/stat.h>
 
-namespace xraycast {
+namespace xraycast::scan_errors_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -563,4 +563,4 @@ INSTANTIATE_TEST_SUITE_P(All, BadScans, testing::ValuesIn(kBadScans),
                          [](const auto& param) { return param.param.name; });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::scan_errors_test

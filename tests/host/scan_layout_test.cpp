@@ -6,7 +6,7 @@
 #include <cstdint>
 #include <limits>
 
-namespace xraycast::test {
+namespace xraycast::test::scan_layout_test {
 namespace {
 
 XrcScan scan_of(int size_x, int size_y, int size_z) {
@@ -44,4 +44,4 @@ INSTANTIATE_TEST_SUITE_P(, LargeScanLayout,
                                          Extent{46000, 46000, 65536}, Extent{1, 1073741000, 65536}));
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::scan_layout_test

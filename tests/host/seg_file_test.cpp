@@ -10,7 +10,7 @@
 
 #include <random>
 
-namespace xraycast {
+namespace xraycast::seg_file_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -77,4 +77,4 @@ TEST(SegFile, IsNoneWhereItCouldNotReferToItsSlices) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::seg_file_test

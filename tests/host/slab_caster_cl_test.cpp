@@ -7,7 +7,7 @@
 
 #include <cmath>
 
-namespace xraycast::test {
+namespace xraycast::test::slab_caster_cl_test {
 namespace {
 
 Volume textured_volume(std::int64_t slices) {
@@ -87,4 +87,4 @@ TEST(SlabSize, DoesNotOverflow) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::slab_caster_cl_test

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast::test {
+namespace xraycast::test::spectrum_cl_test {
 namespace {
 
 constexpr std::size_t kWater = 0, kBone = 1, kIodine = 2;
@@ -174,4 +174,4 @@ TEST(Iodine, NeedsAMaskOnTheScansGrid) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::spectrum_cl_test

@@ -11,7 +11,7 @@
 #include <fstream>
 #include <xraylib.h>
 
-namespace xraycast {
+namespace xraycast::spectrum_test {
 namespace {
 
 using testing::HasSubstr;
@@ -287,4 +287,4 @@ TEST(Spectrum, UnknownVoltageSaysWhatThereIs) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::spectrum_test

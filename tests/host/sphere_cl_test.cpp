@@ -11,7 +11,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast::test {
+namespace xraycast::test::sphere_cl_test {
 namespace {
 
 const Opacity& lengths() {  // water is 1 per mm, so that depths are mm of water
@@ -203,4 +203,4 @@ TEST(CylinderMapAboutALine, EqualsTheReferenceSliceBySlice) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::sphere_cl_test

@@ -27,7 +27,7 @@ extern "C" int flock(int file, int operation) noexcept {
   return -1;
 }
 
-namespace xraycast {
+namespace xraycast::temporary_folder_on_disk_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -116,4 +116,4 @@ TEST_F(TemporaryFoldersOnDisk, NeedAFolderThatIsThere) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::temporary_folder_on_disk_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::union_find_test {
 namespace {
 
 TEST(UnionFind, UnitesSetsUnderTheRepresentativeThatIsKept) {
@@ -23,4 +23,4 @@ TEST(UnionFind, GrowsByElementsOfTheirOwn) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::union_find_test

@@ -8,7 +8,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::vessel_removal_test {
 namespace {
 
 constexpr std::int16_t kTissue = 60, kLumen = 350, kLung = -800;
@@ -78,4 +78,4 @@ TEST(WithoutVessels, RefuseAMaskOnAnotherGrid) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::vessel_removal_test

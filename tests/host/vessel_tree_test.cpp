@@ -19,7 +19,7 @@
 #include <string>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::vessel_tree_test {
 namespace {
 
 using testing::HasSubstr;
@@ -575,4 +575,4 @@ TEST(TubeMesh, HairpinStaysWatertightAndFinite) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::vessel_tree_test

@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::view_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -109,4 +109,4 @@ TEST(FittedView, RefusesWhatCannotBeDrawn) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::view_test

@@ -14,7 +14,7 @@
 #include <numbers>
 #include <string>
 
-namespace xraycast {
+namespace xraycast::vtk_files_test {
 namespace {
 
 /// Debian's own interpreter, which finds Debian's packages whatever stands first in PATH.
@@ -149,4 +149,4 @@ TEST_F(VtkFiles, WeReadVtksImages) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::vtk_files_test

@@ -10,7 +10,7 @@
 #include <csignal>
 #include <sys/resource.h>
 
-namespace xraycast {
+namespace xraycast::write_volume_test {
 namespace {
 
 using ::testing::ElementsAreArray;
@@ -130,4 +130,4 @@ TEST(WriteVolumeNames, RefusesAnotherExtension) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::write_volume_test

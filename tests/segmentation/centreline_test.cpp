@@ -10,7 +10,7 @@
 
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::centreline_test {
 namespace {
 
 struct Deviation {
@@ -231,4 +231,4 @@ TEST(Centrelines, RefuseWhatHasNoLength) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::centreline_test

@@ -14,7 +14,7 @@
 #include <cmath>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::evidence_cl_test {
 namespace {
 
 TEST(Response, IsUndoneWhereNoiseIsCutOff) {
@@ -225,4 +225,4 @@ TEST(Radii, OfAThinVesselAreThoseOfItsLumen) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::evidence_cl_test

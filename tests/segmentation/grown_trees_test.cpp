@@ -15,7 +15,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::grown_trees_test {
 namespace {
 
 constexpr std::uint32_t kSeeds[] = {61, 62, 63, 64, 65, 66};
@@ -203,4 +203,4 @@ INSTANTIATE_TEST_SUITE_P(UpToNoise25, TreesByThreshold,
                          name_of);
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::grown_trees_test

@@ -14,7 +14,7 @@
 #include <optional>
 #include <set>
 
-namespace xraycast {
+namespace xraycast::phantom_vessels_test {
 namespace {
 
 struct Case {
@@ -200,4 +200,4 @@ TEST(Segmenting, StopsInAnyStep) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::phantom_vessels_test

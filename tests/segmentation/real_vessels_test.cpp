@@ -12,7 +12,7 @@
 
 #include <algorithm>
 
-namespace xraycast {
+namespace xraycast::real_vessels_test {
 namespace {
 
 class RealVessels : public testing::Test {
@@ -142,4 +142,4 @@ TEST_F(RealVessels, AMalformationIsOneTreeWithAWatertightSurface) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::real_vessels_test

@@ -17,7 +17,7 @@
 #include <cmath>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::ridges_cl_test {
 namespace {
 
 double nearest(const glm::dvec3& point, const std::vector<glm::dvec3>& points) {
@@ -197,4 +197,4 @@ TEST(LineStrength, EndsWithTheLineAndHasNoHalo) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::ridges_cl_test

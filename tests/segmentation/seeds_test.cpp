@@ -13,7 +13,7 @@
 #include <algorithm>
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::seeds_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -286,4 +286,4 @@ TEST(SeedsInAnAbdomen, InArteriesDenserThanBoneAreFoundInAWindowThatHoldsThem) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::seeds_test

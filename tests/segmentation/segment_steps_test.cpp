@@ -22,7 +22,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::segment_steps_test {
 namespace {
 
 class DistanceTransform : public testing::TestWithParam<double> {};
@@ -411,4 +411,4 @@ TEST(Surface, IsWatertightAndKeepsTheVolume) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::segment_steps_test

@@ -7,7 +7,7 @@
 
 #include <random>
 
-namespace xraycast {
+namespace xraycast::thinning_test {
 namespace {
 
 /// Vertices - edges + faces - cells of the union of the voxels' closed cubes, which takes voxels that share a
@@ -83,4 +83,4 @@ TEST(Thinning, LeavesLinesAndPointsAlone) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::thinning_test

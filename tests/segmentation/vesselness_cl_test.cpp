@@ -6,7 +6,7 @@
 #include <cmath>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::vesselness_cl_test {
 namespace {
 
 constexpr double kContrast_hu = 300;
@@ -76,4 +76,4 @@ INSTANTIATE_TEST_SUITE_P(By, Vesselness,
                          testing::Values(VesselnessMeasure::frangi, VesselnessMeasure::jerman));
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::vesselness_cl_test

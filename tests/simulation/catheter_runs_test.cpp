@@ -21,7 +21,7 @@
 #include <random>
 #include <sstream>
 
-namespace xraycast {
+namespace xraycast::catheter_runs_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -243,4 +243,4 @@ TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::catheter_runs_test

@@ -6,7 +6,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast::test {
+namespace xraycast::test::contrast_bolus_test {
 namespace {
 
 VesselBranch straight(glm::dvec3 from_mm, glm::dvec3 to_mm, double radius_mm, int parent) {
@@ -109,4 +109,4 @@ TEST_F(Bolus, IsAsFastInNarrowBranchesAsInWideOnes) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::contrast_bolus_test

@@ -5,7 +5,7 @@
 
 #include <gmock/gmock.h>
 
-namespace xraycast {
+namespace xraycast::entry_test {
 namespace {
 
 /// A trunk that parts into a narrow branch, which ends lowest, and a wide one.
@@ -61,4 +61,4 @@ TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::entry_test

@@ -2,7 +2,7 @@
 
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::friction_test {
 namespace {
 
 using Eigen::Vector2d;
@@ -50,4 +50,4 @@ TEST(Friction, ReturnsToTheConeAndBeyondItToTheKineticOne) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::friction_test

@@ -10,7 +10,7 @@
 #include <numbers>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::igtlink_receiver_test {
 namespace {
 
 using testing::HasSubstr;
@@ -243,4 +243,4 @@ RC_GTEST_PROP(IgtlinkReceiver, SurvivesDamagedMessages, ()) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::igtlink_receiver_test

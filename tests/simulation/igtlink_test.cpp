@@ -26,7 +26,7 @@
 #include <unistd.h>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::igtlink_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -626,4 +626,4 @@ TEST(OpenIGTLink, StatusLineNamesTheClientAndItsRate) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::igtlink_test

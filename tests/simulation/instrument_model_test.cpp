@@ -13,7 +13,7 @@
 #include <numbers>
 #include <ostream>
 
-namespace xraycast {
+namespace xraycast::instrument_model_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -183,4 +183,4 @@ TEST(InstrumentModel, UnknownNameListsThePresets) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::instrument_model_test

@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::listen_address_test {
 namespace {
 
 TEST(ListenAddress, IsOpenIGTLinksPortOfThisMachineByDefault) {
@@ -31,4 +31,4 @@ TEST(ListenAddress, RefusesAnythingElse) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::listen_address_test

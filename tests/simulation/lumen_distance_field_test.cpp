@@ -9,7 +9,7 @@
 #include <cmath>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::lumen_distance_field_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -185,4 +185,4 @@ TEST(LumenDistanceField, OpeningGoesOnStraight) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::lumen_distance_field_test

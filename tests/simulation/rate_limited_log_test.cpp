@@ -5,7 +5,7 @@
 
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::rate_limited_log_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -52,4 +52,4 @@ TEST_F(RateLimitedLogTest, StaysQuietUnderALastingFlood) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::rate_limited_log_test

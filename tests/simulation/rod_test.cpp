@@ -9,7 +9,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::rod_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -255,4 +255,4 @@ TEST(Rod, SolvesItsOwnEquations) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::rod_test

@@ -8,7 +8,7 @@
 #include <numbers>
 #include <ostream>
 
-namespace xraycast {
+namespace xraycast::script_test {
 namespace {
 
 using ::testing::HasSubstr;
@@ -100,4 +100,4 @@ INSTANTIATE_TEST_SUITE_P(
 #undef HEAD
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::script_test

@@ -11,7 +11,7 @@
 #include <stdexcept>
 #include <thread>
 
-namespace xraycast {
+namespace xraycast::simulation_loop_test {
 namespace {
 
 using namespace std::chrono_literals;
@@ -70,4 +70,4 @@ TEST(SimulationLoop, HandsOnWhatItsThreadThrew) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::simulation_loop_test

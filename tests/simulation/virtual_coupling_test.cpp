@@ -10,7 +10,7 @@
 #include <limits>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::virtual_coupling_test {
 namespace {
 
 constexpr double kStep_s = 1e-3;
@@ -281,4 +281,4 @@ TEST(VirtualCoupling, GivesAHandNoEnergy) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::virtual_coupling_test

@@ -12,7 +12,7 @@
 #include <numbers>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::wall_contact_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -269,4 +269,4 @@ TEST(Catheter, HubBearsContactAndFriction) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::wall_contact_test

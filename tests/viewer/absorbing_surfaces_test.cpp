@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::absorbing_surfaces_test {
 namespace {
 
 constexpr double kRadius_mm = 10, kMu_per_mm = 0.01;
@@ -163,4 +163,4 @@ TEST(AbsorbingSurfaces, TrianglesThatLookInwardsAreTurned) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::absorbing_surfaces_test

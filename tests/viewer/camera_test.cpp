@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::camera_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -111,4 +111,4 @@ TEST(BodyBounds, NoticeVesselsOfAnotherScan) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::camera_test

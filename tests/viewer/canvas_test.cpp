@@ -9,7 +9,7 @@
 
 #include <numeric>
 
-namespace xraycast {
+namespace xraycast::canvas_test {
 namespace {
 
 using ::testing::Each;
@@ -108,4 +108,4 @@ TEST(Canvas, UnreadablePngIsNamed) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::canvas_test

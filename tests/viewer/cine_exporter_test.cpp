@@ -8,7 +8,7 @@
 #include <numbers>
 #include <stdexcept>
 
-namespace xraycast::test {
+namespace xraycast::test::cine_exporter_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -55,4 +55,4 @@ TEST(CineExporter, AFailedFrameIsNotCounted) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::cine_exporter_test

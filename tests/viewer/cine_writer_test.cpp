@@ -11,7 +11,7 @@
 #include <memory>
 #include <random>
 
-namespace xraycast {
+namespace xraycast::cine_writer_test {
 namespace {
 
 constexpr int kWidth = 61, kHeight = 40;
@@ -89,4 +89,4 @@ TEST(CineWriter, AbandonedAnimationLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::cine_writer_test

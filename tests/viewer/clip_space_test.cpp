@@ -5,7 +5,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::clip_space_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -88,4 +88,4 @@ TEST(ScreenBox, UnitesWithAnotherAndIgnoresAnEmptyOne) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::clip_space_test

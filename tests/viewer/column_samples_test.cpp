@@ -10,7 +10,7 @@
 #include <numbers>
 #include <span>
 
-namespace xraycast {
+namespace xraycast::column_samples_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -239,4 +239,4 @@ TEST(ColumnSamples, RectanglesMixTheirNeighbours) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::column_samples_test

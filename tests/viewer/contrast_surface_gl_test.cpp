@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::contrast_surface_gl_test {
 namespace {
 
 constexpr double kRadius_mm = 5, kMu_per_mm = 0.001;
@@ -72,4 +72,4 @@ TEST_F(ContrastPicture, AddsUpAlongItsLength) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::contrast_surface_gl_test

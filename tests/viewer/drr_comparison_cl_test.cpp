@@ -6,7 +6,7 @@
 #include <chrono>
 #include <thread>
 
-namespace xraycast::test {
+namespace xraycast::test::drr_comparison_cl_test {
 namespace {
 
 View view_at(double angle_rad) {
@@ -53,4 +53,4 @@ TEST(DrrComparison, ProjectsWhatWasRequestedAndComparesFramesToIt) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::drr_comparison_cl_test

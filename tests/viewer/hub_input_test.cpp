@@ -7,7 +7,7 @@
 #include <numbers>
 #include <set>
 
-namespace xraycast {
+namespace xraycast::hub_input_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -68,4 +68,4 @@ TEST(HubInput, ButtonsAreThePedalAndTheSyringe) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::hub_input_test

@@ -12,7 +12,7 @@
 #include <filesystem>
 #include <thread>
 
-namespace xraycast {
+namespace xraycast::intervention_test {
 namespace {
 
 class AtTheTable : public testing::Test {
@@ -130,4 +130,4 @@ TEST_F(AtTheTable, TheRoadMapIsTheVesselsOutlineOfAView) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::intervention_test

@@ -13,7 +13,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::map_precision_gl_test {
 namespace {
 
 /// A square across the y axis.
@@ -133,4 +133,4 @@ TEST_F(MapPrecisionTest, WhatLiesInFrontOfASurfaceIsDrawnFromBytesToo) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::map_precision_gl_test

@@ -7,7 +7,7 @@
 #include <cstring>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::map_texels_test {
 namespace {
 
 /// Two shells of four angles and six rows, which two more pad to two quads.
@@ -65,4 +65,4 @@ TEST(MapTexels, ValuesBeyondHalvesAreTheLargestHalf) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::map_texels_test

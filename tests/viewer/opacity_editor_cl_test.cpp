@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast::test {
+namespace xraycast::test::opacity_editor_cl_test {
 namespace {
 
 using testing::ElementsAre;
@@ -127,4 +127,4 @@ TEST_F(OpacityEditorTest, WithoutABasisTheOpacityStaysTheMaps) {
 }
 
 }  // namespace
-}  // namespace xraycast::test
+}  // namespace xraycast::test::opacity_editor_cl_test

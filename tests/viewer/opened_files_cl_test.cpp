@@ -5,7 +5,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::opened_files_cl_test {
 namespace {
 
 TEST(OpenedFiles, HaveTheWarningsOfTheScanThatWasOpened) {
@@ -25,4 +25,4 @@ TEST(OpenedFiles, HaveTheWarningsOfTheScanThatWasOpened) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::opened_files_cl_test

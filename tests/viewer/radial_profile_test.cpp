@@ -7,7 +7,7 @@
 #include <array>
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::radial_profile_test {
 namespace {
 
 // The system is solved in 32-bit floats, and amplifies rounding by its condition, which is below 2.
@@ -116,4 +116,4 @@ TEST(RadialProfile, PlacesRadiiBetweenTheMiddlesOfShells) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::radial_profile_test

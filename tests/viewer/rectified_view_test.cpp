@@ -8,7 +8,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::rectified_view_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -141,4 +141,4 @@ TEST(RectifiedView, RefusesToLookAlongTheAxis) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::rectified_view_test

@@ -22,7 +22,7 @@
 #include <numbers>
 #include <tuple>
 
-namespace xraycast {
+namespace xraycast::renderer_gl_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -804,4 +804,4 @@ TEST_F(RendererTest, RefusesSurfacesThatAreNotFinite) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::renderer_gl_test

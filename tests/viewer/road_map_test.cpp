@@ -4,7 +4,7 @@
 
 #include <algorithm>
 
-namespace xraycast {
+namespace xraycast::road_map_test {
 namespace {
 
 TEST(RoadMap, IsTheBorderOfWhatAbsorbs) {
@@ -25,4 +25,4 @@ TEST(RoadMap, IsTheBorderOfWhatAbsorbs) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::road_map_test

@@ -4,7 +4,7 @@
 
 #include <gtest/gtest.h>
 
-namespace xraycast {
+namespace xraycast::same_scan_test {
 namespace {
 
 const VolumeGeometry kChest{{512, 512, 275}, {0.78, 0.78, 1.0}, {-200, -180, 40}};
@@ -52,4 +52,4 @@ TEST(SameScan, TakesOneGeometryWhereAFileDoesNotTellTheField) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::same_scan_test

@@ -9,7 +9,7 @@
 
 #include <string>
 
-namespace xraycast {
+namespace xraycast::session_file_test {
 namespace {
 
 TEST(SessionFile, KeepsTheCatheterThatWasSteered) {
@@ -59,4 +59,4 @@ TEST(SessionFile, RefusesDeepJson) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::session_file_test

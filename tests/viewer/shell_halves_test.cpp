@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numeric>
 
-namespace xraycast {
+namespace xraycast::shell_halves_test {
 namespace {
 
 // 32-bit floats, some ten operations.
@@ -77,4 +77,4 @@ TEST(ShellHalves, AreTheSameSideBySide) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::shell_halves_test

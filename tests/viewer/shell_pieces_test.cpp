@@ -5,7 +5,7 @@
 
 #include <cmath>
 
-namespace xraycast {
+namespace xraycast::shell_pieces_test {
 namespace {
 
 // Square roots and differences of lengths up to 100 mm in double precision.
@@ -56,4 +56,4 @@ TEST(ShellPieces, LeaveOutAHoleAndWhatTheyMiss) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::shell_pieces_test

@@ -12,7 +12,7 @@
 #include <numbers>
 #include <thread>
 
-namespace xraycast {
+namespace xraycast::simulated_run_test {
 namespace {
 
 std::shared_ptr<const VesselTree> thorax() {
@@ -103,4 +103,4 @@ TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::simulated_run_test

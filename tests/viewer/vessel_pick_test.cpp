@@ -7,7 +7,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast {
+namespace xraycast::vessel_pick_test {
 namespace {
 
 /// A trunk that forks, and a branch that comes back in front of it (anterior).
@@ -87,4 +87,4 @@ TEST(VesselPick, IsDescribedInWords) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::vessel_pick_test

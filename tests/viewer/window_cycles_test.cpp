@@ -18,7 +18,7 @@
 #include <thread>
 #include <unistd.h>
 
-namespace xraycast {
+namespace xraycast::window_cycles_test {
 namespace {
 
 namespace fs = std::filesystem;
@@ -112,4 +112,4 @@ TEST(Window, OpensAndClosesTwoHundredTimesAndLeavesNothing) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::window_cycles_test

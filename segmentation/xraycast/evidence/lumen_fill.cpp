@@ -1,6 +1,7 @@
 #include "xraycast/evidence/lumen_fill.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/mask/morphology.hpp"
 
 #include <glm/common.hpp>
 
@@ -12,37 +13,6 @@
 
 namespace xraycast {
 namespace {
-
-/// Calls `visit(voxel)` for each voxel of a box, slices in parallel.
-template <typename Visit>
-void for_each_voxel(const Box& box, const Visit& visit) {
-  parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-      for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) visit(Index3(x, y, box.lower.z + i));
-  });
-}
-
-/// A mask with the voxels that share a face, an edge or a corner with it, within a box.
-Mask grown_by_a_voxel(const Mask& mask, const Box& box) {
-  Mask result = mask;
-  for_each_voxel(box, [&](const Index3& voxel) {
-    if (mask[voxel] == 0)
-      result[voxel] =
-          std::ranges::any_of(kNeighbours, [&](const Index3& step) { return mask.at(voxel + step); });
-  });
-  return result;
-}
-
-/// The voxels of a mask that touch none outside of it; beyond the grid nothing is outside.
-Mask full_voxels(const Mask& mask, const Box& box) {
-  Mask full(mask.geometry);
-  for_each_voxel(box, [&](const Index3& voxel) {
-    full[voxel] = mask[voxel] != 0 && std::ranges::all_of(kNeighbours, [&](const Index3& step) {
-                    return !mask.contains(voxel + step) || mask[voxel + step] != 0;
-                  });
-  });
-  return full;
-}
 
 /// The CT number below which a share of the scan's voxels lie that `counts` accepts; nothing without any.
 template <typename Counts>
@@ -96,8 +66,8 @@ LumenFill fill_of(const Volume& volume, const Mask& mask) {
   LumenFill fill(mask.geometry);
   const Box box = grown(bounding_box(mask), 2, mask.geometry.size);
   if (box.empty()) return fill;
-  const Mask full = full_voxels(mask, box), wall = grown_by_a_voxel(mask, box),
-             beside = grown_by_a_voxel(wall, box);
+  const Mask full = eroded(mask, Sharing::corner), wall = dilated(mask, Sharing::corner),
+             beside = dilated(wall, Sharing::corner);
   const auto tissue_hu =
       quantile_hu(volume, box, 0.5, [&](const Index3& v) { return beside[v] != 0 && wall[v] == 0; });
   auto lumen_hu = quantile_hu(volume, box, 0.5, [&](const Index3& v) { return full[v] != 0; });

@@ -259,9 +259,7 @@ Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Fi
     (judge.is_bright(i) ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
     if ((judge.is_certain(i) || to_pruned_mm[i] >= to_kept_mm[i]) && judge.is_lumen(i)) vessels.voxels[i] = 1;
   });
-  for_each_index(shares.size(), [&](std::size_t i) {
-    if (vessels.voxels[i] != 0) faint.voxels[i] = 0;
-  });
+  subtract(faint, vessels);
   return with_weak_links(vessels, faint);
 }
 
@@ -284,10 +282,8 @@ Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field&
       track_ridges(contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu), &progress),
                    ridges, progress);
   const Mask full = half_full(contrast, scale, volume.geometry());
-  for_each_index(ridges.voxels.size(), [&](std::size_t i) {
-    ridges.voxels[i] |= tracks.voxels[i];
-    ridges.voxels[i] |= full.voxels[i];
-  });
+  unite(ridges, tracks);
+  unite(ridges, full);
   return ridges;
 }
 
@@ -305,11 +301,10 @@ Field estimated_shares(const Volume& volume, const ScanResponse& response, const
 
 /// Writes the shares of the vessels in a box.
 void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenFill& fill) {
-  const Mask whole(fill.geometry);
   for (std::size_t i = 0; i < shares.size(); ++i) {
     if (vessels.voxels[i] == 0) continue;
     const Index3 voxel = voxel_at(vessels.geometry, static_cast<std::int64_t>(i)) + box.lower;
-    fill.shares[whole.offset(voxel)] = quantised_share(static_cast<double>(shares[i]));
+    fill.shares[offset_of(fill.geometry, voxel)] = quantised_share(static_cast<double>(shares[i]));
   }
 }
 

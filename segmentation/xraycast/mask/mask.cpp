@@ -1,7 +1,5 @@
 #include "xraycast/mask/mask.hpp"
 
-#include "xraycast/base/parallel.hpp"
-
 #include <glm/common.hpp>
 
 #include <algorithm>
@@ -74,6 +72,38 @@ void paste(const Mask& part, const Box& box, Mask& whole) {
     for (std::int64_t y = 0; y < size.y; ++y)
       std::copy_n(&part.voxels[part.offset({0, y, z})], size.x,
                   &whole.voxels[whole.offset(box.lower + Index3(0, y, z))]);
+}
+
+namespace {
+
+/// Calls `change(voxel of mask, voxel of other)` for all voxels, slices in parallel.
+template <typename Change>
+void combine(Mask& mask, const Mask& other, const Change& change) {
+  const auto slice = static_cast<std::size_t>(mask.geometry.slice_voxels());
+  parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
+    const std::size_t first = static_cast<std::size_t>(z) * slice;
+    for (std::size_t i = first; i < first + slice; ++i) change(mask.voxels[i], other.voxels[i]);
+  });
+}
+
+}  // namespace
+
+void unite(Mask& mask, const Mask& other) {
+  combine(mask, other, [](std::uint8_t& voxel, std::uint8_t its) { voxel |= its; });
+}
+
+void intersect(Mask& mask, const Mask& other) {
+  combine(mask, other, [](std::uint8_t& voxel, std::uint8_t its) { voxel &= its; });
+}
+
+void subtract(Mask& mask, const Mask& other) {
+  combine(mask, other,
+          [](std::uint8_t& voxel, std::uint8_t its) { voxel &= static_cast<std::uint8_t>(its ^ 1); });
+}
+
+bool touches(const Mask& mask, const Index3& voxel, Sharing sharing) {
+  return std::any_of(kNeighbours.begin(), kNeighbours.begin() + static_cast<std::ptrdiff_t>(sharing),
+                     [&](const Index3& step) { return mask.at(voxel + step); });
 }
 
 std::vector<Index3> neighbours_in(const Mask& mask, const Index3& voxel) {

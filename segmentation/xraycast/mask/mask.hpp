@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/volume/volume.hpp"
 
 #include <array>
@@ -7,6 +8,11 @@
 #include <vector>
 
 namespace xraycast {
+
+/// A voxel's place among those of a grid, x fastest.
+inline std::size_t offset_of(const VolumeGeometry& grid, const Index3& voxel) {
+  return static_cast<std::size_t>((voxel.z * grid.size.y + voxel.y) * grid.size.x + voxel.x);
+}
 
 /// A binary mask on a volume's grid: 1 inside, 0 outside, x fastest. Beyond the grid is outside.
 struct Mask {
@@ -17,9 +23,7 @@ struct Mask {
   explicit Mask(const VolumeGeometry& grid)
       : geometry(grid), voxels(static_cast<std::size_t>(grid.voxel_count())) {}
 
-  std::size_t offset(const Index3& i) const {
-    return static_cast<std::size_t>((i.z * geometry.size.y + i.y) * geometry.size.x + i.x);
-  }
+  std::size_t offset(const Index3& i) const { return offset_of(geometry, i); }
   bool contains(const Index3& i) const {
     return i.x >= 0 && i.y >= 0 && i.z >= 0 && i.x < geometry.size.x && i.y < geometry.size.y &&
            i.z < geometry.size.z;
@@ -59,8 +63,28 @@ Mask crop(const Mask& mask, const Box& box);
 /// Puts `part`, cropped from `box`, back into a mask on the whole grid.
 void paste(const Mask& part, const Box& box, Mask& whole);
 
+/// Calls `visit(voxel)` for each voxel of a box, slices in parallel.
+template <typename Visit>
+void for_each_voxel(const Box& box, const Visit& visit) {
+  parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
+    for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
+      for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) visit(Index3(x, y, box.lower.z + i));
+  });
+}
+
+/// Sets of the voxels of one grid: adds what is in another mask, keeps only that, or removes it.
+void unite(Mask& mask, const Mask& other);
+void intersect(Mask& mask, const Mask& other);
+void subtract(Mask& mask, const Mask& other);
+
 /// The 26 neighbours of a voxel; the first 6 share a face with it, the next 12 an edge.
 extern const std::array<Index3, 26> kNeighbours;
+
+/// How many of kNeighbours share a face with a voxel, a face or an edge, or at least a corner.
+enum class Sharing : std::size_t { face = 6, edge = 18, corner = 26 };
+
+/// Whether one of a voxel's neighbours is inside.
+bool touches(const Mask& mask, const Index3& voxel, Sharing sharing);
 
 /// Those of a voxel's neighbours that are inside.
 std::vector<Index3> neighbours_in(const Mask& mask, const Index3& voxel);

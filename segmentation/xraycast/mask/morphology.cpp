@@ -23,6 +23,25 @@ StructuringElement disc(const VolumeGeometry& grid, double radius_mm) {
   return {StructuringElement::Shape::ellipse, 2 * x + 1, 2 * y + 1};
 }
 
+Mask dilated(const Mask& mask, Sharing sharing) {
+  Mask result = mask;
+  for_each_voxel(grown(bounding_box(mask), 1, mask.geometry.size), [&](const Index3& voxel) {
+    if (mask[voxel] == 0) result[voxel] = touches(mask, voxel, sharing);
+  });
+  return result;
+}
+
+Mask eroded(const Mask& mask, Sharing sharing) {
+  Mask result(mask.geometry);
+  const auto last = kNeighbours.begin() + static_cast<std::ptrdiff_t>(sharing);
+  for_each_voxel(bounding_box(mask), [&](const Index3& voxel) {
+    result[voxel] = mask[voxel] != 0 && std::all_of(kNeighbours.begin(), last, [&](const Index3& step) {
+                      return !mask.contains(voxel + step) || mask[voxel + step] != 0;
+                    });
+  });
+  return result;
+}
+
 Mask dilated_by_cylinder(const Mask& mask, double radius_mm) {
   const SliceMorphology& morphology = slice_morphology();
   const VolumeGeometry& g = mask.geometry;

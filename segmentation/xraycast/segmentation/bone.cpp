@@ -20,9 +20,7 @@ Mask dense_bone(const Volume& volume, const HuWindow& window, Progress& progress
   const std::int64_t slices = volume.geometry().size.z;
   Mask dense = between(volume, window.high_hu, 32767);
   progress.advance(slices / 4);
-  const Mask blooming = dilated_by_cylinder(between(volume, kMetal_hu, 32767), kBlooming_mm);
-  for (std::size_t i = 0; i < dense.voxels.size(); ++i)
-    dense.voxels[i] &= static_cast<std::uint8_t>(blooming.voxels[i] ^ 1);
+  subtract(dense, dilated_by_cylinder(between(volume, kMetal_hu, 32767), kBlooming_mm));
   progress.advance(slices / 2);
   const Components components(dense);
   std::vector<bool> keep(static_cast<std::size_t>(components.count()));

@@ -26,22 +26,23 @@ std::vector<float> local_means(const Volume& volume, ComputeDevice& device) {
       [&](BlockFilter& block, const cl::Buffer& values) { return block.smooth(values, sigma_vox); });
 }
 
-/// Bone with its marrow and what lies beside it, and all beyond the body.
-Mask excluded_from_candidates(const Volume& volume, const Mask& body) {
+/// The body without bone, its marrow and what lies beside it.
+Mask where_candidates_may_lie(const Volume& volume, const Mask& body) {
   constexpr double kDense_hu = 300, kBeside_mm = 3;
   Progress unheard;
   const HuWindow window{kDense_hu, kDense_hu, kDense_hu};
-  Mask result = dilated_by_cylinder(find_bone(volume, window, Mask(volume.geometry()), unheard), kBeside_mm);
-  for (std::size_t i = 0; i < result.voxels.size(); ++i)
-    result.voxels[i] |= static_cast<std::uint8_t>(body.voxels[i] ^ 1);
-  return result;
+  const Mask bone =
+      dilated_by_cylinder(find_bone(volume, window, Mask(volume.geometry()), unheard), kBeside_mm);
+  Mask candidates = body;
+  subtract(candidates, bone);
+  return candidates;
 }
 
 /// The voxels that may be candidates, the brightest first.
-std::vector<std::size_t> brightest_first(const std::vector<float>& means, const Mask& skipped) {
+std::vector<std::size_t> brightest_first(const std::vector<float>& means, const Mask& within) {
   std::vector<std::size_t> order;
   for (std::size_t i = 0; i < means.size(); ++i)
-    if (skipped.voxels[i] == 0 && means[i] > kBrighterThanTissue_hu && means[i] < kDarkerThanBone_hu)
+    if (within.voxels[i] != 0 && means[i] > kBrighterThanTissue_hu && means[i] < kDarkerThanBone_hu)
       order.push_back(i);
   std::ranges::sort(order, [&](std::size_t a, std::size_t b) { return means[a] > means[b]; });
   return order;
@@ -70,7 +71,7 @@ std::vector<Candidate> brightest_candidates(const Volume& volume, ComputeDevice&
   std::vector<Candidate> slender, others;
   std::vector<glm::dvec3> tried;
   Mask known(volume.geometry());
-  for (const std::size_t i : brightest_first(means, excluded_from_candidates(volume, body))) {
+  for (const std::size_t i : brightest_first(means, where_candidates_may_lie(volume, body))) {
     if (slender.size() == kMost || tried.size() == kTried) break;
     const glm::dvec3 p =
         volume.geometry().to_world_mm(glm::dvec3(voxel_at(volume.geometry(), static_cast<std::int64_t>(i))));
@@ -84,7 +85,7 @@ std::vector<Candidate> brightest_candidates(const Volume& volume, ComputeDevice&
       const std::vector<Seed> seeds = look_at_seeds(scan, markers);
       if (seeds.front().hu >= kDarkerThanBone_hu) continue;
       const Mask lumen = lumen_at_seeds(scan, seeds, window_of_seeds(seeds, ""), body, markers, "");
-      for (std::size_t k = 0; k < known.voxels.size(); ++k) known.voxels[k] |= lumen.voxels[k];
+      unite(known, lumen);
       (is_slender(lumen) ? slender : others).push_back({p, seeds.front().hu});
     } catch (const LostSeed&) {  // in bone, or in an organ
     }

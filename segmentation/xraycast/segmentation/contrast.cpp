@@ -200,8 +200,9 @@ std::optional<Contrast> find_contrast(const Volume& volume, const std::string& n
 Contrast measure_contrast(const Volume& volume, const std::string& name, Progress& progress) {
   const std::optional<Contrast> contrast = find_contrast(volume, name, progress);
   if (contrast) return *contrast;
-  throw InputError("{}: no vessel: no contrast agent shows between {} and {} HU", name, kContrastLow_hu,
-                   kContrastHigh_hu);
+  throw InputError(
+      "{}: no vessel: no contrast agent shows between {} and {} HU; give the window of its CT numbers", name,
+      kContrastLow_hu, kContrastHigh_hu);
 }
 
 }  // namespace xraycast

@@ -17,8 +17,10 @@ namespace {
 /// The voxels that hold lumen, and the point of the tree that each belongs to.
 class LumenOwners {
  public:
-  explicit LumenOwners(const LumenFill& fill)
-      : fill_(fill), grid_(filled(fill)), box_(bounding_box(grid_)), part_(crop(grid_, box_)) {
+  explicit LumenOwners(const LumenFill& fill) : fill_(fill) {
+    const Mask filled = filled_voxels(fill);
+    box_ = bounding_box(filled);
+    part_ = crop(filled, box_);
     distance_mm_.assign(part_.voxels.size(), std::numeric_limits<float>::infinity());
     owner_.assign(part_.voxels.size(), -1);
   }
@@ -48,13 +50,13 @@ class LumenOwners {
       if (owner_[i] < 0) continue;
       const Index3 voxel = voxel_at(part_.geometry, static_cast<std::int64_t>(i)) + box_.lower;
       sums[static_cast<std::size_t>(owner_[i])] +=
-          fill_.shares[grid_.offset(voxel)] * s.x * s.y * s.z / LumenFill::kFull;
+          fill_.shares[offset_of(fill_.geometry, voxel)] * s.x * s.y * s.z / LumenFill::kFull;
     }
     return sums;
   }
 
  private:
-  static Mask filled(const LumenFill& fill) {
+  static Mask filled_voxels(const LumenFill& fill) {
     Mask mask(fill.geometry);
     std::ranges::transform(fill.shares, mask.voxels.begin(),
                            [](std::uint8_t share) { return static_cast<std::uint8_t>(share > 0); });
@@ -62,9 +64,8 @@ class LumenOwners {
   }
 
   const LumenFill& fill_;
-  Mask grid_;
   Box box_;
-  Mask part_;
+  Mask part_{VolumeGeometry{}};
   std::vector<float> distance_mm_;
   std::vector<std::int32_t> owner_;
 };

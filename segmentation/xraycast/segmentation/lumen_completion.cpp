@@ -1,45 +1,69 @@
 #include "xraycast/segmentation/lumen_completion.hpp"
 
-#include "xraycast/base/parallel.hpp"
-
 #include <algorithm>
 #include <cmath>
 
 namespace xraycast {
+namespace {
+
+/// Adds a layer of voxels for each step: those that join the mask as it was before the step.
+template <typename Joins>
+void grow(Mask& vessels, long steps, const Joins& joins) {
+  const Box box = grown(bounding_box(vessels), steps, vessels.geometry.size);
+  for (long step = 0; step < steps; ++step) {
+    const Mask before = vessels;
+    for_each_voxel(box, [&](const Index3& here) {
+      if (before[here] == 0) vessels[here] = joins(before, here);
+    });
+  }
+}
+
+/// How many voxels of a size a width in mm has; at least one.
+long steps_of(double width_mm, double voxel_mm) { return std::max(1L, std::lround(width_mm / voxel_mm)); }
+
+/// Whether a voxel that shares a face with a lumen is brighter than halfway from the darkest voxel to the
+/// brightest of the lumen, both within two steps.
+bool is_half_filled(const Volume& scan, const Mask& lumen, const Index3& here) {
+  if (!touches(lumen, here, Sharing::face)) return false;
+  const double own_hu = scan.at(here.x, here.y, here.z);
+  double lumen_hu = own_hu, darkest_hu = own_hu;
+  for (const Index3& step : kNeighbours)
+    for (const Index3& near : {here + step, here + step + step}) {
+      if (!lumen.contains(near)) continue;
+      const double hu = scan.at(near.x, near.y, near.z);
+      if (lumen[near] != 0)
+        lumen_hu = std::max(lumen_hu, hu);
+      else
+        darkest_hu = std::min(darkest_hu, hu);
+    }
+  return own_hu > 0.5 * (lumen_hu + darkest_hu);
+}
+
+}  // namespace
 
 void add_partial_volume_rim(const Mask& bright, Mask& vessels) {
-  const Mask before = vessels;
-  const Index3 size = vessels.geometry.size;
-  parallel_for(size.z, [&](std::int64_t z) {
-    for (std::int64_t y = 0; y < size.y; ++y)
-      for (std::int64_t x = 0; x < size.x; ++x) {
-        const Index3 here(x, y, z);
-        if (bright[here] == 0 || before[here] != 0) continue;
-        vessels[here] = std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6,
-                                    [&](const Index3& step) { return before.at(here + step); });
-      }
+  grow(vessels, 1, [&](const Mask& before, const Index3& here) {
+    return bright[here] != 0 && touches(before, here, Sharing::face);
+  });
+}
+
+void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels) {
+  // A seed's tolerance ends 0.8 of the way up an edge that is as blurred as smoothed_for_seeds leaves it:
+  // less than 1.5 mm within the middle of the edge.
+  constexpr double kWidth_mm = 1.5;
+  const glm::dvec3& s = vessels.geometry.spacing_mm;
+  grow(vessels, steps_of(kWidth_mm, std::min({s.x, s.y, s.z})), [&](const Mask& before, const Index3& here) {
+    return excluded[here] == 0 && is_half_filled(scan, before, here);
   });
 }
 
 void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bone, Mask& vessels) {
   constexpr double kWall_mm = 1.5;
-  const VolumeGeometry& g = volume.geometry();
-  const auto steps =
-      std::max(1L, std::lround(kWall_mm / std::max({g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z})));
-  const Box box = grown(bounding_box(vessels), steps, g.size);
-  for (long step = 0; step < steps; ++step) {
-    const Mask before = vessels;
-    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-      const std::int64_t z = box.lower.z + i;
-      for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
-          const Index3 here(x, y, z);
-          if (before[here] != 0 || volume.at(x, y, z) < window.high_hu || bone[here] != 0) continue;
-          vessels[here] =
-              std::ranges::any_of(kNeighbours, [&](const Index3& d) { return before.at(here + d); });
-        }
-    });
-  }
+  const glm::dvec3& s = volume.geometry().spacing_mm;
+  grow(vessels, steps_of(kWall_mm, std::max({s.x, s.y, s.z})), [&](const Mask& before, const Index3& here) {
+    return volume.at(here.x, here.y, here.z) >= window.high_hu && bone[here] == 0 &&
+           touches(before, here, Sharing::corner);
+  });
 }
 
 }  // namespace xraycast

@@ -13,4 +13,9 @@ void add_partial_volume_rim(const Mask& bright, Mask& vessels);
 /// stent's struts and their blooming.
 void add_dense_wall(const Volume& volume, const HuWindow& window, const Mask& bone, Mask& vessels);
 
+/// Adds the voxels around a mask that its lumen fills by half or more: those that are brighter than halfway
+/// from the darkest voxel around them to the lumen's own brightness, which is that of the mask's voxels
+/// beside them. `excluded` stays out.
+void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels);
+
 }  // namespace xraycast

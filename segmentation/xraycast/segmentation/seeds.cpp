@@ -1,10 +1,11 @@
 #include "xraycast/segmentation/seeds.hpp"
 
-#include "xraycast/base/parallel.hpp"
 #include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
+#include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/lumen_completion.hpp"
 
 #include <glm/common.hpp>
 #include <glm/geometric.hpp>
@@ -69,39 +70,6 @@ Seed look_at(const Volume& scan, const glm::dvec3& point_mm, double noise_hu) {
   return {point_mm, hu, std::max(kOfContrast * (hu - kSoftTissue_hu), kDeviations * spread_hu)};
 }
 
-/// The voxels of a mask whose six neighbours belong to it as well.
-Mask eroded(const Mask& mask) {
-  Mask result(mask.geometry);
-  const Index3 size = mask.geometry.size;
-  parallel_for(size.z, [&](std::int64_t z) {
-    for (std::int64_t y = 0; y < size.y; ++y)
-      for (std::int64_t x = 0; x < size.x; ++x) {
-        const Index3 here(x, y, z);
-        result[here] = mask[here] != 0 &&
-                       std::all_of(kNeighbours.begin(), kNeighbours.begin() + 6, [&](const Index3& step) {
-                         return !mask.contains(here + step) || mask[here + step] != 0;
-                       });
-      }
-  });
-  return result;
-}
-
-/// The voxels of `within` that share a face with a mask, and the mask.
-Mask grown_by_a_voxel(const Mask& mask, const Mask& within) {
-  Mask result = mask;
-  const Index3 size = mask.geometry.size;
-  parallel_for(size.z, [&](std::int64_t z) {
-    for (std::int64_t y = 0; y < size.y; ++y)
-      for (std::int64_t x = 0; x < size.x; ++x) {
-        const Index3 here(x, y, z);
-        if (mask[here] == 0 && within[here] != 0)
-          result[here] = std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6,
-                                     [&](const Index3& step) { return mask.at(here + step); });
-      }
-  });
-  return result;
-}
-
 /// The component of a mask that holds the voxel nearest to a point; an empty mask where there is none within
 /// a distance of it.
 Mask component_at(const Mask& mask, const glm::dvec3& point_mm, double reach_mm) {
@@ -140,9 +108,7 @@ Mask wider_than(const Mask& mask, double radius_mm) {
 
 /// Whether most of what lies within two voxels around a mask is denser than `hu`.
 bool is_enclosed_by_denser(const Mask& mask, const Volume& scan, const Index3& offset, double hu) {
-  Mask near(mask.geometry), all(mask.geometry);
-  std::ranges::fill(all.voxels, 1);
-  near = grown_by_a_voxel(grown_by_a_voxel(mask, all), all);
+  const Mask near = dilated(dilated(mask, Sharing::face), Sharing::face);
   std::int64_t around = 0, denser = 0;
   for (std::size_t i = 0; i < mask.voxels.size(); ++i) {
     if (near.voxels[i] == 0 || mask.voxels[i] != 0) continue;
@@ -166,14 +132,15 @@ Mask lumen_at(const Volume& scan, const Seed& seed, const HuWindow& window, cons
               const Markers& markers, const std::string& name) {
   Mask alike = between(scan, std::max(window.low_hu, seed.hu - seed.tolerance_hu),
                        std::min(window.high_hu, seed.hu + seed.tolerance_hu));
-  for (std::size_t i = 0; i < alike.voxels.size(); ++i) alike.voxels[i] &= body.voxels[i];
-  Mask lumen = component_at(eroded(alike), seed.point_mm, 0.5 * kReach_mm);
+  intersect(alike, body);
+  Mask lumen = component_at(eroded(alike, Sharing::face), seed.point_mm, 0.5 * kReach_mm);
   if (lumen.count() == 0) return thin_lumen_at(alike, seed, kReach_mm);
   constexpr double kMargin_mm = 6;  // more than anything below reaches
   const glm::dvec3& s = scan.geometry().spacing_mm;
   const auto margin = static_cast<std::int64_t>(std::ceil(kMargin_mm / std::min({s.x, s.y, s.z})));
   const Box box = grown(bounding_box(lumen), margin, scan.geometry().size);
-  Mask part = grown_by_a_voxel(crop(lumen, box), crop(alike, box));
+  Mask part = crop(lumen, box);
+  add_partial_volume_rim(crop(alike, box), part);
   if (is_enclosed_by_denser(part, scan, box.lower, seed.hu + seed.tolerance_hu))
     throw lost(LostSeed::Cause::bone, seed, name, "in bone, which encloses it");
   const Mask wide = wider_than(part, markers.max_radius_mm);
@@ -182,32 +149,11 @@ Mask lumen_at(const Volume& scan, const Seed& seed, const HuWindow& window, cons
   if (wide[here] != 0)
     throw lost(LostSeed::Cause::chamber, seed, name,
                fmt::format("in a structure wider than {:g} mm in radius", markers.max_radius_mm));
-  for (std::size_t i = 0; i < wide.voxels.size(); ++i)
-    part.voxels[i] &= static_cast<std::uint8_t>(wide.voxels[i] ^ 1);
+  subtract(part, wide);
   part = component_at(part, seed.point_mm, kReach_mm);
   std::ranges::fill(lumen.voxels, 0);
   paste(part, box, lumen);
   return lumen;
-}
-
-/// Whether a voxel that shares a face with a lumen is brighter than halfway from the darkest voxel to the
-/// brightest of the lumen, both within two steps.
-bool is_half_filled(const Volume& scan, const Mask& lumen, const Index3& here) {
-  if (std::none_of(kNeighbours.begin(), kNeighbours.begin() + 6,
-                   [&](const Index3& step) { return lumen.at(here + step); }))
-    return false;
-  const double own_hu = scan.at(here.x, here.y, here.z);
-  double lumen_hu = own_hu, darkest_hu = own_hu;
-  for (const Index3& step : kNeighbours)
-    for (const Index3& near : {here + step, here + step + step}) {
-      if (!lumen.contains(near)) continue;
-      const double hu = scan.at(near.x, near.y, near.z);
-      if (lumen[near] != 0)
-        lumen_hu = std::max(lumen_hu, hu);
-      else
-        darkest_hu = std::min(darkest_hu, hu);
-    }
-  return own_hu > 0.5 * (lumen_hu + darkest_hu);
 }
 
 }  // namespace
@@ -289,10 +235,7 @@ Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const Hu
                     const Mask& body, const Markers& markers, const std::string& name) {
   Mask lumen(scan.geometry());
   if (seeds.empty()) return lumen;
-  for (const Seed& seed : seeds) {
-    const Mask more = lumen_at(scan, seed, window, body, markers, name);
-    for (std::size_t i = 0; i < more.voxels.size(); ++i) lumen.voxels[i] |= more.voxels[i];
-  }
+  for (const Seed& seed : seeds) unite(lumen, lumen_at(scan, seed, window, body, markers, name));
   // What only touches at a neck is cut off here as well, and a point to exclude wins over a seed.
   Markers here{.vessels_mm = {}, .not_vessels_mm = {}, .max_radius_mm = markers.max_radius_mm};
   const auto is_in_it = [&](const glm::dvec3& p) { return is_near(lumen, p); };
@@ -300,31 +243,8 @@ Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const Hu
   std::ranges::copy_if(markers.vessels_mm, std::back_inserter(here.vessels_mm), is_in_it);
   separate_chambers(lumen, here, name);
   Mask kept(lumen.geometry);
-  for (const glm::dvec3& p : here.vessels_mm) {
-    const Mask more = component_at(lumen, p, kReach_mm);
-    for (std::size_t i = 0; i < more.voxels.size(); ++i) kept.voxels[i] |= more.voxels[i];
-  }
+  for (const glm::dvec3& p : here.vessels_mm) unite(kept, component_at(lumen, p, kReach_mm));
   return kept;
-}
-
-void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels) {
-  // A seed's tolerance ends 0.8 of the way up an edge that is as blurred as smoothed_for_seeds leaves it:
-  // less than 1.5 mm within the middle of the edge.
-  constexpr double kWidth_mm = 1.5;
-  const glm::dvec3& s = vessels.geometry.spacing_mm;
-  const auto passes = std::max(1L, std::lround(kWidth_mm / std::min({s.x, s.y, s.z})));
-  const Box box = grown(bounding_box(vessels), passes, vessels.geometry.size);
-  for (long pass = 0; pass < passes; ++pass) {
-    const Mask before = vessels;
-    parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
-      const std::int64_t z = box.lower.z + i;
-      for (std::int64_t y = box.lower.y; y < box.upper.y; ++y)
-        for (std::int64_t x = box.lower.x; x < box.upper.x; ++x) {
-          const Index3 here(x, y, z);
-          if (before[here] == 0 && excluded[here] == 0) vessels[here] = is_half_filled(scan, before, here);
-        }
-    });
-  }
 }
 
 }  // namespace xraycast

@@ -72,9 +72,4 @@ void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cau
 Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
                     const Mask& body, const Markers& markers, const std::string& name);
 
-/// Adds the voxels around a mask that its lumen fills by half or more: those that are brighter than halfway
-/// from the darkest voxel around them to the lumen's own brightness, which is that of the mask's voxels
-/// beside them. `excluded` stays out.
-void add_half_filled_rim(const Volume& scan, const Mask& excluded, Mask& vessels);
-
 }  // namespace xraycast

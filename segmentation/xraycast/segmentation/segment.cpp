@@ -1,7 +1,6 @@
 #include "xraycast/segmentation/segment.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/parallel.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/evidence/vessel_evidence.hpp"
 #include "xraycast/mask/components.hpp"
@@ -26,24 +25,6 @@ namespace xraycast {
 namespace {
 
 constexpr std::int64_t kMinSlices = 10;
-
-void subtract(Mask& mask, const Mask& other) {
-  parallel_for(mask.geometry.size.z, [&](std::int64_t z) {
-    const auto slice = static_cast<std::size_t>(mask.geometry.slice_voxels()),
-               first = static_cast<std::size_t>(z) * slice;
-    for (std::size_t i = first; i < first + slice; ++i)
-      mask.voxels[i] &= static_cast<std::uint8_t>(other.voxels[i] ^ 1);
-  });
-}
-
-Mask united(Mask a, const Mask& b) {
-  for (std::size_t i = 0; i < a.voxels.size(); ++i) a.voxels[i] |= b.voxels[i];
-  return a;
-}
-
-void intersect(Mask& mask, const Mask& other) {
-  for (std::size_t i = 0; i < mask.voxels.size(); ++i) mask.voxels[i] &= other.voxels[i];
-}
 
 /// Removes components that are nowhere thicker than two voxels: partial volume of bone, and noise.
 void remove_thin_components(Mask& mask) {
@@ -165,7 +146,9 @@ Markers live(const Markers& markers, const Mask& bright, const Mask& left, const
 void remove_trabecular_bone(Mask& mask, const Mask& bone, Progress& progress) {
   const Mask trabecular = find_trabecular_bone(mask, bone, progress);
   subtract(mask, trabecular);
-  remove_marrow(mask, united(bone, trabecular));
+  Mask all_bone = bone;
+  unite(all_bone, trabecular);
+  remove_marrow(mask, all_bone);
   progress.advance();
   remove_thin_components(mask);
   progress.advance();
@@ -192,9 +175,8 @@ bool is_bone_alone(std::int64_t before_trabecular, std::int64_t after) {
   return 15 * after < before_trabecular;
 }
 
-/// Everything within the window, in the body.
-Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& body,
-                   const std::string& name) {
+/// Everything within the window.
+Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const std::string& name) {
   Mask mask =
       window.is_of_seeds ? between(scan, window.hu.low_hu, window.hu.high_hu) : threshold(scan, window.hu);
   if (2 * mask.count() > scan.geometry().voxel_count())
@@ -202,7 +184,6 @@ Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const Mask& b
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
         "numbers",
         name, window.hu.low_hu);
-  intersect(mask, body);
   return mask;
 }
 
@@ -245,7 +226,7 @@ class ThresholdSteps {
   const Volume& scan() const { return window_.is_of_seeds ? at_seeds() : denoised_scan(); }
 
   void give_lumen_back() {
-    if (!seeds_.empty()) mask_ = united(std::move(mask_), lumen_);
+    if (!seeds_.empty()) unite(mask_, lumen_);
   }
 
   void finish_step(const std::string& step, LostSeed::Cause cause) {
@@ -262,9 +243,7 @@ class ThresholdSteps {
 
   void threshold_body() {
     progress_.begin("thresholding", 1, "scans");
-    body_ = Mask(volume_.geometry());
-    std::ranges::fill(body_.voxels, 1);
-    mask_ = bright_voxels(scan(), window_, body_, name_);
+    mask_ = bright_voxels(scan(), window_, name_);
     finish_step("window", LostSeed::Cause::window);
     if (!is_subtracted_) {
       body_ = find_body_mask(scan());

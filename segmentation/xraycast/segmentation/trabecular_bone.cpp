@@ -154,7 +154,7 @@ Mask find_trabecular_bone(const Mask& mask, const Mask& bone, Progress& progress
     if (is_trabecular[i] != 0) paint(found, medial[i], medial[i].depth_mm + voxel_mm, 1);
   for (const MedialVoxel& m : medial)
     if (!is_thin(m)) paint(found, m, m.depth_mm, 0);
-  for (std::size_t i = 0; i < found.voxels.size(); ++i) found.voxels[i] &= part.voxels[i];
+  intersect(found, part);
   paste(found, box, result);
   progress.advance();
   return result;
