@@ -25,22 +25,31 @@ inline bool factorise_block(MatrixBlock& a) {
   return true;
 }
 
+/// A column of a block, as one vector of the processor.
+using BlockColumn __attribute__((vector_size(kBlockSize * sizeof(double)), aligned(sizeof(double)))) = double;
+
+inline BlockColumn& column_of(MatrixBlock& block, std::size_t c) {
+  return *reinterpret_cast<BlockColumn*>(&block[kBlockSize * c]);
+}
+inline const BlockColumn& column_of(const MatrixBlock& block, std::size_t c) {
+  return *reinterpret_cast<const BlockColumn*>(&block[kBlockSize * c]);
+}
+
 /// Replaces x by x factor^-T.
 inline void divide_from_right(const MatrixBlock& factor, MatrixBlock& x) {
   for (std::size_t c = 0; c < kBlockSize; ++c) {
-    for (std::size_t r = 0; r < kBlockSize; ++r) x[kBlockSize * c + r] *= factor[kBlockSize * c + c];
+    column_of(x, c) *= factor[kBlockSize * c + c];
     for (std::size_t m = c + 1; m < kBlockSize; ++m)
-      for (std::size_t r = 0; r < kBlockSize; ++r)
-        x[kBlockSize * m + r] -= x[kBlockSize * c + r] * factor[kBlockSize * c + m];
+      column_of(x, m) -= column_of(x, c) * factor[kBlockSize * c + m];
   }
 }
 
 /// Subtracts x y^T.
 inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y, MatrixBlock& from) {
+  const BlockColumn x0 = column_of(x, 0), x1 = column_of(x, 1), x2 = column_of(x, 2), x3 = column_of(x, 3);
   for (std::size_t c = 0; c < kBlockSize; ++c)
-    for (std::size_t m = 0; m < kBlockSize; ++m)
-      for (std::size_t r = 0; r < kBlockSize; ++r)
-        from[kBlockSize * c + r] -= x[kBlockSize * m + r] * y[kBlockSize * m + c];
+    column_of(from, c) -=
+        (x0 * y[c] + x1 * y[kBlockSize + c]) + (x2 * y[2 * kBlockSize + c] + x3 * y[3 * kBlockSize + c]);
 }
 
 }  // namespace

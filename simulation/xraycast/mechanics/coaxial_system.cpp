@@ -1,5 +1,7 @@
 #include "xraycast/mechanics/coaxial_system.hpp"
 
+#include "xraycast/mechanics/wide_vectors.hpp"
+
 #include <algorithm>
 #include <limits>
 
@@ -83,6 +85,7 @@ void CoaxialSystem::collect(const std::vector<Rod>& rods) {
   }
 }
 
+XRAYCAST_WIDE_VECTORS
 void CoaxialSystem::add(const RodPair& pair, const Vector8& gradient, const Matrix8& hessian) {
   const std::array<std::size_t, kPairNodes> places = places_of(pair);
   std::array<Scales, kPairNodes> scales{};
@@ -90,6 +93,7 @@ void CoaxialSystem::add(const RodPair& pair, const Vector8& gradient, const Matr
     scales[k] = scales_of(pair.first, k);
     scales[RodWeights::kNodes + k] = scales_of(pair.second, k);
   }
+  const double* entries = hessian.data();  // column by column
   for (std::size_t a = 0; a < kPairNodes; ++a) {
     if (places[a] == kClamped) continue;
     const std::size_t row = a < RodWeights::kNodes ? 0 : kRows;
@@ -98,27 +102,29 @@ void CoaxialSystem::add(const RodPair& pair, const Vector8& gradient, const Matr
     for (std::size_t b = 0; b < kPairNodes; ++b) {
       if (places[b] == kClamped || places[b] > places[a]) continue;
       const std::size_t column = b < RodWeights::kNodes ? 0 : kRows;
-      BlockBandMatrix::Block& block = hessian_.at(places[a], places[b]);
-      for (std::size_t c = 0; c < kRows; ++c)
+      double* block = hessian_.at(places[a], places[b]).data();
+      for (std::size_t c = 0; c < kRows; ++c) {
+        const double* from = entries + 2 * kRows * (column + c) + row;
         for (std::size_t r = 0; r < kRows; ++r)
-          block[kRows * c + r] +=
-              scales[a][r] * scales[b][c] *
-              hessian(static_cast<Eigen::Index>(row + r), static_cast<Eigen::Index>(column + c));
+          block[kRows * c + r] += scales[a][r] * (scales[b][c] * from[r]);
+      }
     }
   }
 }
 
+XRAYCAST_WIDE_VECTORS
 void CoaxialSystem::add_product(const RodPair& pair, double scale, const NodeVectors& vectors) {
   const std::array<std::size_t, kPairNodes> places = places_of(pair);
   for (std::size_t a = 0; a < kPairNodes; ++a) {
     if (places[a] == kClamped) continue;
+    const std::array<double, kRows> rows{0, vectors[a][0], vectors[a][1], vectors[a][2]};
     for (std::size_t b = 0; b < kPairNodes; ++b) {
       if (places[b] == kClamped || places[b] > places[a]) continue;
-      BlockBandMatrix::Block& block = hessian_.at(places[a], places[b]);
-      for (std::size_t c = 0; c < 3; ++c)
-        for (std::size_t r = 0; r < 3; ++r)
-          block[kRows * (c + 1) + r + 1] +=
-              scale * vectors[a][static_cast<Eigen::Index>(r)] * vectors[b][static_cast<Eigen::Index>(c)];
+      double* block = hessian_.at(places[a], places[b]).data();
+      for (std::size_t c = 0; c < 3; ++c) {
+        const double by = scale * vectors[b][static_cast<Eigen::Index>(c)];
+        for (std::size_t r = 0; r < kRows; ++r) block[kRows * (c + 1) + r] += by * rows[r];
+      }
     }
   }
 }
