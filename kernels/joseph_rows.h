@@ -171,8 +171,24 @@ static inline float16 pick_voxels(SCAN voxels, const long16 offsets) {
   return convert_float16(vload16(0, hu));
 }
 
+/* Prefetches what the rays need of a plane ahead, where they are so far apart that other rays hardly share it:
+ * two columns of every brick between the first and the last. */
+static inline void prefetch_plane(SCAN voxels, const Rays* rays, const int k) {
+  if (k < 0 || k > rays->last_k) return;
+  const float at = (float)k;
+  const int cell = index_at(fma(at, rays->du.s0, rays->u0.s0), rays->last_u);
+  const int a = index_at(fma(at, rays->dv.s0, rays->v0.s0), rays->last_z) / XRC_BRICK_SLICES,
+            b = index_at(fma(at, rays->dv.sf, rays->v0.sf), rays->last_z) / XRC_BRICK_SLICES;
+  SCAN pixel = voxels + k * rays->plane_step + min(a, b) * rays->brick_step + cell * rays->column_step;
+  for (int brick = min(a, b); brick <= max(a, b); ++brick, pixel += rays->brick_step) {
+    prefetch_line(pixel);
+    prefetch_line(pixel + rays->column_step);
+  }
+}
+
 /* HU of 16 rays in plane k, wherever they are: voxel by voxel. */
 static inline float16 sample_any(SCAN voxels, const Rays* rays, const int k) {
+  prefetch_plane(voxels, rays, k + PLANES_AHEAD);
   const float16 u = clamp(fma((float16)(float)k, rays->du, rays->u0), 0.0f, (float)rays->last_u);
   const float16 v = clamp(fma((float16)(float)k, rays->dv, rays->v0), 0.0f, (float)rays->last_z);
   const int16 at_u = clamp(convert_int16(u), 0, rays->last_u),

@@ -39,7 +39,7 @@ MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const De
   const OutlineFinder& finder = scan.outline(device);
   if (arguments.outline == "body")
     return body_map(scan.geometry(), arguments.angles, arguments.layers, finder);
-  const BodyOutline body = finder.finish();
+  const BodyOutline& body = scan.body(device);
   return cylinder_map(scan.geometry(), arguments.angles,
                       shell_radii_mm(RadiiRule::equal_area, arguments.layers, body.radius_mm),
                       body.centre_mm);
@@ -118,7 +118,7 @@ FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const
     return fitted(view, bounds);
   });
   auto depths = result_of(progress, [&](Progress& reported) {
-    auto drawn = std::make_shared<Depths>();
+    auto drawn = room_for(poses.poses, false);
     reported.begin("drawing", std::ssize(poses.poses), "frames");
     for (const Pose& pose : poses.poses) {
       const std::vector<float> tau = drawn_tau(body.map, std::get<View>(pose));
@@ -137,15 +137,41 @@ nb::bytes preview_png(const HeldBody& body) {
   return nb::bytes(bytes.data(), bytes.size());
 }
 
-HeldBody read_map(nb::handle path) {
-  const std::string file = path_of(path);
-  return result_of(nb::none(),
-                   [&](Progress&) { return HeldBody{std::make_shared<const BodyMap>(read_body_map(file))}; });
+/// `work` as the one unit of a stage.
+template <typename Work>
+auto whole(Progress& progress, const char* stage, const Work& work) {
+  progress.begin(stage, 1, "files");
+  auto result = work();
+  progress.advance();
+  return result;
 }
 
-void write_map(const HeldBody& body, nb::handle path) {
+HeldBody read_map(nb::handle path, const nb::object& progress) {
   const std::string file = path_of(path);
-  run_job(nb::none(), [&](Progress&) { write_body_map(*body.map, file); });
+  return result_of(progress, [&](Progress& reported) {
+    return whole(reported, "reading",
+                 [&] { return HeldBody{std::make_shared<const BodyMap>(read_body_map(file))}; });
+  });
+}
+
+HeldBasis read_basis_file(nb::handle path, const nb::object& progress) {
+  const std::string file = path_of(path);
+  return result_of(progress, [&](Progress& reported) {
+    return whole(reported, "reading", [&] {
+      return HeldBasis{std::make_shared<const Basis>(read_basis(file)), {}};
+    });
+  });
+}
+
+/// Writes a map or a basis by `write`.
+template <typename Write>
+void write_file(nb::handle path, const nb::object& progress, const Write& write) {
+  const std::string file = path_of(path);
+  run_job(progress, [&](Progress& reported) {
+    reported.begin("writing", 1, "files");
+    write(file);
+    reported.advance();
+  });
 }
 
 void add_body(nb::module_& module) {
@@ -153,8 +179,15 @@ void add_body(nb::module_& module) {
       module, "BodyMap",
       "A scan's attenuation in concentric shells about the body's axis: from it frames are drawn "
       "without the scan.")
-      .def_static("read", read_map, nb::arg("path"), "Reads a map that `xraycast cast` or write() wrote.")
-      .def("write", write_map, nb::arg("path"), "Writes the map, an OpenEXR file.")
+      .def_static("read", read_map, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
+                  "Reads a map that `xraycast cast` or write() wrote.")
+      .def(
+          "write",
+          [](const HeldBody& self, nb::handle path, const nb::object& progress) {
+            write_file(path, progress, [&](const std::string& file) { write_body_map(*self.map, file); });
+          },
+          nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
+          "Writes the map, an OpenEXR file.")
       .def_prop_ro(
           "tau", map_tau, kShared,
           "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
@@ -186,22 +219,13 @@ void add_body(nb::module_& module) {
 void add_basis(nb::module_& module) {
   nb::class_<HeldBasis>(module, "Basis",
                         "That of a scan from which maps with other opacities are made in milliseconds.")
-      .def_static(
-          "read",
-          [](nb::handle path) {
-            const std::string file = path_of(path);
-            return result_of(nb::none(), [&](Progress&) {
-              return HeldBasis{std::make_shared<const Basis>(read_basis(file)), {}};
-            });
-          },
-          nb::arg("path"))
+      .def_static("read", read_basis_file, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
       .def(
           "write",
-          [](const HeldBasis& self, nb::handle path) {
-            const std::string file = path_of(path);
-            run_job(nb::none(), [&](Progress&) { write_basis(*self.basis, file); });
+          [](const HeldBasis& self, nb::handle path, const nb::object& progress) {
+            write_file(path, progress, [&](const std::string& file) { write_basis(*self.basis, file); });
           },
-          nb::arg("path"))
+          nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
       .def_prop_ro(
           "knots_hu", [](const HeldBasis& b) { return b.basis->knots_hu; },
           "The CT numbers at which the slope of an opacity may change.")

@@ -2,6 +2,8 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/memory_limit.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 
@@ -103,6 +105,19 @@ void add_array_protocols(Class& held, nb::object (*array)(const Type&)) {
 constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
+
+std::shared_ptr<Depths> room_for(const std::vector<Pose>& poses, bool has_gradient) {
+  const glm::ivec2 size = size_of(poses.front());
+  const auto pixels = std::ssize(poses) * size.x * size.y;
+  const std::int64_t bytes = (has_gradient ? 7 : 1) * pixels * static_cast<std::int64_t>(sizeof(float));
+  require_memory(fmt::format("{} of {} x {} pixels{}", pluralize(std::ssize(poses), "picture"), size.x,
+                             size.y, has_gradient ? " with gradients" : ""),
+                 {bytes, bytes});
+  auto depths = std::make_shared<Depths>();
+  depths->tau.reserve(static_cast<std::size_t>(pixels));
+  if (has_gradient) depths->gradient.reserve(static_cast<std::size_t>(6 * pixels));
+  return depths;
+}
 
 FrameOrFrames frames_object(std::shared_ptr<Depths> depths, Poses poses) {
   const nb::object frames = poses.is_batch ? nb::cast(Frames{std::move(depths), std::move(poses.poses)})

@@ -36,6 +36,10 @@ struct Frames {
 
 inline bool always(PyObject*) { return true; }
 
+/// Room for the pictures of all poses, and for their gradients where these are asked for. Throws Error where
+/// there is not enough memory.
+std::shared_ptr<Depths> room_for(const std::vector<Pose>& poses, bool has_gradient);
+
 /// A Frame, or Frames of a batch, as Python gets it; with a name for type checkers.
 class FrameOrFrames : public nb::object {
   NB_OBJECT(FrameOrFrames, nb::object, "xraycast._core.Frame | xraycast._core.Frames", always)

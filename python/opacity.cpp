@@ -56,6 +56,7 @@ void add_opacity(nb::module_& module) {
       .def_prop_ro("name", [](const Opacity& o) { return text_object(o.name()); })
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
       .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")
+      .def("__reduce__", [](nb::handle self) { return reduced("opacity", self); })
       .def("__repr__", [](const Opacity& o) {
         return text_object(fmt::format("<xraycast.Opacity {}: {} knots>", o.name(), o.knots().size()));
       });

@@ -16,7 +16,7 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   const VolumeGeometry& volume = scan.geometry();
   const bool is_sized = view.width > 0 && view.height > 0 && view.pixel_mm > 0;
   BodyOutline body{.centre_mm = glm::dvec2(scan.middle_mm()), .radius_mm = 1};
-  if (!has_centre || !is_sized) body = scan.outline(device).finish();
+  if (!has_centre || !is_sized) body = scan.body(device);
   if (!has_centre) view.centre_mm = {body.centre_mm, scan.middle_mm().z};
   return fitted(view, volume, body);
 }
@@ -49,9 +49,9 @@ Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuati
 /// The pictures of all poses, one behind the other.
 std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses,
                                   const Attenuation& attenuation, bool has_gradient, Progress& progress) {
+  auto depths = room_for(poses, has_gradient);
   const DeviceUse device;
   const SpectralScan& resident = scan.resident(device);
-  auto depths = std::make_shared<Depths>();
   for (const Pose& pose : poses) {
     Depths one = has_gradient ? gradient_from(resident, pose, attenuation, progress)
                               : Depths{tau_from(resident, pose, attenuation, progress), {}};

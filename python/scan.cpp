@@ -33,6 +33,7 @@ HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object
     return collected(open_scan(file, options, reported), file, reported);
   });
   warn(held.info());
+  held.set_file({std::filesystem::absolute(file).string(), options});
   return held;
 }
 
@@ -158,6 +159,15 @@ nb::str scan_description(const HeldScan& scan) {
                                  g.spacing_mm.z));
 }
 
+/// (path, series, keep_slices, skip_damaged) of a scan that was read from a file, or None.
+nb::object file_of(const HeldScan& scan) {
+  if (!scan.file()) return nb::none();
+  const ScanOptions& options = scan.file()->options;
+  const std::string& path = scan.file()->path;
+  const nb::object name = nb::module_::import_("os").attr("fsdecode")(nb::bytes(path.data(), path.size()));
+  return nb::make_tuple(name, options.series, options.keep_slices, options.skip_damaged);
+}
+
 nb::object with_sitk(const char* function, const nb::object& argument) {
   return nb::module_::import_("xraycast._sitk").attr(function)(argument);
 }
@@ -176,6 +186,11 @@ const OutlineFinder& HeldScan::outline(const DeviceUse&) {
     outline_.emplace(std::move(finder));
   }
   return *outline_;
+}
+
+const BodyOutline& HeldScan::body(const DeviceUse& device) {
+  if (!body_) body_ = outline(device).finish();
+  return *body_;
 }
 
 void add_scan(nb::module_& module) {
@@ -219,6 +234,8 @@ void add_scan(nb::module_& module) {
           "What to look at in the scan.")
       .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
+      .def_prop_ro("_file", file_of)
+      .def("__reduce__", [](nb::handle self) { return reduced("scan", self); })
       .def("__repr__", scan_description);
   add_projection(scan);
   add_casting(module, scan);

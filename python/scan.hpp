@@ -14,6 +14,12 @@ namespace xraycast::python {
 
 namespace nb = nanobind;
 
+/// From where a scan was read.
+struct ScanFile {
+  std::string path;  ///< absolute
+  ScanOptions options;
+};
+
 /// A scan in memory; on the device and with its body's outline once these are needed. The calls that take a
 /// DeviceUse are for its holder only.
 class HeldScan {
@@ -29,18 +35,25 @@ class HeldScan {
   const ScanInfo& info() const { return info_; }
   const std::string& source() const { return source_; }  ///< for messages and in files
 
+  /// For pickles; none for a scan that was not read from a file.
+  const std::optional<ScanFile>& file() const { return file_; }
+  void set_file(ScanFile file) { file_ = std::move(file); }
+
   /// Throws DeviceError when the device has not enough memory.
   const SpectralScan& resident(const DeviceUse& device);
 
   /// Of the body, with its skin.
   const OutlineFinder& outline(const DeviceUse& device);
+  const BodyOutline& body(const DeviceUse& device);
 
  private:
   std::shared_ptr<Volume> volume_;
   ScanInfo info_;
   std::string source_;
+  std::optional<ScanFile> file_;
   std::optional<SpectralScan> resident_;
   std::optional<OutlineFinder> outline_;
+  std::optional<BodyOutline> body_;
 };
 
 /// Open, phantom and Scan.

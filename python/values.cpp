@@ -85,6 +85,10 @@ nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::st
   }
 }
 
+nb::object reduced(const char* kind, nb::handle self) {
+  return nb::module_::import_("xraycast._pickling").attr(kind)(self);
+}
+
 nb::object as_array(const nb::object& array, const nb::object& dtype, const nb::object& copy) {
   const nb::object numpy = nb::module_::import_("numpy");
   const bool is_other = !dtype.is_none() && !array.attr("dtype").equal(numpy.attr("dtype")(dtype));

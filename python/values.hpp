@@ -60,6 +60,9 @@ nb::ndarray<nb::numpy, T, nb::ndim<Dimensions>> array_over(T* data,
   return {data, static_cast<std::size_t>(Dimensions), shape.data(), owner, strides};
 }
 
+/// What pickle asks of an object: the answer of xraycast/_pickling.py's function for its kind.
+nb::object reduced(const char* kind, nb::handle self);
+
 /// What numpy.asarray and DLPack ask of an object that is an array: `array` as they want it.
 nb::object as_array(const nb::object& array, const nb::object& dtype, const nb::object& copy);
 

@@ -10,6 +10,7 @@
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/segmentation/surface.hpp"
 
+#include <cmath>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -106,6 +107,29 @@ auto points_of_branch(const HeldBranch& held) {
   return array_over<const double, 2>(&points.front().position_mm.x, {points.size(), 4}, held.tree);
 }
 
+/// A tree of (points, parent) for each branch.
+void make_tree(HeldTree* tree, const nb::sequence& branches) {
+  std::vector<VesselBranch> list;
+  for (const nb::handle item : branches) {
+    const std::string name = fmt::format("branches[{}]", list.size());
+    if (!nb::isinstance<nb::sequence>(item) || nb::len(item) != 2)
+      throw InputError("{}: must be (points, parent)", name);
+    const Numbers points = numbers_of(item[0], name + ": points");
+    if (points.shape.size() != 2 || points.shape[1] != 4)
+      throw InputError("{}: points must be (points, 4): x, y, z and radius in mm", name);
+    VesselBranch branch;
+    for (std::size_t i = 0; i < points.values.size(); i += 4)
+      branch.points.push_back(
+          {{points.values[i], points.values[i + 1], points.values[i + 2]}, points.values[i + 3]});
+    const double parent = number_of(item[1], name + ": parent");
+    if (parent != std::floor(parent) || std::abs(parent) > 1e9)
+      throw InputError("{}: parent must be the number of a branch, or -1 for the root", name);
+    branch.parent = static_cast<int>(parent);
+    list.push_back(std::move(branch));
+  }
+  new (tree) HeldTree{std::make_shared<const VesselTree>(std::move(list), "branches")};
+}
+
 void add_tree(nb::module_& module) {
   nb::class_<HeldBranch>(module, "VesselBranch", "A vessel between two bifurcations or ends.")
       .def_prop_ro(
@@ -118,6 +142,11 @@ void add_tree(nb::module_& module) {
       .def_prop_ro("children", [](const HeldBranch& b) { return b.branch().children; })
       .def_prop_ro("length_mm", [](const HeldBranch& b) { return b.branch().arc_length_mm.back(); });
   nb::class_<HeldTree>(module, "VesselTree", "Centrelines with radii, as a connected tree of branches.")
+      .def("__init__", make_tree, nb::arg("branches"),
+           "branches: (points, parent) of each; points (n, 4): x, y, z and radius in mm, LPS, the first one "
+           "the "
+           "parent's last; parent: its number, -1 for the root.")
+      .def("__reduce__", [](nb::handle self) { return reduced("tree", self); })
       .def_static(
           "read",
           [](nb::handle path) {

@@ -2,6 +2,7 @@
 import numpy as np
 
 from . import Catheter, InputError, VesselTree
+from ._pictures import CATHETER_PER_MM, catheter_thickness, grey_range, greys
 
 try:
     import gymnasium
@@ -9,6 +10,7 @@ except ImportError as error:
     raise ImportError("xraycast.gym needs Gymnasium: pip install gymnasium") from error
 
 AHEAD, AHEAD_MM = 8, 5.0  # points of the way ahead, and how far apart
+CONE_MM = (1000, 1500)
 
 
 class _Tree:
@@ -45,27 +47,53 @@ class _Tree:
         return np.vstack([[here], *parts])
 
 
-class ReachTarget(gymnasium.Env):
+class _Fluoroscope:
+    """A C-arm that stays where it is: its picture of the body, to which the catheter is added."""
+
+    def __init__(self, body, **pose):
+        draw = body.render if hasattr(body, "render") else body.project
+        frame = draw(cone_mm=CONE_MM, **pose)
+        self.tau, self.K, self.RT = np.array(frame.tau), np.array(frame.K), np.array(frame.RT)
+        self.limits = grey_range(self.tau)
+
+    def picture(self, nodes_mm):
+        thickness_mm = catheter_thickness(nodes_mm, self.K, self.RT, self.tau.shape)
+        return greys(self.tau + CATHETER_PER_MM * thickness_mm, self.limits)
+
+    def road_map(self, way_mm):
+        return np.where(catheter_thickness(way_mm, self.K, self.RT, self.tau.shape) > 0, np.uint8(255), np.uint8(0))
+
+
+class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     """Reach the end of a branch.
 
     tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number or point.
     target: the number of a leaf; else another one in each episode.
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in it.
     max_steps: after so many an episode is truncated.
+    body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as of its render or
+    project; pixels wider than the catheter hardly show it.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
     Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
     target, 5 mm apart, as seen from the tip (24), the way's length, the insertion, the cosine and sine of the hub's
     rotation, and at the hub the force in N and the torque in N mm.
+    Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
+    the catheter entered to the target.
     Reward: the millimetres by which the way became shorter, less 0.1 a step, and 100 at the target: within 5 mm of
     its end, which also ends the episode.
+
+    A copy, or one that was pickled, begins anew: call reset().
     """
 
     metadata = {"render_modes": []}
     REACHED_MM, BONUS, PRICE = 5.0, 100.0, 0.1
 
     def __init__(self, tree, model="cobra-5f", target=None, *, entry=None, ms=10, max_push_mm=2.0, max_turn_deg=10.0,
-                 max_steps=2000):
+                 max_steps=2000, body=None, lao=0.0, cranial=0.0, size=(128, 128), pixel_mm=None, centre_mm=None):
+        gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
+                                          max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
+                                          cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm)
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
         if target is not None and target not in self.tree.leaves:
@@ -73,7 +101,13 @@ class ReachTarget(gymnasium.Env):
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
         self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
-        self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
+        self.fluoroscope = None
+        if body is not None:
+            self.fluoroscope = _Fluoroscope(body, lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm)
+        if self.fluoroscope:
+            self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.tau.shape, 2), np.uint8)
+        else:
+            self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -83,8 +117,10 @@ class ReachTarget(gymnasium.Env):
             away = [leaf for leaf in self.tree.leaves if leaf != self.run.state.branch]
             self.target = int(self.np_random.choice(away or self.tree.leaves))
         self.steps = 0
-        observation = self._observe(self.run.state)
-        return observation, self._info()
+        way, _ = self._look_ahead(self.run.state)
+        if self.fluoroscope:
+            self.road_map = self.fluoroscope.road_map(way)
+        return self._observe(self.run.state), self._info()
 
     def step(self, action):
         push_mm, turn_deg = np.clip(np.asarray(action, dtype=np.float64), -1, 1) * self.scale
@@ -96,11 +132,18 @@ class ReachTarget(gymnasium.Env):
         reward = before_mm - self.left_mm - self.PRICE + (self.BONUS if is_there else 0)
         return observation, float(reward), is_there, self.steps >= self.max_steps, self._info()
 
-    def _observe(self, state):
-        tip = np.array(state.tip_mm)
+    def _look_ahead(self, state):
+        """The way to the target, and how far each of its points is."""
         way = self.tree.way(state.branch, state.arc_length_mm, self.target)
         arcs = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(way, axis=0), axis=1))])
         self.left_mm = float(arcs[-1])
+        return way, arcs
+
+    def _observe(self, state):
+        way, arcs = self._look_ahead(state)
+        if self.fluoroscope:
+            return np.stack([self.fluoroscope.picture(self.run.nodes_mm), self.road_map], axis=-1)
+        tip = np.array(state.tip_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
         ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip
         turn = np.radians(state.rotation_deg)

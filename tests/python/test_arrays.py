@@ -1,4 +1,6 @@
 """Arrays that are shared rather than copied, and scans made of arrays."""
+import pickle
+
 import numpy as np
 import pytest
 import xraycast as xc
@@ -124,3 +126,20 @@ def test_simple_itk_images_come_back(hu):
     scan = xc.Scan.from_array(hu, (1, 2, 3), (4, 5, 6))
     again = xc.Scan.from_sitk(scan.to_sitk())
     assert np.array_equal(again.hu, hu) and again.spacing_mm == (1, 2, 3) and again.origin_mm == (4, 5, 6)
+
+
+def test_a_scan_of_an_array_is_pickled_with_its_voxels(hu):
+    scan = xc.Scan.from_array(hu, (1, 2, 3), (4, 5, 6))
+    again = pickle.loads(pickle.dumps(scan))
+    assert np.array_equal(again.hu, hu) and again.spacing_mm == (1, 2, 3) and again.origin_mm == (4, 5, 6)
+
+
+def test_a_scan_of_a_file_is_pickled_as_its_name(body, tmp_path, monkeypatch):
+    body.write(tmp_path / "scan.nrrd")
+    monkeypatch.chdir(tmp_path)
+    pickled = pickle.dumps(xc.open("scan.nrrd"))
+    monkeypatch.chdir("/")
+    assert len(pickled) < 1000 and np.array_equal(pickle.loads(pickled).hu, body.hu)
+    xc.phantom("box", spacing_mm=8).write(tmp_path / "scan.nrrd")
+    with pytest.raises(xc.InputError, match="scan.nrrd: is not the scan that was pickled"):
+        pickle.loads(pickled)

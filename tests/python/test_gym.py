@@ -1,5 +1,6 @@
 """The Gymnasium environment; skipped where Gymnasium is not installed."""
 import json
+import pickle
 
 import numpy as np
 import pytest
@@ -73,3 +74,34 @@ def test_it_runs_in_several_processes(fork):
         assert observations.shape == (2, 36)
     finally:
         envs.close()
+
+
+def test_a_pickled_environment_begins_anew(fork):
+    env = ReachTarget(xc.VesselTree.read(fork), "guidewire-035-j", target=1, max_steps=20)
+    observation, _ = env.reset(seed=3)
+    env.step([1, 0])
+    again = pickle.loads(pickle.dumps(env))
+    assert np.array_equal(again.reset(seed=3)[0], observation) and again.max_steps == 20
+
+
+@pytest.fixture(scope="module")
+def vessel_in_water(fork):
+    """The fork in a box of water, 400 mm a side."""
+    return xc.Scan.from_array(np.zeros((50, 50, 50), np.int16), (8, 8, 8), (-196, -196, -150))
+
+
+def test_observations_are_frames(fork, vessel_in_water):
+    env = ReachTarget(fork, "guidewire-035-j", target=1, max_steps=50, body=vessel_in_water, size=(96, 128), pixel_mm=1.5,
+                      centre_mm=(0, 0, 60))
+    check_env(env, skip_render_check=True)
+    first, _ = env.reset(seed=1)
+    assert first.shape == (128, 96, 2) and first.dtype == np.uint8
+    for _ in range(30):
+        frame, *_ = env.step([1, 0])
+    darker = (frame[..., 0].astype(int) < first[..., 0].astype(int) - 5)
+    way = frame[..., 1] > 0
+    # The wire is drawn in the vessel, whose radius is 6 mm, or as many pixels; the way is its middle.
+    rows, columns = np.nonzero(way)
+    away = [np.hypot(rows - r, columns - c).min() for r, c in zip(*np.nonzero(darker))]
+    assert len(away) > 20 and max(away) < 7
+    assert np.array_equal(frame[..., 1], first[..., 1]) and set(np.unique(way)) == {False, True}

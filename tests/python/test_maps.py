@@ -41,6 +41,10 @@ def test_maps_and_bases_are_written_and_read(body, tmp_path):
     basis = body.cast_basis(layers=2)
     basis.write(tmp_path / "map.basis")
     assert np.array_equal(xc.Basis.read(tmp_path / "map.basis").recast("paper").tau, basis.recast("paper").tau)
+    told = []
+    xc.BodyMap.read(tmp_path / "map.exr", progress=lambda fraction, stage: told.append((fraction, stage)))
+    map_.write(tmp_path / "map.exr", progress=lambda fraction, stage: told.append((fraction, stage)))
+    assert (1.0, "reading") in told and (1.0, "writing") in told
     assert map_._repr_png_().startswith(b"\x89PNG")
 
 
@@ -60,3 +64,11 @@ def test_opacities():
         xc.Opacity([1, 2, 3])
     with pytest.raises(xc.InputError):
         xc.Opacity([(0, -1)])
+
+
+def test_too_many_frames_are_refused_before_the_first_is_drawn(body):
+    map_ = body.cast()
+    for make in (map_.render, body.project):
+        with pytest.raises(xc.Error, match="2000 pictures of 16384 x 16384 pixels") as error:
+            make(lao=[0] * 2000, size=(16384, 16384), pixel_mm=1, centre_mm=body.centre_mm)
+        assert "\n" not in str(error.value)

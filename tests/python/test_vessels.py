@@ -2,6 +2,7 @@
 import json
 
 import os
+import pickle
 import signal
 import threading
 
@@ -96,3 +97,20 @@ def test_a_signal_handler_is_told_that_a_step_is_under_way(tube):
     finally:
         signal.signal(signal.SIGUSR1, before)
     assert len(told) == 3 and run.state.time_s > 0
+
+
+def test_a_tree_is_made_of_arrays_and_pickled():
+    stem = np.array([[0, 0, float(z), 6] for z in range(0, 101, 5)])
+    arm = np.array([[float(x), 0, 100, 4] for x in range(0, 31, 5)])
+    tree = pickle.loads(pickle.dumps(xc.VesselTree([(stem, -1), (arm, 0)])))
+    assert len(tree) == 2 and np.array_equal(tree[0].points, stem) and tree[1].parent == 0
+    opacity = pickle.loads(pickle.dumps(xc.Opacity([(-1000, 0), (0, 0.02)], "water")))
+    assert opacity.name == "water" and opacity.knots == [(-1000, 0), (0, 0.02)]
+
+
+@pytest.mark.parametrize("branches, words", [
+    ([], "branches"), ([1], r"branches\[0\]: must be"), ([([[0, 0, 0, 1], [0, 0, 9, 1]], 0.5)], "parent must be"),
+    ([([[0, 0, 0], [0, 0, 9]], -1)], "points must be"), ([([[0, 0, 0, 1], [0, 0, 9, -1]], -1)], "radius")])
+def test_branches_that_make_no_tree_are_rejected(branches, words):
+    with pytest.raises(xc.InputError, match=words):
+        xc.VesselTree(branches)

@@ -1,28 +1,15 @@
 #!/usr/bin/env bash
 # packages.sh, as root: installs the packages of `./dev package` in a bare Debian 12, where `xraycast demo` must work
-# without a compiler, and each example of libxraycast-dev must be built and run. Takes the network and about 4 GB.
+# without a compiler, the Python package too, and each example of libxraycast-dev must be built and run. Takes the network and about 4 GB.
 set -euo pipefail
 cd "$(dirname "$0")/../.."
 
-root=$(mktemp -d /var/tmp/xraycast-bare.XXXXXX)
-clean() {
-  for folder in proc sys dev; do mountpoint -q "$root/$folder" && umount -lR "$root/$folder"; done
-  rm -rf --one-file-system "$root"
-}
-trap clean EXIT
-
-within() { chroot "$root" env -i PATH=/usr/sbin:/usr/bin:/sbin:/bin HOME=/root DEBIAN_FRONTEND=noninteractive "$@"; }
-
-debootstrap --variant=minbase bookworm "$root" >/dev/null
-mount -t proc proc "$root/proc"
-mount --rbind /sys "$root/sys"
-mount --make-rslave "$root/sys"
-mount --rbind /dev "$root/dev"
-mount --make-rslave "$root/dev"
+source tests/systems/bare_root.sh
+make_bare_root bookworm
 cp out/packages/*.deb "$root/root/"
 
 echo "== xraycast"
-within bash -c 'apt-get update -qq && apt-get install -y -qq --no-install-recommends /root/xraycast_*.deb' >/dev/null
+install_within '/root/xraycast_*.deb'
 if within bash -c 'command -v g++ cc make'; then
   echo "the program's package brings a compiler" >&2
   exit 1
@@ -37,8 +24,17 @@ mv "$root/usr/bin/ld.away" "$root/usr/bin/ld"
 echo "$said"
 [[ $(wc -l <<<"$said") = 1 && $said == *binutils* ]]
 
+echo "== python3-xraycast"
+install_within '/root/python3-xraycast_*.deb'
+within python3 -c '
+import xraycast as xc
+scan = xc.phantom("thorax", spacing_mm=2)
+body = scan.cast(layers=4)
+print(scan, scan.project(lao=30, cone_mm=(1000, 1500)).tau.max(), body.render(lao=30).shape, len(scan.segment().tree), "branches")
+'
+
 echo "== libxraycast-dev"
-within bash -c 'apt-get install -y -qq --no-install-recommends cmake g++ make /root/libxraycast-dev_*.deb' >/dev/null
+install_within cmake g++ make '/root/libxraycast-dev_*.deb'
 for example in host segmentation simulation viewer; do
   within bash -c "cp -r /usr/share/doc/libxraycast-dev/examples/$example /root/ && cd /root/$example &&
     cmake -S . -B build -DCMAKE_BUILD_TYPE=Release >/dev/null && cmake --build build >/dev/null && ./build/example"

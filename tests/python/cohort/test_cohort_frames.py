@@ -4,7 +4,8 @@ import json
 import numpy as np
 import pytest
 import xraycast as xc
-from xraycast.cohort.frames import catheter_thickness, project_points, run_lengths, write_frames
+from xraycast._pictures import catheter_thickness, project_points
+from xraycast.cohort.frames import run_lengths, write_frames
 from xraycast.cohort.options import Options
 
 Image = pytest.importorskip("PIL.Image")

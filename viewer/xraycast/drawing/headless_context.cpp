@@ -6,6 +6,7 @@
 
 #include <array>
 #include <cstdlib>
+#include <dlfcn.h>
 #include <epoxy/egl.h>
 #include <epoxy/gl.h>
 #include <string_view>
@@ -18,7 +19,14 @@ namespace {
 constexpr MemoryNeed kDriver{300 << 20, 120 << 20};
 
 constexpr const char* kAdvice =
-    "install libegl1 and libgl1-mesa-dri, which draw in software where there is no GPU";
+    "install libegl1, libopengl0 and libgl1-mesa-dri, which draw in software where there is no GPU";
+
+/// libepoxy, which opens these when they are first needed, ends the process where they are missing.
+void require_libraries() {
+  if (!dlopen("libEGL.so.1", RTLD_LAZY)) throw Error("libEGL.so.1 is missing; {}", kAdvice);
+  if (!dlopen("libOpenGL.so.0", RTLD_LAZY) && !dlopen("libGL.so.1", RTLD_LAZY))
+    throw Error("libOpenGL.so.0 is missing; {}", kAdvice);
+}
 
 bool has_client_extension(const char* name) { return epoxy_has_egl_extension(EGL_NO_DISPLAY, name); }
 
@@ -72,6 +80,7 @@ void release(EGLDisplay display, EGLContext context) {
 
 HeadlessContext::HeadlessContext() : display_(nullptr) {
   require_memory("drawing by OpenGL", kDriver);
+  require_libraries();
   const std::vector<EGLDisplay> found = displays();
   if (found.empty()) throw Error("EGL cannot draw without a display here; {}", kAdvice);
   const char* environment = std::getenv("XRAYCAST_GL_DEVICE");

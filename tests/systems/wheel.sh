@@ -1,0 +1,49 @@
+#!/usr/bin/env bash
+# wheel.sh WHEEL, as root: installs a wheel of `./dev wheel` in a bare Debian that has only python3-venv and binutils, and
+# makes a scan, projections, maps, vessels and frames there; and what is said where a driver or the linker is missing.
+# Debian 12 for its Python 3.11, Debian 13 for a wheel of the stable interface. Takes the network and about 2 GB.
+set -euo pipefail
+wheel=$(realpath "$1")
+cd "$(dirname "$0")/../.."
+source tests/systems/bare_root.sh
+
+case $wheel in
+*-cp311-cp311-*) suite=bookworm python=3.11 ;;
+*-abi3-*) suite=trixie python=3.13 ;;
+*) echo "$wheel: is for no Python of Debian" >&2 && exit 2 ;;
+esac
+
+make_bare_root "$suite"
+install_within python3-venv binutils
+mkdir "$root/root/wheels"
+cp "$wheel" "$root/root/wheels/"
+"${WHEEL_PIP:-build/wheel-venv/bin/pip}" download --quiet --no-deps --only-binary :all: --python-version "$python" \
+  --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 -d "$root/root/wheels" numpy
+within bash -c 'cd /root && python3 -m venv venv && venv/bin/pip install --quiet --no-index --find-links wheels xraycast'
+
+try() {  # code: runs it, and prints an xraycast error as one line
+  within /root/venv/bin/python -c "
+import xraycast as xc
+try:
+    $1
+except xc.Error as error:
+    print(type(error).__name__ + ':', error)" 2>&1
+}
+expect() {  # what, pattern, text: the text is one line that matches
+  echo "$1: $3"
+  [[ $(wc -l <<<"$3") = 1 && $3 =~ $2 ]] || { echo "expected one line with: $2" >&2; exit 1; }
+}
+
+expect "version" '^[0-9.]+$' "$(try 'print(xc.__version__)')"
+expect "without OpenCL" '^DeviceError: no OpenCL device: install .*pocl-opencl-icd' "$(try 'xc.phantom("box")')"
+install_within pocl-opencl-icd
+mv "$root/usr/bin/ld" "$root/usr/bin/ld.away"
+expect "without ld" '^DeviceError: .*ld, which is not in PATH: install .*binutils' "$(try 'xc.phantom("box")')"
+mv "$root/usr/bin/ld.away" "$root/usr/bin/ld"
+expect "projection" '^5\.[0-9]+$' "$(try 'print(xc.phantom("thorax", spacing_mm=4, noise_hu=0).project(lao=30, cone_mm=(1000, 1500)).tau.max())')"
+expect "vessels" '^[1-9][0-9]* branches$' "$(try 'print(len(xc.phantom("thorax", spacing_mm=2).segment().tree), "branches")')"
+expect "without EGL" '^Error: .*libegl1' "$(try 'xc.phantom("thorax", spacing_mm=8).cast(layers=4).render()')"
+install_within libegl1 libgl1-mesa-dri libopengl0
+expect "frame" '^\([0-9]+, [0-9]+\)$' "$(try 'print(xc.phantom("thorax", spacing_mm=8).cast(layers=4).render().shape)')"
+within bash -c 'test -s /root/venv/lib/python3*/site-packages/xraycast.libs/LICENSES.txt'
+echo "$(basename "$wheel") serves a bare Debian"
