@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/mechanics/coaxial_catheters.hpp"
 
 #include <array>
 #include <cstddef>

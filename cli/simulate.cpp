@@ -2,6 +2,7 @@
 #include "command.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
+#include "pictures/run_report.hpp"
 #include "view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
@@ -42,23 +43,6 @@ std::pair<double, double> parse_injection(const std::string& text) {
   if (times_s.size() != 2 || !(0 <= times_s[0] && times_s[0] < times_s[1]))
     throw InputError("--inject {}: must be FROM,TO in seconds", text);
   return {times_s[0], times_s[1]};
-}
-
-std::vector<glm::vec3> points_of(const VesselTree& tree) {
-  std::vector<glm::vec3> points_mm;
-  for (const VesselBranch& branch : tree.branches())
-    for (const VesselPoint& point : branch.points) points_mm.emplace_back(point.position_mm);
-  return points_mm;
-}
-
-/// The map of a coarse scan has few pixels, too few to show a catheter.
-View no_smaller(View view, const BodyBounds& bounds) {
-  constexpr int kMinPixels = 600;
-  const int longest = std::max(view.width, view.height);
-  if (longest >= kMinPixels) return view;
-  view.pixel_mm *= static_cast<double>(longest) / kMinPixels;
-  view.width = view.height = 0;
-  return fitted(view, bounds);
 }
 
 /// Throws InputError for what is no patient, or applies to no DICOM file.
@@ -126,44 +110,6 @@ class Cine {
   std::optional<RunCine> run_;
 };
 
-/// A picture a device: forces.png, forces-2.png and so on.
-std::vector<fs::path> plot_paths(const SimulateArguments& options) {
-  if (options.plot.empty()) return {};
-  std::vector<fs::path> paths{options.plot};
-  for (std::size_t d = 2; d <= options.instrument_models.size(); ++d)
-    paths.push_back(paths[0].parent_path() /
-                    fmt::format("{}-{}{}", paths[0].stem().string(), d, paths[0].extension().string()));
-  return paths;
-}
-
-std::vector<RunRecord> records_of(const Catheter& catheter, double time_s) {
-  return {record_of(catheter, time_s)};
-}
-
-/// Samples the hubs' loads during a run, at the resolution of a plot.
-class HubPlot {
- public:
-  explicit HubPlot(const Script& script)
-      : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMaxPoints)) {}
-
-  template <class Devices>
-  void see(const Devices& devices, double time_s) {
-    if (!records_.empty() && time_s < records_[0].back().time_s + interval_s_) return;
-    const std::vector<RunRecord> now = records_of(devices, time_s);
-    records_.resize(now.size());
-    for (std::size_t d = 0; d < now.size(); ++d) records_[d].push_back(now[d]);
-  }
-  void write(const std::vector<InstrumentModel>& devices, const std::vector<fs::path>& paths) const {
-    for (std::size_t d = 0; d < paths.size(); ++d)
-      write_hub_plot(fmt::format("{}: at the hub", devices[d].name()), records_[d], paths[d]);
-  }
-
- private:
-  static constexpr double kFinest_s = 0.01, kMaxPoints = 2000;
-  double interval_s_;
-  std::vector<std::vector<RunRecord>> records_;  ///< of each device
-};
-
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
   if (options.cine.empty()) return;
@@ -175,39 +121,10 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
-std::string held_note(double held_s) {
-  if (held_s < 0.05) return "";
-  return fmt::format(
-      "the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N\n", held_s,
-      Catheter::kMaxPush_N);
-}
-
-bool is_held(const Catheter& catheter) { return catheter.is_held(); }
-bool is_held(const CoaxialCatheters& devices) {
-  for (std::size_t d = 0; d < devices.count(); ++d)
-    if (devices.is_held(d)) return true;
-  return false;
-}
-
-std::vector<CatheterTip> tips_of(const Catheter& catheter) { return {catheter.tip()}; }
-std::vector<CatheterTip> tips_of(const CoaxialCatheters& devices) {
-  std::vector<CatheterTip> tips;
-  for (std::size_t d = 0; d < devices.count(); ++d) tips.push_back(devices.tip(d));
-  return tips;
-}
-
 Json json_of(const CatheterTip& tip) {
   return {{"branch", tip.branch},
           {"arc_length_mm", tip.arc_length_mm},
           {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
-}
-
-std::string text_of(const std::vector<CatheterTip>& tips) {
-  std::string text;
-  for (std::size_t d = 0; d < tips.size(); ++d)
-    text += fmt::format("{}tip{}: in branch {}, {:.0f} mm along it", d == 0 ? "" : "; ",
-                        d == 0 ? "" : fmt::format(" {}", d + 1), tips[d].branch, tips[d].arc_length_mm);
-  return text;
 }
 
 /// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
@@ -218,22 +135,22 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
   std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(script).see(devices, 0);
+  if (!options.plot.empty()) plot.emplace(script).see(records_of(devices, 0));
   double held_s = 0;
   const auto records =
       run_script(devices, script, options.script, session.progress, [&](const Devices& moved, double time_s) {
-        if (plot) plot->see(moved, time_s);
-        if (is_held(moved)) held_s += moved.step_s();
+        if (plot) plot->see(records_of(moved, time_s));
+        if (moved.is_held()) held_s += moved.step_s();
         if (cine) cine->see(moved, time_s);
       });
   const double wall_s = 1e-3 * stopwatch.ms();
   OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
-  if (plot) plot->write(models, plot_paths(options));
+  if (plot) plot->write(models, options.plot);
   if (cine) cine->finish();
   outputs.commit();
 
-  const std::vector<CatheterTip> tips = tips_of(devices);
+  const std::vector<RunRecord> last = records_of(devices, devices.time_s());
   const double times_faster = devices.time_s() / std::max(wall_s, 1e-9);
   Json result{{"tree", options.tree},
               {"device_model", models[0].name()},
@@ -243,24 +160,26 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
               {"rows", records.size()},
               {"simulated_s", devices.time_s()},
               {"wall_s", wall_s},
-              {"tip", json_of(tips[0])}};
+              {"tip", json_of(last[0].tip)}};
   for (std::size_t d = 1; d < models.size(); ++d) {
     result[fmt::format("device_model_{}", d + 1)] = models[d].name();
-    result[fmt::format("tip_{}", d + 1)] = json_of(tips[d]);
+    result[fmt::format("tip_{}", d + 1)] = json_of(last[d].tip);
   }
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
-  for (const fs::path& file : plot_paths(options)) pictures += fmt::format("{}: written\n", file.string());
+  for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
+    pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
                                      "entry: end of branch {}; {}\n{}{}",
                                      options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
-                                     times_faster, entry.branch, text_of(tips), held_note(held_s), pictures));
+                                     times_faster, entry.branch, text_of(last), held_note(held_s), pictures));
 }
 
 void simulate(const SimulateArguments& options, Session& session) {
   check_writable(options.log);
-  for (const fs::path& path : plot_paths(options)) check_plot(path);
+  for (const fs::path& path : HubPlot::paths(options.plot, options.instrument_models.size()))
+    check_plot(path);
   check_cine(options);
   const EntryChoice entry_choice = parse_entry(options.entry);
   std::vector<InstrumentModel> models;

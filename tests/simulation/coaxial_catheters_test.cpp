@@ -1,5 +1,5 @@
 // A wire in a catheter in the phantom's vessels.
-#include "xraycast/mechanics/coaxial_catheters.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -14,7 +14,7 @@
 #include <string>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::coaxial_catheters_test {
 namespace {
 
 using Names = std::vector<std::string>;
@@ -151,4 +151,4 @@ TEST(CoaxialCatheters, AScriptLeadsToTheSameLogTwice) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::coaxial_catheters_test

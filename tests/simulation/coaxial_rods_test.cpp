@@ -1,5 +1,5 @@
 // Rods one inside the other against closed forms.
-#include "xraycast/mechanics/coaxial_rods.hpp"
+#include "xraycast/coaxial/coaxial_rods.hpp"
 
 #include "support/tip_torque.hpp"
 
@@ -79,6 +79,9 @@ class CoaxialDerivatives {
   CoaxialRods& rods_;
 };
 
+}  // namespace xraycast
+
+namespace xraycast::coaxial_rods_test {
 namespace {
 
 using Eigen::Vector3d;
@@ -367,4 +370,4 @@ TEST(CoaxialRods, EnergyNeverGrowsWithoutInput) {
 }
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::coaxial_rods_test

@@ -1,7 +1,7 @@
 // Random scripts of a wire in a catheter in five trees. XRAYCAST_RUNS sets how many there are (20);
 // XRAYCAST_RUNS_TABLES names a folder for a table a tree.
 #include "run_trees.hpp"
-#include "xraycast/mechanics/coaxial_catheters.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -15,7 +15,7 @@
 #include <random>
 #include <vector>
 
-namespace xraycast {
+namespace xraycast::coaxial_runs_test {
 namespace {
 
 using Pair = std::vector<InstrumentModel>;
@@ -186,4 +186,4 @@ INSTANTIATE_TEST_SUITE_P(, RandomPairScripts, testing::ValuesIn(kTrees),
                          [](const auto& tree) { return std::string(tree.param); });
 
 }  // namespace
-}  // namespace xraycast
+}  // namespace xraycast::coaxial_runs_test

@@ -78,6 +78,10 @@ RunRecord record_of(const Catheter& catheter, double time_s) {
   return record_of(time_s, catheter.pose(), catheter.load(), catheter.tip(), catheter.wall());
 }
 
+std::vector<RunRecord> records_of(const Catheter& catheter, double time_s) {
+  return {record_of(catheter, time_s)};
+}
+
 std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s) {
   std::vector<RunRecord> records;
   for (std::size_t d = 0; d < devices.count(); ++d)

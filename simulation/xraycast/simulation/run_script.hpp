@@ -1,8 +1,8 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/mechanics/coaxial_catheters.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
@@ -34,6 +34,7 @@ std::vector<RunRecord> run_script(
     const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
 
 /// The same for coaxial devices: a record of each device, from the outermost on, at each row.
+std::vector<RunRecord> records_of(const Catheter& catheter, double time_s);  ///< the one
 std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s);
 std::vector<std::vector<RunRecord>> run_script(
     CoaxialCatheters& devices, const Script& script, const std::string& name, Progress& progress,

@@ -1,9 +1,9 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/mechanics/coaxial_catheters.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"

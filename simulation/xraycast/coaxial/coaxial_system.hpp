@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/mechanics/block_band_matrix.hpp"
+#include "xraycast/coaxial/block_band_matrix.hpp"
+#include "xraycast/coaxial/rod_curve.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/rod_curve.hpp"
 
 #include <Eigen/Core>
 #include <array>

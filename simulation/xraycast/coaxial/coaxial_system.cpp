@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/coaxial_system.hpp"
+#include "xraycast/coaxial/coaxial_system.hpp"
 
 #include "xraycast/mechanics/wide_vectors.hpp"
 

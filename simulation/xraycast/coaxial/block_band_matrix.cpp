@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/block_band_matrix.hpp"
+#include "xraycast/coaxial/block_band_matrix.hpp"
 
 #include "xraycast/mechanics/wide_vectors.hpp"
 

@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/coaxial_catheters.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"
@@ -83,6 +83,8 @@ void CoaxialCatheters::step(std::span<const HubPose> targets) {
   step_rods(options_.step_s);
   ++steps_;
 }
+
+bool CoaxialCatheters::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
 
 HubLoad CoaxialCatheters::load(std::size_t device) const {
   const Rod& of = rod(device);

@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/rod_curve.hpp"
+#include "xraycast/coaxial/rod_curve.hpp"
 
 #include <algorithm>
 #include <cmath>

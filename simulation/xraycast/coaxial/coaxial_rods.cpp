@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/coaxial_rods.hpp"
+#include "xraycast/coaxial/coaxial_rods.hpp"
 
 #include "xraycast/base/error.hpp"
 

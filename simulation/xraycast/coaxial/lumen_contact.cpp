@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/lumen_contact.hpp"
+#include "xraycast/coaxial/lumen_contact.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/mechanics/coaxial_system.hpp"
-#include "xraycast/mechanics/lumen_contact.hpp"
+#include "xraycast/coaxial/coaxial_system.hpp"
+#include "xraycast/coaxial/lumen_contact.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
 #include <cstddef>

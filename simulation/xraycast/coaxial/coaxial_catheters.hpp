@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/coaxial/coaxial_rods.hpp"
 #include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/mechanics/coaxial_rods.hpp"
 
 #include <cstddef>
 #include <memory>
@@ -36,7 +36,7 @@ class CoaxialCatheters {
   double max_insertion_mm(std::size_t device) const;
 
   const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }
-  bool is_held(std::size_t device) const { return hubs_[device].is_held; }  ///< see Catheter::is_held
+  bool is_held() const;  ///< one of the hubs; see Catheter::is_held
   HubLoad load(std::size_t device) const;
   CatheterTip tip(std::size_t device) const;
 

@@ -1,9 +1,9 @@
 #pragma once
 
-#include "xraycast/mechanics/coaxial_system.hpp"
+#include "xraycast/coaxial/coaxial_system.hpp"
+#include "xraycast/coaxial/rod_curve.hpp"
 #include "xraycast/mechanics/friction.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/rod_curve.hpp"
 
 #include <Eigen/Core>
 #include <cstddef>
