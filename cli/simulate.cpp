@@ -184,6 +184,7 @@ void simulate(const SimulateArguments& options, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
   std::vector<InstrumentModel> models;
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
+  check_devices(models);
   const Script script = Script::read(options.script, models.size());
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);

@@ -120,16 +120,55 @@ TEST(CoaxialCatheters, AWireIsExchanged) {
   move(devices, {{150, 0}, {0, 0}}, 2000);
   for (int i = 0; i < 500; ++i) devices.step(std::array{devices.pose(0), devices.pose(1)});
   EXPECT_TRUE(devices.has_free_lumen(0));
-  EXPECT_THROW(devices.exchange(1, InstrumentModel::named("cobra-5f")), InputError);  // too thick
-  const double before_N = devices.load(0).force_N;
-  for (const char* wire : {"exchange-035-stiff", "guidewire-035-j", "guidewire-035-angled"}) {
+  const double force_N = devices.load(0).force_N;
+  const Eigen::Vector3d tip_mm = devices.rod(0).state().nodes_mm.back();
+  for (int i = 0; i < 100; ++i) {
+    const char* wire = std::array{"exchange-035-stiff", "guidewire-035-j", "guidewire-035-angled",
+                                  "guidewire-014-straight"}[static_cast<std::size_t>(i) % 4];
     devices.exchange(1, InstrumentModel::named(wire));
     devices.step(std::array{devices.pose(0), devices.pose(1)});
-    EXPECT_NEAR(devices.load(0).force_N, before_N, 0.05) << wire;
+    EXPECT_NEAR(devices.load(0).force_N, force_N, 0.05) << i << " " << wire;
+    // The stiff wire pushes its tip by as much; 0.43 mm when the others moved while the new one relaxed.
+    EXPECT_LT((devices.rod(0).state().nodes_mm.back() - tip_mm).norm(), 0.05) << i << " " << wire;
   }
-  EXPECT_EQ(devices.rod(1).instrument().name(), "guidewire-035-angled");
+  devices.exchange(1, InstrumentModel::named("guidewire-035-angled"));
   move(devices, {{150, 0}, {200, 0}}, 2000);
   EXPECT_NEAR(devices.rods().bare_mm(1), 50, 2);
+}
+
+TEST(CoaxialCatheters, ExchangingMovesNoOtherDevice) {
+  CoaxialCatheters devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
+  move(devices, {{150, 2}, {0, 0}}, 1500);
+  const std::vector<Eigen::Vector3d> before_mm = devices.rod(0).state().nodes_mm;
+  devices.exchange(1, InstrumentModel::named("exchange-035-stiff"));
+  EXPECT_EQ(devices.rod(0).state().nodes_mm, before_mm);
+}
+
+TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {
+  const Names names{"vertebral-5f", "guidewire-035-angled"};
+  CoaxialCatheters asked = devices_of(names), unasked = devices_of(names);
+  const InstrumentModel too_thick_for_the_vessel({.name = "drain",
+                                                  .radius_mm = 9,
+                                                  .inner_radius_mm = 8,
+                                                  .mass_per_length_g_mm = 2e-3,
+                                                  .axial_stiffness_N = 300,
+                                                  .static_friction = 0.1,
+                                                  .kinetic_friction = 0.1,
+                                                  .sections = {{.length_mm = 500,
+                                                                .bending_stiffness_Nmm2 = {50, 50},
+                                                                .torsional_stiffness_Nmm2 = {50, 50}}}},
+                                                 "drain");
+  EXPECT_THROW(asked.exchange(0, too_thick_for_the_vessel), InputError);
+  EXPECT_THROW(asked.exchange(0, InstrumentModel::named("microcatheter-24f")),
+               InputError);                                                         // the wire is thicker
+  EXPECT_THROW(asked.exchange(1, InstrumentModel::named("cobra-5f")), InputError);  // it is too thick
+  EXPECT_EQ(asked.rod(0).instrument().name(), names[0]);
+  EXPECT_EQ(asked.rod(1).instrument().name(), names[1]);
+  for (CoaxialCatheters* devices : {&asked, &unasked}) move(*devices, {{5, 0}, {10, 1}}, 100);
+  for (const std::size_t d : {0, 1}) {
+    EXPECT_EQ(asked.load(d).force_N, unasked.load(d).force_N);
+    EXPECT_EQ(asked.rod(d).state().nodes_mm, unasked.rod(d).state().nodes_mm);
+  }
 }
 
 TEST(CoaxialCatheters, AScriptLeadsToTheSameLogTwice) {

@@ -3,14 +3,18 @@
 
 #include "support/tip_torque.hpp"
 
+#include <fmt/format.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Cholesky>
 #include <Eigen/Eigenvalues>
+#include <Eigen/Geometry>
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -74,6 +78,22 @@ class CoaxialDerivatives {
     return hessian.ldlt().solve(-gradient);
   }
 
+  /// What turning all rods as one solid body, about an axis of space, adds to the energy in the lumens.
+  double lumens_uJ_of_turning(const Eigen::Vector3d& axis, double angle_rad) {
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle_rad, axis).toRotationMatrix();
+    rods_.potential_uJ(kStep_s, false);
+    double before_uJ = 0, after_uJ = 0;
+    for (LumenContact& lumen : rods_.lumens_)
+      before_uJ += lumen.energy_uJ(rods_.rods_[lumen.outer()].state_, rods_.rods_[lumen.inner()].state_);
+    for (Rod& rod : rods_.rods_) {
+      rod.trial_ = rod.state_;
+      for (Eigen::Vector3d& node : rod.trial_.nodes_mm) node = turn * node;
+    }
+    for (LumenContact& lumen : rods_.lumens_)
+      after_uJ += lumen.energy_uJ(rods_.rods_[lumen.outer()].trial_, rods_.rods_[lumen.inner()].trial_);
+    return after_uJ - before_uJ;
+  }
+
  private:
   static constexpr double kStep_s = 1e-3;
   CoaxialRods& rods_;
@@ -125,11 +145,21 @@ Rod rod_of(const InstrumentModel& model, double spacing_mm, double fed_mm,
 const Shape kTube{.radius_mm = 0.8, .inner_radius_mm = 0.5};
 const Shape kWire{.bending_Nmm2 = 300, .torsion_Nmm2 = 100};
 
+/// The distances between the nodes of the tube and of the wire.
+struct Spacings {
+  double tube_mm = 2.5, wire_mm = 2.5;
+};
+constexpr Spacings kSpacings[] = {{2.5, 2.5}, {2.5, 1.5}, {4, 1.5}, {1.5, 4}};
+
+std::string text_of(const Spacings& spacings) {
+  return fmt::format("nodes every {} and {} mm", spacings.tube_mm, spacings.wire_mm);
+}
+
 CoaxialRods pair_of(const Shape& tube, const Shape& wire, double tube_fed_mm, double wire_fed_mm,
-                    double spacing_mm = 2.5) {
+                    const Spacings& spacings = {}) {
   std::vector<Rod> rods;
-  rods.push_back(rod_of(device("tube", tube), spacing_mm, tube_fed_mm));
-  rods.push_back(rod_of(device("wire", wire), spacing_mm, wire_fed_mm));
+  rods.push_back(rod_of(device("tube", tube), spacings.tube_mm, tube_fed_mm));
+  rods.push_back(rod_of(device("wire", wire), spacings.wire_mm, wire_fed_mm));
   return CoaxialRods(std::move(rods));
 }
 
@@ -154,10 +184,10 @@ TEST(CoaxialRods, NewtonsDirectionIsThatOfTheirPotential) {
   const Shape wire{.length_mm = 30, .bending_Nmm2 = 15, .torsion_Nmm2 = 10, .friction = 0.2, .axial_N = 10};
   // Where friction begins to slip or a point passes a middle within a difference, there is no second
   // derivative; with this seed that does not happen.
-  std::mt19937 random{3};
+  std::mt19937 random{6};
   std::normal_distribution<double> normal;
   for (int i = 0; i < 8; ++i) {
-    CoaxialRods rods = pair_of(tube, wire, 20, 23, 4);
+    CoaxialRods rods = pair_of(tube, wire, 20, 23, {4, 4});
     for (int k = 0; k < 30; ++k) rods.step(1e-3);  // the curve presses the wire against the lumen
     CoaxialDerivatives derivatives(rods);
     Eigen::VectorXd step(derivatives.size());
@@ -172,17 +202,52 @@ TEST(CoaxialRods, NewtonsDirectionIsThatOfTheirPotential) {
   }
 }
 
+TEST(CoaxialRods, TurningAsOneBodySlipsNowhere) {
+  Shape tube = kTube, wire = kWire;
+  tube.curvature_per_mm = 0.03;
+  tube.curved_mm = 60;
+  wire.friction = 0.3;
+  CoaxialRods rods = pair_of(tube, wire, 80, 90);
+  settle(rods, 20);
+  // About the normal of the plane in which they bend, so that the frames do not turn about their tangents.
+  const Vector3d plane = rods.rod(0).state().edges.back().tangent.cross(Vector3d::UnitZ()).normalized();
+  for (int i = 0; i < 3; ++i) rods.step(1e-3);
+  CoaxialDerivatives derivatives(rods);
+  // What does not count the cross-section's tilt slips by 1.4 um: 1e-3 uJ and more.
+  EXPECT_NEAR(derivatives.lumens_uJ_of_turning(plane, 0.01), 0, 1e-6);
+}
+
 // ---- bending and twisting -------------------------------------------------------------------------------
 
 TEST(CoaxialRods, OverlappingLengthsBendWithTheSumOfTheirStiffnesses) {
-  CoaxialRods rods = pair_of(kTube, kWire, 100, 100);
-  const double load_N = 0.05 * 3 * (kTube.bending_Nmm2 + kWire.bending_Nmm2) / 1e4;
+  for (const Spacings& spacings : kSpacings) {
+    CoaxialRods rods = pair_of(kTube, kWire, 100, 100, spacings);
+    const double sum_Nmm2 = kTube.bending_Nmm2 + kWire.bending_Nmm2, load_N = 0.05 * 3 * sum_Nmm2 / 1e4;
+    rods.set_load_N(0, 0, {load_N, 0, 0});
+    settle(rods);
+    const double expected_mm = load_N * 1e6 / (3 * sum_Nmm2);
+    // The wire crosses its clearance of 0.1 mm before it bears: it bends by that less than the tube.
+    const double clearance_mm = 0.1 * kWire.bending_Nmm2 / sum_Nmm2;
+    EXPECT_NEAR(tip(rods, 0).x() - clearance_mm, expected_mm, 0.02 * expected_mm) << text_of(spacings);
+  }
+}
+
+TEST(CoaxialRods, ThreeBendWithTheSumOfTheirStiffnesses) {
+  const Shape guide{.radius_mm = 1.3, .inner_radius_mm = 0.9, .bending_Nmm2 = 400};
+  const std::array<double, 3> stiffnesses_Nmm2{guide.bending_Nmm2, kTube.bending_Nmm2, kWire.bending_Nmm2};
+  std::vector<Rod> three;
+  three.push_back(rod_of(device("guide", guide), 4, 100));
+  three.push_back(rod_of(device("tube", kTube), 2.5, 100));
+  three.push_back(rod_of(device("wire", kWire), 1.5, 100));
+  CoaxialRods rods(std::move(three));
+  const double sum_Nmm2 = stiffnesses_Nmm2[0] + stiffnesses_Nmm2[1] + stiffnesses_Nmm2[2],
+               load_N = 0.05 * 3 * sum_Nmm2 / 1e4;
   rods.set_load_N(0, 0, {load_N, 0, 0});
   settle(rods);
-  const double expected_mm = load_N * 1e6 / (3 * (kTube.bending_Nmm2 + kWire.bending_Nmm2));
-  // The wire crosses its clearance of 0.1 mm before it bears: it bends by that less than the tube.
-  const double clearance_mm = 0.1 * kWire.bending_Nmm2 / (kTube.bending_Nmm2 + kWire.bending_Nmm2);
-  EXPECT_NEAR(tip(rods, 0).x() - clearance_mm, expected_mm, 0.02 * expected_mm);
+  const double expected_mm = load_N * 1e6 / (3 * sum_Nmm2);
+  // Each crosses its clearance of 0.1 mm before it bears, the wire both.
+  const double clearances_mm = (0.1 * stiffnesses_Nmm2[1] + 0.2 * stiffnesses_Nmm2[2]) / sum_Nmm2;
+  EXPECT_NEAR(tip(rods, 0).x() - clearances_mm, expected_mm, 0.02 * expected_mm);
 }
 
 TEST(CoaxialRods, EachTwistsByItsOwnStiffness) {
@@ -213,18 +278,20 @@ double curvature_per_mm(const Rod& rod, double from_mm, double to_mm) {
 }
 
 TEST(CoaxialRods, AWireStraightensACurveByTheMinimumOfBothEnergies) {
-  for (const double times : {0.5, 1.0, 3.0}) {
-    Shape tube = kTube, wire = kWire;
-    tube.curvature_per_mm = 0.03;
-    tube.curved_mm = 60;
-    wire.bending_Nmm2 = times * tube.bending_Nmm2;
-    CoaxialRods rods = pair_of(tube, wire, 80, 100);
-    settle(rods);
-    const double expected = tube.curvature_per_mm / (1 + times);
-    // Well inside, where both have the same curvature. 5 %: their axes are up to the clearance apart.
-    EXPECT_NEAR(curvature_per_mm(rods.rod(0), 15, 45), expected, 0.05 * expected) << times;
-    EXPECT_NEAR(curvature_per_mm(rods.rod(1), 35, 65), expected, 0.05 * expected) << times;
-  }
+  for (const Spacings& spacings : kSpacings)
+    for (const double times : {0.5, 1.0, 3.0}) {
+      Shape tube = kTube, wire = kWire;
+      tube.curvature_per_mm = 0.03;
+      tube.curved_mm = 60;
+      wire.bending_Nmm2 = times * tube.bending_Nmm2;
+      CoaxialRods rods = pair_of(tube, wire, 80, 100, spacings);
+      settle(rods, 50);
+      const double expected = tube.curvature_per_mm / (1 + times);
+      const std::string where = fmt::format("{} times as stiff, {}", times, text_of(spacings));
+      // Well inside, where both have the same curvature. 5 %: their axes are up to the clearance apart.
+      EXPECT_NEAR(curvature_per_mm(rods.rod(0), 15, 45), expected, 0.05 * expected) << where;
+      EXPECT_NEAR(curvature_per_mm(rods.rod(1), 35, 65), expected, 0.05 * expected) << where;
+    }
 }
 
 TEST(CoaxialRods, AWireComesOutAlongTheTip) {
@@ -316,36 +383,81 @@ TEST(CoaxialRods, TurningAWireInALumenTurnsTheCatheterByFriction) {
 
 // ---- sliding --------------------------------------------------------------------------------------------
 
-/// The wire's force at its clamp while it is pushed through a curved tube, tip past tip, without friction.
-std::vector<double> forces_of_sliding(double spacing_mm, double step_mm) {
+/// A straight wire that is pushed through a curved tube, tip past tip, without friction.
+struct Sliding {
+  double resistance_N = 0;                          ///< of the curve, in closed form
+  std::vector<double> fed_mm, forces_N, beyond_mm;  ///< the wire's at its clamp; its length beyond the tube
+  double work_J = 0, energy_J = 0;                  ///< at the wire's hub; what is stored of it
+
+  double mean_force_N(double from_mm, double to_mm) const {
+    double sum = 0, count = 0;
+    for (std::size_t i = 0; i < fed_mm.size(); ++i)
+      if (fed_mm[i] >= from_mm && fed_mm[i] < to_mm) sum += forces_N[i], ++count;
+    return sum / count;
+  }
+};
+
+Sliding slide(const Spacings& spacings, double step_mm, double to_mm = 105) {
   Shape tube = kTube, wire = kWire;
+  wire.length_mm = 120;
   tube.curvature_per_mm = 0.02;
   tube.curved_mm = 60;
   wire.bending_Nmm2 = 100;
-  CoaxialRods rods = pair_of(tube, wire, 70, 60, spacing_mm);
+  CoaxialRods rods = pair_of(tube, wire, 90, 80, spacings);
   settle(rods);
-  std::vector<double> forces_N;
-  while (rods.rod(1).fed_mm() < 85) {
+  // Each millimetre of overlap costs the energy of bending the two to their common curvature.
+  const double both_Nmm2 = tube.bending_Nmm2 * wire.bending_Nmm2 / (tube.bending_Nmm2 + wire.bending_Nmm2);
+  Sliding sliding;
+  sliding.resistance_N = 0.5 * both_Nmm2 * tube.curvature_per_mm * tube.curvature_per_mm;
+  const double start_J = rods.energy_J();
+  double before_N = -rods.rod(1).clamp_force_N().z();
+  while (rods.rod(1).fed_mm() < to_mm) {
     rods.feed_to(1, rods.rod(1).fed_mm() + step_mm);
     rods.step(kStill_s);
-    forces_N.push_back(-rods.rod(1).clamp_force_N().z());
+    const double force_N = -rods.rod(1).clamp_force_N().z();
+    sliding.work_J += 0.5e-3 * (before_N + force_N) * step_mm;
+    sliding.fed_mm.push_back(rods.rod(1).fed_mm());
+    sliding.forces_N.push_back(force_N);
+    sliding.beyond_mm.push_back(rods.bare_mm(1));
+    before_N = force_N;
   }
-  return forces_N;
+  sliding.energy_J = rods.energy_J() - start_J;
+  return sliding;
+}
+
+double largest_change(const std::vector<double>& values) {
+  double largest = 0;
+  for (std::size_t i = 1; i < values.size(); ++i)
+    largest = std::max(largest, std::abs(values[i] - values[i - 1]));
+  return largest;
 }
 
 TEST(CoaxialRods, NoForceJumpsWhereATipPassesANode) {
-  const auto largest_change = [](const std::vector<double>& values) {
-    double largest = 0;
-    for (std::size_t i = 1; i < values.size(); ++i)
-      largest = std::max(largest, std::abs(values[i] - values[i - 1]));
-    return largest;
-  };
-  const std::vector<double> coarse = forces_of_sliding(2.5, 0.1), fine = forces_of_sliding(2.5, 0.025);
-  // Within the solver's tolerance of five millinewton, which a jump would exceed on a coarse way and on a
-  // fine one.
-  EXPECT_LT(largest_change(coarse), 0.005);
-  EXPECT_LT(largest_change(fine), 0.002);
-  EXPECT_GT(*std::ranges::max_element(fine), 0.01);  // the tube's curve does resist
+  for (const Spacings& spacings : kSpacings) {
+    SCOPED_TRACE(text_of(spacings));
+    const Sliding coarse = slide(spacings, 0.1), fine = slide(spacings, 0.025);
+    // The solver's tolerance. A jump would be as large on a fine way as on a coarse one.
+    EXPECT_LT(largest_change(coarse.forces_N), 0.005);
+    EXPECT_LT(largest_change(fine.forces_N), 0.5 * largest_change(coarse.forces_N));
+    // Until the tip leaves. 1 %: in its clearance the wire is a little straighter than the tube.
+    EXPECT_NEAR(coarse.mean_force_N(81, 88), coarse.resistance_N, 0.01 * coarse.resistance_N);
+    // The length beyond the tip grows by what is fed, and a tenth more while one tip passes the other: the
+    // wire's axis and the tube's are not one.
+    EXPECT_LT(largest_change(fine.beyond_mm), 1.1 * 0.025);
+  }
+}
+
+TEST(CoaxialRods, TheHubsWorkIsStoredWhereNothingSlips) {
+  for (const Spacings& spacings : kSpacings) {
+    const Sliding inside = slide(spacings, 0.025, 89);
+    // The rods are straight at the clamp, so that feeding changes no energy there.
+    EXPECT_NEAR(inside.work_J, inside.energy_J, 0.01 * inside.energy_J) << text_of(spacings);
+    // Out of the tip each length takes along what it pressed into the lining, which no force gives back; see
+    // docs/simulation.md. 10 % of this work, at steps that are not small.
+    const Sliding through = slide(spacings, 0.025);
+    EXPECT_GT(through.work_J, through.energy_J) << text_of(spacings);
+    EXPECT_LT(through.work_J, 1.1 * through.energy_J) << text_of(spacings);
+  }
 }
 
 TEST(CoaxialRods, EnergyNeverGrowsWithoutInput) {

@@ -54,12 +54,6 @@ inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y, MatrixB
 
 }  // namespace
 
-void BlockBandMatrix::reserve(std::size_t columns, std::size_t blocks) {
-  reaches_.reserve(columns);
-  starts_.reserve(columns);
-  blocks_.reserve(blocks);
-}
-
 void BlockBandMatrix::reset(const std::vector<std::size_t>& reaches) {
   reaches_.assign(reaches.begin(), reaches.end());
   starts_.resize(reaches_.size());

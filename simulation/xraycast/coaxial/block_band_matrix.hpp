@@ -18,8 +18,6 @@ class BlockBandMatrix {
   /// far as those before it. Allocates only when it grows beyond its largest size.
   void reset(const std::vector<std::size_t>& reaches);
 
-  void reserve(std::size_t columns, std::size_t blocks);
-
   std::size_t columns() const { return reaches_.size(); }
 
   /// A block of the lower half, at most as low as the column reaches. Of those on the diagonal only the lower

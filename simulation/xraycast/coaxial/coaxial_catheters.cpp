@@ -11,17 +11,21 @@ namespace {
 /// Throws InputError.
 const std::vector<InstrumentModel>& checked(const VesselTree& tree, const VesselEnd& entry,
                                             const std::vector<InstrumentModel>& instruments) {
+  check_devices(instruments);
+  check_fits(tree, entry, instruments.front());
+  return instruments;
+}
+
+}  // namespace
+
+void check_devices(const std::vector<InstrumentModel>& instruments) {
   if (instruments.empty() || instruments.size() > CoaxialCatheters::kMaxDevices)
     throw InputError("{} devices; give one to {}, the outermost first", instruments.size(),
                      CoaxialCatheters::kMaxDevices);
   for (std::size_t outer = 0; outer < instruments.size(); ++outer)
     for (std::size_t inner = outer + 1; inner < instruments.size(); ++inner)
       check_fits_inside(instruments[outer], instruments[inner]);
-  check_fits(tree, entry, instruments.front());
-  return instruments;
 }
-
-}  // namespace
 
 CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
                                    const VesselEnd& entry, const Catheter::Options& options)
@@ -32,8 +36,11 @@ CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<Ins
       rods_(make_rods(checked(tree, entry, instruments))),
       walls_(instruments.size()),
       hubs_(instruments.size()) {
-  for (std::size_t d = 0; d < count(); ++d) make_walls(d);
-  settle();
+  for (std::size_t d = 0; d < count(); ++d) {
+    walls_[d] = make_wall(rods_, d);
+    rods_.set_external(d, walls_[d].get());
+  }
+  settle(rods_, walls_);
 }
 
 Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
@@ -52,20 +59,18 @@ std::vector<Rod> CoaxialCatheters::make_rods(const std::vector<InstrumentModel>&
   return rods;
 }
 
-void CoaxialCatheters::make_walls(std::size_t device) {
-  walls_[device] =
-      walls_around(field_, rods_.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
-  rods_.set_external(device, walls_[device].get());
+std::unique_ptr<WallContact> CoaxialCatheters::make_wall(const CoaxialRods& rods, std::size_t device) const {
+  return walls_around(field_, rods.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
+}
+
+void CoaxialCatheters::step_rods(CoaxialRods& rods, const Walls& walls, double step_s) {
+  for (std::size_t d = 1; d < rods.count(); ++d) walls[d]->expose(rods.bare_mm(d));
+  rods.step(step_s);
 }
 
 /// The rest shapes of the tips relax in the introducer and just outside it.
-void CoaxialCatheters::settle() {
-  for (int i = 0; i < 200; ++i) step_rods(0.01);
-}
-
-void CoaxialCatheters::step_rods(double step_s) {
-  for (std::size_t d = 1; d < count(); ++d) walls_[d]->expose(rods_.bare_mm(d));
-  rods_.step(step_s);
+void CoaxialCatheters::settle(CoaxialRods& rods, const Walls& walls) {
+  for (int i = 0; i < 200; ++i) step_rods(rods, walls, 0.01);
 }
 
 double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
@@ -80,7 +85,7 @@ void CoaxialCatheters::step(std::span<const HubPose> targets) {
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
-  step_rods(options_.step_s);
+  step_rods(rods_, walls_, options_.step_s);
   ++steps_;
 }
 
@@ -115,10 +120,24 @@ void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instr
   if (pose(device).insertion_mm > 0)
     throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",
                      rod(device).instrument().name(), pose(device).insertion_mm, instrument.name());
-  rods_.replace(device, make_rod(instrument));
-  make_walls(device);
+  std::vector<InstrumentModel> instruments;
+  for (std::size_t d = 0; d < count(); ++d)
+    instruments.push_back(d == device ? instrument : rod(d).instrument());
+  checked(tree_, entry_, instruments);
+
+  // The new one relaxes among copies of the others, which themselves stay as they are.
+  CoaxialRods rods = rods_;
+  rods.replace(device, make_rod(instrument));
+  Walls walls(count());
+  for (std::size_t d = 0; d < count(); ++d) {
+    walls[d] = d == device ? make_wall(rods, d) : std::make_unique<WallContact>(*walls_[d]);
+    rods.set_external(d, walls[d].get());
+  }
+  settle(rods, walls);
+  rods_.replace(device, rods.rod(device));
+  walls_[device] = std::move(walls[device]);
+  rods_.set_external(device, walls_[device].get());
   hubs_[device] = {};
-  settle();
 }
 
 double CoaxialCatheters::energy_J() const {

@@ -43,8 +43,9 @@ class CoaxialCatheters {
   /// No other device is inserted in its lumen, so that contrast agent can be injected through it.
   bool has_free_lumen(std::size_t device) const;
 
-  /// Another instrument instead of a device that has been drawn back to an insertion of 0. Throws InputError
-  /// when it has not, or when the instrument does not fit into the device around it.
+  /// Another instrument instead of a device that has been drawn back to an insertion of 0. The others do not
+  /// move. Throws InputError, and changes nothing, when it has not been drawn back, or when the instruments
+  /// that there would be do not fit (see the constructor).
   void exchange(std::size_t device, const InstrumentModel& instrument);
 
   /// A device's nodes from the introducer's outer end to its tip.
@@ -58,20 +59,26 @@ class CoaxialCatheters {
   double energy_J() const;
 
  private:
+  using Walls = std::vector<std::unique_ptr<WallContact>>;
+
   Rod make_rod(const InstrumentModel& instrument) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
-  void make_walls(std::size_t device);
-  void step_rods(double step_s);
-  void settle();
+  std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t device) const;
+  static void step_rods(CoaxialRods& rods, const Walls& walls, double step_s);
+  static void settle(CoaxialRods& rods, const Walls& walls);
 
   VesselTree tree_;
   Catheter::Options options_;
   VesselEnd entry_;
   std::shared_ptr<const LumenDistanceField> field_;
   CoaxialRods rods_;
-  std::vector<std::unique_ptr<WallContact>> walls_;
+  Walls walls_;
   std::vector<MovingHub> hubs_;
   long steps_ = 0;
 };
+
+/// Throws InputError unless there are one to CoaxialCatheters::kMaxDevices, the outermost first, and each
+/// fits into those around it.
+void check_devices(const std::vector<InstrumentModel>& instruments);
 
 }  // namespace xraycast

@@ -10,6 +10,8 @@ namespace {
 
 // The length of lumen that its rim stands for.
 constexpr double kRim_mm = 1;
+// How far one tip is behind or ahead of the other while it passes it.
+constexpr double kPassing_mm = 1;
 
 }  // namespace
 
@@ -31,14 +33,23 @@ void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inne
 }
 
 CoaxialRods::CoaxialRods(std::vector<Rod> rods) : rods_(std::move(rods)), externals_(rods_.size(), nullptr) {
-  for (std::size_t inner = 1; inner < count(); ++inner) couple_device(inner);
+  for (std::size_t inner = 1; inner < count(); ++inner) {
+    check_fit(inner, rods_[inner].instrument());
+    couple_device(inner);
+  }
+}
+
+void CoaxialRods::check_fit(std::size_t device, const InstrumentModel& instrument) const {
+  for (std::size_t d = 0; d < count(); ++d) {
+    if (d < device) check_fits_inside(rods_[d].instrument(), instrument);
+    if (d > device) check_fits_inside(instrument, rods_[d].instrument());
+  }
 }
 
 /// Makes the lumens around a device anew.
 void CoaxialRods::couple_device(std::size_t inner) {
   for (std::size_t outer = 0; outer < inner; ++outer) {
     const InstrumentModel &around = rods_[outer].instrument(), &within = rods_[inner].instrument();
-    check_fits_inside(around, within);
     const LumenContact lumen(outer, inner,
                              {.lumen_radius_mm = around.inner_radius_mm(),
                               .inner_radius_mm = within.radius_mm(),
@@ -57,6 +68,7 @@ void CoaxialRods::couple_device(std::size_t inner) {
 }
 
 void CoaxialRods::replace(std::size_t device, Rod rod) {
+  check_fit(device, rod.instrument());
   rods_[device] = std::move(rod);
   for (std::size_t inner = std::max<std::size_t>(1, device); inner < count(); ++inner) couple_device(inner);
 }
@@ -89,7 +101,9 @@ double CoaxialRods::energy_J() const {
 
 // ---- a step begins --------------------------------------------------------------------------------------
 
-/// The inner's length beyond the outer's tip, or the outer's beyond the inner's.
+/// The inner's length beyond the outer's tip or, negative, the outer's beyond the inner's: along the
+/// centreline of the one that is ahead. These differ a little; where the tips pass, the one gives way to the
+/// other.
 void CoaxialRods::find_reach(std::size_t index) {
   Reach& reach = reaches_[index];
   const Rod &outer = rods_[lumens_[index].outer()], &inner = rods_[lumens_[index].inner()];
@@ -100,8 +114,15 @@ void CoaxialRods::find_reach(std::size_t index) {
     return from_tip_mm(rod,
                        nearest_place(rod.state(), place_of(rod, from_mm), other.state().nodes_mm.back()));
   };
-  reach.beyond_mm =
-      expected_mm > 0 ? beyond_mm(inner, expected_mm, outer) : -beyond_mm(outer, -expected_mm, inner);
+  const bool is_near = std::abs(expected_mm) < 2 * kPassing_mm;
+  double ahead_mm = 0, behind_mm = 0, is_ahead = expected_mm > 0 ? 1 : 0;
+  if (is_near || is_ahead > 0) ahead_mm = beyond_mm(inner, expected_mm, outer);
+  if (is_near || is_ahead == 0) behind_mm = -beyond_mm(outer, -expected_mm, inner);
+  if (is_near) {
+    const double t = std::clamp(0.5 + 0.25 * (ahead_mm + behind_mm) / kPassing_mm, 0.0, 1.0);
+    is_ahead = t * t * (3 - 2 * t);
+  }
+  reach.beyond_mm = std::lerp(behind_mm, ahead_mm, is_ahead);
 }
 
 void CoaxialRods::begin_lumens() {

@@ -30,7 +30,7 @@ class CoaxialRods {
   void rotate_to(std::size_t device, double rotation_rad) { rods_[device].rotate_to(rotation_rad); }
   void feed_to(std::size_t device, double fed_mm);
 
-  /// Another rod for one, which must reach as far as the clamp only.
+  /// Another rod for one. Throws InputError, and changes nothing, where it does not fit.
   void replace(std::size_t device, Rod rod);
 
   void step(double dt_s);
@@ -52,6 +52,7 @@ class CoaxialRods {
   std::size_t lumen_index(std::size_t outer, std::size_t inner) const {
     return inner * (inner - 1) / 2 + outer;
   }
+  void check_fit(std::size_t device, const InstrumentModel& instrument) const;
   void couple_device(std::size_t inner);
   void find_reach(std::size_t lumen);
   void begin_lumens();

@@ -112,18 +112,27 @@ void CoaxialSystem::add(const RodPair& pair, const Vector8& gradient, const Matr
   }
 }
 
+void CoaxialSystem::add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors) {
+  const std::array<std::size_t, kPairNodes> places = places_of(pair);
+  for (std::size_t a = 0; a < kPairNodes; ++a) {
+    if (places[a] == kClamped) continue;
+    for (std::size_t r = 0; r < kRows; ++r)
+      gradient_[kRows * places[a] + r] += scale * vectors[a][static_cast<Eigen::Index>(r)];
+  }
+}
+
 XRAYCAST_WIDE_VECTORS
 void CoaxialSystem::add_product(const RodPair& pair, double scale, const NodeVectors& vectors) {
   const std::array<std::size_t, kPairNodes> places = places_of(pair);
   for (std::size_t a = 0; a < kPairNodes; ++a) {
     if (places[a] == kClamped) continue;
-    const std::array<double, kRows> rows{0, vectors[a][0], vectors[a][1], vectors[a][2]};
+    const double* rows = vectors[a].data();
     for (std::size_t b = 0; b < kPairNodes; ++b) {
       if (places[b] == kClamped || places[b] > places[a]) continue;
       double* block = hessian_.at(places[a], places[b]).data();
-      for (std::size_t c = 0; c < 3; ++c) {
+      for (std::size_t c = 0; c < kRows; ++c) {
         const double by = scale * vectors[b][static_cast<Eigen::Index>(c)];
-        for (std::size_t r = 0; r < kRows; ++r) block[kRows * (c + 1) + r] += by * rows[r];
+        for (std::size_t r = 0; r < kRows; ++r) block[kRows * c + r] += by * rows[r];
       }
     }
   }

@@ -25,8 +25,9 @@ class CoaxialSystem {
   /// Gradient and Hessian over the angle and the position of the first point, then of the second one.
   using Vector8 = Eigen::Matrix<double, 8, 1>;
   using Matrix8 = Eigen::Matrix<double, 8, 8>;
-  /// A vector per node, of the first rod and then of the second.
-  using NodeVectors = std::array<Eigen::Vector3d, 2 * RodWeights::kNodes>;
+  /// What the angle of the edge before a node and the node's position count, for each node of the first rod
+  /// and then of the second.
+  using NodeVectors = std::array<Eigen::Vector4d, 2 * RodWeights::kNodes>;
 
   /// Orders the nodes.
   void order(const std::vector<Rod>& rods);
@@ -38,6 +39,8 @@ class CoaxialSystem {
   void collect(const std::vector<Rod>& rods);
 
   void add(const RodPair& pair, const Vector8& gradient, const Matrix8& hessian);
+  /// Adds `scale` times the vectors to the gradient.
+  void add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors);
   /// Adds `scale` times the vectors' outer product to the Hessian.
   void add_product(const RodPair& pair, double scale, const NodeVectors& vectors);
 

@@ -118,8 +118,10 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
   }
   const double coefficient = touch.slips ? options_.kinetic_friction : options_.static_friction;
   touch.friction.limit_mN = coefficient * touch.length_mm * lining_mN_mm(touch.depth_mm);
-  touch.along = touch.nearest.of(touch.nearest.slope, both.curve).normalized();
+  touch.start_slope = touch.anchor.of(touch.anchor.slope, both.curve);
+  touch.along = touch.start_slope.normalized();
   touch.around = touch.along.cross(touch.normal).normalized();
+  touch.tilt = touch.distance_mm / touch.start_slope.norm() * touch.normal;
 }
 
 // ---- the potential --------------------------------------------------------------------------------------
@@ -134,16 +136,40 @@ void LumenContact::find_depth(Touch& touch, const Sides& sides) const {
   if (touch.depth_mm > 0) touch.normal = touch.offset_mm / touch.distance_mm;
 }
 
+/// How far a turn of the point's rod, and of the curve's, moves its surface around the other one. The rim is
+/// the outer's point, and touches the inner on the side that it has moved away from.
+double LumenContact::point_arm_mm(const Touch& touch) const {
+  return touch.is_rim ? -options_.lumen_radius_mm : options_.inner_radius_mm;
+}
+double LumenContact::curve_arm_mm(const Touch& touch) const {
+  return touch.is_rim ? -options_.inner_radius_mm : options_.lumen_radius_mm;
+}
+
+/// Along the curve, relative to its cross-section, which tilts with it, so that nothing slips where both rods
+/// turn together; and around it.
 Vector2d LumenContact::slip_mm(const Touch& touch, const Sides& sides) const {
   const Vector3d moved =
       touch.point.position_mm(sides.point) - touch.anchor.position_mm(sides.curve) - touch.start_mm;
-  const double of_inner_mm = options_.inner_radius_mm, of_outer_mm = options_.lumen_radius_mm;
-  // The rim is the outer's point, and touches the inner on the side that it has moved away from.
-  const double point_mm = touch.is_rim ? -of_outer_mm : of_inner_mm,
-               curve_mm = touch.is_rim ? -of_inner_mm : of_outer_mm;
-  const double turned_mm =
-      point_mm * touch.point.theta_rad(sides.point) - curve_mm * touch.anchor.theta_rad(sides.curve);
-  return touch.stick_mm + Vector2d(moved.dot(touch.along), moved.dot(touch.around) + turned_mm);
+  const double tilted_mm =
+      touch.tilt.dot(touch.anchor.of(touch.anchor.slope, sides.curve) - touch.start_slope);
+  const double turned_mm = point_arm_mm(touch) * touch.point.theta_rad(sides.point) -
+                           curve_arm_mm(touch) * touch.anchor.theta_rad(sides.curve);
+  return touch.stick_mm + Vector2d(moved.dot(touch.along) + tilted_mm, moved.dot(touch.around) + turned_mm);
+}
+
+/// The derivatives of the slip along and around.
+std::array<CoaxialSystem::NodeVectors, 2> LumenContact::slip_by_node(const Touch& touch) const {
+  std::array<CoaxialSystem::NodeVectors, 2> by_node;
+  auto& [along, around] = by_node;
+  const RodWeights &point = touch.point, &curve = touch.anchor;
+  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
+    const std::size_t m = RodWeights::kNodes + k;
+    along[k] << 0, point.position[k] * touch.along;
+    along[m] << 0, curve.slope[k] * touch.tilt - curve.position[k] * touch.along;
+    around[k] << point_arm_mm(touch) * point.theta[k], point.position[k] * touch.around;
+    around[m] << -curve_arm_mm(touch) * curve.theta[k], -curve.position[k] * touch.around;
+  }
+  return by_node;
 }
 
 double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
@@ -210,8 +236,8 @@ void LumenContact::assemble_normal(const Touch& touch, const Sides& sides, bool 
       slope.squaredNorm() - touch.offset_mm.dot(touch.nearest.of(touch.nearest.bend, sides.curve));
   CoaxialSystem::NodeVectors by_node;
   for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    by_node[k] = -touch.point.position[k] * slope;
-    by_node[RodWeights::kNodes + k] =
+    by_node[k] << 0, -touch.point.position[k] * slope;
+    by_node[RodWeights::kNodes + k] << 0,
         touch.nearest.position[k] * slope - touch.nearest.slope[k] * touch.offset_mm;
   }
   system.add_product(both, -turning / steepness, by_node);
@@ -219,13 +245,22 @@ void LumenContact::assemble_normal(const Touch& touch, const Sides& sides, bool 
 
 void LumenContact::assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const {
   const Friction::Derivatives friction = touch.friction.derivatives(slip_mm(touch, sides));
-  const double of_inner_mm = options_.inner_radius_mm, of_outer_mm = options_.lumen_radius_mm;
-  Eigen::Matrix<double, 2, 8> jacobian;
-  jacobian.row(0) << 0, touch.along.transpose(), 0, -touch.along.transpose();
-  jacobian.row(1) << (touch.is_rim ? -of_outer_mm : of_inner_mm), touch.around.transpose(),
-      (touch.is_rim ? of_inner_mm : -of_outer_mm), -touch.around.transpose();
-  system.add(pair(touch, touch.anchor), jacobian.transpose() * friction.gradient_mN,
-             jacobian.transpose() * friction.hessian_mN_mm * jacobian);
+  const std::array<CoaxialSystem::NodeVectors, 2> slip = slip_by_node(touch);
+  const RodPair both = pair(touch, touch.anchor);
+  for (std::size_t i : {0, 1})
+    system.add_gradient(both, friction.gradient_mN[static_cast<Eigen::Index>(i)], slip[i]);
+
+  // The Hessian as two squares, of the slip with the larger entry and what goes with it, and of the rest.
+  const Eigen::Matrix2d& hessian = friction.hessian_mN_mm;
+  const Eigen::Index first = hessian(0, 0) >= hessian(1, 1) ? 0 : 1, second = 1 - first;
+  const double share = hessian(0, 1) / hessian(first, first),
+               rest = hessian(second, second) - share * hessian(0, 1);
+  const CoaxialSystem::NodeVectors& other = slip[static_cast<std::size_t>(second)];
+  CoaxialSystem::NodeVectors vectors = slip[static_cast<std::size_t>(first)];
+  for (std::size_t k = 0; k < vectors.size(); ++k) vectors[k] += share * other[k];
+  system.add_product(both, hessian(first, first), vectors);
+  // While it slips, there is none but rounding.
+  if (rest > 1e-12 * hessian(first, first)) system.add_product(both, rest, other);
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------

@@ -6,6 +6,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -71,6 +72,7 @@ class LumenContact {
     double distance_mm = 0, depth_mm = 0;
     Friction friction;
     Eigen::Vector3d along{0, 0, 1}, around{0, 0, 0}, start_mm{0, 0, 0};
+    Eigen::Vector3d start_slope{0, 0, 1}, tilt{0, 0, 0};  ///< what the slope's change takes off the slip
     Eigen::Vector2d stick_mm{0, 0};
     bool slips = false;
     Eigen::Vector3d normal_mN{0, 0, 0}, friction_mN{0, 0, 0};  ///< on the point
@@ -93,6 +95,9 @@ class LumenContact {
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
   void find_depth(Touch& touch, const Sides& sides) const;
   Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
+  std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
+  double point_arm_mm(const Touch& touch) const;
+  double curve_arm_mm(const Touch& touch) const;
   void assemble_normal(const Touch& touch, const Sides& sides, bool project_psd, CoaxialSystem& system) const;
   void assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const;
 
