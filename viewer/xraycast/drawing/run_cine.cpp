@@ -4,13 +4,6 @@
 #include "xraycast/scene/catheter_surface.hpp"
 
 namespace xraycast {
-namespace {
-
-/// The surfaces; inner devices follow.
-enum : std::size_t { kCatheter, kContrast, kInnerDevices };
-
-}  // namespace
-
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options,
                  std::variant<Screen, Detector> taker)
     : options_(options), taker_(std::move(taker)), bolus_(tree), contrast_(tree), road_map_(tree) {
@@ -24,8 +17,8 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   inject(catheter.tip(), true, time_s);
   std::vector<glm::dvec3> nodes_mm;
   catheter.copy_nodes(nodes_mm);
-  renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
-  draw_contrast();
+  renderer_.replace_surface(0, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
+  draw_contrast(1);
   take_frame();
 }
 
@@ -35,10 +28,9 @@ void RunCine::see(const CoaxialCatheters& devices, double time_s) {
   std::vector<glm::dvec3> nodes_mm;
   for (std::size_t d = 0; d < devices.count(); ++d) {
     devices.copy_nodes(d, nodes_mm);
-    renderer_.replace_surface(d == 0 ? kCatheter : kInnerDevices + d - 1,
-                              catheter_surface(nodes_mm, devices.rod(d).instrument().radius_mm()));
+    renderer_.replace_surface(d, catheter_surface(nodes_mm, devices.rod(d).instrument().radius_mm()));
   }
-  draw_contrast();
+  draw_contrast(devices.count());
   take_frame();
 }
 
@@ -49,9 +41,10 @@ void RunCine::inject(const CatheterTip& tip, bool has_free_lumen, double time_s)
   next_s_ += options_.step_s;
 }
 
-void RunCine::draw_contrast() {
+/// Its surface follows the devices'.
+void RunCine::draw_contrast(std::size_t devices) {
   if (options_.style.shading == ShadingMode::fluoro)
-    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
+    renderer_.replace_surface(devices, contrast_.filled(bolus_.iodine_mg_ml()));
 }
 
 void RunCine::take_frame() {

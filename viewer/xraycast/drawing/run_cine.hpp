@@ -45,7 +45,7 @@ class RunCine {
  private:
   bool is_due(double time_s) const { return time_s >= next_s_; }
   void inject(const CatheterTip& tip, bool has_free_lumen, double time_s);
-  void draw_contrast();
+  void draw_contrast(std::size_t devices);
   void take_frame();
 
   Options options_;
