@@ -38,6 +38,8 @@ class CoaxialSystem {
   /// The rods' own systems.
   void collect(const std::vector<Rod>& rods);
 
+  /// What acts on node 0 is left to the clamp, and its reaction does not count it: the introducer keeps
+  /// devices straight there, where they hardly touch.
   void add(const RodPair& pair, const Vector8& gradient, const Matrix8& hessian);
   /// Adds `scale` times the vectors to the gradient.
   void add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors);

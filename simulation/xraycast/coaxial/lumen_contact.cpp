@@ -12,7 +12,8 @@ using Eigen::Vector2d, Eigen::Vector3d;
 constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
 
 // A polymer's lining, of some 0.5 GPa, hardly yields; as stiff as the introducer it gives way by a hundredth
-// of a millimetre to the forces on bends. Softer at first, so that points that come and go do not jolt.
+// of a millimetre to the forces on bends, and by up to a tenth at the end of a curved tip. Softer at first,
+// so that points that come and go do not jolt.
 constexpr double kLining_mN_mm2 = 20e3, kSoft_mm = 0.02;
 // A tip bears more than the little length that it ends: the end of a curved tip bears most of its moment.
 constexpr double kTip_mm = 1;
