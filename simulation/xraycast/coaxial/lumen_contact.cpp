@@ -20,16 +20,16 @@ constexpr double kTip_mm = 1;
 // Of the friction springs, per length: they slip after some micrometres.
 constexpr double kTangential_mN_mm2 = 4e3;
 
-/// The lining's energy per length, and its derivatives by depth.
-double lining_uJ_mm(double depth_mm) {
+/// The lining's energy per millimetre of length, and its derivatives by depth.
+double lining_energy_uJ(double depth_mm) {
   if (depth_mm < kSoft_mm) return kLining_mN_mm2 * depth_mm * depth_mm * depth_mm / (6 * kSoft_mm);
   return kLining_mN_mm2 * (0.5 * depth_mm * (depth_mm - kSoft_mm) + kSoft_mm * kSoft_mm / 6);
 }
-double lining_mN_mm(double depth_mm) {
+double lining_force_mN(double depth_mm) {
   return kLining_mN_mm2 *
          (depth_mm < kSoft_mm ? 0.5 * depth_mm * depth_mm / kSoft_mm : depth_mm - 0.5 * kSoft_mm);
 }
-double lining_mN_mm2(double depth_mm) { return kLining_mN_mm2 * std::min(1.0, depth_mm / kSoft_mm); }
+double lining_stiffness_mN_mm(double depth_mm) { return kLining_mN_mm2 * std::min(1.0, depth_mm / kSoft_mm); }
 
 /// The length of an inner rod that a sample stands for, from the tip: around a node or around a middle, half
 /// of the edges beside it each.
@@ -118,7 +118,7 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
     return;
   }
   const double coefficient = touch.slips ? options_.kinetic_friction : options_.static_friction;
-  touch.friction.limit_mN = coefficient * touch.length_mm * lining_mN_mm(touch.depth_mm);
+  touch.friction.limit_mN = coefficient * touch.length_mm * lining_force_mN(touch.depth_mm);
   touch.start_slope = touch.anchor.of(touch.anchor.slope, both.curve);
   touch.along = touch.start_slope.normalized();
   touch.around = touch.along.cross(touch.normal).normalized();
@@ -179,7 +179,7 @@ double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
     if (touch.length_mm == 0) continue;
     const Sides both = sides(touch, outer, inner);
     find_depth(touch, both);
-    if (touch.depth_mm > 0) energy += touch.length_mm * lining_uJ_mm(touch.depth_mm);
+    if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
     if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
   }
   return energy;
@@ -211,8 +211,8 @@ void LumenContact::assemble(const RodState& outer, const RodState& inner, bool p
 void LumenContact::assemble_normal(const Touch& touch, const Sides& sides, bool project_psd,
                                    CoaxialSystem& system) const {
   const RodPair both = pair(touch, touch.nearest);
-  const double force_mN = touch.length_mm * lining_mN_mm(touch.depth_mm),
-               stiffness = touch.length_mm * lining_mN_mm2(touch.depth_mm),
+  const double force_mN = touch.length_mm * lining_force_mN(touch.depth_mm),
+               stiffness = touch.length_mm * lining_stiffness_mN_mm(touch.depth_mm),
                turning = force_mN / touch.distance_mm;
   const Vector3d slope = touch.nearest.of(touch.nearest.slope, sides.curve);
   CoaxialSystem::Vector8 gradient = CoaxialSystem::Vector8::Zero();
@@ -272,7 +272,7 @@ void LumenContact::end_step(const RodState& outer, const RodState& inner) {
   for (Touch& touch : touches_) {
     if (touch.length_mm == 0) continue;
     const Sides both = sides(touch, outer, inner);
-    touch.normal_mN = -touch.length_mm * lining_mN_mm(touch.depth_mm) * touch.normal;
+    touch.normal_mN = -touch.length_mm * lining_force_mN(touch.depth_mm) * touch.normal;
     touch.friction_mN.setZero();
     if (!touch.friction.is_active()) {
       touch.stick_mm.setZero();
@@ -291,7 +291,7 @@ double LumenContact::energy_J() const {
   double energy = 0;
   for (const Touch& touch : touches_)
     if (touch.length_mm > 0)
-      energy += touch.length_mm * lining_uJ_mm(touch.depth_mm) +
+      energy += touch.length_mm * lining_energy_uJ(touch.depth_mm) +
                 0.5 * touch.friction.spring_mN_mm * touch.stick_mm.squaredNorm();
   return kJoulePer_uJ * energy;
 }
