@@ -22,6 +22,11 @@ std::vector<Row> add_drawing(Bench& bench) {
                                            compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
+  for (const auto& [name, width, height] :
+       {std::tuple{"frame_fluoro_640", 640, 480}, std::tuple{"frame_fluoro_1280", 1280, 720}}) {
+    auto pulses = std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height);
+    add(name, [pulses] { return pulses->next_ms(); });
+  }
   constexpr double kTilt_rad = 0.35;
   auto circles = std::make_shared<Frames>(bench.scan, bench.map(8), 640, 480, false);
   add("frame_circles_8_640", [circles] { return circles->next_ms(); });
@@ -50,6 +55,8 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
           {"frame_rectangle_640", "frame_8_640", reported, 0},
           {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
+          {"frame_fluoro_640", "frame_8_640", reported, 0},
+          {"frame_fluoro_1280", "frame_8_1280", reported, 0},
           {"frame_drr_640", "VTK frame", at_least, 12}};
 }
 

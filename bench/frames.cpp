@@ -2,6 +2,8 @@
 
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/caster.hpp"
+#include "xraycast/drawing/grey_picture.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
@@ -65,6 +67,39 @@ double OpacityFrames::next_ms() {
   knots_[knots_.size() / 2].mu_per_mm = 0.02 + 0.001 * (++moves_ % 10);
   renderer().set_map(std::make_shared<BodyMap>(session_.recast(Opacity("edited", knots_))));
   Frames::next_ms();
+  return stopwatch.ms();
+}
+
+struct FluoroscopyFrames::Chain {
+  Fluoroscope fluoroscope;
+  GreyPicture picture;
+};
+
+FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width,
+                                     int height)
+    : Frames(scan, geometry, width, height, false), width_(width), height_(height) {
+  const View view = view_of(camera_, bounds_, width, height);
+  FluoroscopyOptions options;
+  options.c_arm = CArm::named("fixed-single-plane");
+  // The body's height fits into the picture, which a detector's pixels do not: its own, so that the blur is
+  // as wide as on a detector.
+  View on_detector = view;
+  on_detector.pixel_mm = options.c_arm.detector.width_mm / width;
+  chain_.reset(new Chain{Fluoroscope(options, on_detector, WaterPath(Opacity::paper())), {}});
+  chain_->fluoroscope.settle(renderer().tau(view, style_));
+  next_ms();
+}
+
+FluoroscopyFrames::~FluoroscopyFrames() = default;
+
+double FluoroscopyFrames::next_ms() {
+  const Stopwatch stopwatch;
+  camera_.rotate(7);
+  const View view = view_of(camera_, bounds_, width_, height_);
+  const FluoroscopyFrame& frame = chain_->fluoroscope.expose(renderer().tau(view, style_));
+  chain_->picture.set(frame.shown, width_, height_);
+  chain_->picture.draw(0, 0, width_, height_);
+  glFinish();
   return stopwatch.ms();
 }
 

@@ -46,6 +46,20 @@ class OpacityFrames : public Frames {
   int moves_ = 0;
 };
 
+/// The same frames as a fluoroscope's pulses, as the window shows them: optical depths read back, the chain
+/// from quanta to greys, and the greys drawn.
+class FluoroscopyFrames : public Frames {
+ public:
+  FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height);
+  ~FluoroscopyFrames();
+  double next_ms();
+
+ private:
+  struct Chain;
+  std::unique_ptr<Chain> chain_;
+  int width_, height_;
+};
+
 /// VTK's vtkFixedPointVolumeRayCastMapper on the same scan and window, in a separate process
 /// (bench/vtk_frames.py): its times in milliseconds.
 class VtkRayCaster {

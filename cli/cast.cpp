@@ -1,6 +1,6 @@
 #include "attenuation.hpp"
-#include "command.hpp"
 #include "map_output.hpp"
+#include "options/command.hpp"
 #include "xraycast/attenuation/materials.hpp"
 #include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/atomic_file.hpp"

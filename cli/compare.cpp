@@ -1,7 +1,7 @@
-#include "command.hpp"
+#include "options/command.hpp"
+#include "options/view_options.hpp"
 #include "pictures/comparison_picture.hpp"
 #include "pictures/plot.hpp"
-#include "view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -67,7 +67,7 @@ struct Similarity {
   double whole_psnr_db;
 };
 
-Json to_json(const Similarity& similarity) {
+Json similarity_json(const Similarity& similarity) {
   return {{"psnr_db", similarity.covered.psnr_db},
           {"ssim", similarity.covered.ssim},
           {"rmse", similarity.covered.rmse},
@@ -207,14 +207,14 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
   double lowest_db = 1e9;
   for (std::size_t i = 0; i < angles_deg.size(); ++i) {
     Json row{{"angle_deg", angles_deg[i]}};
-    row.update(to_json(similarities[i]));
+    row.update(similarity_json(similarities[i]));
     views.push_back(row);
     curve.points.emplace_back(angles_deg[i], plotted.of(similarities[i].covered));
     lowest_db = std::min(lowest_db, similarities[i].covered.psnr_db);
   }
   const Similarity mean = mean_of(similarities);
   return {
-      {{"map", name}, {"mean", to_json(mean)}, {"views", views}},
+      {{"map", name}, {"mean", similarity_json(mean)}, {"views", views}},
       fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
                   "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum; PSNR against the whole scan {:.1f} dB\n",
                   name, pluralize(views.size(), "view"), contents_of(map.geometry), mean.covered.psnr_db,

@@ -1,5 +1,5 @@
-#include "command.hpp"
-#include "view_options.hpp"
+#include "options/command.hpp"
+#include "options/view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/series/ct_series.hpp"

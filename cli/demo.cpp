@@ -1,4 +1,4 @@
-#include "command.hpp"
+#include "options/command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/map_preview.hpp"
@@ -16,6 +16,7 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
@@ -34,6 +35,7 @@
 #include <map>
 #include <memory>
 #include <numbers>
+#include <numeric>
 
 namespace xraycast::cli {
 namespace {
@@ -200,9 +202,14 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(const OutlineFinder& bod
 
 // From the left groin up the aorta into the left renal artery; then contrast agent is injected.
 constexpr const char* kScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n8,375,0\n10.5,375,0\n";
-constexpr double kInjectFrom_s = 8.5, kInjectTo_s = 11;
+constexpr Injection kLongInjection{.from_s = 8.5, .to_s = 11}, kShortInjection{.from_s = 8.5, .to_s = 9.5};
 
-/// A catheter's run by the script, as a cine in both looks, with the loads at the hub.
+double darkness(const std::vector<std::uint8_t>& rgb) {
+  return -std::accumulate(rgb.begin(), rgb.end(), 0.0);
+}
+
+/// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
+/// the hub.
 void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
               Progress& progress) {
   const HeadlessContext context;
@@ -211,8 +218,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
       fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.7},
              bounds_of(map->geometry));
   options.view.centre_mm.z -= 100;  // the abdomen, as narrow as a fluoroscope's field
-  options.inject_from_s = kInjectFrom_s;
-  options.inject_to_s = kInjectTo_s;
+  options.injection = kLongInjection;
   std::vector<std::unique_ptr<CineWriter>> writers;
   std::vector<std::unique_ptr<RunCine>> cines;
   std::map<fs::path, std::vector<std::uint8_t>> last_frames;
@@ -228,6 +234,26 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
                                                 last_frames[name.string() + ".png"] = std::move(rgb);
                                               }));
   }
+  options.style.shading = ShadingMode::fluoro;
+  options.style.window.inverted = false;
+  options.subtracts = true;
+  options.injection = kShortInjection;
+  options.view.pixel_mm *= 0.5;
+  options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
+  Fluoroscope fluoroscope({.c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine}, options.view,
+                          WaterPath(*map));
+  options.measure = [&fluoroscope](const std::vector<float>& tau) {
+    if (fluoroscope.dose().images == 0) fluoroscope.settle(tau);
+    fluoroscope.hold_technique(true);
+    return measured_depths(fluoroscope.expose(tau));
+  };
+  CineWriter& subtracted = *writers.emplace_back(
+      std::make_unique<CineWriter>(report.file("run-dsa.gif"), options.view.width, options.view.height));
+  std::vector<std::uint8_t>& fullest = last_frames[report.file("run-dsa.png")];
+  cines.push_back(std::make_unique<RunCine>(map, tree, options, [&](std::vector<std::uint8_t> rgb) {
+    subtracted.add(rgb);
+    if (fullest.empty() || darkness(rgb) > darkness(fullest)) fullest = std::move(rgb);
+  }));
 
   Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
@@ -248,6 +274,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.picture("run-surface.png", "run-surface.gif: the same run");
   write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
+  report.picture("run-dsa.png", "run-dsa.gif: subtraction angiography, 5 ml of contrast agent");
 }
 
 void run_demo(const std::string& folder, Session& session) {

@@ -1,4 +1,4 @@
-#include "command.hpp"
+#include "options/command.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/opencl/compute_device.hpp"

@@ -1,4 +1,4 @@
-#include "command.hpp"
+#include "options/command.hpp"
 #include "progress_bar.hpp"
 #include "signals.hpp"
 #include "usage_hint.hpp"

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "command.hpp"
+#include "options/command.hpp"
 #include "xraycast/casting/body_map.hpp"
 
 #include <CLI/CLI.hpp>

@@ -1,6 +1,7 @@
 #include "attenuation.hpp"
-#include "command.hpp"
-#include "view_options.hpp"
+#include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
+#include "options/view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
@@ -22,6 +23,7 @@ struct ProjectArguments {
   ViewOptions view;
   GreyOptions grey;
   DicomOptions dicom;
+  FluoroscopeArguments fluoroscope;
 };
 
 bool is_source_within(const View& view, const VolumeGeometry& volume, const BodyOutline& body) {
@@ -31,14 +33,61 @@ bool is_source_within(const View& view, const VolumeGeometry& volume, const Body
          source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
 }
 
+/// A scan's picture, and with a fluoroscope one pulse of it.
+struct ProjectedPicture {
+  View view;
+  double kernel_ms = 0;
+  ProjectionImage drr;
+  std::optional<Fluoroscope> fluoroscope;
+  FluoroscopyFrame frame;
+};
+
+ProjectedPicture project_drr(const SpectralScan& scan, const View& view,
+                             const std::variant<Opacity, Spectrum>& attenuation, Progress& progress) {
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  ProjectedPicture picture;
+  picture.drr = spectrum ? project(scan, view, *spectrum, progress)
+                         // One picture takes less time than finding the constant blocks of the scan.
+                         : project(scan.native, view, std::get<Opacity>(attenuation), progress, {},
+                                   Sampling::everywhere);
+  picture.view = picture.drr.view;
+  picture.kernel_ms = picture.drr.kernel_ms;
+  return picture;
+}
+
+ProjectedPicture project_fluoroscopy(const SpectralScan& scan, const View& view,
+                                     const std::variant<Opacity, Spectrum>& attenuation,
+                                     const FluoroscopyOptions& options, const Session& session,
+                                     Progress& progress) {
+  const auto expose = [&](const auto& rays, const WaterPath& path, double kernel_ms) {
+    ProjectedPicture picture{view, kernel_ms, {}, Fluoroscope(options, view, path), {}};
+    picture.fluoroscope->settle(rays);
+    picture.frame = picture.fluoroscope->expose(rays);
+    return picture;
+  };
+  if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
+    const ProjectedMasses masses = project_masses(scan, view, progress);
+    return expose(masses.g_cm2, WaterPath(*spectrum), masses.kernel_ms);
+  }
+  note_on_energies(session);
+  const auto& opacity = std::get<Opacity>(attenuation);
+  const ProjectionImage drr = project(scan.native, view, opacity, progress, {}, Sampling::everywhere);
+  return expose(std::span(drr.tau), WaterPath(opacity), drr.kernel_ms);
+}
+
 void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
   check_shown(options.grey, options.output);
+  auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
+  if (fluoroscopy) {
+    check_linear_codes(options.dicom);
+    use_spectrum(options.attenuation.opacity, attenuation, *fluoroscopy);
+  }
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
-  View view = parse_view(options.view);
+  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
   check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say(scan.info.warnings);
@@ -62,28 +111,31 @@ void project_scan(const ProjectArguments& options, Session& session) {
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   // A tube's spectrum ends at its voltage.
   if (spectrum) xa.tube_kvp = std::ceil(spectrum->bins().back().energy_kev);
-  const ProjectionImage image =
-      spectrum ? project(resident, view, *spectrum, session.progress)
-               // One picture takes less time than finding the constant blocks of the scan.
-               : project(resident.native, view, std::get<Opacity>(attenuation), session.progress, {},
-                         Sampling::everywhere);
-  write_projection(image, options.output, options.grey.gamma.value_or(1), options.grey.inverted, xa);
+  const ProjectedPicture picture =
+      fluoroscopy ? project_fluoroscopy(resident, view, attenuation, *fluoroscopy, session, session.progress)
+                  : project_drr(resident, view, attenuation, session.progress);
+  if (picture.fluoroscope)
+    write_fluoroscopy(*picture.fluoroscope, picture.frame, view, options.output, options.grey, xa);
+  else
+    write_projection(picture.drr, options.output, options.grey.gamma.value_or(1), options.grey.inverted, xa);
 
   const double total_ms = stopwatch.ms();
-  const View& drawn = image.view;
+  const View& drawn = picture.view;
   Json result{{"input", options.input},
-              {"image", to_json(image.view)},
+              {"image", to_json(drawn)},
               {"timings_ms",
                {{"read", load_timings.read_ms},
                 {"upload", load_timings.upload_ms},
-                {"kernel", image.kernel_ms},
+                {"kernel", picture.kernel_ms},
                 {"total", total_ms}}}};
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
-  session.report(result,
-                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
-                             "{:.0f} ms, total {:.0f} ms\n",
-                             options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
-                             load_timings.read_ms, load_timings.upload_ms, image.kernel_ms, total_ms));
+  if (picture.fluoroscope) result["fluoroscope"] = to_json(*picture.fluoroscope, picture.frame.technique);
+  session.report(
+      result, fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+                          "{:.0f} ms, total {:.0f} ms\n{}",
+                          options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
+                          load_timings.read_ms, load_timings.upload_ms, picture.kernel_ms, total_ms,
+                          picture.fluoroscope ? summary(*picture.fluoroscope, picture.frame.technique) : ""));
 }
 
 }  // namespace
@@ -94,20 +146,23 @@ void add_project(CLI::App& app, Session& session) {
       app, session, "project", "Draw the DRR of a scan, its true projection",
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480\n"
-      "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1",
+      "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1\n"
+      "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low",
       [options, &session] { project_scan(*options, session); });
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   command
-      ->add_option(
-          "-o,--output", options->output,
-          ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA image; .png the displayed picture")
+      ->add_option("-o,--output", options->output,
+                   ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; "
+                   ".dcm a DICOM XA "
+                   "image; .png the displayed picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
   add_attenuation_options(*command, options->attenuation);
+  add_fluoroscope_options(*command, options->fluoroscope);
   add_scan_options(*command, options->scan);
 }
 

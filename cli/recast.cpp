@@ -1,7 +1,7 @@
 #include "xraycast/casting/recast.hpp"
 
-#include "command.hpp"
 #include "map_output.hpp"
+#include "options/command.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"

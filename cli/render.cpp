@@ -1,6 +1,7 @@
-#include "command.hpp"
-#include "scene_options.hpp"
-#include "view_options.hpp"
+#include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
+#include "options/scene_options.hpp"
+#include "options/view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -13,6 +14,7 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -44,6 +46,9 @@ struct RenderArguments {
   ViewOptions view;
   GreyOptions grey;
   DicomOptions dicom;
+  FluoroscopeArguments fluoroscope;
+
+  bool subtracts() const { return look == "dsa"; }
 };
 
 void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
@@ -59,15 +64,19 @@ void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
 }
 
 void apply_style(const RenderArguments& options, Style& style) {
-  if (options.look) style.shading = parse_shading_mode(*options.look);
+  if (options.subtracts())
+    style.shading = ShadingMode::fluoro;
+  else if (options.look)
+    style.shading = parse_shading_mode(*options.look);
   apply_sampling(options, style.sampling);
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
     style.layer_weights.assign(weights.begin(), weights.end());
   }
   if (options.full_contrast) {
-    if (style.shading != ShadingMode::fluoro)
-      throw InputError("--full-contrast does not apply to --look surface; leave it out");
+    if (style.shading != ShadingMode::fluoro || options.subtracts())
+      throw InputError("--full-contrast does not apply to --look {}; leave it out",
+                       options.subtracts() ? "dsa" : "surface");
     style.full_contrast = true;
   }
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
@@ -84,6 +93,8 @@ ViewSession resolve(const RenderArguments& options) {
   apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
+  if (options.subtracts() && (scene.vessels.empty() || scene.steered))
+    throw InputError("--look dsa: there are no vessels with contrast agent; give --vessels too");
   return scene;
 }
 
@@ -136,12 +147,20 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
   return surfaces;
 }
 
-/// The session's camera, unless a pixel size is given; without a session, the whole body.
-View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
+/// The session's camera, unless a pixel size is given; a C-arm keeps its pose, and has its own detector.
+/// Without a session, the whole body.
+View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds,
+                  const std::optional<FluoroscopyOptions>& fluoroscopy) {
   View view = parse_view(options.view);
-  if (!options.session.empty() && options.view.pixel_mm == 0) {
+  const bool has_pose = !options.session.empty() && view.pixel_mm == 0;
+  view = on_c_arm(options.fluoroscope, fluoroscopy, view);
+  if (has_pose) {
     if (view.width == 0) view.width = 640, view.height = 480;
-    return view_of(scene.camera, bounds, view.width, view.height);
+    View seen = view_of(scene.camera, bounds, view.width, view.height);
+    if (options.fluoroscope.c_arm.empty()) return seen;
+    seen.cone = view.cone;
+    seen.pixel_mm = view.pixel_mm;
+    return seen;
   }
   view.centre_mm = bounds.centre_mm;
   return fitted(view, bounds);
@@ -151,19 +170,42 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
 class FrameRenderer {
  public:
   FrameRenderer(const ViewSession& scene, const std::shared_ptr<const BodyMap>& map, const BodyBounds& bounds,
-                std::span<const Surface> surfaces, bool with_annotations)
-      : scene_(scene), bounds_(bounds), with_annotations_(with_annotations) {
+                std::vector<Surface> surfaces, const RenderArguments& options)
+      : scene_(scene),
+        bounds_(bounds),
+        surfaces_(std::move(surfaces)),
+        grey_(options.grey),
+        subtracts_(options.subtracts()),
+        with_annotations_(options.annotations) {
     renderer_.set_map(map);
-    renderer_.set_surfaces(surfaces);
+    renderer_.set_surfaces(surfaces_);
     if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
       road_map_.emplace(read_tree(scene.vessels));
   }
 
-  /// The displayed picture: in the session's grey window, or in an automatic one for the view.
+  /// From now on frames are the fluoroscope's pulses. Its exposure control has settled on the first view.
+  void use(const FluoroscopyOptions& options, const View& first, const BodyMap& map) {
+    fluoroscope_.emplace(options, first, WaterPath(map));
+    fluoroscope_->settle(renderer_.tau(first, scene_.style));
+    fluoroscope_->hold_technique(subtracts_);
+  }
+
+  /// A fluoroscope's next pulse.
+  const FluoroscopyFrame& pulse(const View& view) {
+    const FluoroscopyFrame& frame = fluoroscope_->expose(renderer_.tau(view, scene_.style));
+    technique_ = frame.technique;
+    return frame;
+  }
+  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  bool subtracts() const { return subtracts_; }
+  const Technique& technique() const { return technique_; }  ///< of the last pulse
+
+  /// The displayed picture: a fluoroscope's, or in the session's grey window, or in an automatic one for the
+  /// view.
   std::vector<std::uint8_t> picture(const View& view) {
-    Style style = scene_.style;
-    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
-    std::vector<std::uint8_t> rgb = renderer_.picture(view, style);
+    std::vector<std::uint8_t> rgb = subtracts_     ? subtracted_picture(view)
+                                    : fluoroscope_ ? rgb_of(displayed(pulse(view), grey_))
+                                                   : grey_picture(view);
     const glm::dvec3 half(0, 0, bounds_.half_height_mm);
     if (with_annotations_)
       draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
@@ -172,21 +214,60 @@ class FrameRenderer {
     return rgb;
   }
 
-  std::vector<float> tau(const View& view) { return renderer_.tau(view, scene_.style); }
+  /// Optical depths, or their differences from those without the vessels.
+  std::vector<float> tau(const View& view) {
+    std::vector<float> tau = measured_tau(view);
+    if (!subtracts_) return tau;
+    renderer_.set_surfaces(std::span(surfaces_).subspan(1));  // the first are the vessels
+    Subtraction subtraction(view.width, view.height);
+    subtraction.add_to_mask(measured_tau(view));
+    subtraction.subtract(tau, tau);
+    renderer_.set_surfaces(surfaces_);
+    return tau;
+  }
   std::size_t texture_B() const { return renderer_.texture_B(); }
 
  private:
+  std::vector<std::uint8_t> grey_picture(const View& view) {
+    Style style = scene_.style;
+    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
+    return renderer_.picture(view, style);
+  }
+  /// All frames have the window of the first.
+  std::vector<std::uint8_t> subtracted_picture(const View& view) {
+    const std::vector<float> difference = tau(view);
+    if (!window_) window_ = automatic_subtraction_window(difference);
+    return subtraction_picture(difference, *window_);
+  }
+
+  /// With a fluoroscope the optical depths that its detector measures.
+  std::vector<float> measured_tau(const View& view) {
+    return fluoroscope_ ? measured_depths(pulse(view)) : renderer_.tau(view, scene_.style);
+  }
+
   const ViewSession& scene_;
   BodyBounds bounds_;
-  bool with_annotations_;
+  std::vector<Surface> surfaces_;
+  GreyOptions grey_;
+  bool subtracts_, with_annotations_;
+  std::optional<SubtractionWindow> window_;
   HeadlessContext context_;
   Renderer renderer_;
   std::optional<RoadMap> road_map_;
+  std::optional<Fluoroscope> fluoroscope_;
+  Technique technique_;
 };
+
+View turned(View view, double angle_deg) {
+  view.angle_rad = angle_deg * kRadians;
+  return view;
+}
 
 void write_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
                 const std::string& output, Progress& progress) {
-  CineWriter writer(output, view.width, view.height);
+  const auto& fluoroscope = frames.fluoroscope();
+  CineWriter writer(output, view.width, view.height,
+                    fluoroscope ? 1 / fluoroscope->options().pulses_per_s : CineWriter::kUsualFrame_s);
   progress.begin("drawing", static_cast<std::int64_t>(angles_deg.size()), "frames");
   for (const double angle_deg : angles_deg) {
     view.angle_rad = angle_deg * kRadians;
@@ -197,38 +278,65 @@ void write_cine(FrameRenderer& frames, View view, std::span<const double> angles
 }
 
 void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
-                   const std::string& output, const XaOptions& options, Progress& progress) {
+                   const std::string& output, XaOptions options, Progress& progress) {
+  const auto& fluoroscope = frames.fluoroscope();
+  const bool has_codes = fluoroscope && !frames.subtracts();
+  if (has_codes) {
+    options.code_bits = fluoroscope->bits();
+    options.frame_time_ms = 1000 / fluoroscope->options().pulses_per_s;
+  }
   XaWriter writer(output, view, std::ssize(angles_deg), options);
   progress.begin("drawing", std::ssize(angles_deg), "frames");
   for (const double angle_deg : angles_deg) {
     view.angle_rad = angle_deg * kRadians;
-    writer.add(view, frames.tau(view));
+    if (has_codes)
+      writer.add_codes(view, frames.pulse(view).codes);
+    else
+      writer.add(view, frames.tau(view));
     progress.advance();
   }
+  if (fluoroscope)
+    if (const auto exposure = exposure_of(*fluoroscope, frames.technique())) writer.set_exposure(*exposure);
   writer.finish();
 }
 
 void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa) {
   if (is_picture(output))
     write_png(frames.picture(view), view.width, view.height, 3, output);
+  else if (frames.fluoroscope() && !frames.subtracts())
+    write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
   else
     write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
 }
 
+/// Throws InputError for options that do not apply to a fluoroscope's picture.
+void check_fluoroscopy(const RenderArguments& options, const Style& style) {
+  check_linear_codes(options.dicom);
+  if (style.shading != ShadingMode::fluoro)
+    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
+  if (options.full_contrast)
+    throw InputError("--full-contrast does not apply to a fluoroscope's picture; leave it out");
+}
+
 void render(const RenderArguments& options, Session& session) {
+  const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
   const ViewSession scene = resolve(options);
+  if (fluoroscopy) check_fluoroscopy(options, scene.style);
   const auto map = load_map(scene, session);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const BodyBounds bounds = bounds_of(map->geometry);
-  const std::vector<Surface> surfaces = read_surfaces(scene, bounds, session);
-  const View view = resolve_view(options, scene, bounds);
+  const View view = resolve_view(options, scene, bounds, fluoroscopy);
 
   check_dicom(view, xa, options.output, session);
-  FrameRenderer frames(scene, map, bounds, surfaces, options.annotations);
+  FrameRenderer frames(scene, map, bounds, read_surfaces(scene, bounds, session), options);
+  if (fluoroscopy) {
+    if (!map->spectrum) note_on_energies(session);
+    frames.use(*fluoroscopy, cine_deg.empty() ? view : turned(view, cine_deg.front()), *map);
+  }
   const Stopwatch stopwatch;
   if (cine_deg.empty())
     write_frame(frames, view, options.output, xa);
@@ -244,6 +352,11 @@ void render(const RenderArguments& options, Session& session) {
               {"texture_B", frames.texture_B()},
               {"frames", std::max<std::size_t>(1, cine_deg.size())}};
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
+  std::string dose;
+  if (const auto& fluoroscope = frames.fluoroscope()) {
+    result["fluoroscope"] = to_json(*fluoroscope, frames.technique());
+    dose = summary(*fluoroscope, frames.technique());
+  }
   std::string angles = label(view);
   if (!cine_deg.empty()) {
     result["image"].erase("angle_deg");
@@ -252,9 +365,9 @@ void render(const RenderArguments& options, Session& session) {
                          cine_deg.back());
   }
   session.report(result,
-                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n",
+                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n{}",
                              options.output, angles, view.width, view.height, view.pixel_mm,
-                             static_cast<double>(frames.texture_B()) / 1e6, draw_ms));
+                             static_cast<double>(frames.texture_B()) / 1e6, draw_ms, dose));
 }
 
 }  // namespace
@@ -265,24 +378,29 @@ void add_render(CLI::App& app, Session& session) {
       app, session, "render", "Render a frame or a cine of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
+      "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
       "  xraycast render map.exr -o frames --cine 0:360:5\n"
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
+      "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
       "  xraycast render --session operation.json -o frame.png",
       [options, &session] { render(*options, session); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
-      ->add_option("-o,--output", options->output,
-                   ".exr, .tif and .nrrd hold float optical depths; .dcm a DICOM XA image; .png the "
-                   "displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
+      ->add_option(
+          "-o,--output", options->output,
+          ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; .dcm a "
+          "DICOM XA image; .png the displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);
   add_scene_options(*command, options->scene);
   command
-      ->add_option("--look", options->look,
-                   "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
-                   "opaque, and a float file holds the optical depth in front of them")
-      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->add_option(
+          "--look", options->look,
+          "fluoro (default): vessels and catheter attenuate X-rays; surface: they are shaded and "
+          "opaque, and a float file holds the optical depth in front of them; dsa: vessels alone, as "
+          "the difference from the picture without them, with the iodine of --contrast")
+      ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->type_name("NAME");
   command
       ->add_option("--compositing", options->compositing,
@@ -303,6 +421,7 @@ void add_render(CLI::App& app, Session& session) {
   command->add_option("--strengths", options->layer_weights, kWeights)->group(kOldSpelling);
   add_grey_options(*command, options->grey);
   add_dicom_options(*command, options->dicom);
+  add_fluoroscope_options(*command, options->fluoroscope);
   command->add_flag(
       "--full-contrast", options->full_contrast,
       "fluoro: vessels and catheter keep full contrast where the grey window compresses the body's");

@@ -1,6 +1,6 @@
 #include "xraycast/segmentation/segment.hpp"
 
-#include "command.hpp"
+#include "options/command.hpp"
 #include "pictures/step_pictures.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/attenuation/materials.hpp"

@@ -1,9 +1,11 @@
-#include "catheter_options.hpp"
-#include "command.hpp"
+#include "options/angiography_options.hpp"
+#include "options/catheter_options.hpp"
+#include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
+#include "options/view_options.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
 #include "pictures/run_report.hpp"
-#include "view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -31,19 +33,13 @@ namespace fs = std::filesystem;
 struct SimulateArguments {
   std::string tree, script, log, plot, entry;
   std::vector<std::string> instrument_models;
-  std::string map, cine, look = "fluoro", inject;
+  std::string map, cine, look = "fluoro";
+  InjectionOptions injection;
+  SubtractionOptions subtraction;
   ViewOptions view;
   DicomOptions dicom;
+  FluoroscopeArguments fluoroscope;
 };
-
-/// FROM,TO in seconds. Throws InputError.
-std::pair<double, double> parse_injection(const std::string& text) {
-  if (text.empty()) return {0, 0};
-  const std::vector<double> times_s = parse_numbers(text, "--inject");
-  if (times_s.size() != 2 || !(0 <= times_s[0] && times_s[0] < times_s[1]))
-    throw InputError("--inject {}: must be FROM,TO in seconds", text);
-  return {times_s[0], times_s[1]};
-}
 
 /// Throws InputError for what is no patient, or applies to no DICOM file.
 XaOptions parse_xa(const SimulateArguments& options) {
@@ -56,16 +52,28 @@ class Cine {
   Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     RunCine::Options cine;
-    cine.view = parse_view(options.view);
+    const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
+    cine.view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
     cine.view.centre_mm = bounds.centre_mm;
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.style.shading = parse_shading_mode(options.look);
+    cine.subtracts = subtracts_ = options.look == "dsa";
+    cine.style.shading = cine.subtracts ? ShadingMode::fluoro : parse_shading_mode(options.look);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
-    std::tie(cine.inject_from_s, cine.inject_to_s) = parse_injection(options.inject);
+    cine.injection = parse_injection(options.injection);
+    cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
+    cine.mask_shift = parse_mask_shift(options.subtraction);
+    cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
+    if (fluoroscopy) {
+      if (!map->spectrum) note_on_energies(session);
+      fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
+      cine.step_s = 1 / fluoroscopy->pulses_per_s;
+      if (cine.subtracts)
+        cine.measure = [this](const std::vector<float>& tau) { return measured_depths(pulse(tau)); };
+    }
     if (is_xa(options.cine))
       start_xa(options, map, tree, cine, longest_s, session);
     else
@@ -77,16 +85,29 @@ class Cine {
   }
   void finish() {
     if (writer_) writer_->finish();
-    if (xa_) xa_->finish();
+    if (!xa_) return;
+    if (fluoroscope_)
+      if (const auto exposure = exposure_of(*fluoroscope_, technique_)) xa_->set_exposure(*exposure);
+    xa_->set_mask_frames(run_->mask_frames());
+    xa_->finish();
   }
+  double withheld_ml() const { return run_->withheld_ml(); }
+  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
+  const Technique& technique() const { return technique_; }  ///< of the last pulse
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
 
  private:
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
-    writer_.emplace(options.cine, cine.view.width, cine.view.height);
-    run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
+    writer_.emplace(options.cine, cine.view.width, cine.view.height,
+                    fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
+    if (fluoroscope_ && !cine.subtracts)
+      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
+        writer_->add(rgb_of(displayed(pulse(tau), {})));
+      });
+    else
+      run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
 
   void start_xa(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
@@ -97,10 +118,27 @@ class Cine {
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, session);
+    if (fluoroscope_) xa.code_bits = fluoroscope_->bits();
     const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
     xa_.emplace(options.cine, cine.view, most_frames, xa);
-    run_.emplace(map, tree, cine,
-                 [this, view = cine.view](const std::vector<float>& tau) { xa_->add(view, tau); });
+    run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
+      if (fluoroscope_)
+        xa_->add_codes(view, pulse(tau).codes);
+      else
+        xa_->add(view, tau);
+    });
+  }
+
+  /// The next pulse; before the first one the exposure control settles.
+  const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
+    if (fluoroscope_->dose().pulses == 0) {
+      fluoroscope_->settle(tau);
+      // Subtraction needs frames that are exposed as their mask is.
+      fluoroscope_->hold_technique(subtracts_);
+    }
+    const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
+    technique_ = frame.technique;
+    return frame;
   }
 
   HeadlessContext context_;
@@ -108,14 +146,31 @@ class Cine {
   std::optional<XaWriter> xa_;
   std::string frame_of_reference_;
   std::optional<RunCine> run_;
+  std::optional<Fluoroscope> fluoroscope_;
+  Technique technique_;
+  bool subtracts_ = false;
 };
 
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
-  if (options.cine.empty()) return;
+  const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
+  if (options.cine.empty()) {
+    if (is_fluoroscopy)
+      throw InputError("a fluoroscope's options draw a run's pictures; add --cine and --map");
+    return;
+  }
+  if (is_fluoroscopy) check_linear_codes(options.dicom);
+  if (is_fluoroscopy && options.look == "surface")
+    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
-  parse_injection(options.inject);
+  const Injection injection = parse_injection(options.injection);
+  const bool subtracts = options.look == "dsa";
+  if (subtracts && injection.volume_ml() == 0)
+    throw InputError("--look dsa: there is no contrast agent to show; add --inject FROM_S,TO_S");
+  parse_heart_rate(options.injection);
+  parse_mask_shift(options.subtraction);
+  check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_folder(options.cine, options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");
@@ -125,6 +180,13 @@ Json json_of(const CatheterTip& tip) {
   return {{"branch", tip.branch},
           {"arc_length_mm", tip.arc_length_mm},
           {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
+}
+
+void check_injection_begins(const SimulateArguments& options, const Script& script) {
+  const double end_s = script.rows().back().time_s;
+  if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
+    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier",
+                     options.injection.times, options.script, end_s);
 }
 
 /// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
@@ -167,6 +229,16 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
   }
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
+  if (cine && cine->fluoroscope()) {
+    result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
+    pictures = summary(*cine->fluoroscope(), cine->technique());
+  }
+  if (cine && cine->withheld_ml() > 0)
+    pictures += fmt::format(
+        "{:.1f} ml of contrast agent were not injected: devices lay in the lumens; draw the inner one back "
+        "to "
+        "0 before\n",
+        cine->withheld_ml());
   for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
@@ -186,6 +258,7 @@ void simulate(const SimulateArguments& options, Session& session) {
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
   check_devices(models);
   const Script script = Script::read(options.script, models.size());
+  check_injection_begins(options, script);
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
   if (models.size() == 1) {
@@ -210,12 +283,12 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --cine run.gif --inject 8,9 --size 480x640\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
       "    --cine run.dcm --inject 8,9 --cone 780,1200 --patient Phantom,1\n"
-      "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j --script both.csv "
-      "\\\n"
-      "    -o log.csv\n"
-      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a "
-      "second\n"
-      "device also insertion_2_mm,rotation_2_deg. All insertions are counted from the introducer.",
+      "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
+      "    --cine dsa.gif --look dsa --inject 8 --injection-rate 6 --injection-volume 12 --iodine 300\n"
+      "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j \\\n"
+      "    --script both.csv -o log.csv\n"
+      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
+      "second device also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
@@ -232,21 +305,24 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
-      ->add_option("--cine", options->cine,
-                   "Frames of the run, ten per second: a folder of PNGs, a .gif, or a .dcm (DICOM XA)")
+      ->add_option(
+          "--cine", options->cine,
+          "Frames of the run, ten per second, or a fluoroscope's pulses: a folder of PNGs, a .gif, or a .dcm "
+          "(DICOM XA)")
       ->type_name("DIR|GIF|DCM");
   command
-      ->add_option("--look", options->look,
-                   "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface)")
-      ->check(CLI::IsMember({"fluoro", "surface"}))
+      ->add_option(
+          "--look", options->look,
+          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
+          "since the mask, the frames of half a second before --inject, with which it begins")
+      ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command
-      ->add_option("--inject", options->inject,
-                   "--cine: inject contrast agent at the tip at 5 ml/s between these times")
-      ->type_name("FROM_S,TO_S");
+  add_injection_options(*command, options->injection);
+  add_subtraction_options(*command, options->subtraction);
   add_view_options(*command, options->view);
   add_dicom_options(*command, options->dicom);
+  add_fluoroscope_options(*command, options->fluoroscope);
 }
 
 }  // namespace xraycast::cli

@@ -1,6 +1,6 @@
 #include "xraycast/segmentation/vesselness.hpp"
 
-#include "command.hpp"
+#include "options/command.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"

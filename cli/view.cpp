@@ -1,6 +1,7 @@
-#include "catheter_options.hpp"
-#include "command.hpp"
-#include "scene_options.hpp"
+#include "options/catheter_options.hpp"
+#include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
+#include "options/scene_options.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/haptics/listen_address.hpp"
 #include "xraycast/window/viewer_window.hpp"
@@ -17,6 +18,7 @@ struct ViewArguments {
   bool simulate = false;
   std::string entry;
   Intervention::Options simulation;
+  FluoroscopeArguments fluoroscope;
 };
 
 ViewSession resolve(const ViewArguments& options) {
@@ -58,7 +60,7 @@ void view(const ViewArguments& options, const Session& session) {
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
-  run_viewer(scene, session.device, session.progress, simulation);
+  run_viewer(scene, session.device, session.progress, simulation, parse_fluoroscope(options.fluoroscope));
   session.progress.check();  // a signal closed it
 }
 
@@ -66,13 +68,14 @@ void view(const ViewArguments& options, const Session& session) {
 
 void add_view(CLI::App& app, Session& session) {
   const auto options = std::make_shared<ViewArguments>();
-  CLI::App* command =
-      add_command(app, session, "view", "Open the interactive viewer",
-                  "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
-                  "  xraycast view --scan scans/chest/\n"
-                  "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
-                  "  xraycast view --session operation.json",
-                  [options, &session] { view(*options, session); });
+  CLI::App* command = add_command(
+      app, session, "view", "Open the interactive viewer",
+      "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
+      "  xraycast view --scan scans/chest/\n"
+      "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
+      "  xraycast view map.exr --vessels vessels --simulate --c-arm mobile-flat-panel --dose low\n"
+      "  xraycast view --session operation.json",
+      [options, &session] { view(*options, session); });
   command->add_option("MAP", options->map, "The body map; without it, the scan is cast in 16 layers")
       ->type_name("MAP.exr");
   command->add_option("--scan", options->scan, "The scan, for true projections beside the map")
@@ -93,6 +96,7 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("ADDRESS:PORT");
   command->add_option("--script", simulation.script, "A script that moves the hub (see `xraycast simulate`)")
       ->type_name("CSV");
+  add_fluoroscope_options(*command, options->fluoroscope);
   command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
       ->type_name("FILE");
 }

@@ -171,8 +171,8 @@ static inline float16 pick_voxels(SCAN voxels, const long16 offsets) {
   return convert_float16(vload16(0, hu));
 }
 
-/* Prefetches what the rays need of a plane ahead, where they are so far apart that other rays hardly share it:
- * two columns of every brick between the first and the last. */
+/* Prefetches what the rays need of a plane ahead, where they are so far apart that other rays hardly share
+ * it: two columns of every brick between the first and the last. */
 static inline void prefetch_plane(SCAN voxels, const Rays* rays, const int k) {
   if (k < 0 || k > rays->last_k) return;
   const float at = (float)k;

@@ -192,6 +192,7 @@ void add_body(nb::module_& module) {
           "tau", map_tau, kShared,
           "Optical depth of each shell, (layers, rows, angles) float32, the innermost layer and the most "
           "superior row first, angle 0 anterior and growing towards the patient's left; no copy, read-only.")
+      .def("__reduce__", [](nb::handle self) { return reduced("body_map", self); })
       .def_prop_ro(
           "radii_mm", [](const HeldBody& b) { return b.map->geometry.radii_mm; },
           "The shells' edges, innermost first, mm; layers + 1 of them.")

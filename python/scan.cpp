@@ -37,6 +37,13 @@ HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object
   return held;
 }
 
+ScanInfo info_of(std::string format) {
+  ScanInfo info;
+  info.format = std::move(format);
+  info.modality = "CT";
+  return info;
+}
+
 HeldScan made_phantom(const std::string& name, PhantomOptions options, const nb::object& size,
                       const nb::object& progress) {
   if (!size.is_none()) {
@@ -49,10 +56,7 @@ HeldScan made_phantom(const std::string& name, PhantomOptions options, const nb:
   return result_of(progress, [&](Progress& reported) {
     const Phantom phantom = make_phantom(name, options);
     const DeviceUse device;
-    ScanInfo info;
-    info.format = "phantom";
-    info.modality = "CT";
-    return HeldScan(generate(phantom, *device, reported), info, "phantom " + name);
+    return HeldScan(generate(phantom, *device, reported), info_of("phantom"), "phantom " + name);
   });
 }
 
@@ -99,6 +103,18 @@ std::array<glm::dvec3, 3> axes_of(const nb::object& direction) {
   return axes;
 }
 
+/// A volume that shares the array.
+Volume volume_over(const nb::object& array, const VolumeGeometry& geometry) {
+  // Nobody writes into a volume that is held.
+  auto* const data = const_cast<std::int16_t*>(nb::cast<HuArray>(array).data());
+  const auto keeper = std::make_shared<nb::object>(array);
+  const auto release = [keeper](std::int16_t*) {
+    const nb::gil_scoped_acquire held;
+    keeper->reset();
+  };
+  return {geometry, data, release, "hu"};
+}
+
 HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::object& origin,
                     const nb::object& direction, const nb::object& progress) {
   const glm::dvec3 spacing_mm = point_of(spacing, "spacing_mm"), origin_mm = point_of(origin, "origin_mm");
@@ -111,19 +127,7 @@ HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::o
   geometry.size = Index3(voxels.shape(2), voxels.shape(1), voxels.shape(0));
   geometry.spacing_mm = spacing_mm;
   geometry.origin_mm = origin_mm;
-  ScanInfo info;
-  info.format = "array";
-  info.modality = "CT";
-  if (axes == axes_of(nb::none())) {
-    // Nobody writes into a volume that is held.
-    auto* const data = const_cast<std::int16_t*>(voxels.data());
-    const auto keeper = std::make_shared<nb::object>(array);
-    const auto release = [keeper](std::int16_t*) {
-      const nb::gil_scoped_acquire held;
-      keeper->reset();
-    };
-    return {Volume(geometry, data, release, "hu"), info, "array"};
-  }
+  if (axes == axes_of(nb::none())) return {volume_over(array, geometry), info_of("array"), "array"};
   validate(geometry, "hu");
   return result_of(progress, [&](Progress& reported) {
     const std::span<const std::int16_t> all(voxels.data(), voxels.size());
@@ -131,6 +135,18 @@ HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::o
                                             axes[2] * spacing_mm.z};
     return collected(open_array(all, geometry.size, step_mm, origin_mm, "hu"), "hu", reported);
   });
+}
+
+/// A scan that was pickled with its voxels: those, and what it told of itself.
+HeldScan unpickled(const nb::object& hu, const nb::object& spacing, const nb::object& origin,
+                   const std::string& source, const std::string& format,
+                   const std::vector<std::string>& notes, const std::vector<std::string>& warnings) {
+  HeldScan scan = from_array(hu, spacing, origin, nb::none(), nb::none());
+  ScanInfo info = info_of(format);
+  info.notes = notes;
+  info.warnings = warnings;
+  scan.describe(std::move(info), source);
+  return scan;
 }
 
 auto hu_of(const HeldScan& scan) {
@@ -235,6 +251,14 @@ void add_scan(nb::module_& module) {
       .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
       .def_prop_ro("_file", file_of)
+      .def_prop_ro("_description",
+                   [](const HeldScan& s) {
+                     return nb::make_tuple(text_object(s.source()), text_object(s.info().format));
+                   })
+      .def_static("_of_array", unpickled)
+      // Nothing of a scan can be changed.
+      .def("__copy__", [](const nb::object& self) { return self; })
+      .def("__deepcopy__", [](const nb::object& self, nb::handle) { return self; })
       .def("__reduce__", [](nb::handle self) { return reduced("scan", self); })
       .def("__repr__", scan_description);
   add_projection(scan);

@@ -34,6 +34,10 @@ class HeldScan {
   glm::dvec3 middle_mm() const { return 0.5 * (geometry().lower_mm() + geometry().upper_mm()); }
   const ScanInfo& info() const { return info_; }
   const std::string& source() const { return source_; }  ///< for messages and in files
+  void describe(ScanInfo info, std::string source) {
+    info_ = std::move(info);
+    source_ = std::move(source);
+  }
 
   /// For pickles; none for a scan that was not read from a file.
   const std::optional<ScanFile>& file() const { return file_; }

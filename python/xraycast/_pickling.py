@@ -1,27 +1,31 @@
 """What pickles of objects hold: functions that make them again, and these functions' arguments."""
+import os
+import tempfile
 import warnings
+import zlib
 
 from . import _core
 from ._errors import InputError
 
 
 def scan(self):
-    """A scan by its file where it was read from one, else with its voxels."""
+    """A scan by its file and a checksum where it was read from one, else with its voxels."""
     if self._file:
-        return open_again, (self._file, self.hu.shape, self.spacing_mm, self.origin_mm)
-    return of_array, (self.hu, self.spacing_mm, self.origin_mm)
+        return open_again, (self._file, self.hu.shape, self.spacing_mm, self.origin_mm, zlib.crc32(self.hu))
+    return of_array, (self.hu, self.spacing_mm, self.origin_mm, *self._description, self.notes, self.warnings)
 
 
-def of_array(hu, spacing_mm, origin_mm):
-    return _core.Scan.from_array(hu, spacing_mm, origin_mm)
+def of_array(hu, spacing_mm, origin_mm, *description):
+    return _core.Scan._of_array(hu, spacing_mm, origin_mm, *description)
 
 
-def open_again(file, shape, spacing_mm, origin_mm):
+def open_again(file, shape, spacing_mm, origin_mm, checksum):
     path, series, keep_slices, skip_damaged = file
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they were given when it was first read
         found = _core.open(path, series=series, keep_slices=keep_slices, skip_damaged=skip_damaged)
-    if (found.hu.shape, found.spacing_mm, found.origin_mm) != (shape, spacing_mm, origin_mm):
+    is_same_grid = (found.hu.shape, found.spacing_mm, found.origin_mm) == (shape, spacing_mm, origin_mm)
+    if not is_same_grid or zlib.crc32(found.hu) != checksum:
         raise InputError(f"{path}: is not the scan that was pickled; pickle it again")
     return found
 
@@ -32,3 +36,20 @@ def opacity(self):
 
 def tree(self):
     return _core.VesselTree, ([(self[i].points, self[i].parent) for i in range(len(self))],)
+
+
+def body_map(self):
+    """By the bytes of its file."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "map.exr")
+        self.write(path)
+        with open(path, "rb") as file:
+            return map_of, (file.read(),)
+
+
+def map_of(bytes_):
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, "map.exr")
+        with open(path, "wb") as file:
+            file.write(bytes_)
+        return _core.BodyMap.read(path)

@@ -1,8 +1,10 @@
 """A Gymnasium environment: steer a catheter to a target in a vessel tree."""
+import numbers
+
 import numpy as np
 
 from . import Catheter, InputError, VesselTree
-from ._pictures import CATHETER_PER_MM, catheter_thickness, grey_range, greys
+from ._pictures import CATHETER_PER_MM, CATHETER_RADIUS_MM, catheter_thickness, grey_range, greys, project_points
 
 try:
     import gymnasium
@@ -11,6 +13,9 @@ except ImportError as error:
 
 AHEAD, AHEAD_MM = 8, 5.0  # points of the way ahead, and how far apart
 CONE_MM = (1000, 1500)
+VIEW = {"lao": 0.0, "cranial": 0.0, "size": (128, 128), "pixel_mm": None, "centre_mm": None}
+LEAST_LEVELS = 24  # of grey, between the catheter and what is beside it, in pixels that are wider than it
+MARGIN = 1.1  # of the field about the tree
 
 
 class _Tree:
@@ -47,18 +52,52 @@ class _Tree:
         return np.vstack([[here], *parts])
 
 
-class _Fluoroscope:
-    """A C-arm that stays where it is: its picture of the body, to which the catheter is added."""
+def _checked_view(body, view):
+    """Throws InputError."""
+    if body is None:
+        for name, value in view.items():
+            if not np.array_equal(value, VIEW[name]):
+                raise InputError(f"{name}: is of the frames; give a body too, or leave it out")
+        return view
+    if not hasattr(body, "render") and not hasattr(body, "project"):
+        raise InputError(f"body: must be a BodyMap or a Scan, not {type(body).__name__}")
+    for name in ("lao", "cranial"):
+        if not isinstance(view[name], numbers.Real) or not np.isfinite(view[name]):
+            raise InputError(f"{name}: must be one angle in degrees; the C-arm stays where it is")
+    return view
 
-    def __init__(self, body, **pose):
+
+class _Fluoroscope:
+    """A C-arm that stays where it is: its picture of the body, to which the catheter is added. Its field is fitted to the
+    points of a tree where it is not given."""
+
+    def __init__(self, body, points_mm, *, pixel_mm, centre_mm, **view):
         draw = body.render if hasattr(body, "render") else body.project
-        frame = draw(cone_mm=CONE_MM, **pose)
+        if centre_mm is None:
+            centre_mm = tuple((points_mm.min(0) + points_mm.max(0)) / 2)
+        if pixel_mm is None:
+            probe = draw(cone_mm=CONE_MM, pixel_mm=1, centre_mm=centre_mm, **view)
+            reach = np.abs(project_points(points_mm, probe.K, probe.RT)[:, :2] - probe.K[:2, 2]).max(0)
+            pixel_mm = float(MARGIN * max(2 * reach / probe.shape[::-1]))
+        frame = draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view)
         self.tau, self.K, self.RT = np.array(frame.tau), np.array(frame.K), np.array(frame.RT)
-        self.limits = grey_range(self.tau)
+        self._set_greys(pixel_mm * CONE_MM[0] / CONE_MM[1])
+
+    def _set_greys(self, mm_per_pixel):
+        """The depth of a catheter, and limits that leave room for it in the darkest part."""
+        low, high = grey_range(self.tau)
+        chord_mm = 2 * CATHETER_RADIUS_MM**2 / max(CATHETER_RADIUS_MM, mm_per_pixel)
+        self.per_mm = max(CATHETER_PER_MM, LEAST_LEVELS / 255 * (high - low) / chord_mm)
+        self.limits = low, high + self.per_mm * chord_mm
+
+    def sees(self, point_mm):
+        column, row, depth_mm = project_points(np.array([point_mm]), self.K, self.RT)[0]
+        rows, columns = self.tau.shape
+        return depth_mm > 0 and 0 <= column < columns and 0 <= row < rows
 
     def picture(self, nodes_mm):
         thickness_mm = catheter_thickness(nodes_mm, self.K, self.RT, self.tau.shape)
-        return greys(self.tau + CATHETER_PER_MM * thickness_mm, self.limits)
+        return greys(self.tau + self.per_mm * thickness_mm, self.limits)
 
     def road_map(self, way_mm):
         return np.where(catheter_thickness(way_mm, self.K, self.RT, self.tau.shape) > 0, np.uint8(255), np.uint8(0))
@@ -72,7 +111,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in it.
     max_steps: after so many an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as of its render or
-    project; pixels wider than the catheter hardly show it.
+    project, but that the field is fitted to the tree. In pixels wider than the catheter this is drawn darker than it would be.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
     Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
@@ -94,6 +133,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         gymnasium.utils.EzPickle.__init__(self, tree, model, target, entry=entry, ms=ms, max_push_mm=max_push_mm,
                                           max_turn_deg=max_turn_deg, max_steps=max_steps, body=body, lao=lao,
                                           cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm)
+        view = _checked_view(body, dict(lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm))
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
         if target is not None and target not in self.tree.leaves:
@@ -103,11 +143,18 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)
         self.fluoroscope = None
         if body is not None:
-            self.fluoroscope = _Fluoroscope(body, lao=lao, cranial=cranial, size=size, pixel_mm=pixel_mm, centre_mm=centre_mm)
+            self.fluoroscope = _Fluoroscope(body, np.vstack(self.tree.branches), **view)
+            self._check_targets_are_seen()
         if self.fluoroscope:
             self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.tau.shape, 2), np.uint8)
         else:
             self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
+
+    def _check_targets_are_seen(self):
+        for leaf in self.tree.leaves if self.target_given is None else [self.target_given]:
+            if not self.fluoroscope.sees(self.tree.branches[leaf][-1]):
+                raise InputError(f"target {leaf}: lies outside of the frames; give another size, pixel_mm or centre_mm, or leave "
+                                 "these out")
 
     def reset(self, *, seed=None, options=None):
         super().reset(seed=seed)
@@ -147,9 +194,9 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
         ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip
         turn = np.radians(state.rotation_deg)
-        numbers = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm, state.insertion_mm, np.cos(turn),
+        values = [*tip, *state.tip_direction, *ahead.ravel(), self.left_mm, state.insertion_mm, np.cos(turn),
                    np.sin(turn), state.force_N, 1000 * state.torque_Nm]
-        return np.array(numbers, dtype=np.float32)
+        return np.array(values, dtype=np.float32)
 
     def _info(self):
         return {"target": self.target, "left_mm": self.left_mm}

@@ -135,6 +135,15 @@ void write_small_map(const TemporaryFolder& folder) {
   write_body_map(map, folder / "map.exr");
 }
 
+/// A catheter's run with a map to draw it in.
+void make_run(const TemporaryFolder& folder) {
+  make_push_and_tree(folder);
+  write_small_map(folder);
+}
+#define SIMULATE_DSA                                                                                        \
+  "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr " \
+  "--cine @/c.gif --look dsa"
+
 const BadCall kBadCalls[] = {
     // Vessels. The little scan is 4 slices of water.
     {"SegmentFewSlices", "segment @/ct.nii -o @/v", 3, "4 slices, too few"},
@@ -213,6 +222,29 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
      "@/log.csv",
      3, "list the outermost device first", make_push_and_tree},
+    {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
+     make_run},
+    {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
+    {"InjectTooLate", SIMULATE_DSA " --inject 5,6", 3, "begins when", make_run},
+    {"InjectNothing", SIMULATE_DSA " --inject 0.5,0.9 --injection-rate 0", 3,
+     "--injection-rate 0: must be above 0 and at most 50 ml/s", make_run},
+    {"InjectWithoutBound", SIMULATE_DSA " --inject 0.5 --injection-volume 1e9", 3,
+     "--injection-volume 1e+09: must be above 0 and at most 300 ml", make_run},
+    {"InjectForHours", SIMULATE_DSA " --inject 0.5,9000", 3, "inject at most 300 ml", make_run},
+    {"InjectLead", SIMULATE_DSA " --inject 0.5,0.9 --iodine 5000", 3,
+     "--iodine 5000: must be above 0 and at most 400 mg/ml", make_run},
+    {"InjectWithoutAHeart", SIMULATE_DSA " --inject 0.5,0.9 --heart-rate 0", 3,
+     "--heart-rate 0: must be 20 to 250 beats per minute", make_run},
+    {"SubtractNothing", SIMULATE_DSA, 3, "--look dsa: there is no contrast agent to show; add --inject",
+     make_run},
+    {"ShiftNoMask", SIMULATE_DSA " --inject 0.5,0.9 --mask-shift 1", 3,
+     "--mask-shift 1: must be RIGHT,DOWN in pixels", make_run},
+    {"ShiftAMaskOfNothing",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/c.gif --mask-shift 1,1",
+     3, "--mask-shift: applies only to --look dsa", make_run},
+    {"RenderSubtractionOfNothing", "render @/map.exr -o @/out.png --look dsa", 3,
+     "--look dsa: there are no vessels with contrast agent; give --vessels too", make_run},
     {"SimulateBackInTime",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv", 3,
      "push.csv: line 4: time_s 1 is not later than 2",
@@ -379,7 +411,7 @@ const BadCall kBadCalls[] = {
     {"GammaOfDepths", "project @/nothing -o @/out.exr --gamma 2", 3, "--gamma does not apply to"},
     {"InvertedDepths", "project @/nothing -o @/out.nrrd --inverted", 3, "--inverted does not apply to"},
     {"RenderInvertedDepths", "render @/map.exr -o @/out.tif --inverted", 3,
-     "which holds optical depths; leave it out or write a .png"},
+     "which holds values that are not displayed; leave it out or write a .png"},
     {"RenderDepthsOfFullContrast", "render @/map.exr -o @/out.exr --full-contrast", 3,
      "--full-contrast does not apply to"},
     {"RenderDepthsWithAnnotations", "render @/map.exr -o @/out.exr --annotations", 3,
@@ -1132,6 +1164,33 @@ TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
               read_bytes(folder_ / (look + "level/frame-004.png")))
         << look << ": the wire does not show";
   }
+}
+
+TEST_F(Cli, SubtractsARunFromItsFramesBeforeTheInjection) {
+  make_run(folder_);
+  const std::string line =
+      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map "
+      "@/map.exr "
+      "--size 41x61 --pixel 2 --inject 0.6 --injection-volume 1 --look dsa -q ";
+  const auto greys = [&](const char* folder, int frame) {
+    const Png png = read_png(folder_ / folder / fmt::format("frame-{:03}.png", frame));
+    return std::pair(int{std::ranges::min(png.values)}, int{std::ranges::max(png.values)});
+  };
+  output_of(line + "--cine @/dsa");
+  // Ten a second from 0.1 to 1 s.
+  EXPECT_TRUE(fs::exists(folder_ / "dsa/frame-009.png"));
+  EXPECT_FALSE(fs::exists(folder_ / "dsa/frame-010.png"));
+  constexpr int kBackground = 204;
+  EXPECT_EQ(greys("dsa", 0), std::pair(kBackground, kBackground)) << "the first frame of the mask";
+  EXPECT_LT(greys("dsa", 8).first, kBackground - 70) << "contrast agent";
+  EXPECT_EQ(greys("dsa", 8).second, kBackground) << "and nothing else";
+
+  output_of(line + "--cine @/max --max-opacification --injection-rate 10");
+  EXPECT_LT(greys("max", 9).first, kBackground - 70) << "still there when it is washed out";
+
+  output_of(line + "--cine @/noisy --dose cine --seed 3");
+  output_of(line + "--cine @/again --dose cine --seed 3");
+  EXPECT_EQ(read_bytes(folder_ / "noisy/frame-012.png"), read_bytes(folder_ / "again/frame-012.png"));
 }
 
 // ---- segmenting -----------------------------------------------------------------------------------

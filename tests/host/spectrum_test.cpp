@@ -1,6 +1,8 @@
 #include "xraycast/attenuation/spectrum.hpp"
 
 #include "support/temporary_folder.hpp"
+#include "xraycast/attenuation/absorption.hpp"
+#include "xraycast/attenuation/tube_spectrum.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
@@ -284,6 +286,32 @@ TEST(Spectrum, UnknownVoltageSaysWhatThereIs) {
       EXPECT_THAT(error.what(), AllOf(HasSubstr(name), HasSubstr("80, 100, 120 kVp")));
     }
   }
+}
+
+TEST(AirKerma, HasNistsCoefficients) {
+  // J. H. Hubbell and S. M. Seltzer, NISTIR 5632, mass energy-absorption coefficients of dry air in cm2/g.
+  constexpr double kNist[][2] = {{10, 4.742},   {20, 0.5389},  {30, 0.1537},   {40, 0.06833},
+                                 {60, 0.03041}, {80, 0.02407}, {100, 0.02325}, {150, 0.02496}};
+  for (const auto& [kev, cm2_g] : kNist)
+    EXPECT_NEAR(air_energy_transfer_cm2_g(kev) / cm2_g, 1, 0.02) << kev;  // of different photoelectric tables
+  const double kerma_uGy = air_kerma_uGy(Spectrum("60 keV", {{60, 1e7}}));
+  EXPECT_NEAR(kerma_uGy, 1e7 * 60 * 1.602177e-7 * air_energy_transfer_cm2_g(60), 1e-9);
+}
+
+TEST(TubeSpectrum, IsTheNamedOneBehindMoreFilters) {
+  const Spectrum named = Spectrum::named("80"), tube = tube_spectrum(80),
+                 filtered = tube_spectrum(80, {1, 0.1});
+  const double scale = tube.bins()[40].fluence / named.bins()[40].fluence;
+  for (std::size_t i = 0; i < named.bins().size(); ++i) {
+    const auto [kev, fluence] = named.bins()[i];
+    EXPECT_NEAR(tube.bins()[i].fluence, scale * fluence, 1e-9 * scale);
+    const double depth =
+        0.2699 * mass_attenuation_cm2_g("Al", kev) + 0.0896 * mass_attenuation_cm2_g("Cu", kev);
+    EXPECT_NEAR(filtered.bins()[i].fluence, tube.bins()[i].fluence * std::exp(-depth), 1e-9 * scale);
+  }
+  EXPECT_THROW(tube_spectrum(39), InputError);
+  EXPECT_THROW(tube_spectrum(151), InputError);
+  EXPECT_NO_THROW(tube_spectrum(40));  // below tungsten's K edge
 }
 
 }  // namespace

@@ -1,4 +1,5 @@
 """Arrays that are shared rather than copied, and scans made of arrays."""
+import copy
 import pickle
 
 import numpy as np
@@ -143,3 +144,31 @@ def test_a_scan_of_a_file_is_pickled_as_its_name(body, tmp_path, monkeypatch):
     xc.phantom("box", spacing_mm=8).write(tmp_path / "scan.nrrd")
     with pytest.raises(xc.InputError, match="scan.nrrd: is not the scan that was pickled"):
         pickle.loads(pickled)
+
+
+def test_a_file_with_other_voxels_is_not_the_scan_that_was_pickled(hu, tmp_path):
+    file = tmp_path / "scan.nrrd"
+    xc.Scan.from_array(hu, (1, 2, 3)).write(file)
+    pickled = pickle.dumps(xc.open(file))
+    assert np.array_equal(pickle.loads(pickled).hu, hu)
+    hu[2, 3, 4] += 1
+    xc.Scan.from_array(hu, (1, 2, 3)).write(file)
+    with pytest.raises(xc.InputError, match="scan.nrrd: is not the scan that was pickled; pickle it again"):
+        pickle.loads(pickled)
+
+
+def test_a_pickled_scan_tells_what_it_is(hu):
+    phantom = xc.phantom("box", spacing_mm=8)
+    turned = xc.Scan.from_array(hu, (1, 2, 3), (0, 0, 0), [[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    for scan in (phantom, turned):
+        again = pickle.loads(pickle.dumps(scan))
+        assert repr(again) == repr(scan) and again.notes == scan.notes and again.warnings == scan.warnings
+    assert "phantom box" in repr(phantom) and turned.notes
+
+
+def test_copies_of_a_scan_share_its_voxels(body, tmp_path):
+    body.write(tmp_path / "scan.nrrd")
+    scan = xc.open(tmp_path / "scan.nrrd")
+    (tmp_path / "scan.nrrd").unlink()
+    for again in (copy.copy(scan), copy.deepcopy(scan), copy.deepcopy([scan])[0]):
+        assert address(again.hu) == address(scan.hu)

@@ -91,8 +91,8 @@ def vessel_in_water(fork):
 
 
 def test_observations_are_frames(fork, vessel_in_water):
-    env = ReachTarget(fork, "guidewire-035-j", target=1, max_steps=50, body=vessel_in_water, size=(96, 128), pixel_mm=1.5,
-                      centre_mm=(0, 0, 60))
+    env = ReachTarget(fork, "guidewire-035-j", target=1, max_steps=50, body=vessel_in_water, size=(96, 128), pixel_mm=2,
+                      centre_mm=(0, 0, 80))
     check_env(env, skip_render_check=True)
     first, _ = env.reset(seed=1)
     assert first.shape == (128, 96, 2) and first.dtype == np.uint8
@@ -105,3 +105,47 @@ def test_observations_are_frames(fork, vessel_in_water):
     away = [np.hypot(rows - r, columns - c).min() for r, c in zip(*np.nonzero(darker))]
     assert len(away) > 20 and max(away) < 7
     assert np.array_equal(frame[..., 1], first[..., 1]) and set(np.unique(way)) == {False, True}
+
+
+def test_frames_show_the_tree_and_the_catheter_by_default(body):
+    tree = body.segment(max_radius_mm=20).tree
+    env = ReachTarget(tree, "guidewire-035-j", target=None, body=body)
+    first, _ = env.reset(seed=1)
+    for _ in range(60):
+        frame, *_ = env.step([1, 0])
+    # 120 mm of wire, less what is not yet in; in pixels of 2 to 4 mm, each some columns wide.
+    darker = first[..., 0].astype(int) - frame[..., 0]
+    assert np.sum(darker >= 10) > 20
+    rows, columns = np.nonzero(frame[..., 1])
+    assert len(rows) > 20 and rows.min() > 0 and columns.min() > 0 and rows.max() < 127 and columns.max() < 127
+
+
+def test_targets_outside_of_the_frames_are_refused(fork, vessel_in_water):
+    with pytest.raises(xc.InputError, match="target 1: lies outside of the frames"):
+        ReachTarget(fork, body=vessel_in_water, size=(64, 64), pixel_mm=0.2, centre_mm=(0, 0, 300))
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (dict(body=5), "body: must be a BodyMap or a Scan, not int"), (dict(lao=30), "lao: is of the frames; give a body"),
+    (dict(size=(64, 64)), "size: is of the frames"), (dict(centre_mm=(0, 0, 0)), "centre_mm: is of the frames"),
+])
+def test_views_without_a_body_are_refused(fork, arguments, words):
+    with pytest.raises(xc.InputError, match=words):
+        ReachTarget(fork, **arguments)
+
+
+@pytest.mark.parametrize("angle", [[0, 30], "left", float("nan"), None])
+def test_angles_that_are_none_are_refused(fork, vessel_in_water, angle):
+    with pytest.raises(xc.InputError, match="lao: must be one angle in degrees"):
+        ReachTarget(fork, body=vessel_in_water, lao=angle)
+
+
+def test_frames_are_made_in_spawned_processes(fork, vessel_in_water):
+    body = vessel_in_water.cast(layers=2)
+    envs = gymnasium.vector.AsyncVectorEnv(
+        [lambda: ReachTarget(str(fork), "guidewire-035-j", body=body, size=(32, 24), max_steps=20)] * 2, context="spawn")
+    try:
+        observations, _ = envs.reset(seed=3)
+        assert observations.shape == (2, 24, 32, 2) and observations[..., 0].std() > 0
+    finally:
+        envs.close()

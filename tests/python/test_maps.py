@@ -1,4 +1,6 @@
 """Body maps: cast, recast, drawn, written."""
+import pickle
+
 import numpy as np
 import pytest
 import xraycast as xc
@@ -38,6 +40,7 @@ def test_maps_and_bases_are_written_and_read(body, tmp_path):
     map_ = body.cast(layers=2)
     map_.write(tmp_path / "map.exr")
     assert np.array_equal(xc.BodyMap.read(tmp_path / "map.exr").tau, map_.tau)
+    assert np.array_equal(pickle.loads(pickle.dumps(map_)).tau, map_.tau)
     basis = body.cast_basis(layers=2)
     basis.write(tmp_path / "map.basis")
     assert np.array_equal(xc.Basis.read(tmp_path / "map.basis").recast("paper").tau, basis.recast("paper").tau)

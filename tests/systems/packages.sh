@@ -27,7 +27,9 @@ echo "$said"
 echo "== python3-xraycast"
 install_within '/root/python3-xraycast_*.deb'
 within python3 -c '
+import importlib.metadata
 import xraycast as xc
+assert importlib.metadata.version("xraycast") == xc.__version__
 scan = xc.phantom("thorax", spacing_mm=2)
 body = scan.cast(layers=4)
 print(scan, scan.project(lao=30, cone_mm=(1000, 1500)).tau.max(), body.render(lao=30).shape, len(scan.segment().tree), "branches")

@@ -21,6 +21,16 @@ cp "$wheel" "$root/root/wheels/"
   --platform manylinux_2_28_x86_64 --platform manylinux_2_27_x86_64 -d "$root/root/wheels" numpy
 within bash -c 'cd /root && python3 -m venv venv && venv/bin/pip install --quiet --no-index --find-links wheels xraycast'
 
+# Debian's Python brings expat, but not every Python does.
+packages=/root/venv/lib/python3*/site-packages
+within bash -c "test -s $packages/xraycast.libs/libexpat-*.so.1* && test -s $packages/xraycast.libs/libX11-*.so.6*"
+if within bash -c "grep -lE 'lib(expat|X11|Xext|Xrender)\\.so' $packages/xraycast/*.so $packages/xraycast.libs/*.so*"; then
+  echo "the libraries above need one of the system's" >&2
+  exit 1
+fi
+within bash -c "cd $packages && test -s xraycast.libs/LICENSES.txt && test -s xraycast.libs/licenses/common-licenses/Apache-2.0 &&
+  test -s xraycast.libs/licenses/nanobind && test -s xraycast-*.dist-info/licenses/LICENSE && grep -q expat xraycast-*.dist-info/sboms/*.json"
+
 try() {  # code: runs it, and prints an xraycast error as one line
   within /root/venv/bin/python -c "
 import xraycast as xc
@@ -45,5 +55,4 @@ expect "vessels" '^[1-9][0-9]* branches$' "$(try 'print(len(xc.phantom("thorax",
 expect "without EGL" '^Error: .*libegl1' "$(try 'xc.phantom("thorax", spacing_mm=8).cast(layers=4).render()')"
 install_within libegl1 libgl1-mesa-dri libopengl0
 expect "frame" '^\([0-9]+, [0-9]+\)$' "$(try 'print(xc.phantom("thorax", spacing_mm=8).cast(layers=4).render().shape)')"
-within bash -c 'test -s /root/venv/lib/python3*/site-packages/xraycast.libs/LICENSES.txt'
 echo "$(basename "$wheel") serves a bare Debian"

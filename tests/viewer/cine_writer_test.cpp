@@ -17,7 +17,8 @@ namespace {
 constexpr int kWidth = 61, kHeight = 40;
 
 /// A GIF's frames as RGB, by giflib's reader.
-std::vector<std::vector<std::uint8_t>> frames_of(const std::filesystem::path& path) {
+std::vector<std::vector<std::uint8_t>> frames_of(const std::filesystem::path& path,
+                                                 std::vector<int>* delays = nullptr) {
   const auto close = [](GifFileType* gif) { DGifCloseFile(gif, nullptr); };
   const std::unique_ptr<GifFileType, decltype(close)> gif(DGifOpenFileName(path.c_str(), nullptr), close);
   std::vector<std::vector<std::uint8_t>> frames;
@@ -27,7 +28,10 @@ std::vector<std::vector<std::uint8_t>> frames_of(const std::filesystem::path& pa
   for (int i = 0; i < gif->ImageCount; ++i) {
     GraphicsControlBlock control{};
     DGifSavedExtensionToGCB(gif.get(), i, &control);
-    EXPECT_EQ(control.DelayTime, 5);  // hundredths of a second
+    if (delays)
+      delays->push_back(control.DelayTime);
+    else
+      EXPECT_EQ(control.DelayTime, 5);  // hundredths of a second
     const SavedImage& image = gif->SavedImages[i];
     std::vector<std::uint8_t>& rgb = frames.emplace_back();
     for (int pixel = 0; pixel < kWidth * kHeight; ++pixel) {
@@ -54,6 +58,17 @@ TEST(CineWriter, AnimationKeepsGreyFramesAsTheyAre) {
   writer.finish();
   EXPECT_THAT(frames_of(folder / "turn.gif"),
               testing::ElementsAre(grey_frame(1), grey_frame(2), grey_frame(3)));
+}
+
+TEST(CineWriter, AnimationShowsFramesForTheirTime) {
+  const TemporaryFolder folder;
+  CineWriter writer(folder / "turn.gif", kWidth, kHeight, 1 / 30.0);
+  for (const unsigned seed : {1, 2, 3, 4, 5, 6}) writer.add(grey_frame(seed));
+  writer.finish();
+  std::vector<int> delays;
+  frames_of(folder / "turn.gif", &delays);
+  // Whole hundredths of a second, which add up to a fifth.
+  EXPECT_THAT(delays, testing::ElementsAre(3, 4, 3, 3, 4, 3));
 }
 
 TEST(CineWriter, AnimationComesCloseToEveryColour) {

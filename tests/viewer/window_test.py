@@ -215,6 +215,10 @@ class Window(unittest.TestCase):
             self.do(*step)
             self.frame()
 
+    def keep_screen(self, name):
+        if kept := os.environ.get("XRAYCAST_SCREENSHOTS"):
+            self.screen().write(pathlib.Path(kept) / f"{name}.png")
+
     def pictures(self):
         return sorted(self.folder.glob("xraycast-*.png"))
 
@@ -430,6 +434,57 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: lines() == 0, "no road map")
         self.do("key", "m")
         self.wait_until(lambda: lines() == with_map, "the road map")
+
+    def test_takes_pictures_as_a_fluoroscope(self):
+        self.steer()
+        self.hold("Up", 3)
+        smooth = self.picture()
+        self.drag(2, 700, 500, 0, -190)  # to the groin
+        self.do("key", "e")
+        self.wait_until(lambda: self.picture() != smooth, "the fluoroscope's picture")
+        self.frame()
+        held = self.picture()
+        time.sleep(0.5)
+        self.assertEqual(self.picture(), held, "without the pedal there are no pulses")
+        self.do("keydown", "x")
+        for _ in range(3):
+            self.wait_until(lambda: self.picture() != held, "another pulse, with other noise")
+            held = self.picture()
+        self.do("keyup", "x")
+        self.frame()
+        held = self.picture()
+        time.sleep(0.5)
+        self.assertEqual(self.picture(), held, "last image hold")
+        self.do("key", "p")
+        self.wait_until(self.pictures, "the stored image")
+        self.keep_screen("fluoroscope")
+        self.do("key", "e")
+        self.wait_until(lambda: self.screen().find(ROAD_MAP, 500, 400, 400, 300), "the picture without noise, and its outline")
+
+    def test_subtracts_and_maps_the_road(self):
+        self.steer()
+        self.hold("Up", 4.2)
+        self.drag(2, 700, 500, 0, -190)  # to the groin
+        self.do("key", "e", "g", "d")  # at the dose of a cine, subtracted
+        self.do("keydown", "x")
+        grey = lambda: self.screen().region(370, 100, 540, 580)[::4]
+        light = lambda: sum(150 < g < 250 for g in grey()) / len(grey())
+        dark = lambda: sum(g < 90 for g in grey())
+        self.wait_until(lambda: light() > 0.98, "an even picture, subtracted from its mask")
+        none = dark()
+        self.do("keydown", "i")
+        self.wait_until(lambda: dark() > none + 300, "contrast agent in the vessels")
+        self.keep_screen("subtraction")
+        self.do("keyup", "i")
+        self.wait_until(lambda: dark() < none + 50, "it is washed out")
+        bright = lambda: sum(g > 180 for g in grey())
+        self.do("key", "g")
+        self.wait_until(lambda: light() < 0.9, "the live picture")
+        without = bright()
+        self.do("key", "m")
+        self.wait_until(lambda: bright() > without + 300, "the road map")
+        self.do("keyup", "x")
+        self.keep_screen("road-map")
 
     def test_holds_the_hub_by_the_mouse(self):
         self.steer("--haptic", "mouse")

@@ -1,11 +1,13 @@
 #include "xraycast/attenuation/materials.hpp"
 
+#include "xraycast/attenuation/absorption.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <glm/common.hpp>
 #include <glm/vector_relational.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <xraylib.h>
 
@@ -20,9 +22,12 @@ std::string text_of(const VolumeGeometry& grid) {
                      grid.spacing_mm.z, grid.origin_mm.x, grid.origin_mm.y, grid.origin_mm.z);
 }
 
-double element_attenuation_cm2_g(int atomic_number, double energy_kev) {
+/// One of xraylib's functions of an element and an energy.
+using ElementCoefficient = double (*)(int atomic_number, double energy_kev, xrl_error** error);
+
+double element_cm2_g(ElementCoefficient coefficient, int atomic_number, double energy_kev) {
   xrl_error* error = nullptr;
-  const double cm2_g = CS_Total(atomic_number, energy_kev, &error);
+  const double cm2_g = coefficient(atomic_number, energy_kev, &error);
   if (error) {
     const std::string message = error->message;
     xrl_error_free(error);
@@ -31,19 +36,57 @@ double element_attenuation_cm2_g(int atomic_number, double energy_kev) {
   return cm2_g;
 }
 
-}  // namespace
-
-// Element by element, because xraylib 4.0.0 leaks memory on every call of CS_Total_CP.
-double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
+// Element by element, because xraylib 4.0.0 leaks memory on every call of its functions for compounds.
+double material_cm2_g(ElementCoefficient coefficient, const std::string& material, double energy_kev) {
   if (const int z = SymbolToAtomicNumber(material.c_str(), nullptr); z > 0)
-    return element_attenuation_cm2_g(z, energy_kev);
+    return element_cm2_g(coefficient, z, energy_kev);
   const std::unique_ptr<compoundDataNIST, decltype(&FreeCompoundDataNIST)> compound(
       GetCompoundDataNISTByName(material.c_str(), nullptr), &FreeCompoundDataNIST);
   if (!compound) throw Error("{}: neither an element nor a compound in NIST's list", material);
   double sum = 0;
   for (int i = 0; i < compound->nElements; ++i)
-    sum += compound->massFractions[i] * element_attenuation_cm2_g(compound->Elements[i], energy_kev);
+    sum += compound->massFractions[i] * element_cm2_g(coefficient, compound->Elements[i], energy_kev);
   return sum;
+}
+
+}  // namespace
+
+double mass_attenuation_cm2_g(const std::string& material, double energy_kev) {
+  return material_cm2_g(&CS_Total, material, energy_kev);
+}
+
+double photoelectric_cm2_g(const std::string& material, double energy_kev) {
+  return material_cm2_g(&CS_Photo, material, energy_kev);
+}
+
+namespace {
+
+/// The mean share of its energy that a photon hands to an electron in Compton scattering, by Klein and
+/// Nishina (R. D. Evans, The atomic nucleus, 1955, chapter 23).
+double compton_transfer(double energy_kev) {
+  const double a = energy_kev / MEC2, b = 1 + 2 * a, log_b = std::log(b);
+  const double all =
+      2 * ((1 + a) / (a * a) * (2 * (1 + a) / b - log_b / a) + log_b / (2 * a) - (1 + 3 * a) / (b * b));
+  const double scattered = log_b / (a * a * a) + 2 * (1 + a) * (2 * a * a - 2 * a - 1) / (a * a * b * b) +
+                           8 * a * a / (3 * b * b * b);
+  return 1 - scattered / all;
+}
+
+}  // namespace
+
+// Not by xraylib's mass energy-absorption coefficients, which below 60 keV lie far below NIST's.
+double air_energy_transfer_cm2_g(double energy_kev) {
+  const char* const air = "Air, Dry (near sea level)";
+  return material_cm2_g(&CS_Photo, air, energy_kev) +
+         material_cm2_g(&CS_Compt, air, energy_kev) * compton_transfer(energy_kev);
+}
+
+double air_kerma_uGy(const Spectrum& fluence_cm2) {
+  constexpr double kKevPerGram_uGy = 1.602177e-7;
+  double kev_g = 0;
+  for (const auto& [energy_kev, fluence] : fluence_cm2.bins())
+    if (fluence > 0) kev_g += fluence * energy_kev * air_energy_transfer_cm2_g(energy_kev);
+  return kKevPerGram_uGy * kev_g;
 }
 
 std::array<Opacity, kMaterials.size()> material_contents() {

@@ -36,15 +36,25 @@ json view_to_json(const View& view) {
   return out;
 }
 
-void write_float_image(const ProjectionImage& image, const std::filesystem::path& path) {
+/// What the pixels of a float image are.
+struct Quantity {
+  const char* channel;
+  const char* description;
+};
+constexpr Quantity kOpticalDepth{"tau", "optical depth tau; transmission is exp(-tau)"};
+constexpr Quantity kDetectorSignal{"energy_kev",
+                                   "simulated detector signal, absorbed energy of a pixel in keV"};
+
+void write_float_image(const ProjectionImage& image, const Quantity& quantity,
+                       const std::filesystem::path& path) {
   const std::string view = view_to_json(image.view).dump();
   // TIFF has no custom attributes, so the description holds everything.
-  const std::string description = "xraycast: optical depth tau; transmission is exp(-tau); view " + view;
+  const std::string description = fmt::format("xraycast: {}; view {}", quantity.description, view);
   if (extension_of(path) != ".exr")
     return write_tiff(image.tau, image.view.width, image.view.height, description, path);
   const ExrPart part{.width = image.view.width,
                      .height = image.view.height,
-                     .channels = {{"tau", image.tau}},
+                     .channels = {{quantity.channel, image.tau}},
                      .attributes = {{"comments", description}, {"xraycast:view", view}}};
   write_exr(std::span(&part, 1), path);
 }
@@ -91,7 +101,15 @@ void write_projection(const ProjectionImage& image, const std::filesystem::path&
                      image.view.height, 1, path);
   if (is_xa(path)) return write_one_xa(image, path, xa);
   if (extension_of(path) == ".nrrd") return write_nrrd(image, path);
-  write_float_image(image, path);
+  write_float_image(image, kOpticalDepth, path);
+}
+
+void write_detector_signal(const View& view, const std::vector<float>& signal_kev,
+                           const std::filesystem::path& path) {
+  check_projection_format(path);
+  const ProjectionImage image{view, signal_kev, 0};
+  if (extension_of(path) == ".nrrd") return write_nrrd(image, path);
+  write_float_image(image, kDetectorSignal, path);
 }
 
 }  // namespace xraycast

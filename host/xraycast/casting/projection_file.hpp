@@ -15,6 +15,12 @@ namespace xraycast {
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma = 1,
                       bool inverted = false, const XaOptions& xa = {});
 
+/// A detector's signal in keV of absorbed energy per pixel, H x W, row 0 on top: `.exr` (channel
+/// `energy_kev`),
+/// `.tif` and `.nrrd`, with the view as above. Throws as write_projection.
+void write_detector_signal(const View& view, const std::vector<float>& signal_kev,
+                           const std::filesystem::path& path);
+
 /// Whether write_projection writes the displayed picture under this name instead of optical depths.
 bool is_picture(const std::filesystem::path& path);
 

@@ -51,19 +51,21 @@ CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spe
   return result;
 }
 
+ProjectedMasses project_masses(const SpectralScan& scan, const View& view, Progress& progress) {
+  ProjectedMasses masses;
+  const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
+  masses.g_cm2 = depths_of(scan, pixels, [&](const ResidentScan& resident, const Opacity& contents) {
+    ProjectionImage part = project(resident, view, contents, progress);
+    masses.kernel_ms += part.kernel_ms;
+    return std::move(part.tau);
+  });
+  return masses;
+}
+
 ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,
                         Progress& progress) {
-  ProjectionImage image;
-  image.view = view;
-  const std::size_t pixels = static_cast<std::size_t>(view.width) * static_cast<std::size_t>(view.height);
-  const MaterialDepths depths =
-      depths_of(scan, pixels, [&](const ResidentScan& resident, const Opacity& contents) {
-        ProjectionImage part = project(resident, view, contents, progress);
-        image.kernel_ms += part.kernel_ms;
-        return std::move(part.tau);
-      });
-  image.tau = SpectrumModel(spectrum).tau(depths);
-  return image;
+  const ProjectedMasses masses = project_masses(scan, view, progress);
+  return {view, SpectrumModel(spectrum).tau(masses.g_cm2), masses.kernel_ms};
 }
 
 }  // namespace xraycast

@@ -27,6 +27,13 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,
                 Progress& progress);
 
+/// H x W masses of kMaterials in g/cm2 along a view's rays, row 0 on top.
+struct ProjectedMasses {
+  MaterialDepths g_cm2;
+  double kernel_ms = 0;
+};
+ProjectedMasses project_masses(const SpectralScan& scan, const View& view, Progress& progress);
+
 /// The DRR with a spectrum: the masses of kMaterials are summed along each ray, and the optical depth follows
 /// from their total. Otherwise as `project` of an opacity, with a stage "projecting" for each material.
 ProjectionImage project(const SpectralScan& scan, const View& view, const Spectrum& spectrum,

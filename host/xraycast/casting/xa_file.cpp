@@ -47,18 +47,22 @@ DicomElements intensity_table() {
 }
 
 void add_image(DicomElements& image, const View& view, std::span<const std::uint16_t> pixels,
-               XaIntensity intensity) {
+               const XaOptions& options) {
+  // 8, 10, 12 or 16 (C.8.7.1.1.6): codes of 14 bits count as 16.
+  constexpr int kOwnBits = 12;
+  const int used = options.code_bits.value_or(kOwnBits);
+  const std::uint16_t bits = used <= 8 ? 8 : used <= 10 ? 10 : used <= 12 ? 12 : 16;
   image.word(0x00280002, 1);              // Samples per Pixel
   image.text(0x00280004, "MONOCHROME2");  // Photometric Interpretation
   image.word(0x00280010, static_cast<std::uint16_t>(view.height));
   image.word(0x00280011, static_cast<std::uint16_t>(view.width));
-  image.word(0x00280100, 16);    // Bits Allocated
-  image.word(0x00280101, 12);    // Bits Stored
-  image.word(0x00280102, 11);    // High Bit
-  image.word(0x00280103, 0);     // Pixel Representation: unsigned
-  image.text(0x00280301, "NO");  // Burned In Annotation
-  image.text(0x00282110, "00");  // Lossy Image Compression
-  const bool is_log = intensity == XaIntensity::logarithmic;
+  image.word(0x00280100, 16);                                    // Bits Allocated
+  image.word(0x00280101, bits);                                  // Bits Stored
+  image.word(0x00280102, static_cast<std::uint16_t>(bits - 1));  // High Bit
+  image.word(0x00280103, 0);                                     // Pixel Representation: unsigned
+  image.text(0x00280301, "NO");                                  // Burned In Annotation
+  image.text(0x00282110, "00");                                  // Lossy Image Compression
+  const bool is_log = !options.code_bits && options.intensity == XaIntensity::logarithmic;
   image.text(0x00281040, is_log ? "LOG" : "LIN");  // Pixel Intensity Relationship
   if (is_log) image.sequence(0x00283000, {intensity_table()});
   const auto [darkest, lightest] = std::ranges::minmax(pixels);
@@ -79,9 +83,24 @@ std::string sides(const glm::dvec3& direction) {
   return letters;
 }
 
-void add_acquisition(DicomElements& image, std::optional<double> tube_kvp) {
+void add_acquisition(DicomElements& image, std::optional<double> tube_kvp,
+                     const std::optional<XaExposure>& exposure) {
   image.text(0x00080060, "XA");
   image.text(0x00180060, "");  // KVP
+  if (exposure) {
+    const double seconds = exposure->pulse_ms / 1000;
+    image.number(0x00180060, exposure->kvp);
+    image.text(0x00181155, exposure->is_fluoroscopy ? "SC" : "GR");           // Radiation Setting
+    image.number(0x00181151, std::round(exposure->mas / seconds));            // X-Ray Tube Current, mA
+    image.number(0x00181150, std::max(1.0, std::round(exposure->pulse_ms)));  // Exposure Time, ms
+    image.number(0x00181152, std::round(exposure->mas));                      // Exposure, mAs
+    image.number(0x00181153, std::round(1000 * exposure->mas));               // Exposure in uAs
+    image.number(0x00181154, exposure->pulse_ms);                             // Average Pulse Width
+    image.text(0x0018115a, "PULSED");                                         // Radiation Mode
+    constexpr double kDecigray = 10;
+    image.number(0x0018115e, kDecigray * exposure->dap_Gycm2);  // Image and Fluoroscopy Area Dose Product
+    return;
+  }
   if (tube_kvp) image.number(0x00180060, *tube_kvp);
   image.text(0x00181155, "GR");  // Radiation Setting: general, not low dose
   image.text(0x00181151, "");    // X-Ray Tube Current
@@ -125,6 +144,22 @@ void add_run(DicomElements& image, std::size_t frames, double frame_time_ms) {
   image.number(0x00181063, frame_time_ms);
 }
 
+/// C.7.6.10: the frames behind the mask are shown subtracted.
+void add_mask(DicomElements& image, std::size_t frames, int mask_frames) {
+  if (mask_frames <= 0 || static_cast<std::size_t>(mask_frames) >= frames) return;
+  std::vector<std::uint16_t> numbers;
+  for (int frame = 1; frame <= mask_frames; ++frame) numbers.push_back(static_cast<std::uint16_t>(frame));
+  const std::vector<std::uint16_t> applicable{static_cast<std::uint16_t>(mask_frames + 1),
+                                              static_cast<std::uint16_t>(frames)};
+  DicomElements mask;
+  mask.text(0x00286101, "AVG_SUB");    // Mask Operation
+  mask.words(0x00286102, applicable);  // Applicable Frame Range
+  mask.words(0x00286110, numbers);     // Mask Frame Numbers
+  mask.word(0x00286112, 1);            // Contrast Frame Averaging
+  image.sequence(0x00286100, {mask});
+  image.text(0x00281090, "SUB");  // Recommended Viewing Mode
+}
+
 std::string derivation(const View& view, const XaOptions& options) {
   const char* const frame = !options.frame_of_reference_uid.empty() ? "the scan's"
                             : options.patient.is_given()            ? "new, since the patient was given"
@@ -165,6 +200,11 @@ void XaWriter::add(const View& view, std::span<const float> tau) {
   for (const float depth : tau) pixels_.push_back(pixel_of(depth, options_.intensity));
 }
 
+void XaWriter::add_codes(const View& view, std::span<const std::uint16_t> codes) {
+  views_.push_back(view);
+  pixels_.insert(pixels_.end(), codes.begin(), codes.end());
+}
+
 void XaWriter::finish() {
   if (views_.empty()) return;
   const std::string& scans_frame = options_.frame_of_reference_uid;
@@ -174,10 +214,11 @@ void XaWriter::finish() {
   image.text(0x0008103e, "Simulated projection");  // Series Description
   image.text(0x00200052, scans_frame.empty() ? new_dicom_uid() : scans_frame);
   image.text(0x00201040, "");  // Position Reference Indicator
-  add_image(image, views_.front(), pixels_, options_.intensity);
-  add_acquisition(image, options_.tube_kvp);
+  add_image(image, views_.front(), pixels_, options_);
+  add_acquisition(image, options_.tube_kvp, exposure_);
   add_pose(image, views_);
   add_run(image, views_.size(), options_.frame_time_ms);
+  add_mask(image, views_.size(), mask_frames_);
   write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
 }
 

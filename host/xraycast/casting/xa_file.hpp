@@ -21,6 +21,13 @@ enum class XaIntensity {
   linear,       ///< 4095 exp(-tau)
 };
 
+/// How a fluoroscope's pictures were exposed.
+struct XaExposure {
+  double kvp = 0, mas = 0, pulse_ms = 0;  ///< of one pulse
+  double dap_Gycm2 = 0;                   ///< of all pictures in the file
+  bool is_fluoroscopy = true;             ///< else a recording
+};
+
 /// The attributes of an X-Ray Angiographic Image besides its pixels.
 struct XaOptions {
   XaIntensity intensity = XaIntensity::logarithmic;
@@ -28,6 +35,9 @@ struct XaOptions {
   std::optional<double> tube_kvp{};      ///< where a spectrum was used
   double frame_time_ms = 50;             ///< of a run; 50 ms as in other cines
   std::string frame_of_reference_uid{};  ///< the scan's; empty: a new one is made
+  /// 8 to 16: the pictures are a detector's codes of so many bits, linear in the signal
+  /// (XaWriter::add_codes).
+  std::optional<int> code_bits{};
 };
 
 /// Whether a file's name has the extension of an X-Ray Angiographic Image, `.dcm`.
@@ -51,14 +61,26 @@ class XaWriter {
   /// The next picture's optical depths, W x H, row 0 on top.
   void add(const View& view, std::span<const float> tau);
 
+  /// The next picture's codes of `code_bits` bits, which must be given, W x H, row 0 on top.
+  void add_codes(const View& view, std::span<const std::uint16_t> codes);
+
+  /// Before finish().
+  void set_exposure(const XaExposure& exposure) { exposure_ = exposure; }
+
+  /// The mean of that many first pictures is the mask that programs subtract from the others to show them
+  /// (DICOM's Mask Module); 0: no subtraction.
+  void set_mask_frames(int frames) { mask_frames_ = frames; }
+
   /// Once, after the last picture; without pictures nothing is written. Throws Error when the disk is full.
   void finish();
 
  private:
   AtomicFile file_;
   XaOptions options_;
+  std::optional<XaExposure> exposure_;
   std::vector<View> views_;
   std::vector<std::uint16_t> pixels_;
+  int mask_frames_ = 0;
 };
 
 }  // namespace xraycast

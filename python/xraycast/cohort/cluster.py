@@ -80,14 +80,16 @@ def connect(address):
         raise InputError(f"--scheduler {address}: {reason}; start one by `dask scheduler`, or give --workers N") from None
 
 
-def check_workers(client, out):
-    """That one has joined, has this version, and sees OUT. Throws Error."""
+def check_workers(client, out, resources):
+    """That one with the resources has joined, has this version, and sees OUT. Throws Error."""
     token = out / f".seen-{uuid.uuid4().hex}"
     token.touch()
     try:
-        version, is_seen = client.submit(probe, str(token), pure=False).result(timeout=WORKER_S)
+        version, is_seen = client.submit(probe, str(token), pure=False, resources=resources or None).result(timeout=WORKER_S)
     except TimeoutError:
-        raise Error(f"no worker joined the scheduler in {WORKER_S} s; start some by `dask worker ADDRESS`") from None
+        wanted = ",".join(f"{name}={amount:g}" for name, amount in resources.items())
+        raise Error(f"no worker {f'with --resources {wanted} ' * bool(wanted)}joined the scheduler in {WORKER_S} s; start some by "
+                    f"`dask worker ADDRESS{f' --resources {wanted}' * bool(wanted)}`") from None
     except ImportError as error:
         raise Error(f"the workers cannot import xraycast: {error}; install it with them") from None
     finally:

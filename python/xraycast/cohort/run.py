@@ -113,7 +113,7 @@ class _Session:
         with address_of(run.workers) as address:
             window = Window(address, run.options, place, run.workers.resources, run.retries, run.patience_s, self._record)
             try:
-                check_workers(window.client, run.out)
+                check_workers(window.client, run.out, run.workers.resources)
                 window.run(_chain(first, rest), self._show)
             finally:
                 window.close()

@@ -15,15 +15,18 @@ from .task import attempt, error_of, new_record
 FUTURES_A_THREAD = 3
 COUNT_INTERVAL_S = 2.0
 MOST_EVENTS = 500
+MOST_UNBEGUN = 3
 
 
 @dataclasses.dataclass
 class Job:
-    """A scan that is to be done. tries: attempts that ended; began_on: the worker of the attempt that runs."""
+    """A scan that is to be done. tries: attempts that ended; began_on: the worker of the attempt that runs; unbegun: how often its
+    workers died before it was seen to begin."""
     scan: object
     hash: str
     tries: int = 0
     began_on: str = ""
+    unbegun: int = 0
     future: object = None
 
 
@@ -154,6 +157,10 @@ class Window:
         if future.key in records:
             self._end(job, records[future.key])
         elif future.status == "error" and isinstance(error := future.exception(), KilledWorker):
+            if not job.began_on and job.unbegun < MOST_UNBEGUN:  # dask blames all scans that wait on a worker for its death
+                job.unbegun += 1
+                self._again.append(job)
+                return
             self._record_death(job, "KilledWorker", "its workers died, by crashes, for want of memory, or killed, "
                                f"{error.allowed_failures + 1} times; see the worker's log")
         elif future.status == "error":

@@ -1,6 +1,6 @@
 #include "xraycast/coaxial/block_band_matrix.hpp"
 
-#include "xraycast/mechanics/wide_vectors.hpp"
+#include "xraycast/base/wide_vectors.hpp"
 
 #include <algorithm>
 #include <cmath>

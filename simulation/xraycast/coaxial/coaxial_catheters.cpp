@@ -116,6 +116,12 @@ bool CoaxialCatheters::has_free_lumen(std::size_t device) const {
   return true;
 }
 
+std::optional<std::size_t> CoaxialCatheters::free_lumen() const {
+  for (std::size_t device = 0; device < count(); ++device)
+    if (has_free_lumen(device)) return device;
+  return std::nullopt;
+}
+
 void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instrument) {
   if (pose(device).insertion_mm > 0)
     throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",

@@ -5,6 +5,7 @@
 
 #include <cstddef>
 #include <memory>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -42,6 +43,7 @@ class CoaxialCatheters {
 
   /// No other device is inserted in its lumen, so that contrast agent can be injected through it.
   bool has_free_lumen(std::size_t device) const;
+  std::optional<std::size_t> free_lumen() const;  ///< the outermost device that has one
 
   /// Another instrument instead of a device that has been drawn back to an insertion of 0. The others do not
   /// move. Throws InputError, and changes nothing, when it has not been drawn back, or when the instruments

@@ -1,6 +1,6 @@
 #include "xraycast/mechanics/band_matrix.hpp"
 
-#include "xraycast/mechanics/wide_vectors.hpp"
+#include "xraycast/base/wide_vectors.hpp"
 
 namespace xraycast {
 

@@ -1,5 +1,5 @@
+#include "xraycast/base/wide_vectors.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/wide_vectors.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

@@ -2,21 +2,15 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
+#include <numeric>
 
 namespace xraycast {
 namespace {
 
-constexpr double kMl_per_mm3 = 1e-3;
-
-double area_mm2(double radius_mm) { return std::numbers::pi * radius_mm * radius_mm; }
-
-/// A frustum.
-double volume_ml(const VesselBranch& branch, std::size_t segment) {
-  const double a = branch.points[segment].radius_mm, b = branch.points[segment + 1].radius_mm;
-  const double length_mm = branch.arc_length_mm[segment + 1] - branch.arc_length_mm[segment];
-  return kMl_per_mm3 * std::numbers::pi / 3 * length_mm * (a * a + a * b + b * b);
-}
+constexpr double kMl_s_per_mm3_s = 1e-3;
+constexpr double kShortestStep_s = 5e-4;
 
 std::vector<int> parents_first(const VesselTree& tree) {
   std::vector<int> order{tree.root()};
@@ -26,85 +20,132 @@ std::vector<int> parents_first(const VesselTree& tree) {
   return order;
 }
 
-/// Divides a flow among a branch's children by their cross-sections: calls `child_gets(child, flow)`.
-template <typename ChildGets>
-void divide(const VesselTree& tree, int branch, double flow_ml_s, const ChildGets& child_gets) {
-  const auto& branches = tree.branches();
-  const std::vector<int>& children = branches[static_cast<std::size_t>(branch)].children;
-  // A child starts at its parent's end; a little further on it has its own width.
-  const auto section = [&](int child) {
-    const auto& points = branches[static_cast<std::size_t>(child)].points;
-    return area_mm2(points[points.size() / 2].radius_mm);
-  };
-  double all_mm2 = 0;
-  for (const int child : children) all_mm2 += section(child);
-  for (const int child : children) child_gets(child, flow_ml_s * section(child) / all_mm2);
+/// A child starts at its parent's end; a little further on it has its own width.
+double own_radius_mm(const VesselBranch& branch) { return branch.points[branch.points.size() / 2].radius_mm; }
+
+/// The radius over the thickness of the boundary layer that oscillates with the heart.
+double womersley_number(double radius_mm, double heart_rate_bpm) {
+  constexpr double kViscosity_mm2_s = 3.3;  // kinematic, of blood: 3.5 mPa s over 1.06 g/ml
+  return radius_mm * std::sqrt(2 * std::numbers::pi * heart_rate_bpm / 60 / kViscosity_mm2_s);
+}
+
+double profile_exponent(const VesselBranch& branch, const Blood& blood) {
+  constexpr double kParabola = 2, kBluntest = 9;
+  if (blood.profile_exponent > 0) return blood.profile_exponent;
+  return std::clamp(womersley_number(own_radius_mm(branch), blood.heart_rate_bpm), kParabola, kBluntest);
 }
 
 }  // namespace
 
 ContrastBolus::ContrastBolus(const VesselTree& tree, const Blood& blood)
-    : tree_(tree), order_(parents_first(tree)), blood_ml_s_(tree.branches().size()) {
-  for (const VesselBranch& branch : tree.branches()) {
-    const std::size_t segments = branch.points.size() - 1;
-    std::vector<double>& volumes = volumes_ml_.emplace_back(segments);
-    for (std::size_t i = 0; i < segments; ++i) volumes[i] = volume_ml(branch, i);
-    flow_ml_s_.emplace_back(segments);
-    iodine_mg_ml_.emplace_back(segments);
+    : tree_(tree),
+      blood_(blood),
+      waveform_(blood.heart_rate_bpm),
+      order_(parents_first(tree)),
+      blood_ml_s_(tree.branches().size()),
+      junctions_(tree.branches().size() + 1),
+      is_upstream_(tree.branches().size()) {
+  divide_flow();
+  for (std::size_t b = 0; b < tree.branches().size(); ++b) {
+    const VesselBranch& branch = tree.branches()[b];
+    const double n = profile_exponent(branch, blood);
+    const double fastest_ml_s = (n + 2) / n * waveform_.peak() * blood_ml_s_[b];
+    vessels_.emplace_back(branch, n, blood.diffusivity_mm2_s, kShortestStep_s * fastest_ml_s);
+    iodine_mg_ml_.emplace_back(branch.points.size() - 1);
   }
-  const VesselBranch& root = tree.branches()[static_cast<std::size_t>(tree.root())];
-  blood_ml_s_[static_cast<std::size_t>(tree.root())] =
-      kMl_per_mm3 * area_mm2(root.points.front().radius_mm) * blood.root_velocity_mm_s;
-  for (const int branch : order_)
-    divide(tree, branch, blood_ml_s_[static_cast<std::size_t>(branch)],
-           [&](int child, double flow) { blood_ml_s_[static_cast<std::size_t>(child)] = flow; });
 }
 
-void ContrastBolus::set_flow(const VesselTree::Location& tip, double injection_ml_s) {
-  injected_branch_ = tip.branch;
-  const VesselBranch& injected = tree_.branches()[static_cast<std::size_t>(tip.branch)];
-  const auto after = std::ranges::upper_bound(injected.arc_length_mm, tip.arc_length_mm);
-  const auto point = std::max<std::ptrdiff_t>(1, after - injected.arc_length_mm.begin());
-  injected_segment_ = std::min(static_cast<std::size_t>(point), injected.points.size() - 1) - 1;
-
-  std::vector<double> added_ml_s(order_.size());
+void ContrastBolus::divide_flow() {
+  const auto& branches = tree_.branches();
+  const auto root = static_cast<std::size_t>(tree_.root());
+  const double radius_mm = branches[root].points.front().radius_mm;
+  blood_ml_s_[root] = kMl_s_per_mm3_s * std::numbers::pi * radius_mm * radius_mm * blood_.root_velocity_mm_s;
+  const auto share = [&](int child) {
+    return std::pow(own_radius_mm(branches[static_cast<std::size_t>(child)]), blood_.split_exponent);
+  };
   for (const int branch : order_) {
-    const auto b = static_cast<std::size_t>(branch);
-    const double before = blood_ml_s_[b] + added_ml_s[b];
-    if (branch == injected_branch_) added_ml_s[b] = injection_ml_s;  // nothing was added upstream
-    std::ranges::fill(flow_ml_s_[b], blood_ml_s_[b] + added_ml_s[b]);
-    if (branch == injected_branch_) std::fill_n(flow_ml_s_[b].begin(), injected_segment_, before);
-    divide(tree_, branch, added_ml_s[b],
-           [&](int child, double flow) { added_ml_s[static_cast<std::size_t>(child)] = flow; });
+    const auto& children = branches[static_cast<std::size_t>(branch)].children;
+    double all = 0;
+    for (const int child : children) all += share(child);
+    for (const int child : children)
+      blood_ml_s_[static_cast<std::size_t>(child)] =
+          blood_ml_s_[static_cast<std::size_t>(branch)] * share(child) / all;
   }
 }
 
-/// One implicit step, from the root to the leaves: what enters a segment is known when it is visited.
+void ContrastBolus::place_source(const VesselTree::Location& tip, double ml_s, double mg_ml) {
+  is_upstream_.assign(is_upstream_.size(), false);
+  injected_branch_ = ml_s > 0 ? tip.branch : -1;
+  if (ml_s <= 0) return;
+  const auto branch = static_cast<std::size_t>(tip.branch);
+  source_ = {vessels_[branch].cell_at(tip.arc_length_mm), ml_s, mg_ml};
+  for (int b = tree_.branches()[branch].parent; b >= 0;
+       b = tree_.branches()[static_cast<std::size_t>(b)].parent)
+    is_upstream_[static_cast<std::size_t>(b)] = true;
+}
+
+double ContrastBolus::longest_step_s() const {
+  double longest_s = std::numeric_limits<double>::infinity();
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    // On either side of a source there may be outflow.
+    const bool is_displaced = is_upstream_[b] || injected_branch_ == static_cast<int>(b);
+    const double flow_ml_s = waveform_.peak() * blood_ml_s_[b] + (is_displaced ? source_.ml_s : 0);
+    longest_s = std::min(longest_s, vessels_[b].longest_step_s(flow_ml_s));
+  }
+  return longest_s;
+}
+
+void ContrastBolus::set_flow(double relative_flow) {
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    const double displaced_ml_s = is_upstream_[b] ? source_.ml_s : 0;
+    vessels_[b].set_flow(relative_flow * blood_ml_s_[b] - displaced_ml_s,
+                         injected_branch_ == static_cast<int>(b) ? &source_ : nullptr);
+  }
+}
+
 void ContrastBolus::advect(double time_s) {
-  std::vector<double> entering_mg(order_.size());
-  for (const int branch : order_) {
-    const auto b = static_cast<std::size_t>(branch);
-    std::vector<double>& iodine = iodine_mg_ml_[b];
-    double leaving_mg = entering_mg[b];
-    for (std::size_t i = 0; i < iodine.size(); ++i) {
-      if (branch == injected_branch_ && i == injected_segment_) leaving_mg += injected_mg_s_ * time_s;
-      const double volume_ml = volumes_ml_[b][i], leaving_ml = flow_ml_s_[b][i] * time_s;
-      iodine[i] = (iodine[i] * volume_ml + leaving_mg) / (volume_ml + leaving_ml);
-      leaving_mg = iodine[i] * leaving_ml;
-    }
-    if (tree_.branches()[b].children.empty()) washed_out_mg_ += leaving_mg;
-    divide(tree_, branch, leaving_mg,
-           [&](int child, double mg) { entering_mg[static_cast<std::size_t>(child)] = mg; });
+  const std::size_t root_start = junctions_.size() - 1;
+  const auto start_of = [&](std::size_t b) {
+    const int parent = tree_.branches()[b].parent;
+    return parent < 0 ? root_start : static_cast<std::size_t>(parent);
+  };
+  std::ranges::fill(junctions_, Junction{});
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    const LaminarVessel& vessel = vessels_[b];
+    Junction &start = junctions_[start_of(b)], &end = junctions_[b];
+    start.entering_mg += vessel.leaving_start_mg(time_s);
+    start.leaving_ml += std::max(0.0, vessel.start_ml_s()) * time_s;
+    end.entering_mg += vessel.leaving_end_mg(time_s);
+    end.leaving_ml += std::max(0.0, -vessel.end_ml_s()) * time_s;
+  }
+  washed_out_mg_ += junctions_[root_start].entering_mg;
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    if (tree_.branches()[b].children.empty()) washed_out_mg_ += junctions_[b].entering_mg;
+    vessels_[b].advect(time_s, junctions_[start_of(b)].mg_ml(), junctions_[b].mg_ml());
   }
 }
 
 void ContrastBolus::step(double time_s, const VesselTree::Location& tip, double injection_ml_s,
                          double agent_mg_ml) {
-  set_flow(tip, injection_ml_s);
-  injected_mg_s_ = injection_ml_s * agent_mg_ml;
-  constexpr double kMaxStep_s = 0.01;  // the blood moves by at most a vessel's width
-  const double steps = std::ceil(time_s / kMaxStep_s);
-  for (int i = 0; i < static_cast<int>(steps); ++i) advect(time_s / steps);
+  if (time_s <= 0) return;
+  place_source(tip, injection_ml_s, agent_mg_ml);
+  const double steps = std::ceil(time_s / longest_step_s());
+  const double step_s = time_s / steps;
+  for (double i = 0; i < steps; ++i) {
+    set_flow(waveform_.at(time_s_ + (i + 0.5) * step_s));
+    advect(step_s);
+  }
+  time_s_ += time_s;
+  for (std::size_t b = 0; b < vessels_.size(); ++b) {
+    vessels_[b].diffuse(time_s);
+    washed_out_mg_ += vessels_[b].drop_traces_mg();
+    vessels_[b].copy_means(iodine_mg_ml_[b]);
+  }
+}
+
+double ContrastBolus::in_tree_mg() const {
+  return std::accumulate(vessels_.begin(), vessels_.end(), 0.0,
+                         [](double sum, const LaminarVessel& vessel) { return sum + vessel.in_vessel_mg(); });
 }
 
 }  // namespace xraycast

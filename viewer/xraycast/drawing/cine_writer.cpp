@@ -13,15 +13,15 @@ namespace xraycast {
 
 bool is_animation(const std::filesystem::path& path) { return extension_of(path) == ".gif"; }
 
-CineWriter::CineWriter(std::filesystem::path output, int width, int height)
-    : output_(std::move(output)), width_(width), height_(height) {}
+CineWriter::CineWriter(std::filesystem::path output, int width, int height, double frame_s)
+    : output_(std::move(output)), width_(width), height_(height), frame_s_(frame_s) {}
 
 CineWriter::CineWriter(CineWriter&&) noexcept = default;
 CineWriter::~CineWriter() = default;
 
 void CineWriter::add(std::span<const std::uint8_t> rgb) {
   if (is_animation(output_)) {
-    if (!animation_) animation_ = std::make_unique<GifFile>(output_, width_, height_);
+    if (!animation_) animation_ = std::make_unique<GifFile>(output_, width_, height_, frame_s_);
     animation_->add(rgb);
   } else {
     write_png(rgb, width_, height_, 3, frame(count_));

@@ -13,11 +13,14 @@ class GifFile;
 bool is_animation(const std::filesystem::path& path);
 
 /// Writes the frames of a cine, all of one size, as they arrive: PNGs into a folder, which must exist, or one
-/// animation of 20 frames per second, which appears once it is finished. A folder holds one cine: surplus
+/// animation, which appears once it is finished. A folder holds one cine: surplus
 /// frames of an earlier one, numbered on from the last, are removed.
 class CineWriter {
  public:
-  CineWriter(std::filesystem::path output, int width, int height);
+  static constexpr double kUsualFrame_s = 0.05;
+
+  /// `frame_s`: how long an animation shows each frame.
+  CineWriter(std::filesystem::path output, int width, int height, double frame_s = kUsualFrame_s);
   CineWriter(CineWriter&&) noexcept;
   ~CineWriter();
 
@@ -32,6 +35,7 @@ class CineWriter {
 
   std::filesystem::path output_;
   int width_, height_, count_ = 0;
+  double frame_s_;
   std::unique_ptr<GifFile> animation_;  ///< from its first frame on
 };
 

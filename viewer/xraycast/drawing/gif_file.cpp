@@ -5,6 +5,7 @@
 
 #include <array>
 #include <cerrno>
+#include <cmath>
 #include <gif_lib.h>
 #include <memory>
 
@@ -18,8 +19,12 @@ int write_bytes(GifFileType* gif, const GifByteType* bytes, int count) {
 
 }  // namespace
 
-GifFile::GifFile(const std::filesystem::path& path, int width, int height)
-    : file_(path), out_(file_.temporary(), std::ios::binary), width_(width), height_(height) {
+GifFile::GifFile(const std::filesystem::path& path, int width, int height, double frame_s)
+    : file_(path),
+      out_(file_.temporary(), std::ios::binary),
+      width_(width),
+      height_(height),
+      frame_s_(frame_s) {
   int ignored = 0;
   gif_ = EGifOpen(&out_, write_bytes, &ignored);
   check(gif_ != nullptr);
@@ -47,13 +52,21 @@ void GifFile::add(std::span<const std::uint8_t> rgb) {
     const auto& [r, g, b] = picture.palette[i];
     colours->Colors[i] = {r, g, b};
   }
-  GraphicsControlBlock control{DISPOSE_DO_NOT, false, 5, NO_TRANSPARENT_COLOR};  // 5 hundredths of a second
+  GraphicsControlBlock control{DISPOSE_DO_NOT, false, next_delay(), NO_TRANSPARENT_COLOR};
   std::array<GifByteType, 4> packed{};
   EGifGCBToExtension(&control, packed.data());
   check(EGifPutExtension(gif_, GRAPHICS_EXT_FUNC_CODE, packed.size(), packed.data()) == GIF_OK &&
         EGifPutImageDesc(gif_, 0, 0, width_, height_, false, colours.get()) == GIF_OK);
   for (int y = 0; y < height_; ++y)
     check(EGifPutLine(gif_, picture.indices.data() + std::ptrdiff_t{y} * width_, width_) == GIF_OK);
+}
+
+/// In hundredths of a second, so that rounding does not add up.
+int GifFile::next_delay() {
+  constexpr double kHundredths = 100;
+  const auto shown_until = [this](int frames) { return std::lround(kHundredths * frame_s_ * frames); };
+  ++count_;
+  return static_cast<int>(shown_until(count_) - shown_until(count_ - 1));
 }
 
 void GifFile::finish() {

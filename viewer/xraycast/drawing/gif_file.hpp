@@ -10,11 +10,12 @@ struct GifFileType;
 
 namespace xraycast {
 
-/// An endlessly repeating animated GIF of 20 frames per second, written frame by frame.
+/// An endlessly repeating animated GIF, written frame by frame.
 class GifFile {
  public:
-  /// Throws as AtomicFile's constructor.
-  GifFile(const std::filesystem::path& path, int width, int height);
+  /// Frames stay for `frame_s` in the mean; the format counts hundredths of a second. Throws as AtomicFile's
+  /// constructor.
+  GifFile(const std::filesystem::path& path, int width, int height, double frame_s);
   ~GifFile();
   GifFile(const GifFile&) = delete;
   GifFile& operator=(const GifFile&) = delete;
@@ -28,10 +29,12 @@ class GifFile {
 
  private:
   void check(bool ok) const;
+  int next_delay();
 
   AtomicFile file_;
   std::ofstream out_;
-  int width_, height_;
+  int width_, height_, count_ = 0;
+  double frame_s_;
   GifFileType* gif_ = nullptr;
 };
 

@@ -56,14 +56,14 @@ void strip(const char* name, const SimulatedRun& run, double HubLoad::*load, dou
 
 }  // namespace
 
-void handle_intervention(Viewer& viewer, GLFWwindow* window) {
-  Intervention* intervention = viewer.intervention();
-  if (!intervention) return;
+void handle_held_input(Viewer& viewer, GLFWwindow* window) {
   const bool types = ImGui::GetIO().WantTextInput;
   const HubInput keys = held_keys([&](int key) { return !types && glfwGetKey(window, key) == GLFW_PRESS; });
   const auto pad_state = connected_pad();
   const HubInput pad = pad_state ? held_pad(*pad_state) : HubInput{};
-  intervention->press_pedal(keys.pedal || pad.pedal);
+  viewer.press_pedal(keys.pedal || pad.pedal);
+  Intervention* intervention = viewer.intervention();
+  if (!intervention) return;
   intervention->run().inject(keys.injects || pad.injects ? kInjection_ml_s : 0);
 
   ManualDevice* hand = intervention->manual();

@@ -172,8 +172,13 @@ void Viewer::save_picture() {
 std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& drawn) {
   const ProjectionImage* drr = pane.is_drr ? drrs_.latest() : nullptr;
   drawn = drr ? drr->view : view_in(pane.width, pane.height);
-  std::vector<std::uint8_t> rgb =
-      drr ? renderer_.picture(*drr, session_.style) : renderer_.picture(drawn, session_.style);
+  std::vector<std::uint8_t> rgb;
+  if (is_fluoroscopy(pane) && !console()->image().empty()) {
+    drawn = console()->view();
+    for (const std::uint8_t grey : console()->image()) rgb.insert(rgb.end(), 3, grey);
+  } else {
+    rgb = drr ? renderer_.picture(*drr, session_.style) : renderer_.picture(drawn, session_.style);
+  }
   annotate(rgb, drawn, bounds_, status_of(picture_camera()));
   draw_outline(road_map(drawn), kRoadMapColour, drawn.width, rgb);
   return rgb;
@@ -246,10 +251,59 @@ void Viewer::restart_run() {
 }
 
 std::span<const glm::ivec2> Viewer::road_map(const View& view) {
+  if (console()) return {};  // the fluoroscope has its own
   if (intervention_) return intervention_->road_map(view);
   if (!session_.steered || !session_.steered->has_road_map || !opened_.tree) return {};
   if (!road_map_) road_map_.emplace(*opened_.tree);
   return road_map_->outline(view);
+}
+
+// ---- the fluoroscope -------------------------------------------------------------------------------
+
+void Viewer::toggle_console() {
+  attempt([&] {
+    if (console_)
+      is_console_on_ = !is_console_on_;
+    else
+      use_fluoroscope({.c_arm = CArm::named("mobile-flat-panel")});
+  });
+}
+
+void Viewer::use_fluoroscope(const FluoroscopyOptions& options) {
+  FluoroscopyOptions with_field = options;
+  if (with_field.field_mm == 0) with_field.field_mm = options.c_arm.fields_mm.front();
+  console_.emplace(with_field);
+  is_console_on_ = fits_field_ = true;
+}
+
+/// Magnifies so that the fluoroscope's field fills the height of the picture.
+void Viewer::fit_field(const Pane& pane) {
+  fits_field_ = false;
+  const Cone& distances = console_->options().c_arm.distances;
+  const double field_mm =
+      console_->options().field_mm * distances.source_axis_mm / distances.source_detector_mm;
+  session_.camera.magnify(view_in(pane.width, pane.height).pixel_mm * pane.height / field_mm);
+}
+
+void Viewer::toggle_console_road_map() {
+  console_->show_road_map(!console_->shows_road_map());
+  if (console_->has_angiogram()) return console_->subtract(false);
+  message_ = "there is no angiogram for a road map yet: subtract (G), hold the pedal (X), and inject (I)";
+}
+
+void Viewer::press_pedal(bool is_down) {
+  pedal_ = is_down;
+  if (intervention_) intervention_->press_pedal(is_down);
+}
+
+/// A pulse where one is due, and the held image; black before the pedal's first pulse.
+void Viewer::draw_fluoroscopy(const Pane& pane) {
+  if (is_pulse_due_) {
+    const View view = view_in(pane.width, pane.height);
+    console_->expose(renderer_.tau(view, session_.style), view, WaterPath(*shown_));
+    held_.set(console_->image(), view.width, view.height);
+  }
+  held_.draw(pane.x, 0, pane.width, pane.height);
 }
 
 // ---- the vessels ----------------------------------------------------------------------------------
@@ -328,6 +382,8 @@ void Viewer::draw_pane(const Pane& pane) {
   glViewport(pane.x, 0, pane.width, pane.height);
   if (pane.is_drr)
     draw_drr(pane);
+  else if (is_fluoroscopy(pane))
+    draw_fluoroscopy(pane);
   else
     renderer_.draw(view_in(pane.width, pane.height), session_.style, pane.x, 0);
 }
@@ -373,7 +429,9 @@ void Viewer::draw(int width, int height) {
   if (!shown_ || width <= 0 || height <= 0) return;
   constexpr double kRotation_deg = 2.5;
   if (is_rotating) session_.camera.rotate(kRotation_deg);
+  if (console() && fits_field_) fit_field(panes(width, height).front());
   if (intervention_) attempt([&] { show_catheter(); });
+  is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);
   since_frame_ = {};
   if (cine_) attempt([&] { export_cine_frame(); });
   attempt([&] {

@@ -1,7 +1,9 @@
 #pragma once
 
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/console.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/window/cine_exporter.hpp"
 #include "xraycast/window/drr_comparison.hpp"
@@ -49,6 +51,23 @@ class Viewer {
   void replay();  ///< the last recording
   void restart_run();
   std::span<const glm::ivec2> road_map(const View& view);
+
+  // ---- the fluoroscope
+  /// Takes pictures of the map as a fluoroscope does from now on, while the pedal is down. Throws as its
+  /// console does.
+  void use_fluoroscope(const FluoroscopyOptions& options);
+
+  /// Off, and on again with its counters; the first time with a mobile C-arm.
+  void toggle_console();
+
+  /// Null while it is off.
+  FluoroscopyConsole* console() { return console_ && is_console_on_ ? &*console_ : nullptr; }
+  const FluoroscopyConsole* console() const { return console_ && is_console_on_ ? &*console_ : nullptr; }
+
+  /// Blends what was opacified into live pictures; the message says where nothing was.
+  void toggle_console_road_map();
+  void press_pedal(bool is_down);
+  bool pedal() const { return pedal_; }
 
   // ---- the vessels
   /// The tree of the folder of vessels, or that in which the catheter is steered; none: there is only a
@@ -108,12 +127,15 @@ class Viewer {
   void show_map(std::shared_ptr<const BodyMap> map);
   void draw_pane(const Pane& pane);
   void draw_drr(const Pane& pane);
+  void draw_fluoroscopy(const Pane& pane);
+  void fit_field(const Pane& pane);
   std::vector<std::uint8_t> annotated_picture(const Pane& pane, View& drawn);
   void take_results();
   void export_cine_frame();
   void show_catheter();
   void adapt_brightness(const View& view);
   const Camera& picture_camera() const;
+  bool is_fluoroscopy(const Pane& pane) const { return console() && !pane.is_drr; }
 
   ViewSession session_;
   std::string device_;
@@ -130,6 +152,9 @@ class Viewer {
   std::optional<CineExporter> cine_;
   std::optional<Intervention> intervention_;
   std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
+  std::optional<FluoroscopyConsole> console_;
+  bool is_console_on_ = true, fits_field_ = false, pedal_ = false, is_pulse_due_ = false;
+  GreyPicture held_;  ///< the fluoroscope's last image
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
   std::optional<VesselTree::Location> picked_;

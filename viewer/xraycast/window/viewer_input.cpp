@@ -1,5 +1,7 @@
 #include "xraycast/window/viewer_input.hpp"
 
+#include "xraycast/window/exposure_panel.hpp"
+
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <algorithm>
@@ -83,6 +85,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
   }
   if (key >= GLFW_KEY_1 && key <= GLFW_KEY_9)
     viewer.opacity().toggle_layer(static_cast<std::size_t>(key - GLFW_KEY_1));
+  if (handle_console_key(viewer, key)) return false;
   switch (key) {
     case GLFW_KEY_ESCAPE:
       viewer.cancel();

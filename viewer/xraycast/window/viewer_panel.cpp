@@ -5,6 +5,7 @@
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
+#include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
 #include "xraycast/window/viewer_input.hpp"
 
@@ -118,6 +119,7 @@ void overlays(Viewer& viewer) {
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("Help", &viewer.shows_help, ImGuiWindowFlags_AlwaysAutoResize);
   ImGui::TextUnformatted(kHelp);
+  ImGui::TextUnformatted(kFluoroscopeHelp);
   if (viewer.intervention()) ImGui::TextUnformatted(kInterventionHelp);
   ImGui::End();
 }

@@ -1,5 +1,6 @@
 #include "xraycast/window/viewer_window.hpp"
 
+#include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
 #include "xraycast/window/viewer.hpp"
 #include "xraycast/window/viewer_input.hpp"
@@ -38,8 +39,8 @@ void wait_for_events(const Viewer& viewer) {
   constexpr double kProgress_s = 0.05, kIdle_s = 0.25, kFluoroscope_s = 1.0 / 30, kHeld_s = 0.1;
   if (viewer.is_animating())
     glfwPollEvents();
-  else if (viewer.intervention())
-    glfwWaitEventsTimeout(viewer.intervention()->is_live() ? kFluoroscope_s : kHeld_s);
+  else if (viewer.intervention() || viewer.console())
+    glfwWaitEventsTimeout(viewer.pedal() ? kFluoroscope_s : kHeld_s);
   else
     glfwWaitEventsTimeout(viewer.status() ? kProgress_s : kIdle_s);
 }
@@ -47,10 +48,12 @@ void wait_for_events(const Viewer& viewer) {
 }  // namespace
 
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
-                const std::optional<Intervention::Options>& simulation) {
+                const std::optional<Intervention::Options>& simulation,
+                const std::optional<FluoroscopyOptions>& fluoroscopy) {
   Window window;
   Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
   if (simulation) desk.viewer.simulate(*simulation);
+  if (fluoroscopy) desk.viewer.use_fluoroscope(*fluoroscopy);
   set_callbacks(window.handle(), desk);
   window.attach_gui();
   while (!glfwWindowShouldClose(window.handle()) && !progress.cancelled()) {
@@ -59,9 +62,10 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     desk.viewer.draw(width, height);
     window.begin_gui();
     handle_mouse(desk.viewer);
-    handle_intervention(desk.viewer, window.handle());
+    handle_held_input(desk.viewer, window.handle());
     desk.panel.draw(desk.viewer);
     draw_intervention_panel(desk.viewer);
+    draw_exposure_panel(desk.viewer);
     window.end_gui();
   }
 }

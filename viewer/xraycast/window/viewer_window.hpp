@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/window/intervention.hpp"
 
@@ -12,8 +13,10 @@ namespace xraycast {
 /// The interactive viewer, until its window is closed or `progress` cancelled. `device` chooses the OpenCL
 /// device as for ComputeDevice. Files of the session are read once the window is open. Throws Error when
 /// there is no display or no OpenGL 3.3; later errors are messages in the window. With
-/// `simulation` a catheter is steered in it; throws as Intervention does.
+/// `simulation` a catheter is steered in it; throws as Intervention does. With `fluoroscopy` it begins with a
+/// fluoroscope's pictures.
 void run_viewer(const ViewSession& session, const std::string& device, const Progress& progress,
-                const std::optional<Intervention::Options>& simulation = {});
+                const std::optional<Intervention::Options>& simulation = {},
+                const std::optional<FluoroscopyOptions>& fluoroscopy = {});
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "command.hpp"
+#include "options/command.hpp"
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"

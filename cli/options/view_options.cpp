@@ -1,4 +1,4 @@
-#include "view_options.hpp"
+#include "options/view_options.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projection_file.hpp"
@@ -48,8 +48,9 @@ void add_grey_options(CLI::App& command, GreyOptions& options) {
 
 void check_shown(bool is_given, const char* option, const std::string& file) {
   if (is_given && !is_picture(file))
-    throw InputError("{} does not apply to {}, which holds optical depths; leave it out or write a .png",
-                     option, file);
+    throw InputError(
+        "{} does not apply to {}, which holds values that are not displayed; leave it out or write a .png",
+        option, file);
 }
 
 void check_shown(const GreyOptions& options, const std::string& file) {

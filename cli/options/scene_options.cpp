@@ -1,4 +1,4 @@
-#include "scene_options.hpp"
+#include "options/scene_options.hpp"
 
 #include "xraycast/base/error.hpp"
 

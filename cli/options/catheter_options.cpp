@@ -1,6 +1,6 @@
-#include "catheter_options.hpp"
+#include "options/catheter_options.hpp"
 
-#include "command.hpp"
+#include "options/command.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <fmt/format.h>

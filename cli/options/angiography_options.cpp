@@ -1,0 +1,104 @@
+#include "options/angiography_options.hpp"
+
+#include "options/command.hpp"
+#include "options/view_options.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/casting/xa_file.hpp"
+#include "xraycast/simulation/cardiac_waveform.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <vector>
+
+namespace xraycast::cli {
+namespace {
+
+/// Throws InputError unless 0 < value <= most.
+void check_amount(const char* option, double value, double most, const char* unit) {
+  if (!(value > 0 && value <= most))
+    throw InputError("{} {:g}: must be above 0 and at most {:g} {}", option, value, most, unit);
+}
+
+}  // namespace
+
+void add_injection_options(CLI::App& command, InjectionOptions& options) {
+  command
+      .add_option("--inject", options.times,
+                  "--cine: inject contrast agent at the tip between these times; TO may be left out where "
+                  "--injection-volume ends it, as in --inject 8 --injection-rate 6 --injection-volume 12")
+      ->type_name("FROM_S[,TO_S]");
+  command.add_option("--injection-rate", options.rate_ml_s, "--inject: rate of the injection")
+      ->capture_default_str()
+      ->type_name("ML/S");
+  command.add_option("--injection-volume", options.volume_ml, "--inject: end after this volume")
+      ->type_name("ML");
+  command.add_option("--iodine", options.iodine_mg_ml, "--inject: iodine concentration of the agent")
+      ->capture_default_str()
+      ->type_name("MG/ML");
+  command
+      .add_option("--heart-rate", options.heart_rate_bpm, "--inject: beats per minute of the blood's flow")
+      ->capture_default_str()
+      ->type_name("BPM");
+}
+
+Injection parse_injection(const InjectionOptions& options) {
+  check_amount("--injection-rate", options.rate_ml_s, kMaxInjection_ml_s, "ml/s");
+  check_amount("--iodine", options.iodine_mg_ml, kMaxAgent_mg_ml, "mg/ml");
+  if (options.volume_ml) check_amount("--injection-volume", *options.volume_ml, kMaxInjection_ml, "ml");
+  Injection injection{.rate_ml_s = options.rate_ml_s, .agent_mg_ml = options.iodine_mg_ml};
+  if (options.times.empty()) return injection;
+  const std::vector<double> times_s = parse_numbers(options.times, "--inject");
+  const bool is_open = times_s.size() == 1 && options.volume_ml;
+  const bool is_closed = times_s.size() == 2 && times_s[0] < times_s[1];
+  if (!(is_open || is_closed) || !(times_s.front() >= 0) || !std::isfinite(times_s.back()))
+    throw InputError("--inject {}: must be FROM,TO in seconds, with FROM below TO{}", options.times,
+                     times_s.size() == 1 ? "; or add --injection-volume" : "");
+  injection.from_s = times_s.front();
+  injection.to_s = is_closed ? times_s[1] : times_s[0] + *options.volume_ml / options.rate_ml_s;
+  if (options.volume_ml)
+    injection.to_s = std::min(injection.to_s, injection.from_s + *options.volume_ml / options.rate_ml_s);
+  if (injection.volume_ml() > kMaxInjection_ml)
+    throw InputError("--inject {}: {:.0f} ml at {:g} ml/s; inject at most {:g} ml", options.times,
+                     injection.volume_ml(), options.rate_ml_s, kMaxInjection_ml);
+  return injection;
+}
+
+double parse_heart_rate(const InjectionOptions& options) {
+  const double bpm = options.heart_rate_bpm;
+  if (!(bpm >= kMinHeartRate_bpm && bpm <= kMaxHeartRate_bpm))
+    throw InputError("--heart-rate {:g}: must be {:g} to {:g} beats per minute", bpm, kMinHeartRate_bpm,
+                     kMaxHeartRate_bpm);
+  return bpm;
+}
+
+void add_subtraction_options(CLI::App& command, SubtractionOptions& options) {
+  command
+      .add_option("--mask-shift", options.mask_shift,
+                  "dsa: move the mask by pixels, or fractions of them, before it is subtracted")
+      ->type_name("RIGHT,DOWN");
+  command.add_flag("--max-opacification", options.shows_maximum_opacification,
+                   "dsa: every frame shows the vessels as dense as they were in any frame so far");
+}
+
+PixelShift parse_mask_shift(const SubtractionOptions& options) {
+  if (options.mask_shift.empty()) return {};
+  const std::vector<double> pixels = parse_numbers(options.mask_shift, "--mask-shift");
+  constexpr double kMost = 1000;
+  if (pixels.size() != 2 || !(std::abs(pixels[0]) <= kMost && std::abs(pixels[1]) <= kMost))
+    throw InputError("--mask-shift {}: must be RIGHT,DOWN in pixels, up to {:g}", options.mask_shift, kMost);
+  return {pixels[0], pixels[1]};
+}
+
+void check_subtraction(const SubtractionOptions& options, bool subtracts, const std::string& file) {
+  const auto check = [&](bool is_given, const char* option) {
+    if (!is_given) return;
+    if (!subtracts) throw InputError("{}: applies only to --look dsa; add that or leave it out", option);
+    if (is_xa(file))
+      throw InputError("{}: {} holds frames and mask before subtraction; leave it out, or write a .gif",
+                       option, file);
+  };
+  check(!options.mask_shift.empty(), "--mask-shift");
+  check(options.shows_maximum_opacification, "--max-opacification");
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,43 @@
+#pragma once
+
+#include "xraycast/fluoroscope/subtraction.hpp"
+#include "xraycast/simulation/injection.hpp"
+
+#include <CLI/CLI.hpp>
+
+#include <optional>
+#include <string>
+
+namespace xraycast::cli {
+
+/// --inject, --injection-rate, --injection-volume, --iodine and --heart-rate, as given.
+struct InjectionOptions {
+  std::string times;
+  double rate_ml_s = Injection{}.rate_ml_s, iodine_mg_ml = Injection{}.agent_mg_ml, heart_rate_bpm = 70;
+  std::optional<double> volume_ml;
+};
+
+void add_injection_options(CLI::App& command, InjectionOptions& options);
+
+/// None, of no duration, where --inject was not given. Throws InputError.
+Injection parse_injection(const InjectionOptions& options);
+
+/// Checks --heart-rate. Throws InputError.
+double parse_heart_rate(const InjectionOptions& options);
+
+/// --mask-shift and --max-opacification, as given.
+struct SubtractionOptions {
+  std::string mask_shift;
+  bool shows_maximum_opacification = false;
+};
+
+void add_subtraction_options(CLI::App& command, SubtractionOptions& options);
+
+/// RIGHT,DOWN; no shift for an empty text. Throws InputError.
+PixelShift parse_mask_shift(const SubtractionOptions& options);
+
+/// Throws InputError for an option that does not apply: to another look than dsa, or to a file that holds
+/// what is not yet subtracted.
+void check_subtraction(const SubtractionOptions& options, bool subtracts, const std::string& file);
+
+}  // namespace xraycast::cli

@@ -1,0 +1,177 @@
+#include "options/fluoroscope_options.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/casting/projection_file.hpp"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace xraycast::cli {
+namespace {
+
+constexpr const char* kUsualC_arm = "fixed-single-plane";
+constexpr const char* kFluoroscopeGroup = "Fluoroscope";
+
+Collimation parse_collimation(const std::string& text) {
+  const std::vector<double> numbers = parse_numbers(text, "--collimate");
+  if (numbers.size() < 2 || numbers.size() > 3)
+    throw InputError("--collimate {}: must be WIDTH,HEIGHT in mm on the detector, or WIDTH,HEIGHT,DEG", text);
+  const double turn_deg = numbers.size() > 2 ? numbers[2] : 0;
+  return {numbers[0], numbers[1], turn_deg * std::numbers::pi / 180};
+}
+
+DoseLevel parse_dose(const std::string& name) {
+  return name == "low" ? DoseLevel::low : name == "cine" ? DoseLevel::cine : DoseLevel::normal;
+}
+
+}  // namespace
+
+void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options) {
+  const auto add = [&command](const char* name, auto& value, const std::string& help, const char* type) {
+    return command.add_option(name, value, help)->type_name(type)->group(kFluoroscopeGroup);
+  };
+  add("--c-arm", options.c_arm,
+      fmt::format("Distances, detector, tube and table of {}, or of a file; sets --cone, --size and --pixel "
+                  "where they are not given",
+                  fmt::join(CArm::preset_names(), ", ")),
+      "NAME|FILE.json");
+  add("--field", options.field_mm, "Zoom field of the C-arm: its side on the detector; default: the largest",
+      "MM");
+  add("--collimate", options.collimate, "Opening of the collimator's blades on the detector, and their turn",
+      "MM,MM[,DEG]");
+  add("--dose", options.dose,
+      "Dose that the exposure control aims at: low, normal (default), or cine; any option of this group "
+      "makes "
+      "the picture that of a fluoroscope, with noise",
+      "NAME")
+      ->check(CLI::IsMember({"low", "normal", "cine"}));
+  add("--kvp", options.kvp, "Tube voltage; the exposure control sets the mAs alone", "KVP");
+  add("--mas", options.mas, "mAs a pulse; the exposure control sets the voltage alone", "MAS");
+  add("--photons", options.photons, "Quanta that a pixel of the open field detects, in place of an exposure",
+      "N");
+  add("--pulse-rate", options.pulses_per_s, "Pulses a second, 3 to 30 (default 15)", "HZ");
+  add("--stages", options.stages,
+      "What is on of quanta, blur, lag, electronics, scatter and display; or none (default: all)", "LIST");
+  add("--seed", options.seed, "Seed of the noise (default 1): the same seed gives the same file", "N");
+}
+
+std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& options) {
+  const bool is_given = !options.c_arm.empty() || !options.collimate.empty() || !options.dose.empty() ||
+                        !options.stages.empty() || options.field_mm || options.mas || options.photons ||
+                        options.pulses_per_s || options.kvp || options.seed;
+  if (!is_given) return std::nullopt;
+  FluoroscopyOptions parsed;
+  parsed.c_arm = CArm::named(options.c_arm.empty() ? kUsualC_arm : options.c_arm);
+  if (options.field_mm && options.c_arm.empty())
+    throw InputError("--field {:g}: is a field of a C-arm; add --c-arm NAME", *options.field_mm);
+  if (!options.c_arm.empty()) parsed.field_mm = zoom_field_mm(parsed.c_arm, options.field_mm);
+  if (!options.collimate.empty()) parsed.collimation = parse_collimation(options.collimate);
+  parsed.dose = parse_dose(options.dose);
+  parsed.kvp = options.kvp;
+  parsed.mas = options.mas;
+  parsed.photons = options.photons;
+  if (options.pulses_per_s) parsed.pulses_per_s = *options.pulses_per_s;
+  if (!options.stages.empty()) parsed.stages = FluoroscopyStages::from_list(options.stages);
+  if (options.seed) parsed.seed = *options.seed;
+  check(parsed);
+  return parsed;
+}
+
+void use_spectrum(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation,
+                  FluoroscopyOptions& fluoroscopy) {
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  if (!spectrum) return;
+  const std::string name = opacity.substr(opacity.find(':') + 1);
+  const bool is_file = spectrum->name() != name + " kVp";
+  if (is_file && fluoroscopy.kvp)
+    throw InputError("--kvp {} with --opacity {}: both give the beam; leave one of them out",
+                     *fluoroscopy.kvp, opacity);
+  if (is_file)
+    fluoroscopy.spectrum = *spectrum;
+  else if (!fluoroscopy.kvp)
+    fluoroscopy.kvp = std::stoi(name);
+  check(fluoroscopy);
+}
+
+View on_c_arm(const FluoroscopeArguments& options, const std::optional<FluoroscopyOptions>& fluoroscopy,
+              const View& view) {
+  return options.c_arm.empty() ? view : view_of(fluoroscopy->c_arm, fluoroscopy->field_mm, view);
+}
+
+void note_on_energies(const Session& session) {
+  session.say(
+      {"the optical depths have no energies: the fluoroscope takes them for the water that attenuates as "
+       "much; for the tissues' own hardening give --opacity spectrum:KVP"});
+}
+
+void check_linear_codes(const DicomOptions& dicom) {
+  if (dicom.intensity == "log")
+    throw InputError("--intensity log: a fluoroscope's detector sends linear codes; leave it out");
+}
+
+std::vector<std::uint8_t> displayed(const FluoroscopyFrame& frame, const GreyOptions& grey) {
+  std::vector<std::uint8_t> greys = frame.shown;
+  const double gamma = grey.gamma.value_or(1);
+  constexpr double kWhite = 255;
+  for (std::uint8_t& one : greys) {
+    const double shown = std::pow(one / kWhite, 1 / gamma);
+    one = static_cast<std::uint8_t>(std::lround(kWhite * (grey.inverted ? 1 - shown : shown)));
+  }
+  return greys;
+}
+
+std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(3 * greys.size());
+  for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+  return rgb;
+}
+
+std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {
+  if (fluoroscope.options().spectrum) return std::nullopt;
+  return XaExposure{.kvp = 1.0 * technique.kvp,
+                    .mas = technique.mas,
+                    .pulse_ms = fluoroscope.options().c_arm.tube.pulse_ms,
+                    .dap_Gycm2 = fluoroscope.dose().dap_Gycm2,
+                    .is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine};
+}
+
+void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
+                       const std::string& file, const GreyOptions& grey, XaOptions xa) {
+  if (is_picture(file)) return write_png(displayed(frame, grey), view.width, view.height, 1, file);
+  if (!is_xa(file)) return write_detector_signal(view, frame.signal_kev, file);
+  xa.code_bits = fluoroscope.bits();
+  XaWriter writer(file, view, 1, std::move(xa));
+  writer.add_codes(view, frame.codes);
+  if (const auto exposure = exposure_of(fluoroscope, frame.technique)) writer.set_exposure(*exposure);
+  writer.finish();
+}
+
+Json to_json(const Fluoroscope& fluoroscope, const Technique& technique) {
+  const DoseRecord& dose = fluoroscope.dose();
+  return {{"c_arm", fluoroscope.options().c_arm.name},
+          {"kvp", technique.kvp},
+          {"mas", technique.mas},
+          {"air_kerma_mGy", dose.air_kerma_mGy},
+          {"dap_Gycm2", dose.dap_Gycm2},
+          {"fluoroscopy_s", dose.fluoroscopy_s},
+          {"pulses", dose.pulses},
+          {"images", dose.images}};
+}
+
+std::string summary(const Fluoroscope& fluoroscope, const Technique& technique) {
+  const DoseRecord& dose = fluoroscope.dose();
+  return fmt::format(
+      "{}: {} kVp, {:.3g} mAs a pulse; {}, {:.2f} s of fluoroscopy, {} recorded, air kerma {:.3g} mGy at the "
+      "reference point, dose-area product {:.3g} Gy cm2\n",
+      fluoroscope.options().c_arm.name, technique.kvp, technique.mas, pluralize(dose.pulses, "pulse"),
+      dose.fluoroscopy_s, pluralize(dose.images, "image"), dose.air_kerma_mGy, dose.dap_Gycm2);
+}
+
+}  // namespace xraycast::cli

@@ -1,0 +1,20 @@
+#pragma once
+
+namespace xraycast {
+
+/// Limits of injectors and agents: aortic injectors give 40 ml/s at most; iomeprol 400 is the densest agent.
+inline constexpr double kMaxInjection_ml_s = 50, kMaxInjection_ml = 300, kMaxAgent_mg_ml = 400;
+
+/// An injection of contrast agent at a catheter's tip, at a constant rate between two times.
+struct Injection {
+  double from_s = 0, to_s = 0;
+  double rate_ml_s = 5;
+  double agent_mg_ml = 350;  ///< iodine
+
+  double volume_ml() const { return rate_ml_s * (to_s - from_s); }
+
+  /// The mean rate between two other times, the first below the second.
+  double mean_rate_ml_s(double begin_s, double end_s) const;
+};
+
+}  // namespace xraycast

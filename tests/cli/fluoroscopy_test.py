@@ -1,0 +1,190 @@
+"""PROGRAM [TEST...]: the fluoroscope's pictures in files that the program writes."""
+import json
+import pathlib
+import re
+import subprocess
+import sys
+import tempfile
+import unittest
+
+import numpy
+import pydicom
+
+PROGRAM = sys.argv.pop(1)
+
+
+def run(*words):
+    return subprocess.run([PROGRAM, *map(str, words)], check=True, capture_output=True, text=True, timeout=200)
+
+
+def read_float_nrrd(path):
+    header, _, data = path.read_bytes().partition(b"\n\n")
+    width, height = map(int, re.search(rb"sizes: (\d+) (\d+)", header).groups())
+    return numpy.frombuffer(data, "<f4").reshape(height, width).astype(float)
+
+
+def write_steps(path):
+    """Water steps of 0, 10, 20 and 30 cm from front to back, each 80 mm wide; voxels of 10 mm."""
+    hu = numpy.full((16, 32, 34), -1000, "<i2")
+    for step in range(4):
+        hu[:, :10 * step, 1 + 8 * step:9 + 8 * step] = 0
+    header = ("NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 34 32 16\n"
+              "endian: little\nencoding: raw\nspace directions: (10,0,0) (0,10,0) (0,0,10)\n"
+              "space origin: (0,0,0)\n\n")
+    path.write_bytes(header.encode() + hu.tobytes())
+
+
+def delays(path):
+    """How long a GIF shows each frame, in hundredths of a second, from its graphic control extensions."""
+    return [int.from_bytes(delay, "little") for delay in re.findall(rb"\x21\xf9\x04.(..).\x00", path.read_bytes(), re.S)]
+
+
+def snr2(values):
+    return values.mean() ** 2 / values.var()
+
+
+class Fluoroscopy(unittest.TestCase):
+    def setUp(self):
+        folder = tempfile.TemporaryDirectory()
+        self.addCleanup(folder.cleanup)
+        self.folder = pathlib.Path(folder.name)
+        self.scan = self.folder / "steps.nrrd"
+        write_steps(self.scan)
+
+    def project(self, name, *options):
+        out = self.folder / name
+        run("project", self.scan, "-o", out, "--opacity", "spectrum:80", "--size", "500x150", "--pixel", 1, *options)
+        return read_float_nrrd(out) if name.endswith(".nrrd") else out
+
+    def steps(self, picture, edge):
+        """The middles of the steps, 50 mm wide; the first of water begins at the column `edge`."""
+        middles = [edge - 40 + 80 * step for step in range(4)]
+        return [picture[20:130, middle - 25:middle + 25] for middle in middles]
+
+    def test_quanta_keep_their_law_behind_water_steps(self):
+        whole = self.project("silent.nrrd", "--photons", 1, "--stages", "none")
+        edge = int(numpy.argmax(whole[75] < 0.6 * whole[75].max()))
+        silent = self.steps(whole, edge)
+        for photons in (1e4, 1e5, 1e6):
+            for seed in (1, 2):
+                noisy = self.steps(self.project("noisy.nrrd", "--photons", photons, "--stages", "quanta", "--seed", seed),
+                                   edge)
+                for expected, seen in zip(silent, noisy):
+                    energy_kev = photons * expected.mean()
+                    self.assertAlmostEqual(seen.mean() / energy_kev, 1, delta=0.01)
+                    # Quanta of 40 to 75 keV, which spread by up to a quarter. 5,500 values: 2 %.
+                    quanta_at_most, quanta_at_least = energy_kev / 40, energy_kev / 75
+                    self.assertLess(snr2(seen), 1.06 * quanta_at_most)
+                    self.assertGreater(snr2(seen), 0.9 * quanta_at_least)
+        ratio = [snr2(b) / snr2(a) for a, b in zip(
+            self.steps(self.project("a.nrrd", "--photons", 1e5, "--stages", "quanta"), edge), noisy)]
+        numpy.testing.assert_allclose(ratio, 10, rtol=0.09)  # three standard deviations
+
+    def test_the_same_seed_gives_the_same_file(self):
+        for name in ("a.nrrd", "a.exr", "a.png"):
+            contents = []
+            for seed in (3, 3, 4):
+                self.project(name, "--seed", seed, "--dose", "low")
+                contents.append((self.folder / name).read_bytes())
+            self.assertEqual(contents[0], contents[1])
+            self.assertNotEqual(contents[0], contents[2])
+
+    def test_a_dicom_file_holds_codes_and_the_exposure(self):
+        for c_arm, bits in (("fixed-single-plane", 14), ("mobile-intensifier", 12)):
+            out = self.folder / "x.dcm"
+            done = run("project", self.scan, "-o", out, "--c-arm", c_arm, "--dose", "low", "--json")
+            told = json.loads(done.stdout)["fluoroscope"]
+            data = pydicom.dcmread(out)
+            self.assertLess(data.pixel_array.max(), 2 ** bits)
+            self.assertGreater(data.pixel_array.max(), 2 ** (bits - 4))
+            self.assertEqual(data.BitsStored, 16 if bits == 14 else 12)
+            self.assertEqual(float(data.KVP), told["kvp"])
+            self.assertAlmostEqual(float(data.ExposureInuAs), 1000 * told["mas"], delta=0.5)
+            self.assertAlmostEqual(float(data.ImageAndFluoroscopyAreaDoseProduct) / 10, told["dap_Gycm2"],
+                                   delta=1e-5 * told["dap_Gycm2"])
+            self.assertEqual((data.RadiationSetting, data.RadiationMode), ("SC", "PULSED"))
+            found = subprocess.run(["dciodvfy", out], capture_output=True, text=True)
+            self.assertEqual([line for line in found.stderr.splitlines() if line.startswith("Error")], [])
+
+    def test_the_dose_follows_the_level(self):
+        kerma = {}
+        for dose in ("low", "normal", "cine"):
+            done = run("project", self.scan, "-o", self.folder / "x.png", "--dose", dose, "--opacity", "spectrum:80",
+                       "--size", "500x150", "--pixel", 1, "--json")
+            kerma[dose] = json.loads(done.stdout)["fluoroscope"]["air_kerma_mGy"]
+        # At one voltage, by the preset's doses at the detector; the control holds still within 3 %.
+        self.assertAlmostEqual(kerma["normal"] / kerma["low"], 2, delta=0.12)
+        self.assertAlmostEqual(kerma["cine"] / kerma["normal"], 5, delta=0.3)
+
+    def test_runs_of_a_map_and_a_catheter_count_their_dose(self):
+        run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd", "--truth", self.folder / "truth")
+        body_map, script = self.folder / "map.exr", self.folder / "push.csv"
+        run("cast", self.folder / "ct.nrrd", "-o", body_map, "--layers", 8)
+        script.write_text("time_s,insertion_mm,rotation_deg\n0,0,0\n0.5,5,0\n")
+        run("render", body_map, "-o", self.folder / "cine.dcm", "--cine", "0:20:5", "--size", "96x96", "--dose", "low")
+        self.assertEqual(pydicom.dcmread(self.folder / "cine.dcm").pixel_array.shape, (4, 96, 96))
+        done = run("simulate", self.folder / "truth", "--device-model", "cobra-5f", "--script", script, "-o",
+                   self.folder / "log.csv", "--map", body_map, "--cine", self.folder / "run.dcm", "--size", "96x96",
+                   "--dose", "low", "--pulse-rate", 10, "--json")
+        told = json.loads(done.stdout)["fluoroscope"]
+        data = pydicom.dcmread(self.folder / "run.dcm")
+        self.assertEqual((told["pulses"], told["images"]), (data.NumberOfFrames, 0))
+        self.assertAlmostEqual(told["fluoroscopy_s"], 0.1 * told["pulses"], delta=1e-9)
+        self.assertEqual(float(data.FrameTime), 100)
+        self.assertGreater(told["air_kerma_mGy"], 0)
+        for rate, hundredths in ((3, {33, 34}), (10, {10})):
+            run("render", body_map, "-o", self.folder / "turn.gif", "--cine", "0:20:5", "--size", "96x96", "--dose",
+                "low", "--pulse-rate", rate)
+            self.assertEqual(set(delays(self.folder / "turn.gif")), hundredths)
+
+    def test_a_session_keeps_its_pose_on_a_c_arm(self):
+        run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd")
+        body_map, session = self.folder / "map.exr", self.folder / "session.json"
+        run("cast", self.folder / "ct.nrrd", "-o", body_map, "--layers", 8)
+        seen = {}
+        for angle in (0, 40):
+            camera = {"angle_deg": angle, "tilt_deg": 10, "table_mm": 12, "zoom": 1}
+            session.write_text(json.dumps({
+                "xraycast_session": 1, "files": {"map": "map.exr"}, "camera": camera,
+                "style": {"look": "fluoro", "compositing": "path", "continuous": True, "strengths": []}}))
+            done = run("render", "--session", session, "-o", self.folder / "x.png", "--c-arm", "mobile-flat-panel",
+                       "--json")
+            seen[angle] = json.loads(done.stdout)["image"]
+        self.assertAlmostEqual(seen[0].pop("angle_deg"), 0)
+        self.assertAlmostEqual(seen[40].pop("angle_deg"), 40)
+        self.assertEqual(seen[0], seen[40])
+        self.assertAlmostEqual(seen[40]["tilt_deg"], 10)
+        # The largest field, by its pixels two by two.
+        self.assertEqual((seen[40]["width"], seen[40]["pixel_mm"]), (976, 0.304))
+
+    def test_a_spectrum_from_a_file_is_the_beam(self):
+        for name in ("mono.txt", "123", "99999999999"):
+            spectrum = self.folder / name
+            spectrum.write_text("60 1\n")
+            run("project", self.scan, "-o", self.folder / "x.dcm", "--opacity", f"spectrum:{spectrum}", "--photons", 1000,
+                "--size", "100x50", "--pixel", 5)
+            data = pydicom.dcmread(self.folder / "x.dcm")
+            self.assertNotIn("ImageAndFluoroscopyAreaDoseProduct", data)
+            self.assertEqual(data.ExposureTime, None)
+        for energy_kev, options, message in ((60, "--kvp 80", "both give the beam"), (1.5, "", "a harder")):
+            (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
+            done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "y.png", "--photons", "1000", "--opacity",
+                                   f"spectrum:{self.folder}/mono.txt", *options.split()], capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), done.stderr)
+            self.assertIn(message, done.stderr)
+
+    def test_bad_options_get_one_line(self):
+        for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "works from"),
+                                 ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
+                                 ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
+                                 ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),
+                                 ("--stages quanta,", "list some of"), ("--field 100", "add --c-arm")):
+            done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "x.png", *options.split()],
+                                  capture_output=True, text=True)
+            self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), options + done.stderr)
+            self.assertIn(message, done.stderr)
+            self.assertFalse((self.folder / "x.png").exists())
+
+
+if __name__ == "__main__":
+    unittest.main()

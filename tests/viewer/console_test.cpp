@@ -1,0 +1,178 @@
+#include "xraycast/fluoroscope/console.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast::console_test {
+namespace {
+
+constexpr int kSide = 96;
+
+View view_at(double angle_rad) {
+  return {.angle_rad = angle_rad, .width = kSide, .height = kSide, .pixel_mm = 1};
+}
+
+FluoroscopyOptions options(const char* stages = "none") {
+  return {.c_arm = CArm::named("mobile-flat-panel"), .stages = FluoroscopyStages::from_list(stages)};
+}
+
+/// 20 cm of water with a spine, and a vessel of a tau of 0.3 down the middle where it is filled.
+std::vector<float> body(bool is_filled) {
+  std::vector<float> tau(std::size_t{kSide} * kSide);
+  for (int y = 0; y < kSide; ++y)
+    for (int x = 0; x < kSide; ++x) {
+      const bool is_spine = x > 50 && x < 80, is_vessel = std::abs(x - 48) < 5;
+      tau[static_cast<std::size_t>(y * kSide + x)] =
+          4.0f + (is_spine ? 1.0f : 0) + (is_vessel && is_filled ? 0.3f : 0);
+    }
+  return tau;
+}
+
+class Console : public testing::Test {
+ protected:
+  void expose(bool is_filled, int pulses = 1, const View& view = view_at(0)) {
+    for (int i = 0; i < pulses; ++i) console_.expose(body(is_filled), view, WaterPath(Opacity::paper()));
+  }
+  /// Of the middle row.
+  int grey(int x) const { return console_.image()[static_cast<std::size_t>(kSide / 2 * kSide + x)]; }
+  static constexpr int kVessel = 48, kSoftTissue = 20, kSpine = 70;
+  FluoroscopyConsole console_{options()};
+};
+
+TEST_F(Console, HoldsTheLastImage) {
+  EXPECT_TRUE(console_.image().empty());
+  expose(false);
+  EXPECT_EQ(console_.image().size(), std::size_t{kSide} * kSide);
+  EXPECT_GT(grey(kSoftTissue), grey(kSpine) + 20);
+  EXPECT_EQ(console_.dose().pulses, 1) << "settling counts no dose";
+}
+
+TEST_F(Console, PulsesAtItsRateWhileThePedalIsDown) {
+  FluoroscopyOptions slow = options();
+  slow.pulses_per_s = 7.5;
+  console_.set(slow);
+  EXPECT_FALSE(console_.is_due(false, 1));
+  EXPECT_TRUE(console_.is_due(true, 0)) << "at once";
+  int pulses = 0;
+  for (int frame = 0; frame < 300; ++frame) pulses += console_.is_due(true, 1.0 / 60);
+  // Five seconds; the last one may be just due.
+  EXPECT_NEAR(pulses, 37.5, 1);
+  EXPECT_FALSE(console_.is_due(false, 10));
+}
+
+TEST_F(Console, SubtractsWhatWasThereBefore) {
+  expose(false);
+  console_.subtract(true);
+  EXPECT_TRUE(console_.is_masking());
+  expose(false, 4);
+  EXPECT_FALSE(console_.is_masking());
+  expose(true, 2);
+  const int background = static_cast<int>(std::lround(255 * console_.window.background));
+  // Codes of 14 bits are steps of less than a grey; the exposure is locked, so that nothing else changed.
+  EXPECT_NEAR(grey(kSoftTissue), background, 2);
+  EXPECT_NEAR(grey(kSpine), background, 2);
+  // A tau of the map's beam of 0.3 of 0.5, in the fluoroscope's.
+  EXPECT_LT(grey(kVessel), background - 60);
+}
+
+TEST_F(Console, ShowsMaximumOpacificationAfterTheAgentHasGone) {
+  console_.subtract(true);
+  expose(false, 4);
+  expose(true);
+  const int filled = grey(kVessel);
+  console_.shows_maximum_opacification = true;
+  expose(false, 3);
+  EXPECT_NEAR(grey(kVessel), filled, 1);
+  console_.shows_maximum_opacification = false;
+  expose(false);
+  EXPECT_GT(grey(kVessel), filled + 60);
+}
+
+TEST_F(Console, BlendsARoadMapOfWhatWasOpacified) {
+  EXPECT_FALSE(console_.has_angiogram());
+  console_.show_road_map(true);
+  EXPECT_FALSE(console_.shows_road_map()) << "there is none";
+  console_.subtract(true);
+  expose(false, 4);
+  expose(true);
+  console_.subtract(false);
+  expose(false);
+  const int vessel = grey(kVessel), tissue = grey(kSoftTissue);
+  console_.show_road_map(true);
+  expose(false);
+  EXPECT_GT(grey(kVessel), vessel + 40) << "bright";
+  EXPECT_NEAR(grey(kSoftTissue), tissue, 3);
+}
+
+TEST_F(Console, ForgetsMaskAndRoadMapWhenTheCArmMoves) {
+  console_.subtract(true);
+  expose(false, 4);
+  expose(true);
+  expose(true, 1, view_at(0.1));
+  EXPECT_TRUE(console_.is_masking());
+  EXPECT_FALSE(console_.has_angiogram());
+  EXPECT_NEAR(grey(kVessel), 255 * console_.window.background, 1) << "subtracted from itself";
+}
+
+TEST_F(Console, TakesANewMask) {
+  console_.subtract(true);
+  expose(false, 4);
+  console_.take_new_mask();
+  expose(true, 5);
+  EXPECT_NEAR(grey(kVessel), 255 * console_.window.background, 2);
+}
+
+TEST_F(Console, CountsDoseOverAllSettings) {
+  expose(false, 3);
+  const DoseRecord before = console_.dose();
+  EXPECT_GT(before.air_kerma_mGy, 0);
+  FluoroscopyOptions other = options();
+  other.c_arm = CArm::named("fixed-single-plane");
+  console_.set(other);
+  expose(false, 2);
+  console_.subtract(true);
+  expose(false, 2);
+  EXPECT_EQ(console_.dose().pulses, 7);
+  EXPECT_GT(console_.dose().air_kerma_mGy, before.air_kerma_mGy);
+  EXPECT_NEAR(console_.dose().fluoroscopy_s, 7 / options().pulses_per_s, 1e-9);
+}
+
+TEST_F(Console, RaisesTheExposureWithTheDoseLevel) {
+  expose(false, 8);
+  const double normal = console_.kerma_rate();
+  console_.next_dose();
+  EXPECT_EQ(console_.options().dose, DoseLevel::cine);
+  expose(false, 8);
+  EXPECT_GT(console_.kerma_rate(), 2 * normal);
+  console_.next_dose();
+  expose(false, 8);
+  EXPECT_LT(console_.kerma_rate(), normal);
+}
+
+TEST_F(Console, TakesANewMaskAtAnotherDose) {
+  console_.subtract(true);
+  expose(false, 5);
+  console_.next_dose();
+  EXPECT_TRUE(console_.is_masking());
+  expose(false, 4);
+  EXPECT_EQ(console_.options().dose, DoseLevel::cine);
+  const double cine = console_.kerma_rate();
+  EXPECT_NEAR(grey(kSpine), 255 * console_.window.background, 2);
+  console_.subtract(false);
+  expose(false, 8);
+  EXPECT_NEAR(console_.kerma_rate(), cine, 0.1 * cine) << "the exposure control agrees with the lock";
+}
+
+TEST_F(Console, KeepsItsSettingsWhenNewOnesAreInvalid) {
+  FluoroscopyOptions invalid = options();
+  invalid.pulses_per_s = 100;
+  EXPECT_THROW(console_.set(invalid), InputError);
+  EXPECT_EQ(console_.options().pulses_per_s, 15);
+}
+
+}  // namespace
+}  // namespace xraycast::console_test

@@ -1,0 +1,180 @@
+#include "xraycast/fluoroscope/c_arm.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/json_text.hpp"
+#include "xraycast/base/remedy.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/fluoroscope/embedded_c_arms.hpp"
+
+#include <fmt/ranges.h>
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+/// An object of a C-arm's JSON; numbers are read by name and within limits.
+class CArmFields {
+ public:
+  CArmFields(const nlohmann::json& json, std::string where) : json_(json), where_(std::move(where)) {
+    if (!json.is_object()) throw InputError("{}: not a JSON object", where_);
+  }
+  double number(const char* key, double lowest, double highest) const {
+    if (!json_.contains(key)) throw InputError("{}: \"{}\" is missing", where_, key);
+    if (!json_[key].is_number()) throw InputError("{}: \"{}\" is not a number", where_, key);
+    const double value = json_[key].get<double>();
+    if (!(value >= lowest && value <= highest))
+      throw InputError("{}: \"{}\" is {:g}; it must be {:g} to {:g}", where_, key, value, lowest, highest);
+    return value;
+  }
+  bool flag(const char* key) const {
+    if (!has(key)) return false;
+    if (!json_[key].is_boolean()) throw InputError("{}: \"{}\" must be true or false", where_, key);
+    return json_[key].get<bool>();
+  }
+  bool has(const char* key) const { return json_.contains(key) && !json_[key].is_null(); }
+  CArmFields object(const char* key) const {
+    if (!has(key)) throw InputError("{}: \"{}\" is missing", where_, key);
+    return {json_[key], where_ + ": " + key};
+  }
+  const nlohmann::json& list(const char* key) const {
+    constexpr std::size_t kMost = 32;
+    if (!has(key) || !json_[key].is_array() || json_[key].size() > kMost)
+      throw InputError("{}: \"{}\" must be a list of at most {}", where_, key, kMost);
+    return json_[key];
+  }
+  std::vector<double> falling_numbers(const char* key, double highest) const {
+    std::vector<double> values;
+    for (const auto& one : list(key)) {
+      const double value = one.is_number() ? one.get<double>() : 0;
+      if (!(value > 0 && value <= (values.empty() ? highest : values.back())))
+        throw InputError("{}: \"{}\" must hold numbers up to {:g}, the largest first", where_, key, highest);
+      values.push_back(value);
+    }
+    if (values.empty()) throw InputError("{}: \"{}\" is empty; give at least one", where_, key);
+    return values;
+  }
+
+ private:
+  const nlohmann::json& json_;
+  std::string where_;
+};
+
+XrayTube tube_from(const CArmFields& fields) {
+  XrayTube tube;
+  tube.focal_spot_mm = fields.number("focal_spot_mm", 0.05, 3);
+  tube.aluminium_mm = fields.number("added_aluminium_mm", 0, 20);
+  tube.copper_mm = fields.number("added_copper_mm", 0, 2);
+  tube.lowest_kvp = fields.number("lowest_kvp", 40, 150);
+  tube.highest_kvp = fields.number("highest_kvp", tube.lowest_kvp, 150);
+  tube.lowest_ma = fields.number("lowest_ma", 1e-3, 2000);
+  tube.highest_ma = fields.number("highest_ma", tube.lowest_ma, 2000);
+  tube.power_kw = fields.number("power_kw", 0.01, 200);
+  tube.pulse_ms = fields.number("pulse_ms", 0.1, 100);
+  return tube;
+}
+
+FluoroscopyDetector detector_from(const CArmFields& fields) {
+  FluoroscopyDetector detector;
+  detector.width_mm = fields.number("width_mm", 10, 1000);
+  detector.height_mm = fields.number("height_mm", 10, 1000);
+  detector.pixel_mm = fields.number("pixel_mm", 0.02, 2);
+  detector.is_round = fields.flag("round");
+  detector.scintillator_g_cm2 = fields.number("caesium_iodide_g_cm2", 0.01, 2);
+  detector.cover_mm = fields.number("cover_aluminium_mm", 0, 10);
+  detector.bits = static_cast<int>(fields.number("bits", 8, 16));
+  detector.electronic_noise_kev = fields.number("electronic_noise_kev", 0, 1e5);
+  const CArmFields blur = fields.object("blur");
+  detector.blur = {blur.number("narrow_mm", 0, 2), blur.number("wide_mm", 0, 2),
+                   blur.number("wide_share", 0, 1)};
+  double kept = 0;
+  for (const auto& one : fields.list("lag")) {
+    const CArmFields trap(one, "lag");
+    detector.lag.push_back({trap.number("fraction", 0, 0.5), trap.number("time_s", 1e-3, 1000)});
+    kept += detector.lag.back().fraction;
+  }
+  if (kept > 0.5) throw InputError("lag: the fractions add up to {:g}; they must stay below 0.5", kept);
+  return detector;
+}
+
+DetectorDose dose_from(const CArmFields& fields) {
+  constexpr double kLeast_uGy = 1e-4, kMost_uGy = 100;
+  return {fields.number("low_uGy", kLeast_uGy, kMost_uGy), fields.number("normal_uGy", kLeast_uGy, kMost_uGy),
+          fields.number("cine_uGy", kLeast_uGy, kMost_uGy)};
+}
+
+}  // namespace
+
+double ScintillatorBlur::mtf(double per_mm) const {
+  const auto gaussian = [per_mm](double spread_mm) {
+    return std::exp(-2 * std::pow(std::numbers::pi * spread_mm * per_mm, 2));
+  };
+  return (1 - wide_share) * gaussian(narrow_mm) + wide_share * gaussian(wide_mm);
+}
+
+CArm CArm::from_json(const std::string& text, const std::string& origin) {
+  const nlohmann::json json = parse_json(text, origin);
+  const CArmFields fields(json, origin);
+  CArm c_arm;
+  c_arm.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
+  c_arm.distances.source_axis_mm = fields.number("source_axis_mm", 200, 3000);
+  c_arm.distances.source_detector_mm =
+      fields.number("source_detector_mm", c_arm.distances.source_axis_mm, 5000);
+  c_arm.tube = tube_from(fields.object("tube"));
+  c_arm.table_mm = fields.number("table_aluminium_mm", 0, 20);
+  if (fields.has("grid")) {
+    const CArmFields grid = fields.object("grid");
+    c_arm.grid = {grid.number("primary_transmission", 0.01, 1), grid.number("scatter_transmission", 0, 1)};
+  }
+  c_arm.detector = detector_from(fields.object("detector"));
+  c_arm.dose = dose_from(fields.object("detector_dose"));
+  c_arm.fields_mm = fields.falling_numbers("fields_mm", 1000);
+  return c_arm;
+}
+
+std::vector<std::string> CArm::preset_names() {
+  std::vector<std::string> names;
+  for (const auto& preset : embedded_carms()) names.emplace_back(preset.name);
+  return names;
+}
+
+CArm CArm::named(const std::string& name_or_file) {
+  for (const auto& preset : embedded_carms())
+    if (preset.name == name_or_file) return from_json(std::string(preset.source), name_or_file);
+  if (extension_of(name_or_file) != ".json")
+    throw InputError("{}: unknown C-arm; choose one of {}, or give a file that ends in .json", name_or_file,
+                     fmt::join(preset_names(), ", "));
+  return with_remedy(name_or_file, "correct the file",
+                     [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
+}
+
+double zoom_field_mm(const CArm& c_arm, std::optional<double> field_mm) {
+  if (!field_mm) return c_arm.fields_mm.front();
+  for (const double one : c_arm.fields_mm)
+    if (std::abs(one - *field_mm) < 0.5) return one;
+  throw InputError("a field of {:g} mm: {} has fields of {:g} mm; choose one of them", *field_mm, c_arm.name,
+                   fmt::join(c_arm.fields_mm, ", "));
+}
+
+View view_of(const CArm& c_arm, double field_mm, View view) {
+  if (!view.cone) view.cone = c_arm.distances;
+  const FluoroscopyDetector& detector = c_arm.detector;
+  const double width_mm = std::min(field_mm, detector.width_mm);
+  const double height_mm = std::min(field_mm, detector.height_mm);
+  constexpr double kMostPixels = 1280;
+  const bool is_binned = width_mm / detector.pixel_mm > kMostPixels;
+  if (view.pixel_mm == 0)
+    view.pixel_mm = view.width > 0 ? std::max(width_mm / view.width, height_mm / view.height)
+                                   : detector.pixel_mm * (is_binned ? 2 : 1);
+  if (view.width == 0) {
+    view.width = std::max(1, static_cast<int>(width_mm / view.pixel_mm));
+    view.height = std::max(1, static_cast<int>(height_mm / view.pixel_mm));
+  }
+  return view;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,87 @@
+#pragma once
+
+#include "xraycast/fluoroscope/fluoroscope.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
+
+#include <cstdint>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// A fluoroscope as its operator uses it: live pictures while the pedal is down and the last image after,
+/// subtraction, a road map, and counters of dose over all changes of the settings.
+class FluoroscopyConsole {
+ public:
+  /// Throws as `check` does for options.
+  explicit FluoroscopyConsole(FluoroscopyOptions options);
+
+  const FluoroscopyOptions& options() const { return options_; }
+
+  /// Changes the settings; counters go on. Throws as `check`, and then changes nothing.
+  void set(FluoroscopyOptions options);
+
+  /// Low, normal, cine, and again.
+  void next_dose();
+
+  /// Whether the next pulse is due; call once a frame with the time since the last call. The first one is due
+  /// at once when the pedal goes down.
+  bool is_due(bool pedal, double passed_s);
+
+  /// A pulse through optical depths of a view; in a parallel one as if the C-arm magnified it as the
+  /// isocentre. In a view of another geometry mask, angiogram and road map are lost.
+  void expose(std::span<const float> tau, const View& view, const WaterPath& path);
+
+  /// The held image: 8-bit greys, row 0 on top; empty before the first exposure.
+  std::span<const std::uint8_t> image() const { return image_; }
+  const View& view() const { return view_; }
+
+  /// Subtraction: the first pulses are averaged as the mask, with the exposure control locked.
+  void subtract(bool subtracts);
+  bool subtracts() const { return subtracts_; }
+  void take_new_mask();
+  bool is_masking() const {
+    return subtracts_ && (!subtraction_ || subtraction_->mask_frames() < kMaskPulses);
+  }
+  void shift_mask(PixelShift shift);
+  PixelShift mask_shift() const { return shift_; }
+  bool shows_maximum_opacification = false;
+  SubtractionWindow window;
+
+  /// A road map of the vessels that were opacified since the last mask: they appear bright behind the live
+  /// picture.
+  bool has_angiogram() const { return !opacified_.picture().empty(); }
+  void show_road_map(bool shows);
+  bool shows_road_map() const { return !road_map_.empty(); }
+
+  DoseRecord dose() const;
+  Technique technique() const;
+  double kerma_rate() const;  ///< mGy/min, at the reference point
+
+ private:
+  static constexpr int kMaskPulses = 4;
+
+  void restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path);
+  void forget_pictures();
+  void unlock();
+  void show_subtracted(const FluoroscopyFrame& frame);
+  void show_live(const FluoroscopyFrame& frame);
+
+  FluoroscopyOptions options_;
+  std::optional<Fluoroscope> fluoroscope_;  ///< made by the first exposure
+  DoseRecord before_;                       ///< of earlier settings
+  View view_;
+  std::optional<WaterPath> path_;
+  std::vector<std::uint8_t> image_;
+  bool pedal_ = false;
+  double since_pulse_s_ = 0;
+
+  bool subtracts_ = false, is_locked_ = false;
+  std::optional<Subtraction> subtraction_;
+  PixelShift shift_;
+  MaximumOpacification opacified_;
+  std::vector<float> road_map_, frame_, difference_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,40 @@
+#pragma once
+
+#include "xraycast/attenuation/materials.hpp"
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/fluoroscope/c_arm.hpp"
+
+#include <array>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// Moments of the energies that a detector absorbs: the quanta, their energy in keV, and its square's sum.
+/// Signals have the mean N m1 / m0 and the variance N m2 / m0 for N quanta.
+struct EnergyMoments {
+  double m0 = 0, m1 = 0, m2 = 0;
+  double mean_kev() const { return m0 > 0 ? m1 / m0 : 0; }
+  double spread_kev() const;
+};
+
+/// The photons of a beam that a detector absorbs, all their energy at once: photoelectrically, in its layer
+/// of caesium iodide behind its cover, by xraylib. What leaves the layer again as characteristic radiation,
+/// and the little that Compton scattering deposits, are left out.
+class DetectedSpectrum {
+ public:
+  DetectedSpectrum(const Spectrum& beam, const FluoroscopyDetector& detector);
+
+  /// Of the beam behind masses of kMaterials in g/cm2; the sums are in the beam's own unit of fluence.
+  EnergyMoments behind(const std::array<double, kMaterials.size()>& g_cm2) const;
+  EnergyMoments behind_water(double g_cm2) const { return behind({g_cm2}); }
+
+ private:
+  struct Bin {
+    double energy_kev, absorbed;
+    std::array<double, kMaterials.size()> cm2_g;
+  };
+  std::vector<Bin> bins_;
+};
+
+}  // namespace xraycast

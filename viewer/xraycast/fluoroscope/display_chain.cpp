@@ -1,0 +1,72 @@
+#include "xraycast/fluoroscope/display_chain.hpp"
+
+#include "xraycast/fluoroscope/pixel_loops.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+constexpr float kEdgeStrength = 0.7f;
+constexpr float kNewFrameWeight =
+    0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays
+constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white
+
+}  // namespace
+
+void DisplayChain::restart(int width, int height) {
+  width_ = width;
+  height_ = height;
+  is_first_ = true;
+  filtered_.assign(static_cast<std::size_t>(width) * static_cast<std::size_t>(height), 0);
+}
+
+void DisplayChain::set_codes(int bits, float dark) {
+  if (bits == bits_ && dark == dark_) return;
+  bits_ = bits;
+  dark_ = dark;
+  logarithms_.resize(std::size_t{1} << bits);
+  for (std::size_t code = 0; code < logarithms_.size(); ++code)
+    logarithms_[code] = std::log(std::max(1.0f, static_cast<float>(code) - dark));
+}
+
+void DisplayChain::take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const {
+  for (int i = 0; i < count; ++i) logarithm[i] = logarithms_[codes[i]];
+}
+
+void DisplayChain::begin(bool is_recording, bool is_processed) {
+  is_processed_ = is_processed;
+  weight_ = is_first_ || is_recording || !is_processed ? 1 : kNewFrameWeight;
+}
+
+void DisplayChain::show_row(const std::vector<float>& logarithm, int row, std::uint8_t* grey) {
+  const auto width = static_cast<std::size_t>(width_);
+  const auto padded = [&](int j, std::vector<float>& out) {
+    const float* const from =
+        logarithm.data() + static_cast<std::size_t>(std::clamp(j, 0, height_ - 1)) * width;
+    out.resize(width + 2);
+    std::copy_n(from, width, out.begin() + 1);
+    out.front() = from[0];
+    out.back() = from[width - 1];
+  };
+  float* const shown = filtered_.data() + static_cast<std::size_t>(row) * width;
+  const float* now = logarithm.data() + static_cast<std::size_t>(row) * width;
+  std::vector<float> above, middle, below, sharp(width);
+  if (is_processed_) {
+    padded(row - 1, above);
+    padded(row, middle);
+    padded(row + 1, below);
+    sharpened_row(above.data(), middle.data(), below.data(), kEdgeStrength, width_, sharp.data());
+    now = sharp.data();
+  }
+  if (weight_ == 1)
+    std::copy_n(now, width, shown);
+  else
+    recursive_row(now, weight_, width_, shown);
+  constexpr float kMiddle = 127.5f, kWhite = 255;
+  constexpr float kPerLog = kWhite / kWindowWidth;
+  windowed_row(shown, kPerLog, kMiddle - kPerLog * static_cast<float>(level_), width_, grey);
+}
+
+}  // namespace xraycast

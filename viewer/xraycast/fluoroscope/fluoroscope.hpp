@@ -1,0 +1,97 @@
+#pragma once
+
+#include "xraycast/casting/view.hpp"
+#include "xraycast/fluoroscope/c_arm.hpp"
+#include "xraycast/fluoroscope/collimation.hpp"
+#include "xraycast/fluoroscope/exposure.hpp"
+#include "xraycast/fluoroscope/stages.hpp"
+#include "xraycast/fluoroscope/water_path.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// What is set on a fluoroscope's console.
+struct FluoroscopyOptions {
+  CArm c_arm;
+  double field_mm = 0;  ///< zoom field that limits the beam; 0: as large as the picture
+  std::optional<Collimation> collimation{};
+  DoseLevel dose = DoseLevel::normal;
+  std::optional<int> kvp{};     ///< held by the exposure control
+  std::optional<double> mas{};  ///< a pulse; held by the exposure control
+  std::optional<double>
+      photons{};  ///< quanta that a pixel of the open field detects, in place of an exposure
+  std::optional<Spectrum> spectrum{};  ///< in place of the tube's; needs `photons`
+  double pulses_per_s = 15;
+  FluoroscopyStages stages{};
+  std::uint32_t seed = 1;
+};
+
+/// Throws InputError for an exposure of zero or without bound, a voltage outside the tube's range, a shut
+/// collimator, or a pulse rate outside 3 to 30/s.
+void check(const FluoroscopyOptions& options);
+
+/// One pulse's picture, H x W, row 0 on top.
+struct FluoroscopyFrame {
+  std::vector<float> signal_kev;     ///< raw: absorbed energy of every pixel
+  std::vector<std::uint16_t> codes;  ///< what the detector sends, in its bits
+  std::vector<float> logarithm;      ///< natural, of the codes above the dark level
+  std::vector<std::uint8_t> shown;   ///< behind the display chain; the body is dark, as on a fluoroscope
+  Technique technique;
+  double mean_kev = 0;  ///< mean signal in the measuring field
+};
+
+/// A frame's optical depths as its detector measured them, up to a constant: for subtraction.
+std::vector<float> measured_depths(const FluoroscopyFrame& frame);
+
+/// A fluoroscope from the X-ray tube to the display, with its own memory: lag, recursive filter, exposure
+/// control and dose. Pictures are functions of the options, the rays and the pulses before, whatever the
+/// number of threads.
+class Fluoroscope {
+ public:
+  /// `view` must be complete; the distances of its cone replace the C-arm's. Throws as `check`, and
+  /// InputError for a source within 200 mm of the isocentre, or blades that leave no pixel open.
+  Fluoroscope(FluoroscopyOptions options, const View& view, WaterPath path);
+  ~Fluoroscope();
+  Fluoroscope(Fluoroscope&&) noexcept;
+  Fluoroscope& operator=(Fluoroscope&&) noexcept;
+
+  /// A pulse through optical depths, H x W. The frame stays valid until the next call.
+  const FluoroscopyFrame& expose(std::span<const float> tau);
+
+  /// The same through masses of kMaterials, with the energies that these let through.
+  const FluoroscopyFrame& expose(const MaterialDepths& g_cm2);
+
+  /// Lets the exposure control settle on a scene, without dose and without traces in later pictures.
+  void settle(std::span<const float> tau);
+  void settle(const MaterialDepths& g_cm2);
+
+  /// Takes effect with the next pulse. Throws as the constructor. A view of another size or zoom clears what
+  /// earlier frames left.
+  void set_view(const View& view);
+  void set_dose(DoseLevel dose);
+
+  /// Whether the exposure control leaves voltage and mAs as they are, as for subtraction.
+  void hold_technique(bool is_held);
+
+  const FluoroscopyOptions& options() const;
+  const DoseRecord& dose() const;
+  Technique technique() const;        ///< of the next pulse
+  double kerma_rate_mGy_min() const;  ///< at the reference point
+  double target_kev() const;          ///< the exposure control's, as mean signal of a pixel
+  double open_quanta() const;         ///< that a pixel of the open field detects in the next pulse
+  int bits() const;
+
+  /// The share of the beam that reaches each pixel between the blades, H x W.
+  std::span<const float> field() const;
+
+ private:
+  struct State;
+  std::unique_ptr<State> state_;
+};
+
+}  // namespace xraycast

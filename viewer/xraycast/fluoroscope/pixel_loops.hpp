@@ -1,0 +1,74 @@
+#pragma once
+
+#include "xraycast/fluoroscope/blur.hpp"
+#include "xraycast/fluoroscope/counter_noise.hpp"
+
+#include <cstdint>
+#include <vector>
+
+// The chain's loops over the pixels of a row, for a compiler to vectorise.
+namespace xraycast {
+
+/// Detected quanta by the optical depth, at even steps from 0, linear between them. Below the first step and
+/// beyond the last, as there; NaN counts as 0.
+struct QuantaTable {
+  float steps_per_tau = 0;
+  std::vector<float> share;  ///< of the open field's quanta
+  std::vector<float> mean_kev, spread_kev;
+};
+
+void look_up_row(const QuantaTable& table, const float* tau, int count, float* share, float* mean_kev,
+                 float* spread_kev);
+
+/// `padded` has as many pixels before and behind the row as the filter has neighbours.
+void filter_row(const float* padded, const SymmetricTaps& taps, int count, float* out);
+
+/// The same across rows: rows[0] is the highest, rows[taps.size() - 1] the filtered row's own. Adds
+/// `weight` times the result to `out`.
+void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
+                         float* out);
+
+/// The most quanta of a pixel: beyond, floats do not resolve their noise.
+inline constexpr float kMostQuanta = 1e12f;
+
+/// out = primary (share x field) + scatter, at most kMostQuanta.
+void quanta_counts_row(const float* share, const float* field, const float* scatter, float open_quanta,
+                       int count, float* out);
+
+/// Random numbers of a frame's pixels.
+struct NoiseStream {
+  std::uint32_t key, frame;
+};
+
+/// Two independent standard normal numbers a pixel.
+void normals_row(std::uint32_t first, NoiseStream noise, int count, float* one, float* other);
+
+/// Energy in keV that Poisson numbers of quanta leave; `counts` are the expected numbers.
+/// `normals` is room for two numbers a pixel.
+void quantum_noise_row(const float* counts, const float* mean_kev, const float* spread_kev,
+                       std::uint32_t first_pixel, NoiseStream noise, int count, float* energy_kev,
+                       float* normals);
+void expected_energy_row(const float* counts, const float* mean_kev, int count, float* energy_kev);
+
+/// One trap of the detector's charge: takes a share of the signal in, and gives back what decayed since the
+/// last frame.
+void lag_row(float fraction, float decayed, int count, const float* signal, float* kept, float* out);
+
+void electronic_noise_row(float rms_kev, std::uint32_t first_pixel, NoiseStream noise, int count,
+                          float* signal, float* normals);
+
+struct Digitiser {
+  float codes_per_kev, dark, most;
+};
+void digitise_row(const Digitiser& digitiser, int count, const float* signal, std::uint16_t* codes);
+
+/// The middle row sharpened by what it has above the mean of its 3 x 3 neighbourhood. Rows have one pixel
+/// more on both sides.
+void sharpened_row(const float* above, const float* row, const float* below, float strength, int count,
+                   float* out);
+
+/// shown += weight (now - shown)
+void recursive_row(const float* now, float weight, int count, float* shown);
+void windowed_row(const float* logarithm, float per_log, float middle, int count, std::uint8_t* grey);
+
+}  // namespace xraycast

@@ -1,0 +1,49 @@
+#include "xraycast/fluoroscope/water_path.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+/// Linear through the points, and beyond the last as between the last two.
+double interpolated(const std::vector<double>& from, const std::vector<double>& to, double at) {
+  const auto after = std::ranges::upper_bound(from, at);
+  const std::size_t i = std::clamp<std::ptrdiff_t>(after - from.begin(), 1, std::ssize(from) - 1);
+  return std::lerp(to[i - 1], to[i], (at - from[i - 1]) / (from[i] - from[i - 1]));
+}
+
+}  // namespace
+
+WaterPath::WaterPath(const Opacity& opacity) {
+  constexpr double kPaper_per_mm = 0.02, kG_cm2_per_mm = 0.1;
+  const double in_map = opacity.mu_per_mm(0);
+  const double per_mm = in_map > 0 ? in_map : kPaper_per_mm;
+  tau_ = {0, per_mm};
+  g_cm2_ = {0, kG_cm2_per_mm};
+}
+
+WaterPath::WaterPath(const Spectrum& spectrum) {
+  const SpectrumModel model(spectrum, std::span(kMaterials).first(1));
+  constexpr int kMost_g_cm2 = 150;
+  for (int g_cm2 = 0; g_cm2 <= kMost_g_cm2; ++g_cm2) {
+    const double tau = -std::log(model.transmission(std::array{1.0 * g_cm2}));
+    if (!std::isfinite(tau) || (g_cm2 > 0 && tau <= tau_.back())) break;
+    tau_.push_back(tau);
+    g_cm2_.push_back(g_cm2);
+  }
+  if (tau_.size() < 2)
+    throw InputError("{}: a centimetre of water lets nothing of this spectrum through; give a harder one",
+                     spectrum.name());
+}
+
+WaterPath::WaterPath(const BodyMap& map)
+    : WaterPath(map.spectrum ? WaterPath(*map.spectrum) : WaterPath(map.opacity)) {}
+
+double WaterPath::g_cm2(double tau) const { return std::max(0.0, interpolated(tau_, g_cm2_, tau)); }
+double WaterPath::tau(double g_cm2) const { return interpolated(g_cm2_, tau_, g_cm2); }
+
+}  // namespace xraycast

@@ -1,0 +1,32 @@
+#pragma once
+
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/attenuation/spectrum.hpp"
+#include "xraycast/casting/body_map.hpp"
+
+#include <vector>
+
+namespace xraycast {
+
+/// The water that attenuates as much as an optical depth of a picture: optical depths have no energies, and a
+/// fluoroscope's beam is not the one that they were computed for. Piecewise linear.
+class WaterPath {
+ public:
+  /// Water's path by its value in the opacity; 0.02/mm where the opacity leaves water out.
+  explicit WaterPath(const Opacity& opacity);
+
+  /// The path of water behind which the spectrum has the optical depth. Throws InputError for a spectrum that
+  /// does not pass a centimetre.
+  explicit WaterPath(const Spectrum& spectrum);
+
+  /// What applies to a map.
+  explicit WaterPath(const BodyMap& map);
+
+  double g_cm2(double tau) const;
+  double tau(double g_cm2) const;
+
+ private:
+  std::vector<double> tau_, g_cm2_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,142 @@
+#include "xraycast/window/exposure_panel.hpp"
+
+#include <fmt/format.h>
+
+#define GLFW_INCLUDE_NONE
+#include <GLFW/glfw3.h>
+#include <array>
+#include <cfloat>
+#include <imgui.h>
+#include <string>
+
+namespace xraycast {
+
+const char* const kFluoroscopeHelp =
+    "E              fluoroscope on or off\n"
+    "X (hold)       pedal: fluoroscopy\n"
+    "D              dose level: low, normal, cine\n"
+    "G              subtraction (DSA) on or off\n"
+    "N              new mask\n"
+    "M              road map of what was opacified\n"
+    "P              store the held image";
+
+namespace {
+
+constexpr std::array kRates{3.0, 7.5, 15.0, 30.0};
+
+void write_line(const std::string& text) { ImGui::TextUnformatted(text.c_str()); }
+
+void settings(FluoroscopyConsole& console) {
+  FluoroscopyOptions options = console.options();
+  bool is_other = false;
+  if (ImGui::BeginCombo("C-arm", options.c_arm.name.c_str())) {
+    for (const std::string& name : CArm::preset_names())
+      if (ImGui::Selectable(name.c_str(), name == options.c_arm.name) && name != options.c_arm.name) {
+        options.c_arm = CArm::named(name);
+        options.field_mm = options.c_arm.fields_mm.front();
+        is_other = true;
+      }
+    ImGui::EndCombo();
+  }
+  for (const double rate : kRates) {
+    if (ImGui::RadioButton(fmt::format("{:g}/s", rate).c_str(), rate == options.pulses_per_s)) {
+      options.pulses_per_s = rate;
+      is_other = true;
+    }
+    ImGui::SameLine();
+  }
+  ImGui::NewLine();
+  if (is_other) console.set(options);
+  const char* const level = options.dose == DoseLevel::low      ? "low"
+                            : options.dose == DoseLevel::normal ? "normal"
+                                                                : "cine";
+  if (ImGui::Button(fmt::format("dose: {}###dose", level).c_str())) console.next_dose();
+}
+
+void technique_and_dose(const FluoroscopyConsole& console) {
+  const Technique technique = console.technique();
+  const FluoroscopyOptions& options = console.options();
+  const bool is_manual = options.photons || (options.kvp && options.mas);
+  const char* const control = is_manual ? "by hand" : console.subtracts() ? "locked" : "automatic exposure";
+  write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({})", technique.kvp, technique.mas, control));
+  const DoseRecord dose = console.dose();
+  write_line(fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate()));
+  write_line(fmt::format("dose-area product {:.3g} Gy cm2", dose.dap_Gycm2));
+  constexpr double kMinute_s = 60;
+  const auto minutes = static_cast<int>(dose.fluoroscopy_s / kMinute_s);
+  write_line(fmt::format("fluoroscopy {}:{:04.1f} min, images recorded {}", minutes,
+                         dose.fluoroscopy_s - kMinute_s * minutes, dose.images));
+}
+
+void subtraction(Viewer& viewer, FluoroscopyConsole& console) {
+  bool subtracts = console.subtracts();
+  if (ImGui::Checkbox("subtract", &subtracts)) console.subtract(subtracts);
+  ImGui::SameLine();
+  ImGui::Checkbox("maximum", &console.shows_maximum_opacification);
+  ImGui::SameLine();
+  bool shows = console.shows_road_map();
+  if (ImGui::Checkbox("road map", &shows)) viewer.toggle_console_road_map();
+  if (subtracts) {
+    PixelShift shift = console.mask_shift();
+    constexpr float kMost_px = 5;
+    std::array<float, 2> pixels{static_cast<float>(shift.right), static_cast<float>(shift.down)};
+    if (ImGui::SliderFloat2("shift", pixels.data(), -kMost_px, kMost_px, "%.1f px"))
+      console.shift_mask({pixels[0], pixels[1]});
+    auto black = static_cast<float>(console.window.black);
+    constexpr float kLeast = 0.02f, kMost = 2;
+    if (ImGui::SliderFloat("window", &black, kLeast, kMost)) console.window.black = black;
+  }
+  if (ImGui::Button("New mask")) console.take_new_mask();
+  ImGui::SameLine();
+  if (ImGui::Button("Store")) viewer.save_picture();
+  ImGui::SameLine();
+  write_line(console.is_masking() ? "mask: hold X" : viewer.pedal() ? "X-rays on" : "image held: hold X");
+}
+
+}  // namespace
+
+bool handle_console_key(Viewer& viewer, int key) {
+  if (key == GLFW_KEY_E) {
+    viewer.toggle_console();
+    return true;
+  }
+  FluoroscopyConsole* const console = viewer.console();
+  if (!console) return false;
+  switch (key) {
+    case GLFW_KEY_D:
+      console->next_dose();
+      return true;
+    case GLFW_KEY_G:
+      viewer.attempt([&] { console->subtract(!console->subtracts()); });
+      return true;
+    case GLFW_KEY_N:
+      console->take_new_mask();
+      return true;
+    case GLFW_KEY_M:
+      viewer.toggle_console_road_map();
+      return true;
+    default:
+      return false;
+  }
+}
+
+void draw_exposure_panel(Viewer& viewer) {
+  FluoroscopyConsole* const console = viewer.console();
+  if (!console) return;
+  const float width = 27 * ImGui::GetFontSize();
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  constexpr float kBelowCatheter = 26, kOnTop = 3;
+  ImGui::SetNextWindowPos(
+      {size.x - width - 8, (viewer.intervention() ? kBelowCatheter : kOnTop) * ImGui::GetFontSize()},
+      ImGuiCond_FirstUseEver);
+  ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
+  ImGui::Begin("exposure", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
+  viewer.attempt([&] {
+    settings(*console);
+    technique_and_dose(*console);
+    subtraction(viewer, *console);
+  });
+  ImGui::End();
+}
+
+}  // namespace xraycast
