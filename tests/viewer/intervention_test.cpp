@@ -101,7 +101,7 @@ TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
 
 TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
   EXPECT_THROW(Intervention({}), InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_model = "none"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_models = {"none"}}), InputError);
   Intervention::Options nowhere{.vessels = folder_ / ""};
   nowhere.entry.end = 1000;
   EXPECT_THROW(Intervention{nowhere}, InputError);

@@ -109,6 +109,14 @@ void CoaxialCatheters::copy_nodes(std::size_t device, std::vector<glm::dvec3>& n
   for (const Eigen::Vector3d& node : rod(device).state().nodes_mm) nodes_mm.push_back(to_glm(node));
 }
 
+void CoaxialCatheters::copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const {
+  contacts.clear();
+  for (const WallContact::Contact& contact : wall(device).contacts())
+    if (contact.depth_mm > 0)
+      contacts.push_back({to_glm(contact.point.position_mm(rod(device).state())),
+                          to_glm(contact.normal_N + contact.friction_N)});
+}
+
 bool CoaxialCatheters::has_free_lumen(std::size_t device) const {
   if (rod(device).instrument().inner_radius_mm() == 0) return false;
   for (std::size_t inner = device + 1; inner < count(); ++inner)

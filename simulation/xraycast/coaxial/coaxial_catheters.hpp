@@ -12,7 +12,8 @@
 namespace xraycast {
 
 /// Catheters and guide wires one in the other, in a vessel tree, each moved at its own hub: a wire in a
-/// catheter, or a wire in a microcatheter in a catheter.
+/// catheter, or a wire in a microcatheter in a catheter. One device alone moves as a Catheter does, bit for
+/// bit.
 ///
 /// All enter through the same introducer, and all insertions are counted from there, as a Catheter's is. The
 /// introducer holds the outermost device, which holds the others.
@@ -38,6 +39,7 @@ class CoaxialCatheters {
 
   const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }
   bool is_held() const;  ///< one of the hubs; see Catheter::is_held
+  bool is_held(std::size_t device) const { return hubs_[device].is_held; }
   HubLoad load(std::size_t device) const;
   CatheterTip tip(std::size_t device) const;
 
@@ -50,8 +52,9 @@ class CoaxialCatheters {
   /// that there would be do not fit (see the constructor).
   void exchange(std::size_t device, const InstrumentModel& instrument);
 
-  /// A device's nodes from the introducer's outer end to its tip.
+  /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall.
   void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
+  void copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const;
 
   const Rod& rod(std::size_t device) const { return rods_.rod(device); }
   const CoaxialRods& rods() const { return rods_; }

@@ -163,6 +163,7 @@ void CoaxialRods::accept_trial() {
 }
 
 void CoaxialRods::step(double dt_s) {
+  if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
   begin_step(dt_s);
   const double start_uJ = potential_uJ(dt_s, false);
   double spent_uJ = 0;  // by the hubs' rotation

@@ -42,8 +42,9 @@ void RunCine::see(const Catheter& catheter, double time_s) {
   if (!is_in_run(time_s)) return;
   std::vector<glm::dvec3> nodes_mm;
   catheter.copy_nodes(nodes_mm);
-  renderer_.replace_surface(0, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
-  take_frame(1);
+  surfaces_ = 0;
+  draw(nodes_mm, catheter.rod().instrument());
+  take_frame();
 }
 
 void RunCine::see(const CoaxialCatheters& devices, double time_s) {
@@ -52,11 +53,12 @@ void RunCine::see(const CoaxialCatheters& devices, double time_s) {
   inject(place_of(devices.tip(free.value_or(0))), free.has_value(), time_s);
   if (!is_in_run(time_s)) return;
   std::vector<glm::dvec3> nodes_mm;
+  surfaces_ = 0;
   for (std::size_t d = 0; d < devices.count(); ++d) {
     devices.copy_nodes(d, nodes_mm);
-    renderer_.replace_surface(d, catheter_surface(nodes_mm, devices.rod(d).instrument().radius_mm()));
+    draw(nodes_mm, devices.rod(d).instrument());
   }
-  take_frame(devices.count());
+  take_frame();
 }
 
 /// Lets the blood flow on to a frame's time.
@@ -86,10 +88,15 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
+void RunCine::draw(const std::vector<glm::dvec3>& nodes_mm, const InstrumentModel& instrument) {
+  for (const Surface& surface : device_surfaces(nodes_mm, instrument))
+    renderer_.replace_surface(surfaces_++, surface);
+}
+
 /// The contrast agent's surface follows the devices'.
-void RunCine::take_frame(std::size_t devices) {
+void RunCine::take_frame() {
   if (options_.style.shading == ShadingMode::fluoro)
-    renderer_.replace_surface(devices, contrast_.filled(bolus_.iodine_mg_ml()));
+    renderer_.replace_surface(surfaces_, contrast_.filled(bolus_.iodine_mg_ml()));
   const auto* detector = std::get_if<Detector>(&taker_);
   if (detector || options_.subtracts) {
     std::vector<float> tau = renderer_.tau(options_.view, options_.style);

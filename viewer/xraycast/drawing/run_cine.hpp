@@ -62,7 +62,8 @@ class RunCine {
   double opacified_tau(const VesselTree::Location& tip) const;
   void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
   bool is_in_run(double time_s) const;
-  void take_frame(std::size_t devices);
+  void draw(const std::vector<glm::dvec3>& nodes_mm, const InstrumentModel& instrument);
+  void take_frame();
   std::vector<std::uint8_t> subtracted(const std::vector<float>& tau);
 
   const VesselTree& tree_;
@@ -75,6 +76,7 @@ class RunCine {
   Subtraction subtraction_;
   MaximumOpacification opacified_;
   SubtractionWindow window_;
+  std::size_t surfaces_ = 0;  ///< of the devices
   double last_s_ = 0, next_s_ = 0, withheld_ml_ = 0;
 };
 
