@@ -1,15 +1,15 @@
-#include "xraycast/coaxial/coaxial_catheters.hpp"
-
 #include "job.hpp"
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/simulation/run_script.hpp"
+
+#include <fmt/ranges.h>
 
 #include <atomic>
 #include <chrono>
 #include <cmath>
-#include <fmt/ranges.h>
 #include <limits>
 #include <mutex>
 #include <nanobind/stl/optional.h>
@@ -146,7 +146,7 @@ class HeldDevices {
   std::size_t count_;
   std::mutex shown_mutex_;
   std::vector<Shown> shown_;
-  std::mutex mutex_;  ///< of the devices
+  std::mutex mutex_;    ///< of the devices
   Stepper stepping_{};  ///< the thread that steps
   CoaxialCatheters devices_;
 };
@@ -301,9 +301,10 @@ void exchange_device(HeldDevices& devices, int device, const nb::object& model) 
 }
 
 void add_devices(nb::module_& module) {
-  nb::class_<HeldDevices>(module, "CoaxialDevices",
-                          "Up to three devices one in the other, as a guide wire in a catheter, each moved at "
-                          "its own hub. Lists have an item a device, the outermost first.")
+  nb::class_<HeldDevices>(
+      module, "CoaxialDevices",
+      "Up to three devices one in the other, as a guide wire in a catheter, each moved at "
+      "its own hub. Lists have an item a device, the outermost first.")
       .def("__init__", make_devices, nb::arg("tree"), nb::arg("models"), nb::kw_only(),
            nb::arg("entry") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
@@ -343,7 +344,8 @@ void add_catheter(nb::module_& module) {
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
            nb::arg("entry") = nb::none(),
-           "model: a device's name, as cobra-5f or guidewire-035-j (others are told for a wrong one), or a JSON file.\n"
+           "model: a device's name, as cobra-5f or guidewire-035-j (others are told for a wrong one), or a "
+           "JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; else the most "
            "inferior end "
            "that it fits into.")
@@ -354,7 +356,7 @@ void add_catheter(nb::module_& module) {
           nb::call_guard<nb::gil_scoped_release>())
       .def_prop_ro(
           "nodes_mm", [](HeldCatheter& c) { return nodes_of(c.held, 0); }, kShared,
-                   "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
+          "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
       .def_prop_ro("model", [](HeldCatheter& c) { return text_object(c.held.name(0)); })
       .def_prop_ro("max_insertion_mm", [](HeldCatheter& c) { return c.held.max_insertion_mm(0); })
       .def("__repr__", [](HeldCatheter& c) {

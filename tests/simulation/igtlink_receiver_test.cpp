@@ -86,7 +86,8 @@ TEST(IgtlinkReceiver, EachHubHasItsNameAndItsOwnTurns) {
   IgtlinkReceiver receiver(2, {0, 4 * kPi});
   std::vector<HubMove> moves;
   for (const char* name : {"Hub2", "Hub", "Stylus", "Hub3", "Hub2 "})
-    for (const Event& event : receive(receiver, transform_message(moves.size(), 0.5, name)))
+    for (const Event& event :
+         receive(receiver, transform_message(static_cast<double>(moves.size()), 0.5, name)))
       moves.push_back(std::get<HubMove>(event));
   ASSERT_EQ(moves.size(), 5);
   for (std::size_t i = 0; i < moves.size(); ++i) {

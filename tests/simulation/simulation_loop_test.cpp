@@ -9,10 +9,10 @@
 #include <array>
 #include <chrono>
 #include <cmath>
-#include <string>
-#include <vector>
 #include <stdexcept>
+#include <string>
 #include <thread>
+#include <vector>
 
 namespace xraycast::simulation_loop_test {
 namespace {

@@ -14,8 +14,7 @@
 namespace xraycast {
 
 /// A TRANSFORM of a hub, as the library makes it.
-inline std::string transform_message(double insertion_mm, double rotation_rad = 0,
-                                     const char* name = "Hub") {
+inline std::string transform_message(double insertion_mm, double rotation_rad = 0, const char* name = "Hub") {
   igtl::Matrix4x4 matrix{};
   matrix[0][0] = matrix[1][1] = static_cast<float>(std::cos(rotation_rad));
   matrix[1][0] = static_cast<float>(std::sin(rotation_rad));

@@ -79,6 +79,31 @@ TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
   EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, std::numbers::pi / 2, 1e-5);
 }
 
+TEST(SimulatedRun, EachDeviceHasItsHubSurfaceAndColumns) {
+  const std::string rows =
+      "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n0.5,20,0,60,90\n";
+  auto tree = thorax();
+  const VesselEnd entry = most_inferior_end(*tree);
+  SimulatedRun run(std::move(tree),
+                   {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-angled")},
+                   entry, std::make_unique<ScriptDevice>(Script::parse(rows, "test", 2), "script"));
+  run.start_recording();
+  watch(run, 0.8);
+  const Script recorded = Script::parse(run.stop_recording(), "recording", 2);
+  EXPECT_NEAR(recorded.rows().back().pose.insertion_mm, 20, 1e-4);
+  EXPECT_NEAR(recorded.rows().back().pose_of(1).insertion_mm, 60, 1e-4);
+  EXPECT_NEAR(recorded.rows().back().pose_of(1).rotation_rad, std::numbers::pi / 2, 1e-5);
+  // The catheter, the wire's shaft, and its tip.
+  const std::vector<Surface> surfaces = run.devices();
+  ASSERT_EQ(surfaces.size(), 3u);
+  EXPECT_GT(surfaces[2].mu_per_mm, 1.5 * surfaces[1].mu_per_mm) << "the tip is denser";
+  for (const Surface& surface : surfaces) EXPECT_GT(volume_mm3(surface.mesh), 0);
+  // The wire lies in the catheter's lumen, through which no contrast agent can come.
+  run.inject(5);
+  watch(run, 0.2);
+  EXPECT_EQ(run.injected_ml(), 0);
+}
+
 TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {
   auto device = std::make_unique<ManualDevice>("keyboard");
   ManualDevice& hand = *device;

@@ -17,8 +17,8 @@ struct HandPose {
 /// A device that commands the poses of the hubs, that of the outermost device being number 0, and renders
 /// their loads to the hand.
 ///
-/// `pose`, `feel` and `go_on_from` are called at 1 kHz by the simulation's thread and must not block, whatever
-/// the device or a network does. `status` may be called by any other thread.
+/// `pose`, `feel` and `go_on_from` are called at 1 kHz by the simulation's thread and must not block,
+/// whatever the device or a network does. `status` may be called by any other thread.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;

@@ -13,8 +13,8 @@ namespace xraycast {
 /// Leads the hubs of coaxial devices by one haptic device, each through a virtual coupling, unless the device
 /// is rigid.
 ///
-/// A locked valve clamps them together, as a rotating haemostatic valve on the outer one's hub does: they move
-/// as the hub that is held, whose hand feels the loads of all.
+/// A locked valve clamps them together, as a rotating haemostatic valve on the outer one's hub does: they
+/// move as the hub that is held, whose hand feels the loads of all.
 class HubCouplings {
  public:
   /// The device must outlive it.

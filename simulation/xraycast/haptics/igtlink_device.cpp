@@ -115,11 +115,11 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point last_pose;  ///< or, before the first, when it connected
-  Clock::time_point told;       ///< when a load was last due
-  bool status_due = true;       ///< also on connecting
+  Clock::time_point last_pose;                ///< or, before the first, when it connected
+  Clock::time_point told;                     ///< when a load was last due
+  bool status_due = true;                     ///< also on connecting
   std::array<bool, kMaxHubs> loads_due = {};  ///< serialised once they can be sent
-  std::string unsent = {};      ///< the rest of a message
+  std::string unsent = {};                    ///< the rest of a message
   std::uint64_t poses = 0;
 };
 

@@ -35,7 +35,7 @@ struct DeviceSnapshot {
 
 /// The state of coaxial devices at one time: that of the outermost, and of those in it.
 struct CatheterSnapshot : DeviceSnapshot {
-  std::vector<DeviceSnapshot> inner;       ///< from outside on
+  std::vector<DeviceSnapshot> inner;      ///< from outside on
   std::optional<std::size_t> free_lumen;  ///< see CoaxialCatheters
   double time_s = 0;
   LoopTiming timing;
@@ -46,9 +46,9 @@ struct CatheterSnapshot : DeviceSnapshot {
   }
 };
 
-/// Steps coaxial devices, or one alone, in its own thread, one step every step_s() of the clock, from construction to
-/// destruction. A late step is caught up with; after a tenth of a second of delay (a machine that was
-/// suspended) the clock is reset.
+/// Steps coaxial devices, or one alone, in its own thread, one step every step_s() of the clock, from
+/// construction to destruction. A late step is caught up with; after a tenth of a second of delay (a machine
+/// that was suspended) the clock is reset.
 class SimulationLoop {
  public:
   /// Called before each step in the loop's thread with the hubs' poses, their loads and the step's duration;

@@ -14,12 +14,12 @@
 
 namespace xraycast {
 
-/// A simulated intervention with a C-arm: a catheter, or coaxial devices, are steered, with fluoroscopy while the pedal is down and
-/// last image hold after, and contrast agent is injected. All calls on one thread.
+/// A simulated intervention with a C-arm: a catheter, or coaxial devices, are steered, with fluoroscopy while
+/// the pedal is down and last image hold after, and contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
-    std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
+    std::filesystem::path vessels{};                         ///< a vessel tree, or a folder with a tree.vtp
     std::vector<std::string> instrument_models{"cobra-5f"};  ///< from the outermost on, one in the other
     EntryChoice entry{};
     std::string haptic = "keyboard";  ///< one of haptic_names()

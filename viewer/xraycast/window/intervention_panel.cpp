@@ -53,8 +53,8 @@ void strip(const char* name, const SimulatedRun& run, std::size_t hub, double Hu
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
   const std::string now = fmt::format("{} {:+.2f} {}", name, values.empty() ? 0.0f : values.back(), unit);
-  ImGui::PlotLines(fmt::format("##{}{}", name, hub).c_str(), values.data(), static_cast<int>(values.size()), 0,
-                   now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
+  ImGui::PlotLines(fmt::format("##{}{}", name, hub).c_str(), values.data(), static_cast<int>(values.size()),
+                   0, now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
 }
 
 void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {

@@ -3,6 +3,7 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/haptics/haptic_device.hpp"
 #include "xraycast/haptics/hub_couplings.hpp"
+#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
@@ -16,9 +17,9 @@
 
 namespace xraycast {
 
-/// A catheter, or coaxial devices, steered in real time, as the operator experiences it: shapes and loads, the
-/// contrast agent injected through them, and a recording of the hubs. All calls on one thread; the simulation has its own,
-/// which never waits for it.
+/// A catheter, or coaxial devices, steered in real time, as the operator experiences it: shapes and loads,
+/// the contrast agent injected through them, and a recording of the hubs. All calls on one thread; the
+/// simulation has its own, which never waits for it.
 class SimulatedRun {
  public:
   /// `models` from the outermost on. Throws InputError when they do not fit into the vessel at the entry or
@@ -40,8 +41,8 @@ class SimulatedRun {
   void lock_valve(bool is_locked) { couplings_.lock(is_locked); }
   bool is_valve_locked() const { return couplings_.is_locked(); }
 
-  /// Injects contrast agent (350 mg iodine per ml) at this rate from now on, at the tip of the outermost device
-  /// with a free lumen; 0 stops.
+  /// Injects contrast agent (350 mg iodine per ml) at this rate from now on, at the tip of the outermost
+  /// device with a free lumen; 0 stops.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
   double injected_ml() const { return injected_ml_; }
 
