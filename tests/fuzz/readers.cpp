@@ -278,6 +278,13 @@ Content read_messages(const fs::path& path) {
   return {};
 }
 
+/// For as many devices as it seems to have columns of.
+Script read_script(const fs::path& path) {
+  const std::string text = read_bytes(path);
+  const auto has = [&](const char* column) { return text.find(column) != std::string::npos; };
+  return Script::read(path, has("insertion_3_mm") ? 3 : has("insertion_2_mm") ? 2 : 1);
+}
+
 // ---- checksums --------------------------------------------------------------------------------------
 
 void set_message_checksums(std::span<char> bytes) {
@@ -373,7 +380,7 @@ const Reader kReaders[] = {
      [](const fs::path& path) {
        write_bytes(path, "time_s,insertion_mm,rotation_deg\n0,0,0\n1,20,180\n4,300,180\n");
      },
-     without_content<Script::read>},
+     without_content<read_script>},
     {"centre_line", "line.csv",
      [](const fs::path& path) { write_bytes(path, "x,y,z\n0,0,0\n1,2,3\n-1.5,2,30\n"); },
      [](const fs::path& path) { return CurvedAxis::from_file(path.string()), Content(); }},

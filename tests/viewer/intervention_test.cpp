@@ -94,7 +94,7 @@ TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
   EXPECT_EQ(intervention.held_hub(), 1u);
   intervention.manual()->set_rates(100, 0);
   while (intervention.run().now().time_s < 0.5) watch(intervention, {}, 1);
-  EXPECT_EQ(intervention.run().now().pose.insertion_mm, 0);
+  EXPECT_LT(intervention.run().now().pose.insertion_mm, 1e-3) << "but for what the wire drags along";
   EXPECT_GT(intervention.run().now().device(1).pose.insertion_mm, 10);
   intervention.run().lock_valve(true);
   watch(intervention, {}, 20);
