@@ -1147,7 +1147,9 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
 }
 
 TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
-  make_push_and_tree(folder_);
+  // Wider than the little tree: a wire of 0.36 mm is less than a pixel and may lie between two.
+  write_bytes(folder_ / "tree.json",
+              R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 3], [0, 0, 100, 3]]}]})");
   const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,5,0\n";
   write_bytes(folder_ / "ahead.csv", rows + "0.5,20,0,60,0\n");
   write_bytes(folder_ / "level.csv", rows + "0.5,20,0,20,0\n");
@@ -1156,10 +1158,10 @@ TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
   for (const std::string look : {"fluoro", "surface"}) {
     for (const std::string script : {"ahead", "level"})
       output_of(
-          "-q simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled "
+          "-q simulate @/tree.json --device-model cobra-5f --device-model guidewire-035-angled "
           "--script @/" +
-          script + ".csv -o @/log.csv --map @/map.exr --size 200x200 --inject 0,1 --look " + look +
-          " --cine @/" + look + script);
+          script + ".csv -o @/log.csv --map @/map.exr --inject 0,1 --look " + look + " --cine @/" + look +
+          script);
     EXPECT_NE(read_bytes(folder_ / (look + "ahead/frame-004.png")),
               read_bytes(folder_ / (look + "level/frame-004.png")))
         << look << ": the wire does not show";
