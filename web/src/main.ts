@@ -58,7 +58,7 @@ class Page {
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
     addEventListener("hashchange", () => store.update(asked_state(data)));
-    new ResizeObserver(() => this.request()).observe(stage);
+    new ResizeObserver(() => this.draw()).observe(stage); // before the resized page is painted
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.film?.draw());
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
