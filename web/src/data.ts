@@ -48,7 +48,6 @@ interface RunHeader {
 export interface Header {
   format: number;
   title: string;
-  source: string;
   map: MapHeader;
   vessels: (MeshHeader & Matter) | null;
   catheter: (MeshHeader & Matter) | null;

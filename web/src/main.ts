@@ -54,7 +54,6 @@ class Page {
     const hands = new Hands(stage, store, picture, data.map.bounds, actions);
     this.film = data.run && new Film(data.run, store);
     this.tools = new Tools(data, store, hands, actions);
-    element("about").textContent = `${data.header.source ? `Map of ${data.header.source}. ` : ""}Made by xraycast.`;
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
     addEventListener("hashchange", () => store.update(asked_state(data)));

@@ -211,7 +211,7 @@ PageJson window_to_json(const GreyWindow& window) {
 PageJson header_of(const WebSession& session, Parts& parts) {
   constexpr double kDegrees = 180 / std::numbers::pi;
   const Camera& camera = session.camera;
-  PageJson header{{"format", kFormat}, {"title", session.title}, {"source", session.map->source}};
+  PageJson header{{"format", kFormat}, {"title", session.title}};
   header["map"] = add_map(session, parts);
   header["vessels"] = add_surface(session.vessels, "vessel", parts);
   header["catheter"] = add_surface(session.catheter, "catheter", parts);
