@@ -1,5 +1,6 @@
-// PROGRAM WEB: an exported page in real browsers. Debian's Chromium draws on Mesa under Xvfb, Firefox where it answers; both are
-// driven by puppeteer-core, which `npm ci` has put into WEB/node_modules. The pictures are compared with `xraycast render`.
+// An exported page in real browsers: Debian's Chromium, which draws on Mesa under Xvfb, and Firefox. Both are driven by
+// puppeteer-core, which `npm ci` has put into web/node_modules. The pictures are compared with those of `xraycast render`.
+// The program and the folder web/ are named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, rmSync, statSync, writeFileSync } from "node:fs";
@@ -9,7 +10,7 @@ import { join, resolve } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
 
-const [program, web] = process.env.XRAYCAST_WEB_TEST.split("\n");
+const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
 const require = createRequire(pathToFileURL(join(resolve(web), "package.json")));
 const puppeteer = require("puppeteer-core");
 const { PNG } = require("pngjs");

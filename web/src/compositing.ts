@@ -147,6 +147,17 @@ export class Renderer {
 
   /** The optical depths of a small picture of the same, in any order. */
   coarse_tau(view: View, surfaces: readonly Surface[], style: Style): Float32Array {
+    this.draw_coarse(view, surfaces, style);
+    return this.tau_target.red();
+  }
+
+  /** The same once the device has drawn it; none before. */
+  coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): () => Float32Array | null {
+    this.draw_coarse(view, surfaces, style);
+    return this.tau_target.red_later();
+  }
+
+  private draw_coarse(view: View, surfaces: readonly Surface[], style: Style): void {
     const kEnough = 160; // pixels a side
     const every = Math.max(1, Math.floor(Math.max(view.width, view.height) / kEnough));
     const coarse = {
@@ -157,7 +168,6 @@ export class Renderer {
     this.draw_passes(this.coarse_body, coarse, surfaces, full);
     this.tau_target.use(coarse.width, coarse.height);
     this.display(this.coarse_body, coarse, surfaces, full, true);
-    return this.tau_target.red();
   }
 
   /** What one surface alone absorbs in a view; kept until that changes. */

@@ -146,7 +146,30 @@ export class Target {
     if (this.depth) gl.clearBufferfv(gl.DEPTH, 0, [1]);
   }
 
-  /** The red channel, the lowest row first. */
+  /** The red channel, in any order, once the device has drawn it: none before. */
+  red_later(): () => Float32Array | null {
+    const { gl } = this, { width, height } = this.textures[0]!, rgba = new Float32Array(4 * width * height);
+    const buffer = gl.createBuffer()!;
+    gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+    gl.bufferData(gl.PIXEL_PACK_BUFFER, rgba.byteLength, gl.STREAM_READ);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, 0);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    const drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!;
+    gl.flush();
+    return () => {
+      const status = gl.clientWaitSync(drawn, 0, 0);
+      if (status === gl.TIMEOUT_EXPIRED) return null;
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
+      gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, rgba);
+      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+      gl.deleteBuffer(buffer);
+      gl.deleteSync(drawn);
+      return rgba.filter((_, i) => i % 4 === 0);
+    };
+  }
+
+  /** The same at once, which waits for the device. */
   red(): Float32Array {
     const { gl } = this, { width, height } = this.textures[0]!, rgba = new Float32Array(4 * width * height);
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);

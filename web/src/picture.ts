@@ -13,6 +13,7 @@ export class Picture {
   private readonly device: DeviceShape | null;
   private weights_key = "";
   private window_key = "";
+  private coming_tau: (() => Float32Array | null) | null = null; // for the window of a motion
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
   /** The grey window that was drawn last. */
   window: GreyWindow = this.automatic;
@@ -32,6 +33,7 @@ export class Picture {
   restore(): void {
     this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
     this.weights_key = this.window_key = "";
+    this.coming_tau = null;
   }
 
   view(state: State): View {
@@ -46,7 +48,7 @@ export class Picture {
       look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast || device !== undefined,
       pixels_per_column: is_moving ? 2 : 1,
     };
-    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state)), inverted: state.inverted };
+    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
     this.renderer.draw(view, device ? [...still, device] : still, style);
   }
 
@@ -72,10 +74,18 @@ export class Picture {
     return surfaces;
   }
 
-  private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State): GreyWindow {
+  private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {
     const key = JSON.stringify([view, style.look, state.shows_vessels]);
     if (key === this.window_key) return this.automatic;
-    this.window_key = key;
-    return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+    if (!is_moving) {
+      this.window_key = key;
+      this.coming_tau = null;
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+    }
+    // In motion the window follows some pictures behind, so that none waits for the graphics device.
+    const tau = this.coming_tau?.();
+    if (tau) this.automatic = automatic_window(tau);
+    if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+    return this.automatic;
   }
 }

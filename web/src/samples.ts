@@ -7,12 +7,13 @@ import { RadialProfile } from "./radial_profile";
 import type { Rectified } from "./rectified";
 
 const kTurn = 2 * Math.PI, kTexelsPerStep = 3;
+const kLayer = 2048; // of a sample's place, which is a column of the map and a layer: below 2^24, whole as a float
 
 /** As the shaders read them, four numbers to a texel. */
 export interface ColumnSamples {
   /** Of each column: its first sample, their number, and 1 / the distance of a cone's source, or 0. */
   columns: Float32Array;
-  /** Two texels each: column, weight, fraction of the next column and of the next layer; s, from, to, layer. */
+  /** Two texels each: place, weight, fraction of the next column and of the next layer; s, from, to. */
   samples: Float32Array;
 }
 
@@ -132,13 +133,12 @@ export class Sampler {
     if (column < 0) column += this.map.width;
     const first = Math.floor(column), place = this.profile.at(radius_mm), layer = Math.floor(place);
     const at = 8 * this.count++, s = this.samples;
-    s[at] = first;
+    s[at] = first + kLayer * layer;
     s[at + 1] = weight;
     s[at + 2] = column - first;
     s[at + 3] = place - layer;
     s[at + 4] = line.foot_s + along;
     s[at + 5] = line.foot_s + from;
     s[at + 6] = line.foot_s + to;
-    s[at + 7] = layer;
   }
 }

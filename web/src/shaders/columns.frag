@@ -11,7 +11,7 @@ void main() {
   if (has_map_rows) {
     for (int i = first; i < end; ++i) {
       vec4 sample_ = entry(sample_table, 2 * i);
-      sum += sample_.y * quad_of(sample_, int(entry(sample_table, 2 * i + 1).w), quad + first_quad);
+      sum += sample_.y * quad_of(sample_, quad + first_quad);
     }
     tau = sum;
     return;
@@ -19,8 +19,9 @@ void main() {
   vec4 row = first_row + row_step * (float(4 * quad) + vec4(0.0, 1.0, 2.0, 3.0));
   vec4 slopes = slope_of(row, column.z);
   for (int i = first; i < end; ++i) {
-    vec4 sample_ = entry(sample_table, 2 * i), where = entry(sample_table, 2 * i + 1);
-    sum += sample_.y * rows_of(sample_, int(where.w), row + slopes * where.x);
+    vec4 sample_ = entry(sample_table, 2 * i);
+    float s_mm = entry(sample_table, 2 * i + 1).x;
+    sum += sample_.y * rows_of(sample_, row + slopes * s_mm);
   }
   tau = sum * secant(slopes);
 }

@@ -10,8 +10,8 @@ uniform bool blends_layers;
 vec4 entry(highp sampler2D table, int i) { return texelFetch(table, ivec2(i & 1023, i >> 10), 0); }
 
 // Four rows of the map, interpolated between the columns and layers of a sample.
-vec4 quad_of(vec4 sample_, int layer, int quad) {
-  int column = int(sample_.x);
+vec4 quad_of(vec4 sample_, int quad) {
+  int place = int(sample_.x), column = place & 2047, layer = place >> 11;
   vec4 values = mix(texelFetch(map_texels, ivec3(quad, column, layer), 0),
                     texelFetch(map_texels, ivec3(quad, column + 1, layer), 0), sample_.z);
   if (!blends_layers) return values;
@@ -29,10 +29,10 @@ vec4 secant(vec4 rows_per_mm) {
 }
 
 // The map of a sample in four rows, which ascend and are no farther apart than the map's.
-vec4 rows_of(vec4 sample_, int layer, vec4 row) {
+vec4 rows_of(vec4 sample_, vec4 row) {
   vec4 within = clamp(row, 0.0, map_rows - 1.0);
   int quad = int(within.x) / 4;
-  vec4 upper = quad_of(sample_, layer, quad), lower = quad_of(sample_, layer, min(quad + 1, int(quads) - 1));
+  vec4 upper = quad_of(sample_, quad), lower = quad_of(sample_, min(quad + 1, int(quads) - 1));
   // Five consecutive rows of the map, from the one above the first.
   float above = floor(within.x - float(4 * quad));
   bool by_two = above >= 2.0, by_one = above == 1.0 || above == 3.0;
