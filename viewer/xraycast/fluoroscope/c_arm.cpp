@@ -171,8 +171,8 @@ View view_of(const CArm& c_arm, double field_mm, View view) {
     view.pixel_mm = view.width > 0 ? std::max(width_mm / view.width, height_mm / view.height)
                                    : detector.pixel_mm * (is_binned ? 2 : 1);
   if (view.width == 0) {
-    view.width = std::max(1, static_cast<int>(width_mm / view.pixel_mm));
-    view.height = std::max(1, static_cast<int>(height_mm / view.pixel_mm));
+    view.width = std::max(1, static_cast<int>(std::lround(width_mm / view.pixel_mm)));
+    view.height = std::max(1, static_cast<int>(std::lround(height_mm / view.pixel_mm)));
   }
   return view;
 }
