@@ -434,6 +434,7 @@ const BadCall kBadCalls[] = {
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
+    {"ViewOfNoFile", "view @/nothing.exr", 3, "no such file"},
     {"CompareWithAnotherScan", "compare @/ct.nii @/map.exr --views 1", 3, "was not cast from",
      write_small_map},
     {"SessionThatNamesMissingFiles", "render --session @/s.json -o @/out.png", 3, "map",
