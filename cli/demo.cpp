@@ -270,9 +270,10 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back().tip.branch,
                           records.back().tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
+  report.picture("run-fluoro.png",
+                 "run-fluoro.gif: a Cobra is steered from the groin into the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
-  write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
+  write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
   report.picture("run-dsa.png", "run-dsa.gif: subtraction angiography, 5 ml of contrast agent");
 }

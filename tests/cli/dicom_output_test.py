@@ -201,7 +201,7 @@ class DicomOutput(unittest.TestCase):
 
     def test_a_cine_that_does_not_fit_is_refused(self):
         file = self.folder / "long.dcm"
-        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds 2047 of them"),
+        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds at most 2047"),
                               (("--cine", "0:360:90", "--inverted"), "--inverted does not apply"),
                               (("--cine", "0:360:90", "--annotations"), "--annotations does not apply")):
             status, told = refusal("render", self.map(), "-o", file, "--cone", "780,1200", *words)
