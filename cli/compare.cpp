@@ -257,7 +257,8 @@ void compare_maps(const CompareArguments& options, Session& session) {
   }
   if (!options.plot.empty())
     write_plot(
-        fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
+        fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
+                    options.compositing),
         "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
