@@ -119,10 +119,10 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     rotation, and at the hub the force in N and the torque in N mm.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
     the catheter entered to the target.
-    Reward: the millimetres by which the way became shorter, less 0.1 a step, and 100 at the target: within 5 mm of
+    Reward: the millimetres by which the way became shorter, less 0.1 per step, and 100 at the target: within 5 mm of
     its end, which also ends the episode.
 
-    A copy, or one that was pickled, begins anew: call reset().
+    Copies and unpickled environments start from the beginning: call reset().
     """
 
     metadata = {"render_modes": []}
