@@ -38,7 +38,7 @@ void add_injection_options(CLI::App& command, InjectionOptions& options) {
       ->type_name("MG/ML");
   command
       .add_option("--heart-rate", options.heart_rate_bpm,
-                  "--inject: heart rate, the frequency of the pulsatile blood flow")
+                  "--inject: heart rate in beats per minute, which paces the blood flow")
       ->capture_default_str()
       ->type_name("BPM");
 }
@@ -79,7 +79,7 @@ void add_subtraction_options(CLI::App& command, SubtractionOptions& options) {
                   "dsa: pixel shift of the mask before subtraction; fractions are allowed")
       ->type_name("RIGHT,DOWN");
   command.add_flag("--max-opacification", options.shows_maximum_opacification,
-                   "dsa: maximum opacification: every pixel keeps its densest value so far");
+                   "dsa: every pixel keeps its densest value so far (maximum opacification)");
 }
 
 PixelShift parse_mask_shift(const SubtractionOptions& options) {
