@@ -360,7 +360,7 @@ class DicomOutput(unittest.TestCase):
             data.FrameOfReferenceUID = pydicom.uid.generate_uid()
             scans.add(data.FrameOfReferenceUID)
             data.save_as(file)
-        self.assertIn("mask.seg.dcm: in a frame of reference of its own", self.segment(series, folder))
+        self.assertIn("mask.seg.dcm: has its own frame of reference", self.segment(series, folder))
         self.expect_valid(folder / "mask.seg.dcm")
         self.assertNotIn(pydicom.dcmread(folder / "mask.seg.dcm").FrameOfReferenceUID, scans)
 
