@@ -18,6 +18,17 @@ def without_rim(scan):
     return xc.Scan.from_array(hu, scan.spacing_mm, scan.origin_mm)
 
 
+def with_half_voxels(scan):
+    """The same field, linear between eight voxels, of voxels of half the size."""
+    hu = scan.hu.astype(np.float32)
+    for axis in range(3):
+        hu = np.moveaxis(hu, axis, 0)
+        halves = np.empty((2 * len(hu) - 1, *hu.shape[1:]), np.float32)
+        halves[::2], halves[1::2] = hu, (hu[1:] + hu[:-1]) / 2
+        hu = np.moveaxis(halves, 0, axis)
+    return xc.Scan.from_array(np.rint(hu).astype(np.int16), np.divide(scan.spacing_mm, 2), scan.origin_mm)
+
+
 def subject_of(scan):
     """The scan's attenuation, as nanodrr takes it."""
     mu = np.interp(scan.hu.astype(np.float32), (LEAST_HU, MOST_HU), (0, MOST_MU)).astype(np.float32)

@@ -117,6 +117,7 @@ int main(int argc, char** argv) {
   cli::add_render(app, session);
   cli::add_compare(app, session);
   cli::add_simulate(app, session);
+  cli::add_export(app, session);
   cli::add_view(app, session);
   cli::add_devices(app, session);
   cli::add_demo(app, session);

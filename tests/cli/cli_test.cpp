@@ -200,6 +200,28 @@ const BadCall kBadCalls[] = {
      "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
+    {"SimulateTooThickForItsLumen",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-035-j --script "
+     "@/push.csv "
+     "-o @/log.csv",
+     3, "does not fit into the lumen of microcatheter-27f, of 0.318 mm; choose a thinner one",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv",
+                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n1,5,0,5,0\n");
+     }},
+    {"SimulateTwoByAScriptForOne",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled --script "
+     "@/push.csv -o @/log.csv",
+     3, "push.csv: line 1: no column insertion_2_mm; a script of 2 devices has", make_push_and_tree},
+    {"SimulateFourByAScriptForOne",
+     "simulate @/tree.json --device-model guide-6f --device-model jb1-5f --device-model microcatheter-24f "
+     "--device-model guidewire-014-angled --script @/push.csv -o @/log.csv",
+     3, "4 devices; give one to 3", make_push_and_tree},
+    {"SimulateThickInThinByAScriptForOne",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
+     "@/log.csv",
+     3, "list the outermost device first", make_push_and_tree},
     {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
      make_run},
     {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
@@ -1122,6 +1144,28 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   EXPECT_EQ(log, read_bytes(folder_ / "second.csv"));
   EXPECT_THAT(log, StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
   EXPECT_EQ(std::ranges::count(log, '\n'), 4);
+}
+
+TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
+  // Wider than the little tree: a wire of 0.36 mm is less than a pixel and may lie between two.
+  write_bytes(folder_ / "tree.json",
+              R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 3], [0, 0, 100, 3]]}]})");
+  const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,5,0\n";
+  write_bytes(folder_ / "ahead.csv", rows + "0.5,20,0,60,0\n");
+  write_bytes(folder_ / "level.csv", rows + "0.5,20,0,20,0\n");
+  output_of("-q phantom sphere --size 32x32x32 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --angles 60");
+  for (const std::string look : {"fluoro", "surface"}) {
+    for (const std::string script : {"ahead", "level"})
+      output_of(
+          "-q simulate @/tree.json --device-model cobra-5f --device-model guidewire-035-angled "
+          "--script @/" +
+          script + ".csv -o @/log.csv --map @/map.exr --inject 0,1 --look " + look + " --cine @/" + look +
+          script);
+    EXPECT_NE(read_bytes(folder_ / (look + "ahead/frame-004.png")),
+              read_bytes(folder_ / (look + "level/frame-004.png")))
+        << look << ": the wire does not show";
+  }
 }
 
 TEST_F(Cli, SubtractsARunFromItsFramesBeforeTheInjection) {

@@ -4,6 +4,7 @@ import dataclasses
 import logging
 import os
 import signal
+import time
 import uuid
 from multiprocessing import resource_tracker
 
@@ -44,9 +45,21 @@ def address_of(workers):
                                dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, resources=workers.resources or None)
     try:
         yield cluster.scheduler_address
+    except BaseException:
+        _kill_workers(cluster)
+        raise
     finally:
         with contextlib.suppress(Exception):
             cluster.close(timeout=CLOSE_S)
+
+
+def _kill_workers(cluster):
+    """At once: a cast lasts. Outputs appear whole, so that nothing is lost but what was being made."""
+    for nanny in cluster.workers.values():
+        nanny.auto_restart = False
+        if nanny.pid:
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(nanny.pid, signal.SIGKILL)
 
 
 def _silence_dask():
@@ -81,20 +94,33 @@ def connect(address):
 
 
 def check_workers(client, out, resources):
-    """That one with the resources has joined, has this version, and sees OUT. Throws Error."""
+    """That one with the resources has joined, has this version, and sees OUT, also where all are busy. Throws Error."""
+    worker = _joined_worker(client, resources)
     token = out / f".seen-{uuid.uuid4().hex}"
     token.touch()
     try:
-        version, is_seen = client.submit(probe, str(token), pure=False, resources=resources or None).result(timeout=WORKER_S)
-    except TimeoutError:
-        wanted = ",".join(f"{name}={amount:g}" for name, amount in resources.items())
-        raise Error(f"no worker {f'with --resources {wanted} ' * bool(wanted)}joined the scheduler in {WORKER_S} s; start some by "
-                    f"`dask worker ADDRESS{f' --resources {wanted}' * bool(wanted)}`") from None
+        version, is_seen = client.run(probe, str(token), workers=[worker])[worker]
     except ImportError as error:
         raise Error(f"the workers cannot import xraycast: {error}; install it with them") from None
+    except OSError:
+        raise Error(f"the worker at {worker} does not answer; see its log, and run again") from None
     finally:
         token.unlink(missing_ok=True)
     if version != _core.__version__:
         raise Error(f"the workers have xraycast {version}, this is {_core.__version__}; install the same")
     if not is_seen:
         raise Error(f"-o {out}: the workers do not see this folder; give one that all machines share")
+
+
+def _joined_worker(client, resources):
+    """The address of one with the resources, waited for. Throws Error."""
+    deadline = time.monotonic() + WORKER_S
+    while True:
+        for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():
+            if all(worker["resources"].get(name, 0) >= amount for name, amount in resources.items()):
+                return address
+        if time.monotonic() > deadline:
+            wanted = ",".join(f"{name}={amount:g}" for name, amount in resources.items())
+            raise Error(f"no worker {f'with --resources {wanted} ' * bool(wanted)}joined the scheduler in {WORKER_S} s; start some by "
+                        f"`dask worker ADDRESS{f' --resources {wanted}' * bool(wanted)}`")
+        time.sleep(0.1)

@@ -79,8 +79,8 @@ class _Session:
         finally:
             self._progress.clear()
             self._ledger.close()
-        if not self._run.part:
-            remove_unfinished(self._run.out)
+            if not self._run.part:
+                remove_unfinished(self._run.out)
         return self._counts
 
     def _missing(self):

@@ -20,6 +20,9 @@ Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
                                         const std::string& name);
 
+/// The colour of shaded catheters.
+inline constexpr glm::dvec3 kCatheterColour{0.25, 0.55, 0.95};
+
 /// A catheter as a surface to draw, 2 mm thick: a CSV of control points x, y, z (LPS, mm) of a NURBS curve.
 /// Throws InputError, naming file and line.
 Surface read_catheter(const std::filesystem::path& path);
