@@ -256,10 +256,9 @@ void compare_maps(const CompareArguments& options, Session& session) {
     curves.push_back(std::move(one.curve));
   }
   if (!options.plot.empty())
-    write_plot(
-        fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
-                    options.compositing),
-        "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
+    write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
+                           options.compositing),
+               "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
     result.update(all[0]);
