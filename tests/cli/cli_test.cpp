@@ -284,8 +284,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave out what is "
-     "damaged with --skip-damaged",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave damaged "
+     "slices out by --skip-damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
