@@ -47,7 +47,7 @@ def test_pushing_earns_the_way_that_it_saves(fork):
         steps += 1
     assert not ended and not cut and info["left_mm"] < start_mm - 10
     assert earned == pytest.approx(start_mm - info["left_mm"] - 0.1 * steps, rel=1e-6)
-    with pytest.raises(xc.InputError, match="no leaf"):
+    with pytest.raises(xc.InputError, match="not a leaf"):
         ReachTarget(fork, target=0)
 
 
