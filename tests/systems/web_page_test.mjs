@@ -271,17 +271,26 @@ test("nothing is wider than 360 pixels", async () => {
 });
 
 test("pictures are drawn fast enough to turn", async (t) => {
-  const opened = await open("circles.html", "ui=0&vessels=0");
-  const per_s = await opened.page.evaluate(async () => {
-    const drawn = () => Number(document.documentElement.dataset.pictures), from = drawn(), start = performance.now();
-    for (let lao = 0; performance.now() - start < 4000; lao += 2) {
-      location.hash = `lao=${lao}&ui=0&vessels=0`;
+  const opened = await open("circles.html", "vessels=0&roadmap=0", { width: 652, height: 800 }), { page } = opened;
+  const height = await page.$eval("#stage", (stage) => stage.clientHeight);
+  await page.setViewport({ width: 652, height: 800 + 480 - height });
+  await settled(page);
+  assert.deepEqual(await page.$eval("#picture", ({ width, height }) => [width, height]), [640, 480]);
+  const per_s = await page.evaluate(async () => {
+    const stage = document.getElementById("stage"), drawn = () => Number(document.documentElement.dataset.pictures);
+    const hand = (type, clientX) => stage.dispatchEvent(new PointerEvent(type, { pointerId: 1, clientX, clientY: 200, buttons: 1 }));
+    stage.setPointerCapture = () => {}; // there is no such pointer
+    hand("pointerdown", 0);
+    const from = drawn(), start = performance.now();
+    for (let x = 5; performance.now() - start < 4000; x += 5) {
+      hand("pointermove", x);
       await new Promise(requestAnimationFrame);
     }
+    hand("pointerup", 0);
     return (1000 * (drawn() - from)) / (performance.now() - start);
   });
-  t.diagnostic(`${per_s.toFixed(1)} pictures/s of 8 layers at 640 x 480, in full resolution`);
-  assert.ok(per_s > 5, `${per_s} pictures/s`); // far below what idle cores draw: tests share them
+  t.diagnostic(`${per_s.toFixed(1)} pictures/s of 8 layers at 640 x 480 while the C-arm turns`);
+  assert.ok(per_s > 4, `${per_s} pictures/s`); // far below what idle cores draw, 30: other tests share them
   await close(opened);
 });
 

@@ -4,7 +4,7 @@ import { Absorbed, absorbed_by } from "./absorption";
 import type { MapGeometry, Surface } from "./data";
 import { Program, Table, Target, Texture, Triangles } from "./gl";
 import type { GreyWindow } from "./grey_window";
-import { drawn_texels } from "./layers";
+import { drawn_texels, with_half_the_rows } from "./layers";
 import { normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
 import { Sampler } from "./samples";
@@ -23,20 +23,45 @@ export interface Style {
   look: Look;
   window: GreyWindow;
   full_contrast: boolean; // surfaces keep the contrast that the window takes from the body
-  pixels_per_column: number; // 2: the body is drawn at every other column
+  detail: Detail;
 }
+
+/** How finely the body is drawn. */
+export interface Detail {
+  pixels_per_column: number;
+  texels_per_step: number; // of the map, between samples of a ray
+}
+
+/** As `xraycast render` draws, and for pictures of a motion. */
+export const kFull: Detail = { pixels_per_column: 1, texels_per_step: 3 };
+export const kQuick: Detail = { pixels_per_column: 2, texels_per_step: 12 };
 
 const kSampled = { map_texels: 0, column_table: 1, sample_table: 2 }; // texture units
 
+/** A map on the graphics device. */
+class DeviceMap {
+  readonly texels: Texture;
+  constructor(gl: WebGL2RenderingContext, readonly map: MapGeometry, private readonly tau: Float32Array) {
+    this.texels = new Texture(gl, gl.RGBA16F, gl.TEXTURE_2D_ARRAY);
+  }
+
+  set_weights(weights: readonly number[]): void {
+    const { layers, columns, quads, values } = drawn_texels(this.map, this.tau, weights);
+    this.texels.fill_layers(values, quads, columns, layers);
+  }
+}
+
 /** The body in a view: kept until map, view or style change. */
 class BodyPicture {
+  private readonly map: MapGeometry;
   private readonly target: Target;
   private readonly columns: Table;
   private readonly samples: Table;
   private key = "";
   rectified: Rectified | null = null;
 
-  constructor(private readonly gl: WebGL2RenderingContext, private readonly map: MapGeometry, private readonly sampler: Sampler) {
+  constructor(private readonly gl: WebGL2RenderingContext, private readonly source: DeviceMap, private readonly sampler: Sampler) {
+    this.map = source.map;
     this.target = new Target(gl, [gl.RGBA32F]);
     this.columns = new Table(gl);
     this.samples = new Table(gl);
@@ -61,7 +86,8 @@ class BodyPicture {
     };
   }
 
-  bind_tables(): void {
+  bind_samples(): void {
+    this.source.texels.bind(kSampled.map_texels);
     this.columns.bind(kSampled.column_table);
     this.samples.bind(kSampled.sample_table);
   }
@@ -70,22 +96,22 @@ class BodyPicture {
     this.target.textures[0]!.bind(unit);
   }
 
-  draw(view: View, pixels_per_column: number, program: Program, texels: Texture): void {
-    const key = JSON.stringify([view, pixels_per_column]);
+  draw(view: View, detail: Detail, program: Program): void {
+    const key = JSON.stringify([view, detail]);
     if (key === this.key) return;
     this.key = key;
-    const r = (this.rectified = rectified_view(view, this.map, pixels_per_column)), { columns, samples } = this.sampler.samples_of(r);
+    const r = (this.rectified = rectified_view(view, this.map, detail.pixels_per_column));
+    const { columns, samples } = this.sampler.samples_of(r, detail.texels_per_step);
     this.columns.fill(columns);
     this.samples.fill(samples);
     this.target.use(Math.max(1, r.columns), Math.max(1, Math.ceil(r.rows / 4)));
     program.use({ ...this.uniforms(), first_quad: Math.round((this.map.top_mm - r.top_mm) / this.map.row_mm / 4), has_map_rows: this.is_upright });
-    texels.bind(kSampled.map_texels);
-    this.bind_tables();
+    this.bind_samples();
     if (r.columns > 0 && r.rows > 0) this.gl.drawArrays(this.gl.TRIANGLES, 0, 3);
   }
 
   /** How the display finds the body. */
-  display_uniforms(pixels_per_column: number): Record<string, number | boolean | number[]> {
+  display_uniforms({ pixels_per_column }: Detail): Record<string, number | boolean | number[]> {
     const r = this.rectified!, is_seen = r.columns > 0 && r.rows > 0, first = (this.map.top_mm - r.top_mm) / this.map.row_mm;
     const limits = !is_seen ? [1e9, 1e9] : this.is_upright ? [-0.5 - first, this.map.height - 0.5 - first] : [-1e9, 1e9];
     return {
@@ -97,9 +123,12 @@ class BodyPicture {
 
 export class Renderer {
   private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program };
-  private readonly texels: Texture;
+  private readonly whole: DeviceMap;
+  private readonly halved: DeviceMap; // of half the rows, for pictures of a motion
   private readonly body: BodyPicture;
+  private readonly quick_body: BodyPicture;
   private readonly coarse_body: BodyPicture; // for automatic windows
+  private readonly quick_coarse_body: BodyPicture;
   private readonly absorbed: Texture;
   private readonly opaque: Target;
   private readonly near: Target;
@@ -110,7 +139,7 @@ export class Renderer {
   private last_covered: { key: string; absorbed: Absorbed | null } | null = null;
 
   /** Throws where the context cannot draw into textures of floats. */
-  constructor(private readonly gl: WebGL2RenderingContext, private readonly map: MapGeometry, private readonly tau_of_map: Float32Array) {
+  constructor(private readonly gl: WebGL2RenderingContext, map: MapGeometry, tau: Float32Array) {
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this device cannot draw into textures of floats");
     this.programs = {
       columns: new Program(gl, screen_vert, columns_glsl + columns_frag),
@@ -119,9 +148,13 @@ export class Renderer {
       surface: new Program(gl, surface_vert, surface_frag),
     };
     const sampler = new Sampler(map);
-    this.texels = new Texture(gl, gl.RGBA16F, gl.TEXTURE_2D_ARRAY);
-    this.body = new BodyPicture(gl, map, sampler);
-    this.coarse_body = new BodyPicture(gl, map, sampler);
+    const half = with_half_the_rows(map, tau);
+    this.whole = new DeviceMap(gl, map, tau);
+    this.halved = new DeviceMap(gl, half.map, half.tau);
+    this.body = new BodyPicture(gl, this.whole, sampler);
+    this.quick_body = new BodyPicture(gl, this.halved, sampler);
+    this.coarse_body = new BodyPicture(gl, this.whole, sampler);
+    this.quick_coarse_body = new BodyPicture(gl, this.halved, sampler);
     this.absorbed = new Texture(gl, gl.R32F);
     this.opaque = new Target(gl, [gl.RGBA8, gl.R32F], true);
     this.near = new Target(gl, [gl.R32F]);
@@ -131,43 +164,41 @@ export class Renderer {
 
   /** One weight per layer, 0 hides it; none: 1 everywhere. */
   set_weights(weights: readonly number[]): void {
-    const { layers, columns, quads, values } = drawn_texels(this.map, this.tau_of_map, weights);
-    this.texels.fill_layers(values, quads, columns, layers);
-    this.body.forget();
-    this.coarse_body.forget();
+    for (const map of [this.whole, this.halved]) map.set_weights(weights);
+    for (const body of [this.body, this.quick_body, this.coarse_body, this.quick_coarse_body]) body.forget();
   }
 
   /** The picture, on the canvas. */
   draw(view: View, surfaces: readonly Surface[], style: Style): void {
-    this.draw_passes(this.body, view, surfaces, style);
+    const is_quick = style.detail === kQuick && view.pixel_mm > this.whole.map.row_mm, body = is_quick ? this.quick_body : this.body;
+    this.draw_passes(body, view, surfaces, style);
     this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
     this.gl.viewport(0, 0, view.width, view.height);
-    this.display(this.body, view, surfaces, style, false);
+    this.display(body, view, surfaces, style, false);
   }
 
   /** The optical depths of a small picture of the same, in any order. */
   coarse_tau(view: View, surfaces: readonly Surface[], style: Style): Float32Array {
-    this.draw_coarse(view, surfaces, style);
+    this.draw_coarse(this.coarse_body, view, surfaces, { ...style, detail: kFull });
     return this.tau_target.red();
   }
 
-  /** The same once the device has drawn it; none before. */
+  /** Nearly the same, once the device has drawn it; none before. */
   coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): () => Float32Array | null {
-    this.draw_coarse(view, surfaces, style);
+    this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick });
     return this.tau_target.red_later();
   }
 
-  private draw_coarse(view: View, surfaces: readonly Surface[], style: Style): void {
+  private draw_coarse(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {
     const kEnough = 160; // pixels a side
     const every = Math.max(1, Math.floor(Math.max(view.width, view.height) / kEnough));
     const coarse = {
       ...view, width: Math.max(1, Math.floor(view.width / every)), height: Math.max(1, Math.floor(view.height / every)),
       pixel_mm: view.pixel_mm * every,
     };
-    const full = { ...style, pixels_per_column: 1 };
-    this.draw_passes(this.coarse_body, coarse, surfaces, full);
+    this.draw_passes(body, coarse, surfaces, style);
     this.tau_target.use(coarse.width, coarse.height);
-    this.display(this.coarse_body, coarse, surfaces, full, true);
+    this.display(body, coarse, surfaces, style, true);
   }
 
   /** What one surface alone absorbs in a view; kept until that changes. */
@@ -195,7 +226,7 @@ export class Renderer {
 
   private draw_passes(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {
     this.gl.bindVertexArray(this.no_vertices);
-    body.draw(view, style.pixels_per_column, this.programs.columns, this.texels);
+    body.draw(view, style.detail, this.programs.columns);
     if (surfaces.length === 0) return;
     if (style.look === "surface") this.draw_opaque(body, view, surfaces);
     else this.draw_absorption(view, surfaces);
@@ -240,8 +271,7 @@ export class Renderer {
     this.near.use(view.width, view.height);
     this.near.clear();
     this.programs.near_columns.use({ ...body.uniforms(), shade: 3, surface_depth: 4, view_height: view.height });
-    this.texels.bind(kSampled.map_texels);
-    body.bind_tables();
+    body.bind_samples();
     this.opaque.textures[0]!.bind(3);
     this.opaque.textures[1]!.bind(4);
     if (body.rectified!.columns > 0) this.fullscreen();
@@ -255,7 +285,7 @@ export class Renderer {
   private display(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style, gives_tau: boolean): void {
     const { window } = style, has_surfaces = surfaces.length > 0, contrast = 1 / (window.light - window.dark);
     this.programs.display.use({
-      ...body.display_uniforms(style.pixels_per_column), view_height: view.height, gives_tau,
+      ...body.display_uniforms(style.detail), view_height: view.height, gives_tau,
       body: 0, absorbed: 1, shade: 2, near_tau: 3,
       has_absorbed: has_surfaces && style.look === "fluoro", has_shade: has_surfaces && style.look === "surface",
       weight: !gives_tau && style.full_contrast ? Math.max(1, window.scale) : 1,

@@ -1,7 +1,7 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
 import type { Absorbed } from "./absorption";
 import { view_of } from "./camera";
-import { Renderer, Style } from "./compositing";
+import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { SessionData, Surface } from "./data";
 import { DeviceShape } from "./device_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
@@ -46,7 +46,7 @@ export class Picture {
     const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
     const style: Style = {
       look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast || device !== undefined,
-      pixels_per_column: is_moving ? 2 : 1,
+      detail: is_moving ? kQuick : kFull,
     };
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
     this.renderer.draw(view, device ? [...still, device] : still, style);

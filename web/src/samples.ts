@@ -6,7 +6,7 @@ import { OutlinedLine } from "./outline_crossings";
 import { RadialProfile } from "./radial_profile";
 import type { Rectified } from "./rectified";
 
-const kTurn = 2 * Math.PI, kTexelsPerStep = 3;
+const kTurn = 2 * Math.PI;
 const kLayer = 2048; // of a sample's place, which is a column of the map and a layer: below 2^24, whole as a float
 
 /** As the shaders read them, four numbers to a texel. */
@@ -32,13 +32,16 @@ export class Sampler {
   private readonly scales: Float64Array | null;
   private samples = new Float32Array(1 << 16);
   private count = 0;
+  private texels_per_step = 3;
 
   constructor(private readonly map: MapGeometry) {
     this.profile = new RadialProfile(drawn_radii_mm(map));
     this.scales = map.has_outline ? Float64Array.from([...map.scales, map.scales[0]!]) : null;
   }
 
-  samples_of(rectified: Rectified): ColumnSamples {
+  /** A two-point quadrature spans so many texel columns at most. */
+  samples_of(rectified: Rectified, texels_per_step: number): ColumnSamples {
+    this.texels_per_step = texels_per_step;
     const columns = new Float32Array(4 * rectified.columns);
     this.count = 0;
     for (let i = 0; i < rectified.columns; ++i) {
@@ -108,11 +111,11 @@ export class Sampler {
     if (from >= to) return;
     const turned = Math.abs(Math.atan2(to, line.offset) - Math.atan2(from, line.offset));
     const texels = (turned / kTurn) * this.map.width;
-    if (texels <= 0.5 * kTexelsPerStep) {
+    if (texels <= 0.5 * this.texels_per_step) {
       const middle = 0.5 * (from + to);
       return this.add(line, middle, from, to, to - from, radius(middle));
     }
-    const steps = Math.ceil(texels / kTexelsPerStep), step = (to - from) / steps, gauss = (0.5 * step) / Math.sqrt(3);
+    const steps = Math.ceil(texels / this.texels_per_step), step = (to - from) / steps, gauss = (0.5 * step) / Math.sqrt(3);
     for (let i = 0; i < steps; ++i) {
       const middle = from + (i + 0.5) * step;
       for (const side of [-1, 1]) {
