@@ -92,6 +92,14 @@ async function show(page, hash) {
   await settled(page);
 }
 
+/** Waits until an element is as wanted, and says how it is where it does not become so. */
+async function until(page, selector, is_so, ...wanted) {
+  const element = await page.$(selector);
+  await page.waitForFunction(is_so, { timeout: 15000 }, element, ...wanted).catch(async () => {
+    assert.fail(`${selector} is ${await element.evaluate((element) => element.outerHTML)}, not ${wanted}`);
+  });
+}
+
 const picture_of = async (page) => PNG.sync.read(Buffer.from(await page.screenshot({ type: "png" })));
 
 /** Over all channels, of a peak of 255. */
@@ -161,45 +169,39 @@ test("so are those of circles and of 16-bit floats", async (t) => {
 
 test("drag, wheel, pinch and keys move the C-arm", async () => {
   const opened = await open("page.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
-  const readout = () => page.$eval("#readout", (element) => element.textContent);
+  const reads = (pattern) => until(page, "#readout", (readout, wanted) => new RegExp(wanted).test(readout.textContent), pattern.source);
+  const is_pressed = (button, wanted) => until(page, button, (button, wanted) => button.getAttribute("aria-pressed") === wanted, wanted);
   const stage = await (await page.$("#stage")).boundingBox(), x = stage.x + stage.width / 2, y = stage.y + stage.height / 2;
-  assert.match(await readout(), /^AP /);
+  await reads(/^AP /);
   await page.mouse.move(x, y);
   await page.mouse.down();
   await page.mouse.move(x - 50, y + 25, { steps: 5 });
   await page.mouse.up();
-  await settled(page);
-  assert.match(await readout(), /^LAO 20 \/ CRA 10 /);
+  await reads(/^LAO 20 \/ CRA 10 /);
   await page.mouse.wheel({ deltaY: -400 });
-  await settled(page);
-  assert.match(await readout(), /×1\.5$/);
+  await reads(/×1\.5$/);
   await page.keyboard.press("ArrowRight");
   await page.keyboard.press("PageUp");
-  await settled(page);
-  assert.match(await readout(), /^LAO 15 \/ CRA 10 .*table \+[1-9]/);
+  await reads(/^LAO 15 \/ CRA 10 .*table \+[1-9]/);
   await page.keyboard.press("r");
-  await settled(page);
-  assert.match(await readout(), /^AP   table \+0 mm   ×1$/);
+  await reads(/^AP   table \+0 mm   ×1$/);
   const hands = await page.createCDPSession(), finger = (id, x, y) => ({ id, x, y });
   const touch = (type, touchPoints) => hands.send("Input.dispatchTouchEvent", { type, touchPoints });
   await touch("touchStart", [finger(1, x - 40, y), finger(2, x + 40, y)]);
   for (const apart of [50, 60, 70, 80]) await touch("touchMove", [finger(1, x - apart, y), finger(2, x + apart, y)]);
   await touch("touchEnd", []);
-  await settled(page);
-  assert.match(await readout(), /×2$/);
-  const is_automatic = () => page.$eval("#auto-window", (button) => button.getAttribute("aria-pressed"));
-  assert.equal(await is_automatic(), "true");
+  await reads(/×2$/);
+  await is_pressed("#auto-window", "true");
   await touch("touchStart", [finger(1, x - 40, y), finger(2, x + 40, y)]);
   for (const down of [10, 20, 30]) await touch("touchMove", [finger(1, x - 40, y + down), finger(2, x + 40, y + down)]);
   await touch("touchEnd", []);
-  await settled(page);
-  assert.equal(await is_automatic(), "false");
+  await is_pressed("#auto-window", "false");
   await page.keyboard.press("w");
-  assert.equal(await is_automatic(), "true");
+  await is_pressed("#auto-window", "true");
   await page.keyboard.press("f");
-  assert.equal(await page.$eval("#surface", (button) => button.getAttribute("aria-pressed")), "true");
+  await is_pressed("#surface", "true");
   await page.keyboard.press("2");
-  assert.equal(await page.$$eval("#layers input", (layers) => layers.filter((layer) => !layer.checked).length), 1);
+  await until(page, "#layers", (layers) => layers.querySelectorAll("input:not(:checked)").length === 1);
   await close(opened);
 });
 
