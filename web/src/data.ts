@@ -54,7 +54,10 @@ export interface Header {
   run: RunHeader | null;
   camera: Camera;
   cone: Cone | null;
+  is_of_session: boolean; // its pose is one that a viewer saved
   look: "fluoro" | "surface";
+  shows_vessels: boolean;
+  shows_road_map: boolean;
   full_contrast: boolean;
   window: GreyWindow | null; // none: automatic
   layer_weights: number[];

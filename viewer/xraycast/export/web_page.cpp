@@ -158,7 +158,8 @@ PageJson add_map(const WebSession& session, Parts& parts) {
           {"bounds",
            {{"centre_mm", list(bounds.centre_mm)},
             {"radius_mm", bounds.radius_mm},
-            {"half_height_mm", bounds.half_height_mm}}},
+            {"half_height_mm", bounds.half_height_mm},
+            {"finest_mm", bounds.finest_mm}}},
           {"precision", to_string(session.precision)},
           {"ranges", ranges}};
 }
@@ -223,6 +224,9 @@ PageJson header_of(const WebSession& session, Parts& parts) {
   header["cone"] = camera.cone ? PageJson{{"source_axis_mm", camera.cone->source_axis_mm},
                                           {"source_detector_mm", camera.cone->source_detector_mm}}
                                : PageJson();
+  header["is_of_session"] = session.is_of_session;
+  header["shows_vessels"] = session.vessels && session.shows_vessels;
+  header["shows_road_map"] = session.vessels && session.shows_road_map;
   header["look"] = to_string(session.style.shading);
   header["full_contrast"] = session.style.full_contrast;
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
@@ -240,8 +244,10 @@ bool suits_web(const BodyMap& map) {
 std::string web_page(const WebSession& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
-  const std::array<std::pair<std::string_view, std::string>, 4> values{
+  const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
+  const std::array<std::pair<std::string_view, std::string>, 5> values{
       {{"title", in_html(session.title)},
+       {"still-label", label(pose)},
        {"still", base64(session.still_png)},
        {"header", in_script(header)},
        {"data", base64(deflated(parts.bytes()))}}};
