@@ -21,7 +21,7 @@ const { hash_of, state_of } = await module_of("address.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("device_shape.ts");
 const { step_s } = await module_of("film.ts");
-const { limited, view_of } = await module_of("camera.ts");
+const { view_of } = await module_of("camera.ts");
 const { Notes } = await module_of("notes.ts");
 const { Sampler } = await module_of("samples.ts");
 const { rectified_view } = await module_of("rectified.ts");
@@ -33,7 +33,7 @@ const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, fin
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
     camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, layer_weights: [],
-    shows_vessels: false, shows_road_map: false, ...header,
+    shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
   map: { layers: 4, bounds: kBounds }, vessels: null, catheter: null, run: null, ...more,
 });

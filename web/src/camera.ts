@@ -1,4 +1,5 @@
-// The pose of C-arm and table, and its limits, as in the viewer (viewer/xraycast/sampling/camera.hpp).
+// The pose of C-arm and table, within the limits of the viewer.
+import type { ViewerHeader } from "./data";
 import { clamp } from "./vectors";
 import { Bounds, Cone, View, fitting_pixel_mm, wrapped_degrees } from "./view";
 
@@ -9,18 +10,12 @@ export interface Camera {
   table_mm: number; // the picture's centre above mid-height
 }
 
-export const kPresets: readonly { name: string; lao_deg: number }[] = [
-  { name: "AP", lao_deg: 0 }, { name: "LAO 45", lao_deg: 45 }, { name: "RAO 30", lao_deg: -30 }, { name: "Lateral", lao_deg: 90 },
-];
-
-const kMinZoom = 0.25, kMaxZoom = 40, kMaxTilt_deg = 50;
-
 /** Within the limits of a C-arm and the body; the same object where it is within them. */
-export function limited(camera: Camera, bounds: Bounds): Camera {
+export function limited(camera: Camera, bounds: Bounds, viewer: ViewerHeader): Camera {
   const within: Camera = {
     lao_deg: wrapped_degrees(camera.lao_deg),
-    cranial_deg: clamp(camera.cranial_deg, -kMaxTilt_deg, kMaxTilt_deg),
-    zoom: clamp(camera.zoom, kMinZoom, kMaxZoom),
+    cranial_deg: clamp(camera.cranial_deg, -viewer.most_tilt_deg, viewer.most_tilt_deg),
+    zoom: clamp(camera.zoom, viewer.least_zoom, viewer.most_zoom),
     table_mm: clamp(camera.table_mm, -bounds.half_height_mm, bounds.half_height_mm),
   };
   const is_same = (Object.keys(within) as (keyof Camera)[]).every((field) => within[field] === camera[field]);

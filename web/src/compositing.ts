@@ -26,9 +26,8 @@ export interface Style {
   full_contrast: boolean; // surfaces keep the contrast that the window takes from the body
   detail: Detail;
   outlined: Surface | null; // in pictures of a motion
+  outline_colour: readonly number[]; // 0 to 255
 }
-
-export const kRoadMapColour: readonly [number, number, number] = [190, 150, 60];
 
 /** How finely the body is drawn. */
 export interface Detail {
@@ -325,7 +324,7 @@ export class Renderer {
     this.programs.display.use({
       ...body.display_uniforms(style.detail), view_height: view.height, gives_tau,
       body: 0, absorbed: 1, shade: 2, near_tau: 3,
-      has_outline: adds_up && style.outlined !== null && !gives_tau, outline_colour: kRoadMapColour.map((c) => c / 255),
+      has_outline: adds_up && style.outlined !== null && !gives_tau, outline_colour: style.outline_colour.map((c) => c / 255),
       has_absorbed: has_surfaces && style.look === "fluoro", has_shade: has_surfaces && style.look === "surface",
       weight: !gives_tau && style.full_contrast ? Math.max(1, window.scale) : 1,
       scale: window.scale, contrast, black: window.dark * contrast, gamma: window.gamma, inverted: window.inverted,

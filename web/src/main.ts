@@ -29,6 +29,7 @@ class Page {
   private is_due = false;
   private is_lost = false;
   private moved_ms = -Infinity;
+  private has_moved = false; // since the last picture, which may be long ago on a slow device
   private pictures = 0;
   private rest_timer = 0;
 
@@ -64,7 +65,10 @@ class Page {
   }
 
   private changed(state: State, before: State): void {
-    if (state.camera !== before.camera || state.window !== before.window) this.moved_ms = performance.now();
+    if (state.camera !== before.camera || state.window !== before.window) {
+      this.moved_ms = performance.now();
+      this.has_moved = true;
+    }
     if (state.is_bare !== before.is_bare) document.body.classList.toggle("bare", state.is_bare);
     this.tools.show(state);
     if (state.time_s !== before.time_s) this.film?.draw();
@@ -91,14 +95,15 @@ class Page {
   private draw(): void {
     if (this.is_lost) return;
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
-    const is_moving = rest_ms < kRest_ms && !state.is_bare;
+    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare;
+    this.has_moved = false;
     const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
-    const outlined = state.shows_road_map && !has_road_map ? this.picture.vessels_in(view) : null;
+    const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
     draw_overlay(overlay, view, outlined, scale, !state.is_bare);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
     clearTimeout(this.rest_timer);
-    if (is_moving) this.rest_timer = setTimeout(() => this.request(), kRest_ms - rest_ms + 1);
+    if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
   }
 
   private describe(state: State): void {

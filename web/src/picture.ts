@@ -1,11 +1,11 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
-import type { Absorbed } from "./absorption";
 import { view_of } from "./camera";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
 import { DeviceShape } from "./device_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
+import type { Outline } from "./overlay";
 import type { State } from "./state";
 import type { View } from "./view";
 
@@ -30,6 +30,10 @@ export class Picture {
     return gl && new Picture(gl, data);
   }
 
+  private get gamma(): number | undefined {
+    return this.data.header.window?.gamma;
+  }
+
   /** After a lost context has come back. */
   restore(): void {
     this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
@@ -49,7 +53,8 @@ export class Picture {
     const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
     const style: Style = {
       look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast,
-      detail: is_moving ? kQuick : kFull, outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
+      detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
+      outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
     };
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
     const surfaces = device ? [...still, device] : still;
@@ -57,9 +62,10 @@ export class Picture {
     return style.outlined !== null && this.renderer.adds_up(surfaces, style);
   }
 
-  /** What the vessels alone cover, for the road map. */
-  vessels_in(view: View): Absorbed | null {
-    return this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+  /** Where the vessels alone are, for the road map. */
+  road_map(view: View): Outline | null {
+    const covered = this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+    return covered && { covered, colour: this.data.header.viewer.road_map_colour };
   }
 
   private set_weights(state: State): void {
@@ -86,11 +92,11 @@ export class Picture {
       this.window_key = key;
       this.coming_tau?.drop();
       this.coming_tau = null;
-      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style), this.gamma));
     }
     // In motion the window follows some pictures behind, so that none waits for the graphics device.
     const tau = this.coming_tau?.take();
-    if (tau) this.automatic = automatic_window(tau);
+    if (tau) this.automatic = automatic_window(tau, this.gamma);
     if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
     return this.automatic;
   }

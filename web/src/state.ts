@@ -40,7 +40,7 @@ export const has_surfaces = ({ vessels, catheter, run }: SessionData): boolean =
 export function allowed(state: State, data: SessionData): State {
   return {
     ...state,
-    camera: limited(state.camera, data.map.bounds),
+    camera: limited(state.camera, data.map.bounds, data.header.viewer),
     look: has_surfaces(data) ? state.look : "fluoro",
     hidden_layers: [...new Set(state.hidden_layers)].filter((k) => k < data.map.layers).sort((a, b) => a - b),
     shows_vessels: data.vessels !== null && state.shows_vessels,

@@ -4,8 +4,9 @@
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
-#include "xraycast/kernels/params.h"
 #include "xraycast/sampling/column_samples.hpp"
+#include "xraycast/sampling/map_texels.hpp"
+#include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <nlohmann/json.hpp>
@@ -125,13 +126,6 @@ class Parts {
 
 PageJson list(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-/// Where air absorbs, rays met more of it beyond the scan.
-MapGeometry drawn_geometry(const BodyMap& map) {
-  MapGeometry geometry = map.geometry;
-  if (map.opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry.field.reset();
-  return geometry;
-}
-
 PageJson add_map(const WebSession& session, Parts& parts) {
   const MapGeometry geometry = drawn_geometry(*session.map);
   const PackedLayers layers = pack_layers(*session.map, session.precision);
@@ -209,10 +203,24 @@ PageJson window_to_json(const GreyWindow& window) {
           {"inverted", window.inverted}};
 }
 
+/// What the viewer's C-arm can do, and how it draws, so that the page does the same.
+PageJson viewer_json() {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  PageJson presets = PageJson::array();
+  for (const CameraPreset& preset : kCameraPresets)
+    presets.push_back({{"name", preset.name}, {"lao_deg", preset.angle_deg}});
+  return {{"presets", presets},
+          {"least_zoom", Camera::kMinZoom},
+          {"most_zoom", Camera::kMaxZoom},
+          {"most_tilt_deg", Camera::kMaxTilt_rad * kDegrees},
+          {"road_map_colour", {kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z}}};
+}
+
 PageJson header_of(const WebSession& session, Parts& parts) {
   constexpr double kDegrees = 180 / std::numbers::pi;
   const Camera& camera = session.camera;
   PageJson header{{"format", kFormat}, {"title", session.title}};
+  header["viewer"] = viewer_json();
   header["map"] = add_map(session, parts);
   header["vessels"] = add_surface(session.vessels, "vessel", parts);
   header["catheter"] = add_surface(session.catheter, "catheter", parts);
