@@ -148,15 +148,13 @@ WebSession gather(const ExportArguments& options, Session& session) {
     web.catheter = catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm);
   else if (!scene.catheter.empty())
     web.catheter = checked_catheter(scene.catheter);
-  // Over a catheter the vessels are outlined, as in the operating room; otherwise they hold contrast agent.
-  web.shows_vessels = !web.run && !scene.steered;
-  web.shows_road_map = web.run || (scene.steered && scene.steered->has_road_map);
+  web.shows_vessels = !scene.steered;
+  web.shows_road_map = scene.steered && scene.steered->has_road_map;
   web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
   web.precision = parse_map_precision(options.precision);
   web.camera = scene.camera;
   web.is_of_session = !options.session.empty();
   web.style = scene.style;
-  if (web.run) web.style.full_contrast = true;  // as in `simulate --cine`
   web.has_window = scene.has_window;
   if (!is_gltf(options.output) && scene.style.sampling != SampleOptions{})
     session.say(

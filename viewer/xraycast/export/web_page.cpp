@@ -233,10 +233,10 @@ PageJson header_of(const WebSession& session, Parts& parts) {
                                           {"source_detector_mm", camera.cone->source_detector_mm}}
                                : PageJson();
   header["is_of_session"] = session.is_of_session;
-  header["shows_vessels"] = session.vessels && session.shows_vessels;
-  header["shows_road_map"] = session.vessels && session.shows_road_map;
+  header["shows_vessels"] = session.vessels && session.shows_vessels && !session.run;
+  header["shows_road_map"] = session.vessels && (session.shows_road_map || session.run);
   header["look"] = to_string(session.style.shading);
-  header["full_contrast"] = session.style.full_contrast;
+  header["full_contrast"] = session.style.full_contrast || session.run;  // as in `simulate --cine`
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
   header["layer_weights"] = session.style.layer_weights;
   header["parts"] = parts.index();

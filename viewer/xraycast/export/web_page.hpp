@@ -23,8 +23,10 @@ struct WebSession {
   Style style{};
   bool has_window = false;     ///< style.window was chosen; otherwise it is automatic
   bool is_of_session = false;  ///< the camera is one that a viewer saved; otherwise it shows the whole body
-  bool shows_vessels = true, shows_road_map = false;  ///< as filled lumen; as an outline
-  std::string still_png{};                            ///< what is shown where the page cannot draw
+  /// As a lumen that holds contrast agent; as an outline. Over a run it is the outline alone, as in the
+  /// operating room.
+  bool shows_vessels = true, shows_road_map = false;
+  std::string still_png{};  ///< what is shown where the page cannot draw
 };
 
 /// What a page may hold, so that it opens on a telephone: texels of a map, which become three times as many
