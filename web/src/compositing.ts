@@ -5,7 +5,7 @@ import type { MapGeometry, Surface } from "./data";
 import { ComingReds, Program, Table, Target, Texture, Triangles } from "./gl";
 import type { GreyWindow } from "./grey_window";
 import { drawn_bands, texel_sizes, with_half_the_rows } from "./layers";
-import { normals_of } from "./mesh";
+import { clustered, normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
 import { Sampler } from "./samples";
 import columns_glsl from "./shaders/columns.glsl";
@@ -122,7 +122,9 @@ class BodyPicture {
   }
 }
 
-const kMostMeshes = 4; // on the device: vessels, a catheter, and the run's, which moves
+const kMostMeshes = 6; // on the device: vessels and a catheter, also as clusters, and the run's, which moves
+const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
+const kCluster_mm = 1.5; // of surfaces in pictures of a motion, where that is less than two pixels
 
 export class Renderer {
   private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program; thickness: Program };
@@ -140,6 +142,7 @@ export class Renderer {
   private readonly near: Target;
   private readonly tau_target: Target;
   private readonly no_vertices: WebGLVertexArrayObject;
+  private readonly clusters = new WeakMap<Surface, Surface>();
   private readonly triangles = new Map<Surface["mesh"], Triangles>();
   private last_absorbed: { key: string; surfaces: readonly Surface[]; absorbed: Absorbed | null } | null = null;
   private last_covered: { key: string; absorbed: Absorbed | null } | null = null;
@@ -249,7 +252,7 @@ export class Renderer {
   }
 
   private draw_thickness(view: View, surfaces: readonly Surface[], { look, outlined }: Style): void {
-    const { gl } = this, absorbing = look === "fluoro" ? surfaces : [];
+    const { gl } = this, absorbing = look === "fluoro" ? surfaces : [], at_axis_mm = view.pixel_mm / magnification_of(view);
     this.thickness.use(view.width, view.height);
     this.thickness.clear();
     gl.enable(gl.BLEND);
@@ -260,7 +263,7 @@ export class Renderer {
         origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
         mu_per_mm: absorbing.includes(surface) ? surface.mu_per_mm : 0, outlined: surface === outlined ? 1 : 0,
       });
-      this.triangles_of(surface).draw();
+      this.triangles_of(at_axis_mm > 0.5 * kCluster_mm ? this.clusters_of(surface) : surface).draw();
     }
     gl.disable(gl.BLEND);
     gl.bindVertexArray(this.no_vertices);
@@ -271,6 +274,13 @@ export class Renderer {
     this.absorbed.fill(new Float32Array(view.width * view.height), 0, 0, view.width, view.height);
     const absorbed = this.absorbed_in(view, surfaces);
     if (absorbed) this.absorbed.fill(absorbed.tau, absorbed.x, absorbed.y, absorbed.width, absorbed.height);
+  }
+
+  private clusters_of(surface: Surface): Surface {
+    if (surface.mesh.triangles.length < kFewToCluster) return surface;
+    let clusters = this.clusters.get(surface);
+    if (!clusters) this.clusters.set(surface, (clusters = { ...surface, mesh: clustered(surface.mesh, kCluster_mm) }));
+    return clusters;
   }
 
   private triangles_of(surface: Surface): Triangles {
