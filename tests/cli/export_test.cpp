@@ -211,6 +211,8 @@ const BadExport kBadExports[] = {
     {"TooManyAngles", "@/map.exr -o @/page.html",
      "2048 angles, but a page holds at most 2047; cast it with --angles 2047",
      [](BodyMap& map) { map = small_map(2, 2048); }},
+    {"TooManyRows", "@/map.exr -o @/page.html", "8193 rows, but a page holds at most 8192; cast fewer slices",
+     [](BodyMap& map) { map.geometry.height = 8193; }},
     {"CurvedAxis", "@/map.exr -o @/page.html", "a page shows cylinder maps about a straight axis",
      [](BodyMap& map) {
        map.geometry.centre_mm.assign(40, {1, 2});

@@ -27,7 +27,7 @@ struct WebSession {
 
 /// What a page may hold, so that it opens on a telephone: texels of a map, which become twice as many 16-bit
 /// floats on the GPU; sizes that every WebGL 2 takes; and triangles of a surface.
-inline constexpr std::int64_t kMostWebTexels = 24'000'000;
+inline constexpr std::int64_t kMostWebTexels = 16'000'000;
 inline constexpr int kMostWebAngles = 2047, kMostWebRows = 8192, kMostWebLayers = 128;
 inline constexpr std::size_t kMostWebTriangles = 2'000'000;
 
