@@ -144,6 +144,26 @@ TEST_F(Export, BeginsTheRunAtTheScriptsFirstPose) {
   EXPECT_EQ(header_of(written("@/map.exr" + model + "@/held.csv", "run.html"))["run"]["pictures"], 1);
 }
 
+TEST_F(Export, ShowsASessionAsItWasSaved) {
+  write_map(small_map());
+  write_vessels();
+  write_bytes(folder_ / "s.json",
+              R"({"xraycast_session": 1, "files": {"map": "map.exr", "vessels": "vessels"},
+    "simulation": {"nodes_mm": [[0, 0, -90], [0, 0, -80], [0, 0, -70], [1, 0, -60]], "radius_mm": 0.8, "road_map": true},
+    "camera": {"angle_deg": 30, "tilt_deg": -10, "table_mm": 20, "zoom": 1.5, "cone_mm": [780, 1200]},
+    "style": {"look": "surface", "compositing": "path", "continuous": true, "strengths": [1, 0]},
+    "window": {"scale": 2, "dark": 0.1, "light": 0.9, "gamma": 1.2, "inverted": true}})");
+  const Json header = header_of(written("--session @/s.json -o @/page.html", "page.html"));
+  EXPECT_NEAR(header["camera"]["lao_deg"].get<double>(), 30, 1e-9);
+  EXPECT_NEAR(header["camera"]["cranial_deg"].get<double>(), -10, 1e-9);
+  EXPECT_EQ(header["camera"]["table_mm"], 20);
+  EXPECT_EQ(header["cone"]["source_detector_mm"], 1200);
+  EXPECT_EQ(header["look"], "surface");
+  EXPECT_EQ(header["window"]["gamma"], 1.2);
+  EXPECT_EQ(header["layer_weights"], Json({1, 0}));
+  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no film
+}
+
 TEST_F(Export, NamesNoFileOfThisMachine) {
   BodyMap map = small_map();
   map.source = "NRRD /home/somebody/patient.nrrd";

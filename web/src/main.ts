@@ -44,7 +44,7 @@ class Page {
       help: () => element<HTMLDetailsElement>("help").toggleAttribute("open"),
     };
     const hands = new Hands(stage, store, picture, data.map.bounds, actions);
-    this.film = data.run && new Film(data.run, store);
+    this.film = data.run && data.run.pictures > 1 ? new Film(data.run, store) : null;
     this.tools = new Tools(data, store, hands, actions);
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
