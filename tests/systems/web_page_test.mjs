@@ -372,14 +372,31 @@ test("nothing is wider than 360 pixels", async () => {
   }
 });
 
-/** Turns the C-arm for a while: pictures a second, and the PSNR of the last of the motion against the one at rest. */
+/** Of Chromium and its children, which hold the pages' arrays and textures: memory, and processor time so far. */
+function chromium_now() {
+  const processes = new Map(readdirSync("/proc").filter((name) => /^\d+$/.test(name)).flatMap((pid) => {
+    try {
+      const status = readFileSync(`/proc/${pid}/status`, "utf8"), number = (field) => Number(status.match(new RegExp(`^${field}:\\s+(\\d+)`, "m"))?.[1] ?? 0);
+      const times = readFileSync(`/proc/${pid}/stat`, "utf8").replace(/^.*\) /, "").split(" ");
+      return [[Number(pid), { parent: number("PPid"), kB: number("RssAnon") + number("RssShmem"), ticks: Number(times[11]) + Number(times[12]) }]];
+    } catch {
+      return []; // it has ended
+    }
+  }));
+  const is_ours = (pid) => pid === chromium.process().pid || (processes.has(pid) && is_ours(processes.get(pid).parent));
+  const sum = (field) => [...processes].reduce((sum, [pid, process]) => sum + (is_ours(pid) ? process[field] : 0), 0);
+  return { MB: sum("kB") / 1000, ms: 10 * sum("ticks") };
+}
+
+/** Turns the C-arm for a while: pictures a second, processor time of each, and the PSNR of the last of the motion against the one at rest. */
 async function turned(hash, turn_ms) {
   const opened = await open("circles.html", hash, { width: 652, height: 800 }), { page } = opened;
   const height = await page.$eval("#stage", (stage) => stage.clientHeight);
   await page.setViewport({ width: 652, height: 800 + 480 - height });
   await settled(page);
   assert.deepEqual(await page.$eval("#picture", ({ width, height }) => [width, height]), [640, 480]);
-  const found = await page.evaluate(async (turn_ms) => {
+  const start_ms = chromium_now().ms;
+  const { count, per_s } = await page.evaluate(async (turn_ms) => {
     const stage = document.getElementById("stage"), drawn = () => Number(document.documentElement.dataset.pictures);
     const greys = () => {
       const copy = Object.assign(document.createElement("canvas"), { width: 640, height: 480 }), context = copy.getContext("2d");
@@ -394,46 +411,35 @@ async function turned(hash, turn_ms) {
       hand("pointermove", x);
       await new Promise(requestAnimationFrame);
     }
-    const per_s = (1000 * (drawn() - from)) / (performance.now() - start);
+    const count = drawn() - from, per_s = (1000 * count) / (performance.now() - start);
     hand("pointerup", 0);
     const moving = greys();
-    await new Promise((done) => setTimeout(done, 3000));
-    const squares = greys().reduce((sum, grey, i) => sum + (i % 4 < 3 ? (grey - moving[i]) ** 2 : 0), 0);
-    return { per_s, dB: 10 * Math.log10(255 ** 2 / Math.max(squares / (3 * 640 * 480), 1e-9)) };
+    globalThis.squares = () => greys().reduce((sum, grey, i) => sum + (i % 4 < 3 ? (grey - moving[i]) ** 2 : 0), 0);
+    return { count, per_s };
   }, turn_ms);
+  const each_ms = (chromium_now().ms - start_ms) / count;
+  await settled(page);
+  const squares = await page.evaluate(() => globalThis.squares());
   await close(opened);
-  return found;
+  return { per_s, each_ms, dB: 10 * Math.log10(255 ** 2 / Math.max(squares / (3 * 640 * 480), 1e-9)) };
 }
 
 test("pictures are drawn fast enough to turn, and are nearly those at rest", async (t) => {
   for (const [what, hash] of [["the body", "vessels=0"], ["body and vessels", "vessels=1"], ["body, vessels and road map", "vessels=1&roadmap=1"], ["body and road map", "vessels=0&roadmap=1"]]) {
-    const { per_s, dB } = await turned(hash, 4000);
-    t.diagnostic(`${what}: ${per_s.toFixed(1)} pictures/s of 8 layers at 640 x 480 while the C-arm turns, ${dB.toFixed(1)} dB against the picture at rest`);
-    assert.ok(per_s > 4, `${per_s} pictures/s`); // far below what idle cores draw, 30: other tests share them
+    const { per_s, each_ms, dB } = await turned(hash, 4000);
+    t.diagnostic(`${what}: ${per_s.toFixed(1)} pictures/s of 8 layers at 640 x 480 while the C-arm turns, ${each_ms.toFixed(0)} ms of processor time each, ${dB.toFixed(1)} dB against the picture at rest`);
+    // Processor time, since other tests share the cores: two idle ones draw 10 pictures a second then at least.
+    assert.ok(each_ms < 200, `${each_ms} ms`);
     assert.ok(dB > 28, `${dB} dB`); // half the columns and rows; without vessels at all it is 20
   }
 });
-
-/** The resident memory of Chromium and its children, which hold the pages' arrays and textures. */
-function resident_MB() {
-  const parents = new Map(readdirSync("/proc").filter((name) => /^\d+$/.test(name)).flatMap((pid) => {
-    try {
-      const status = readFileSync(`/proc/${pid}/status`, "utf8"), number = (field) => Number(status.match(new RegExp(`^${field}:\\s+(\\d+)`, "m"))?.[1] ?? 0);
-      return [[Number(pid), { parent: number("PPid"), kB: number("RssAnon") + number("RssShmem") }]];
-    } catch {
-      return []; // it has ended
-    }
-  }));
-  const is_ours = (pid) => pid === chromium.process().pid || (parents.has(pid) && is_ours(parents.get(pid).parent));
-  return [...parents].reduce((sum, [pid, { kB }]) => sum + (is_ours(pid) ? kB / 1000 : 0), 0);
-}
 
 test("opening a page again and again takes no more memory", async (t) => {
   const page = await chromium.newPage(), session = await page.createCDPSession();
   const used_MB = async () => {
     await session.send("HeapProfiler.collectGarbage");
     await wait(1000);
-    return resident_MB();
+    return chromium_now().MB;
   };
   const open_again = async (count) => {
     for (let i = 0; i < count; ++i) {
