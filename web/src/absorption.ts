@@ -14,18 +14,6 @@ export interface Absorbed {
   tau: Float32Array;
 }
 
-/** Six times the volume, negative where normals point inwards. */
-function six_volumes(points: Float32Array, triangles: Uint32Array): number {
-  let sum = 0;
-  for (let t = 0; t < triangles.length; t += 3) {
-    const a = 3 * triangles[t]!, b = 3 * triangles[t + 1]!, c = 3 * triangles[t + 2]!;
-    sum += points[a]! * (points[b + 1]! * points[c + 2]! - points[b + 2]! * points[c + 1]!) +
-      points[a + 1]! * (points[b + 2]! * points[c]! - points[b]! * points[c + 2]!) +
-      points[a + 2]! * (points[b]! * points[c + 1]! - points[b + 1]! * points[c]!);
-  }
-  return sum;
-}
-
 /** Pixels, from the lower left corner, and depth along the beam's axis of every point. */
 function projected(points: Float32Array, view: View): Float64Array {
   const m = to_clip(view), n = towards_detector(view);
@@ -144,6 +132,9 @@ function tau_of(crossings: Crossings, pixel: number, surfaces: readonly Surface[
   return sum;
 }
 
+/** The pixels that a surface covers, whatever it holds. */
+export const covered_by = (surface: Surface, view: View): Absorbed | null => absorbed_by([{ ...surface, mu_per_mm: 1 }], view);
+
 /** What surfaces absorb in a view; none where nothing is seen of them. */
 export function absorbed_by(surfaces: readonly Surface[], view: View): Absorbed | null {
   const points = surfaces.map((surface) => projected(surface.mesh.points_mm, view)), box = box_of(points, view);
@@ -151,10 +142,9 @@ export function absorbed_by(surfaces: readonly Surface[], view: View): Absorbed 
   const [x, y, width, height] = box, crossings = new Crossings(x, y, width, height);
   surfaces.forEach((surface, number) => {
     if (surface.mu_per_mm <= 0) return;
-    const { triangles, points_mm } = surface.mesh, p = points[number]!;
-    const sign = six_volumes(points_mm, triangles) < 0 ? -(number + 1) : number + 1;
+    const { triangles } = surface.mesh, p = points[number]!;
     for (let t = 0; t < triangles.length; t += 3)
-      crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, sign);
+      crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, number + 1);
   });
   const tau = new Float32Array(width * height), order: number[] = [], winding = new Int32Array(surfaces.length);
   for (let pixel = 0; pixel < tau.length; ++pixel) {

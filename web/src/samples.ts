@@ -6,7 +6,7 @@ import { OutlinedLine } from "./outline_crossings";
 import { RadialProfile } from "./radial_profile";
 import type { Rectified } from "./rectified";
 
-const kTurn = 2 * Math.PI, kTexelsPerStep = 3;
+const kTurn = 2 * Math.PI;
 const kLayer = 2048; // of a sample's place, which is a column of the map and a layer: below 2^24, whole as a float
 
 /** As the shaders read them, four numbers to a texel. */
@@ -32,13 +32,23 @@ export class Sampler {
   private readonly scales: Float64Array | null;
   private samples = new Float32Array(1 << 16);
   private count = 0;
+  private texels_per_step = 3;
+  private weights: readonly number[] = []; // of the drawn shells
 
   constructor(private readonly map: MapGeometry) {
     this.profile = new RadialProfile(drawn_radii_mm(map));
     this.scales = map.has_outline ? Float64Array.from([...map.scales, map.scales[0]!]) : null;
   }
 
-  samples_of(rectified: Rectified): ColumnSamples {
+  /** One per layer of the map, 0 hides it; none: 1 everywhere. */
+  set_weights(weights: readonly number[]): void {
+    const parts = (drawn_radii_mm(this.map).length - 1) / this.map.layers;
+    this.weights = weights.flatMap((weight) => Array<number>(parts).fill(weight));
+  }
+
+  /** A two-point quadrature spans so many texel columns at most. */
+  samples_of(rectified: Rectified, texels_per_step: number): ColumnSamples {
+    this.texels_per_step = texels_per_step;
     const columns = new Float32Array(4 * rectified.columns);
     this.count = 0;
     for (let i = 0; i < rectified.columns; ++i) {
@@ -108,11 +118,11 @@ export class Sampler {
     if (from >= to) return;
     const turned = Math.abs(Math.atan2(to, line.offset) - Math.atan2(from, line.offset));
     const texels = (turned / kTurn) * this.map.width;
-    if (texels <= 0.5 * kTexelsPerStep) {
+    if (texels <= 0.5 * this.texels_per_step) {
       const middle = 0.5 * (from + to);
       return this.add(line, middle, from, to, to - from, radius(middle));
     }
-    const steps = Math.ceil(texels / kTexelsPerStep), step = (to - from) / steps, gauss = (0.5 * step) / Math.sqrt(3);
+    const steps = Math.ceil(texels / this.texels_per_step), step = (to - from) / steps, gauss = (0.5 * step) / Math.sqrt(3);
     for (let i = 0; i < steps; ++i) {
       const middle = from + (i + 0.5) * step;
       for (const side of [-1, 1]) {
@@ -132,11 +142,14 @@ export class Sampler {
     let column = (Math.atan2(x, -y) / kTurn) * this.map.width - 0.5;
     if (column < 0) column += this.map.width;
     const first = Math.floor(column), place = this.profile.at(radius_mm), layer = Math.floor(place);
+    // Between two layers of different weights: (1 - f) w0 and f w1 are the shares of a sample w' at f'.
+    const here = (1 - place + layer) * (this.weights[layer] ?? 1), next = (place - layer) * (this.weights[layer + 1] ?? 1);
+    if (here + next === 0) return;
     const at = 8 * this.count++, s = this.samples;
     s[at] = first + kLayer * layer;
-    s[at + 1] = weight;
+    s[at + 1] = weight * (here + next);
     s[at + 2] = column - first;
-    s[at + 3] = place - layer;
+    s[at + 3] = next / (here + next);
     s[at + 4] = line.foot_s + along;
     s[at + 5] = line.foot_s + from;
     s[at + 6] = line.foot_s + to;
