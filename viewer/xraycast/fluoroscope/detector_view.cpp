@@ -1,5 +1,7 @@
 #include "xraycast/fluoroscope/detector_view.hpp"
 
+#include "xraycast/fluoroscope/blur_stage.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -24,11 +26,12 @@ struct FieldLimit {
 };
 
 PixelPlane field_of(const FluoroscopyOptions& options, const View& view) {
-  const double spread_mm = options.stages.blur ? focal_spread_mm(options.c_arm) : 0;
+  const EdgeProfile edge =
+      options.stages.blur ? edge_behind_scintillator(options.c_arm, view.pixel_mm) : EdgeProfile();
   const FieldLimit limit(options);
-  PixelPlane field = open_field(view, limit.sides, limit.round_mm, spread_mm);
+  PixelPlane field = open_field(view, limit.sides, limit.round_mm, edge);
   if (!options.collimation) return field;
-  const PixelPlane between = open_field(view, *options.collimation, 0, spread_mm);
+  const PixelPlane between = open_field(view, *options.collimation, 0, edge);
   std::ranges::transform(field, between, field.begin(), std::multiplies{});
   return field;
 }
