@@ -476,6 +476,8 @@ TEST(FluoroscopeLimits, DoseAreaProductIsThatOfTheBeamNotOfThePicture) {
   EXPECT_NEAR(area_cm2(64, 0, {}), std::pow(64 * 0.0154, 2), 1e-4) << "without a field that of the picture";
   EXPECT_NEAR(area_cm2(64, 381.9, {}), 38.19 * 29.57, 0.1) << "within the detector";
   EXPECT_NEAR(area_cm2(64, 160, Collimation{500, 50}), 16 * 5, 0.01) << "blades narrow the field";
+  EXPECT_NEAR(area_cm2(64, 0, Collimation{100, 100}), 10 * 10, 0.01) << "more than the picture shows";
+  EXPECT_NEAR(area_cm2(64, 0, Collimation{500, 500}), 38.19 * 29.57, 0.1) << "within the detector";
 }
 
 TEST(FluoroscopeLimits, BladesNarrowTheZoomField) {
@@ -508,6 +510,95 @@ TEST(FluoroscopeLimits, FluoroscopyAndRecordingsAreCountedApart) {
   EXPECT_NEAR(fluoroscope.dose().fluoroscopy_s, 3 / 15.0, 1e-12);
   EXPECT_EQ(fluoroscope.dose().images, 5);
   EXPECT_EQ(fluoroscope.dose().pulses, 8);
+}
+
+TEST(FluoroscopeLimits, PhotonsThatNoTubeGivesHaveNoDose) {
+  FluoroscopyOptions options = options_with("none");
+  options.photons = 1e7;
+  View view = square_view(16, 0.1);
+  Fluoroscope fluoroscope(options, view, ten_per_metre());
+  EXPECT_NEAR(fluoroscope.open_quanta(), 1e7, 1);
+  fluoroscope.expose(slab(0, 16));
+  EXPECT_EQ(fluoroscope.technique().mas, 0);
+  EXPECT_EQ(fluoroscope.dose().air_kerma_mGy, 0);
+  EXPECT_EQ(fluoroscope.dose().pulses, 1);
+}
+
+TEST(FluoroscopeLimits, TheMasOfPhotonsFollowThePixels) {
+  FluoroscopyOptions options = options_with("none");
+  options.photons = 1e4;
+  Fluoroscope fluoroscope(options, square_view(16, 0.154), ten_per_metre());
+  const double fine_mas = fluoroscope.technique().mas;
+  fluoroscope.set_view(square_view(16, 0.308));
+  EXPECT_GT(fine_mas, 0);
+  EXPECT_NEAR(fluoroscope.technique().mas / fine_mas, 0.25, 1e-6);
+}
+
+TEST(FluoroscopeLimits, ARefusedViewChangesNothing) {
+  FluoroscopyOptions options = options_with("quanta,blur,electronics");
+  Fluoroscope fluoroscope(options, square_view(64, 0.154), ten_per_metre());
+  Fluoroscope other(options, square_view(64, 0.154), ten_per_metre());
+  EXPECT_THROW(fluoroscope.set_view(square_view(64, 0.005)), InputError);
+  View moved = square_view(64, 0.005);
+  moved.cone = Cone{700, 1500};
+  EXPECT_THROW(fluoroscope.set_view(moved), InputError);
+  fluoroscope.set_view(square_view(64, 0.154));
+  EXPECT_EQ(fluoroscope.target_kev(), other.target_kev());
+  EXPECT_EQ(fluoroscope.expose(slab(10, 64)).signal_kev, other.expose(slab(10, 64)).signal_kev);
+  EXPECT_EQ(fluoroscope.dose().dap_Gycm2, other.dose().dap_Gycm2);
+}
+
+TEST(FluoroscopeLimits, AParallelViewIsMagnifiedAsWhatLiesAtTheIsocentre) {
+  View parallel = square_view(64, 0.2);
+  parallel.cone.reset();
+  const FluoroscopyOptions options = options_with("quanta,blur");
+  Fluoroscope one(options, parallel, ten_per_metre());
+  Fluoroscope other(options, square_view(64, 0.2 * 1200 / 785), ten_per_metre());
+  EXPECT_EQ(one.target_kev(), other.target_kev());
+  EXPECT_EQ(one.expose(slab(10, 64)).signal_kev, other.expose(slab(10, 64)).signal_kev);
+}
+
+TEST(FluoroscopeLimits, SettlingMakesLagSteady) {
+  FluoroscopyOptions options = options_with("lag");
+  options.kvp = 80;
+  options.mas = 0.5;
+  Fluoroscope with(options, square_view(32, 0.308), ten_per_metre());
+  options.stages.lag = false;
+  Fluoroscope without(options, square_view(32, 0.308), ten_per_metre());
+  with.settle(slab(20, 32));
+  const float whole = without.expose(slab(20, 32)).signal_kev[0];
+  for (int pulse = 0; pulse < 3; ++pulse)
+    EXPECT_NEAR(with.expose(slab(20, 32)).signal_kev[0] / whole, 1, 1e-5) << pulse;
+}
+
+TEST(FluoroscopeLimits, LagDecaysInAPause) {
+  FluoroscopyOptions options = options_with("lag");
+  options.photons = 1000;
+  const auto residual = [&](double pause_s) {
+    Fluoroscope fluoroscope(options, square_view(32, 0.308), ten_per_metre());
+    fluoroscope.settle(slab(0, 32));
+    if (pause_s > 0) fluoroscope.begin_run(pause_s);
+    return fluoroscope.expose(slab(1e6, 32)).signal_kev[0];
+  };
+  EXPECT_GT(residual(0), 0);
+  EXPECT_LT(residual(60), 1e-3 * residual(0));
+}
+
+TEST(FluoroscopeLimits, AJumpOfTheCArmBeginsTheRecursiveFilterAnew) {
+  const FluoroscopyOptions options = options_with("display");
+  View view = square_view(64, 0.308);
+  Fluoroscope moved(options, view, ten_per_metre()), turned(options, view, ten_per_metre());
+  for (Fluoroscope* one : {&moved, &turned}) one->settle(slab(15, 64));
+  std::vector<float> step = slab(15, 64), flat = slab(15, 64);
+  for (std::size_t i = 0; i < step.size(); ++i) step[i] += i % 64 < 32 ? 1.0f : 0.0f;
+  moved.expose(step);
+  turned.expose(step);
+  view.angle_rad = 1.5;
+  turned.set_view(view);
+  const std::vector<std::uint8_t> ghost = moved.expose(flat).shown, clean = turned.expose(flat).shown;
+  const std::size_t left = 32 * 64 + 16, right = 32 * 64 + 48;
+  EXPECT_LT(ghost[left], ghost[right] - 20);
+  EXPECT_NEAR(clean[left], clean[right], 1);
 }
 
 TEST(FluoroscopeLimits, ListsOfStagesHaveNoEmptyNames) {

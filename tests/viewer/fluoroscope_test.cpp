@@ -551,6 +551,17 @@ TEST(CArm, SaysWhatIsWrongWithAFile) {
   EXPECT_THAT(message(R"({"source_axis_mm": 800, "source_detector_mm": 1200, "tube": 3})"),
               HasSubstr("my.json: tube: not a JSON object"));
   const std::string preset = read_whole_file(XRAYCAST_SOURCE_DIR "/viewer/c_arms/mobile-intensifier.json");
+  const auto changed = [&](const char* from, const char* to) {
+    std::string text = preset;
+    return text.replace(text.find(from), std::string_view(from).size(), to);
+  };
+  EXPECT_THAT(message(changed("\"grid\": {", "\"grids\": {")),
+              HasSubstr("my.json: \"grids\" is no key of it"));
+  EXPECT_THAT(message(changed("\"wide_mm\":", "\"wide\":")),
+              HasSubstr("my.json: detector: blur: \"wide\" is no key of it"));
+  EXPECT_THAT(message(changed("\"bits\": 12", "\"bits\": 12.9")), HasSubstr("must be a whole number"));
+  EXPECT_THAT(message(changed("\"lowest_kvp\": 40", "\"lowest_kvp\": 40.5")),
+              HasSubstr("my.json: tube: \"lowest_kvp\" is 40.5; it must be a whole number"));
   const auto with_lag = [&](const char* lag) {
     std::string text = preset;
     const auto from = text.find("[{\"fraction\""), end = text.find(']', from) + 1;
