@@ -234,7 +234,7 @@ TEST_F(Console, KeepsItsFluoroscopeWhenAViewOrNewSettingsAreRefused) {
   FluoroscopyOptions sharp = options("blur");
   console_.set(sharp);
   View fine = view_at(0);
-  fine.pixel_mm = 0.02;
+  fine.pixel_mm = 0.012;
   console_.set(options("none"));
   console_.expose(body(false), fine, WaterPath(Opacity::paper()));
   const DoseRecord before = console_.dose();

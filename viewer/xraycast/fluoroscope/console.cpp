@@ -60,7 +60,7 @@ void FluoroscopyConsole::unlock() {
 bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
   const bool was_down = pedal_;
   pedal_ = pedal;
-  if (!was_down) paused_s_ += passed_s;
+  if (!was_down || !pedal) paused_s_ += passed_s;
   if (!pedal) return false;
   begins_run_ = begins_run_ || !was_down;
   since_pulse_s_ = was_down ? since_pulse_s_ + passed_s : 1 / options_.pulses_per_s;
