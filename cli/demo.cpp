@@ -107,9 +107,8 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(
-        name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
-                          geometry.layers(), share(k), share(k + 1)));
+    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
+                                     geometry.layers(), share(k), share(k + 1)));
   }
 }
 
@@ -270,11 +269,11 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back().tip.branch,
                           records.back().tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
+  report.picture("run-fluoro.png", "run-fluoro.gif: Cobra to the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
-  write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
+  write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
-  report.picture("run-dsa.png", "run-dsa.gif: subtraction angiography, 5 ml of contrast agent");
+  report.picture("run-dsa.png", "run-dsa.gif: DSA, 5 ml of contrast agent");
 }
 
 void run_demo(const std::string& folder, Session& session) {

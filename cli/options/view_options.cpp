@@ -18,11 +18,12 @@ double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1
 }  // namespace
 
 void add_view_options(CLI::App& command, ViewOptions& options) {
-  options.angle = command
-                      .add_option("--angle,--lao", options.angle_deg,
-                                  "C-arm angle of the detector: LAO positive, RAO negative, 0 frontal (AP)")
-                      ->capture_default_str()
-                      ->type_name("DEG");
+  options.angle =
+      command
+          .add_option("--angle,--lao", options.angle_deg,
+                      "C-arm angle, the position of the detector: LAO positive, RAO negative, 0 frontal (AP)")
+          ->capture_default_str()
+          ->type_name("DEG");
   options.tilt = command
                      .add_option("--tilt,--cranial", options.tilt_deg,
                                  "Tilt of the detector: cranial positive, caudal negative")
@@ -101,7 +102,8 @@ void add_cone_option(CLI::App& command, std::string& cone) {
   command
       .add_option(
           "--cone", cone,
-          "Distances from the source to the isocentre and to the detector; without it the beam is parallel")
+          "Distances from the source to the isocentre and to the detector (SID); without it the beam is "
+          "parallel")
       ->type_name("MM,MM");
 }
 

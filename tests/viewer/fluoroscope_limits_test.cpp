@@ -285,9 +285,9 @@ TEST(FluoroscopeLimits, ExposuresByHandFitTheCodes) {
 
 TEST(FluoroscopeLimits, SaysWhenTheDetectorIsSaturated) {
   FluoroscopyOptions options = options_with("electronics");
-  options.kvp = 100;
   options.mas = 5;
   Fluoroscope fluoroscope(options, square_view(32, 0.308), ten_per_metre());
+  fluoroscope.settle(slab(0, 32));
   EXPECT_TRUE(fluoroscope.expose(slab(0, 32)).is_saturated);
   EXPECT_FALSE(fluoroscope.expose(slab(15, 32)).is_saturated);
 }

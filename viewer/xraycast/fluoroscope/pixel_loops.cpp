@@ -208,6 +208,13 @@ void digitise_row(const Digitiser& digitiser, int count, const float* __restrict
 }
 
 XRAYCAST_WIDE_VECTORS
+void signal_of_codes_row(const Digitiser& digitiser, int count, const std::uint16_t* __restrict codes,
+                         float* __restrict signal) {
+  const float codes_per_kev = digitiser.codes_per_kev, dark = digitiser.dark;
+  for (int i = 0; i < count; ++i) signal[i] = (static_cast<float>(codes[i]) - dark) / codes_per_kev;
+}
+
+XRAYCAST_WIDE_VECTORS
 void sharpened_row(const float* __restrict above, const float* __restrict row, const float* __restrict below,
                    float strength, int count, float* __restrict out) {
   const float own = 1 + strength, around = strength / 9;

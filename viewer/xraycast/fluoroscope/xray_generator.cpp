@@ -116,11 +116,11 @@ double XrayGenerator::full_scale_kev() {
   return full_scale_kev_;
 }
 
-/// What is set by hand may give more than the control would: then twice what 10 cm of water leaves just fits.
+/// What is set by hand may give more than the control would.
 double XrayGenerator::full_scale_for_options() {
   constexpr double kHeadroom = 10, kSpreads = 8, kOpenHeadroom = 1.25, kThin_g_cm2 = 10, kThinHeadroom = 2;
-  if (options_.photons) {
-    const double quanta = *options_.photons;
+  if (!options_.is_automatic()) {
+    const double quanta = open_quanta();
     return beam(technique_.kvp).open.mean_kev() * (kOpenHeadroom * quanta + kSpreads * std::sqrt(quanta) + 1);
   }
   const double usual_kev = kHeadroom * target_kev();

@@ -35,8 +35,8 @@ class XrayGenerator {
   double kerma_rate_mGy_min();
 
   /// The signal of the largest code. Gain follows the dose level, so that the control's target has a tenth of
-  /// all codes; a technique by hand has a lower one where it needs it; where the photons are given, the open
-  /// field just fits.
+  /// all codes; with an exposure by hand the open field just fits, and where a part is by hand twice what 10
+  /// cm of water leaves.
   double full_scale_kev();
 
   /// After a pulse that gave this mean signal in the measuring field: whether the technique changed, which it

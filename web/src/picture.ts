@@ -1,0 +1,91 @@
+// The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
+import type { Absorbed } from "./absorption";
+import { view_of } from "./camera";
+import { Renderer, Style } from "./compositing";
+import type { SessionData, Surface } from "./data";
+import { DeviceShape } from "./device_shape";
+import { GreyWindow, automatic_window } from "./grey_window";
+import type { State } from "./state";
+import type { View } from "./view";
+
+export class Picture {
+  private renderer: Renderer;
+  private readonly device: DeviceShape | null;
+  private weights_key = "";
+  private window_key = "";
+  private coming_tau: (() => Float32Array | null) | null = null; // for the window of a motion
+  private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
+  /** The grey window that was drawn last. */
+  window: GreyWindow = this.automatic;
+
+  private constructor(private readonly gl: WebGL2RenderingContext, private readonly data: SessionData) {
+    this.renderer = new Renderer(gl, data.map, data.tau);
+    this.device = data.run && new DeviceShape(data.run);
+  }
+
+  /** None where the browser has no WebGL 2. Throws where it cannot draw into textures of floats. */
+  static on(canvas: HTMLCanvasElement, data: SessionData): Picture | null {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
+    return gl && new Picture(gl, data);
+  }
+
+  /** After a lost context has come back. */
+  restore(): void {
+    this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
+    this.weights_key = this.window_key = "";
+    this.coming_tau = null;
+  }
+
+  view(state: State): View {
+    const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
+    return view_of(state.camera, this.data.header.cone, this.data.map.bounds, width, height);
+  }
+
+  draw(state: State, is_moving: boolean): void {
+    this.set_weights(state);
+    const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
+    const style: Style = {
+      look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast || device !== undefined,
+      pixels_per_column: is_moving ? 2 : 1,
+    };
+    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
+    this.renderer.draw(view, device ? [...still, device] : still, style);
+  }
+
+  /** What the vessels alone cover, for the road map. */
+  vessels_in(view: View): Absorbed | null {
+    return this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+  }
+
+  private set_weights(state: State): void {
+    const { header, map } = this.data, key = `hidden: ${state.hidden_layers.join()}`;
+    if (key === this.weights_key) return;
+    this.weights_key = key;
+    const weights = Array.from({ length: map.layers }, (_, k) => (state.hidden_layers.includes(k) ? 0 : header.layer_weights[k] || 1));
+    this.renderer.set_weights(weights);
+    this.window_key = "";
+  }
+
+  /** Vessels and a catheter that does not move. */
+  private still_surfaces(state: State): Surface[] {
+    const surfaces: Surface[] = [];
+    if (this.data.vessels && state.shows_vessels) surfaces.push(this.data.vessels);
+    if (this.data.catheter) surfaces.push(this.data.catheter);
+    return surfaces;
+  }
+
+  private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {
+    const key = JSON.stringify([view, style.look, state.shows_vessels]);
+    if (key === this.window_key) return this.automatic;
+    if (!is_moving) {
+      this.window_key = key;
+      this.coming_tau = null;
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+    }
+    // In motion the window follows some pictures behind, so that none waits for the graphics device.
+    const tau = this.coming_tau?.();
+    if (tau) this.automatic = automatic_window(tau);
+    if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+    return this.automatic;
+  }
+}
