@@ -465,7 +465,8 @@ TEST(Scatter, GrowsWithThicknessAndField) {
   };
   EXPECT_NEAR(ratio(300, 20), 3, 0.06);  // the closed form of the Gaussian's part in the field
   EXPECT_NEAR(ratio(300, 10), 1.5, 0.03);
-  // Altunbas, 2016: 4.51 behind 30 cm of acrylic, of 1.18 g/cm3, with an air gap that is longer than a C-arm's.
+  // Altunbas, 2016: 4.51 behind 30 cm of acrylic, of 1.18 g/cm3, with an air gap that is longer than a
+  // C-arm's.
   EXPECT_GT(ratio(300, 30 * 1.18f), 4.51);
   EXPECT_LT(ratio(300, 30 * 1.18f), 1.3 * 4.51);
   const double side = std::erf(50 / 60.0 / std::numbers::sqrt2);
