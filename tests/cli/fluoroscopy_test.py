@@ -294,8 +294,9 @@ class Fluoroscopy(unittest.TestCase):
                 self.assertGreater(seen.std(), 0.001 * seen.mean())
 
     def test_saturation_gets_one_line(self):
-        done = run("project", self.scan, "-o", self.folder / "x.png", "--mas", 6, "--size", "32x32", "--pixel", 1,
-                   "--opacity", "paper")
+        write_slab(self.folder / "thin.nrrd", 1)
+        done = run("project", self.folder / "thin.nrrd", "-o", self.folder / "x.png", "--mas", 6, "--size", "32x32",
+                   "--pixel", 1)
         self.assertIn("saturates the detector", done.stderr)
 
     def test_subtraction_of_one_frame_is_zero_where_nothing_came(self):
