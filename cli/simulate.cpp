@@ -103,9 +103,8 @@ class Cine {
     writer_.emplace(options.cine, cine.view.width, cine.view.height,
                     fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
     if (fluoroscope_ && !cine.subtracts)
-      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
-        writer_->add(rgb_of(displayed(pulse(tau), {})));
-      });
+      run_.emplace(map, tree, cine,
+                   [this](const std::vector<float>& tau) { writer_->add(rgb_of(pulse(tau).shown)); });
     else
       run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }

@@ -83,19 +83,26 @@ std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& 
   return parsed;
 }
 
+std::optional<int> tube_kvp(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation) {
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  const std::string name = opacity.substr(opacity.find(':') + 1);
+  if (!spectrum || spectrum->name() != name + " kVp") return std::nullopt;
+  return std::stoi(name);
+}
+
 void use_spectrum(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation,
                   FluoroscopyOptions& fluoroscopy) {
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   if (!spectrum) return;
-  const std::string name = opacity.substr(opacity.find(':') + 1);
-  const bool is_file = spectrum->name() != name + " kVp";
+  const std::optional<int> kvp = tube_kvp(opacity, attenuation);
+  const bool is_file = !kvp;
   if (is_file && fluoroscopy.kvp)
     throw InputError("--kvp {} with --opacity {}: both give the beam; leave one of them out",
                      *fluoroscopy.kvp, opacity);
   if (is_file)
     fluoroscopy.spectrum = *spectrum;
   else if (!fluoroscopy.kvp)
-    fluoroscopy.kvp = std::stoi(name);
+    fluoroscopy.kvp = kvp;
   check(fluoroscopy);
 }
 
@@ -115,8 +122,14 @@ void check_linear_codes(const DicomOptions& dicom) {
     throw InputError("--intensity log: a fluoroscope's detector sends linear codes; leave it out");
 }
 
-std::vector<std::uint8_t> displayed(const FluoroscopyFrame& frame, const GreyOptions& grey) {
-  std::vector<std::uint8_t> greys = frame.shown;
+void note_on_saturation(bool is_saturated, const Session& session) {
+  if (is_saturated)
+    session.say(
+        {"the middle of the picture saturates the detector: lower --mas or --kvp, or leave them to the "
+         "exposure control"});
+}
+
+std::vector<std::uint8_t> displayed(std::vector<std::uint8_t> greys, const GreyOptions& grey) {
   const double gamma = grey.gamma.value_or(1);
   constexpr double kWhite = 255;
   for (std::uint8_t& one : greys) {
@@ -134,7 +147,7 @@ std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
 }
 
 std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {
-  if (fluoroscope.options().spectrum) return std::nullopt;
+  if (technique.mas == 0) return std::nullopt;
   return XaExposure{.kvp = 1.0 * technique.kvp,
                     .mas = technique.mas,
                     .pulse_ms = fluoroscope.options().c_arm.tube.pulse_ms,
@@ -144,9 +157,10 @@ std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Tech
 
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
                        const std::string& file, const GreyOptions& grey, XaOptions xa) {
-  if (is_picture(file)) return write_png(displayed(frame, grey), view.width, view.height, 1, file);
+  if (is_picture(file)) return write_png(displayed(frame.shown, grey), view.width, view.height, 1, file);
   if (!is_xa(file)) return write_detector_signal(view, frame.signal_kev, file);
   xa.code_bits = fluoroscope.bits();
+  xa.is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine;
   XaWriter writer(file, view, 1, std::move(xa));
   writer.add_codes(view, frame.codes);
   if (const auto exposure = exposure_of(fluoroscope, frame.technique)) writer.set_exposure(*exposure);
@@ -167,6 +181,10 @@ Json to_json(const Fluoroscope& fluoroscope, const Technique& technique) {
 
 std::string summary(const Fluoroscope& fluoroscope, const Technique& technique) {
   const DoseRecord& dose = fluoroscope.dose();
+  if (technique.mas == 0)
+    return fmt::format("{}: {}, {} recorded, of photons that no tube gave: without air kerma and dose\n",
+                       fluoroscope.options().c_arm.name, pluralize(dose.pulses, "pulse"),
+                       pluralize(dose.images, "image"));
   return fmt::format(
       "{}: {} kVp, {:.3g} mAs a pulse; {}, {:.2f} s of fluoroscopy, {} recorded, air kerma {:.3g} mGy at the "
       "reference point, dose-area product {:.3g} Gy cm2\n",

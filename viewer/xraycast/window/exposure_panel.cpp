@@ -57,9 +57,10 @@ void technique_and_dose(const FluoroscopyConsole& console) {
   const Technique technique = console.technique();
   const FluoroscopyOptions& options = console.options();
   const char* const control = !options.is_automatic() ? "by hand"
-                              : console.subtracts()   ? "locked"
+                              : console.is_locked()   ? "locked"
                                                       : "automatic exposure";
-  write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({})", technique.kvp, technique.mas, control));
+  write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({}{})", technique.kvp, technique.mas, control,
+                         console.is_saturated() ? "; detector saturated" : ""));
   const DoseRecord dose = console.dose();
   write_line(fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate()));
   write_line(fmt::format("dose-area product {:.3g} Gy cm2", dose.dap_Gycm2));

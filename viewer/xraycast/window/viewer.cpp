@@ -300,7 +300,8 @@ void Viewer::press_pedal(bool is_down) {
 void Viewer::draw_fluoroscopy(const Pane& pane) {
   if (is_pulse_due_) {
     const View view = view_in(pane.width, pane.height);
-    console_->expose(renderer_.tau(view, session_.style), view, WaterPath(*shown_));
+    if (!water_path_) water_path_.emplace(*shown_);
+    console_->expose(renderer_.tau(view, session_.style), view, *water_path_);
     held_.set(console_->image(), view.width, view.height);
   }
   held_.draw(pane.x, 0, pane.width, pane.height);
@@ -352,6 +353,8 @@ void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
   if (!map || map == shown_) return;
   if (!shown_ || shown_->geometry != map->geometry) adapted_to_.reset();
   shown_ = std::move(map);
+  water_path_.reset();
+  if (console_) console_->forget_pictures();
   renderer_.set_map(shown_);
   bounds_ = bounds_of(shown_->geometry);
 }
