@@ -79,10 +79,13 @@ std::vector<Row> add_simulating(Bench&) {
   const auto pair = std::make_shared<CoaxialSteps>(200, 2.5);
   add("two fifths of a deadline", [] { return 0.4; });
   add("coaxial_step_2x200", [pair] { return pair->next_ms(); });
+  const auto large = std::make_shared<CoaxialSteps>(512, 2.5);
+  add("coaxial_step_2x512", [large] { return large->next_ms(); });
   using enum Row::Bar;
   return {{"rod_step_200", "quarter of a deadline", at_most, 1},
           {"rod_step_200_p999", "deadline", at_most, 1},
-          {"coaxial_step_2x200", "two fifths of a deadline", at_most, 1}};
+          {"coaxial_step_2x200", "two fifths of a deadline", at_most, 1},
+          {"coaxial_step_2x512", "deadline", at_most, 1}};
 }
 
 }  // namespace xraycast::bench

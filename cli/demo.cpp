@@ -8,6 +8,7 @@
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
+#include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projection_file.hpp"
@@ -16,11 +17,13 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/drawing/run_cine.hpp"
+#include "xraycast/export/web_page.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scan/scan.hpp"
+#include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/simulation/run_script.hpp"
@@ -70,7 +73,9 @@ class Report {
 
   void finish() const {
     write_contact_sheet(pictures_, 4, file("contact-sheet.png"));
-    write_index_page("xraycast: from a CT scan to body maps", pictures_, facts_, file("index.html"));
+    write_index_page("xraycast: from a CT scan to body maps",
+                     {file("run.html"), "The catheter's run as a page of its own: drag to turn, press Play"},
+                     pictures_, facts_, file("index.html"));
   }
 
  private:
@@ -107,9 +112,8 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(
-        name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
-                          geometry.layers(), share(k), share(k + 1)));
+    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
+                                     geometry.layers(), share(k), share(k + 1)));
   }
 }
 
@@ -208,6 +212,20 @@ double darkness(const std::vector<std::uint8_t>& rgb) {
   return -std::accumulate(rgb.begin(), rgb.end(), 0.0);
 }
 
+/// The run as a page for browsers.
+void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, RecordedRun run,
+                    const Report& report) {
+  WebSession session;
+  session.title = "A catheter on its way into the left renal artery of the thorax phantom";
+  session.map = map;
+  session.vessels =
+      Surface{tube_mesh(tree), fluoroscopy_per_mm("I", kUsualContrast_mg_ml), {0.80, 0.16, 0.14}};
+  session.run = std::move(run);
+  session.camera = {.table_mm = -100, .zoom = 1.6};
+  session.still_png = read_whole_file(report.file("run-fluoro.png"));
+  write_whole_file(report.file("run.html"), web_page(session));
+}
+
 /// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
 /// the hub.
 void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
@@ -257,11 +275,14 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 
   CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
+  RecordedRun run{.device = "5F Cobra", .radius_mm = catheter.rod(0).instrument().radius_mm()};
+  run.see(catheter, 0);
   const std::vector<std::vector<RunRecord>> records =
       report.timed("catheter run of 10.5 s, with its frames", [&] {
         return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
                           [&](const CoaxialCatheters& moved, double time_s) {
                             for (const auto& cine : cines) cine->see(moved, time_s);
+                            run.see(moved, time_s);
                             if (std::lround(1000 * time_s) % 20 == 0)
                               course.push_back(records_of(moved, time_s)[0]);
                           });
@@ -272,11 +293,12 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
                           records.back()[0].tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
+  report.picture("run-fluoro.png", "run-fluoro.gif: Cobra to the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
-  write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
+  write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
-  report.picture("run-dsa.png", "run-dsa.gif: subtraction angiography, 5 ml of contrast agent");
+  report.picture("run-dsa.png", "run-dsa.gif: DSA, 5 ml of contrast agent");
+  write_run_page(tree, map, std::move(run), report);
 }
 
 void run_demo(const std::string& folder, Session& session) {

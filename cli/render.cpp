@@ -1,15 +1,14 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/scene_options.hpp"
+#include "options/session_map.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
-#include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
-#include "xraycast/casting/recast.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
@@ -19,7 +18,6 @@
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
-#include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -96,23 +94,6 @@ ViewSession resolve(const RenderArguments& options) {
   if (options.subtracts() && (scene.vessels.empty() || scene.steered))
     throw InputError("--look dsa: there are no vessels with contrast agent; give --vessels too");
   return scene;
-}
-
-/// The body map, recast if the session has an opacity.
-std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session& session) {
-  auto map = std::make_shared<BodyMap>(read_body_map(scene.map));
-  const auto& weights = scene.style.layer_weights;
-  if (!weights.empty() && weights.size() != static_cast<std::size_t>(map->geometry.layers()))
-    throw InputError("{} for the {} of {}; give one per layer", pluralize(weights.size(), "layer weight"),
-                     pluralize(map->geometry.layers(), "layer"), scene.map.string());
-  if (!scene.opacity || scene.basis.empty()) return map;
-  ComputeDevice device(session.device);
-  const Basis basis = read_basis(scene.basis);
-  check_same_scan(map->geometry, scene.map.string(), basis.geometry, scene.basis.string());
-  RecastSession recast(device, basis);
-  auto recast_map = std::make_shared<BodyMap>(recast.recast(*scene.opacity));
-  recast_map->precision = map->precision;
-  return recast_map;
 }
 
 void check_output(const RenderArguments& options) {
@@ -313,7 +294,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
 void check_fluoroscopy(const RenderArguments& options, const Style& style) {
   check_linear_codes(options.dicom);
   if (style.shading != ShadingMode::fluoro)
-    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
+    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
   if (options.full_contrast)
     throw InputError("--full-contrast does not apply to a fluoroscope's picture; leave it out");
 }

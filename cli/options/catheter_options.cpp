@@ -35,9 +35,11 @@ void add_catheter_options(CLI::App& command, std::string& instrument_model, std:
 }
 
 void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
-  add_options(command, instrument_models, "; repeat it for a wire in a catheter, the outermost first", entry)
-      ->required()
-      ->allow_extra_args(false);
+  CLI::Option* models = add_options(command, instrument_models,
+                                    "; repeat it for a wire in a catheter, the outermost first", entry);
+  models->allow_extra_args(false);
+  instrument_models.empty() ? models->required()
+                            : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));
 }
 
 EntryChoice parse_entry(const std::string& text) {

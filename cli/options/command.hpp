@@ -56,6 +56,7 @@ void add_segment(CLI::App& app, Session& session);
 void add_vesselness(CLI::App& app, Session& session);
 void add_render(CLI::App& app, Session& session);
 void add_simulate(CLI::App& app, Session& session);
+void add_export(CLI::App& app, Session& session);
 void add_compare(CLI::App& app, Session& session);
 void add_view(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);

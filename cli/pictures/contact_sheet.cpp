@@ -35,7 +35,7 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
   write_png(sheet.rgb(), sheet.width(), sheet.height(), 3, path);
 }
 
-void write_index_page(const std::string& title, const std::vector<Picture>& pictures,
+void write_index_page(const std::string& title, const Picture& page, const std::vector<Picture>& pictures,
                       const std::vector<std::pair<std::string, std::string>>& facts,
                       const std::filesystem::path& path) {
   std::ostringstream out;
@@ -45,12 +45,17 @@ void write_index_page(const std::string& title, const std::vector<Picture>& pict
          "auto;max-width:1200px}"
          "figure{display:inline-block;vertical-align:top;margin:0 1em 1em "
          "0}img{max-width:560px;max-height:640px}"
-         "td{padding:.1em 1.5em .1em 0}</style>\n<h1>"
+         "a{color:#8cc8ff}iframe{width:100%;height:46em;border:0}td{padding:.1em 1.5em .1em 0}</style>\n<h1>"
       << escaped(title) << "</h1>\n";
-  for (const Picture& picture : pictures)
-    out << "<figure><a href=\"" << picture.file.filename().string() << "\"><img src=\""
-        << picture.file.filename().string() << "\" alt=\"" << escaped(picture.caption)
-        << "\"></a><figcaption>" << escaped(picture.caption) << "</figcaption></figure>\n";
+  const std::string page_name = page.file.filename().string(), caption = escaped(page.caption);
+  out << "<iframe src=\"" << page_name << "\" title=\"" << caption << "\"></iframe>\n<p><a href=\""
+      << page_name << "\">" << caption << "</a></p>\n";
+  for (const Picture& picture : pictures) {
+    const std::string file = picture.file.lexically_relative(path.parent_path()).string(),
+                      words = escaped(picture.caption);
+    out << "<figure><a href=\"" << file << "\"><img src=\"" << file << "\" alt=\"" << words
+        << "\"></a><figcaption>" << words << "</figcaption></figure>\n";
+  }
   out << "<table>\n";
   for (const auto& [name, value] : facts)
     out << "<tr><td>" << escaped(name) << "</td><td>" << escaped(value) << "</td></tr>\n";

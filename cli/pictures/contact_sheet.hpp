@@ -17,8 +17,9 @@ struct Picture {
 void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
                          const std::filesystem::path& path);
 
-/// An HTML page beside the pictures: title, the pictures with their captions, and a table of facts.
-void write_index_page(const std::string& title, const std::vector<Picture>& pictures,
+/// An HTML page beside the pictures: title, an exported page in a frame, the pictures with their captions,
+/// and a table of facts.
+void write_index_page(const std::string& title, const Picture& page, const std::vector<Picture>& pictures,
                       const std::vector<std::pair<std::string, std::string>>& facts,
                       const std::filesystem::path& path);
 

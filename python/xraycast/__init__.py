@@ -1,4 +1,4 @@
-"""CT scans into fluoroscopy one can fly through. Not for clinical use.
+"""Turns CT scans into fluoroscopy that one can fly through. Not for clinical use.
 
 Arrays are NumPy's: volumes (z, y, x), pictures (rows, columns) with row 0 on top. Points are (x, y, z) in mm, LPS: x
 grows towards the patient's left, y towards posterior, z towards superior. Optical depth is tau; transmission is

@@ -269,7 +269,7 @@ const BadCall kBadCalls[] = {
     {"OutlineOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --outline body", 3,
      "--outline does not apply to --projection rectangle; leave it out"},
     {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table --outline circle", 3,
-     "--keep-table: circles do not leave"},
+     "--keep-table: circles always include"},
     {"OutlineOfAir", "cast @/a.nii -o @/out.exr --outline body", 3, "nothing in the scan lies above -300 HU",
      [](const TemporaryFolder& f) {
        NiftiFile air = water(12);
@@ -289,8 +289,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave out what is "
-     "damaged with --skip-damaged",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave damaged "
+     "slices out by --skip-damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -304,7 +304,7 @@ const BadCall kBadCalls[] = {
     {"ColourScreenShot", "info @/a", 3, "such as a screen shot; give the folder of a CT series",
      [](const TemporaryFolder& f) { slice().number(0x00280002, 3).write(f / "a"); }},
     {"FolderForAMap", "render @/ -o @/out.png", 3,
-     "a body map is needed; make one of a scan with `xraycast cast`"},
+     "a body map is needed; make one from a scan with `xraycast cast`"},
     {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
     {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
     {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
@@ -439,6 +439,7 @@ const BadCall kBadCalls[] = {
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
+    {"ViewOfNoFile", "view @/nothing.exr", 3, "no such file"},
     {"CompareWithAnotherScan", "compare @/ct.nii @/map.exr --views 1", 3, "was not cast from",
      write_small_map},
     {"SessionThatNamesMissingFiles", "render --session @/s.json -o @/out.png", 3, "map",
@@ -756,12 +757,12 @@ TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
                                        HasSubstr("% of the scan's attenuation"), HasSubstr(" ms, outline ")));
   for (const char* options : {"--opacity spectrum:80", "--memory-limit 1.2M", "--centre-line @/line.csv"}) {
     EXPECT_THAT(said(options), testing::AllOf(HasSubstr(", outline body, "),
-                                              HasSubstr("\nleft out: what lies outside of the outline; "
-                                                        "--keep-table holds the table\n")))
+                                              HasSubstr("\nleft out: everything outside the outline; "
+                                                        "--keep-table includes the table\n")))
         << options;
     EXPECT_THAT(
         said((std::string(options) + " --keep-table").c_str()),
-        testing::AllOf(HasSubstr("left out: what lies outside"), testing::Not(HasSubstr("--keep-table"))))
+        testing::AllOf(HasSubstr("left out: everything outside"), testing::Not(HasSubstr("--keep-table"))))
         << options;
   }
   EXPECT_THAT(said("--outline circle"),
@@ -894,7 +895,7 @@ TEST_F(Cli, PaperPreviewIsPlainTransmission) {
     EXPECT_GT(lightest_in(0, top, kLeft, kHeight), kMuchLighter);
   }
   EXPECT_THAT(output_of("cast @/ct.nrrd -o @/map.exr --preview @/map.png"),
-              HasSubstr("map.png: picture of 1 layer"));
+              HasSubstr("map.png: preview of 1 layer"));
 }
 
 TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {

@@ -48,6 +48,8 @@ constexpr Writer kWriters[] = {
     {"Render", "render @/map.exr --size 48x48 -o @/out/f.png"},
     {"RenderGif", "render @/map.exr --size 48x48 --cine 0:270:90 -o @/out/f.gif"},
     {"RenderDicom", "render @/map.exr --size 48x48 --cone 900,1200 --cine 0:60:20 -o @/out/f.dcm"},
+    {"ExportPage", "export @/map.exr -o @/out/page.html"},
+    {"ExportGltf", "export @/map.exr -o @/out/session.glb"},
     {"RenderFrames", "render @/map.exr --size 48x48 --cine 0:270:90 -o @/out/frames", Appearing::one_by_one},
     {"Compare", "compare @/ct.nrrd @/cast.exr --views 2 --plot @/out/p.png --pictures @/out/pictures",
      Appearing::one_by_one},

@@ -8,6 +8,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -373,6 +374,11 @@ const Reader kReaders[] = {
        fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "simulation/instruments/cobra-5f.json", path);
      },
      [](const fs::path& path) { return InstrumentModel::named(path.string()), Content(); }},
+    {"c_arm", "c-arm.json",
+     [](const fs::path& path) {
+       fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "viewer/c_arms/mobile-intensifier.json", path);
+     },
+     [](const fs::path& path) { return CArm::named(path.string()), Content(); }},
     {"spectrum", "beam.txt",
      [](const fs::path& path) { write_bytes(path, "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n"); },
      [](const fs::path& path) { return Spectrum::named(path.string()), Content(); }},

@@ -168,14 +168,16 @@ void CoaxialRods::step(double dt_s) {
   double spent_uJ = 0;  // by the hubs' rotation
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
-  for (iterations_ = 0; iterations_ < rods_[0].options_.max_iterations;) {
-    ++iterations_;
+  const int most_iterations = rods_[0].options_.max_iterations;
+  int iterations = 0;
+  for (; iterations < most_iterations; ++iterations) {
     double model_decrease_uJ = 0;
     if (!solve_newton(dt_s, model_decrease_uJ)) break;  // not finite: the rods stay
     const double before_uJ = potential;
     if (!search_line(dt_s, model_decrease_uJ, potential)) break;
     if (Rod::has_converged(model_decrease_uJ, before_uJ - potential)) break;
   }
+  is_solved_ = iterations < most_iterations;
   end_step(dt_s, start_uJ - spent_uJ - potential);
 }
 

@@ -34,7 +34,8 @@ class CoaxialRods {
   void replace(std::size_t device, Rod rod);
 
   void step(double dt_s);
-  int iterations() const { return iterations_; }  ///< of Newton's method in the last step
+  /// The last step ended before it came to the first rod's max_iterations.
+  bool is_solved() const { return count() == 1 ? rods_[0].is_solved() : is_solved_; }
 
   /// The length of a device beyond the tips of all those around it, as the last step began.
   double bare_mm(std::size_t device) const;
@@ -70,7 +71,7 @@ class CoaxialRods {
   std::vector<LumenContact> lumens_;  ///< inner 1 in outer 0, 2 in 0, 2 in 1, ...
   std::vector<Reach> reaches_;        ///< of the same
   CoaxialSystem system_;
-  int iterations_ = 0;
+  bool is_solved_ = true;
 };
 
 /// Throws InputError unless `inner` fits into the lumen of `outer`.

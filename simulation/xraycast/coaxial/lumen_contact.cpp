@@ -15,21 +15,33 @@ constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
 // of a millimetre to the forces on bends, and by up to a tenth at the end of a curved tip. Softer at first,
 // so that points that come and go do not jolt.
 constexpr double kLining_mN_mm2 = 20e3, kSoft_mm = 0.02;
+// Twice as stiff at a tenth of a millimetre, about the lining's thickness: it cannot be pressed through.
+constexpr double kStiffening_mm = 0.1;
 // A tip bears more than the little length that it ends: the end of a curved tip bears most of its moment.
 constexpr double kTip_mm = 1;
 // Of the friction springs, per length: they slip after some micrometres.
 constexpr double kTangential_mN_mm2 = 4e3;
 
-/// The lining's energy per millimetre of length, and its derivatives by depth.
+/// The lining's energy per millimetre of length, and its derivatives by depth: of a spring that is soft at
+/// first, stiffened by 1 + (depth / kStiffening_mm)^2.
 double lining_energy_uJ(double depth_mm) {
-  if (depth_mm < kSoft_mm) return kLining_mN_mm2 * depth_mm * depth_mm * depth_mm / (6 * kSoft_mm);
-  return kLining_mN_mm2 * (0.5 * depth_mm * (depth_mm - kSoft_mm) + kSoft_mm * kSoft_mm / 6);
+  const double d = depth_mm, s = kSoft_mm, by = 1 / (kStiffening_mm * kStiffening_mm);
+  const auto soft = [&](double x) { return x * x * x * (1.0 / 6 + 0.1 * x * x * by) / s; };
+  const auto stiff = [&](double x) { return 0.5 * x * (x - s) + x * x * x * (0.25 * x - s / 6) * by; };
+  return kLining_mN_mm2 * (d < s ? soft(d) : soft(s) + stiff(d) - stiff(s));
+}
+double spring_depth_mm(double depth_mm) {
+  return depth_mm < kSoft_mm ? 0.5 * depth_mm * depth_mm / kSoft_mm : depth_mm - 0.5 * kSoft_mm;
 }
 double lining_force_mN(double depth_mm) {
-  return kLining_mN_mm2 *
-         (depth_mm < kSoft_mm ? 0.5 * depth_mm * depth_mm / kSoft_mm : depth_mm - 0.5 * kSoft_mm);
+  const double stiffer = depth_mm / kStiffening_mm;
+  return kLining_mN_mm2 * spring_depth_mm(depth_mm) * (1 + stiffer * stiffer);
 }
-double lining_stiffness_mN_mm(double depth_mm) { return kLining_mN_mm2 * std::min(1.0, depth_mm / kSoft_mm); }
+double lining_stiffness_mN_mm(double depth_mm) {
+  const double stiffer = depth_mm / kStiffening_mm;
+  return kLining_mN_mm2 * (std::min(1.0, depth_mm / kSoft_mm) * (1 + stiffer * stiffer) +
+                           spring_depth_mm(depth_mm) * 2 * stiffer / kStiffening_mm);
+}
 
 /// The length of an inner rod that a sample stands for, from the tip: around a node or around a middle, half
 /// of the edges beside it each.

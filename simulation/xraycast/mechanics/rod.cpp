@@ -319,7 +319,8 @@ void Rod::step(double dt_s, ExternalPotential* external) {
   const double start_uJ = potential_uJ(state_, dt_s, external);
   const double spent_uJ = dissipation_uJ(state_);  // by the hub's rotation
   double potential = predict_uJ(dt_s, external, start_uJ);
-  for (int i = 0; i < options_.max_iterations; ++i) {
+  int iterations = 0;
+  for (; iterations < options_.max_iterations; ++iterations) {
     if (!solve_newton(dt_s, external)) break;  // not finite: the rod stays
     Direction direction;
     measure_direction(direction);
@@ -327,6 +328,7 @@ void Rod::step(double dt_s, ExternalPotential* external) {
     if (!search_line(dt_s, external, direction, potential)) break;
     if (has_converged(direction.model_decrease_uJ, before_uJ - potential)) break;
   }
+  is_solved_ = iterations < options_.max_iterations;
   KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
   update_velocities(dt_s, balance);
   scale_velocities(balance);

@@ -148,6 +148,9 @@ class Rod {
   /// One step in time.
   void step(double dt_s, ExternalPotential* external = nullptr);
 
+  /// The last step ended before it came to max_iterations.
+  bool is_solved() const { return is_solved_; }
+
   const RodState& state() const { return state_; }
   const InstrumentModel& instrument() const { return instrument_; }
   const Clamp& clamp() const { return clamp_; }
@@ -264,7 +267,8 @@ class Rod {
   std::vector<Edge> edges_;
   RodState state_, trial_;
   RodSystem system_;
-  std::vector<double> direction_;             ///< in the system's rows
+  std::vector<double> direction_;  ///< in the system's rows
+  bool is_solved_ = true;
   double damping_ratio_ = 0;                  ///< the retardation time over the step's
   Eigen::Vector2d clamp_kappa_change_{0, 0};  ///< of the first strain, by the hub since the last step
   double clamp_twist_change_rad_ = 0;

@@ -3,6 +3,7 @@
 #include "xraycast/base/wide_vectors.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace xraycast {
@@ -115,21 +116,60 @@ void normals_row(std::uint32_t first, NoiseStream noise, int count, float* __res
 }
 
 XRAYCAST_WIDE_VECTORS
+void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStream noise, int count,
+                    float* __restrict quanta) {
+  constexpr int kRun = 64;
+  float mean[kRun], term[kRun], sum[kRun], uniform[kRun], number[kRun];
+  for (int start = 0; start < count; start += kRun) {
+    const int run = std::min(kRun, count - start);
+    std::int32_t most_bits = 0;  // of floats above 0, which are ordered as their bits are
+    for (int i = 0; i < run; ++i) {
+      mean[i] = means[start + i] < kLeastExpandedMean ? means[start + i] : 0;
+      most_bits = std::max(most_bits, std::bit_cast<std::int32_t>(mean[i]));
+    }
+    const float most = std::bit_cast<float>(most_bits);
+    for (int i = 0; i < run; ++i) {
+      uniform[i] = uniform_of(
+          random_pair(first + static_cast<std::uint32_t>(start + i), noise.frame, noise.key).first);
+      term[i] = quick_exp(-mean[i]);
+      sum[i] = term[i];
+      number[i] = 0;
+    }
+    // Beyond that number the distribution is below what a float of 24 bits resolves.
+    const int numbers = static_cast<int>(most + 7 * std::sqrt(most) + 6);
+    for (int k = 1; most > 0 && k <= numbers; ++k) {
+      const float per_number = 1 / static_cast<float>(k);
+      for (int i = 0; i < run; ++i) {
+        number[i] += uniform[i] > sum[i] ? 1.0f : 0.0f;
+        term[i] *= mean[i] * per_number;
+        sum[i] += term[i];
+      }
+    }
+    for (int i = 0; i < run; ++i) quanta[start + i] = number[i];
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void quantum_noise_row(const float* __restrict counts, const float* __restrict mean_kev,
                        const float* __restrict spread_kev, std::uint32_t first_pixel, NoiseStream noise,
-                       int count, float* __restrict energy_kev, float* __restrict normals) {
+                       NoiseStream few, int count, float* __restrict energy_kev, float* __restrict normals) {
   float* __restrict spreading = normals + count;
   normals_row(first_pixel, noise, count, normals, spreading);
+  std::int32_t few_pixels = 0;
+  for (int i = 0; i < count; ++i) few_pixels += counts[i] < kLeastExpandedMean ? 1 : 0;
   for (int i = 0; i < count; ++i) {
     const float expected = counts[i] > kLeastExpandedMean ? counts[i] : kLeastExpandedMean;
     const float quanta = poisson_quantile(expected, normals[i]);
     const float energy = quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i];
     energy_kev[i] = energy > 0 ? energy : 0;
   }
+  if (few_pixels == 0) return;
+  float* __restrict quanta = normals;  // read for the last time
+  few_quanta_row(counts, first_pixel, few, count, quanta);
   for (int i = 0; i < count; ++i) {
-    if (counts[i] >= kLeastExpandedMean) continue;
-    const float quanta = poisson_by_inversion(counts[i], normals[i]);
-    energy_kev[i] = std::max(0.0f, quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i]);
+    const float energy = quanta[i] * mean_kev[i] + std::sqrt(quanta[i]) * spread_kev[i] * spreading[i];
+    const float positive = energy > 0 ? energy : 0;
+    energy_kev[i] = counts[i] < kLeastExpandedMean ? positive : energy_kev[i];
   }
 }
 
@@ -165,6 +205,13 @@ void digitise_row(const Digitiser& digitiser, int count, const float* __restrict
     const float code = signal[i] * codes_per_kev + dark + 0.5f;
     codes[i] = static_cast<std::uint16_t>(static_cast<int>(code > 0 ? (code < most ? code : most) : 0));
   }
+}
+
+XRAYCAST_WIDE_VECTORS
+void signal_of_codes_row(const Digitiser& digitiser, int count, const std::uint16_t* __restrict codes,
+                         float* __restrict signal) {
+  const float codes_per_kev = digitiser.codes_per_kev, dark = digitiser.dark;
+  for (int i = 0; i < count; ++i) signal[i] = (static_cast<float>(codes[i]) - dark) / codes_per_kev;
 }
 
 XRAYCAST_WIDE_VECTORS

@@ -40,9 +40,8 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
   if (nodes_mm.size() < kFewest) return {};
   // No smoother than is seen at a catheter's width: the mesh is rebuilt for every frame.
   constexpr int kRingsPerNode = 3, kSides = 8;
-  return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides),
-          catheter_per_mm(),
-          {0.25, 0.55, 0.95}};
+  return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides), catheter_per_mm(),
+          kCatheterColour};
 }
 
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,

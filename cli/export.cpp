@@ -1,0 +1,239 @@
+#include "options/catheter_options.hpp"
+#include "options/command.hpp"
+#include "options/scene_options.hpp"
+#include "options/session_map.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/export/gltf_file.hpp"
+#include "xraycast/export/web_page.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/vessels.hpp"
+#include "xraycast/simulation/run_script.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <memory>
+#include <optional>
+
+namespace xraycast::cli {
+namespace {
+
+namespace fs = std::filesystem;
+
+struct ExportArguments {
+  std::string map, output, session, script, entry, title, precision = "byte";
+  std::string instrument_model = "cobra-5f";
+  SceneOptions scene;
+  const CLI::App* command = nullptr;
+
+  bool gives(const char* option) const { return command->count(option) > 0; }
+};
+
+bool is_gltf(const std::string& output) { return has_extension(output, ".glb"); }
+
+void check_output(const ExportArguments& options) {
+  if (!is_gltf(options.output) && !has_extension(options.output, ".html"))
+    throw InputError("{}: must end in .html, for a page, or in .glb, for a glTF scene", options.output);
+  check_writable(options.output);
+}
+
+/// Rejects options that have no effect.
+void check_applies(const ExportArguments& options) {
+  if (is_gltf(options.output) && options.gives("--precision"))
+    throw InputError("--precision does not apply to {}, which holds no map; leave it out or write a .html",
+                     options.output);
+  for (const char* option : {"--device-model", "--entry"})
+    if (options.script.empty() && options.gives(option))
+      throw InputError("{} does not apply without a run; leave it out or give --script too", option);
+}
+
+ViewSession resolve_session(const ExportArguments& options) {
+  ViewSession scene;
+  if (!options.session.empty()) scene = read_session(options.session);
+  if (!options.map.empty()) scene.map = options.map;
+  apply(options.scene, scene);
+  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  if (!options.script.empty() && scene.vessels.empty())
+    throw InputError("--script {}: there are no vessels to steer in; give --vessels too", options.script);
+  return scene;
+}
+
+/// Throws InputError for a map that a page cannot hold, with the option that makes it fit.
+void check_map(const BodyMap& map, const std::string& name) {
+  const MapGeometry& geometry = map.geometry;
+  if (map.spectrum)
+    throw InputError(
+        "{}: holds materials for a spectrum, which a page cannot draw; cast it with --opacity paper", name);
+  if (geometry.projection != Projection::cylinder)
+    throw InputError("{}: a page shows cylinder maps alone; cast it with --projection cylinder", name);
+  if (!suits_web(map))
+    throw InputError("{}: a page shows maps about a straight axis alone; cast it without --centre-line",
+                     name);
+  if (geometry.width > kMostWebAngles)
+    throw InputError("{}: {} angles, but a page holds at most {}; cast it with --angles {}", name,
+                     geometry.width, kMostWebAngles, kMostWebAngles);
+  if (geometry.height > kMostWebRows)
+    throw InputError(
+        "{}: {} rows, one a slice, but a page holds at most {}; cast a scan that is resampled to "
+        "thicker slices",
+        name, geometry.height, kMostWebRows);
+  const std::int64_t area = std::int64_t{geometry.width} * geometry.height;
+  static_assert(std::int64_t{kMostWebAngles} * kMostWebRows <= kMostWebTexels);  // one layer always fits
+  const std::int64_t most_layers = std::min<std::int64_t>(kMostWebLayers, kMostWebTexels / area);
+  if (geometry.layers() > most_layers)
+    throw InputError(
+        "{}: {} of {} x {} texels, but a page holds at most {} of them; cast it with --layers {}", name,
+        pluralize(geometry.layers(), "layer"), geometry.width, geometry.height, most_layers, most_layers);
+}
+
+/// Vessels of another scan than the map's are no session.
+void check_surface(const Surface& surface, const BodyBounds& bounds, const std::string& name) {
+  if (surface.mesh.triangles.size() > kMostWebTriangles)
+    throw InputError("{}: {} triangles, but an export holds at most {}; segment again with fewer --triangles",
+                     name, surface.mesh.triangles.size(), kMostWebTriangles);
+  if (!notes_on_place(surface.mesh.points_mm, bounds, name).empty())
+    throw InputError("{}: most of it lies outside the body map; give the vessels of the scan that was cast",
+                     name);
+}
+
+/// A catheter of control points, meshed once their number is known to be sensible.
+Surface checked_catheter(const fs::path& path) {
+  constexpr std::ptrdiff_t kMostPoints = 5000;  // nearly kMostWebTriangles
+  const std::string text = read_whole_file(path);
+  if (std::ranges::count(text, '\n') > kMostPoints)
+    throw InputError(
+        "{}: more than {} lines, but an export holds a catheter of at most {} control points; "
+        "give fewer",
+        path.string(), kMostPoints, kMostPoints);
+  return read_catheter(path);
+}
+
+/// The run of --script, simulated again, from the script's first pose on.
+RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessels, Session& session) {
+  const EntryChoice entry_choice = parse_entry(options.entry);
+  const InstrumentModel device = InstrumentModel::named(options.instrument_model);
+  const Script script = Script::read(options.script);
+  if (const double end_s = script.rows().back().time_s; end_s > RecordedRun::kLongest_s)
+    throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
+                     options.script, end_s, RecordedRun::kLongest_s);
+  const VesselTree tree = read_tree(vessels);
+  CoaxialCatheters catheter(tree, {device}, find_entry(tree, entry_choice, device));
+  RecordedRun run{.device = device.name(), .radius_mm = device.radius_mm()};
+  run_script(catheter, script, options.script, session.progress,
+             [&](const CoaxialCatheters& moved, double time_s) { run.see(moved, time_s); });
+  if (run.loads.empty()) run.see(catheter, 0);  // a script of one pose
+  return run;
+}
+
+WebSession gather(const ExportArguments& options, Session& session) {
+  const ViewSession scene = resolve_session(options);
+  WebSession web;
+  web.map = load_map(scene, session);
+  if (!is_gltf(options.output)) check_map(*web.map, scene.map.string());
+  const BodyBounds bounds = bounds_of(web.map->geometry);
+  if (!scene.vessels.empty()) {
+    web.vessels = read_vessels(scene.vessels, scene.contrast_mg_ml);
+    check_surface(*web.vessels, bounds, scene.vessels.string());
+  }
+  if (!options.script.empty()) web.run = simulated_run(options, scene.vessels, session);
+  if (scene.steered && !web.run)
+    web.catheter = catheter_surface(scene.steered->devices[0].nodes_mm, scene.steered->devices[0].radius_mm);
+  else if (!scene.catheter.empty())
+    web.catheter = checked_catheter(scene.catheter);
+  web.shows_vessels = !scene.steered;
+  web.shows_road_map = scene.steered && scene.steered->has_road_map;
+  web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
+  web.precision = parse_map_precision(options.precision);
+  web.camera = scene.camera;
+  web.is_of_session = !options.session.empty();
+  web.style = scene.style;
+  web.has_window = scene.has_window;
+  if (!is_gltf(options.output) && scene.style.sampling != SampleOptions{})
+    session.say(
+        {"a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
+         "shells are not exported"});
+  return web;
+}
+
+/// What the page shows where it cannot draw.
+std::string still_png(const WebSession& web) {
+  constexpr int kWidth = 480, kHeight = 360;
+  HeadlessContext context;
+  Renderer renderer;
+  renderer.set_map(web.map);
+  std::vector<Surface> surfaces;
+  if (web.vessels && web.shows_vessels) surfaces.push_back(*web.vessels);
+  if (web.catheter) surfaces.push_back(*web.catheter);
+  renderer.set_surfaces(surfaces);
+  const View view = view_of(web.camera, bounds_of(web.map->geometry), kWidth, kHeight);
+  Style style = web.style;
+  style.sampling = {};
+  if (!web.has_window) style.window = automatic_window(renderer, view, style);
+  return png_bytes(renderer.picture(view, style), kWidth, kHeight, 3);
+}
+
+void export_session(const ExportArguments& options, Session& session) {
+  check_output(options);
+  check_applies(options);
+  WebSession web = gather(options, session);
+  std::string bytes;
+  if (is_gltf(options.output)) {
+    bytes = gltf_binary(web);
+  } else {
+    web.still_png = still_png(web);
+    bytes = web_page(web);
+  }
+  write_whole_file(options.output, bytes);
+  const std::size_t pictures = web.run ? web.run->controls_mm.size() : 0;
+  session.report({{"file", options.output}, {"bytes", bytes.size()}, {"pictures", pictures}},
+                 fmt::format("{}: {:.1f} MB{}\n", options.output, static_cast<double>(bytes.size()) / 1e6,
+                             pictures > 1 ? ", with a run of " + pluralize(pictures, "picture") : ""));
+}
+
+}  // namespace
+
+void add_export(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<ExportArguments>();
+  CLI::App* command = add_command(
+      app, session, "export", "Write a session as one web page, or as a glTF scene",
+      "  xraycast export map.exr -o page.html\n"
+      "  xraycast export map.exr --vessels thorax-truth -o page.html --precision half\n"
+      "  xraycast export map.exr --vessels vessels --script push.csv --device-model cobra-5f -o run.html\n"
+      "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
+      "  xraycast export --session operation.json -o page.html",
+      [options, &session] { export_session(*options, session); });
+  options->command = command;
+  command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
+  command
+      ->add_option("-o,--output", options->output,
+                   ".html: a page that any browser opens, off line; .glb: vessels, catheter, axis and C-arm, "
+                   "without the map")
+      ->required()
+      ->type_name("FILE");
+  add_scene_options(*command, options->scene);
+  command
+      ->add_option("--script", options->script,
+                   "A run to simulate again in --vessels (see `xraycast simulate`)")
+      ->type_name("CSV");
+  add_catheter_options(*command, options->instrument_model, options->entry);
+  command
+      ->add_option("--precision", options->precision,
+                   "Of the page's map: byte, of 8 bits a texel, or half, of 16")
+      ->check(CLI::IsMember({"byte", "half"}))
+      ->capture_default_str()
+      ->type_name("NAME");
+  command->add_option("--title", options->title, "The page's title (default: Fluoroscopy)")
+      ->type_name("TEXT");
+  command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
+      ->type_name("FILE");
+}
+
+}  // namespace xraycast::cli

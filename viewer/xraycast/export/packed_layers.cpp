@@ -1,0 +1,78 @@
+#include "xraycast/export/packed_layers.hpp"
+
+#include "xraycast/base/parallel.hpp"
+
+#include <glm/gtc/packing.hpp>
+
+#include <algorithm>
+#include <cassert>
+#include <cstdint>
+
+namespace xraycast {
+namespace {
+
+/// What the values to the left, above, and above to the left predict.
+int predicted(int left, int above, int corner) {
+  const auto [low, high] = std::minmax(left, above);
+  if (corner >= high) return low;
+  if (corner <= low) return high;
+  return left + above - corner;
+}
+
+/// Calls `see(i, difference)` with the difference of every value of a picture from what its neighbours
+/// predict.
+template <typename Value, typename See>
+void for_each_difference(std::span<const Value> values, int width, const See& see) {
+  const auto row = static_cast<std::size_t>(width);
+  for (std::size_t i = 0; i < values.size(); ++i) {
+    const bool is_first = i % row == 0, is_top = i < row;
+    const int left = !is_first ? values[i - 1] : is_top ? 0 : values[i - row];
+    const int above = is_top ? left : values[i - row];
+    const int corner = is_first || is_top ? above : values[i - row - 1];
+    see(i, values[i] - predicted(left, above, corner));
+  }
+}
+
+void pack_bytes(std::span<const float> tau, int width, const LayerByteRange& range, char* to) {
+  std::vector<std::uint8_t> bytes(tau.size());
+  std::ranges::transform(tau, bytes.begin(), [&](float value) { return range.byte_of(value); });
+  for_each_difference<std::uint8_t>(bytes, width, [&](std::size_t i, int difference) {
+    to[i] = static_cast<char>(static_cast<std::uint8_t>(difference));
+  });
+}
+
+void pack_halves(std::span<const float> tau, int width, char* to) {
+  std::vector<std::uint16_t> halves(tau.size());
+  std::ranges::transform(tau, halves.begin(), [](float value) {
+    return glm::packHalf1x16(std::clamp(value, -kLargestHalf, kLargestHalf));
+  });
+  for_each_difference<std::uint16_t>(halves, width, [&](std::size_t i, int difference) {
+    const auto wrapped = static_cast<std::int16_t>(static_cast<std::uint16_t>(difference));
+    const auto coded =
+        static_cast<std::uint16_t>((static_cast<std::uint16_t>(wrapped) << 1) ^ (wrapped < 0 ? 0xffff : 0));
+    to[i] = static_cast<char>(coded & 255);
+    to[tau.size() + i] = static_cast<char>(coded >> 8);
+  });
+}
+
+}  // namespace
+
+PackedLayers pack_layers(const BodyMap& map, MapPrecision precision) {
+  assert(precision != MapPrecision::float32 && !map.spectrum);
+  const bool is_half = precision == MapPrecision::float16;
+  const auto layers = static_cast<std::size_t>(map.geometry.layers());
+  const std::size_t layer_B = map.layer_size() * (is_half ? 2 : 1);
+  PackedLayers packed;
+  packed.bytes.resize(layers * layer_B);
+  if (!is_half) packed.byte_ranges.resize(layers);
+  parallel_for(map.geometry.layers(), [&](std::int64_t k) {
+    const auto tau = map.layer(static_cast<int>(k));
+    char* to = &packed.bytes[static_cast<std::size_t>(k) * layer_B];
+    if (is_half) return pack_halves(tau, map.geometry.width, to);
+    const LayerByteRange range = packed.byte_ranges[static_cast<std::size_t>(k)] = byte_range_of(tau);
+    pack_bytes(tau, map.geometry.width, range, to);
+  });
+  return packed;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,265 @@
+#include "xraycast/export/web_page.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/export/embedded_page.hpp"
+#include "xraycast/export/packed_layers.hpp"
+#include "xraycast/export/packed_mesh.hpp"
+#include "xraycast/sampling/column_samples.hpp"
+#include "xraycast/sampling/map_texels.hpp"
+#include "xraycast/scene/road_map.hpp"
+#include "xraycast/scene/vessels.hpp"
+
+#include <nlohmann/json.hpp>
+
+#include <algorithm>
+#include <array>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <string_view>
+#include <utility>
+#include <zlib.h>
+
+namespace xraycast {
+namespace {
+
+using PageJson = nlohmann::ordered_json;
+
+constexpr int kFormat = 1;
+
+// ---- text -----------------------------------------------------------------------------------------
+
+std::string base64(std::string_view bytes) {
+  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
+  std::string text;
+  text.reserve((bytes.size() + 2) / 3 * 4);
+  for (std::size_t i = 0; i < bytes.size(); i += 3) {
+    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
+    std::uint32_t group = 0;
+    for (std::size_t j = 0; j < 3; ++j)
+      group = group << 8 | (j < count ? static_cast<unsigned char>(bytes[i + j]) : 0u);
+    for (std::size_t j = 0; j < 4; ++j) text += j <= count ? kDigits[group >> (18 - 6 * j) & 63] : '=';
+  }
+  return text;
+}
+
+std::string deflated(std::string_view bytes) {
+  uLongf size = compressBound(static_cast<uLong>(bytes.size()));
+  std::string packed(size, '\0');
+  const int status =
+      compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()),
+                static_cast<uLong>(bytes.size()), Z_BEST_COMPRESSION);
+  if (status != Z_OK) throw Error("not enough memory to pack the page");
+  packed.resize(size);
+  return packed;
+}
+
+std::string in_html(std::string_view text) {
+  std::string escaped;
+  for (const char c : text) switch (c) {
+      case '&':
+        escaped += "&amp;";
+        break;
+      case '<':
+        escaped += "&lt;";
+        break;
+      case '>':
+        escaped += "&gt;";
+        break;
+      case '"':
+        escaped += "&quot;";
+        break;
+      default:
+        escaped += c;
+    }
+  return escaped;
+}
+
+/// JSON that can stand in a script element.
+std::string in_script(const PageJson& json) {
+  const std::string text = json.dump(-1, ' ', true, PageJson::error_handler_t::replace);
+  std::string escaped;
+  for (const char c : text)
+    if (c == '<')
+      escaped += "\\u003c";
+    else
+      escaped += c;
+  return escaped;
+}
+
+/// The template with every mark @xraycast-NAME@ replaced.
+std::string filled(std::string_view page, std::span<const std::pair<std::string_view, std::string>> values) {
+  constexpr std::string_view kMark = "@xraycast-";
+  std::string result;
+  for (std::size_t at; (at = page.find(kMark)) != std::string_view::npos;) {
+    result += page.substr(0, at);
+    page.remove_prefix(at + kMark.size());
+    const std::size_t end = page.find('@');
+    const std::string_view name = page.substr(0, end);
+    for (const auto& [known, value] : values)
+      if (known == name) result += value;
+    page.remove_prefix(end + 1);
+  }
+  return result += page;
+}
+
+// ---- data -----------------------------------------------------------------------------------------
+
+/// The page's numbers, one part behind the other.
+class Parts {
+ public:
+  void add(const char* name, std::string_view bytes) {
+    index_[name] = {bytes_.size(), bytes.size()};
+    bytes_ += bytes;
+  }
+  void add(const char* name, std::span<const float> values) {
+    static_assert(std::endian::native == std::endian::little);  // as in browsers
+    add(name, {reinterpret_cast<const char*>(values.data()), values.size_bytes()});
+  }
+  const PageJson& index() const { return index_; }
+  const std::string& bytes() const { return bytes_; }
+
+ private:
+  PageJson index_ = PageJson::object();
+  std::string bytes_;
+};
+
+PageJson list(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
+
+PageJson add_map(const WebSession& session, Parts& parts) {
+  const MapGeometry geometry = drawn_geometry(*session.map);
+  const PackedLayers layers = pack_layers(*session.map, session.precision);
+  parts.add("layers", layers.bytes);
+  std::vector<float> reaches, scales;
+  for (int column = 0; column < geometry.width; ++column) {
+    reaches.push_back(static_cast<float>(geometry.reach_mm(column, 0)));
+    scales.push_back(static_cast<float>(geometry.scale(column, 0)));
+  }
+  parts.add("reaches", reaches);
+  parts.add("scales", scales);
+  PageJson ranges = PageJson::array();
+  for (const LayerByteRange& range : layers.byte_ranges) ranges.push_back({range.offset, range.scale});
+  const BodyBounds bounds = bounds_of(geometry);
+  return {{"width", geometry.width},
+          {"height", geometry.height},
+          {"layers", geometry.layers()},
+          {"radii_mm", geometry.radii_mm},
+          {"centre_mm", {geometry.centre_mm[0].x, geometry.centre_mm[0].y}},
+          {"top_mm", geometry.top_mm},
+          {"row_mm", geometry.row_spacing_mm},
+          {"field_mm", geometry.field ? PageJson(geometry.field->corners_mm()) : PageJson()},
+          {"has_outline", geometry.has_outline()},
+          {"bounds",
+           {{"centre_mm", list(bounds.centre_mm)},
+            {"radius_mm", bounds.radius_mm},
+            {"half_height_mm", bounds.half_height_mm},
+            {"finest_mm", bounds.finest_mm}}},
+          {"precision", to_string(session.precision)},
+          {"ranges", ranges}};
+}
+
+PageJson add_surface(const std::optional<Surface>& surface, const std::string& name, Parts& parts) {
+  if (!surface) return {};
+  const PackedMesh mesh = pack_mesh(surface->mesh);
+  parts.add((name + "_points").c_str(), mesh.points);
+  parts.add((name + "_triangles").c_str(), mesh.triangles);
+  return {{"points", surface->mesh.points_mm.size()},
+          {"triangles", surface->mesh.triangles.size()},
+          {"unit_mm", PackedMesh::kUnit_mm},
+          {"ring", mesh.ring},
+          {"is_closed", is_watertight(surface->mesh)},
+          {"mu_per_mm", surface->mu_per_mm},
+          {"colour", list(surface->colour)}};
+}
+
+/// Four digits behind the point are finer than a strip shows.
+PageJson rounded(std::span<const HubLoad> loads, double HubLoad::*load, double times) {
+  PageJson numbers = PageJson::array();
+  for (const HubLoad& here : loads) numbers.push_back(std::round(here.*load * times * 1e4) / 1e4);
+  return numbers;
+}
+
+PageJson add_run(const WebSession& session, Parts& parts) {
+  if (!session.run) return {};
+  constexpr double kUnit_mm = 0.01;
+  const RecordedRun& run = *session.run;
+  parts.add("shapes", pack_shapes(run, kUnit_mm));
+  return {{"device", run.device},
+          {"radius_mm", run.radius_mm},
+          {"pictures", run.controls_mm.size()},
+          {"step_s", run.step_s},
+          {"unit_mm", kUnit_mm},
+          {"mu_per_mm", catheter_per_mm()},
+          {"colour", list(kCatheterColour)},
+          {"force_N", rounded(run.loads, &HubLoad::force_N, 1)},
+          {"torque_mNm", rounded(run.loads, &HubLoad::torque_Nm, 1000)}};
+}
+
+PageJson window_to_json(const GreyWindow& window) {
+  return {{"scale", window.scale},
+          {"dark", window.dark},
+          {"light", window.light},
+          {"gamma", window.gamma},
+          {"inverted", window.inverted}};
+}
+
+/// What the viewer's C-arm can do, and how it draws, so that the page does the same.
+PageJson viewer_json() {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  PageJson presets = PageJson::array();
+  for (const CameraPreset& preset : kCameraPresets)
+    presets.push_back({{"name", preset.name}, {"lao_deg", preset.angle_deg}});
+  return {{"presets", presets},
+          {"least_zoom", Camera::kMinZoom},
+          {"most_zoom", Camera::kMaxZoom},
+          {"most_tilt_deg", Camera::kMaxTilt_rad * kDegrees},
+          {"road_map_colour", {kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z}}};
+}
+
+PageJson header_of(const WebSession& session, Parts& parts) {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  const Camera& camera = session.camera;
+  PageJson header{{"format", kFormat}, {"title", session.title}};
+  header["viewer"] = viewer_json();
+  header["map"] = add_map(session, parts);
+  header["vessels"] = add_surface(session.vessels, "vessel", parts);
+  header["catheter"] = add_surface(session.catheter, "catheter", parts);
+  header["run"] = add_run(session, parts);
+  header["camera"] = {{"lao_deg", camera.angle_rad * kDegrees},
+                      {"cranial_deg", camera.tilt_rad * kDegrees},
+                      {"zoom", camera.zoom},
+                      {"table_mm", camera.table_mm}};
+  header["cone"] = camera.cone ? PageJson{{"source_axis_mm", camera.cone->source_axis_mm},
+                                          {"source_detector_mm", camera.cone->source_detector_mm}}
+                               : PageJson();
+  header["is_of_session"] = session.is_of_session;
+  header["shows_vessels"] = session.vessels && session.shows_vessels && !session.run;
+  header["shows_road_map"] = session.vessels && (session.shows_road_map || session.run);
+  header["look"] = to_string(session.style.shading);
+  header["full_contrast"] = session.style.full_contrast || session.run;  // as in `simulate --cine`
+  header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
+  header["layer_weights"] = session.style.layer_weights;
+  header["parts"] = parts.index();
+  return header;
+}
+
+}  // namespace
+
+bool suits_web(const BodyMap& map) {
+  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum;
+}
+
+std::string web_page(const WebSession& session) {
+  Parts parts;
+  const PageJson header = header_of(session, parts);
+  const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
+  const std::array<std::pair<std::string_view, std::string>, 5> values{
+      {{"title", in_html(session.title)},
+       {"still-label", label(pose)},
+       {"still", base64(session.still_png)},
+       {"header", in_script(header)},
+       {"data", base64(deflated(parts.bytes()))}}};
+  return filled(embedded_pages().front().source, values);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,224 @@
+// What `xraycast export` has put into the page: a header in JSON, and one deflated stream of numbers
+// (viewer/xraycast/export/web_page.hpp).
+import type { Camera } from "./camera";
+import type { GreyWindow } from "./grey_window";
+import type { Vec3 } from "./vectors";
+import type { Bounds, Cone } from "./view";
+
+interface MapHeader {
+  width: number;
+  height: number;
+  layers: number;
+  radii_mm: number[];
+  centre_mm: [number, number];
+  top_mm: number;
+  row_mm: number;
+  field_mm: [Vec3, Vec3] | null;
+  has_outline: boolean;
+  bounds: Bounds;
+  precision: "byte" | "half";
+  ranges: [number, number][]; // of bytes: a layer's offset and scale
+}
+
+interface MeshHeader {
+  points: number;
+  triangles: number;
+  unit_mm: number; // of the coordinates
+  ring: number; // points a ring, by which the next one is predicted; 0: none
+}
+
+interface Matter {
+  is_closed: boolean; // its back faces are never seen
+  mu_per_mm: number;
+  colour: Vec3;
+}
+
+interface RunHeader {
+  mu_per_mm: number;
+  colour: Vec3;
+  device: string;
+  radius_mm: number;
+  pictures: number;
+  step_s: number;
+  unit_mm: number;
+  force_N: number[];
+  torque_mNm: number[];
+}
+
+/** What the viewer's C-arm can do, and how it draws. */
+export interface ViewerHeader {
+  presets: { name: string; lao_deg: number }[];
+  least_zoom: number;
+  most_zoom: number;
+  most_tilt_deg: number;
+  road_map_colour: [number, number, number]; // 0 to 255
+}
+
+export interface Header {
+  format: number;
+  title: string;
+  viewer: ViewerHeader;
+  map: MapHeader;
+  vessels: (MeshHeader & Matter) | null;
+  catheter: (MeshHeader & Matter) | null;
+  run: RunHeader | null;
+  camera: Camera;
+  cone: Cone | null;
+  is_of_session: boolean; // its pose is one that a viewer saved
+  look: "fluoro" | "surface";
+  shows_vessels: boolean;
+  shows_road_map: boolean;
+  full_contrast: boolean;
+  window: GreyWindow | null; // none: automatic
+  layer_weights: number[];
+  parts: Record<string, [number, number]>; // first byte and their number, once inflated
+}
+
+export interface MapGeometry extends MapHeader {
+  reaches_mm: Float32Array; // of every column: where its rays end, as radii_mm have it
+  scales: Float32Array; // of every column: its outline's share of the largest radius
+}
+
+export interface Mesh {
+  points_mm: Float32Array; // x, y, z
+  triangles: Uint32Array; // three corners, counter-clockwise from outside
+}
+
+export interface Surface extends Matter {
+  mesh: Mesh;
+}
+
+export interface Run extends RunHeader {
+  /** Of every picture: the control points of the device's curve, from the introducer to the tip. */
+  shapes: Vec3[][];
+}
+
+export interface SessionData {
+  header: Header;
+  map: MapGeometry;
+  tau: Float32Array; // K x H x W
+  vessels: Surface | null;
+  catheter: Surface | null;
+  run: Run | null;
+}
+
+async function inflated(base64: string): Promise<Uint8Array> {
+  const text = atob(base64), bytes = new Uint8Array(text.length);
+  for (let i = 0; i < text.length; ++i) bytes[i] = text.charCodeAt(i);
+  const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Signed numbers: seven bits a byte, the lowest first, the sign in the lowest bit. */
+class Numbers {
+  private at = 0;
+  constructor(private readonly bytes: Uint8Array) {}
+
+  next(): number {
+    let value = 0, times = 1, byte: number;
+    do {
+      byte = this.bytes[this.at++] ?? 0;
+      value += (byte & 127) * times;
+      times *= 128;
+    } while (byte & 128);
+    return value % 2 === 0 ? value / 2 : -(value + 1) / 2;
+  }
+}
+
+/** What the values to the left, above, and above to the left predict: the median edge detector of JPEG-LS. */
+function predicted(left: number, above: number, corner: number): number {
+  if (corner >= Math.max(left, above)) return Math.min(left, above);
+  if (corner <= Math.min(left, above)) return Math.max(left, above);
+  return left + above - corner;
+}
+
+/** Undoes the prediction of a picture's values, in place. */
+function unpredict(values: Uint8Array | Uint16Array, width: number, height: number): void {
+  for (let j = 0, at = 0; j < height; ++j)
+    for (let i = 0; i < width; ++i, ++at) {
+      const left = i > 0 ? values[at - 1]! : j > 0 ? values[at - width]! : 0;
+      const above = j > 0 ? values[at - width]! : left, corner = i > 0 && j > 0 ? values[at - width - 1]! : above;
+      values[at] = values[at]! + predicted(left, above, corner);
+    }
+}
+
+/** The 16-bit floats, by their bits. */
+function half_floats(): Float32Array {
+  const values = new Float32Array(1 << 16);
+  for (let bits = 0; bits < values.length; ++bits) {
+    const exponent = (bits >> 10) & 31, fraction = bits & 1023;
+    const size = exponent === 0 ? fraction * 2 ** -24 : (1024 + fraction) * 2 ** (exponent - 25);
+    values[bits] = bits & 0x8000 ? -size : size;
+  }
+  return values;
+}
+
+function tau_of(map: MapHeader, packed: Uint8Array): Float32Array {
+  const area = map.width * map.height, tau = new Float32Array(map.layers * area);
+  if (map.precision === "byte") {
+    for (let k = 0; k < map.layers; ++k) {
+      const layer = packed.slice(k * area, (k + 1) * area), [offset, scale] = map.ranges[k]!;
+      unpredict(layer, map.width, map.height);
+      for (let i = 0; i < area; ++i) tau[k * area + i] = offset + scale * layer[i]!;
+    }
+    return tau;
+  }
+  // All low bytes of a layer, then all high ones; differences have their sign in the lowest bit.
+  const value_of = half_floats(), layer = new Uint16Array(area);
+  for (let k = 0; k < map.layers; ++k) {
+    const low = 2 * k * area, high = low + area;
+    for (let i = 0; i < area; ++i) {
+      const coded = packed[low + i]! | (packed[high + i]! << 8);
+      layer[i] = coded & 1 ? ~(coded >> 1) : coded >> 1;
+    }
+    unpredict(layer, map.width, map.height);
+    for (let i = 0; i < area; ++i) tau[k * area + i] = value_of[layer[i]!]!;
+  }
+  return tau;
+}
+
+function mesh_of(header: MeshHeader, points: Uint8Array, triangles: Uint8Array): Mesh {
+  const steps = new Int32Array(3 * header.points), indices = new Uint32Array(3 * header.triangles);
+  let numbers = new Numbers(points);
+  const { ring } = header, at = (i: number) => (i >= 0 ? steps[i]! : 0);
+  for (let axis = 0; axis < 3; ++axis)
+    for (let i = axis; i < steps.length; i += 3)
+      steps[i] = at(i - 3) + (ring > 0 ? at(i - 3 * ring) - at(i - 3 * ring - 3) : 0) + numbers.next();
+  numbers = new Numbers(triangles);
+  // A corner is predicted by that of the triangle before.
+  for (let i = 0; i < indices.length; ++i) indices[i] = (i >= 3 ? indices[i - 3]! : 0) + numbers.next();
+  return { points_mm: Float32Array.from(steps, (s) => s * header.unit_mm), triangles: indices };
+}
+
+/** Shapes are stored from the tip on, as differences from the same point of the picture before, or of the same picture. */
+function shapes_of(header: RunHeader, bytes: Uint8Array): Vec3[][] {
+  const numbers = new Numbers(bytes), shapes: Vec3[][] = [];
+  let before: number[][] = [];
+  for (let picture = 0; picture < header.pictures; ++picture) {
+    const points: number[][] = [], count = numbers.next();
+    for (let i = 0; i < count; ++i) {
+      const from = before[i] ?? points[i - 1] ?? [0, 0, 0];
+      points.push([0, 1, 2].map((axis) => from[axis]! + numbers.next()));
+    }
+    before = points;
+    shapes.push([...points].reverse().map((p) => [p[0]! * header.unit_mm, p[1]! * header.unit_mm, p[2]! * header.unit_mm]));
+  }
+  return shapes;
+}
+
+export async function session_of(header: Header, base64: string): Promise<SessionData> {
+  const bytes = await inflated(base64);
+  const part = (name: string) => {
+    const [first, count] = header.parts[name] ?? [0, 0];
+    return bytes.subarray(first, first + count);
+  };
+  const floats = (name: string) => new Float32Array(part(name).slice().buffer);
+  const map = { ...header.map, reaches_mm: floats("reaches"), scales: floats("scales") };
+  const surface_of = (of: (MeshHeader & Matter) | null, name: string) =>
+    of && { ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) };
+  const run = header.run && { ...header.run, shapes: shapes_of(header.run, part("shapes")) };
+  return {
+    header, map, tau: tau_of(header.map, part("layers")), vessels: surface_of(header.vessels, "vessel"),
+    catheter: surface_of(header.catheter, "catheter"), run,
+  };
+}

@@ -1,0 +1,81 @@
+// The run as a film: play, scrub, speed.
+import type { Run } from "./data";
+import { length_s } from "./device_shape";
+import type { Store } from "./state";
+import { draw_strip, strip_text } from "./strip";
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+const kLongestStep_ms = 250; // of a film that was not drawn, as in a hidden tab
+
+/** How far a film goes on between two pictures of the display. */
+export const step_s = (from_ms: number, to_ms: number, speed: number): number =>
+  (speed * Math.min(kLongestStep_ms, Math.max(0, to_ms - from_ms))) / 1000;
+
+export class Film {
+  private is_playing = false;
+  private last_ms = 0;
+  private readonly play = element<HTMLButtonElement>("play");
+  private readonly time = element<HTMLInputElement>("time");
+  private readonly speed = element<HTMLSelectElement>("speed");
+  private readonly strip = element<HTMLCanvasElement>("strip");
+
+  constructor(private readonly run: Run, private readonly store: Store) {
+    element("film").hidden = false;
+    this.time.max = String(length_s(run));
+    this.time.step = String(run.step_s);
+    this.strip.setAttribute("aria-label", strip_text(run));
+    this.play.addEventListener("click", () => this.toggle());
+    this.time.addEventListener("input", () => {
+      this.stop();
+      this.show(Number(this.time.value));
+    });
+    new ResizeObserver(() => this.draw()).observe(this.strip);
+    this.draw();
+  }
+
+  toggle(): void {
+    if (this.is_playing) return this.stop();
+    if (this.store.state.time_s >= length_s(this.run) - 1e-6) this.show(0);
+    this.is_playing = true;
+    this.mark();
+    requestAnimationFrame((ms) => {
+      this.last_ms = ms;
+      this.advance(ms);
+    });
+  }
+
+  /** Pictures on, or back. */
+  step(pictures: number): void {
+    this.stop();
+    this.show(this.store.state.time_s + pictures * this.run.step_s);
+  }
+
+  draw(): void {
+    const { time_s } = this.store.state;
+    this.time.value = String(time_s);
+    element("clock").textContent = `${time_s.toFixed(1)} of ${length_s(this.run).toFixed(1)} s`;
+    draw_strip(this.strip, this.run, time_s);
+  }
+
+  private show(time_s: number): void {
+    this.store.update({ time_s });
+  }
+
+  private stop(): void {
+    this.is_playing = false;
+    this.mark();
+  }
+
+  private mark(): void {
+    this.play.textContent = this.is_playing ? "Pause" : "Play";
+  }
+
+  private advance(now_ms: number): void {
+    if (!this.is_playing) return;
+    this.show(this.store.state.time_s + step_s(this.last_ms, now_ms, Number(this.speed.value)));
+    this.last_ms = now_ms;
+    if (this.store.state.time_s >= length_s(this.run)) return this.stop();
+    requestAnimationFrame((ms) => this.advance(ms));
+  }
+}

@@ -1,0 +1,184 @@
+// Opens the page: reads the session, and connects the picture with what moves it.
+import { hash_of, state_of } from "./address";
+import { Header, SessionData, session_of } from "./data";
+import { shown_time_s } from "./device_shape";
+import { Film } from "./film";
+import { Actions, Hands } from "./input";
+import { draw_overlay } from "./overlay";
+import { Picture } from "./picture";
+import { Notes } from "./notes";
+import { State, Store, first_state } from "./state";
+import { Tools } from "./tools";
+import { label_of } from "./view";
+
+const kRest_ms = 150; // without a move, after which the picture is drawn fully
+const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+const stage = element("stage"), canvas = element<HTMLCanvasElement>("picture"), overlay = element<HTMLCanvasElement>("overlay");
+
+const notes = new Notes((words) => {
+  element("note").textContent = words;
+  element("note").hidden = words === "";
+});
+
+/** Draws when something has changed, at most once a frame of the display. */
+class Page {
+  private readonly film: Film | null;
+  private readonly tools: Tools;
+  private is_due = false;
+  private is_lost = false;
+  private moved_ms = -Infinity;
+  private has_moved = false; // since the last picture, which may be long ago on a slow device
+  private pictures = 0;
+  private rest_timer = 0;
+
+  constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture) {
+    const actions: Actions = {
+      toggle_layer: (k) => this.toggle_layer(k),
+      reset: () => store.update({ camera: { ...store.first.camera }, window: store.first.window }),
+      copy_link: () => void this.copy_link(),
+      save_picture: () => this.save_picture(),
+      play: () => this.film?.toggle(),
+      step: (pictures) => this.film?.step(pictures),
+      help: () => element<HTMLDetailsElement>("help").toggleAttribute("open"),
+    };
+    const hands = new Hands(stage, store, picture, data.map.bounds, actions);
+    this.film = data.run && data.run.pictures > 1 ? new Film(data.run, store) : null;
+    this.tools = new Tools(data, store, hands, actions);
+    document.body.classList.toggle("bare", store.state.is_bare);
+    store.on_change((state, before) => this.changed(state, before));
+    addEventListener("hashchange", () => store.update(state_of(location.hash, store.first)));
+    new ResizeObserver(() => this.draw()).observe(stage); // before the resized page is painted
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.film?.draw());
+    canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
+    canvas.addEventListener("webglcontextrestored", () => this.restore());
+    this.show_picture(true);
+    this.draw();
+    notes.state("");
+  }
+
+  /** The picture, or else the still one. */
+  private show_picture(is_drawn: boolean): void {
+    for (const shown of [canvas, overlay]) shown.hidden = !is_drawn;
+    element("still").hidden = is_drawn;
+  }
+
+  private changed(state: State, before: State): void {
+    if (state.camera !== before.camera || state.window !== before.window) {
+      this.moved_ms = performance.now();
+      this.has_moved = true;
+    }
+    if (state.is_bare !== before.is_bare) document.body.classList.toggle("bare", state.is_bare);
+    this.tools.show(state);
+    if (state.time_s !== before.time_s) this.film?.draw();
+    this.request();
+  }
+
+  private request(): void {
+    if (this.is_due) return;
+    this.is_due = true;
+    requestAnimationFrame(() => {
+      this.is_due = false;
+      this.draw();
+    });
+  }
+
+  private resize(): number {
+    const { clientWidth: width, clientHeight: height } = stage;
+    const scale = Math.min(devicePixelRatio, Math.sqrt(kMostPixels / Math.max(1, width * height)));
+    const size = { width: Math.max(1, Math.round(width * scale)), height: Math.max(1, Math.round(height * scale)) };
+    if (canvas.width !== size.width || canvas.height !== size.height) Object.assign(canvas, size);
+    return scale;
+  }
+
+  private draw(): void {
+    if (this.is_lost) return;
+    const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
+    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare;
+    this.has_moved = false;
+    const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
+    const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
+    draw_overlay(overlay, view, outlined, scale, !state.is_bare);
+    this.describe(state);
+    document.documentElement.dataset.pictures = String(++this.pictures);
+    clearTimeout(this.rest_timer);
+    if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
+  }
+
+  private describe(state: State): void {
+    const { camera } = state, radians = Math.PI / 180, sign = camera.table_mm < 0 ? "−" : "+";
+    const angles = label_of(camera.lao_deg * radians, camera.cranial_deg * radians);
+    element("readout").textContent = `${angles}   table ${sign}${Math.abs(Math.round(camera.table_mm))} mm   ×${Number(camera.zoom.toPrecision(2))}`;
+    canvas.setAttribute("aria-label", `${state.look === "fluoro" ? "Fluoroscopy" : "Shaded vessels in the body"} from ${angles}`);
+  }
+
+  private toggle_layer(k: number): void {
+    if (k >= this.data.map.layers) return;
+    const { hidden_layers } = this.store.state;
+    const shown = hidden_layers.filter((other) => other !== k);
+    this.store.update({ hidden_layers: shown.length < hidden_layers.length ? shown : [...hidden_layers, k].sort((a, b) => a - b) });
+  }
+
+  private async copy_link(): Promise<void> {
+    const { run } = this.data, { state } = this.store;
+    const hash = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first), link = location.href.replace(/#.*$/, "") + hash;
+    history.replaceState(null, "", hash);
+    try {
+      await navigator.clipboard.writeText(link);
+      notes.tell("The link to this view is copied.");
+    } catch {
+      notes.tell("The link to this view is in the address bar.");
+    }
+  }
+
+  /** The picture as it is shown, with letters and bar unless it is bare. */
+  private save_picture(): void {
+    if (this.is_lost) return notes.tell("There is no picture to save until the graphics device is back.");
+    this.picture.draw(this.store.state, false);
+    const whole = document.createElement("canvas"), context = whole.getContext("2d")!;
+    Object.assign(whole, { width: canvas.width, height: canvas.height });
+    context.drawImage(canvas, 0, 0);
+    context.drawImage(overlay, 0, 0);
+    whole.toBlob((blob) => {
+      const link = document.createElement("a");
+      link.href = URL.createObjectURL(blob!);
+      link.download = `${element("readout").textContent!.split(/\s{2}/)[0]!.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`;
+      link.click();
+      setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    }, "image/png");
+  }
+
+  private lose(event: Event): void {
+    event.preventDefault();
+    this.is_lost = true;
+    notes.state("The graphics device is lost; the picture comes back with it.");
+  }
+
+  private restore(): void {
+    try {
+      this.picture.restore();
+      this.is_lost = false;
+      this.draw();
+      this.show_picture(true);
+      notes.state("");
+    } catch (error) {
+      this.is_lost = true;
+      this.show_picture(false);
+      notes.state(`This is a still picture: ${(error as Error).message}.`);
+    }
+  }
+}
+
+async function open(): Promise<void> {
+  notes.state("Opening the session …");
+  const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
+  element("data").remove(); // as long as the file: its memory is needed
+  const data = await session_of(header, packed), first = first_state(data);
+  const store = new Store(state_of(location.hash, first), first, data);
+  const picture = Picture.on(canvas, data);
+  if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
+  new Page(data, store, picture);
+}
+
+open().catch((error: Error) => notes.state(`This is a still picture: ${error.message}.`));

@@ -1,0 +1,103 @@
+// The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
+import { view_of } from "./camera";
+import { Renderer, Style, kFull, kQuick } from "./compositing";
+import type { ComingReds } from "./gl";
+import type { SessionData, Surface } from "./data";
+import { DeviceShape } from "./device_shape";
+import { GreyWindow, automatic_window } from "./grey_window";
+import type { Outline } from "./overlay";
+import type { State } from "./state";
+import type { View } from "./view";
+
+export class Picture {
+  private renderer: Renderer;
+  private readonly device: DeviceShape | null;
+  private weights_key = "";
+  private window_key = "";
+  private coming_tau: ComingReds | null = null; // for the window of a motion
+  private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
+  /** The grey window that was drawn last. */
+  window: GreyWindow = this.automatic;
+
+  private constructor(private readonly gl: WebGL2RenderingContext, private readonly data: SessionData) {
+    this.renderer = new Renderer(gl, data.map, data.tau);
+    this.device = data.run && new DeviceShape(data.run);
+  }
+
+  /** None where the browser has no WebGL 2. Throws where it cannot draw into textures of floats. */
+  static on(canvas: HTMLCanvasElement, data: SessionData): Picture | null {
+    const gl = canvas.getContext("webgl2", { alpha: false, antialias: false, depth: false, preserveDrawingBuffer: true });
+    return gl && new Picture(gl, data);
+  }
+
+  private get gamma(): number | undefined {
+    return this.data.header.window?.gamma;
+  }
+
+  /** After a lost context has come back. */
+  restore(): void {
+    this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
+    this.weights_key = this.window_key = "";
+    this.coming_tau = null;
+  }
+
+  view(state: State): View {
+    const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
+    const fit = state.is_bare && !this.data.header.is_of_session ? "tilted" : "untilted";
+    return view_of(state.camera, this.data.header.cone, this.data.map.bounds, width, height, fit);
+  }
+
+  /** Whether the road map is in the picture already. */
+  draw(state: State, is_moving: boolean): boolean {
+    this.set_weights(state);
+    const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
+    const style: Style = {
+      look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast,
+      detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
+      outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
+    };
+    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
+    const surfaces = device ? [...still, device] : still;
+    this.renderer.draw(view, surfaces, style);
+    return style.outlined !== null && this.renderer.adds_up(surfaces, style);
+  }
+
+  /** Where the vessels alone are, for the road map. */
+  road_map(view: View): Outline | null {
+    const covered = this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+    return covered && { covered, colour: this.data.header.viewer.road_map_colour };
+  }
+
+  private set_weights(state: State): void {
+    const { header, map } = this.data, key = `hidden: ${state.hidden_layers.join()}`;
+    if (key === this.weights_key) return;
+    this.weights_key = key;
+    const weights = Array.from({ length: map.layers }, (_, k) => (state.hidden_layers.includes(k) ? 0 : header.layer_weights[k] || 1));
+    this.renderer.set_weights(weights);
+    this.window_key = "";
+  }
+
+  /** Vessels and a catheter that does not move. */
+  private still_surfaces(state: State): Surface[] {
+    const surfaces: Surface[] = [];
+    if (this.data.vessels && state.shows_vessels) surfaces.push(this.data.vessels);
+    if (this.data.catheter) surfaces.push(this.data.catheter);
+    return surfaces;
+  }
+
+  private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {
+    const key = JSON.stringify([view, style.look, state.shows_vessels]);
+    if (key === this.window_key) return this.automatic;
+    if (!is_moving) {
+      this.window_key = key;
+      this.coming_tau?.drop();
+      this.coming_tau = null;
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style), this.gamma));
+    }
+    // In motion the window follows some pictures behind, so that none waits for the graphics device.
+    const tau = this.coming_tau?.take();
+    if (tau) this.automatic = automatic_window(tau, this.gamma);
+    if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+    return this.automatic;
+  }
+}

@@ -1,0 +1,26 @@
+// Optical depth between an opaque surface and the detector.
+uniform highp sampler2D surface_depth, shade;  // s of the surface; under a cone, its horizontal distance from the source
+uniform mat3 from_pixel;
+uniform float view_height, last_column;
+out vec4 tau;
+
+void main() {
+  ivec2 at = ivec2(gl_FragCoord.xy);
+  if (texelFetch(shade, at, 0).a == 0.0) discard;
+  vec3 place = from_pixel * vec3(gl_FragCoord.x, view_height - gl_FragCoord.y, 1.0);
+  place.xy /= place.z;
+  vec4 column = entry(column_table, int(clamp(floor(place.x + 0.5), 0.0, last_column)));
+  float row = first_row + row_step * place.y;
+  vec4 slopes = slope_of(vec4(row), column.z);
+  float depth = texelFetch(surface_depth, at, 0).x;
+  if (column.z > 0.0) depth -= 1.0 / column.z;
+  float sum = 0.0;
+  int first = int(column.x);
+  for (int i = first + int(column.y) - 1; i >= first; --i) {
+    vec4 sample_ = entry(sample_table, 2 * i), where = entry(sample_table, 2 * i + 1);
+    if (where.z <= depth) break;  // this sample and all before it lie behind the surface
+    float share = min(1.0, (where.z - depth) / max(where.z - where.y, 1e-6));
+    sum += share * sample_.y * rows_of(sample_, vec4(row) + slopes * where.x).x;
+  }
+  tau = vec4(sum * secant(slopes).x);
+}

@@ -1,0 +1,16 @@
+// Opaque surfaces: their shaded colour, and their depth along the ray.
+in vec3 position_mm, normal;
+uniform vec3 colour, towards_detector;
+uniform bool is_cone;
+uniform vec3 origin_mm;  // a cone's source, or the view's centre
+uniform vec3 along;      // of a parallel beam: the direction in which depth is measured
+layout(location = 0) out vec4 shade;
+layout(location = 1) out vec4 depth;
+
+void main() {
+  // Lambertian, lit by a headlight at the detector, with an ambient term.
+  float lambert = abs(dot(normalize(normal), towards_detector));
+  shade = vec4(colour * (0.25 + 0.75 * lambert), 1.0);
+  vec3 offset = position_mm - origin_mm;
+  depth = vec4(is_cone ? length(offset.xy) : dot(offset, along));
+}

@@ -1,0 +1,10 @@
+layout(location = 0) in vec3 point_mm;
+layout(location = 1) in vec3 point_normal;
+uniform mat4 to_clip;
+out vec3 position_mm, normal;
+
+void main() {
+  position_mm = point_mm;
+  normal = point_normal;
+  gl_Position = to_clip * vec4(point_mm, 1.0);
+}

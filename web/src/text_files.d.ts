@@ -1,0 +1,13 @@
+// esbuild turns these into strings.
+declare module "*.glsl" {
+  const text: string;
+  export default text;
+}
+declare module "*.frag" {
+  const text: string;
+  export default text;
+}
+declare module "*.vert" {
+  const text: string;
+  export default text;
+}
