@@ -121,7 +121,7 @@ TEST(HubCouplings, WhereOneIsOutOrAtItsEndNoneGoesOn) {
 /// Keeps what it is given to feel.
 class Sensing final : public HapticDevice {
  public:
-  HandPose pose(std::size_t) override { return {{}, ++count_}; }
+  HandPose pose(std::size_t) override { return {{10, 0}, ++count_}; }
   void feel(std::size_t hub, const HubLoad& load) override { felt.at(hub) = load; }
   void go_on_from(std::size_t, const HubPose&) override {}
   std::string status() const override { return "sensing"; }

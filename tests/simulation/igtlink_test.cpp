@@ -463,7 +463,9 @@ class TwoHubs : public testing::Test {
     return {};
   }
 
+  /// The answer after the greeting.
   static std::string status(Client& client) {
+    EXPECT_TRUE(client.receive("xraycast"));
     EXPECT_TRUE(client.send(MessageBytes{.type = "GET_STATUS"}.bytes()));
     const auto answer = client.receive("xraycast");
     return answer ? answer->text : "";
