@@ -79,7 +79,7 @@ std::vector<Row> add_simulating(Bench&) {
   const auto pair = std::make_shared<CoaxialSteps>(200, 2.5);
   add("two fifths of a deadline", [] { return 0.4; });
   add("coaxial_step_2x200", [pair] { return pair->next_ms(); });
-  const auto large = std::make_shared<CoaxialSteps>(512, 2.5);
+  const auto large = std::make_shared<CoaxialSteps>(512, 1.9);
   add("coaxial_step_2x512", [large] { return large->next_ms(); });
   using enum Row::Bar;
   return {{"rod_step_200", "quarter of a deadline", at_most, 1},
