@@ -123,7 +123,7 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
     session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
   }
   if (scene.steered)
-    surfaces.push_back(catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm));
+    std::ranges::copy(steered_surfaces(*scene.steered), std::back_inserter(surfaces));
   else if (!scene.catheter.empty())
     surfaces.push_back(read_catheter(scene.catheter));
   return surfaces;

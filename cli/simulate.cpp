@@ -16,6 +16,7 @@
 #include "xraycast/drawing/run_cine.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/vessels.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/format.h>
@@ -79,10 +80,7 @@ class Cine {
     else
       start(options, map, tree, cine);
   }
-  template <class Devices>
-  void see(const Devices& devices, double time_s) {
-    run_->see(devices, time_s);
-  }
+  void see(const CoaxialCatheters& devices, double time_s) { run_->see(devices, time_s); }
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
@@ -91,6 +89,7 @@ class Cine {
     xa_->set_mask_frames(run_->mask_frames());
     xa_->finish();
   }
+  double injected_ml() const { return run_->injected_ml(); }
   double withheld_ml() const { return run_->withheld_ml(); }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
@@ -188,9 +187,17 @@ void check_injection_begins(const SimulateArguments& options, const Script& scri
                      options.injection.times, options.script, end_s);
 }
 
-/// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
-template <class Devices>
-void run(Devices& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
+/// Throws InputError for an injection through a wire alone.
+void check_lumen(const SimulateArguments& options, const std::vector<InstrumentModel>& models) {
+  if (!options.cine.empty() && parse_injection(options.injection).volume_ml() > 0 &&
+      models[0].inner_radius_mm() == 0)
+    throw InputError(
+        "--inject {}: {} has no lumen; leave --inject out, or give a catheter by --device-model before it",
+        options.injection.times, models[0].name());
+}
+
+/// Runs the script and writes what it leads to.
+void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
          const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
@@ -198,12 +205,12 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
   std::optional<HubPlot> plot;
   if (!options.plot.empty()) plot.emplace(script).see(records_of(devices, 0));
   double held_s = 0;
-  const auto records =
-      run_script(devices, script, options.script, session.progress, [&](const Devices& moved, double time_s) {
-        if (plot) plot->see(records_of(moved, time_s));
-        if (moved.is_held()) held_s += moved.step_s();
-        if (cine) cine->see(moved, time_s);
-      });
+  const auto records = run_script(devices, script, options.script, session.progress,
+                                  [&](const CoaxialCatheters& moved, double time_s) {
+                                    if (plot) plot->see(records_of(moved, time_s));
+                                    if (moved.is_held()) held_s += moved.step_s();
+                                    if (cine) cine->see(moved, time_s);
+                                  });
   const double wall_s = 1e-3 * stopwatch.ms();
   OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
@@ -232,12 +239,13 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
     result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
     pictures = summary(*cine->fluoroscope(), cine->technique());
   }
+  if (cine && !options.injection.times.empty()) {
+    result["injected_ml"] = cine->injected_ml();
+    result["withheld_ml"] = cine->withheld_ml();
+  }
   if (cine && cine->withheld_ml() > 0)
-    pictures += fmt::format(
-        "{:.1f} ml of contrast agent were not injected: devices lay in the lumens; draw the inner one back "
-        "to "
-        "0 before\n",
-        cine->withheld_ml());
+    pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
+                            reason_for_no_outlet(models));
   for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
@@ -256,17 +264,13 @@ void simulate(const SimulateArguments& options, Session& session) {
   std::vector<InstrumentModel> models;
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
   check_devices(models);
+  check_lumen(options, models);
   const Script script = Script::read(options.script, models.size());
   check_injection_begins(options, script);
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
-  if (models.size() == 1) {
-    Catheter catheter(tree, models[0], entry);
-    run(catheter, models, entry, tree, script, options, session);
-  } else {
-    CoaxialCatheters devices(tree, models, entry);
-    run(devices, models, entry, tree, script, options, session);
-  }
+  CoaxialCatheters devices(tree, models, entry);
+  run(devices, models, entry, tree, script, options, session);
 }
 
 }  // namespace

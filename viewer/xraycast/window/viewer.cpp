@@ -116,6 +116,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   std::vector<Surface> surfaces;
   for (const auto& surface : {opened_.vessels, opened_.catheter})
     if (surface && !intervention_) surfaces.push_back(*surface);
+  if (!intervention_) std::ranges::copy(opened_.steered, std::back_inserter(surfaces));
   renderer_.set_surfaces(surfaces);
   std::vector<std::string> notes = opened_.warnings;
   if (opened_.map && opened_.vessels)
@@ -140,7 +141,7 @@ void Viewer::save_session() {
     const fs::path path = "xraycast-session.json";
     ViewSession shown = session_;
     shown.camera = picture_camera();
-    if (intervention_) shown.steered = intervention_->catheter();
+    if (intervention_) shown.steered = intervention_->steered();
     write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
   });
