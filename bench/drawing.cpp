@@ -22,9 +22,11 @@ std::vector<Row> add_drawing(Bench& bench) {
                                            compositing);
     add(name, [frames] { return frames->next_ms(); });
   }
-  for (const auto& [name, width, height] :
-       {std::tuple{"frame_fluoro_640", 640, 480}, std::tuple{"frame_fluoro_1280", 1280, 720}}) {
-    auto pulses = std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height);
+  for (const auto& [name, width, height, subtracts] :
+       {std::tuple{"frame_fluoro_640", 640, 480, false}, std::tuple{"frame_fluoro_1280", 1280, 720, false},
+        std::tuple{"frame_dsa_640", 640, 480, true}, std::tuple{"frame_dsa_1280", 1280, 720, true}}) {
+    auto pulses =
+        std::make_shared<FluoroscopyFrames>(bench.scan, bench.body_map(8), width, height, subtracts);
     add(name, [pulses] { return pulses->next_ms(); });
   }
   constexpr double kTilt_rad = 0.35;
@@ -55,8 +57,10 @@ std::vector<Row> add_drawing(Bench& bench) {
           {"frame_8_cone_tilt_640", "frame_8_640", reported, 0},
           {"frame_rectangle_640", "frame_8_640", reported, 0},
           {"opacity_to_frame_8_640", "VTK opacity to frame", at_least, 15},
-          {"frame_fluoro_640", "frame_8_640", reported, 0},
-          {"frame_fluoro_1280", "frame_8_1280", reported, 0},
+          {"frame_fluoro_640", "frame_8_640", at_most_more_ms, 4},
+          {"frame_fluoro_1280", "frame_8_1280", at_most_more_ms, 12},
+          {"frame_dsa_640", "frame_fluoro_640", at_most_more_ms, 4},
+          {"frame_dsa_1280", "frame_fluoro_1280", at_most_more_ms, 12},
           {"frame_drr_640", "VTK frame", at_least, 12}};
 }
 

@@ -4,11 +4,13 @@
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
+#include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <fmt/format.h>
 
+#include <optional>
 #include <string>
 #include <sys/wait.h>
 #include <unistd.h>
@@ -73,10 +75,22 @@ double OpacityFrames::next_ms() {
 struct FluoroscopyFrames::Chain {
   Fluoroscope fluoroscope;
   GreyPicture picture;
+  std::optional<Subtraction> subtraction;
+  MaximumOpacification opacified;
+  std::vector<float> difference;
+
+  void subtract(const FluoroscopyFrame& frame, int width, int height) {
+    const std::vector<float> depths = measured_depths(frame);
+    if (subtraction->mask_frames() == 0) subtraction->add_to_mask(depths);
+    difference.resize(depths.size());
+    subtraction->subtract(depths, difference);
+    opacified.add(difference);
+    picture.set(subtraction_greys(difference, {}), width, height);
+  }
 };
 
 FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width,
-                                     int height)
+                                     int height, bool subtracts)
     : Frames(scan, geometry, width, height, false), width_(width), height_(height) {
   const View view = view_of(camera_, bounds_, width, height);
   FluoroscopyOptions options;
@@ -85,8 +99,13 @@ FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry
   // as wide as on a detector.
   View on_detector = view;
   on_detector.pixel_mm = options.c_arm.detector.width_mm / width;
-  chain_.reset(new Chain{Fluoroscope(options, on_detector, WaterPath(Opacity::paper())), {}});
+  chain_.reset(new Chain{Fluoroscope(options, on_detector, WaterPath(Opacity::paper())), {}, {}, {}, {}});
   chain_->fluoroscope.settle(renderer().tau(view, style_));
+  if (subtracts) {
+    chain_->subtraction.emplace(width, height);
+    chain_->subtraction->shift_mask({0.5, 0});
+    chain_->fluoroscope.hold_technique(true);
+  }
   next_ms();
 }
 
@@ -97,7 +116,10 @@ double FluoroscopyFrames::next_ms() {
   camera_.rotate(7);
   const View view = view_of(camera_, bounds_, width_, height_);
   const FluoroscopyFrame& frame = chain_->fluoroscope.expose(renderer().tau(view, style_));
-  chain_->picture.set(frame.shown, width_, height_);
+  if (chain_->subtraction)
+    chain_->subtract(frame, width_, height_);
+  else
+    chain_->picture.set(frame.shown, width_, height_);
   chain_->picture.draw(0, 0, width_, height_);
   glFinish();
   return stopwatch.ms();

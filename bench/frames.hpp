@@ -47,10 +47,11 @@ class OpacityFrames : public Frames {
 };
 
 /// The same frames as a fluoroscope's pulses, as the window shows them: optical depths read back, the chain
-/// from quanta to greys, and the greys drawn.
+/// from quanta to greys, and the greys drawn; or with a mask subtracted.
 class FluoroscopyFrames : public Frames {
  public:
-  FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height);
+  FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
+                    bool subtracts);
   ~FluoroscopyFrames();
   double next_ms();
 

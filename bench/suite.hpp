@@ -58,7 +58,8 @@ double wall_ms(Work&& work) {
   return stopwatch.ms();
 }
 
-/// Registers `work`, timed by the wall, or by what it returns in milliseconds.
+/// Registers `work`, timed by the wall, or by what it returns in milliseconds; and by all threads' processor
+/// time.
 template <typename Work>
 benchmark::internal::Benchmark* add(const std::string& name, Work work) {
   auto* registered = benchmark::RegisterBenchmark(name.c_str(), [work](benchmark::State& state) mutable {
@@ -69,7 +70,7 @@ benchmark::internal::Benchmark* add(const std::string& name, Work work) {
         state.SetIterationTime(work() / 1000);
     }
   });
-  return registered->UseManualTime()->Unit(benchmark::kMillisecond);
+  return registered->UseManualTime()->MeasureProcessCPUTime()->Unit(benchmark::kMillisecond);
 }
 
 /// A cube from the middle of the scan.

@@ -9,7 +9,8 @@ namespace xraycast::bench {
 
 /// One line of the results: a measured time against its baseline from the same run.
 struct Row {
-  enum class Bar { at_most, at_least, reported };
+  /// Of the ratio, or of the difference in milliseconds.
+  enum class Bar { at_most, at_least, at_most_more_ms, reported };
 
   std::string name;
   std::string baseline;  ///< a benchmark's name; empty: none
@@ -20,7 +21,7 @@ struct Row {
 /// Median times by benchmark, in milliseconds.
 using Times = std::map<std::string, double>;
 
-/// value / baseline for at_most and reported, baseline / value for at_least; nothing without a baseline.
+/// baseline / value for at_least, otherwise value / baseline; nothing without a baseline.
 std::optional<double> ratio(const Row& row, const Times& times);
 
 /// Prints the table to stdout, for the rows whose benchmarks ran.

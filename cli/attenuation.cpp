@@ -8,7 +8,8 @@ void add_attenuation_options(CLI::App& command, AttenuationOptions& options) {
   command
       .add_option(
           "--opacity", options.opacity,
-          "From HU to attenuation: paper, bilinear, subtracted (for subtracted angiograms), or a JSON file "
+          "From HU to attenuation: paper, bilinear, subtracted (for subtracted CT angiograms), or a JSON "
+          "file "
           "of HU and mu; spectrum: models beam hardening for 80, 100 or 120 kVp or a file of keV and fluence")
       ->capture_default_str()
       ->type_name("NAME|FILE|spectrum:KVP|spectrum:FILE");
@@ -31,7 +32,7 @@ void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const S
                      const Session& session) {
   const auto* opacity = std::get_if<Opacity>(&attenuation);
   if (opacity && *opacity == Opacity::paper() && hu.is_subtracted())
-    session.say({"no voxel is below 0 HU, as in a subtracted angiogram; for one, use --opacity subtracted"});
+    session.say({"no voxel is below 0 HU; if this is a subtracted CT angiogram, use --opacity subtracted"});
 }
 
 SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,

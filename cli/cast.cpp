@@ -125,7 +125,7 @@ bool has_fractions(const CastArguments& options) {
 /// The edges that --radii lists.
 std::vector<double> resolve_edges(const CastArguments& options, std::vector<double> edges, double radius_mm) {
   if (options.layers && static_cast<std::size_t>(*options.layers) + 1 != edges.size())
-    throw InputError("--radii {} makes {}, but --layers asks for {}", *options.radii_text,
+    throw InputError("--radii {} makes {}, but --layers asks for {}; leave --layers out", *options.radii_text,
                      pluralize(edges.size() - 1, "layer"), *options.layers);
   if (has_fractions(options)) {
     for (double& edge : edges) edge *= radius_mm;
@@ -182,7 +182,7 @@ void check_applies(const CastArguments& options) {
   check(options.keeps_table, "--keep-table", {"cylinder", "sphere"});
   if (options.keeps_table && !has_body_outline(options))
     throw InputError(
-        "--keep-table: circles do not leave the table out; leave out --keep-table or --outline circle");
+        "--keep-table: circles always include the table; leave out --keep-table or --outline circle");
   if (!options.centre_line.empty() && options.centre != "auto")
     throw InputError("--centre {} and --centre-line {}: give only one of them", options.centre,
                      options.centre_line);
@@ -389,12 +389,12 @@ std::string left_out_line(const MapGeometry& geometry, const std::optional<doubl
                           bool keeps_table) {
   if (outside)
     return fmt::format(
-        "left out: {:.2g} % of the scan's attenuation, which lies outside of the outline (table, clothes, "
-        "and air under an opacity in which it absorbs)\n",
+        "left out: {:.2g} % of the scan's attenuation, outside the outline (table, clothes, and air where "
+        "the opacity lets it attenuate)\n",
         100 * *outside);
   if (!geometry.has_outline()) return "";
-  return keeps_table ? "left out: what lies outside of the outline, which holds the table too\n"
-                     : "left out: what lies outside of the outline; --keep-table holds the table\n";
+  return keeps_table ? "left out: everything outside the outline, which includes the table\n"
+                     : "left out: everything outside the outline; --keep-table includes the table\n";
 }
 
 void cast_map(CastArguments options, Session& session) {
@@ -490,16 +490,16 @@ void add_cast(CLI::App& app, Session& session) {
       ->add_option(
           "--radii", options->radii_text,
           "near-skin (default), equal-area (default for circles), equal-thickness, or all edges in mm, "
-          "innermost first; of a body's outline, numbers up to 1 are fractions")
+          "innermost first; with a body outline, numbers up to 1 are fractions of it")
       ->type_name("RULE|MM,MM,...");
   command
       ->add_option("--outline", options->outline,
-                   "What the shells follow: body, its own outline without the table, or circle, which shows "
-                   "less with as many layers (default: body, and circle where the scan holds none)")
+                   "What the shells follow: body (its outline, without the table) or circle (less accurate "
+                   "with the same number of layers); default: body, or circle if no body is found")
       ->check(CLI::IsMember({"body", "circle"}))
       ->type_name("NAME");
   command->add_flag("--keep-table", options->keeps_table,
-                    "An outline that holds all in the scan, such as the table");
+                    "Make the outline enclose everything in the scan, including the table");
   command
       ->add_option("--angles", options->angles,
                    "Rays per full turn around the axis, the map's width (default 360)")
@@ -519,7 +519,7 @@ void add_cast(CLI::App& app, Session& session) {
       ->type_name("FILE[#BRANCH]");
   command
       ->add_option("--radius", options->radius,
-                   "Outermost radius in mm, which also cuts an outline off; auto: encloses the body")
+                   "Outermost radius in mm, which also limits the outline; auto: encloses the body")
       ->capture_default_str()
       ->type_name("auto|MM");
   command
@@ -530,7 +530,7 @@ void add_cast(CLI::App& app, Session& session) {
   add_attenuation_options(*command, options->attenuation);
   command
       ->add_option("--memory-limit", options->memory_limit,
-                   "Cast a scan that exceeds this size slab by slab, such as 800M (default: the device's "
+                   "Size, such as 800M, above which a scan is cast slab by slab (default: the device's "
                    "largest buffer)")
       ->type_name("SIZE");
   CLI::Option* keep_basis =

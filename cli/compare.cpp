@@ -256,9 +256,9 @@ void compare_maps(const CompareArguments& options, Session& session) {
     curves.push_back(std::move(one.curve));
   }
   if (!options.plot.empty())
-    write_plot(
-        fmt::format("{}, {}", std::filesystem::path(options.input).filename().string(), options.compositing),
-        "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
+    write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
+                           options.compositing),
+               "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
   Json result{{"input", options.input}};
   if (all.size() == 1)
     result.update(all[0]);
@@ -300,7 +300,7 @@ void add_compare(CLI::App& app, Session& session) {
       ->add_option("--pictures", options->pictures,
                    "Also write a PNG per view: the map's frame, the true projection, and their difference")
       ->type_name("DIR");
-  command->add_option("--plot", options->plot, "Also plot the similarity over the C-arm angle")
+  command->add_option("--plot", options->plot, "Also plot the similarity against the C-arm angle")
       ->type_name("PNG");
   command->add_option("--plot-of", options->plotted, "What to plot: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))

@@ -112,9 +112,8 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
     write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
-    report.picture(
-        name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the way from the axis to the skin", k + 1,
-                          geometry.layers(), share(k), share(k + 1)));
+    report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
+                                     geometry.layers(), share(k), share(k + 1)));
   }
 }
 
@@ -276,7 +275,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 
   Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
-  RecordedRun run{.device = "5F Cobra", .radius_mm = catheter.rod().instrument().radius_mm()};
+  RecordedRun run{.device = "Cobra 5 F", .radius_mm = catheter.rod().instrument().radius_mm()};
   run.see(catheter, 0);
   const std::vector<RunRecord> records = report.timed("catheter run of 10.5 s, with its frames", [&] {
     return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
@@ -292,11 +291,11 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back().tip.branch,
                           records.back().tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: up into the left renal artery");
+  report.picture("run-fluoro.png", "run-fluoro.gif: Cobra to the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
-  write_hub_plot("5F Cobra: at the hub", course, report.file("run-forces.png"));
+  write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
-  report.picture("run-dsa.png", "run-dsa.gif: subtraction angiography, 5 ml of contrast agent");
+  report.picture("run-dsa.png", "run-dsa.gif: DSA, 5 ml of contrast agent");
   write_run_page(tree, map, std::move(run), report);
 }
 

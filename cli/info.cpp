@@ -22,7 +22,7 @@ std::string left_out_of(const ScanInfo& info) {
   if (left_out.damaged > 0) text += fmt::format("{} damaged", left_out.damaged);
   if (left_out.same_place > 0)
     text +=
-        fmt::format("{}{} at the place of another", left_out.damaged > 0 ? ", " : "", left_out.same_place);
+        fmt::format("{}{} at the position of another", left_out.damaged > 0 ? ", " : "", left_out.same_place);
   return text;
 }
 

@@ -103,7 +103,7 @@ int main(int argc, char** argv) {
   app.add_option("--device", session.device,
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
-  app.add_flag("--json", session.json, "Machine-readable results on stdout");
+  app.add_flag("--json", session.json, "Print results as JSON on stdout");
   app.add_flag("--quiet,-q", session.quiet,
                "Suppress notes, warnings, progress and the report of written files");
   cli::add_info(app, session);

@@ -23,8 +23,8 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
   command
       .add_option(
           "--precision", output.precision,
-          "How values are stored, in the file and in the texture that it is drawn from: float (32 bits), "
-          "half (16 bits) or byte (8 bits, from the least to the largest value of each layer)")
+          "How values are stored, in the file and in texture memory: float (32 bits), half (16 bits) or "
+          "byte (8 bits, scaled to the range of values of each layer)")
       ->check(CLI::IsMember({"float", "half", "byte"}))
       ->capture_default_str()
       ->type_name("NAME");
@@ -42,7 +42,7 @@ void write_map(const BodyMap& map, const MapOutput& output) {
 void report_preview(const MapGeometry& geometry, const MapOutput& output, Json& json, std::string& text) {
   if (output.preview.empty()) return;
   json["preview"] = output.preview;
-  text += fmt::format("{}: picture of {}\n", output.preview, pluralize(geometry.layers(), "layer"));
+  text += fmt::format("{}: preview of {}\n", output.preview, pluralize(geometry.layers(), "layer"));
 }
 
 Json to_json(const BodyMap& map) {

@@ -98,13 +98,12 @@ void add_phantom(CLI::App& app, Session& session) {
   command->add_option("--seed", options->phantom.seed, "Seed of the noise")
       ->capture_default_str()
       ->type_name("N");
-  command->add_flag("--table", options->phantom.table, "Include the patient table or the head rest");
+  command->add_flag("--table", options->phantom.table, "Include the patient table or the headrest");
   command
       ->add_option(
           "--truth", options->truth,
-          "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp; of the abdomen, "
-          "where these are the arteries, also mask_PART.nrrd of each system of vessels and each "
-          "organ")
+          "Also write the vessels' ground truth: mask.nrrd, tree.vtp and surface.vtp; for the abdomen "
+          "these are the arteries, with a mask_PART.nrrd of each vessel system and each organ")
       ->type_name("DIR");
 }
 

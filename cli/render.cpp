@@ -294,7 +294,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
 void check_fluoroscopy(const RenderArguments& options, const Style& style) {
   check_linear_codes(options.dicom);
   if (style.shading != ShadingMode::fluoro)
-    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
+    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
   if (options.full_contrast)
     throw InputError("--full-contrast does not apply to a fluoroscope's picture; leave it out");
 }

@@ -113,8 +113,8 @@ void write_dicom_mask(const Mask& mask, const ScanInfo& scan, const SegmentArgum
 void remove_stale_seg(const ScanInfo& scan, const fs::path& folder) {
   std::error_code error;
   if (why_no_seg(scan).empty() || fs::remove(folder / kSegName, error) || !error) return;
-  throw InputError("{}: that of an earlier run cannot be removed: {}", (folder / kSegName).string(),
-                   error.message());
+  throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it",
+                   (folder / kSegName).string(), error.message());
 }
 
 /// What is to be known of mask.seg.dcm, in a line.
@@ -122,22 +122,22 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
   if (!why_none.empty()) return fmt::format("no {}: {}\n", kSegName, why_none);
   if (frame_of_reference_uid(scan).empty())
     return fmt::format(
-        "{}: in a frame of reference of its own, since the slices share none; some viewers will not "
+        "{}: has its own frame of reference, because the slices have none in common; some viewers will not "
         "overlay it on them\n",
         kSegName);
   return "";
 }
 
-/// What would make a segmentation accept a seed.
+/// What makes a segmentation accept a seed.
 const char* remedy(LostSeed::Cause cause, bool has_window) {
   switch (cause) {
     case LostSeed::Cause::window:
-      return has_window ? "; give a --window that holds it, or leave --window out"
-                        : "; give a --window that holds it";
+      return has_window ? "; give a --window that includes it, or leave --window out"
+                        : "; give a --window that includes it";
     case LostSeed::Cause::chamber:
       return ", and counts as a heart chamber; raise --max-radius";
     case LostSeed::Cause::body:
-      return "; a mask of it can be given by --from-mask";
+      return "; to use it all the same, give a mask by --from-mask";
     default:
       return "; give a --seed in a vessel";
   }
@@ -163,7 +163,9 @@ SegmentedVessels segmented(const Volume& volume, const SegmentOptions& segmentin
     throw InputError("{}{}", error.what(), remedy(error.cause(), segmenting.window_hu.has_value()));
   } catch (const NoContrast& error) {
     if (steps) steps->finish(volume);
-    throw InputError("{}; give one by --seed X,Y,Z", error.what());
+    throw InputError(
+        "{}; check in the scan which are vessels, and give one by --seed X,Y,Z, or a mask by --from-mask",
+        error.what());
   }
 }
 
@@ -287,7 +289,7 @@ void add_segment(CLI::App& app, Session& session) {
       ->type_name("auto|LO,HI");
   command
       ->add_option("--explain", options->explain,
-                   "Folder for the mask that each step left, and a picture of what each took off")
+                   "Folder for the mask after each step, and a picture of what each step removed")
       ->type_name("DIR");
   command
       ->add_option("--from-mask", options->from_mask, "Start from a mask of the vessels, on the scan's grid")

@@ -5,6 +5,7 @@
 #include "options/view_options.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
+#include "pictures/run_report.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -30,7 +31,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SimulateArguments {
-  std::string tree, instrument_model, script, log, plot, entry;
+  std::string tree, script, log, plot, entry;
+  std::vector<std::string> instrument_models;
   std::string map, cine, look = "fluoro";
   InjectionOptions injection;
   SubtractionOptions subtraction;
@@ -38,23 +40,6 @@ struct SimulateArguments {
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
 };
-
-std::vector<glm::vec3> points_of(const VesselTree& tree) {
-  std::vector<glm::vec3> points_mm;
-  for (const VesselBranch& branch : tree.branches())
-    for (const VesselPoint& point : branch.points) points_mm.emplace_back(point.position_mm);
-  return points_mm;
-}
-
-/// The map of a coarse scan has few pixels, too few to show a catheter.
-View no_smaller(View view, const BodyBounds& bounds) {
-  constexpr int kMinPixels = 600;
-  const int longest = std::max(view.width, view.height);
-  if (longest >= kMinPixels) return view;
-  view.pixel_mm *= static_cast<double>(longest) / kMinPixels;
-  view.width = view.height = 0;
-  return fitted(view, bounds);
-}
 
 /// Throws InputError for what is no patient, or applies to no DICOM file.
 XaOptions parse_xa(const SimulateArguments& options) {
@@ -94,7 +79,10 @@ class Cine {
     else
       start(options, map, tree, cine);
   }
-  void see(const Catheter& catheter, double time_s) { run_->see(catheter, time_s); }
+  template <class Devices>
+  void see(const Devices& devices, double time_s) {
+    run_->see(devices, time_s);
+  }
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
@@ -103,6 +91,7 @@ class Cine {
     xa_->set_mask_frames(run_->mask_frames());
     xa_->finish();
   }
+  double withheld_ml() const { return run_->withheld_ml(); }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
   /// "scan" or "new"; empty where the cine is not DICOM.
@@ -162,26 +151,6 @@ class Cine {
   bool subtracts_ = false;
 };
 
-/// Samples the hub's loads during a run, at the resolution of a plot.
-class HubPlot {
- public:
-  explicit HubPlot(const Script& script)
-      : interval_s_(std::max(kFinest_s, script.rows().back().time_s / kMaxPoints)) {}
-
-  void see(const Catheter& catheter, double time_s) {
-    if (!records_.empty() && time_s < records_.back().time_s + interval_s_) return;
-    records_.push_back(record_of(catheter, time_s));
-  }
-  void write(const std::string& device, const fs::path& path) const {
-    write_hub_plot(fmt::format("{}: at the hub", device), records_, path);
-  }
-
- private:
-  static constexpr double kFinest_s = 0.01, kMaxPoints = 2000;
-  double interval_s_;
-  std::vector<RunRecord> records_;
-};
-
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
   const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
@@ -207,6 +176,12 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
+Json json_of(const CatheterTip& tip) {
+  return {{"branch", tip.branch},
+          {"arc_length_mm", tip.arc_length_mm},
+          {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
+}
+
 void check_injection_begins(const SimulateArguments& options, const Script& script) {
   const double end_s = script.rows().back().time_s;
   if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
@@ -214,71 +189,85 @@ void check_injection_begins(const SimulateArguments& options, const Script& scri
                      options.injection.times, options.script, end_s);
 }
 
-std::string held_note(double held_s) {
-  if (held_s < 0.05) return "";
-  return fmt::format(
-      "the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N\n", held_s,
-      Catheter::kMaxPush_N);
-}
-
-void simulate(const SimulateArguments& options, Session& session) {
-  check_writable(options.log);
-  if (!options.plot.empty()) check_plot(options.plot);
-  check_cine(options);
-  const EntryChoice entry_choice = parse_entry(options.entry);
-  const InstrumentModel device = InstrumentModel::named(options.instrument_model);
-  const Script script = Script::read(options.script);
-  check_injection_begins(options, script);
-  const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = find_entry(tree, entry_choice, device);
-
-  Catheter catheter(tree, device, entry);
+/// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
+template <class Devices>
+void run(Devices& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
+         const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
   std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(script).see(catheter, 0);
+  if (!options.plot.empty()) plot.emplace(script).see(records_of(devices, 0));
   double held_s = 0;
-  const std::vector<RunRecord> records = run_script(catheter, script, options.script, session.progress,
-                                                    [&](const Catheter& moved, double time_s) {
-                                                      if (plot) plot->see(moved, time_s);
-                                                      if (moved.is_held()) held_s += moved.step_s();
-                                                      if (cine) cine->see(moved, time_s);
-                                                    });
+  const auto records =
+      run_script(devices, script, options.script, session.progress, [&](const Devices& moved, double time_s) {
+        if (plot) plot->see(records_of(moved, time_s));
+        if (moved.is_held()) held_s += moved.step_s();
+        if (cine) cine->see(moved, time_s);
+      });
   const double wall_s = 1e-3 * stopwatch.ms();
   OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
-  if (plot) plot->write(device.name(), options.plot);
+  if (plot) plot->write(models, options.plot);
   if (cine) cine->finish();
   outputs.commit();
 
-  const CatheterTip tip = catheter.tip();
-  const double times_faster = catheter.time_s() / std::max(wall_s, 1e-9);
+  const std::vector<RunRecord> last = records_of(devices, devices.time_s());
+  const double times_faster = devices.time_s() / std::max(wall_s, 1e-9);
   Json result{{"tree", options.tree},
-              {"device_model", device.name()},
+              {"device_model", models[0].name()},
               {"entry_branch", entry.branch},
               {"held_s", held_s},
               {"log", options.log},
               {"rows", records.size()},
-              {"simulated_s", catheter.time_s()},
+              {"simulated_s", devices.time_s()},
               {"wall_s", wall_s},
-              {"tip",
-               {{"branch", tip.branch},
-                {"arc_length_mm", tip.arc_length_mm},
-                {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}}}};
+              {"tip", json_of(last[0].tip)}};
+  for (std::size_t d = 1; d < models.size(); ++d) {
+    result[fmt::format("device_model_{}", d + 1)] = models[d].name();
+    result[fmt::format("tip_{}", d + 1)] = json_of(last[d].tip);
+  }
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
   if (cine && cine->fluoroscope()) {
     result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
     pictures = summary(*cine->fluoroscope(), cine->technique());
   }
-  for (const std::string& file : {options.plot, options.cine})
-    if (!file.empty()) pictures += fmt::format("{}: written\n", file);
+  if (cine && cine->withheld_ml() > 0)
+    pictures += fmt::format(
+        "{:.1f} ml of contrast agent were not injected: devices lay in the lumens; draw the inner one back "
+        "to "
+        "0 before\n",
+        cine->withheld_ml());
+  for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
+    pictures += fmt::format("{}: written\n", file.string());
+  if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
-                                     "entry: end of branch {}; tip: in branch {}, {:.0f} mm along it\n{}{}",
-                                     options.log, pluralize(records.size(), "row"), catheter.time_s(), wall_s,
-                                     times_faster, entry.branch, tip.branch, tip.arc_length_mm,
-                                     held_note(held_s), pictures));
+                                     "entry: end of branch {}; {}\n{}{}",
+                                     options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
+                                     times_faster, entry.branch, text_of(last), held_note(held_s), pictures));
+}
+
+void simulate(const SimulateArguments& options, Session& session) {
+  check_writable(options.log);
+  for (const fs::path& path : HubPlot::paths(options.plot, options.instrument_models.size()))
+    check_plot(path);
+  check_cine(options);
+  const EntryChoice entry_choice = parse_entry(options.entry);
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
+  check_devices(models);
+  const Script script = Script::read(options.script, models.size());
+  check_injection_begins(options, script);
+  const VesselTree tree = read_tree(options.tree);
+  const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
+  if (models.size() == 1) {
+    Catheter catheter(tree, models[0], entry);
+    run(catheter, models, entry, tree, script, options, session);
+  } else {
+    CoaxialCatheters devices(tree, models, entry);
+    run(devices, models, entry, tree, script, options, session);
+  }
 }
 
 }  // namespace
@@ -296,12 +285,15 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --cine run.dcm --inject 8,9 --cone 780,1200 --patient Phantom,1\n"
       "  xraycast simulate vessels --device-model cobra-5f --script push.csv -o log.csv --map map.exr \\\n"
       "    --cine dsa.gif --look dsa --inject 8 --injection-rate 6 --injection-volume 12 --iodine 300\n"
-      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers.",
+      "  xraycast simulate vessels --device-model cobra-5f --device-model guidewire-035-j \\\n"
+      "    --script both.csv -o log.csv\n"
+      "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
+      "second device also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &session] { simulate(*options, session); });
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");
-  add_catheter_options(*command, options->instrument_model, options->entry);
+  add_coaxial_options(*command, options->instrument_models, options->entry);
   command->add_option("--script", options->script, "Motion of the hub, interpolated linearly between rows")
       ->required()
       ->type_name("CSV");

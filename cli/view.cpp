@@ -85,7 +85,7 @@ void add_view(CLI::App& app, Session& session) {
   add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
   Intervention::Options& simulation = options->simulation;
-  add_catheter_options(*command, simulation.instrument_model, options->entry);
+  add_coaxial_options(*command, simulation.instrument_models, options->entry);
   command->add_option("--haptic", simulation.haptic, "Input device that moves the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()

@@ -177,7 +177,7 @@ void write_file(nb::handle path, const nb::object& progress, const Write& write)
 void add_body(nb::module_& module) {
   nb::class_<HeldBody>(
       module, "BodyMap",
-      "A scan's attenuation in concentric shells about the body's axis: from it frames are drawn "
+      "A scan's attenuation in concentric shells about the body's axis; frames are drawn from it "
       "without the scan.")
       .def_static("read", read_map, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
                   "Reads a map that `xraycast cast` or write() wrote.")
@@ -206,10 +206,9 @@ void add_body(nb::module_& module) {
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
           nb::arg("centre_mm") = nb::none(), nb::arg("progress") = nb::none(),
-          "A Frame from any C-arm angle, or Frames where angles are lists; the arguments are those of "
-          "Scan.project. "
-          "Drawn by OpenGL, in software where there is no GPU.")
-      .def("_repr_png_", preview_png, "What a notebook shows: the layers, innermost on top.")
+          "A Frame from any C-arm angle, or Frames if angles are lists; the arguments are those of "
+          "Scan.project. Drawn by OpenGL, in software if there is no GPU.")
+      .def("_repr_png_", preview_png, "PNG for notebooks: the layers, innermost on top.")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;
         return text_object(fmt::format("<xraycast.BodyMap of {}: {} layers of {} angles x {} rows>",
@@ -219,7 +218,7 @@ void add_body(nb::module_& module) {
 
 void add_basis(nb::module_& module) {
   nb::class_<HeldBasis>(module, "Basis",
-                        "That of a scan from which maps with other opacities are made in milliseconds.")
+                        "The basis of a scan: maps with other opacities are recast from it in milliseconds.")
       .def_static("read", read_basis_file, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none())
       .def(
           "write",
@@ -252,8 +251,8 @@ void add_casting(nb::module_& module, nb::class_<HeldScan>& scan) {
           nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("opacity") = "paper",
           nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
           "Casts the scan into a BodyMap of concentric layers.\n\n"
-          "angles: rays per turn.  outline: the shells follow the `body`, without the table, or are "
-          "`circle`s.")
+          "angles: rays per turn.  outline: `body`: the shells follow the body's outline, without the "
+          "table; `circle`: they are circles.")
       .def(
           "cast_basis",
           [](HeldScan& self, int layers, int angles, const nb::object& knots_hu, const nb::object& opacity,
@@ -263,9 +262,8 @@ void add_casting(nb::module_& module, nb::class_<HeldScan>& scan) {
           nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("knots_hu") = nb::none(),
           nb::arg("opacity") = "paper", nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
           "The Basis from which maps with other opacities are recast.\n\n"
-          "knots_hu: CT numbers at which their slope may change, at most 64; else those of `opacity` and a "
-          "standard "
-          "set.");
+          "knots_hu: CT numbers at which their slope may change, at most 64; default: those of `opacity` "
+          "and a standard set.");
 }
 
 }  // namespace xraycast::python

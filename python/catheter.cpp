@@ -1,16 +1,18 @@
-#include "xraycast/mechanics/catheter.hpp"
-
 #include "job.hpp"
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/simulation/run_script.hpp"
+
+#include <fmt/ranges.h>
 
 #include <atomic>
 #include <chrono>
 #include <cmath>
 #include <limits>
 #include <mutex>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 #include <numbers>
@@ -28,23 +30,36 @@ struct State {
   bool is_held;
 };
 
-/// A catheter, moved by one thread at a time.
-class HeldCatheter {
+/// How far each device's hub moves.
+struct Motion {
+  std::vector<double> push_mm, turn_rad;
+};
+
+/// Coaxial devices, or one alone, moved by one thread at a time.
+class HeldDevices {
  public:
-  HeldCatheter(std::shared_ptr<const VesselTree> tree, const InstrumentModel& model, const EntryChoice& entry)
+  HeldDevices(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
+              const EntryChoice& entry)
       : tree_(std::move(tree)),
-        name_(model.name()),
-        catheter_(*tree_, model, find_entry(*tree_, entry, model)) {}
+        count_(models.size()),
+        devices_(*tree_, models, find_entry(*tree_, entry, models.front())) {
+    for (std::size_t d = 0; d < count_; ++d)
+      shown_.push_back({models[d].name(), devices_.max_insertion_mm(d)});
+  }
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
-  State step(double push_mm, double turn_rad, int steps, const RunningCall& call) {
+  std::vector<State> step(const Motion& motion, int steps, const RunningCall& call) {
     const auto lock = locked();
     const Stepping stepping(stepping_);
-    const HubPose start = catheter_.pose();
+    std::vector<HubPose> starts, poses(count());
+    for (std::size_t d = 0; d < count(); ++d) starts.push_back(devices_.pose(d));
     auto looked = std::chrono::steady_clock::now();
     for (int i = 1; i <= steps; ++i) {
       const double share = static_cast<double>(i) / steps;
-      catheter_.step({start.insertion_mm + share * push_mm, start.rotation_rad + share * turn_rad});
+      for (std::size_t d = 0; d < count(); ++d)
+        poses[d] = {starts[d].insertion_mm + share * motion.push_mm[d],
+                    starts[d].rotation_rad + share * motion.turn_rad[d]};
+      devices_.step(poses);
       constexpr std::chrono::milliseconds kLookInterval{50};
       if (std::chrono::steady_clock::now() - looked < kLookInterval) continue;
       const nb::gil_scoped_acquire held;
@@ -52,23 +67,44 @@ class HeldCatheter {
       call.check();
       looked = std::chrono::steady_clock::now();
     }
-    return state_now();
+    return states_now();
   }
 
-  State state() {
+  std::vector<State> states() {
     const auto lock = locked();
-    return state_now();
+    return states_now();
   }
 
-  std::shared_ptr<std::vector<glm::dvec3>> nodes_mm() {
+  std::shared_ptr<std::vector<glm::dvec3>> nodes_mm(std::size_t device) {
     const auto lock = locked();
     auto nodes = std::make_shared<std::vector<glm::dvec3>>();
-    catheter_.copy_nodes(*nodes);
+    devices_.copy_nodes(device, *nodes);
     return nodes;
   }
 
-  const std::string& name() const { return name_; }
-  double max_insertion_mm() const { return catheter_.max_insertion_mm(); }
+  void exchange(std::size_t device, const InstrumentModel& model) {
+    const auto lock = locked();
+    devices_.exchange(device, model);
+    const std::lock_guard shown(shown_mutex_);
+    shown_[device] = {model.name(), devices_.max_insertion_mm(device)};
+  }
+
+  bool has_free_lumen(std::size_t device) {
+    const auto lock = locked();
+    return devices_.has_free_lumen(device);
+  }
+
+  // Also with the interpreter's lock and while another thread steps.
+  std::string name(std::size_t device) {
+    const std::lock_guard shown(shown_mutex_);
+    return shown_[device].name;
+  }
+  double max_insertion_mm(std::size_t device) {
+    const std::lock_guard shown(shown_mutex_);
+    return shown_[device].max_insertion_mm;
+  }
+
+  std::size_t count() const { return count_; }
 
  private:
   using Stepper = std::atomic<std::thread::id>;
@@ -94,13 +130,30 @@ class HeldCatheter {
     return std::unique_lock(mutex_);
   }
 
-  State state_now() const { return {record_of(catheter_, catheter_.time_s()), catheter_.is_held()}; }
+  std::vector<State> states_now() const {
+    std::vector<State> states;
+    for (const RunRecord& record : records_of(devices_, devices_.time_s()))
+      states.push_back({record, devices_.is_held(states.size())});
+    return states;
+  }
+
+  struct Shown {
+    std::string name;
+    double max_insertion_mm = 0;
+  };
 
   std::shared_ptr<const VesselTree> tree_;
-  std::string name_;
-  std::mutex mutex_;
+  std::size_t count_;
+  std::mutex shown_mutex_;
+  std::vector<Shown> shown_;
+  std::mutex mutex_;    ///< of the devices
   Stepper stepping_{};  ///< the thread that steps
-  Catheter catheter_;
+  CoaxialCatheters devices_;
+};
+
+/// One alone.
+struct HeldCatheter {
+  HeldDevices held;
 };
 
 /// A branch's number, as operator.index gives it; none for what is no number, such as a point.
@@ -129,26 +182,66 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::objec
   const std::string name = path_of(model);
   const EntryChoice choice = entry_of(entry);
   const nb::gil_scoped_release released;
-  new (catheter) HeldCatheter(tree.tree, InstrumentModel::named(name), choice);
+  new (catheter) HeldCatheter{{tree.tree, {InstrumentModel::named(name)}, choice}};
 }
 
-State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
+void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& models,
+                  const nb::object& entry) {
+  if (nb::isinstance<nb::str>(models) || !nb::isinstance<nb::sequence>(models))
+    throw InputError("models: must be a list of devices, the outermost first");
+  std::vector<std::string> names;
+  for (const nb::handle model : models) names.push_back(path_of(nb::borrow(model)));
+  const EntryChoice choice = entry_of(entry);
+  const nb::gil_scoped_release released;
+  std::vector<InstrumentModel> of_names;
+  for (const std::string& name : names) of_names.push_back(InstrumentModel::named(name));
+  check_devices(of_names);
+  new (devices) HeldDevices(tree.tree, of_names, choice);
+}
+
+/// One number a device; none: 0 for all.
+std::vector<double> numbers_of(const std::optional<std::vector<double>>& given, std::size_t count,
+                               const char* name) {
+  if (!given) return std::vector<double>(count, 0);
+  if (given->size() != count)
+    throw InputError("{}: has {} numbers for {} devices; give one a device, the outermost first", name,
+                     given->size(), count);
+  for (const double number : *given)
+    if (!std::isfinite(number)) throw InputError("{}: must be finite", name);
+  return *given;
+}
+
+std::vector<State> move_hubs(HeldDevices& devices, const std::optional<std::vector<double>>& push_mm,
+                             const std::optional<std::vector<double>>& turn_deg, int ms) {
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
-  if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
-  if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
+  Motion motion{numbers_of(push_mm, devices.count(), "push_mm"),
+                numbers_of(turn_deg, devices.count(), "turn_deg")};
+  for (double& angle : motion.turn_rad) angle *= kRadiansPerDegree;
   Progress progress;
   const RunningCall call(progress);
   const nb::gil_scoped_release released;
-  return catheter.step(push_mm, kRadiansPerDegree * turn_deg, ms, call);
+  return devices.step(motion, ms, call);
 }
 
-auto nodes_of(HeldCatheter& catheter) {
+State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
+  return move_hubs(catheter.held, {{push_mm}}, {{turn_deg}}, ms).front();
+}
+
+/// Throws InputError for a device that there is not.
+std::size_t checked_device(const HeldDevices& devices, int device) {
+  if (device < 0 || static_cast<std::size_t>(device) >= devices.count())
+    throw InputError("device {}: must be 0 to {}, from the outermost on", device, devices.count() - 1);
+  return static_cast<std::size_t>(device);
+}
+
+auto nodes_of(HeldDevices& devices, int device) {
+  const std::size_t number = checked_device(devices, device);
   std::shared_ptr<std::vector<glm::dvec3>> nodes;
   {
     const nb::gil_scoped_release released;
-    nodes = catheter.nodes_mm();
+    nodes = devices.nodes_mm(number);
   }
   return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
 }
@@ -194,26 +287,80 @@ void add_state(nb::module_& module) {
       .def("__repr__", state_description);
 }
 
+std::vector<std::string> names_of(HeldDevices& devices) {
+  std::vector<std::string> names;
+  for (std::size_t d = 0; d < devices.count(); ++d) names.push_back(devices.name(d));
+  return names;
+}
+
+void exchange_device(HeldDevices& devices, int device, const nb::object& model) {
+  const std::size_t number = checked_device(devices, device);
+  const std::string name = path_of(model);
+  const nb::gil_scoped_release released;
+  devices.exchange(number, InstrumentModel::named(name));
+}
+
+void add_devices(nb::module_& module) {
+  nb::class_<HeldDevices>(
+      module, "CoaxialDevices",
+      "Up to three devices one in the other, as a guide wire in a catheter, each moved at "
+      "its own hub. Lists have an item a device, the outermost first.")
+      .def("__init__", make_devices, nb::arg("tree"), nb::arg("models"), nb::kw_only(),
+           nb::arg("entry") = nb::none(),
+           "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
+           "Catheter's.")
+      .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
+           nb::arg("ms") = 1,
+           "Moves each hub by its number of push_mm and turn_deg, evenly over so many steps of 1 ms, and "
+           "returns a CatheterState a device.")
+      .def_prop_ro("states", &HeldDevices::states, nb::call_guard<nb::gil_scoped_release>())
+      .def("nodes_mm", nodes_of, nb::arg("device"), kShared,
+           "A device from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
+      .def("exchange", exchange_device, nb::arg("device"), nb::arg("model"),
+           "Another model instead of a device that is drawn back to an insertion of 0. The others stay.")
+      .def(
+          "has_free_lumen",
+          [](HeldDevices& d, int device) { return d.has_free_lumen(checked_device(d, device)); },
+          nb::arg("device"), nb::call_guard<nb::gil_scoped_release>(),
+          "No other device is inserted in it, so that contrast agent can be injected.")
+      .def_prop_ro("models", names_of)
+      .def_prop_ro("max_insertion_mm",
+                   [](HeldDevices& d) {
+                     std::vector<double> most_mm;
+                     for (std::size_t i = 0; i < d.count(); ++i) most_mm.push_back(d.max_insertion_mm(i));
+                     return most_mm;
+                   })
+      .def("__len__", &HeldDevices::count)
+      .def("__repr__", [](HeldDevices& d) {
+        return text_object(fmt::format("<xraycast.CoaxialDevices {}>", fmt::join(names_of(d), ", ")));
+      });
+}
+
 }  // namespace
 
 void add_catheter(nb::module_& module) {
   add_state(module);
+  add_devices(module);
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
            nb::arg("entry") = nb::none(),
-           "model: cobra-5f, simmons2-5f, pigtail-5f, microcatheter-27f, guidewire-035-j, or a JSON file.\n"
+           "model: a device's name, as cobra-5f or guidewire-035-j (others are told for a wrong one), or a "
+           "JSON file.\n"
            "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; else the most "
            "inferior end "
            "that it fits into.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
            "Moves the hub by so much, evenly over so many steps of 1 ms, and returns the CatheterState.")
-      .def_prop_ro("state", &HeldCatheter::state, nb::call_guard<nb::gil_scoped_release>())
-      .def_prop_ro("nodes_mm", nodes_of, kShared,
-                   "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def_prop_ro("model", [](const HeldCatheter& c) { return text_object(c.name()); })
-      .def_prop_ro("max_insertion_mm", &HeldCatheter::max_insertion_mm)
-      .def("__repr__", [](const HeldCatheter& c) {
-        return text_object(fmt::format("<xraycast.Catheter {}>", c.name()));
+      .def_prop_ro(
+          "state", [](HeldCatheter& c) { return c.held.states().front(); },
+          nb::call_guard<nb::gil_scoped_release>())
+      .def_prop_ro(
+          "nodes_mm", [](HeldCatheter& c) { return nodes_of(c.held, 0); }, kShared,
+          "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
+      .def_prop_ro("model", [](HeldCatheter& c) { return text_object(c.held.name(0)); })
+      .def_prop_ro("max_insertion_mm", [](HeldCatheter& c) { return c.held.max_insertion_mm(0); })
+      .def("__repr__", [](HeldCatheter& c) {
+        return text_object(fmt::format("<xraycast.Catheter {}>", c.held.name(0)));
       });
 }
 

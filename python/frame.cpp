@@ -38,7 +38,7 @@ Picture transmission_array(const Frame& frame) {
 
 Pictures gradient_array(const Frame& frame) {
   if (frame.depths->gradient.empty())
-    throw InputError("gradient: was not asked for; give gradient=True to project");
+    throw InputError("gradient: not computed; give gradient=True to project");
   return array_over<float, 3>(
       frame.depths->gradient.data() + 6 * frame.index * frame.pixels(),
       {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width()), 6}, frame.depths);
@@ -166,14 +166,14 @@ void add_frames(nb::module_& module) {
           "(source to isocentre, source to detector), mm; None for a parallel beam.")
       .def_prop_ro(
           "K", [](const Frame& f) { return intrinsics_of(f.pose); },
-          "3 x 3, pixels; pixel (0, 0) has its middle at (0, 0). None for a parallel beam.")
+          "3 x 3, pixels; the centre of pixel (0, 0) is at (0, 0). None for a parallel beam.")
       .def_prop_ro(
           "RT", [](const Frame& f) { return extrinsics_of(f.pose); },
           "3 x 4, from LPS mm to the camera's mm, z forward. None for a parallel beam.")
       .def("write", write_frame, nb::arg("path"), nb::kw_only(), nb::arg("gamma") = 1.0,
            nb::arg("inverted") = false,
            "Writes .exr, .tif or .nrrd (float depths), .dcm (DICOM XA) or .png (the displayed picture).")
-      .def("_repr_png_", png_of, "What a notebook shows: the transmission in an automatic grey window.")
+      .def("_repr_png_", png_of, "PNG for notebooks: the transmission in an automatic grey window.")
       .def("__repr__", frame_description);
 
   nb::class_<Frames> frames(

@@ -63,7 +63,7 @@ NB_MODULE(_core, module) {
   // A daemon thread's frames keep what they hold when the interpreter exits.
   nanobind::set_leak_warnings(false);
   using namespace xraycast::python;
-  module.doc() = "CT scans into fluoroscopy one can fly through.";
+  module.doc() = "Turns CT scans into fluoroscopy that one can fly through.";
   module.attr("__version__") = XRAYCAST_VERSION;
   nb::register_exception_translator(translate);
   add_opacity(module);

@@ -32,8 +32,8 @@ std::size_t count_of(std::initializer_list<std::pair<const char*, std::size_t>> 
   for (const auto& [name, size] : lists) {
     if (size == 0) continue;
     if (first && size != count)
-      throw InputError("{} holds {} and {} {}; give as many of both, or one of either", first, count, name,
-                       size);
+      throw InputError("{} has {} values, but {} has {}; give lists of the same length, or one value", first,
+                       count, name, size);
     first = name;
     count = size;
   }
@@ -137,7 +137,7 @@ void check_without_view(const PoseArguments& arguments) {
   if (!is_zero(arguments.lao) || !is_zero(arguments.cranial) || !arguments.cone_mm.is_none() ||
       !arguments.pixel_mm.is_none() || !arguments.centre_mm.is_none())
     throw InputError(
-        "K and RT say where source and detector are; leave out lao, cranial, cone_mm, pixel_mm and "
+        "K and RT already place source and detector; leave out lao, cranial, cone_mm, pixel_mm and "
         "centre_mm");
 }
 

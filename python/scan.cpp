@@ -218,7 +218,7 @@ void add_scan(nb::module_& module) {
           "from_array", from_array, nb::arg("hu"), nb::arg("spacing_mm"),
           nb::arg("origin_mm") = nb::make_tuple(0, 0, 0), nb::arg("direction") = nb::none(), nb::kw_only(),
           nb::arg("progress") = nb::none(),
-          "A scan of CT numbers in an array.\n\n"
+          "Makes a scan from an array of CT numbers.\n\n"
           "hu: (z, y, x) int16, Hounsfield units; shared, not copied, where it is contiguous, the direction "
           "is the identity and no value is below -1024. Do not write into it afterwards.\n"
           "spacing_mm, origin_mm: (x, y, z), mm, LPS; the origin is the middle of voxel (0, 0, 0).\n"
@@ -226,7 +226,7 @@ void add_scan(nb::module_& module) {
           "reoriented or resampled.")
       .def_static(
           "from_sitk", [](const nb::object& image) { return with_sitk("from_sitk", image); },
-          nb::arg("image"), "A scan of a SimpleITK image.")
+          nb::arg("image"), "Makes a scan from a SimpleITK image.")
       .def(
           "to_sitk", [](const nb::object& self) { return with_sitk("to_sitk", self); },
           "A SimpleITK image; a copy.")
@@ -244,10 +244,10 @@ void add_scan(nb::module_& module) {
           "The middle of the scan (x, y, z), mm, LPS.")
       .def_prop_ro(
           "notes", [](const HeldScan& s) { return text_objects(s.info().notes); },
-          "What was changed when the scan was read, such as resampling.")
+          "Changes made when the scan was read, such as resampling.")
       .def_prop_ro(
           "warnings", [](const HeldScan& s) { return text_objects(s.info().warnings); },
-          "What to look at in the scan.")
+          "What to check in the scan, such as uneven slice spacing.")
       .def("write", write_scan, nb::arg("path"), nb::kw_only(), nb::arg("progress") = nb::none(),
            "Writes .nrrd, .nii, .nii.gz, .mha or .mhd.")
       .def_prop_ro("_file", file_of)
@@ -274,7 +274,7 @@ void add_scan(nb::module_& module) {
       nb::arg("path"), nb::kw_only(), nb::arg("series") = "", nb::arg("keep_slices") = false,
       nb::arg("skip_damaged") = false, nb::arg("progress") = nb::none(),
       "Reads a scan: a DICOM folder, file or .zip, or a NIfTI, NRRD, MetaImage or VTK file.\n\n"
-      "series: the DICOM series' number, or part of its description or UID; else the best CT.\n"
+      "series: the DICOM series' number, or part of its description or UID; default: the best CT series.\n"
       "progress: a callable (fraction, stage), or tqdm.");
   module.def(
       "phantom",

@@ -37,8 +37,8 @@ struct HeldBranch {
 const char* remedy(LostSeed::Cause cause, bool has_window) {
   switch (cause) {
     case LostSeed::Cause::window:
-      return has_window ? "; give a window_hu that holds it, or leave window_hu out"
-                        : "; give a window_hu that holds it";
+      return has_window ? "; give a window_hu that includes it, or leave window_hu out"
+                        : "; give a window_hu that includes it";
     case LostSeed::Cause::chamber:
       return ", and counts as a heart chamber; raise max_radius_mm";
     default:
@@ -53,7 +53,8 @@ SegmentedVessels vessels_of(const HeldScan& scan, const SegmentOptions& options,
   } catch (const LostSeed& error) {
     throw InputError("{}{}", error.what(), remedy(error.cause(), options.window_hu.has_value()));
   } catch (const NoContrast& error) {
-    throw InputError("{}; give one by seeds=[(x, y, z)]", error.what());
+    throw InputError("{}; check in the scan which are vessels, and give one by seeds=[(x, y, z)]",
+                     error.what());
   }
 }
 
@@ -229,9 +230,9 @@ void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {
       nb::arg("window_hu") = nb::none(), nb::arg("max_radius_mm") = Markers{}.max_radius_mm,
       nb::arg("root_mm") = nb::none(), nb::arg("triangles") = 50'000, nb::arg("progress") = nb::none(),
       "The Vessels of a CT angiography: mask, tree of centrelines, and surface.\n\n"
-      "seeds: points (x, y, z) in vessels, mm, LPS; else the largest vessels.\n"
-      "not_vessels: points in what to exclude, such as a vein that touches an artery.\n"
-      "window_hu: (lowest, highest) CT number of the vessels; else from the histogram.\n"
+      "seeds: points (x, y, z) in vessels, mm, LPS; default: the largest vessels.\n"
+      "not_vessels: points in structures to exclude, such as a vein that touches an artery.\n"
+      "window_hu: (lowest, highest) CT number of the vessels; default: from the histogram.\n"
       "max_radius_mm: wider structures count as heart chambers.  root_mm: the tree begins at the end nearest "
       "to it.");
 }

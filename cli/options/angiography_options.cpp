@@ -24,19 +24,21 @@ void check_amount(const char* option, double value, double most, const char* uni
 void add_injection_options(CLI::App& command, InjectionOptions& options) {
   command
       .add_option("--inject", options.times,
-                  "--cine: inject contrast agent at the tip between these times; TO may be left out where "
+                  "--cine: inject contrast agent at the tip between these times in s; leave TO out where "
                   "--injection-volume ends it, as in --inject 8 --injection-rate 6 --injection-volume 12")
       ->type_name("FROM_S[,TO_S]");
-  command.add_option("--injection-rate", options.rate_ml_s, "--inject: rate of the injection")
+  command.add_option("--injection-rate", options.rate_ml_s, "--inject: flow rate of the injection")
       ->capture_default_str()
       ->type_name("ML/S");
   command.add_option("--injection-volume", options.volume_ml, "--inject: end after this volume")
       ->type_name("ML");
-  command.add_option("--iodine", options.iodine_mg_ml, "--inject: iodine concentration of the agent")
+  command
+      .add_option("--iodine", options.iodine_mg_ml, "--inject: iodine concentration of the contrast agent")
       ->capture_default_str()
       ->type_name("MG/ML");
   command
-      .add_option("--heart-rate", options.heart_rate_bpm, "--inject: beats per minute of the blood's flow")
+      .add_option("--heart-rate", options.heart_rate_bpm,
+                  "--inject: heart rate in beats per minute, which paces the blood flow")
       ->capture_default_str()
       ->type_name("BPM");
 }
@@ -74,10 +76,10 @@ double parse_heart_rate(const InjectionOptions& options) {
 void add_subtraction_options(CLI::App& command, SubtractionOptions& options) {
   command
       .add_option("--mask-shift", options.mask_shift,
-                  "dsa: move the mask by pixels, or fractions of them, before it is subtracted")
+                  "dsa: pixel shift of the mask before subtraction; fractions are allowed")
       ->type_name("RIGHT,DOWN");
   command.add_flag("--max-opacification", options.shows_maximum_opacification,
-                   "dsa: every frame shows the vessels as dense as they were in any frame so far");
+                   "dsa: every pixel keeps its densest value so far (maximum opacification)");
 }
 
 PixelShift parse_mask_shift(const SubtractionOptions& options) {

@@ -89,7 +89,7 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
       } catch (const DamagedSlice& error) {
         const CLI::Option* const skip = command->get_option_no_throw(kSkipDamaged);
         if (skip == nullptr || !skip->empty()) throw;
-        throw InputError("{}, or leave out what is damaged with {}", error.what(), kSkipDamaged);
+        throw InputError("{}, or leave damaged slices out by {}", error.what(), kSkipDamaged);
       }
     };
   });

@@ -32,7 +32,7 @@ void apply(const SceneOptions& options, ViewSession& session) {
 
 void replace_file(std::filesystem::path& file, const std::string& given) {
   if (given.empty()) return;
-  if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder", given);
+  if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder; check its name", given);
   file = given;
 }
 

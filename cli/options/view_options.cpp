@@ -20,7 +20,7 @@ double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1
 void add_view_options(CLI::App& command, ViewOptions& options) {
   command
       .add_option("--angle,--lao", options.angle_deg,
-                  "C-arm angle of the detector: LAO positive, RAO negative, 0 frontal (AP)")
+                  "C-arm angle, the position of the detector: LAO positive, RAO negative, 0 frontal (AP)")
       ->capture_default_str()
       ->type_name("DEG");
   command
@@ -101,7 +101,8 @@ void add_cone_option(CLI::App& command, std::string& cone) {
   command
       .add_option(
           "--cone", cone,
-          "Distances from the source to the isocentre and to the detector; without it the beam is parallel")
+          "Distances from the source to the isocentre and to the detector (SID); without it the beam is "
+          "parallel")
       ->type_name("MM,MM");
 }
 

@@ -43,8 +43,8 @@ StepPictures::StepPictures(std::filesystem::path folder) : folder_(std::move(fol
     std::error_code error;
     std::filesystem::remove(folder_ / name, error);
     if (error)
-      throw InputError("{}: that of an earlier run cannot be removed: {}", (folder_ / name).string(),
-                       error.message());
+      throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it",
+                       (folder_ / name).string(), error.message());
   }
 }
 
@@ -75,7 +75,7 @@ void StepPictures::finish(const Volume& volume) const {
   std::vector<Colour> colours{kKept};
   for (std::size_t i = 0; i < steps_.size(); ++i) colours.push_back(kTakenOff[i % kTakenOff.size()]);
   Canvas sheet(kWidth, kHeight, kPaper);
-  sheet.text({kMargin, 30}, "What each step took off, and the vessels that are left", kFont, kInk);
+  sheet.text({kMargin, 30}, "What each step removed, and the vessels that remain", kFont, kInk);
   double left = kMargin;
   for (const int axis : {1, 0}) {
     draw_projection(sheet, project_scan(volume, labels_, colours, axis),
@@ -94,7 +94,7 @@ void StepPictures::finish(const Volume& volume) const {
     std::string words = step.name;
     const bool both = step.taken_off_ml > 0 && step.added_ml > 0;  // too long for the sheet in words
     if (both) words += fmt::format(": -{:.1f} ml, +{:.1f} ml", step.taken_off_ml, step.added_ml);
-    if (!both && step.taken_off_ml > 0) words += fmt::format(": took off {:.1f} ml", step.taken_off_ml);
+    if (!both && step.taken_off_ml > 0) words += fmt::format(": removed {:.1f} ml", step.taken_off_ml);
     if (!both && step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
     row(colours[i + 1], words);
   }

@@ -2,11 +2,11 @@
 
 
 class Error(Exception):
-    """A call failed, such as by a full disk."""
+    """A call failed, for example because the disk is full."""
 
 
 class InputError(Error, ValueError):
-    """Data or arguments cannot be used; the message names what, and what to do."""
+    """Data or arguments cannot be used; the message names them and says what to do."""
 
 
 class DeviceError(Error, RuntimeError):

@@ -57,7 +57,7 @@ def _checked_view(body, view):
     if body is None:
         for name, value in view.items():
             if not np.array_equal(value, VIEW[name]):
-                raise InputError(f"{name}: is of the frames; give a body too, or leave it out")
+                raise InputError(f"{name}: applies only to frames; give a body too, or leave it out")
         return view
     if not hasattr(body, "render") and not hasattr(body, "project"):
         raise InputError(f"body: must be a BodyMap or a Scan, not {type(body).__name__}")
@@ -107,11 +107,11 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     """Reach the end of a branch.
 
     tree: a VesselTree, or its file.  model, entry: as of Catheter, the entry as a branch's number or point.
-    target: the number of a leaf; else another one in each episode.
-    ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in it.
-    max_steps: after so many an episode is truncated.
-    body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as of its render or
-    project, but that the field is fitted to the tree. In pixels wider than the catheter this is drawn darker than it would be.
+    target: the number of a leaf; default: another leaf in each episode.
+    ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
+    max_steps: the number of steps after which an episode is truncated.
+    body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
+    project, but the field fits the tree by default. A catheter thinner than a pixel is drawn darker than it would appear.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
     Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
@@ -119,10 +119,10 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     rotation, and at the hub the force in N and the torque in N mm.
     Observation with a body, (rows, columns, 2) uint8: the fluoroscopic frame, and the road map: 255 on the way from where
     the catheter entered to the target.
-    Reward: the millimetres by which the way became shorter, less 0.1 a step, and 100 at the target: within 5 mm of
+    Reward: the millimetres by which the way became shorter, less 0.1 per step, and 100 at the target: within 5 mm of
     its end, which also ends the episode.
 
-    A copy, or one that was pickled, begins anew: call reset().
+    Copies and unpickled environments start from the beginning: call reset().
     """
 
     metadata = {"render_modes": []}
@@ -137,7 +137,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
         self.vessels = tree if isinstance(tree, VesselTree) else VesselTree.read(tree)
         self.tree, self.model, self.entry = _Tree(self.vessels), model, entry
         if target is not None and target not in self.tree.leaves:
-            raise InputError(f"target {target}: is no leaf of the tree; give one of {self.tree.leaves}")
+            raise InputError(f"target {target}: is not a leaf of the tree; give one of {self.tree.leaves}")
         self.target_given, self.ms, self.max_steps = target, ms, max_steps
         self.scale = np.array([max_push_mm, max_turn_deg])
         self.action_space = gymnasium.spaces.Box(-1, 1, (2,), np.float32)

@@ -200,6 +200,28 @@ const BadCall kBadCalls[] = {
      "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
+    {"SimulateTooThickForItsLumen",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-035-j --script "
+     "@/push.csv "
+     "-o @/log.csv",
+     3, "does not fit into the lumen of microcatheter-27f, of 0.318 mm; choose a thinner one",
+     [](const TemporaryFolder& f) {
+       make_push_and_tree(f);
+       write_bytes(f / "push.csv",
+                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n1,5,0,5,0\n");
+     }},
+    {"SimulateTwoByAScriptForOne",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled --script "
+     "@/push.csv -o @/log.csv",
+     3, "push.csv: line 1: no column insertion_2_mm; a script of 2 devices has", make_push_and_tree},
+    {"SimulateFourByAScriptForOne",
+     "simulate @/tree.json --device-model guide-6f --device-model jb1-5f --device-model microcatheter-24f "
+     "--device-model guidewire-014-angled --script @/push.csv -o @/log.csv",
+     3, "4 devices; give one to 3", make_push_and_tree},
+    {"SimulateThickInThinByAScriptForOne",
+     "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
+     "@/log.csv",
+     3, "list the outermost device first", make_push_and_tree},
     {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
      make_run},
     {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
@@ -242,7 +264,7 @@ const BadCall kBadCalls[] = {
     {"OutlineOfARectangle", "cast @/ct.nii -o @/out.exr --projection rectangle --outline body", 3,
      "--outline does not apply to --projection rectangle; leave it out"},
     {"KeepTableOfCircles", "cast @/ct.nii -o @/out.exr --keep-table --outline circle", 3,
-     "--keep-table: circles do not leave"},
+     "--keep-table: circles always include"},
     {"OutlineOfAir", "cast @/a.nii -o @/out.exr --outline body", 3, "nothing in the scan lies above -300 HU",
      [](const TemporaryFolder& f) {
        NiftiFile air = water(12);
@@ -262,8 +284,8 @@ const BadCall kBadCalls[] = {
     {"TruncatedNrrd", "project @/a.nrrd -o @/out.exr", 3, "truncated, 6 of 512 bytes",
      [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd_of("8 8 4")); }},
     {"TruncatedDicom", "cast @/a -o @/out.exr", 3,
-     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave out what is "
-     "damaged with --skip-damaged",
+     "truncated, 123 of 128 bytes of pixel data are there; copy the file again, or leave damaged "
+     "slices out by --skip-damaged",
      [](const TemporaryFolder& f) {
        slice().write(f / "a");
        const std::string whole = read_bytes(f / "a");
@@ -277,7 +299,7 @@ const BadCall kBadCalls[] = {
     {"ColourScreenShot", "info @/a", 3, "such as a screen shot; give the folder of a CT series",
      [](const TemporaryFolder& f) { slice().number(0x00280002, 3).write(f / "a"); }},
     {"FolderForAMap", "render @/ -o @/out.png", 3,
-     "a body map is needed; make one of a scan with `xraycast cast`"},
+     "a body map is needed; make one from a scan with `xraycast cast`"},
     {"ScanForAMap", "render @/ct.nii -o @/out.png", 3, "not a body map; make one with `xraycast cast`"},
     {"MissingMap", "render @/gone.exr -o @/out.png", 3, "gone.exr: no such file; check its name"},
     {"FolderForATree", "simulate @/ --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
@@ -412,6 +434,7 @@ const BadCall kBadCalls[] = {
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
+    {"ViewOfNoFile", "view @/nothing.exr", 3, "no such file"},
     {"CompareWithAnotherScan", "compare @/ct.nii @/map.exr --views 1", 3, "was not cast from",
      write_small_map},
     {"SessionThatNamesMissingFiles", "render --session @/s.json -o @/out.png", 3, "map",
@@ -729,12 +752,12 @@ TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
                                        HasSubstr("% of the scan's attenuation"), HasSubstr(" ms, outline ")));
   for (const char* options : {"--opacity spectrum:80", "--memory-limit 1.2M", "--centre-line @/line.csv"}) {
     EXPECT_THAT(said(options), testing::AllOf(HasSubstr(", outline body, "),
-                                              HasSubstr("\nleft out: what lies outside of the outline; "
-                                                        "--keep-table holds the table\n")))
+                                              HasSubstr("\nleft out: everything outside the outline; "
+                                                        "--keep-table includes the table\n")))
         << options;
     EXPECT_THAT(
         said((std::string(options) + " --keep-table").c_str()),
-        testing::AllOf(HasSubstr("left out: what lies outside"), testing::Not(HasSubstr("--keep-table"))))
+        testing::AllOf(HasSubstr("left out: everything outside"), testing::Not(HasSubstr("--keep-table"))))
         << options;
   }
   EXPECT_THAT(said("--outline circle"),
@@ -867,7 +890,7 @@ TEST_F(Cli, PaperPreviewIsPlainTransmission) {
     EXPECT_GT(lightest_in(0, top, kLeft, kHeight), kMuchLighter);
   }
   EXPECT_THAT(output_of("cast @/ct.nrrd -o @/map.exr --preview @/map.png"),
-              HasSubstr("map.png: picture of 1 layer"));
+              HasSubstr("map.png: preview of 1 layer"));
 }
 
 TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {
@@ -1122,6 +1145,28 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   EXPECT_EQ(log, read_bytes(folder_ / "second.csv"));
   EXPECT_THAT(log, StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
   EXPECT_EQ(std::ranges::count(log, '\n'), 4);
+}
+
+TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
+  // Wider than the little tree: a wire of 0.36 mm is less than a pixel and may lie between two.
+  write_bytes(folder_ / "tree.json",
+              R"({"branches": [{"id": 0, "parent": -1, "points": [[0, 0, 0, 3], [0, 0, 100, 3]]}]})");
+  const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,5,0\n";
+  write_bytes(folder_ / "ahead.csv", rows + "0.5,20,0,60,0\n");
+  write_bytes(folder_ / "level.csv", rows + "0.5,20,0,20,0\n");
+  output_of("-q phantom sphere --size 32x32x32 -o @/ct.nrrd");
+  output_of("-q cast @/ct.nrrd -o @/map.exr --angles 60");
+  for (const std::string look : {"fluoro", "surface"}) {
+    for (const std::string script : {"ahead", "level"})
+      output_of(
+          "-q simulate @/tree.json --device-model cobra-5f --device-model guidewire-035-angled "
+          "--script @/" +
+          script + ".csv -o @/log.csv --map @/map.exr --inject 0,1 --look " + look + " --cine @/" + look +
+          script);
+    EXPECT_NE(read_bytes(folder_ / (look + "ahead/frame-004.png")),
+              read_bytes(folder_ / (look + "level/frame-004.png")))
+        << look << ": the wire does not show";
+  }
 }
 
 TEST_F(Cli, SubtractsARunFromItsFramesBeforeTheInjection) {

@@ -201,7 +201,7 @@ class DicomOutput(unittest.TestCase):
 
     def test_a_cine_that_does_not_fit_is_refused(self):
         file = self.folder / "long.dcm"
-        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds 2047 of them"),
+        for words, reason in ((("--cine", "0:360:0.1", "--size", "1024x1024"), "one DICOM file holds at most 2047"),
                               (("--cine", "0:360:90", "--inverted"), "--inverted does not apply"),
                               (("--cine", "0:360:90", "--annotations"), "--annotations does not apply")):
             status, told = refusal("render", self.map(), "-o", file, "--cone", "780,1200", *words)
@@ -360,7 +360,7 @@ class DicomOutput(unittest.TestCase):
             data.FrameOfReferenceUID = pydicom.uid.generate_uid()
             scans.add(data.FrameOfReferenceUID)
             data.save_as(file)
-        self.assertIn("mask.seg.dcm: in a frame of reference of its own", self.segment(series, folder))
+        self.assertIn("mask.seg.dcm: has its own frame of reference", self.segment(series, folder))
         self.expect_valid(folder / "mask.seg.dcm")
         self.assertNotIn(pydicom.dcmread(folder / "mask.seg.dcm").FrameOfReferenceUID, scans)
 

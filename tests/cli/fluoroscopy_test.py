@@ -1,16 +1,20 @@
 """PROGRAM [TEST...]: the fluoroscope's pictures in files that the program writes."""
 import json
+import math
 import pathlib
 import re
+import struct
 import subprocess
 import sys
 import tempfile
 import unittest
+import zlib
 
 import numpy
 import pydicom
 
 PROGRAM = sys.argv.pop(1)
+REPOSITORY = pathlib.Path(__file__).resolve().parents[2]
 
 
 def run(*words):
@@ -29,6 +33,38 @@ def write_steps(path):
     for step in range(4):
         hu[:, :10 * step, 1 + 8 * step:9 + 8 * step] = 0
     header = ("NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 34 32 16\n"
+              "endian: little\nencoding: raw\nspace directions: (10,0,0) (0,10,0) (0,0,10)\n"
+              "space origin: (0,0,0)\n\n")
+    path.write_bytes(header.encode() + hu.tobytes())
+
+
+def read_grey_png(path):
+    """8-bit greys; the filters of PNG's rows are undone."""
+    data = path.read_bytes()
+    width, height, depth, colour = struct.unpack(">IIBB", data[16:26])
+    assert (depth, colour) == (8, 0), "not 8-bit grey"
+    packed, at = b"", 8
+    while at < len(data):
+        length, kind = struct.unpack(">I4s", data[at:at + 8])
+        packed += data[at + 8:at + 8 + length] if kind == b"IDAT" else b""
+        at += length + 12
+    lines = zlib.decompress(packed)
+    rows = numpy.zeros((height + 1, width + 1), int)  # with a row above and a column on the left
+    for j in range(height):
+        kind, line = lines[j * (width + 1)], lines[j * (width + 1) + 1:(j + 1) * (width + 1)]
+        for i in range(width):
+            left, above, corner = rows[j + 1, i], rows[j, i + 1], rows[j, i]
+            nearest = min((abs(above - corner), 0, left), (abs(left - corner), 1, above),
+                          (abs(left + above - 2 * corner), 2, corner))[2]
+            rows[j + 1, i + 1] = (line[i] + (0, left, above, (left + above) // 2, nearest)[kind]) % 256
+    return rows[1:, 1:].astype(float)
+
+
+def write_slab(path, water_cm):
+    """A slab of water, 60 cm wide; voxels of 10 mm."""
+    hu = numpy.full((60, water_cm + 4, 60), -1000, "<i2")
+    hu[:, 2:-2] = 0
+    header = (f"NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 60 {water_cm + 4} 60\n"
               "endian: little\nencoding: raw\nspace directions: (10,0,0) (0,10,0) (0,0,10)\n"
               "space origin: (0,0,0)\n\n")
     path.write_bytes(header.encode() + hu.tobytes())
@@ -79,6 +115,60 @@ class Fluoroscopy(unittest.TestCase):
         ratio = [snr2(b) / snr2(a) for a, b in zip(
             self.steps(self.project("a.nrrd", "--photons", 1e5, "--stages", "quanta"), edge), noisy)]
         numpy.testing.assert_allclose(ratio, 10, rtol=0.09)  # three standard deviations
+
+    def test_noise_of_all_stages_together_is_the_predicted_one(self):
+        """One energy, so that the prediction needs no spectrum of the program's: 60 keV, by NIST 0.2059 cm2/g."""
+        energy_kev, photons, water_cm, pixel_mm, field_mm, side = 60, 1e4, 20, 0.308, 160, 520
+        preset = json.loads((REPOSITORY / "viewer/c_arms/fixed-single-plane.json").read_text())
+        detector, grid = preset["detector"], preset["grid"]
+        write_slab(self.folder / "slab.nrrd", water_cm)
+        (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
+
+        def picture(name, seed):
+            run("project", self.folder / "slab.nrrd", "-o", self.folder / name, "--opacity",
+                f"spectrum:{self.folder}/mono.txt", "--photons", photons, "--c-arm", "fixed-single-plane", "--field",
+                field_mm, "--size", f"{side}x{side}", "--pixel", pixel_mm, "--seed", seed)
+            return (read_float_nrrd if name.endswith("nrrd") else read_grey_png)(self.folder / name)[middle, middle]
+
+        middle = slice(side // 2 - 128, side // 2 + 128)
+        # Scatter is that of a Gaussian of 60 mm from the whole field, 0.154 of the primary for each cm.
+        x_mm = (numpy.arange(256) - 127.5) * pixel_mm
+        edge = numpy.vectorize(lambda x: math.erf(x / 60 / math.sqrt(2)))
+        across = (edge(0.5 * field_mm - x_mm) + edge(0.5 * field_mm + x_mm)).mean() / 2
+        scattered = 0.154 * water_cm * across ** 2 * grid["scatter_transmission"] / grid["primary_transmission"]
+        quanta = photons * math.exp(-0.2059 * water_cm) * (1 + scattered)
+        released = 1 - sum(trap["fraction"] for trap in detector["lag"])  # the first pulse fills the traps
+        mean_kev = quanta * energy_kev * released
+
+        frequency = numpy.fft.fftfreq(256)
+        fx, fy = numpy.meshgrid(frequency, frequency)
+        cycles = numpy.hypot(fx, fy)
+        bell = lambda spread_mm: numpy.exp(-2 * (math.pi * spread_mm / pixel_mm * cycles) ** 2)
+        blur = detector["blur"]
+        mtf = (1 - blur["wide_share"]) * bell(blur["narrow_mm"]) + blur["wide_share"] * bell(blur["wide_mm"])
+        electronic_kev = detector["electronic_noise_kev"] * pixel_mm / detector["pixel_mm"]
+        code_kev = energy_kev * 1.25 * photons / 2 ** detector["bits"]  # the open field just fits
+        power = quanta * (energy_kev * released * mtf) ** 2 + electronic_kev ** 2 + code_kev ** 2 / 12
+
+        pairs = [(picture("a.nrrd", seed), picture("b.nrrd", seed + 1)) for seed in (1, 3, 5)]
+        # 0.5 % each: NIST's and xraylib's attenuation through 20 cm, and oblique rays; the cells of the scatter.
+        self.assertAlmostEqual(numpy.mean(pairs) / mean_kev, 1, delta=0.02)
+        # What two seeds have in common is not noise.
+        noise = [(a - b) / math.sqrt(2) for a, b in pairs]
+        self.assertAlmostEqual(numpy.var(noise) / power.mean(), 1, delta=0.05)  # the bar; 200,000 values: 0.5 %
+        measured = numpy.mean([abs(numpy.fft.fft2(one)) ** 2 for one in noise], axis=0) / 256 ** 2
+        for nearest in numpy.arange(0, 0.5, 0.1):
+            band = (cycles > nearest) & (cycles <= nearest + 0.1)
+            # The bar; the first band has 2,058 frequencies, half of them independent, three times: 1.8 %.
+            self.assertAlmostEqual(measured[band].mean() / power[band].mean(), 1, delta=0.05, msg=str(nearest))
+
+        # The display: 255 greys on 2.4 of the logarithm, edges enhanced by 0.7 of what 3 x 3 pixels leave.
+        mean_of_nine = (1 + 2 * numpy.cos(2 * math.pi * fx)) * (1 + 2 * numpy.cos(2 * math.pi * fy)) / 9
+        enhanced = power * (1.7 - 0.7 * mean_of_nine) ** 2
+        grey = (255 / 2.4 / mean_kev) ** 2 * enhanced.mean() + 1 / 12
+        shown = (picture("a.png", 1) - picture("b.png", 2)) / math.sqrt(2)
+        # The logarithm of a noise of 4 % adds 0.3 %.
+        self.assertAlmostEqual(shown.var() / grey, 1, delta=0.05)
 
     def test_the_same_seed_gives_the_same_file(self):
         for name in ("a.nrrd", "a.exr", "a.png"):
@@ -178,7 +268,8 @@ class Fluoroscopy(unittest.TestCase):
                                  ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
                                  ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
                                  ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),
-                                 ("--stages quanta,", "list some of"), ("--field 100", "add --c-arm")):
+                                 ("--stages quanta,", "list some of"), ("--field 100", "add --c-arm"),
+                                 ("--pixel 0.005 --size 16x16 --photons 9 --opacity spectrum:80", "too fine for the blur")):
             done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "x.png", *options.split()],
                                   capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), options + done.stderr)

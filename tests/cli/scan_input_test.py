@@ -210,7 +210,7 @@ class ScanInput(unittest.TestCase):
         bad[2000] ^= 0x55
         bomb = self.zipped(compression=zipfile.ZIP_DEFLATED, extra=[("bomb", bytes(1 << 28))]).read_bytes()
         path.write_bytes(whole[:len(whole) // 2])
-        self.fails(path, "scan.zip", "not a whole zip archive")
+        self.fails(path, "scan.zip", "not a complete zip archive")
         path.write_bytes(bad)
         self.fails(path, "scan.zip/CD/images/slice0.dcm", "damaged")
         path.write_bytes(bomb)
@@ -483,7 +483,7 @@ class ScanInput(unittest.TestCase):
 
         write_enhanced(path, range(SLICES), True)
         path.write_bytes(path.read_bytes()[:-ROWS * COLUMNS * 3])
-        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again, or leave out what is damaged with --skip-damaged")
+        self.fails(path, "truncated, 4 of 6 frames are there; copy the file again, or leave damaged slices out by --skip-damaged")
         voxels, _, _ = self.voxels(path, "--skip-damaged")
         self.assertEqual(len(voxels), SLICES - 2)
         said = json.loads(run("info", path, "--skip-damaged", "--json").stdout)

@@ -8,6 +8,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/fluoroscope/c_arm.hpp"
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -255,15 +256,16 @@ Content read_messages(const fs::path& path) {
   const std::string stream = read_bytes(path);
   const auto portion_B = static_cast<unsigned char>(stream.empty() ? 0 : stream[0]);
   auto bytes = std::as_bytes(std::span(stream)).subspan(stream.empty() ? 0 : 1);
-  IgtlinkReceiver receiver;
+  IgtlinkReceiver receiver(kMaxHubs);
   std::optional<Complaint> first;
-  for (double rotation_rad = 0; !bytes.empty();) {
+  IgtlinkReceiver::Rotations rotations_rad{};
+  while (!bytes.empty()) {
     auto portion = bytes.first(std::min<std::size_t>(portion_B > 0 ? portion_B : bytes.size(), bytes.size()));
     bytes = bytes.subspan(portion.size());
     while (const auto event = receiver.next(portion)) {
-      if (const auto* pose = std::get_if<HubPose>(&*event)) {
-        check_pose(*pose, rotation_rad);
-        rotation_rad = pose->rotation_rad;
+      if (const auto* move = std::get_if<HubMove>(&*event)) {
+        check_pose(move->pose, rotations_rad.at(move->hub));
+        rotations_rad[move->hub] = move->pose.rotation_rad;
       } else if (const auto* complaint = std::get_if<Complaint>(&*event)) {
         if (!std::ranges::all_of(complaint->text, [](char c) { return c >= ' ' && c <= '~'; }))
           throw std::logic_error("a complaint that cannot be printed");
@@ -275,6 +277,13 @@ Content read_messages(const fs::path& path) {
   if (!first) first = receiver.end();
   if (first) throw InputError("{}: {}", path.string(), first->text);
   return {};
+}
+
+/// For as many devices as it seems to have columns of.
+Script read_script(const fs::path& path) {
+  const std::string text = read_bytes(path);
+  const auto has = [&](const char* column) { return text.find(column) != std::string::npos; };
+  return Script::read(path, has("insertion_3_mm") ? 3 : has("insertion_2_mm") ? 2 : 1);
 }
 
 // ---- checksums --------------------------------------------------------------------------------------
@@ -365,6 +374,11 @@ const Reader kReaders[] = {
        fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "simulation/instruments/cobra-5f.json", path);
      },
      [](const fs::path& path) { return InstrumentModel::named(path.string()), Content(); }},
+    {"c_arm", "c-arm.json",
+     [](const fs::path& path) {
+       fs::copy_file(fs::path(XRAYCAST_SOURCE_DIR) / "viewer/c_arms/mobile-intensifier.json", path);
+     },
+     [](const fs::path& path) { return CArm::named(path.string()), Content(); }},
     {"spectrum", "beam.txt",
      [](const fs::path& path) { write_bytes(path, "# keV, photons\n20 0.5\n40 1\n60 2.25\n80 0.1\n"); },
      [](const fs::path& path) { return Spectrum::named(path.string()), Content(); }},
@@ -372,7 +386,7 @@ const Reader kReaders[] = {
      [](const fs::path& path) {
        write_bytes(path, "time_s,insertion_mm,rotation_deg\n0,0,0\n1,20,180\n4,300,180\n");
      },
-     without_content<Script::read>},
+     without_content<read_script>},
     {"centre_line", "line.csv",
      [](const fs::path& path) { write_bytes(path, "x,y,z\n0,0,0\n1,2,3\n-1.5,2,30\n"); },
      [](const fs::path& path) { return CurvedAxis::from_file(path.string()), Content(); }},

@@ -212,7 +212,7 @@ const BadBasis kBadBases[] = {
     {"Sphere", basis_with("cylinder", "spiral"), "projection is 'spiral'"},
     {"FrameThatIsNoUid",
      basis_with("\"source\": \"\"", "\"source\": \"\", \"frame_of_reference_uid\": \"a\""),
-     "frame_of_reference_uid is no DICOM UID"},
+     "frame_of_reference_uid is not a DICOM UID"},
     {"NoWidth", basis_with("\"width\"", "\"wide\""), "header field width"},
     {"NegativeWidth", basis_with("\"width\": 2", "\"width\": -2"), "header field width"},
     {"FractionalWidth", basis_with("\"width\": 2", "\"width\": 2.5"), "header field width"},

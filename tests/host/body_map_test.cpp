@@ -220,7 +220,8 @@ TEST(BodyMapFile, AFrameOfReferenceThatIsNoUidIsRefused) {
   BodyMap map = make_map(1);
   map.frame_of_reference_uid = "table 2";
   write_body_map(map, folder / "map.exr");
-  EXPECT_THAT(refusal_of(folder / "map.exr"), testing::HasSubstr("frame_of_reference_uid is no DICOM UID"));
+  EXPECT_THAT(refusal_of(folder / "map.exr"),
+              testing::HasSubstr("frame_of_reference_uid is not a DICOM UID"));
 }
 
 TEST(BodyMapFile, LayersThatDoNotFitAreRefused) {
@@ -324,7 +325,7 @@ TEST(BodyMapFile, DamagedByteRangesAreRefused) {
   EXPECT_THAT(refusal_with("xraycast:byte_ranges", "{"),
               testing::HasSubstr("attribute xraycast:byte_ranges is missing or damaged"));
   EXPECT_THAT(refusal_with("xraycast:precision", "nibble"),
-              testing::HasSubstr("attribute xraycast:precision: precision 'nibble' is not known"));
+              testing::HasSubstr("attribute xraycast:precision: unknown precision 'nibble'"));
 }
 
 TEST(BodyMapFile, ValuesBeyondHalvesAreRefused) {

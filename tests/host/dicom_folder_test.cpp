@@ -124,7 +124,7 @@ TEST(DicomFolder, WarnsOfEmptyAndShortFilesBesideItsSlices) {
   write_bytes(folder / "ct/notes.txt", "short, but not named like a slice");
   write_bytes(folder / "AUTORUN", "");
   EXPECT_THAT(read_scan(folder / "").info.warnings,
-              ElementsAre(AllOf(HasSubstr("skipped 2 files beside the slices"), HasSubstr("ct/I0a"))));
+              ElementsAre(AllOf(HasSubstr("skipped 2 files among the slices"), HasSubstr("ct/I0a"))));
 }
 
 TEST(DicomFolder, TakesDigitsForANumberAndNotForAPartOfAUid) {
@@ -218,7 +218,7 @@ TEST(DicomFolder, WarnsOfASeriesOfTwoPatients) {
   EXPECT_THAT(warnings(), IsEmpty());
   write(4, "B");
   EXPECT_THAT(warnings(),
-              ElementsAre("the series has slices of 2 patients; check that they are of one scan"));
+              ElementsAre("the series has slices of 2 patients; check that all belong to one scan"));
 }
 
 TEST(DicomFolder, CountsStudiesAndPatients) {

@@ -47,7 +47,7 @@ def test_pushing_earns_the_way_that_it_saves(fork):
         steps += 1
     assert not ended and not cut and info["left_mm"] < start_mm - 10
     assert earned == pytest.approx(start_mm - info["left_mm"] - 0.1 * steps, rel=1e-6)
-    with pytest.raises(xc.InputError, match="no leaf"):
+    with pytest.raises(xc.InputError, match="not a leaf"):
         ReachTarget(fork, target=0)
 
 
@@ -126,8 +126,8 @@ def test_targets_outside_of_the_frames_are_refused(fork, vessel_in_water):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (dict(body=5), "body: must be a BodyMap or a Scan, not int"), (dict(lao=30), "lao: is of the frames; give a body"),
-    (dict(size=(64, 64)), "size: is of the frames"), (dict(centre_mm=(0, 0, 0)), "centre_mm: is of the frames"),
+    (dict(body=5), "body: must be a BodyMap or a Scan, not int"), (dict(lao=30), "lao: applies only to frames; give a body"),
+    (dict(size=(64, 64)), "size: applies only to frames"), (dict(centre_mm=(0, 0, 0)), "centre_mm: applies only to frames"),
 ])
 def test_views_without_a_body_are_refused(fork, arguments, words):
     with pytest.raises(xc.InputError, match=words):

@@ -67,6 +67,38 @@ def test_steps_that_are_none_are_rejected(tube, arguments, words):
         xc.Catheter(tube, "cobra-5f").step(**arguments)
 
 
+def test_a_wire_is_moved_in_a_catheter_and_exchanged(tube):
+    run = xc.CoaxialDevices(tube, ["vertebral-5f", "guidewire-035-angled"])
+    assert len(run) == 2 and run.models == ["vertebral-5f", "guidewire-035-angled"]
+    outer, inner = run.step(push_mm=(30, 60), turn_deg=(0, 90), ms=600)
+    assert outer.insertion_mm == pytest.approx(30) and inner.insertion_mm == pytest.approx(60)
+    assert inner.rotation_deg == pytest.approx(90) and inner.time_s == pytest.approx(0.6)
+    assert inner.tip_mm[2] > outer.tip_mm[2] + 20
+    assert np.allclose(run.nodes_mm(1)[-1], run.states[1].tip_mm)
+    assert not run.has_free_lumen(0)
+    with pytest.raises(xc.InputError, match="draw it back to 0"):
+        run.exchange(1, "exchange-035-stiff")
+    run.step(push_mm=(0, -60), ms=600)
+    run.exchange(1, "exchange-035-stiff")
+    assert run.models[1] == "exchange-035-stiff" and run.has_free_lumen(0)
+
+
+def test_coaxial_devices_are_checked(tube):
+    with pytest.raises(xc.InputError, match="does not fit into the lumen"):
+        xc.CoaxialDevices(tube, ["microcatheter-24f", "guidewire-035-j"])
+    with pytest.raises(xc.InputError, match="0 devices; give one to 3"):
+        xc.CoaxialDevices(tube, [])
+    with pytest.raises(xc.InputError, match="must be a list"):
+        xc.CoaxialDevices(tube, "cobra-5f")
+    run = xc.CoaxialDevices(tube, ["cobra-5f", "guidewire-035-j"])
+    with pytest.raises(xc.InputError, match="push_mm: has 1 numbers for 2 devices"):
+        run.step(push_mm=[1])
+    with pytest.raises(xc.InputError, match="turn_deg: must be finite"):
+        run.step(turn_deg=[0, float("nan")])
+    with pytest.raises(xc.InputError, match="device 2: must be 0 to 1"):
+        run.nodes_mm(2)
+
+
 def test_models_and_entries_are_checked(tube):
     with pytest.raises(xc.InputError, match="no-such"):
         xc.Catheter(tube, "no-such-model")

@@ -1,12 +1,8 @@
 // A catheter steered to a target, and random scripts in five trees: nothing that a hand can do may break the
 // simulation. XRAYCAST_RUNS sets how many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a
 // tree.
+#include "run_trees.hpp"
 #include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/phantom/phantom.hpp"
-#include "xraycast/scan/scan.hpp"
-#include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/threshold.hpp"
-#include "xraycast/segmentation/vessel_selection.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/simulation/script.hpp"
 
@@ -28,24 +24,7 @@
 namespace xraycast::catheter_runs_test {
 namespace {
 
-namespace fs = std::filesystem;
 using Eigen::Vector3d;
-
-VesselTree phantom_tree(const std::string& name) { return {make_phantom(name).vessel_branches(), name}; }
-
-/// A tree from a scan in which vessels are what is brighter than `lowest`.
-VesselTree scanned_tree(const fs::path& file, double lowest) {
-  Progress progress;
-  const Scan scan = open_scan(file, {}, progress);
-  const Volume volume = collect(*scan.source, progress);
-  Mask mask = between(volume, lowest, 32767);
-  return extract_centrelines(select_vessels(mask, {}, file.string()), file.string()).tree;
-}
-
-VesselEnd widest_end(const VesselTree& tree) {
-  const std::vector<VesselEnd> ends = vessel_ends(tree);
-  return *std::ranges::max_element(ends, {}, &VesselEnd::radius_mm);
-}
 
 /// One of the presets that leave a third of the entry free and are thinner than most of the tree's vessels.
 InstrumentModel fitting_device(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
@@ -54,7 +33,7 @@ InstrumentModel fitting_device(const VesselTree& tree, const VesselEnd& entry, s
   std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
   const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
   std::vector<InstrumentModel> fit;
-  for (const std::string& name : InstrumentModel::preset_names())
+  for (const char* name : {"guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f"})
     if (InstrumentModel device = InstrumentModel::named(name); device.radius_mm() < widest_mm)
       fit.push_back(std::move(device));
   if (fit.empty()) return InstrumentModel::named("microcatheter-27f");  // the thinnest one
@@ -199,24 +178,6 @@ class RandomRun {
   Outcome run_;
 };
 
-const char* const kTrees[] = {"thorax", "head", "tree_2", "tree_3", "avm"};
-
-/// One of kTrees; none where it is of a scan that is not there.
-std::optional<VesselTree> parse_tree(const std::string& name) {
-  const fs::path data = XRAYCAST_TEST_DATA;
-  if (name == "thorax" || name == "head") return phantom_tree(name);
-  // The first are masks of 255, the second is an angiography.
-  const fs::path file =
-      name == "avm" ? data / "head-vessels" / "avm.nii.gz" : data / "vascusynth" / name / "original.mhd";
-  if (!fs::exists(file)) return std::nullopt;
-  return scanned_tree(file, name == "avm" ? 150 : 1);
-}
-
-unsigned runs_a_tree() {
-  const char* wanted = std::getenv("XRAYCAST_RUNS");
-  return static_cast<unsigned>(std::max(1, (wanted ? std::atoi(wanted) : 100) / 5));
-}
-
 void write_table(const std::vector<Outcome>& runs) {
   const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
   if (!folder || runs.empty()) return;
@@ -234,7 +195,7 @@ TEST_P(RandomScripts, BreakNothing) {
   const std::optional<VesselTree> tree = parse_tree(GetParam());
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
-  for (unsigned seed = 0; seed < runs_a_tree(); ++seed) {
+  for (unsigned seed = 0; seed < runs_a_tree(100); ++seed) {
     runs.push_back(RandomRun(*tree, GetParam(), seed).go());
     const Outcome& run = runs.back();
     const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.device, run.tree);

@@ -36,7 +36,7 @@ std::vector<Event> receive(IgtlinkReceiver& receiver, const std::string& bytes,
 std::vector<HubPose> poses(const std::vector<Event>& events) {
   std::vector<HubPose> poses;
   for (const Event& event : events)
-    if (const auto* pose = std::get_if<HubPose>(&event)) poses.push_back(*pose);
+    if (const auto* move = std::get_if<HubMove>(&event)) poses.push_back(move->pose);
   return poses;
 }
 
@@ -76,10 +76,27 @@ TEST(IgtlinkReceiver, AddsUpTurnsInBothDirections) {
 }
 
 TEST(IgtlinkReceiver, GoesOnFromTheTurnOfTheConnectionBefore) {
-  IgtlinkReceiver receiver(7 * 2 * kPi + 0.1);
+  IgtlinkReceiver receiver(1, {7 * 2 * kPi + 0.1});
   const auto read = poses(receive(receiver, transform_message(0, -0.1)));
   ASSERT_EQ(read.size(), 1);
   EXPECT_NEAR(read[0].rotation_rad, 7 * 2 * kPi - 0.1, kFloat);
+}
+
+TEST(IgtlinkReceiver, EachHubHasItsNameAndItsOwnTurns) {
+  IgtlinkReceiver receiver(2, {0, 4 * kPi});
+  std::vector<HubMove> moves;
+  for (const char* name : {"Hub2", "Hub", "Stylus", "Hub3", "Hub2 "})
+    for (const Event& event :
+         receive(receiver, transform_message(static_cast<double>(moves.size()), 0.5, name)))
+      moves.push_back(std::get<HubMove>(event));
+  ASSERT_EQ(moves.size(), 5);
+  for (std::size_t i = 0; i < moves.size(); ++i) {
+    EXPECT_EQ(moves[i].hub, i == 0 ? 1 : 0) << "all other names are the first";
+    EXPECT_NEAR(moves[i].pose.rotation_rad, i == 0 ? 4 * kPi + 0.5 : 0.5, kFloat);
+    EXPECT_EQ(moves[i].pose.insertion_mm, static_cast<double>(i));
+  }
+  IgtlinkReceiver of_three(3);
+  EXPECT_EQ(std::get<HubMove>(receive(of_three, transform_message(1, 0, "Hub3"))[0]).hub, 2);
 }
 
 TEST(IgtlinkReceiver, TakesTheTwistOfATiltedHub) {
@@ -203,7 +220,7 @@ TEST_P(BadMessages, AreNamedInOneLineAndPassedOver) {
     IgtlinkReceiver receiver;
     const auto events = receive(receiver, kGood + bad.bytes + kGood, portion_B);
     ASSERT_EQ(events.size(), bad.lost ? 2 : 3);
-    EXPECT_TRUE(std::holds_alternative<HubPose>(events[0]));
+    EXPECT_TRUE(std::holds_alternative<HubMove>(events[0]));
     const auto* complaint = std::get_if<Complaint>(&events[1]);
     ASSERT_NE(complaint, nullptr);
     EXPECT_THAT(complaint->text, HasSubstr(bad.text));

@@ -93,12 +93,12 @@ class RunningLoop {
       const auto begin = Clock::now();
       late_.push_back(begin - next);
       if (begin - next > 50ms) next = begin;  // the whole process was suspended
-      const HandPose hand = device_.pose();
+      const HandPose hand = device_.pose(0);
       const auto between = Clock::now();
       const auto step = coupling.step(hand, load, 1e-3);
       load = rod_(step.hub);
       const auto before = Clock::now();
-      device_.feel(step.felt);
+      device_.feel(0, step.felt);
       in_device_.push_back(Clock::now() - before + (between - begin));
       insertion_mm_ = step.hub.insertion_mm;
       rotation_rad_ = step.hub.rotation_rad;
@@ -412,7 +412,7 @@ TEST(OpenIGTLink, ReportsWhatEndsItsThread) {
   EXPECT_THAT(
       [&] {
         for (const auto end = Clock::now() + 30s; Clock::now() < end; std::this_thread::sleep_for(2ms))
-          device.pose();
+          device.pose(0);
       },
       testing::ThrowsMessage<std::runtime_error>("no more lines"));
   socket->CloseSocket();

@@ -20,9 +20,11 @@ using ::testing::HasSubstr;
 using ::testing::StartsWith;
 
 TEST(InstrumentModel, PresetsReadBack) {
-  EXPECT_THAT(
-      InstrumentModel::preset_names(),
-      testing::ElementsAre("guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f", "microcatheter-27f"));
+  EXPECT_THAT(InstrumentModel::preset_names(),
+              testing::ElementsAre("guidewire-035-j", "pigtail-5f", "cobra-5f", "simmons2-5f",
+                                   "microcatheter-27f", "guidewire-014-straight", "guidewire-014-angled",
+                                   "guidewire-035-straight", "guidewire-035-angled", "exchange-035-stiff",
+                                   "vertebral-5f", "jb1-5f", "guide-6f", "microcatheter-24f"));
   for (const std::string& name : InstrumentModel::preset_names()) {
     const InstrumentModel device = InstrumentModel::named(name);
     EXPECT_EQ(device.name(), name);
@@ -45,9 +47,17 @@ TEST(InstrumentModel, PresetsHaveTheDiametersOfTheirNames) {
   EXPECT_NEAR(2 * InstrumentModel::named("guidewire-035-j").radius_mm(), 0.035 * 25.4, 1e-3);
   EXPECT_NEAR(2 * InstrumentModel::named("cobra-5f").radius_mm(), 5 / 3.0, 1e-3);
   EXPECT_NEAR(2 * InstrumentModel::named("microcatheter-27f").radius_mm(), 0.9, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("microcatheter-24f").radius_mm(), 0.8, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("guide-6f").radius_mm(), 2, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("guide-6f").inner_radius_mm(), 0.070 * 25.4, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("guidewire-014-angled").radius_mm(), 0.014 * 25.4, 1e-3);
+  EXPECT_NEAR(2 * InstrumentModel::named("guidewire-035-angled").radius_mm(), 0.035 * 25.4, 1e-3);
   // Harrison et al., 2011: 9.5 GPa times pi d^4 / 64.
   const double section_mm4 = std::numbers::pi * std::pow(0.889, 4) / 64;
   EXPECT_NEAR(InstrumentModel::named("guidewire-035-j").bending_stiffness_Nmm2(500), 9500 * section_mm4, 5);
+  // The same: 60.3 GPa, the "super stiff" one.
+  EXPECT_NEAR(InstrumentModel::named("exchange-035-stiff").bending_stiffness_Nmm2(500), 60300 * section_mm4,
+              5);
 }
 
 TEST(InstrumentModel, PigtailCurlsOnceAroundAndMore) {
@@ -89,6 +99,21 @@ TEST(InstrumentModel, StationsEndWithTheSectionsAndFollowTheCurves) {
   }
 }
 
+TEST(InstrumentModel, TakesItsStiffnessAsMeasuredOrByMaterials) {
+  const InstrumentModel device = InstrumentModel::from_json(
+      R"({"radius_mm": 0.5, "inner_radius_mm": 0.3, "density_g_cm3": 2, "axial_stiffness_N": 100,
+      "static_friction": 0.2, "kinetic_friction": 0.1, "sections": [
+      {"length_mm": 10, "three_point_bending": {"span_mm": 40, "force_N": 0.5, "deflection_mm": 2},
+       "shear_modulus_GPa": 0.3},
+      {"length_mm": 10, "flexural_modulus_GPa": [0.6, 1.2], "torsional_stiffness_Nmm2": 7}]})",
+      "file");
+  EXPECT_DOUBLE_EQ(device.inner_radius_mm(), 0.3);
+  EXPECT_DOUBLE_EQ(device.bending_stiffness_Nmm2(5), 0.5 * 64000 / (48 * 2));
+  const double moment_mm4 = 0.25 * std::numbers::pi * (0.0625 - 0.0081);
+  EXPECT_NEAR(device.torsional_stiffness_Nmm2(5), 300 * 2 * moment_mm4, 1e-9);
+  EXPECT_NEAR(device.bending_stiffness_Nmm2(15), 900 * moment_mm4, 1e-9);
+}
+
 struct BadDevice {
   const char *name, *part, *instead, *message;
 };
@@ -126,6 +151,15 @@ INSTANTIATE_TEST_SUITE_P(
         BadDevice{"NoSections", "\"sections\"", "\"parts\"", "\"sections\" is missing"},
         BadDevice{"Length", "\"length_mm\": 90", "\"length_mm\": -90", "sections[1]: \"length_mm\" is -90"},
         BadDevice{"Stiffness", "[10, 30]", "[10, 0]", "sections[0]: \"bending_stiffness_Nmm2\" is 0"},
+        BadDevice{"NoStiffness", "\"bending_stiffness_Nmm2\": [10, 30]", "\"x\": 1",
+                  "sections[0]: \"bending_stiffness_Nmm2\" is missing"},
+        BadDevice{
+            "StiffnessTwice", "\"bending_stiffness_Nmm2\": [10, 30]",
+            "\"bending_stiffness_Nmm2\": 1, \"flexural_modulus_GPa\": 1",
+            "sections[0]: both \"bending_stiffness_Nmm2\" and \"flexural_modulus_GPa\"; give one of them"},
+        BadDevice{"TestWithoutDeflection", "\"bending_stiffness_Nmm2\": [10, 30]",
+                  "\"three_point_bending\": {\"span_mm\": 40, \"force_N\": 1, \"deflection_mm\": 0}",
+                  "sections[0]: three_point_bending: \"deflection_mm\" is 0; it must be above zero"},
         BadDevice{"ThreeStiffnesses", "[10, 30]", "[10, 20, 30]", "a number, or two"},
         BadDevice{"Curvature", "\"curvature_per_mm\": 0.1", "\"curvature_per_mm\": 1.1",
                   "tighter than the device's own width"},

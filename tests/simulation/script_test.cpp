@@ -32,8 +32,18 @@ TEST(Script, TakesItsColumnsInAnyOrder) {
   EXPECT_DOUBLE_EQ(script.pose_at(0).rotation_rad, 0.5 * std::numbers::pi);
 }
 
+TEST(Script, HasTwoColumnsADevice) {
+  const Script script = Script::parse(
+      "time_s,insertion_mm,rotation_deg,rotation_2_deg,insertion_2_mm\n0,0,0,90,20\n1,10,0,180,40\n",
+      "push.csv", 2);
+  EXPECT_DOUBLE_EQ(script.pose_at(0.5).insertion_mm, 5);
+  EXPECT_DOUBLE_EQ(script.pose_at(0.5, 1).insertion_mm, 30);
+  EXPECT_DOUBLE_EQ(script.pose_at(1, 1).rotation_rad, std::numbers::pi);
+}
+
 struct BadScript {
   const char *name, *rows, *message;
+  std::size_t devices = 1;
 };
 void PrintTo(const BadScript& bad, std::ostream* out) { *out << bad.name; }
 
@@ -41,7 +51,7 @@ class RefusedScript : public testing::TestWithParam<BadScript> {};
 
 TEST_P(RefusedScript, NamesTheLine) {
   try {
-    Script::parse(GetParam().rows, "push.csv");
+    Script::parse(GetParam().rows, "push.csv", GetParam().devices);
     FAIL() << "accepted";
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), StartsWith("push.csv: "));
@@ -71,6 +81,19 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"BeforeTheStart", HEAD "-1,0,0\n", "line 2: time_s -1 is below zero"},
         BadScript{"LongerThanADay", HEAD "0,0,0\n1e9,5,0\n", "line 3: time_s 1e+09 is more than a day"},
         BadScript{"DrawnOut", HEAD "0,-5,0\n", "line 2: insertion_mm -5 is below zero"},
+        BadScript{"WithoutTheSecond", HEAD "0,0,0\n",
+                  "line 1: no column insertion_2_mm; a script of 2 devices has "
+                  "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg",
+                  2},
+        BadScript{"WithASecond",
+                  "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n",
+                  "line 1: 5 columns; a script has time_s,insertion_mm,rotation_deg"},
+        BadScript{"SecondDrawnOut",
+                  "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,-1,0\n",
+                  "line 2: insertion_2_mm -1 is below zero", 2},
+        BadScript{"SecondTooFast",
+                  "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n1,0,0,301,0\n",
+                  "line 3: hub 2 would move at 301 mm/s", 2},
         BadScript{"TooFast", HEAD "0,0,0\n1,301,0\n", "line 3: the hub would move at 301 mm/s"},
         BadScript{"TooQuickATurn", HEAD "0,0,0\n1,0,2000\n", "line 3: the hub would turn at 2000 deg/s"}),
     [](const auto& bad) { return std::string(bad.param.name); });

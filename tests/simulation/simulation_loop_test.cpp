@@ -6,28 +6,40 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <array>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
+#include <string>
 #include <thread>
+#include <vector>
 
 namespace xraycast::simulation_loop_test {
 namespace {
 
 using namespace std::chrono_literals;
 
-std::unique_ptr<Catheter> catheter() {
+using Hubs = std::span<const HubPose>;
+using Loads = std::span<const HubLoad>;
+
+std::unique_ptr<CoaxialCatheters> devices(const std::vector<std::string>& names = {"cobra-5f"}) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  return std::make_unique<Catheter>(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
+  return std::make_unique<CoaxialCatheters>(tree, models, most_inferior_end(tree));
 }
 
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
   // The hand pushes at 50 mm/s; what belongs together must fit together, whenever it is read.
-  double pushed_mm = 0;
-  SimulationLoop loop(catheter(), [&pushed_mm](const HubPose&, const HubLoad& load, double step_s) {
-    EXPECT_TRUE(std::isfinite(load.force_N));
-    return HubPose{pushed_mm += 50 * step_s, 0};
-  });
+  std::array<HubPose, 2> pushed;
+  SimulationLoop loop(devices({"cobra-5f", "guidewire-035-j"}),
+                      [&pushed](Hubs hubs, Loads loads, double step_s) -> Hubs {
+                        EXPECT_EQ(hubs.size(), 2u);
+                        EXPECT_TRUE(std::isfinite(loads[0].force_N + loads[1].force_N));
+                        pushed[0].insertion_mm += 50 * step_s;
+                        pushed[1].insertion_mm += 80 * step_s;
+                        return pushed;
+                      });
   double before_s = -1;
   const auto end = std::chrono::steady_clock::now() + 500ms;
   int read = 0;
@@ -36,7 +48,9 @@ TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
     ASSERT_GE(now.time_s, before_s);
     // 50 mm/s times the time, to rounding.
     ASSERT_NEAR(now.pose.insertion_mm, 50 * now.time_s, 1e-6);
-    ASSERT_EQ(now.nodes_mm.back(), now.tip.position_mm);
+    ASSERT_NEAR(now.device(1).pose.insertion_mm, 80 * now.time_s, 1e-6);
+    for (const std::size_t d : {0, 1})
+      ASSERT_EQ(now.device(d).nodes_mm.back(), now.device(d).tip.position_mm);
     if (now.time_s > before_s) ++read;
     before_s = now.time_s;
   }
@@ -44,7 +58,8 @@ TEST(SimulationLoop, SnapshotsAreOfOneMoment) {
 }
 
 TEST(SimulationLoop, GoesOnWhileNobodyReads) {
-  SimulationLoop loop(catheter(), [](const HubPose&, const HubLoad&, double) { return HubPose{20, 0}; });
+  const HubPose in{20, 0};
+  SimulationLoop loop(devices(), [&in](Hubs, Loads, double) { return Hubs(&in, 1); });
   const Stopwatch waiting;
   const double start_s = loop.snapshot().time_s;
   std::this_thread::sleep_for(1s);
@@ -59,9 +74,8 @@ TEST(SimulationLoop, GoesOnWhileNobodyReads) {
 }
 
 TEST(SimulationLoop, HandsOnWhatItsThreadThrew) {
-  SimulationLoop loop(catheter(), [](const HubPose&, const HubLoad&, double) -> HubPose {
-    throw std::runtime_error("the hand let go");
-  });
+  SimulationLoop loop(devices(),
+                      [](Hubs, Loads, double) -> Hubs { throw std::runtime_error("the hand let go"); });
   EXPECT_THAT(
       [&] {
         for (const Stopwatch waiting; waiting.ms() < 30e3; std::this_thread::sleep_for(1ms)) loop.snapshot();

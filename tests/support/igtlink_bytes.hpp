@@ -14,7 +14,7 @@
 namespace xraycast {
 
 /// A TRANSFORM of a hub, as the library makes it.
-inline std::string transform_message(double insertion_mm, double rotation_rad = 0) {
+inline std::string transform_message(double insertion_mm, double rotation_rad = 0, const char* name = "Hub") {
   igtl::Matrix4x4 matrix{};
   matrix[0][0] = matrix[1][1] = static_cast<float>(std::cos(rotation_rad));
   matrix[1][0] = static_cast<float>(std::sin(rotation_rad));
@@ -22,7 +22,7 @@ inline std::string transform_message(double insertion_mm, double rotation_rad = 
   matrix[2][2] = matrix[3][3] = 1;
   matrix[2][3] = static_cast<float>(insertion_mm);
   auto message = igtl::TransformMessage::New();
-  message->SetDeviceName("Hub");
+  message->SetDeviceName(name);
   message->SetMatrix(matrix);
   message->Pack();
   return {static_cast<const char*>(message->GetPackPointer()),

@@ -6,6 +6,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <cstdint>
+#include <vector>
 
 namespace xraycast::console_test {
 namespace {
@@ -165,6 +167,32 @@ TEST_F(Console, TakesANewMaskAtAnotherDose) {
   console_.subtract(false);
   expose(false, 8);
   EXPECT_NEAR(console_.kerma_rate(), cine, 0.1 * cine) << "the exposure control agrees with the lock";
+}
+
+TEST_F(Console, NoiseOfEarlierPulsesDoesNotComeAgain) {
+  FluoroscopyOptions noisy = options("quanta");
+  noisy.kvp = 80;
+  noisy.mas = 0.1;
+  console_.set(noisy);
+  expose(false);
+  const std::vector<std::uint8_t> first(console_.image().begin(), console_.image().end());
+  noisy.pulses_per_s = 7.5;
+  console_.set(noisy);
+  expose(false);
+  const std::vector<std::uint8_t> second(console_.image().begin(), console_.image().end());
+  EXPECT_NE(first, second);
+}
+
+TEST_F(Console, ALockedExposureKeepsItsGain) {
+  expose(false, 8);
+  const int live = grey(kSoftTissue);
+  const Technique technique = console_.technique();
+  console_.subtract(true);
+  expose(false, 6);
+  EXPECT_EQ(console_.technique(), technique);
+  console_.subtract(false);
+  expose(false);
+  EXPECT_NEAR(grey(kSoftTissue), live, 1);
 }
 
 TEST_F(Console, KeepsItsSettingsWhenNewOnesAreInvalid) {

@@ -1,6 +1,7 @@
 // What a fluoroscope does at the ends of its range, and with pictures of any size.
 #include "xraycast/base/error.hpp"
 #include "xraycast/fluoroscope/beam.hpp"
+#include "xraycast/fluoroscope/blur.hpp"
 #include "xraycast/fluoroscope/counter_noise.hpp"
 #include "xraycast/fluoroscope/exposure_control.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
@@ -62,6 +63,27 @@ TEST(FluoroscopeLimits, ManyQuantaAreCounted) {
   }
 }
 
+TEST(FluoroscopeLimits, SmallNumbersAreThoseOfTheirMeanOnly) {
+  // A row of means on both sides of the expansion's least one.
+  std::vector<float> means;
+  for (int i = 0; i < 40000; ++i) means.push_back(i % 2 == 0 ? 0.001f * static_cast<float>(i % 4000) : 50);
+  std::vector<float> quanta(means.size(), -1);
+  few_quanta_row(means.data(), 0, {7, 3}, static_cast<int>(means.size()), quanta.data());
+  double sum = 0, squares = 0;
+  int count = 0;
+  for (std::size_t i = 0; i < means.size(); i += 2, ++count) {
+    ASSERT_EQ(quanta[i], std::floor(quanta[i]));
+    sum += quanta[i] - means[i];
+    squares += (quanta[i] - means[i]) * (quanta[i] - means[i]);
+  }
+  // The variance is the mean, 2 on average: four standard deviations of 20,000 values.
+  EXPECT_NEAR(sum / count, 0, 4 * std::sqrt(2.0 / count));
+  EXPECT_NEAR(squares / count, 2, 4 * 4 / std::sqrt(1.0 * count));
+  std::vector<float> none(100, 0), dark(100, -1);
+  few_quanta_row(none.data(), 0, {7, 3}, 100, dark.data());
+  EXPECT_THAT(dark, Each(0));
+}
+
 TEST(FluoroscopeLimits, TheBrightestPixelsAreNotBlack) {
   constexpr int kSide = 32;
   FluoroscopyOptions options = options_with("quanta");
@@ -112,6 +134,49 @@ TEST(FluoroscopeLimits, TheSignalFallsSmoothlyBetweenTheTablesSteps) {
   }
 }
 
+// ---- blur ---------------------------------------------------------------------------------------------
+
+TEST(FluoroscopeLimits, FineAndCoarsePixelsHaveTheAskedMtf) {
+  for (const std::string& name : CArm::preset_names())
+    for (const double pixel_mm : {0.03, 0.05, 0.1, 0.154, 0.4, 1.0, 2.0}) {
+      const ScintillatorBlur blur = CArm::named(name).detector.blur;
+      const auto close = [](double) { return 0.006; };
+      const SymmetricTaps narrow = gaussian_taps(blur.narrow_mm / pixel_mm, close),
+                          wide = gaussian_taps(blur.wide_mm / pixel_mm, close);
+      for (double cycles = 0; cycles <= 0.5; cycles += 0.01) {
+        const double reached =
+            (1 - blur.wide_share) * transfer_of(narrow, cycles) + blur.wide_share * transfer_of(wide, cycles);
+        EXPECT_NEAR(reached, blur.mtf(cycles / pixel_mm), 0.007) << name << ", " << pixel_mm << " mm";
+      }
+      for (const SymmetricTaps& taps : {narrow, wide}) EXPECT_NEAR(transfer_of(taps, 0), 1, 1e-5);
+    }
+}
+
+TEST(FluoroscopeLimits, RefusesPixelsThatAreTooFineForTheBlur) {
+  EXPECT_THAT(message_of([] { Fluoroscope(options_with("blur"), square_view(16, 0.005), ten_per_metre()); }),
+              HasSubstr("pixels of 0.005 mm are too fine for the blur of fixed-single-plane, 0.3 mm: take "
+                        "pixels of at least 0.012 mm"));
+  EXPECT_EQ(message_of([] { Fluoroscope(options_with("quanta"), square_view(16, 0.005), ten_per_metre()); }),
+            "accepted");
+}
+
+// ---- scatter ------------------------------------------------------------------------------------------
+
+TEST(FluoroscopeLimits, APartOfTheFieldIsScatteredOnAsTheWhole) {
+  const auto mean_kev = [](int side, std::optional<Collimation> blades) {
+    FluoroscopyOptions options = options_with("scatter");
+    options.photons = 1000;
+    options.field_mm = 160;
+    options.collimation = blades;
+    return Fluoroscope(options, square_view(side, 0.5), ten_per_metre()).expose(slab(20, side)).mean_kev;
+  };
+  // Cells of 8 mm: the beam beyond a small picture ends at most one of them too early.
+  EXPECT_NEAR(mean_kev(32, {}) / mean_kev(320, Collimation{160, 160}), 1, 0.02);
+  const Collimation narrow{60, 60, 0.3};
+  EXPECT_NEAR(mean_kev(32, narrow) / mean_kev(320, Collimation{60, 60}), 1, 0.06);
+  EXPECT_GT(mean_kev(32, {}), 1.1 * mean_kev(32, narrow));
+}
+
 // ---- electronics --------------------------------------------------------------------------------------
 
 TEST(FluoroscopeLimits, ElectronicNoiseIsThatOfTheDetectorsPixelsWhateverThePictures) {
@@ -134,6 +199,19 @@ TEST(FluoroscopeLimits, ElectronicNoiseIsThatOfTheDetectorsPixelsWhateverThePict
     const double rms = pixels * detector.electronic_noise_kev;
     EXPECT_NEAR(sum / kBehindBlades, 0, 0.05 * rms) << pixels;  // four standard deviations
     EXPECT_NEAR(std::sqrt(squares / kBehindBlades) / rms, 1, 0.04) << pixels;
+  }
+}
+
+TEST(FluoroscopeLimits, ATechniqueByHandHasTheGainOfAnAutomaticOne) {
+  constexpr int kSide = 32;
+  for (const std::string& name : CArm::preset_names()) {
+    FluoroscopyOptions options = options_with("quanta,electronics", name.c_str());
+    Fluoroscope automatic(options, square_view(kSide, 0.308), ten_per_metre());
+    automatic.settle(slab(25, kSide));
+    options.kvp = automatic.technique().kvp;
+    options.mas = automatic.technique().mas;
+    Fluoroscope by_hand(options, square_view(kSide, 0.308), ten_per_metre());
+    EXPECT_EQ(by_hand.expose(slab(25, kSide)).codes, automatic.expose(slab(25, kSide)).codes) << name;
   }
 }
 
@@ -182,6 +260,39 @@ TEST(FluoroscopeLimits, TheControlReachesItsTargetWithEveryTubeAndBehindLittle) 
         EXPECT_TRUE(std::abs(reached - 1) < 0.035 || (reached > 1 && is_least))
             << name << ", " << water_cm << " cm: " << reached << ", " << technique.kvp << " kVp, "
             << technique.mas << " mAs";
+      }
+}
+
+TEST(FluoroscopeLimits, TheControlSettlesWithinFivePulsesWithEveryTubeFromAnyStart) {
+  constexpr int kSide = 48, kBefore = 6, kPulses = 5;
+  for (const std::string& name : CArm::preset_names())
+    for (const char* stages : {"none", "lag", "scatter", "quanta,blur,lag,electronics,scatter,display"})
+      for (const DoseLevel dose : {DoseLevel::low, DoseLevel::cine}) {
+        FluoroscopyOptions options = options_with(stages, name.c_str());
+        options.dose = dose;
+        View view = square_view(kSide, 0.616);
+        view.cone = options.c_arm.distances;
+        Fluoroscope fluoroscope(options, view, ten_per_metre());
+        // One after the other, from every thickness to every other.
+        for (const double water_cm :
+             {0.0, 60.0, 0.0, 22.0, 0.0, 8.0, 60.0, 8.0, 22.0, 60.0, 22.0, 8.0, 0.0}) {
+          for (int pulse = 0; pulse < kPulses; ++pulse) fluoroscope.expose(slab(water_cm, kSide));
+          const double settled = fluoroscope.expose(slab(water_cm, kSide)).mean_kev;
+          const Technique technique = fluoroscope.technique();
+          for (int pulse = 0; pulse < kBefore; ++pulse) fluoroscope.expose(slab(water_cm, kSide));
+          const double later = fluoroscope.expose(slab(water_cm, kSide)).mean_kev;
+          const double reached = settled / fluoroscope.target_kev();
+          const XrayTube& tube = options.c_arm.tube;
+          const bool is_least =
+              technique.kvp == static_cast<int>(tube.lowest_kvp) && technique.mas <= 1.001 * lowest_mas(tube);
+          const bool is_most = technique.kvp == static_cast<int>(tube.highest_kvp);
+          // Steady within 3 %, and what a pulse's noise adds to the mean; unless the tube is at its limit.
+          EXPECT_TRUE(std::abs(reached - 1) < 0.05 || (reached > 1 && is_least) || (reached < 1 && is_most))
+              << name << ", " << stages << ", " << water_cm << " cm: " << reached << ", " << technique.kvp
+              << " kVp, " << technique.mas << " mAs";
+          // At the tube's limit there are few quanta, and their mean scatters by up to a twentieth.
+          EXPECT_NEAR(later / settled, 1, is_most ? 0.2 : 0.05) << name << ", " << stages << ", " << water_cm;
+        }
       }
 }
 

@@ -87,6 +87,22 @@ TEST_F(AtTheTable, AReplayIsSteeredByItsFileAndTheNextRunByHandAgain) {
   EXPECT_LT(intervention.run().now().pose.insertion_mm, 1);
 }
 
+TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
+  Intervention intervention(
+      {.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  intervention.hold_next_hub();
+  EXPECT_EQ(intervention.held_hub(), 1u);
+  intervention.manual()->set_rates(100, 0);
+  while (intervention.run().now().time_s < 0.5) watch(intervention, {}, 1);
+  EXPECT_LT(intervention.run().now().pose.insertion_mm, 1e-3) << "but for what the wire drags along";
+  EXPECT_GT(intervention.run().now().device(1).pose.insertion_mm, 10);
+  intervention.run().lock_valve(true);
+  watch(intervention, {}, 20);
+  EXPECT_GT(intervention.run().now().pose.insertion_mm, 1) << "the wire takes the catheter along";
+  intervention.hold_next_hub();
+  EXPECT_EQ(intervention.held_hub(), 0u);
+}
+
 TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
   Intervention intervention = begin();
   intervention.run().start_recording();
@@ -101,11 +117,14 @@ TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
 
 TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
   EXPECT_THROW(Intervention({}), InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_model = "none"}), InputError);
+  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_models = {"none"}}), InputError);
   Intervention::Options nowhere{.vessels = folder_ / ""};
   nowhere.entry.end = 1000;
   EXPECT_THROW(Intervention{nowhere}, InputError);
   EXPECT_THROW(Intervention({.vessels = folder_ / "", .haptic = "glove"}), InputError);
+  EXPECT_THROW(
+      Intervention({.vessels = folder_ / "", .instrument_models = {"guidewire-035-angled", "cobra-5f"}}),
+      InputError);
   EXPECT_THROW(Intervention({.vessels = std::filesystem::temp_directory_path()}), InputError);
 }
 

@@ -22,7 +22,7 @@ std::shared_ptr<const VesselTree> thorax() {
 SimulatedRun run_with(std::unique_ptr<HapticDevice> device) {
   auto tree = thorax();
   const VesselEnd entry = most_inferior_end(*tree);
-  return {std::move(tree), InstrumentModel::named("cobra-5f"), entry, std::move(device)};
+  return {std::move(tree), std::vector{InstrumentModel::named("cobra-5f")}, entry, std::move(device)};
 }
 
 /// Updates as a window does, until the simulation's clock has gone on by `time_s`.
@@ -37,14 +37,14 @@ void watch(SimulatedRun& run, double time_s) {
 TEST(ManualDevice, IntegratesRatesAndDoesNotLeaveTheIntroducer) {
   ManualDevice device("keyboard");
   device.set_rates(20, 1);
-  for (int i = 0; i < 999; ++i) device.pose();
-  EXPECT_NEAR(device.pose().pose.insertion_mm, 20, 1e-9);
-  EXPECT_NEAR(device.pose().pose.rotation_rad, 1.001, 1e-9);
+  for (int i = 0; i < 999; ++i) device.pose(0);
+  EXPECT_NEAR(device.pose(0).pose.insertion_mm, 20, 1e-9);
+  EXPECT_NEAR(device.pose(0).pose.rotation_rad, 1.001, 1e-9);
   device.set_rates(0, 0);
   device.move_by(-100, 0);
-  EXPECT_EQ(device.pose().pose.insertion_mm, 0);
+  EXPECT_EQ(device.pose(0).pose.insertion_mm, 0);
   device.move_by(3, 0);
-  EXPECT_NEAR(device.pose().pose.insertion_mm, 3, 1e-9) << "what was pulled in vain does not count";
+  EXPECT_NEAR(device.pose(0).pose.insertion_mm, 3, 1e-9) << "what was pulled in vain does not count";
 }
 
 TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
@@ -58,7 +58,7 @@ TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
   watch(run, 0.3);
   EXPECT_GT(run.now().pose.insertion_mm, 30);
   EXPECT_NEAR(run.injected_ml(), 1.5, 0.3) << "0.3 s, to a frame or two of a busy machine";
-  const Surface catheter = run.catheter(), contrast = run.contrast();
+  const Surface catheter = run.devices()[0], contrast = run.contrast();
   EXPECT_GT(volume_mm3(catheter.mesh), 0);
   ASSERT_FALSE(contrast.mu_weights.empty());
   // 350 mg/ml, diluted by blood.
@@ -77,6 +77,31 @@ TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
   // A script leads the hub itself, with no spring between.
   EXPECT_NEAR(recorded.rows().back().pose.insertion_mm, 40, 1e-4);
   EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, std::numbers::pi / 2, 1e-5);
+}
+
+TEST(SimulatedRun, EachDeviceHasItsHubSurfaceAndColumns) {
+  const std::string rows =
+      "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n0.5,20,0,60,90\n";
+  auto tree = thorax();
+  const VesselEnd entry = most_inferior_end(*tree);
+  SimulatedRun run(std::move(tree),
+                   {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-angled")},
+                   entry, std::make_unique<ScriptDevice>(Script::parse(rows, "test", 2), "script"));
+  run.start_recording();
+  watch(run, 0.8);
+  const Script recorded = Script::parse(run.stop_recording(), "recording", 2);
+  EXPECT_NEAR(recorded.rows().back().pose.insertion_mm, 20, 1e-4);
+  EXPECT_NEAR(recorded.rows().back().pose_of(1).insertion_mm, 60, 1e-4);
+  EXPECT_NEAR(recorded.rows().back().pose_of(1).rotation_rad, std::numbers::pi / 2, 1e-5);
+  // The catheter, the wire's shaft, and its tip.
+  const std::vector<Surface> surfaces = run.devices();
+  ASSERT_EQ(surfaces.size(), 3u);
+  EXPECT_GT(surfaces[2].mu_per_mm, 1.5 * surfaces[1].mu_per_mm) << "the tip is denser";
+  for (const Surface& surface : surfaces) EXPECT_GT(volume_mm3(surface.mesh), 0);
+  // The wire lies in the catheter's lumen, through which no contrast agent can come.
+  run.inject(5);
+  watch(run, 0.2);
+  EXPECT_EQ(run.injected_ml(), 0);
 }
 
 TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {

@@ -157,7 +157,7 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
 
 Spectrum tube_spectrum(int tube_kv, const BeamFilter& added) {
   if (tube_kv < kLowestTube_kv || tube_kv > kHighestTube_kv)
-    throw InputError("{} kVp: the tube's model holds from {} to {} kVp; choose a voltage between them",
+    throw InputError("{} kVp: the tube model is valid from {} to {} kVp; choose a voltage in this range",
                      tube_kv, kLowestTube_kv, kHighestTube_kv);
   constexpr double kElectronsPerMas = 6.241509e15, kMetre_cm = 100;
   // Over the whole sphere the model gives 111 uGy/mAs at 1 m for 100 kVp, real tubes some 90: their anodes

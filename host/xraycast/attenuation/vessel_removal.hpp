@@ -7,7 +7,7 @@
 namespace xraycast {
 
 /// A scan with the contrast agent removed from its vessels: every voxel of the vessels' mask (above 0)
-/// becomes blood (kBloodHu), with whatever else is in the lumen, such as stents and plaques. The edge is
+/// becomes blood (kBloodHu), including stents and plaques in the lumen. The edge is
 /// soft: voxels brighter than blood that share a face, an edge or a corner with the mask lose a half, 29 % or
 /// 13 % of the difference to blood. All other voxels are unchanged. So vessels that are drawn as a surface
 /// are not also in the body map.

@@ -12,13 +12,13 @@
 
 namespace xraycast {
 
-/// A file that appears under its name only when it is complete. It is written under a temporary name beside
+/// A file that appears under its name only when it is complete. It is written under a temporary name next to
 /// the target, flushed to the disk, and renamed by commit(); without commit() the temporary file is removed
 /// and the target stays as it was.
 ///
-/// An existing file keeps its permissions. Through a symbolic link the file that it points to is replaced,
-/// and the link stays. A pipe, a device such as /dev/null, and a file that this process has open, such as
-/// /dev/stdout, is not replaced; commit() writes the content into it.
+/// An existing file keeps its permissions. If the target is a symbolic link, the file that it points to is
+/// replaced and the link stays. A pipe, a device such as /dev/null, or a file that this process has open,
+/// such as /dev/stdout, is not replaced; commit() writes the content into it.
 ///
 /// The temporary file has an unpredictable name, and is locked (flock) for as long as its writer lives: the
 /// next AtomicFile of the same target removes those that dead processes left.
@@ -60,7 +60,7 @@ class AtomicFile {
 
 /// Files that appear together: a file that this thread commits while an OutputSet lives is on the disk, but
 /// gets its name only at the set's commit(), in the order of the files' own commits. Without it all of them
-/// are removed. A set within a set hands its files over to the outer one.
+/// are removed. A nested set passes its files to the outer one.
 class OutputSet {
  public:
   OutputSet();
@@ -78,8 +78,8 @@ class OutputSet {
 };
 
 /// A folder that appears under its name only when all its files are complete. They are written into a
-/// temporary folder beside the target, which has the same kind of name as an AtomicFile's and is locked and
-/// cleared up in the same way, and is renamed by commit(); without commit() it is removed.
+/// temporary folder next to the target, which is named, locked and cleaned up like an AtomicFile's and is
+/// renamed by commit(); without commit() it is removed.
 class AtomicFolder {
  public:
   /// Throws InputError when the target exists and is not an empty folder, or cannot be created.

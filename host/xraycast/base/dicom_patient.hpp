@@ -10,8 +10,8 @@ struct DicomPatient {
   bool is_given() const { return !name.empty() || !id.empty(); }
 };
 
-/// The frame of reference of what is made for `patient` from a file in `source_uid`: the same one, but for a
-/// patient that was given, who must not share it, none (empty).
+/// The frame of reference of a file derived from one in `source_uid`: the same, or none (empty) if `patient`
+/// was given, because patients must not share one.
 inline std::string frame_of_reference_for(const DicomPatient& patient, const std::string& source_uid) {
   return patient.is_given() ? "" : source_uid;
 }

@@ -6,7 +6,7 @@
 
 namespace xraycast {
 
-/// The optical depth of an image's denser parts: the 90th percentile of all that is not air.
+/// The optical depth of an image's denser parts: the 90th percentile of all pixels that are not air.
 double typical_depth(std::span<const float> tau);
 
 /// The range of optical depths that is displayed: grey is 0 at `dark` and 1 at `light` of exp(-tau / scale),

@@ -51,12 +51,12 @@ void Inflater::step() {
   if (status == Z_STREAM_END) return end_stream();
   if (status == Z_OK) return;
   if (status == Z_BUF_ERROR)
-    throw InputError("{}: truncated, its packed data end too early; copy it again", name_);
+    throw InputError("{}: truncated: its compressed data end too early; copy it again", name_);
   if (status == Z_MEM_ERROR) throw std::bad_alloc();
   const std::string_view why = zlib_.msg ? zlib_.msg : "";
   if (why == "incorrect data check" || why == "incorrect length check")
     throw InputError("{}: damaged: its checksum does not match; copy it again", name_);
-  throw InputError("{}: damaged: its packed data do not unpack; copy it again", name_);
+  throw InputError("{}: damaged: its data cannot be decompressed; copy it again", name_);
 }
 
 void Inflater::refill() {

@@ -7,7 +7,7 @@
 namespace xraycast {
 
 /// The function `name` of a module of this project, a shared library that is loaded when it is first needed
-/// since what it brings with it is large. The loader looks where the program's RUNPATH says. The module stays
+/// because its dependencies are large. The loader searches the program's RUNPATH. The module stays
 /// loaded. Throws Error, naming the module, when it cannot be loaded, or when there is less memory than
 /// `need`.
 void* module_function(const std::string& module, const char* name, const MemoryNeed& need);

@@ -16,7 +16,7 @@ struct MemoryLimit {
   static constexpr std::int64_t kUnlimited = std::numeric_limits<std::int64_t>::max();
 };
 
-/// All of this machine's memory, whoever uses it now.
+/// All of this machine's memory, used or free.
 std::int64_t machine_memory_B();
 
 /// How much of the address space this process has mapped.
@@ -30,14 +30,14 @@ MemoryLimit address_space_left();
 /// less. The files lie below `root`, which only tests change.
 MemoryLimit resident_memory_left(const std::filesystem::path& root = "/");
 
-/// What a piece of work takes beyond what the process has now.
+/// The memory that a task takes in addition to what the process has now.
 struct MemoryNeed {
   std::int64_t address_space_B = 0;  ///< with what is only reserved, such as a thread's stack
   std::int64_t resident_B = 0;
 };
 
-/// Throws Error, one line, when a limit leaves less than `need` for `purpose`, such as "drawing". Where
-/// memory ends within LLVM or Mesa they end the process, and a control group kills it; so ask before.
+/// Throws Error, one line, when a limit leaves less than `need` for `purpose`, such as "drawing". Call it
+/// before: LLVM and Mesa abort a process that runs out of memory, and a control group kills it.
 void require_memory(std::string_view purpose, const MemoryNeed& need);
 
 }  // namespace xraycast

@@ -136,7 +136,8 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   if (header.has("frame_of_reference_uid"))
     basis.frame_of_reference_uid = header.get<std::string>("frame_of_reference_uid");
   if (!basis.frame_of_reference_uid.empty() && !is_dicom_uid(basis.frame_of_reference_uid))
-    throw InputError("{}: header field frame_of_reference_uid is no DICOM UID; cast the basis again", name);
+    throw InputError("{}: header field frame_of_reference_uid is not a DICOM UID; cast the basis again",
+                     name);
   return basis;
 }
 

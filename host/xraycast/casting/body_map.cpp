@@ -242,7 +242,8 @@ BodyMap read_map(const std::filesystem::path& path) {
   const std::string name = path.string();
   std::error_code error;
   if (std::filesystem::is_directory(path, error))
-    throw InputError("{}: a folder, but a body map is needed; make one of a scan with `xraycast cast`", name);
+    throw InputError("{}: a folder, but a body map is needed; make one from a scan with `xraycast cast`",
+                     name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   const ExrReader file(path);
   const int version = file.number("xraycast:version").value_or(0);
@@ -263,7 +264,7 @@ BodyMap read_map(const std::filesystem::path& path) {
   map.source = text_attribute(file, "source");
   map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
   if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
-    throw InputError("{}: attribute xraycast:frame_of_reference_uid is no DICOM UID; cast the map again",
+    throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);

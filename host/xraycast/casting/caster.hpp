@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A map and the time that it took.
+/// A map and the time that casting took.
 struct CastResult {
   BodyMap map;
   double kernel_ms = 0;  ///< wall time of the kernels on the device

@@ -60,7 +60,8 @@ void validate(const PinholeCamera& camera, const std::string& name) {
   if (!is_finite(k) || k[0][2] != 0 || k[1][2] != 0 || k[2][2] != 1)
     throw InputError("{}: K must be finite, with (0, 0, 1) in its last row", name);
   if (!(std::abs(k[0][0] * k[1][1] - k[1][0] * k[0][1]) > 1e-9))
-    throw InputError("{}: K has no focal length; K[0][0] and K[1][1] must be it, in pixels", name);
+    throw InputError("{}: K has no focal length; K[0][0] and K[1][1] must be the focal length in pixels",
+                     name);
   if (!is_finite(camera.rotation) || !is_orthonormal(camera.rotation))
     throw InputError("{}: the first three columns of RT must be a rotation", name);
   if (!(glm::length(camera.translation_mm) <= kMaxDistance_mm))

@@ -31,7 +31,7 @@ struct PinholeCamera {
 PinholeCamera camera_of(const View& view);
 
 /// Throws InputError, with `name` in front, when a number is not finite, the intrinsics' last row is not
-/// (0, 0, 1), there is no focal length, the rotation is none, or a side of the picture is not 1 to 16384.
+/// (0, 0, 1), the focal length is 0, the rotation is invalid, or a picture's side is outside 1 to 16384.
 void validate(const PinholeCamera& camera, const std::string& name);
 
 }  // namespace xraycast

@@ -89,7 +89,7 @@ void check_projection_format(const std::filesystem::path& path) {
   if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
       extension != ".tiff" && !is_xa(path))
     throw InputError(
-        "{}: a projection is written as .exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png (to look at)",
+        "{}: a single picture is written as .exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png (for display)",
         path.string());
 }
 

@@ -10,9 +10,8 @@ namespace xraycast {
 
 /// The part of each of a view's rays (row by row) that lies in the volume of a map: the cylinder of its
 /// radius from the first row's upper edge to the last one's lower edge, or the sphere; nothing where a ray
-/// misses it. An outline is ignored: a DRR along
-/// these integrates the same matter as a map of circles. Throws InputError for a curved axis,
-/// whose volume is not a cylinder.
+/// misses it. An outline is ignored: a DRR along these integrates the same matter as a map of circles.
+/// Throws InputError for a curved axis, whose volume is not a cylinder.
 std::vector<std::optional<RaySegment>> rays_within(const View& view, const MapGeometry& geometry);
 
 /// A part of the ray of a pixel, which is counted row by row.

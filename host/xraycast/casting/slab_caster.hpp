@@ -8,8 +8,8 @@
 
 namespace xraycast {
 
-/// Slices of a slab: enough for every core to have some to read, and few enough to stay in a processor's
-/// cache.
+/// Maximum number of slices in a slab: enough for every core to have some to read, and few enough to stay in
+/// a processor's cache.
 inline constexpr std::int64_t kMaxSlabSlices = 64;
 
 /// Number of slices per slab, a multiple of ResidentScan::kBrickSlices, so that it stays within `limit_B`

@@ -190,7 +190,7 @@ XaWriter::XaWriter(std::filesystem::path path, const View& view, std::int64_t fr
   const std::int64_t most = kMostDicomPixels_B / (pixels * static_cast<std::int64_t>(sizeof(std::uint16_t)));
   if (frames > most)
     throw InputError(
-        "{}: {} frames of {} x {} pixels; one DICOM file holds {} of them: draw fewer or smaller frames",
+        "{}: {} frames of {} x {} pixels; one DICOM file holds at most {}: draw fewer or smaller frames",
         file_.target().string(), frames, view.width, view.height, most);
   pixels_.reserve(static_cast<std::size_t>(pixels * frames));
 }

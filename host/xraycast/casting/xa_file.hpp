@@ -25,7 +25,7 @@ enum class XaIntensity {
 struct XaExposure {
   double kvp = 0, mas = 0, pulse_ms = 0;  ///< of one pulse
   double dap_Gycm2 = 0;                   ///< of all pictures in the file
-  bool is_fluoroscopy = true;             ///< else a recording
+  bool is_fluoroscopy = true;             ///< false: a recorded run (acquisition)
 };
 
 /// The attributes of an X-Ray Angiographic Image besides its pixels.

@@ -225,7 +225,8 @@ double mm_of_unit(int units, std::vector<std::string>& warnings) {
     case kMicron:
       return 0.001;
     default:
-      warnings.push_back(fmt::format("xyzt_units is {}, no unit of length; millimetres are assumed", units));
+      warnings.push_back(
+          fmt::format("xyzt_units is {}, which is not a unit of length; millimetres are assumed", units));
       return 1;
   }
 }

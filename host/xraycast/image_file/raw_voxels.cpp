@@ -38,7 +38,7 @@ void RawVoxels::read(std::int64_t first_B, std::span<char> bytes) const {
     if (count < 0 && errno == EINTR) continue;
     if (count <= 0)
       throw InputError("{}: the voxels could not be read: {}; copy the file again", path_.string(),
-                       count < 0 ? std::strerror(errno) : "it was truncated meanwhile");
+                       count < 0 ? std::strerror(errno) : "it was truncated while being read");
     first_B += count;
     bytes = bytes.subspan(static_cast<std::size_t>(count));
   }

@@ -39,7 +39,7 @@ std::vector<double> extent_of(const VtkXmlFile& file) {
   constexpr double kMost = 1e9;
   for (const double index : extent)
     if (index != std::floor(index) || !(std::abs(index) < kMost))
-      file.fail("Extent", "holds {}, no possible index", index);
+      file.fail("Extent", "holds {}, which is not a valid index", index);
   return extent;
 }
 

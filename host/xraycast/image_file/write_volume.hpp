@@ -20,7 +20,7 @@ void check_volume_format(const std::filesystem::path& path);
 void write_field(const VolumeGeometry& geometry, std::span<const float> field,
                  const std::filesystem::path& path, Progress& progress);
 
-/// Shares on a volume's grid, 255 for all, x fastest. Written as 32-bit floats from 0 to 1, as NRRD with
+/// Fractions on a volume's grid, 255 for 1, x fastest. Written as 32-bit floats from 0 to 1, as NRRD with
 /// gzipped voxels, because most are 0. The path must end in `.nrrd`.
 void write_shares(const VolumeGeometry& geometry, std::span<const std::uint8_t> shares,
                   const std::filesystem::path& path);

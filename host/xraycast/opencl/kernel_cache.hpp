@@ -14,14 +14,14 @@ class TemporaryFolderOnDisk;
 /// user is not changed.
 class KernelCache {
  public:
-  /// What has to be left on its disk: more than all kernels take.
+  /// Space that must be left on its disk: more than all kernels take.
   static constexpr std::uintmax_t kRoom_B = 16'000'000;
 
   /// Before OpenCL is first used, and before other threads are started: it changes the environment.
   KernelCache();
 
-  /// Removes the private folder, if there is one; that of a killed process goes with the next one that is
-  /// made.
+  /// Removes the private folder, if there is one. The folder of a killed process is removed when the next one
+  /// is made.
   ~KernelCache();
   KernelCache(const KernelCache&) = delete;
   KernelCache& operator=(const KernelCache&) = delete;

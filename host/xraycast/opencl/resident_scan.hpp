@@ -50,8 +50,8 @@ class ResidentScan {
   std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
 
   /// The least and the largest CT number of every block (kernels/blocks.cl), two 16-bit integers each. Of
-  /// bricks only; found at the first call after the last slice, which reads the scan once. Not for several
-  /// threads at a time.
+  /// bricks only; computed at the first call after the last slice, which reads the scan once. Not
+  /// thread-safe.
   const cl::Buffer& block_ranges() const;
   std::int64_t block_count() const;
 

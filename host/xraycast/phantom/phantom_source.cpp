@@ -112,7 +112,7 @@ void PhantomSource::paint(std::span<std::int16_t> slices, std::int64_t count) {
     device_.queue().enqueueNDRangeKernel(kernel_, cl::NullRange, range, cl::NDRange(1, kBrick, 1));
     device_.queue().enqueueReadBuffer(out, CL_TRUE, 0, static_cast<cl::size_type>(bytes), slices.data());
   } catch (const cl::Error& error) {
-    throw DeviceError("phantom {} could not be painted: {} failed with {}", phantom_.name(), error.what(),
+    throw DeviceError("phantom {} could not be generated: {} failed with {}", phantom_.name(), error.what(),
                       status_name(error.err()));
   }
 }

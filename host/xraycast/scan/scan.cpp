@@ -106,9 +106,8 @@ void warn_of_stumps(const std::vector<fs::path>& unknown, const std::vector<fs::
   }
   if (stumps > 0)
     info.warnings.push_back(
-        fmt::format("skipped {} beside the slices, empty or too short to be DICOM, such as {}: if slices are "
-                    "missing, copy "
-                    "the folder again",
+        fmt::format("skipped {} among the slices, empty or too short to be DICOM, such as {}: if slices are "
+                    "missing, copy the folder again",
                     pluralize(stumps, "file"), example.string()));
 }
 

@@ -12,12 +12,12 @@
 namespace xraycast {
 
 /// Opens a folder of DICOM or GE Genesis slices, a zip archive of such a folder, or a single DICOM, Genesis,
-/// NIfTI, NRRD, MetaImage or VTK ImageData file. Headers are read now (stage "opening"), voxels by the
+/// NIfTI, NRRD, MetaImage or VTK ImageData file. Headers are read here (stage "opening"), voxels by the
 /// source. An archive is unpacked into a temporary folder (stage "unpacking"), which the source removes.
 ///
-/// A folder is searched with all its subfolders, such as those of a patient's CD, and so is that of a
-/// DICOMDIR. The best CT series is chosen: the one with the most slices, then an axial one, then the
-/// thinnest. Where there is no CT, other greyscale images are read instead.
+/// A folder is searched with all its subfolders, such as those of a patient's CD, and so is the folder of a
+/// DICOMDIR. The best CT series is chosen: the one with the most slices, then an axial one, then the one with
+/// the thinnest slices. If there is no CT, other greyscale images are read instead.
 ///
 /// The format is recognised by content, never by name alone. Slices are sorted by position along their
 /// normal, rescaled to HU, clamped to [-1024, 32767] and delivered in the frame of VolumeGeometry. Stacks

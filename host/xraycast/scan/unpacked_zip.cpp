@@ -25,7 +25,7 @@ using Archive = std::unique_ptr<zip_t, decltype(&zip_discard)>;
 Archive open_archive(const fs::path& path) {
   int error = 0;
   Archive archive(zip_open(path.c_str(), ZIP_RDONLY, &error), &zip_discard);
-  if (!archive) throw InputError("{}: not a whole zip archive; copy it again", path.string());
+  if (!archive) throw InputError("{}: not a complete zip archive; copy it again", path.string());
   return archive;
 }
 
@@ -71,7 +71,7 @@ void check_sizes(const std::vector<Entry>& entries, const fs::path& path, const 
   constexpr std::int64_t kLeftFree_B = 64 << 20;
   const auto free_B = static_cast<std::int64_t>(fs::space(folder).available);
   if (size_B > free_B - kLeftFree_B)
-    throw InputError("{}: it takes {} MB in {}, where {} MB are free; set TMPDIR to a larger disk",
+    throw InputError("{}: needs {} MB in {}, where {} MB are free; set TMPDIR to a larger disk",
                      path.string(), size_B >> 20, folder.parent_path().string(), free_B >> 20);
 }
 
@@ -83,7 +83,7 @@ void unpack(zip_t* archive, const Entry& entry, const fs::path& target, const st
     throw InputError("{}: {}", name,
                      reason == ZIP_ER_NOPASSWD ? "encrypted; unpack it and give the folder"
                      : reason == ZIP_ER_COMPNOTSUPP || reason == ZIP_ER_ENCRNOTSUPP
-                         ? "packed in a way that is not supported; unpack it and give the folder"
+                         ? "compressed by an unsupported method; unpack it and give the folder"
                          : "damaged; copy the archive again");
   }
   std::ofstream stream(target, std::ios::binary);
@@ -93,7 +93,7 @@ void unpack(zip_t* archive, const Entry& entry, const fs::path& target, const st
   for (;;) {
     const zip_int64_t count = zip_fread(file.get(), buffer.data(), buffer.size());
     if (count < 0 || count > left_B || (count == 0 && left_B > 0))
-      throw InputError("{}: damaged, it does not unpack to what it was; copy the archive again", name);
+      throw InputError("{}: damaged: its size or checksum does not match; copy the archive again", name);
     if (count == 0) break;
     stream.write(buffer.data(), count);
     left_B -= count;

@@ -61,7 +61,7 @@ void check_ct_series(const VolumeGeometry& geometry, const std::filesystem::path
                      const DicomPatient& patient) {
   constexpr std::int64_t kMostPixels = 65535;
   if (std::max(geometry.size.x, geometry.size.y) > kMostPixels)
-    throw InputError("{}: slices of {} x {} pixels; DICOM holds at most {} a side", folder.string(),
+    throw InputError("{}: slices of {} x {} pixels; DICOM allows at most {} per side", folder.string(),
                      geometry.size.x, geometry.size.y, kMostPixels);
   check(patient);
   const AtomicFolder probe(folder);

@@ -62,7 +62,7 @@ double rescale_number(const DicomItem& item, DicomTag tag, const char* field, bo
 
 SlicePlane read_plane(const ValueHolders& holders, const std::string& name) {
   const auto position =
-      numbers(holders.position, kImagePosition, 3, name, "ImagePositionPatient", "its place is unknown");
+      numbers(holders.position, kImagePosition, 3, name, "ImagePositionPatient", "its position is unknown");
   const auto directions = numbers(holders.orientation, kImageOrientation, 6, name, "ImageOrientationPatient",
                                   "left and right are unknown");
   const auto spacing =
@@ -146,8 +146,8 @@ std::vector<std::vector<ByteRange>> pieces_of_frames(const DicomHeader::PixelDat
     pieces[next - 1].push_back(fragment);
   }
   if (next != frames || pixels.frames_B.size() != frames)
-    throw DamagedSlice("{}: {} of pixel data for {}, and no table of their offsets; export it again",
-                       file.string(), pluralize(std::ssize(pixels.fragments), "fragment"),
+    throw DamagedSlice("{}: {} of pixel data for {}, but no offset table; export it again", file.string(),
+                       pluralize(std::ssize(pixels.fragments), "fragment"),
                        pluralize(static_cast<std::int64_t>(frames), "frame"));
   return pieces;
 }
@@ -286,9 +286,8 @@ void read_slices(const DicomHeader& header, const fs::path& file, DicomFileSumma
   if (header.items(kPerFrameGroups).empty()) {
     if (number_or(header, kNumberOfFrames, 1) > 1)
       throw InputError(
-          "{}: several frames (NumberOfFrames (0028,0008)) without functional groups that say where they "
-          "lie; "
-          "convert it to one file per slice or to NIfTI",
+          "{}: several frames (NumberOfFrames (0028,0008)) without functional groups that give their "
+          "positions; convert it to one file per slice or to NIfTI",
           file.string());
     summary.slices.push_back(read_single(header, file, is_ct));
     return;

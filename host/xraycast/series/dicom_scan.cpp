@@ -118,8 +118,8 @@ void sort_by_position(std::vector<DicomSlice>& series, ScanInfo& info) {
   info.left_out.same_place = static_cast<std::int64_t>(before - series.size());
   if (series.size() < before)
     info.warnings.push_back(
-        fmt::format("{} left out at a position that the series already has; it may hold "
-                    "several phases or reconstructions",
+        fmt::format("{} left out, at the same position as another slice; the series may "
+                    "hold several phases or reconstructions",
                     pluralize(before - series.size(), "slice")));
 }
 

@@ -246,7 +246,7 @@ DicomSeries choose_series(std::vector<DicomFileSummary> files, const std::string
     info.warnings.push_back(warning_of_choice(all[chosen], info));
   if (const std::int64_t patients = count_patients(pointers_to(all[chosen].files)); patients > 1)
     info.warnings.push_back(
-        fmt::format("the series has slices of {} patients; check that they are of one scan", patients));
+        fmt::format("the series has slices of {} patients; check that all belong to one scan", patients));
   note_passed_over(files, only_ct, info);
 
   info.series = describe(all[chosen]);

@@ -160,7 +160,8 @@ void sort_by_location(std::vector<GenesisSlice>& slices, ScanInfo& info) {
   }
   info.left_out.same_place = std::ssize(slices) - std::ssize(kept);
   slices = std::move(kept);
-  if (!dropped.empty()) info.notes.push_back("left out for having the position of another slice: " + dropped);
+  if (!dropped.empty())
+    info.notes.push_back("left out, because another slice has the same position: " + dropped);
 }
 
 }  // namespace

@@ -163,9 +163,8 @@ bool have_uids(const DicomOrigin& origin) {
 }  // namespace
 
 std::string why_no_seg(const ScanInfo& scan) {
-  if (!scan.dicom) return fmt::format("the scan is {}, and no DICOM series", scan.format);
-  if (!scan.keeps_grid)
-    return "the slices were resampled or reoriented, so that the mask's voxels are not theirs";
+  if (!scan.dicom) return fmt::format("the scan is {}, not a DICOM series", scan.format);
+  if (!scan.keeps_grid) return "the slices were resampled or reoriented, so the mask is on another grid";
   const auto lacking = [](const char* field) {
     return fmt::format("{} is missing, damaged or not the same in all slices", field);
   };
@@ -173,7 +172,7 @@ std::string why_no_seg(const ScanInfo& scan) {
   if (scan.dicom->series_uid.empty()) return lacking("SeriesInstanceUID (0020,000e)");
   if (!have_uids(*scan.dicom)) return "not every slice has a SOPInstanceUID (0008,0018) of its own";
   if (scan.size.x * scan.size.y > kBitsOfByte * kMostDicomPixels_B / scan.size.z)
-    return "one DICOM file does not hold so many voxels";
+    return "the mask has more voxels than one DICOM file can hold";
   return "";
 }
 

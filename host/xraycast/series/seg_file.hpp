@@ -9,7 +9,7 @@
 
 namespace xraycast {
 
-/// What a DICOM Segmentation says of how its mask was made.
+/// How the mask of a DICOM Segmentation was made, as stated in the file.
 struct SegOptions {
   bool is_automatic = true;  ///< without points or a mask that a person gave
   std::string software_version{};
@@ -21,9 +21,9 @@ std::string why_no_seg(const ScanInfo& scan);
 
 /// Writes a mask of vessels, 1 inside and 0 outside, x fastest, on the grid of a DICOM series, as a DICOM
 /// Segmentation (1.2.840.10008.5.1.4.1.1.66.4, PS3.3 A.51): BINARY, one segment, the lumen of blood vessels,
-/// one frame a slice from the most inferior. Study, patient and frame of reference are the series', each
-/// frame has the place of its slice and names it as its source, and the series is new; where slices share no
-/// frame of reference, so is that.
+/// one frame per slice from the most inferior. Study, patient and frame of reference are the series', each
+/// frame has the position of its slice and names it as its source, and the series is new; if the slices have
+/// no common frame of reference, that is new too.
 ///
 /// `slice_spacing_mm` is the distance between slices. `scan` passes why_no_seg, and has a voxel for each of
 /// `mask`. Throws InputError when `path` cannot be written, Error when the disk is full.

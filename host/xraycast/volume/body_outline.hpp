@@ -21,7 +21,7 @@ struct BodyOutline {
 /// What an OutlineFinder looks for besides the circle around the body.
 struct OutlineOptions {
   bool finds_skin = false;   ///< see OutlineFinder::visit_skin
-  bool keeps_table = false;  ///< all that lies above the threshold counts as body, but for the centre
+  bool keeps_table = false;  ///< all voxels above the threshold count as body, except for the centre
 };
 
 /// Finds the body while the slices are read, on a grid of about 3 mm: everything above -300 HU, opened by
@@ -40,8 +40,8 @@ class OutlineFinder {
   BodyOutline finish() const;
 
   /// Visits the middles (LPS mm) of the body's outermost voxels, on a grid of about a millimetre: those with
-  /// a neighbour that is not above the threshold. The body is what lies within one coarse cell of what
-  /// finish() takes for it. After the last slice; only for finders that look for the skin.
+  /// a neighbour that is not above the threshold. The body is all that lies within one coarse cell of the
+  /// body that finish() found. After the last slice; only for finders that look for the skin.
   void visit_skin(const std::function<void(const glm::dvec3&)>& visit) const;
 
   /// The same of the body's shadow along z: the outermost of all slices' voxels, each once, in slice 0.

@@ -7,8 +7,8 @@
 
 namespace xraycast {
 
-/// What a DICOM file says of its patient, study and frame of reference, which files derived from it repeat.
-/// As the file spells it, in its own character set; empty where it says nothing.
+/// A DICOM file's patient, study and frame of reference, which files derived from it repeat. Spelt as in the
+/// file, in its own character set; empty where the file has no value.
 struct DicomStudy {
   std::string character_set;
   std::string uid, date, time, id, accession_number, referring_physician;
@@ -37,8 +37,8 @@ inline constexpr std::array kDicomStudyFields{
     DicomStudyField{0x00200052, &DicomStudy::frame_of_reference_uid},
     DicomStudyField{0x00201040, &DicomStudy::position_reference}};
 
-/// The series that a scan was read from, slice by slice: what a file that is derived from it refers to. UIDs
-/// that are no UIDs, or not the same in all slices where they have to be, are empty.
+/// The series that a scan was read from, slice by slice, to which derived files refer. UIDs that are invalid,
+/// or that differ between slices where they must be the same, are empty.
 struct DicomOrigin {
   DicomStudy study;  ///< of the most inferior slice
   std::string series_uid;

@@ -32,7 +32,7 @@ struct ScanInfo {
   std::int64_t studies = 0, patients = 0;  ///< DICOM: of the chosen and the other series
   Index3 size{0, 0, 0};                    ///< columns, rows and slices as stored, without those left out
   struct LeftOut {
-    std::int64_t damaged = 0, same_place = 0;  ///< at the place of another slice
+    std::int64_t damaged = 0, same_place = 0;  ///< at the position of another slice
     std::int64_t slices() const { return damaged + same_place; }
   };
   LeftOut left_out;  ///< slices of a DICOM or GE Genesis series that `size` does not count
@@ -50,7 +50,7 @@ struct ScanInfo {
   std::optional<DicomOrigin> dicom;  ///< of a DICOM series
   std::vector<std::string> notes;    ///< changes to the data (resampled, reoriented), one line each
   std::vector<std::string>
-      warnings;  ///< what the user should look at (MR, a choice made alone, gaps), one line each
+      warnings;  ///< what the user should check (MR, an automatic choice, gaps), one line each
 
   /// Counts damaged slices as left out, and warns; `fault` says why, with the file's name in front.
   void leave_out(const std::string& fault, std::int64_t slices = 1) {

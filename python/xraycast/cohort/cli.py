@@ -26,7 +26,7 @@ def main(arguments=None):
     try:
         return parsed.function(parsed)
     except _Stopped as stopped:
-        _say(f"stopped by {signal.Signals(stopped.number).name}; run again to do what is missing")
+        _say(f"stopped by {signal.Signals(stopped.number).name}; run again to process the remaining scans")
         return 128 + stopped.number
     except InputError as error:
         return _fail(error, BAD_INPUT)
@@ -83,7 +83,7 @@ def _report_counts(counts, parsed):
     before = f" ({counts.done_before} before)" if counts.done_before else ""
     if bad or not parsed.quiet:
         _say(f"{counts.done + counts.done_before} of {counts.ended} scans done{before}, {bad} bad"
-             + (f"; {parsed.output / 'ledger.jsonl'} tells why" if bad else ""))
+             + (f"; {parsed.output / 'ledger.jsonl'} gives the reasons" if bad else ""))
     return FAILED if bad else 0
 
 
@@ -113,68 +113,68 @@ def _slurm(parsed):
 
 
 def _parser():
-    parser = argparse.ArgumentParser(prog="xraycast-cohort", description="Many CT scans on many workers, by dask.")
+    parser = argparse.ArgumentParser(prog="xraycast-cohort", description="Process many CT scans on many workers, with dask.")
     parser.add_argument("--version", action="version", version=_core.__version__)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_run(commands.add_parser("run", help="does what is missing of a cohort"))
-    _add_report(commands.add_parser("report", help="makes a page of what was done"))
-    _add_slurm(commands.add_parser("slurm", help="prints an array job for Slurm"))
+    _add_run(commands.add_parser("run", help="process the scans of a cohort that have no outputs yet"))
+    _add_report(commands.add_parser("report", help="write a page that sums up a run"))
+    _add_slurm(commands.add_parser("slurm", help="print an array job for Slurm"))
     return parser
 
 
 def _add_source_and_output(parser):
     parser.add_argument("source", metavar="MANIFEST.csv|FOLDER",
-                        help="scans: a CSV file with the columns path and, if wanted, name; or a folder; or a URL of either")
+                        help="the scans: a CSV file with the column path and optionally name, a folder, or a URL of either")
     _add_output(parser)
 
 
 def _add_output(parser):
     parser.add_argument("-o", "--output", metavar="OUT", required=True, type=_absolute,
-                        help="folder of outputs and ledger.jsonl; all workers must see it")
+                        help="folder for the outputs and ledger.jsonl; all workers must see it")
 
 
 def _add_run(parser):
     parser.set_defaults(function=_run)
     _add_source_and_output(parser)
     what = parser.add_argument_group("what to do with each scan")
-    what.add_argument("--steps", default="info,cast", help="of info, cast, segment, frames (info,cast)")
-    what.add_argument("--layers", type=_whole(1, 256), default=1, help="of the body map (1)")
-    what.add_argument("--angles", type=_whole(1, 16384), default=360, help="of the body map (360)")
-    what.add_argument("--opacity", default="paper", help="name or JSON file (paper)")
-    what.add_argument("--frames", type=_whole(1, 100000), default=16, help="training frames a scan (16)")
-    what.add_argument("--size", type=_size, default=(512, 512), metavar="WxH", help="of a frame, pixels (512x512)")
-    what.add_argument("--poses", metavar="FILE.csv", help="columns lao and cranial, degrees; else random ones")
-    what.add_argument("--seed", type=_whole(0, 2**32 - 1), default=1, help="of what is random (1)")
-    what.add_argument("--catheter", default="", metavar="MODEL", help="also simulate it in the vessels, such as cobra-5f")
+    what.add_argument("--steps", default="info,cast", help="list of info, cast, segment and frames (default: info,cast)")
+    what.add_argument("--layers", type=_whole(1, 256), default=1, help="layers of the body map (default: 1)")
+    what.add_argument("--angles", type=_whole(1, 16384), default=360, help="angles of the body map (default: 360)")
+    what.add_argument("--opacity", default="paper", help="opacity, by name or JSON file (default: paper)")
+    what.add_argument("--frames", type=_whole(1, 100000), default=16, help="training frames per scan (default: 16)")
+    what.add_argument("--size", type=_size, default=(512, 512), metavar="WxH", help="size of a frame in pixels (default: 512x512)")
+    what.add_argument("--poses", metavar="FILE.csv", help="poses, in the columns lao and cranial, in degrees (default: random poses)")
+    what.add_argument("--seed", type=_whole(0, 2**32 - 1), default=1, help="seed of the random numbers (default: 1)")
+    what.add_argument("--catheter", default="", metavar="MODEL", help="also simulate this catheter in the vessels, such as cobra-5f")
     where = parser.add_argument_group("where")
     place = where.add_mutually_exclusive_group()
-    place.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="of dask workers that run")
-    place.add_argument("--workers", type=_whole(1, 1024), help="processes on this machine (one a core)")
-    where.add_argument("--threads", type=_whole(1, 1024), default=0, help="a worker's (its share of the cores)")
+    place.add_argument("--scheduler", default="", metavar="tcp://HOST:PORT", help="dask scheduler whose workers to use")
+    place.add_argument("--workers", type=_whole(1, 1024), help="worker processes on this machine (default: one per core)")
+    where.add_argument("--threads", type=_whole(1, 1024), default=0, help="threads per worker (default: its share of the cores)")
     where.add_argument("--resources", type=_resources, default={}, metavar="NAME=N,…",
-                       help="of dask that a scan takes, such as GPU=1,MEMORY=8e9")
+                       help="dask resources that one scan needs, such as GPU=1,MEMORY=8e9")
     where.add_argument("--allowed-failures", type=_whole(0, 1000), default=3,
-                       help="workers that may die with a scan before it is bad (3); with --scheduler, the scheduler's own")
-    where.add_argument("--worker-ttl", default="5 minutes", help="silence after which a worker is dead (5 minutes); as above")
-    where.add_argument("--retries", type=_whole(0, 1000), default=1, help="of what failed for no fault of the scan (1)")
-    where.add_argument("--wait", type=_whole(0, 10**6), default=600, metavar="S", help="for a lost scheduler (600)")
+                       help="workers that may die during a scan before it counts as bad (default: 3; with --scheduler, its own)")
+    where.add_argument("--worker-ttl", default="5 minutes", help="silence after which a worker counts as dead (default: 5 minutes; with --scheduler, its own)")
+    where.add_argument("--retries", type=_whole(0, 1000), default=1, help="retries after failures that the scan did not cause (default: 1)")
+    where.add_argument("--wait", type=_whole(0, 10**6), default=600, metavar="S", help="seconds to wait for a lost scheduler (default: 600)")
     where.add_argument("--cache", default="", help="folder on the worker for scans named by URL")
-    where.add_argument("--cache-gb", type=float, default=20, help="what it may hold (20)")
-    where.add_argument("--part", type=_part, metavar="I/N", help="only part I, from 0, of N; other parts may run meanwhile")
+    where.add_argument("--cache-gb", type=float, default=20, help="size limit of the cache in GB (default: 20)")
+    where.add_argument("--part", type=_part, metavar="I/N", help="process only part I of N, counted from 0; other parts may run at the same time")
     parser.add_argument("--again", action="store_true", help="try bad scans again")
-    parser.add_argument("-q", "--quiet", action="store_true", help="no progress")
+    parser.add_argument("-q", "--quiet", action="store_true", help="show no progress")
 
 
 def _add_report(parser):
     parser.set_defaults(function=_report)
-    parser.add_argument("output", metavar="OUT", type=_absolute)
+    parser.add_argument("output", metavar="OUT", type=_absolute, help="folder of a run")
 
 
 def _add_slurm(parser):
     parser.set_defaults(function=_slurm)
     _add_source_and_output(parser)
-    parser.add_argument("--array", type=_whole(1, 100000), default=100, metavar="N", help="tasks of the array (100)")
-    parser.epilog = "Arguments of `run` follow after --."
+    parser.add_argument("--array", type=_whole(1, 100000), default=100, metavar="N", help="number of tasks of the array (default: 100)")
+    parser.epilog = "Give arguments for `run` after --."
 
 
 def _absolute(text):

@@ -40,7 +40,7 @@ def read_manifest(source):
     """From the columns path and, if wanted, name. Local paths are relative to the manifest."""
     rows = csv.DictReader(io.StringIO(_text_of(source), newline=""))
     if "path" not in (rows.fieldnames or []):
-        raise InputError(f"{source}: has no column path; its first line must name the columns path and, if wanted, name")
+        raise InputError(f"{source}: has no column path; its first line must name the column path and optionally name")
     scans = []
     for row in rows:
         path = (row["path"] or "").strip()

@@ -37,7 +37,7 @@ def steps_of(text):
     names = text.split(",")
     for name in names:
         if name not in STEPS:
-            raise InputError(f"--steps {name}: must be of {', '.join(STEPS)}")
+            raise InputError(f"--steps {name}: unknown step; choose from {', '.join(STEPS)}")
     return tuple(step for step in STEPS if step in names)
 
 

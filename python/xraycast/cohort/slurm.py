@@ -13,7 +13,7 @@ SCRIPT = """#!/bin/bash
 #SBATCH --time=24:00:00
 #SBATCH --output={out}/slurm-%A-%a.log
 #SBATCH --signal=B:TERM@60
-# {scans} scans in {parts} parts. Submit it again to do what is missing. Options of sbatch override those above.
+# {scans} scans in {parts} parts. Submit it again to process the remaining scans. Options of sbatch override those above.
 trap 'kill -TERM "$run" 2>/dev/null' TERM
 {command} --part "$SLURM_ARRAY_TASK_ID/{parts}" --workers 1 --threads "${{SLURM_CPUS_PER_TASK:-1}}" &
 run=$!

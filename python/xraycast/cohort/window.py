@@ -102,7 +102,7 @@ class Window:
             except InputError:
                 if time.monotonic() > deadline:
                     raise Error(f"--scheduler {self._address}: gone for {self._patience_s:.0f} s; start it and run again, "
-                                "which does what is missing") from None
+                                "which processes the remaining scans") from None
 
     # ---- jobs -------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ struct LumenFill {
   bool is_of_touched_voxels =
       false;  ///< its mask holds all voxels that lumen touches, not the half full ones
 
-  /// An empty one on a grid.
+  /// No lumen, on a grid.
   explicit LumenFill(const VolumeGeometry& grid)
       : geometry(grid), shares(static_cast<std::size_t>(grid.voxel_count())) {}
 

@@ -12,8 +12,8 @@
 
 namespace xraycast {
 
-/// A seed that lies in no vessel. The message says what it lies in; `cause` tells which option would change
-/// that.
+/// A seed that lies in no vessel. The message names the structure that it lies in; `cause` says which option
+/// would change that.
 class LostSeed : public InputError {
  public:
   enum class Cause {
@@ -59,16 +59,16 @@ HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name
 /// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
 bool is_near(const Mask& mask, const glm::dvec3& point_mm);
 
-/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask; of tissue or air, for one that is
-/// no brighter than that.
+/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask, or of the cause tissue or air if
+/// the seed is no brighter than that.
 void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
                  const std::string& name);
 
-/// What is connected to the seeds by lumen of their own brightness, and narrower than the largest radius:
-/// no step removes it. Grows through voxels of the body within the window and a seed's tolerance whose six
-/// neighbours are so too, so that it does not pass through the rim of bone, where every brightness occurs;
-/// what a point to exclude lies in is left out. Throws LostSeed where a seed lies in a wider structure, or
-/// within bone.
+/// Lumen of the seeds' own brightness that is connected to them and narrower than the largest radius: no step
+/// removes it. Grows through voxels of the body within the window and a seed's tolerance whose six neighbours
+/// fulfil the same, so that it does not pass through the rim of bone, where every brightness occurs;
+/// structures that hold a point to exclude are left out. Throws LostSeed if a seed lies in a wider structure,
+/// or within bone.
 Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
                     const Mask& body, const Markers& markers, const std::string& name);
 

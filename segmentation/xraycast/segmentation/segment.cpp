@@ -71,8 +71,8 @@ struct ChosenWindow {
     places += fmt::format("{}({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU", places.empty() ? "" : ", ",
                           c.point_mm.x, c.point_mm.y, c.point_mm.z, c.hu);
   throw NoContrast(
-      "{}: no vessel: no vessels filled with contrast agent stand out; give a seed, a point in a vessel{}{}",
-      name, places.empty() ? "" : "; the brightest candidates are ", places);
+      "{}: no vessel: the scan seems to hold no contrast agent; give a seed, a point in a vessel{}{}", name,
+      places.empty() ? "" : "; the brightest candidates are ", places);
 }
 
 /// `scan` is denoised, `volume` is not.

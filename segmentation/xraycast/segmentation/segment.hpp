@@ -29,7 +29,7 @@ struct SegmentOptions {
   Markers markers;  ///< seeds, excluded structures, and the largest radius
 };
 
-/// What a segmentation assumed and what each of its steps left, for those who ask.
+/// The assumptions of a segmentation and the mask after each of its steps.
 struct SegmentLog {
   std::optional<HuWindow> window;   ///< none where vessels were found by evidence
   std::optional<LumenScale> scale;  ///< what was measured on the vessels, where they were found by evidence
@@ -54,8 +54,8 @@ SegmentedVessels with_fill(const Volume& volume, Mask mask);
 /// find_vessels instead, unless a window is given. A stage of `progress` for each step.
 ///
 /// Without a window, seeds outside that of the histogram set it from their own neighbourhoods. What is
-/// connected to a seed by lumen of its own brightness, narrower than the largest radius, stays whatever the
-/// steps recognise in it.
+/// connected to a seed by lumen of its own brightness, narrower than the largest radius, is kept by all
+/// steps.
 ///
 /// Throws LostSeed, with `name` in front, for a seed that lies in no vessel, NoContrast without seeds in a
 /// scan without contrast agent, and InputError when there is no vessel, or the scan has fewer than 10 slices.

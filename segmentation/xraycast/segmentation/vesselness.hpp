@@ -15,7 +15,7 @@ enum class VesselnessMeasure { frangi, jerman };
 struct VesselnessOptions {
   VesselnessMeasure measure = VesselnessMeasure::jerman;
   std::vector<double> scales_mm = {0.8, 1.2, 1.8};  ///< standard deviations; about a vessel's radius
-  double contrast_hu = 300;                         ///< of a vessel; structures much weaker are noise
+  double contrast_hu = 300;                         ///< of a vessel; much weaker structures count as noise
 };
 
 /// Multiscale vesselness of each voxel, 0 to 1, from the eigenvalues of the Hessian; the maximum over all

@@ -2,6 +2,7 @@
 
 #include "xraycast/mechanics/hub.hpp"
 
+#include <cstddef>
 #include <cstdint>
 #include <string>
 
@@ -13,19 +14,26 @@ struct HandPose {
   std::uint64_t count = 0;  ///< poses received so far: grows while the device is alive, moved or not
 };
 
-/// A device that commands the hub's pose and renders the hub's load to the hand.
+/// A device that commands the poses of the hubs, that of the outermost device being number 0, and renders
+/// their loads to the hand.
 ///
-/// `pose` and `feel` are called at 1 kHz by the simulation's thread and must not block, whatever the device
-/// or a network does. `status` may be called by any other thread.
+/// `pose`, `feel` and `go_on_from` are called at 1 kHz by the simulation's thread and must not block,
+/// whatever the device or a network does. `status` may be called by any other thread.
 class HapticDevice {
  public:
   virtual ~HapticDevice() = default;
 
   /// The newest pose. Throws what ended the thread that serves the device, if it has one of its own.
-  virtual HandPose pose() = 0;
+  virtual HandPose pose(std::size_t hub) = 0;
 
   /// Renders `load` to the hand from now on.
-  virtual void feel(const HubLoad& load) = 0;
+  virtual void feel(std::size_t hub, const HubLoad& load) = 0;
+
+  /// The hub was moved here by another one: its poses go on from there.
+  virtual void go_on_from(std::size_t hub, const HubPose& pose) = 0;
+
+  /// The hub that leads where hubs are locked to each other.
+  virtual std::size_t held() const { return 0; }
 
   /// Whether the poses are the hub's own, as a script's are, without a virtual coupling in between.
   virtual bool is_rigid() const { return false; }

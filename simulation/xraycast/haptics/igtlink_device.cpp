@@ -115,11 +115,11 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point last_pose;  ///< or, before the first, when it connected
-  Clock::time_point told;       ///< when a load was last due
-  bool status_due = true;       ///< also on connecting
-  bool load_due = false;        ///< serialised once it can be sent
-  std::string unsent = {};      ///< the rest of a message
+  Clock::time_point last_pose;                ///< or, before the first, when it connected
+  Clock::time_point told;                     ///< when a load was last due
+  bool status_due = true;                     ///< also on connecting
+  std::array<bool, kMaxHubs> loads_due = {};  ///< serialised once they can be sent
+  std::string unsent = {};                    ///< the rest of a message
   std::uint64_t poses = 0;
 };
 
@@ -127,11 +127,15 @@ struct Client {
 
 class IgtlinkDevice::Server {
  public:
-  Server(Descriptor listener, const ListenAddress& address, TripleBuffer<HandPose>& poses,
-         TripleBuffer<HubLoad>& loads, Log log)
+  using Poses = std::array<TripleBuffer<HandPose>, kMaxHubs>;
+  using Loads = std::array<TripleBuffer<HubLoad>, kMaxHubs>;
+
+  Server(Descriptor listener, const ListenAddress& address, std::size_t hubs, Poses& poses, Loads& loads,
+         Log log)
       : listener_(std::move(listener)),
         end_(eventfd(0, EFD_CLOEXEC)),
         address_(to_string(address)),
+        hubs_(hubs),
         poses_(poses),
         loads_(loads),
         log_(std::move(log)) {
@@ -153,7 +157,8 @@ class IgtlinkDevice::Server {
   void handle(const IgtlinkReceiver::Event& event);
   void send_due();
   std::string next_message();
-  void load_is_due();
+  std::string text_of_poses() const;
+  void load_is_due(std::size_t hub);
   void drop(std::string_view topic, const std::string& why);
   void count_rate();
   void say(std::string_view topic, const std::string& line) { log_.add(topic, line, now_); }
@@ -164,11 +169,12 @@ class IgtlinkDevice::Server {
 
   Descriptor listener_, end_;
   std::string address_;
-  TripleBuffer<HandPose>& poses_;
-  TripleBuffer<HubLoad>& loads_;
+  std::size_t hubs_;
+  Poses& poses_;
+  Loads& loads_;
   RateLimitedLog log_;
   IgtlinkMessages messages_;
-  HandPose newest_;
+  std::array<HandPose, kMaxHubs> newest_;
   std::optional<Client> client_;
   Clock::time_point now_ = Clock::now(), rate_since_ = now_, full_until_ = now_;
   mutable std::mutex mutex_;  ///< of `status_`; never taken by the simulation's thread
@@ -189,7 +195,8 @@ void IgtlinkDevice::Server::run() {
     if (waited[0].revents != 0) return;
     if (client_ && waited[2].revents & ~POLLOUT) receive();
     if (waited[1].revents != 0) admit();
-    if (client_ && now_ - client_->told >= kIdle) load_is_due();
+    if (client_ && now_ - client_->told >= kIdle)
+      for (std::size_t hub = 0; hub < hubs_; ++hub) load_is_due(hub);
     if (client_) send_due();
     count_rate();
     log_.flush(now_);
@@ -216,9 +223,11 @@ void IgtlinkDevice::Server::admit() {
   const int on = 1;
   setsockopt(socket.id(), IPPROTO_TCP, TCP_NODELAY, &on, sizeof on);
   setsockopt(socket.id(), SOL_SOCKET, SO_SNDBUF, &kSendBuffer_B, sizeof kSendBuffer_B);
+  IgtlinkReceiver::Rotations rotations_rad;
+  for (std::size_t hub = 0; hub < kMaxHubs; ++hub) rotations_rad[hub] = newest_[hub].pose.rotation_rad;
   client_.emplace(Client{.socket = std::move(socket),
                          .name = name,
-                         .receiver = IgtlinkReceiver(newest_.pose.rotation_rad),
+                         .receiver = IgtlinkReceiver(hubs_, rotations_rad),
                          .last_pose = now_,
                          .told = now_});
   rate_since_ = now_;
@@ -259,22 +268,23 @@ bool IgtlinkDevice::Server::receive() {
 void IgtlinkDevice::Server::handle(const IgtlinkReceiver::Event& event) {
   if (const auto* complaint = std::get_if<Complaint>(&event))
     return say(complaint->topic, client_->name + " " + complaint->text);
-  if (const auto* pose = std::get_if<HubPose>(&event)) {
+  if (const auto* move = std::get_if<HubMove>(&event)) {
     client_->last_pose = now_;
-    newest_ = {*pose, newest_.count + 1};
-    poses_.write(newest_);
+    HandPose& newest = newest_[move->hub];
+    newest = {move->pose, newest.count + 1};
+    poses_[move->hub].write(newest);
     ++client_->poses;
-    load_is_due();
+    load_is_due(move->hub);
   } else {
     client_->status_due = true;
   }
 }
 
 /// The load is read when it is sent, so that it is always the newest.
-void IgtlinkDevice::Server::load_is_due() {
-  if (client_->load_due && !client_->unsent.empty())
+void IgtlinkDevice::Server::load_is_due(std::size_t hub) {
+  if (client_->loads_due[hub] && !client_->unsent.empty())
     say("slow", client_->name + " does not keep up; a load was dropped");
-  client_->load_due = true;
+  client_->loads_due[hub] = true;
   client_->told = now_;
 }
 
@@ -294,12 +304,24 @@ void IgtlinkDevice::Server::send_due() {
 
 std::string IgtlinkDevice::Server::next_message() {
   if (std::exchange(client_->status_due, false))
-    return messages_.status(
-        igtl::StatusMessage::STATUS_OK,
-        fmt::format("poses received: {}; commanded pose: {:.1f} mm, {:.1f} deg", newest_.count,
-                    newest_.pose.insertion_mm, newest_.pose.rotation_rad * 180 / std::numbers::pi));
-  if (std::exchange(client_->load_due, false)) return messages_.load(loads_.read());
-  return {};
+    return messages_.status(igtl::StatusMessage::STATUS_OK, text_of_poses());
+  std::string loads;
+  for (std::size_t hub = 0; hub < hubs_; ++hub)
+    if (std::exchange(client_->loads_due[hub], false)) loads += messages_.load(hub, loads_[hub].read());
+  return loads;
+}
+
+std::string IgtlinkDevice::Server::text_of_poses() const {
+  std::uint64_t received = 0;
+  std::string poses;
+  for (std::size_t hub = 0; hub < hubs_; ++hub) {
+    const HandPose& newest = newest_[hub];
+    received += newest.count;
+    if (hub > 0) poses += fmt::format("; {}: ", hub_name(hub));
+    poses += fmt::format("{:.1f} mm, {:.1f} deg", newest.pose.insertion_mm,
+                         newest.pose.rotation_rad * 180 / std::numbers::pi);
+  }
+  return fmt::format("poses received: {}; commanded pose: {}", received, poses);
 }
 
 void IgtlinkDevice::Server::drop(std::string_view topic, const std::string& why) {
@@ -317,10 +339,10 @@ void IgtlinkDevice::Server::count_rate() {
   rate_since_ = now_;
 }
 
-IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log) : address_(address) {
+IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs) : address_(address) {
   Descriptor listener = listen_at(address);
   address_.port = port_of(listener);
-  server_ = std::make_unique<Server>(std::move(listener), address_, poses_, loads_, std::move(log));
+  server_ = std::make_unique<Server>(std::move(listener), address_, hubs, poses_, loads_, std::move(log));
   thread_ = std::thread([this] { serve(); });
 }
 

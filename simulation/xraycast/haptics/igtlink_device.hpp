@@ -1,10 +1,13 @@
 #pragma once
 
 #include "xraycast/haptics/haptic_device.hpp"
+#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/haptics/listen_address.hpp"
 #include "xraycast/simulation/triple_buffer.hpp"
 
+#include <array>
 #include <atomic>
+#include <cstddef>
 #include <exception>
 #include <functional>
 #include <memory>
@@ -26,16 +29,23 @@ class IgtlinkDevice final : public HapticDevice {
   /// Receives one line at a time, on the server's thread: connections and invalid messages.
   using Log = std::function<void(const std::string& line)>;
 
-  /// Listens from construction on. Throws InputError where the address is not this machine's or the port is
-  /// in use.
-  IgtlinkDevice(const ListenAddress& address, Log log);
+  /// Listens from construction on, to poses of `hubs` devices, 1 to kMaxHubs. Throws InputError where the
+  /// address is not this machine's or the port is in use.
+  IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs = 1);
   ~IgtlinkDevice() override;
 
-  HandPose pose() override {
+  HandPose pose(std::size_t hub) override {
     if (failed_) std::rethrow_exception(failure_);
-    return poses_.read();
+    HandPose hand = sent_[hub] = poses_[hub].read();
+    hand.pose.insertion_mm += offsets_[hub].insertion_mm;
+    hand.pose.rotation_rad += offsets_[hub].rotation_rad;
+    return hand;
   }
-  void feel(const HubLoad& load) override { loads_.write(load); }
+  void feel(std::size_t hub, const HubLoad& load) override { loads_[hub].write(load); }
+  void go_on_from(std::size_t hub, const HubPose& pose) override {
+    offsets_[hub] = {pose.insertion_mm - sent_[hub].pose.insertion_mm,
+                     pose.rotation_rad - sent_[hub].pose.rotation_rad};
+  }
   std::string status() const override;
 
   /// Where it listens, with the port chosen by the system if 0 was given.
@@ -46,8 +56,10 @@ class IgtlinkDevice final : public HapticDevice {
 
   void serve();
 
-  TripleBuffer<HandPose> poses_;  ///< from the server's thread to the simulation's
-  TripleBuffer<HubLoad> loads_;   ///< from the simulation's thread to the server's
+  std::array<TripleBuffer<HandPose>, kMaxHubs> poses_;  ///< from the server's thread to the simulation's
+  std::array<TripleBuffer<HubLoad>, kMaxHubs> loads_;   ///< from the simulation's thread to the server's
+  std::array<HandPose, kMaxHubs> sent_;                 ///< by the device, as they were last read
+  std::array<HubPose, kMaxHubs> offsets_;               ///< of the hubs from them
   ListenAddress address_;
   std::unique_ptr<Server> server_;
   std::exception_ptr failure_;  ///< of the server's thread; written before `failed_` is set

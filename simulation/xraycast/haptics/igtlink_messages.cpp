@@ -10,7 +10,7 @@ namespace {
 
 /// A sensor of three values, in the product of the given units (protocol, unit.md). The library's igtl::Unit
 /// keeps only the last of several.
-igtl::SensorMessage::Pointer vector_sensor(const char* name, std::initializer_list<igtl_uint8> units) {
+igtl::SensorMessage::Pointer vector_sensor(const std::string& name, std::initializer_list<igtl_uint8> units) {
   igtl_unit_data product;
   igtl_unit_init(&product);
   for (int i = 0; const igtl_uint8 unit : units) {
@@ -18,7 +18,7 @@ igtl::SensorMessage::Pointer vector_sensor(const char* name, std::initializer_li
     product.exp[i++] = 1;
   }
   auto message = igtl::SensorMessage::New();
-  message->SetDeviceName(name);
+  message->SetDeviceName(name.c_str());
   message->SetLength(3);
   message->SetUnit(igtl_unit_pack(&product));
   return message;
@@ -37,17 +37,19 @@ std::string packed(igtl::MessageBase& message) {
 
 }  // namespace
 
-IgtlinkMessages::IgtlinkMessages()
-    : force_(vector_sensor("HubForce", {IGTL_UNIT_SI_DERIVED_NEWTON})),
-      torque_(vector_sensor("HubTorque", {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER})),
-      status_(igtl::StatusMessage::New()) {
+IgtlinkMessages::IgtlinkMessages() : status_(igtl::StatusMessage::New()) {
+  for (std::size_t hub = 0; hub < kMaxHubs; ++hub) {
+    forces_[hub] = vector_sensor(hub_name(hub, "Force"), {IGTL_UNIT_SI_DERIVED_NEWTON});
+    torques_[hub] =
+        vector_sensor(hub_name(hub, "Torque"), {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER});
+  }
   status_->SetDeviceName("xraycast");
 }
 
-std::string IgtlinkMessages::load(const HubLoad& load) {
-  force_->SetValue(2, -load.force_N);
-  torque_->SetValue(2, -load.torque_Nm);
-  return packed(*force_) + packed(*torque_);
+std::string IgtlinkMessages::load(std::size_t hub, const HubLoad& load) {
+  forces_[hub]->SetValue(2, -load.force_N);
+  torques_[hub]->SetValue(2, -load.torque_Nm);
+  return packed(*forces_[hub]) + packed(*torques_[hub]);
 }
 
 std::string IgtlinkMessages::status(int code, const std::string& text) {

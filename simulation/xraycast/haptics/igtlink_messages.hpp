@@ -1,7 +1,10 @@
 #pragma once
 
+#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/mechanics/hub.hpp"
 
+#include <array>
+#include <cstddef>
 #include <igtlSensorMessage.h>
 #include <igtlStatusMessage.h>
 #include <string>
@@ -15,15 +18,16 @@ class IgtlinkMessages {
 
   /// Two SENSOR messages, since each has one unit for all its values: `HubForce`, three values in N, and
   /// `HubTorque`, three values in N m, upon the hand, along the axes of the TRANSFORM it sends. What resists
-  /// pushing and right-handed rotation is thus negative along z.
-  std::string load(const HubLoad& load);
+  /// pushing and right-handed rotation is thus negative along z. Those of the second device are `HubForce2`
+  /// and `HubTorque2`, and so on.
+  std::string load(std::size_t hub, const HubLoad& load);
 
   /// A STATUS message; `code` is one of igtl::StatusMessage's.
   std::string status(int code, const std::string& text);
 
  private:
   // Kept, since the library's factory is not thread-safe either.
-  igtl::SensorMessage::Pointer force_, torque_;
+  std::array<igtl::SensorMessage::Pointer, kMaxHubs> forces_, torques_;
   igtl::StatusMessage::Pointer status_;
 };
 

@@ -32,6 +32,14 @@ std::string type_name(std::span<const char, IGTL_HEADER_TYPE_SIZE> field) {
   return printable ? std::string(field.begin(), end) : std::string();
 }
 
+/// By a device's name, as sent: at most 20 characters, padded with zeros.
+std::size_t hub_of(std::span<const char, IGTL_HEADER_NAME_SIZE> field, std::size_t hubs) {
+  const std::string_view name(field.begin(), std::ranges::find(field, '\0'));
+  for (std::size_t hub = 1; hub < hubs; ++hub)
+    if (name == hub_name(hub)) return hub;
+  return 0;
+}
+
 std::uint64_t big_endian(std::span<const std::byte> bytes) {
   std::uint64_t value = 0;
   for (const std::byte byte : bytes) value = value << 8 | std::to_integer<std::uint64_t>(byte);
@@ -101,6 +109,7 @@ std::optional<Complaint> IgtlinkReceiver::read_header() {
   igtl_header_convert_byte_order(&header);
   version_ = header.version;
   type_ = type_name(header.name);
+  hub_ = hub_of(header.device_name, hubs_);
   size_B_ = header.body_size;
   checksum_ = header.crc;
   body_B_ = 0;
@@ -162,9 +171,10 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte
   const auto twist_rad = twist_about_z_rad(rotation);
   if (!twist_rad) return Complaint{"rotation", "sent TRANSFORM that tilts the hub by more than 90 deg"};
 
-  rotation_rad_ =
-      *twist_rad + 2 * std::numbers::pi * std::round((rotation_rad_ - *twist_rad) / (2 * std::numbers::pi));
-  return HubPose{.insertion_mm = insertion_mm, .rotation_rad = rotation_rad_};
+  double& rotation_rad = rotations_rad_[hub_];
+  rotation_rad =
+      *twist_rad + 2 * std::numbers::pi * std::round((rotation_rad - *twist_rad) / (2 * std::numbers::pi));
+  return HubMove{hub_, {.insertion_mm = insertion_mm, .rotation_rad = rotation_rad}};
 }
 
 }  // namespace xraycast

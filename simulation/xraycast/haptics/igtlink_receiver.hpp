@@ -1,5 +1,6 @@
 #pragma once
 
+#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/mechanics/hub.hpp"
 
 #include <array>
@@ -12,6 +13,12 @@
 #include <variant>
 
 namespace xraycast {
+
+/// TRANSFORM.
+struct HubMove {
+  std::size_t hub = 0;  ///< of the device, from the outermost on
+  HubPose pose;
+};
 
 /// GET_STATUS.
 struct StatusRequest {};
@@ -26,7 +33,8 @@ struct Complaint {
 /// stream is not trusted: a message is parsed after its checksum was verified, sizes are checked before
 /// anything is stored, and memory is the object's own and constant.
 ///
-/// TRANSFORM: insertion is the translation along z in mm; the rotation about z is the twist of the matrix's
+/// TRANSFORM: its name Hub2 or Hub3 says that it is the second or third device's, any other name that it is
+/// the first's. Insertion is the translation along z in mm; the rotation about z is the twist of the matrix's
 /// rotation about z, unwrapped to the turn nearest to the previous pose, so that a device must send at
 /// least twice a turn. GET_STATUS asks for a STATUS. Other types and damaged messages are skipped with a
 /// complaint. Framing depends on the headers: after an invalid one synchronisation, and with it the
@@ -36,7 +44,8 @@ struct Complaint {
 /// https://github.com/openigtlink/OpenIGTLink/blob/master/Documents/Protocol/index.md.
 class IgtlinkReceiver {
  public:
-  using Event = std::variant<HubPose, StatusRequest, Complaint>;
+  using Event = std::variant<HubMove, StatusRequest, Complaint>;
+  using Rotations = std::array<double, kMaxHubs>;  ///< rad
 
   /// A body longer than this means a damaged header: no message to a hub is nearly as long.
   static constexpr std::uint64_t kMaxBody_B = 1 << 20;
@@ -45,8 +54,10 @@ class IgtlinkReceiver {
   /// Longer than any guide wire.
   static constexpr double kMaxInsertion_mm = 10000;
 
-  /// The first rotation is unwrapped to the turn nearest to `rotation_rad`.
-  explicit IgtlinkReceiver(double rotation_rad = 0) : rotation_rad_(rotation_rad) {}
+  /// Of `hubs` devices, 1 to kMaxHubs. Each one's first rotation is unwrapped to the turn nearest to that in
+  /// `rotations_rad`.
+  explicit IgtlinkReceiver(std::size_t hubs = 1, const Rotations& rotations_rad = {})
+      : hubs_(hubs), rotations_rad_(rotations_rad) {}
 
   /// Consumes bytes from the front up to the next event; nothing once all are consumed.
   std::optional<Event> next(std::span<const std::byte>& bytes);
@@ -65,13 +76,15 @@ class IgtlinkReceiver {
   std::optional<std::span<const std::byte>> content() const;
   bool is_supported() const { return type_ == "TRANSFORM" || type_ == "GET_STATUS"; }
 
-  double rotation_rad_;
+  std::size_t hubs_;
+  Rotations rotations_rad_;
   bool lost_ = false;
   std::array<std::byte, 58> header_;
   std::size_t header_B_ = 0;  ///< received so far
   // From the header
   std::uint16_t version_ = 0;
   std::string type_;
+  std::size_t hub_ = 0;
   std::uint64_t size_B_ = 0, checksum_ = 0;
   std::array<std::byte, kMaxParsed_B> body_;
   std::uint64_t body_B_ = 0;  ///< received so far, stored or not

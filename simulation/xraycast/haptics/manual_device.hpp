@@ -1,51 +1,73 @@
 #pragma once
 
 #include "xraycast/haptics/haptic_device.hpp"
+#include "xraycast/haptics/hub_name.hpp"
 
+#include <array>
 #include <atomic>
 #include <string>
 
 namespace xraycast {
 
-/// Keys, a mouse or a gamepad set the hub's velocity. No force feedback.
+/// Keys, a mouse or a gamepad set the velocity of one hub at a time, the one that the hand holds. No force
+/// feedback.
 class ManualDevice final : public HapticDevice {
  public:
   explicit ManualDevice(std::string name) : name_(std::move(name)) {}
 
-  /// For one other thread.
+  // For one other thread.
+
+  /// Of the hub that is held.
   void set_rates(double insertion_mm_s, double rotation_rad_s) {
     insertion_mm_s_.store(insertion_mm_s, std::memory_order_relaxed);
     rotation_rad_s_.store(rotation_rad_s, std::memory_order_relaxed);
   }
 
-  /// Immediately, as by a mouse wheel; for the same thread.
+  /// Moves it immediately, as by a mouse wheel.
   void move_by(double insertion_mm, double rotation_rad) {
-    insertion_jump_mm_.store(insertion_jump_mm_.load(std::memory_order_relaxed) + insertion_mm,
-                             std::memory_order_relaxed);
-    rotation_jump_rad_.store(rotation_jump_rad_.load(std::memory_order_relaxed) + rotation_rad,
-                             std::memory_order_relaxed);
+    Hub& hub = hubs_[held()];
+    hub.jump_mm.store(hub.jump_mm.load(std::memory_order_relaxed) + insertion_mm, std::memory_order_relaxed);
+    hub.jump_rad.store(hub.jump_rad.load(std::memory_order_relaxed) + rotation_rad,
+                       std::memory_order_relaxed);
   }
 
-  HandPose pose() override {
+  /// Holds this hub from now on; below kMaxHubs.
+  void hold(std::size_t hub) { held_.store(hub, std::memory_order_relaxed); }
+  std::size_t held() const override { return held_.load(std::memory_order_relaxed); }
+
+  HandPose pose(std::size_t hub) override {
     constexpr double kCall_s = 1e-3;  // see HapticDevice
-    driven_.insertion_mm += kCall_s * insertion_mm_s_.load(std::memory_order_relaxed);
-    driven_.rotation_rad += kCall_s * rotation_rad_s_.load(std::memory_order_relaxed);
-    const double jump_mm = insertion_jump_mm_.load(std::memory_order_relaxed);
+    Hub& of = hubs_[hub];
+    if (hub == held()) {
+      of.driven.insertion_mm += kCall_s * insertion_mm_s_.load(std::memory_order_relaxed);
+      of.driven.rotation_rad += kCall_s * rotation_rad_s_.load(std::memory_order_relaxed);
+    }
+    const double jump_mm = of.jump_mm.load(std::memory_order_relaxed);
     // The hub does not leave the introducer, and pulling any further is discarded.
-    if (driven_.insertion_mm + jump_mm < 0) driven_.insertion_mm = -jump_mm;
-    return {{driven_.insertion_mm + jump_mm,
-             driven_.rotation_rad + rotation_jump_rad_.load(std::memory_order_relaxed)},
-            ++count_};
+    if (of.driven.insertion_mm + jump_mm < 0) of.driven.insertion_mm = -jump_mm;
+    return {{of.driven.insertion_mm + jump_mm,
+             of.driven.rotation_rad + of.jump_rad.load(std::memory_order_relaxed)},
+            ++of.count};
   }
 
-  void feel(const HubLoad&) override {}
+  void go_on_from(std::size_t hub, const HubPose& pose) override {
+    Hub& of = hubs_[hub];
+    of.driven = {pose.insertion_mm - of.jump_mm.load(std::memory_order_relaxed),
+                 pose.rotation_rad - of.jump_rad.load(std::memory_order_relaxed)};
+  }
+  void feel(std::size_t, const HubLoad&) override {}
   std::string status() const override { return name_; }
 
  private:
+  struct Hub {
+    std::atomic<double> jump_mm{0}, jump_rad{0};
+    HubPose driven;
+    std::uint64_t count = 0;
+  };
   std::string name_;
-  std::atomic<double> insertion_mm_s_{0}, rotation_rad_s_{0}, insertion_jump_mm_{0}, rotation_jump_rad_{0};
-  HubPose driven_;
-  std::uint64_t count_ = 0;
+  std::atomic<double> insertion_mm_s_{0}, rotation_rad_s_{0};
+  std::atomic<std::size_t> held_{0};
+  std::array<Hub, kMaxHubs> hubs_;
 };
 
 }  // namespace xraycast

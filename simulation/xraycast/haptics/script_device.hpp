@@ -1,8 +1,10 @@
 #pragma once
 
 #include "xraycast/haptics/haptic_device.hpp"
+#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/simulation/script.hpp"
 
+#include <array>
 #include <string>
 #include <utility>
 
@@ -13,20 +15,21 @@ class ScriptDevice final : public HapticDevice {
  public:
   ScriptDevice(Script script, std::string name) : script_(std::move(script)), name_(std::move(name)) {}
 
-  HandPose pose() override {
+  HandPose pose(std::size_t hub) override {
     constexpr double kCall_s = 1e-3;  // see HapticDevice
-    ++count_;
-    return {script_.pose_at(kCall_s * static_cast<double>(count_)), count_};
+    const std::uint64_t count = ++counts_[hub];
+    return {script_.pose_at(kCall_s * static_cast<double>(count), hub), count};
   }
 
-  void feel(const HubLoad&) override {}
+  void feel(std::size_t, const HubLoad&) override {}
+  void go_on_from(std::size_t, const HubPose&) override {}
   bool is_rigid() const override { return true; }
   std::string status() const override { return name_; }
 
  private:
   Script script_;
   std::string name_;
-  std::uint64_t count_ = 0;
+  std::array<std::uint64_t, kMaxHubs> counts_{};
 };
 
 }  // namespace xraycast

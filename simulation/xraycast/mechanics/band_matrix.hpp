@@ -27,6 +27,7 @@ class BandMatrix {
 
   /// A column's lower half: its diagonal and kBand entries below it.
   double* column(std::size_t index) { return columns_[index].data(); }
+  const double* column(std::size_t index) const { return columns_[index].data(); }
 
   /// Eliminates the first unknowns: their solution is their right-hand side, and they are decoupled from the
   /// others.

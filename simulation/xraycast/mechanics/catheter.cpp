@@ -1,5 +1,6 @@
 #include "xraycast/mechanics/catheter.hpp"
 
+#include "xraycast/mechanics/introducer.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
 #include <Eigen/Geometry>
@@ -10,30 +11,6 @@ namespace xraycast {
 namespace {
 
 using Eigen::Vector3d;
-
-constexpr double kIntroducer_mm = 20;
-
-Rod::Clamp clamp_at(const VesselEnd& entry) {
-  const Vector3d axis = -entry.outward;
-  return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
-          .axis = axis,
-          .m1 = axis.unitOrthogonal()};
-}
-
-std::unique_ptr<WallContact> make_walls(const VesselTree& tree, const Rod& rod, const VesselEnd& entry,
-                                        double stiffness_N_mm2) {
-  // The vessel goes on around the introducer and a little further.
-  constexpr double kOpening_mm = kIntroducer_mm + 10;
-  const InstrumentModel& instrument = rod.instrument();
-  const WallContact::Introducer introducer{entry.position_mm, -entry.outward};
-  return std::make_unique<WallContact>(
-      std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm), rod,
-      WallContact::Options{.stiffness_N_mm2 = stiffness_N_mm2,
-                           .tangential_N_mm2 = stiffness_N_mm2,
-                           .static_friction = instrument.static_friction(),
-                           .kinetic_friction = instrument.kinetic_friction()},
-      introducer);
-}
 
 const VesselEnd& checked(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument) {
   check_fits(tree, entry, instrument);
@@ -59,7 +36,8 @@ Catheter::Catheter(const VesselTree& tree, const InstrumentModel& instrument, co
                                                          : node_spacing_mm(tree, instrument)),
            clamp_at(checked(tree, entry, instrument)), kIntroducer_mm,
            {.max_iterations = options.max_iterations}),
-      wall_(make_walls(tree, rod_, entry, options.wall_stiffness_N_mm2)) {
+      wall_(
+          walls_around(lumen_with_introducer(tree, entry), rod_, entry, options.wall_stiffness_N_mm2, true)) {
   // The rest shape of its tip relaxes in the introducer and just outside it.
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
 }
@@ -67,16 +45,11 @@ Catheter::Catheter(const VesselTree& tree, const InstrumentModel& instrument, co
 double Catheter::max_insertion_mm() const { return rod_.instrument().length_mm() - kIntroducer_mm; }
 
 void Catheter::step(const HubPose& target) {
-  const double max_move_mm = kMaxSpeed_mm_s * options_.step_s,
-               max_rotation_rad = kMaxSpeed_rad_s * options_.step_s;
-  const double target_mm = std::clamp(target.insertion_mm, 0.0, max_insertion_mm());
-  const double rotation_rad = pose_.rotation_rad + std::clamp(target.rotation_rad - pose_.rotation_rad,
-                                                              -max_rotation_rad, max_rotation_rad);
-  is_held_ = target_mm > pose_.insertion_mm && load().force_N > kMaxPush_N;
-  pose_.insertion_mm += std::clamp(target_mm - pose_.insertion_mm, -max_move_mm, is_held_ ? 0 : max_move_mm);
-  if (rotation_rad != pose_.rotation_rad) rod_.rotate_to(rotation_rad);
-  pose_.rotation_rad = rotation_rad;
-  rod_.feed_to(kIntroducer_mm + pose_.insertion_mm, wall_.get());
+  const double rotation_before_rad = hub_.pose.rotation_rad;
+  hub_.approach(target, load().force_N, max_insertion_mm(), options_.step_s,
+                {kMaxSpeed_mm_s, kMaxSpeed_rad_s, kMaxPush_N});
+  if (hub_.pose.rotation_rad != rotation_before_rad) rod_.rotate_to(hub_.pose.rotation_rad);
+  rod_.feed_to(kIntroducer_mm + hub_.pose.insertion_mm, wall_.get());
   rod_.step(options_.step_s, wall_.get());
   ++steps_;
 }

@@ -4,6 +4,7 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/hub.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/mechanics/introducer.hpp"
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 #include "xraycast/mechanics/rod.hpp"
 #include "xraycast/mechanics/vessel_entry.hpp"
@@ -70,9 +71,9 @@ class Catheter {
   double step_s() const { return options_.step_s; }
   double max_insertion_mm() const;
 
-  const HubPose& pose() const { return pose_; }  ///< where the hub is
+  const HubPose& pose() const { return hub_.pose; }  ///< where the hub is
   bool is_held() const {
-    return is_held_;
+    return hub_.is_held;
   }  ///< the hub did not advance: the push force is kMaxPush_N already
   HubLoad load() const;
   CatheterTip tip() const;
@@ -93,8 +94,7 @@ class Catheter {
   Options options_;
   Rod rod_;
   std::unique_ptr<WallContact> wall_;
-  HubPose pose_;
-  bool is_held_ = false;
+  MovingHub hub_;
   long steps_ = 0;
 };
 

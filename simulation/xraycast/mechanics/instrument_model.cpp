@@ -13,6 +13,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
 #include <optional>
 
@@ -62,12 +63,65 @@ void check_radius(double radius_mm, const std::string& where) {
         "that is more than any vessel's (lengths are in mm)");
 }
 
+void check_inner_radius(double inner_mm, double radius_mm, const std::string& where) {
+  check(inner_mm, inner_mm >= 0 && inner_mm < radius_mm, where, "inner_radius_mm",
+        "it must lie between zero and \"radius_mm\"");
+}
+
+/// The one of `keys` that a section has. Throws InputError for none or several.
+const char* only_key(const Json& part, const std::string& where, std::initializer_list<const char*> keys) {
+  const char* found = nullptr;
+  for (const char* key : keys) {
+    if (!part.contains(key)) continue;
+    if (found) throw InputError("{}: both \"{}\" and \"{}\"; give one of them", where, found, key);
+    found = key;
+  }
+  if (!found) throw InputError("{}: \"{}\" is missing", where, *keys.begin());
+  return found;
+}
+
+Range scaled(const Range& range, double by) { return {by * range.at_tip, by * range.at_hub}; }
+
+constexpr double kMegapascal = 1e3;  // in a gigapascal
+
+/// EI, given as such, by the modulus of the whole cross-section, or by a test in three-point bending, whose
+/// deflection is F l^3 / (48 EI).
+Range bending_stiffness(const Json& part, const std::string& where, const InstrumentModel::Properties& p) {
+  constexpr const char *kDirect = "bending_stiffness_Nmm2", *kModulus = "flexural_modulus_GPa",
+                       *kTest = "three_point_bending";
+  const std::string key = only_key(part, where, {kDirect, kModulus, kTest});
+  if (key == kDirect) return range(part, where, kDirect);
+  if (key == kModulus) {
+    const double second_moment_mm4 =
+        0.25 * std::numbers::pi * (std::pow(p.radius_mm, 4) - std::pow(p.inner_radius_mm, 4));
+    return scaled(range(part, where, kModulus), kMegapascal * second_moment_mm4);
+  }
+  const Json& test = part[kTest];
+  const std::string of_test = fmt::format("{}: {}", where, kTest);
+  if (!test.is_object()) throw InputError("{}: not an object", of_test);
+  for (const char* field : {"span_mm", "force_N", "deflection_mm"})
+    check_above_zero(number(test, of_test, field), of_test, field);
+  const double value = number(test, of_test, "force_N") * std::pow(number(test, of_test, "span_mm"), 3) /
+                       (48 * number(test, of_test, "deflection_mm"));
+  return {value, value};
+}
+
+/// GJ, given as such or by the shear modulus of the whole cross-section.
+Range torsional_stiffness(const Json& part, const std::string& where, const InstrumentModel::Properties& p) {
+  constexpr const char *kDirect = "torsional_stiffness_Nmm2", *kModulus = "shear_modulus_GPa";
+  if (only_key(part, where, {kDirect, kModulus}) == std::string(kDirect)) return range(part, where, kDirect);
+  const double polar_moment_mm4 =
+      0.5 * std::numbers::pi * (std::pow(p.radius_mm, 4) - std::pow(p.inner_radius_mm, 4));
+  return scaled(range(part, where, kModulus), kMegapascal * polar_moment_mm4);
+}
+
 }  // namespace
 
 InstrumentModel::InstrumentModel(Properties properties, const std::string& origin)
     : properties_(std::move(properties)) {
   const Properties& p = properties_;
   check_radius(p.radius_mm, origin);
+  check_inner_radius(p.inner_radius_mm, p.radius_mm, origin);
   check_above_zero(p.mass_per_length_g_mm, origin, "mass_per_length_g_mm");
   check_above_zero(p.axial_stiffness_N, origin, "axial_stiffness_N");
   check(p.static_friction, p.static_friction >= 0, origin, "static_friction", "it must be zero or more");
@@ -99,9 +153,9 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   p.radius_mm = number(json, origin, "radius_mm");
   check_radius(p.radius_mm, origin);
-  const double inner_mm = number(json, origin, "inner_radius_mm", 0);
-  check(inner_mm, inner_mm >= 0 && inner_mm < p.radius_mm, origin, "inner_radius_mm",
-        "it must lie between zero and \"radius_mm\"");
+  p.inner_radius_mm = number(json, origin, "inner_radius_mm", 0);
+  const double inner_mm = p.inner_radius_mm;
+  check_inner_radius(inner_mm, p.radius_mm, origin);
   const double density = number(json, origin, "density_g_cm3");
   check_above_zero(density, origin, "density_g_cm3");
   constexpr double kBlood_g_cm3 = 1.06, kCubicMillimetre_cm3 = 1e-3;
@@ -118,8 +172,8 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
     const std::string where = fmt::format("{}: sections[{}]", origin, p.sections.size());
     if (!part.is_object()) throw InputError("{}: not an object", where);
     p.sections.push_back({.length_mm = number(part, where, "length_mm"),
-                          .bending_stiffness_Nmm2 = range(part, where, "bending_stiffness_Nmm2"),
-                          .torsional_stiffness_Nmm2 = range(part, where, "torsional_stiffness_Nmm2"),
+                          .bending_stiffness_Nmm2 = bending_stiffness(part, where, p),
+                          .torsional_stiffness_Nmm2 = torsional_stiffness(part, where, p),
                           .curvature_per_mm = range(part, where, "curvature_per_mm", 0),
                           .plane_rad = number(part, where, "plane_deg", 0) * std::numbers::pi / 180});
   }

@@ -25,6 +25,7 @@ class InstrumentModel {
   struct Properties {
     std::string name;
     double radius_mm = 0;                              ///< outer
+    double inner_radius_mm = 0;                        ///< of its lumen; 0 without
     double mass_per_length_g_mm = 0;                   ///< filled with blood, if it has a lumen
     double axial_stiffness_N = 0;                      ///< EA
     double static_friction = 0, kinetic_friction = 0;  ///< coefficients, wet, on a vessel's wall
@@ -39,8 +40,10 @@ class InstrumentModel {
   /// Reads {"name", "radius_mm", "density_g_cm3", "inner_radius_mm" (0 without), "axial_stiffness_N",
   /// "static_friction", "kinetic_friction", "sections": [{"length_mm", "bending_stiffness_Nmm2",
   /// "torsional_stiffness_Nmm2", "curvature_per_mm" (0 without), "plane_deg" (0 without)}, ...]}; a section's
-  /// stiffnesses and curvature are a number, or two: [tip's side, hub's side]. Throws InputError naming
-  /// `origin` and the field.
+  /// stiffnesses and curvature are a number, or two: [tip's side, hub's side]. Instead of the bending
+  /// stiffness there may be {"flexural_modulus_GPa"} or {"three_point_bending": {"span_mm", "force_N",
+  /// "deflection_mm"}}, instead of the torsional one {"shear_modulus_GPa"}, both of the whole cross-section.
+  /// Throws InputError naming `origin` and the field.
   static InstrumentModel from_json(const std::string& text, const std::string& origin);
 
   /// A preset by its name, or a JSON file. Throws InputError.
@@ -52,6 +55,7 @@ class InstrumentModel {
   const std::string& name() const { return properties_.name; }
   double length_mm() const { return length_mm_; }
   double radius_mm() const { return properties_.radius_mm; }
+  double inner_radius_mm() const { return properties_.inner_radius_mm; }
   double mass_per_length_g_mm() const { return properties_.mass_per_length_g_mm; }
   double axial_stiffness_N() const { return properties_.axial_stiffness_N; }
   double static_friction() const { return properties_.static_friction; }

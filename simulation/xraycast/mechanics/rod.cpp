@@ -31,9 +31,8 @@ constexpr double kMaxMove_mm = 2, kMaxRotation_rad = 0.5;
 // rod is stiff, in stretching: nine millinewton against 400 N/mm.
 constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
 // Armijo's condition, on the decrease by the quadratic model: less than this share of it, and the step went
-// too far, beyond a valley, say. After so many halvings a Newton step makes no progress.
+// too far, beyond a valley, say.
 constexpr double kArmijo = 0.2;
-constexpr int kMaxBacktracks = 12;
 
 /// A vector normal to a unit tangent `from`, rotated along the great circle to `to`.
 Vector3d parallel_transported(const Vector3d& v, const Vector3d& from, const Vector3d& to) {
@@ -322,15 +321,24 @@ void Rod::step(double dt_s, ExternalPotential* external) {
   double potential = predict_uJ(dt_s, external, start_uJ);
   for (int i = 0; i < options_.max_iterations; ++i) {
     if (!solve_newton(dt_s, external)) break;  // not finite: the rod stays
-    const Direction direction = measure_direction();
+    Direction direction;
+    measure_direction(direction);
     const double before_uJ = potential;
     if (!search_line(dt_s, external, direction, potential)) break;
-    const double decrease_uJ = before_uJ - potential;
-    if (std::max(direction.model_decrease_uJ, decrease_uJ) < kTolerance_uJ &&
-        std::abs(decrease_uJ - direction.model_decrease_uJ) < kModelTolerance_uJ)
-      break;
+    if (has_converged(direction.model_decrease_uJ, before_uJ - potential)) break;
   }
-  update_velocities(dt_s, start_uJ - spent_uJ - potential);
+  KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
+  update_velocities(dt_s, balance);
+  scale_velocities(balance);
+  end_step(external);
+}
+
+bool Rod::has_converged(double model_decrease_uJ, double decrease_uJ) {
+  return std::max(model_decrease_uJ, decrease_uJ) < kTolerance_uJ &&
+         std::abs(decrease_uJ - model_decrease_uJ) < kModelTolerance_uJ;
+}
+
+void Rod::end_step(ExternalPotential* external) {
   if (external) external->end_step(state_);
   update_clamp_reaction();
 }
@@ -354,9 +362,7 @@ void Rod::begin_step(double dt_s, ExternalPotential* external) {
   if (external) external->begin_step(*this);
 }
 
-/// The first iterate: where inertia alone leads, if the potential is lower there than at the start. Returns
-/// it.
-double Rod::predict_uJ(double dt_s, ExternalPotential* external, double start_uJ) {
+void Rod::aim_by_inertia(double dt_s) {
   direction_.assign(row_count() + BandMatrix::kBand, 0.0);
   for (std::size_t i = 1; i < nodes_.size(); ++i)
     for (std::size_t c = 0; c < 3; ++c)
@@ -364,6 +370,12 @@ double Rod::predict_uJ(double dt_s, ExternalPotential* external, double start_uJ
           dt_s * nodes_[i].velocity_mm_s[static_cast<Eigen::Index>(c)];
   for (std::size_t j = 0; j < edges_.size(); ++j)
     direction_[RodSystem::theta_row(j)] = dt_s * edges_[j].angular_velocity_rad_s;
+}
+
+/// The first iterate: where inertia alone leads, if the potential is lower there than at the start. Returns
+/// it.
+double Rod::predict_uJ(double dt_s, ExternalPotential* external, double start_uJ) {
+  aim_by_inertia(dt_s);
   displace(state_, direction_.data(), 1, trial_);
   if (const double reached_uJ = potential_uJ(trial_, dt_s, external); reached_uJ < start_uJ) {
     std::swap(state_, trial_);
@@ -389,30 +401,33 @@ bool Rod::solve_newton(double dt_s, ExternalPotential* external) {
   return true;
 }
 
-Rod::Direction Rod::measure_direction() const {
-  Direction direction;
+void Rod::measure_direction(Direction& direction) const {
   for (std::size_t r = RodSystem::kClampedRows; r < row_count(); ++r) {
     direction.model_decrease_uJ -= 0.5 * system_.gradient_[r] * direction_[r];
     const bool is_angle = (r - RodSystem::kClampedRows) % 4 == 0;
     double& largest = is_angle ? direction.max_rotation_rad : direction.max_move_mm;
     largest = std::max(largest, std::abs(direction_[r]));
   }
-  return direction;
+}
+
+double Rod::Direction::largest_scale() const {
+  return std::min({1.0, kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad});
+}
+
+bool Rod::is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ) {
+  const double rounding_uJ = 1e-12 * std::abs(before_uJ);
+  return reached_uJ <= before_uJ - kArmijo * scale * std::max(0.0, model_decrease_uJ) + rounding_uJ;
 }
 
 /// Backtracks along the direction until Armijo's condition holds. False, and the state as it was, if it never
 /// does.
 bool Rod::search_line(double dt_s, ExternalPotential* external, const Direction& direction,
                       double& potential) {
-  double scale =
-      std::min({1.0, kMaxMove_mm / direction.max_move_mm, kMaxRotation_rad / direction.max_rotation_rad});
+  double scale = direction.largest_scale();
   for (int backtracks = 0; backtracks < kMaxBacktracks; ++backtracks, scale *= 0.5) {
     displace(state_, direction_.data(), scale, trial_);
     const double reached_uJ = potential_uJ(trial_, dt_s, external);
-    const double rounding_uJ = 1e-12 * std::abs(potential);
-    if (!(reached_uJ <=
-          potential - kArmijo * scale * std::max(0.0, direction.model_decrease_uJ) + rounding_uJ))
-      continue;
+    if (!is_low_enough(reached_uJ, potential, scale, direction.model_decrease_uJ)) continue;
     std::swap(state_, trial_);
     potential = reached_uJ;
     return true;
@@ -421,10 +436,10 @@ bool Rod::search_line(double dt_s, ExternalPotential* external, const Direction&
   return false;
 }
 
-void Rod::update_velocities(double dt_s, double decrease_uJ) {
+void Rod::update_velocities(double dt_s, KineticBalance& balance) {
   // The potential counts the change of velocity and not the velocity itself: the decrease and the change
   // bound the kinetic energy of the new velocities. A step that ends at the minimum always respects that.
-  double allowed_uJ = decrease_uJ, kinetic_uJ = 0;
+  double &allowed_uJ = balance.allowed_uJ, &kinetic_uJ = balance.kinetic_uJ;
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     Node& node = nodes_[i];
     const Vector3d velocity = (state_.nodes_mm[i] - node.start_mm) / dt_s;
@@ -439,8 +454,11 @@ void Rod::update_velocities(double dt_s, double decrease_uJ) {
     kinetic_uJ += 0.5 * edge.rotational_inertia_kg_mm2 * velocity * velocity;
     edge.angular_velocity_rad_s = velocity;
   }
-  if (kinetic_uJ <= allowed_uJ) return;
-  const double scale = std::sqrt(std::max(0.0, allowed_uJ) / kinetic_uJ);
+}
+
+void Rod::scale_velocities(const KineticBalance& balance) {
+  if (balance.kinetic_uJ <= balance.allowed_uJ) return;
+  const double scale = std::sqrt(std::max(0.0, balance.allowed_uJ) / balance.kinetic_uJ);
   for (Node& node : nodes_) node.velocity_mm_s *= scale;
   for (Edge& edge : edges_) edge.angular_velocity_rad_s *= scale;
 }

@@ -59,6 +59,7 @@ class RodSystem {
   void add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian);
 
  private:
+  friend class CoaxialSystem;
   friend class Rod;
   friend class RodDerivatives;
 
@@ -173,6 +174,9 @@ class Rod {
   double kinetic_energy_J() const;
 
  private:
+  friend class CoaxialDerivatives;  // as the next one, of several rods
+  friend class CoaxialRods;         // makes the steps of several rods at once
+  friend class CoaxialSystem;
   friend class RodDerivatives;  // compares the assembled derivatives with differences of the potential
   struct Node {
     double from_tip_mm = 0;
@@ -202,6 +206,13 @@ class Rod {
   struct Direction {
     double model_decrease_uJ = 0;  ///< of the potential, by its quadratic model
     double max_move_mm = 0, max_rotation_rad = 0;
+
+    /// The share of it that is within the model's reach.
+    double largest_scale() const;
+  };
+  /// What the kinetic energy may be after a step, and what it is.
+  struct KineticBalance {
+    double allowed_uJ = 0, kinetic_uJ = 0;
   };
 
   std::size_t row_count() const { return RodSystem::kClampedRows + 4 * edges_.size(); }
@@ -231,12 +242,18 @@ class Rod {
   void update_clamp_reaction();
 
   // A step.
+  static constexpr int kMaxBacktracks = 12;  ///< halvings, after which a Newton step makes no progress
   void begin_step(double dt_s, ExternalPotential* external);
+  void aim_by_inertia(double dt_s);
   double predict_uJ(double dt_s, ExternalPotential* external, double start_uJ);
   bool solve_newton(double dt_s, ExternalPotential* external);
-  Direction measure_direction() const;
+  void measure_direction(Direction& direction) const;
   bool search_line(double dt_s, ExternalPotential* external, const Direction& direction, double& potential);
-  void update_velocities(double dt_s, double decrease_uJ);
+  void update_velocities(double dt_s, KineticBalance& balance);
+  void scale_velocities(const KineticBalance& balance);
+  void end_step(ExternalPotential* external);
+  static bool has_converged(double model_decrease_uJ, double decrease_uJ);
+  static bool is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ);
 
   InstrumentModel instrument_;
   std::vector<double> stations_mm_;

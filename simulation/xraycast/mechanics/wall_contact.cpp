@@ -97,7 +97,7 @@ double WallContact::wall_energy_uJ(double depth_mm, std::size_t index) const {
 void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
   Contact& contact = contacts_[index];
   contact.sample = field_->at(point_mm, states_[index].hint);
-  contact.depth_mm = std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
+  contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
   states_[index].sampled_at_mm = point_mm;
 }
 
@@ -106,6 +106,12 @@ void WallContact::update_contact(std::size_t index, const Vector3d& point_mm) {
   // Within a vessel the clearance changes by little more than the point moves.
   constexpr double kMaxSlope = 1.5;
   const double moved_mm = (point_mm - states_[index].sampled_at_mm).norm();
+  // What is in another device only needs to know its vessel.
+  constexpr double kCoveredMove_mm = 0.5;
+  if (states_[index].is_covered && moved_mm < kCoveredMove_mm) {
+    contacts_[index].depth_mm = 0;
+    return;
+  }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
   if (sample.hint.branch == states_[index].hint.branch &&
       sample.clearance_mm - kMaxSlope * moved_mm > radius_mm_)
@@ -130,6 +136,11 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index) {
   FrictionState& state = states_[index];
   contact.point = contact_point(index, rod.node_count());
   state.voronoi_length_mm = voronoi_length_mm(rod, index, contact.point.edge + 1);
+  if (std::isfinite(bare_mm_)) {
+    const double bare = fraction_bare(rod, index);
+    state.voronoi_length_mm *= bare;
+    state.is_covered = bare == 0;
+  }
   state.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * state.voronoi_length_mm;
   state.friction.spring_mN_mm = options_.tangential_N_mm2 / kMilli * state.voronoi_length_mm;
   const double inside = fraction_inside(rod, contact.point);
@@ -153,6 +164,16 @@ double WallContact::fraction_inside(const Rod& rod, const RodPoint& point) const
   const double from_tip_mm =
       point.start_weight * rod.from_tip_mm(point.edge) + point.end_weight * rod.from_tip_mm(point.edge + 1);
   return std::clamp((length_mm - rod.fed_mm() + from_tip_mm) / kIntroducerFade_mm, 0.0, 1.0);
+}
+
+/// Of the length that a contact stands for, as far as the wall acts on it.
+double WallContact::fraction_bare(const Rod& rod, std::size_t index) const {
+  const RodPoint& point = contacts_[index].point;
+  const double length_mm = states_[index].voronoi_length_mm;
+  const double from_tip_mm =
+      point.start_weight * rod.from_tip_mm(point.edge) + point.end_weight * rod.from_tip_mm(point.edge + 1);
+  const double first_mm = std::max(0.0, from_tip_mm - 0.5 * length_mm);
+  return std::clamp((bare_mm_ - first_mm) / length_mm, 0.0, 1.0);
 }
 
 /// The search goes on from where the last step ended or, if the preceding point is in another vessel, from

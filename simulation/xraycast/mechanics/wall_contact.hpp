@@ -5,6 +5,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
+#include <limits>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -59,6 +60,10 @@ class WallContact final : public ExternalPotential {
   /// In the wall, in the friction springs, and in the introducer.
   double energy_J() const;
 
+  /// The wall acts on so much of the rod from its tip on; the rest lies in another device. Its force fades in
+  /// over the length that a contact stands for.
+  void expose(double from_tip_mm) { bare_mm_ = from_tip_mm; }
+
   void node_added() override;
   void node_removed() override;
   void begin_step(const Rod& rod) override;
@@ -80,6 +85,7 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
     Eigen::Vector3d sampled_at_mm{0, 0, 0};
+    bool is_covered = false;  ///< by another device
   };
   double wall_energy_uJ(double depth_mm, std::size_t index) const;
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
@@ -88,6 +94,7 @@ class WallContact final : public ExternalPotential {
   void update_hint(std::size_t index);
   void begin_friction(const Eigen::Vector3d& rod_tangent, std::size_t index);
   double fraction_inside(const Rod& rod, const RodPoint& point) const;
+  double fraction_bare(const Rod& rod, std::size_t index) const;
   Eigen::Vector2d slip_mm(const RodState& state, std::size_t index) const;
   /// From the introducer's axis to a point.
   Eigen::Vector3d off_axis_mm(const Eigen::Vector3d& point_mm) const;
@@ -96,6 +103,7 @@ class WallContact final : public ExternalPotential {
   Options options_;
   std::optional<Introducer> introducer_;
   double radius_mm_;
+  double bare_mm_ = std::numeric_limits<double>::infinity();
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/simulation/script.hpp"
 
@@ -31,6 +32,16 @@ RunRecord record_of(const Catheter& catheter, double time_s);
 std::vector<RunRecord> run_script(
     Catheter& catheter, const Script& script, const std::string& name, Progress& progress,
     const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
+
+/// The same for coaxial devices: a record of each device, from the outermost on, at each row.
+std::vector<RunRecord> records_of(const Catheter& catheter, double time_s);  ///< the one
+std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s);
+std::vector<std::vector<RunRecord>> run_script(
+    CoaxialCatheters& devices, const Script& script, const std::string& name, Progress& progress,
+    const std::function<void(const CoaxialCatheters& devices, double time_s)>& after_step = {});
+
+/// CSV as below, with a group of columns a device: insertion_2_mm, force_2_N, tip_2_x_mm and so on.
+std::string to_csv(const std::vector<std::vector<RunRecord>>& records);
 
 /// CSV: a header with the columns' names and units, then a line per record.
 std::string to_csv(const std::vector<RunRecord>& records);

@@ -7,8 +7,9 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/mechanics/catheter.hpp"
 
+#include <fmt/ranges.h>
+
 #include <algorithm>
-#include <array>
 #include <charconv>
 #include <cmath>
 #include <numbers>
@@ -18,7 +19,6 @@
 namespace xraycast {
 namespace {
 
-constexpr std::array<std::string_view, 3> kColumns{"time_s", "insertion_mm", "rotation_deg"};
 constexpr double kRadians = std::numbers::pi / 180;
 
 std::vector<std::string> cells(const std::string& line) {
@@ -29,22 +29,37 @@ std::vector<std::string> cells(const std::string& line) {
   return all;
 }
 
-/// The index of each of kColumns.
-std::array<std::size_t, 3> columns(const std::string& header, const std::string& origin) {
+/// The time, then each device's insertion and rotation.
+std::vector<std::string> column_names(std::size_t devices) {
+  std::vector<std::string> names{"time_s", "insertion_mm", "rotation_deg"};
+  for (std::size_t d = 2; d <= devices; ++d) {
+    names.push_back(fmt::format("insertion_{}_mm", d));
+    names.push_back(fmt::format("rotation_{}_deg", d));
+  }
+  return names;
+}
+
+std::string wanted_columns(const std::vector<std::string>& wanted) {
+  const std::size_t devices = (wanted.size() - 1) / 2;
+  return fmt::format("a script{} has {}", devices > 1 ? fmt::format(" of {} devices", devices) : "",
+                     fmt::join(wanted, ","));
+}
+
+/// The index of each of the columns wanted.
+std::vector<std::size_t> columns(const std::string& header, const std::vector<std::string>& wanted,
+                                 const std::string& origin) {
   std::string text = header;
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that spreadsheets write
   const std::vector<std::string> names = cells(text);
-  std::array<std::size_t, 3> at{};
-  for (std::size_t c = 0; c < kColumns.size(); ++c) {
-    const auto found = std::ranges::find(names, kColumns[c]);
+  std::vector<std::size_t> at;
+  for (const std::string& name : wanted) {
+    const auto found = std::ranges::find(names, name);
     if (found == names.end())
-      throw InputError("{}: line 1: no column {}; a script has time_s,insertion_mm,rotation_deg", origin,
-                       kColumns[c]);
-    at[c] = static_cast<std::size_t>(found - names.begin());
+      throw InputError("{}: line 1: no column {}; {}", origin, name, wanted_columns(wanted));
+    at.push_back(static_cast<std::size_t>(found - names.begin()));
   }
-  if (names.size() != kColumns.size())
-    throw InputError("{}: line 1: {}; a script has time_s,insertion_mm,rotation_deg", origin,
-                     pluralize(names.size(), "column"));
+  if (names.size() != wanted.size())
+    throw InputError("{}: line 1: {}; {}", origin, pluralize(names.size(), "column"), wanted_columns(wanted));
   return at;
 }
 
@@ -57,30 +72,35 @@ double number(const std::string& cell, std::string_view column, const std::strin
   return value;
 }
 
-void check_pace(const Script::Row& from, const Script::Row& to, const std::string& where) {
-  const double time_s = to.time_s - from.time_s;
-  if (!(time_s > 0))
+void check_later(const Script::Row& from, const Script::Row& to, const std::string& where) {
+  if (!(to.time_s > from.time_s))
     throw InputError("{}: time_s {} is not later than {}, that of line {}", where, to.time_s, from.time_s,
                      from.line);
-  const double speed = std::abs(to.pose.insertion_mm - from.pose.insertion_mm) / time_s;
-  const double turning = std::abs(to.pose.rotation_rad - from.pose.rotation_rad) / time_s;
+}
+
+/// `hub`: "the hub", or "hub 2".
+void check_pace(const HubPose& from, const HubPose& to, double time_s, const std::string& where,
+                const std::string& hub) {
+  const double speed = std::abs(to.insertion_mm - from.insertion_mm) / time_s;
+  const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
   if (speed > Catheter::kMaxSpeed_mm_s * kRounding)
-    throw InputError("{}: the hub would move at {:.4g} mm/s; the maximum is {} mm/s", where, speed,
+    throw InputError("{}: {} would move at {:.4g} mm/s; the maximum is {} mm/s", where, hub, speed,
                      Catheter::kMaxSpeed_mm_s);
   if (turning > Catheter::kMaxSpeed_rad_s * kRounding)
-    throw InputError("{}: the hub would turn at {:.4g} deg/s; the maximum is {:.4g} deg/s", where,
+    throw InputError("{}: {} would turn at {:.4g} deg/s; the maximum is {:.4g} deg/s", where, hub,
                      turning / kRadians, Catheter::kMaxSpeed_rad_s / kRadians);
 }
 
 }  // namespace
 
-Script Script::parse(const std::string& text, const std::string& origin) {
+Script Script::parse(const std::string& text, const std::string& origin, std::size_t devices) {
+  const std::vector<std::string> names = column_names(devices);
   std::istringstream lines(text);
   std::string line;
   if (!std::getline(lines, line))
-    throw InputError("{}: empty; a script starts with time_s,insertion_mm,rotation_deg", origin);
-  const std::array<std::size_t, 3> at = columns(line, origin);
+    throw InputError("{}: empty; a script starts with {}", origin, fmt::join(names, ","));
+  const std::vector<std::size_t> at = columns(line, names, origin);
 
   std::vector<Row> rows;
   int number_of_line = 1, blank_line = 0;
@@ -94,40 +114,53 @@ Script Script::parse(const std::string& text, const std::string& origin) {
     if (blank_line > 0)
       throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
-    if (values.size() != kColumns.size())
+    if (values.size() != names.size())
       throw InputError("{}: {}, but there are {} columns", where, pluralize(values.size(), "value"),
-                       kColumns.size());
+                       names.size());
     Row row;
     row.line = number_of_line;
-    row.time_s = number(values[at[0]], kColumns[0], where);
-    row.pose.insertion_mm = number(values[at[1]], kColumns[1], where);
-    row.pose.rotation_rad = kRadians * number(values[at[2]], kColumns[2], where);
+    row.time_s = number(values[at[0]], names[0], where);
+    row.inner_poses.resize(devices - 1);
+    for (std::size_t d = 0; d < devices; ++d) {
+      HubPose& pose = d == 0 ? row.pose : row.inner_poses[d - 1];
+      const std::size_t insertion = 1 + 2 * d, rotation = 2 + 2 * d;
+      pose.insertion_mm = number(values[at[insertion]], names[insertion], where);
+      pose.rotation_rad = kRadians * number(values[at[rotation]], names[rotation], where);
+    }
     if (row.time_s < 0) throw InputError("{}: time_s {} is below zero", where, row.time_s);
     if (row.time_s > kMaxTime_s)
       throw InputError("{}: time_s {:g} is more than a day, {:g}; times are in seconds", where, row.time_s,
                        kMaxTime_s);
-    if (row.pose.insertion_mm < 0)
-      throw InputError("{}: insertion_mm {} is below zero; at 0 the tip is at the vessel's end", where,
-                       row.pose.insertion_mm);
-    if (!rows.empty()) check_pace(rows.back(), row, where);
+    for (std::size_t d = 0; d < devices; ++d)
+      if (row.pose_of(d).insertion_mm < 0)
+        throw InputError("{}: {} {} is below zero; at 0 the tip is at the vessel's end", where,
+                         names[1 + 2 * d], row.pose_of(d).insertion_mm);
+    if (!rows.empty()) {
+      check_later(rows.back(), row, where);
+      for (std::size_t d = 0; d < devices; ++d)
+        check_pace(rows.back().pose_of(d), row.pose_of(d), row.time_s - rows.back().time_s, where,
+                   d == 0 ? "the hub" : fmt::format("hub {}", d + 1));
+    }
     rows.push_back(row);
   }
   if (rows.empty()) throw InputError("{}: no rows after the first line", origin);
   return Script(std::move(rows));
 }
 
-Script Script::read(const std::filesystem::path& path) {
-  return with_remedy(path, "correct the script", [&] { return parse(read_whole_file(path), path.string()); });
+Script Script::read(const std::filesystem::path& path, std::size_t devices) {
+  return with_remedy(path, "correct the script",
+                     [&] { return parse(read_whole_file(path), path.string(), devices); });
 }
 
-HubPose Script::pose_at(double time_s) const {
+HubPose Script::pose_at(double time_s, std::size_t device) const {
   const auto after = std::ranges::upper_bound(rows_, time_s, {}, &Row::time_s);
-  if (after == rows_.begin()) return rows_.front().pose;
-  if (after == rows_.end()) return rows_.back().pose;
+  if (after == rows_.begin()) return rows_.front().pose_of(device);
+  if (after == rows_.end()) return rows_.back().pose_of(device);
   const Row &from = *std::prev(after), &to = *after;
   const double fraction = (time_s - from.time_s) / (to.time_s - from.time_s);
-  return {std::lerp(from.pose.insertion_mm, to.pose.insertion_mm, fraction),
-          std::lerp(from.pose.rotation_rad, to.pose.rotation_rad, fraction)};
+  const HubPose &start = from.pose_of(device), &end = to.pose_of(device);
+  return {std::lerp(start.insertion_mm, end.insertion_mm, fraction),
+          std::lerp(start.rotation_rad, end.rotation_rad, fraction)};
 }
 
 }  // namespace xraycast

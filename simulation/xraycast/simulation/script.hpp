@@ -2,37 +2,42 @@
 
 #include "xraycast/mechanics/hub.hpp"
 
+#include <cstddef>
 #include <filesystem>
 #include <string>
 #include <vector>
 
 namespace xraycast {
 
-/// A recorded motion of the hub: poses at times, with linear interpolation.
+/// A recorded motion of the hubs of coaxial devices: poses at times, with linear interpolation.
 class Script {
  public:
   struct Row {
     double time_s = 0;
-    HubPose pose;
-    int line = 0;  ///< of the file, from 1
+    HubPose pose;                      ///< of the outermost device
+    int line = 0;                      ///< of the file, from 1
+    std::vector<HubPose> inner_poses;  ///< of the devices in it, from outside on
+
+    const HubPose& pose_of(std::size_t device) const { return device == 0 ? pose : inner_poses[device - 1]; }
   };
 
   static constexpr double kMaxTime_s = 86400;
 
-  /// CSV with the columns time_s,insertion_mm,rotation_deg in any order, named in its first line; blank lines
-  /// only at its end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong
+  /// CSV with the columns time_s,insertion_mm,rotation_deg and, with several `devices`, also
+  /// insertion_2_mm,rotation_2_deg and so on, in any order, named in its first line; blank lines only at its
+  /// end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong
   /// number of values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after
   /// the previous one, an insertion below zero, a hub motion faster than Catheter::kMaxSpeed_mm_s or rotation
   /// faster than Catheter::kMaxSpeed_rad_s, and a file without rows.
-  static Script parse(const std::string& text, const std::string& origin);
+  static Script parse(const std::string& text, const std::string& origin, std::size_t devices = 1);
 
   /// Throws InputError.
-  static Script read(const std::filesystem::path& path);
+  static Script read(const std::filesystem::path& path, std::size_t devices = 1);
 
   const std::vector<Row>& rows() const { return rows_; }
 
   /// The first row's pose before its time, the last row's after it.
-  HubPose pose_at(double time_s) const;
+  HubPose pose_at(double time_s, std::size_t device = 0) const;
 
  private:
   explicit Script(std::vector<Row> rows) : rows_(std::move(rows)) {}

@@ -48,10 +48,13 @@ void raise_priority() {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand)
-    : catheter_(std::move(catheter)), hand_(std::move(hand)), histogram_(kBins, 0) {
-  next_.nodes_mm.reserve(catheter_->max_nodes());
-  next_.contacts.reserve(catheter_->max_nodes());
+SimulationLoop::SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand)
+    : devices_(std::move(devices)),
+      hand_(std::move(hand)),
+      hubs_(devices_->count()),
+      loads_(devices_->count()),
+      histogram_(kBins, 0) {
+  next_.inner.resize(devices_->count() - 1);
   publish();
   thread_ = std::thread([this] { run(); });
 }
@@ -62,13 +65,21 @@ SimulationLoop::~SimulationLoop() {
 }
 
 void SimulationLoop::publish() {
-  next_.time_s = catheter_->time_s();
-  next_.pose = catheter_->pose();
-  next_.load = catheter_->load();
-  next_.tip = catheter_->tip();
-  catheter_->copy_nodes(next_.nodes_mm);
-  catheter_->copy_contacts(next_.contacts);
+  next_.time_s = devices_->time_s();
+  next_.free_lumen = devices_->free_lumen();
+  publish(0, next_);
+  for (std::size_t d = 1; d < devices_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);
+}
+
+void SimulationLoop::publish(std::size_t device, DeviceSnapshot& snapshot) {
+  hubs_[device] = snapshot.pose = devices_->pose(device);
+  loads_[device] = snapshot.load = devices_->load(device);
+  snapshot.tip = devices_->tip(device);
+  snapshot.nodes_mm.reserve(devices_->rod(device).max_nodes());
+  snapshot.contacts.reserve(devices_->rod(device).max_nodes());
+  devices_->copy_nodes(device, snapshot.nodes_mm);
+  devices_->copy_contacts(device, snapshot.contacts);
 }
 
 void SimulationLoop::count(double step_ms, bool is_late) {
@@ -94,11 +105,11 @@ void SimulationLoop::run() {
 void SimulationLoop::step_until_stopped() {
   raise_priority();
   const auto period =
-      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(catheter_->step_s()));
+      std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(devices_->step_s()));
   auto begin = Clock::now();
   while (!stops_) {
     const Stopwatch stopwatch;
-    catheter_->step(hand_(catheter_->pose(), catheter_->load(), catheter_->step_s()));
+    devices_->step(hand_(hubs_, loads_, devices_->step_s()));
     publish();
     begin += period;
     const auto now = Clock::now();

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/simulation/triple_buffer.hpp"
 
 #include <atomic>
@@ -8,6 +8,8 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <optional>
+#include <span>
 #include <thread>
 #include <vector>
 
@@ -22,27 +24,39 @@ struct LoopTiming {
   double longest_ms = 0;
 };
 
-/// A catheter's state at one time.
-struct CatheterSnapshot {
-  double time_s = 0;
+/// A device's state at one time.
+struct DeviceSnapshot {
   HubPose pose;
   HubLoad load;
   CatheterTip tip;
   std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip; see curve_through
   std::vector<CatheterContact> contacts;
-  LoopTiming timing;
 };
 
-/// Steps a catheter in its own thread, one step every step_s() of the clock, from construction to
-/// destruction. A late step is caught up with; after a tenth of a second of delay (a machine that was
-/// suspended) the clock is reset.
+/// The state of coaxial devices at one time: that of the outermost, and of those in it.
+struct CatheterSnapshot : DeviceSnapshot {
+  std::vector<DeviceSnapshot> inner;      ///< from outside on
+  std::optional<std::size_t> free_lumen;  ///< see CoaxialCatheters
+  double time_s = 0;
+  LoopTiming timing;
+
+  std::size_t count() const { return 1 + inner.size(); }
+  const DeviceSnapshot& device(std::size_t number) const {
+    return number == 0 ? static_cast<const DeviceSnapshot&>(*this) : inner[number - 1];
+  }
+};
+
+/// Steps coaxial devices, or one alone, in its own thread, one step every step_s() of the clock, from
+/// construction to destruction. A late step is caught up with; after a tenth of a second of delay (a machine
+/// that was suspended) the clock is reset.
 class SimulationLoop {
  public:
-  /// Called before each step in the loop's thread with the hub's pose, its load and the step's duration;
-  /// returns the pose to move to. Must not block.
-  using Hand = std::function<HubPose(const HubPose& hub, const HubLoad& load, double step_s)>;
+  /// Called before each step in the loop's thread with the hubs' poses, their loads and the step's duration;
+  /// returns the poses to move to. Must not block.
+  using Hand = std::function<std::span<const HubPose>(std::span<const HubPose> hubs,
+                                                      std::span<const HubLoad> loads, double step_s)>;
 
-  SimulationLoop(std::unique_ptr<Catheter> catheter, Hand hand);
+  SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand);
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -58,10 +72,13 @@ class SimulationLoop {
   void run();
   void step_until_stopped();
   void publish();
+  void publish(std::size_t device, DeviceSnapshot& snapshot);
   void count(double step_ms, bool is_late);
 
-  std::unique_ptr<Catheter> catheter_;
+  std::unique_ptr<CoaxialCatheters> devices_;
   Hand hand_;
+  std::vector<HubPose> hubs_;
+  std::vector<HubLoad> loads_;
   CatheterSnapshot next_;
   TripleBuffer<CatheterSnapshot> snapshots_;
   double sum_ms_ = 0;

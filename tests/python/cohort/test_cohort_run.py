@@ -31,7 +31,7 @@ def first_run(cohort, phantoms, tmp_path_factory):
 def test_every_scan_has_a_line(first_run):
     out, result = first_run
     assert result.returncode == 1  # two scans are bad
-    assert result.stderr == f"xraycast-cohort: 4 of 6 scans done, 2 bad; {out}/ledger.jsonl tells why\n"
+    assert result.stderr == f"xraycast-cohort: 4 of 6 scans done, 2 bad; {out}/ledger.jsonl gives the reasons\n"
     lines = {record["scan"]: record for record in records(out)}
     assert len(records(out)) == len(lines) == 6
     assert {name for name, record in lines.items() if record["error"]} == {"cut.nrrd", "text.nrrd"}
@@ -66,7 +66,7 @@ def test_another_run_does_what_is_missing(first_run, cohort, phantoms):
     (("run", "{scans}/none", "-o", "{out}"), 3, "none: no such folder"),
     (("run", "{scans}", "-o", "{out}", "--scheduler", "tcp://127.0.0.1:9"), 3, "no scheduler answers"),
     (("run", "{scans}", "-o", "{out}", "--scheduler", "nonsense://x"), 3, "not an address"),
-    (("run", "{scans}", "-o", "{out}", "--steps", "wash"), 3, "--steps wash: must be of info, cast"),
+    (("run", "{scans}", "-o", "{out}", "--steps", "wash"), 3, "--steps wash: unknown step; choose from info, cast"),
     (("run", "{scans}", "-o", "{out}", "--opacity", "none.json"), 3, "--opacity none.json: No such file"),
     (("run", "{scans}", "-o", "{out}", "--opacity", "none"), 3, "none"),
     (("run", "{scans}", "-o", "{out}", "--poses", "{scans}/text.nrrd"), 3, "must have the columns lao and cranial"),
@@ -100,7 +100,7 @@ def test_a_signal_ends_a_run_cleanly(phantoms, tmp_path, number):
     os.killpg(process.pid, number) if number == signal.SIGINT else process.send_signal(number)
     _, errors = process.communicate(timeout=60)
     assert process.returncode == 128 + number
-    assert errors == f"xraycast-cohort: stopped by {number.name}; run again to do what is missing\n"
+    assert errors == f"xraycast-cohort: stopped by {number.name}; run again to process the remaining scans\n"
     with pytest.raises(ProcessLookupError):  # no worker is left
         for _ in range(100):
             os.killpg(process.pid, 0)

@@ -8,7 +8,7 @@
 
 namespace xraycast {
 
-/// A picture of greys that was computed elsewhere, to draw as it is. Needs a current OpenGL context.
+/// Draws a greyscale picture that was computed elsewhere, unchanged. Needs a current OpenGL context.
 class GreyPicture {
  public:
   /// Replaces it: 8-bit greys, width x height, row 0 on top.

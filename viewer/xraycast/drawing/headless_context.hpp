@@ -7,7 +7,7 @@ namespace xraycast {
 /// An OpenGL 3.3 core context without a display or window, through EGL: on the device that the environment
 /// variable XRAYCAST_GL_DEVICE selects by number or part of its name, otherwise on the first GPU that
 /// supports it, or else on Mesa's surfaceless platform, which draws in software. Current on the thread that
-/// made it for its lifetime. At most one exists at a time.
+/// created it for its lifetime. At most one exists at a time.
 class HeadlessContext {
  public:
   /// Throws Error, saying what to install, when there is no such OpenGL, and InputError, naming the available

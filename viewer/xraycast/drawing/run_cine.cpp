@@ -9,8 +9,6 @@
 namespace xraycast {
 namespace {
 
-enum : std::size_t { kCatheter, kContrast };
-
 /// Of the point of the tree at a place or next beyond it.
 double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
   const VesselBranch& branch = tree.branches()[static_cast<std::size_t>(place.branch)];
@@ -40,21 +38,43 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
 
 void RunCine::see(const Catheter& catheter, double time_s) {
   if (time_s < next_s_) return;
-  const VesselTree::Location tip = place_of(catheter.tip());
-  if (time_s > last_s_)
-    bolus_.step(time_s - last_s_, tip, options_.injection.mean_rate_ml_s(last_s_, time_s),
-                options_.injection.agent_mg_ml);
-  last_s_ = time_s;
-  next_s_ += options_.step_s;
-  if (options_.subtracts && time_s < options_.injection.from_s - kMask_s) return;
-
+  inject(place_of(catheter.tip()), true, time_s);
+  if (!is_in_run(time_s)) return;
   std::vector<glm::dvec3> nodes_mm;
   catheter.copy_nodes(nodes_mm);
-  renderer_.replace_surface(kCatheter, catheter_surface(nodes_mm, catheter.rod().instrument().radius_mm()));
-  if (options_.style.shading == ShadingMode::fluoro)
-    renderer_.replace_surface(kContrast, contrast_.filled(bolus_.iodine_mg_ml()));
-  if (is_before_injection(time_s)) window_.black = opacified_tau(tip);
+  surfaces_ = 0;
+  draw(nodes_mm, catheter.rod().instrument());
   take_frame();
+}
+
+void RunCine::see(const CoaxialCatheters& devices, double time_s) {
+  if (time_s < next_s_) return;
+  const std::optional<std::size_t> free = devices.free_lumen();
+  inject(place_of(devices.tip(free.value_or(0))), free.has_value(), time_s);
+  if (!is_in_run(time_s)) return;
+  std::vector<glm::dvec3> nodes_mm;
+  surfaces_ = 0;
+  for (std::size_t d = 0; d < devices.count(); ++d) {
+    devices.copy_nodes(d, nodes_mm);
+    draw(nodes_mm, devices.rod(d).instrument());
+  }
+  take_frame();
+}
+
+/// Lets the blood flow on to a frame's time.
+void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s) {
+  if (time_s > last_s_) {
+    const double rate_ml_s = options_.injection.mean_rate_ml_s(last_s_, time_s);
+    if (!is_lumen_free) withheld_ml_ += rate_ml_s * (time_s - last_s_);
+    bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml);
+  }
+  last_s_ = time_s;
+  next_s_ += options_.step_s;
+  if (is_before_injection(time_s)) window_.black = opacified_tau(tip);
+}
+
+bool RunCine::is_in_run(double time_s) const {
+  return !options_.subtracts || time_s >= options_.injection.from_s - kMask_s;
 }
 
 bool RunCine::is_before_injection(double time_s) const {
@@ -68,7 +88,15 @@ double RunCine::opacified_tau(const VesselTree::Location& tip) const {
   return 2 * radius_mm(tree_, tip) * fluoroscopy_per_mm("I", injection.agent_mg_ml * diluted);
 }
 
+void RunCine::draw(const std::vector<glm::dvec3>& nodes_mm, const InstrumentModel& instrument) {
+  for (const Surface& surface : device_surfaces(nodes_mm, instrument))
+    renderer_.replace_surface(surfaces_++, surface);
+}
+
+/// The contrast agent's surface follows the devices'.
 void RunCine::take_frame() {
+  if (options_.style.shading == ShadingMode::fluoro)
+    renderer_.replace_surface(surfaces_, contrast_.filled(bolus_.iodine_mg_ml()));
   const auto* detector = std::get_if<Detector>(&taker_);
   if (detector || options_.subtracts) {
     std::vector<float> tau = renderer_.tau(options_.view, options_.style);

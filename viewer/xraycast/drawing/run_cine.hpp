@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/mechanics/catheter.hpp"
@@ -17,7 +18,7 @@
 
 namespace xraycast {
 
-/// The frames of a catheter's run with a fixed C-arm: the body, the catheter, contrast agent while it is
+/// The frames of a catheter's run with a fixed C-arm: the body, the devices, contrast agent while it is
 /// injected, and the vessels' outline as a road map; or a run of digital subtraction angiography, which
 /// begins half a second before the injection and whose frames until then are its mask. Needs a current OpenGL
 /// context.
@@ -47,6 +48,11 @@ class RunCine {
 
   /// Call after every step of the simulation; draws a frame when one is due.
   void see(const Catheter& catheter, double time_s);
+  /// The same with coaxial devices; contrast agent is injected while one of their lumens is free.
+  void see(const CoaxialCatheters& devices, double time_s);
+
+  /// What was not injected, because devices were in the way.
+  double withheld_ml() const { return withheld_ml_; }
 
   /// Subtraction: how many frames at the beginning the mask is the mean of.
   int mask_frames() const { return subtraction_.mask_frames(); }
@@ -54,6 +60,9 @@ class RunCine {
  private:
   bool is_before_injection(double time_s) const;
   double opacified_tau(const VesselTree::Location& tip) const;
+  void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
+  bool is_in_run(double time_s) const;
+  void draw(const std::vector<glm::dvec3>& nodes_mm, const InstrumentModel& instrument);
   void take_frame();
   std::vector<std::uint8_t> subtracted(const std::vector<float>& tau);
 
@@ -67,7 +76,8 @@ class RunCine {
   Subtraction subtraction_;
   MaximumOpacification opacified_;
   SubtractionWindow window_;
-  double last_s_ = 0, next_s_ = 0;
+  std::size_t surfaces_ = 0;  ///< of the devices
+  double last_s_ = 0, next_s_ = 0, withheld_ml_ = 0;
 };
 
 }  // namespace xraycast

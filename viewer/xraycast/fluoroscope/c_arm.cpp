@@ -31,6 +31,10 @@ class CArmFields {
       throw InputError("{}: \"{}\" is {:g}; it must be {:g} to {:g}", where_, key, value, lowest, highest);
     return value;
   }
+  void check_below(const char* what, double sum, double most) const {
+    if (!(sum <= most))
+      throw InputError("{}: the {} add up to {:g}; they must stay below {:g}", where_, what, sum, most);
+  }
   bool flag(const char* key) const {
     if (!has(key)) return false;
     if (!json_[key].is_boolean()) throw InputError("{}: \"{}\" must be true or false", where_, key);
@@ -41,6 +45,8 @@ class CArmFields {
     if (!has(key)) throw InputError("{}: \"{}\" is missing", where_, key);
     return {json_[key], where_ + ": " + key};
   }
+  /// One element of a list.
+  CArmFields element(const nlohmann::json& one, const char* key) const { return {one, where_ + ": " + key}; }
   const nlohmann::json& list(const char* key) const {
     constexpr std::size_t kMost = 32;
     if (!has(key) || !json_[key].is_array() || json_[key].size() > kMost)
@@ -92,12 +98,13 @@ FluoroscopyDetector detector_from(const CArmFields& fields) {
   detector.blur = {blur.number("narrow_mm", 0, 2), blur.number("wide_mm", 0, 2),
                    blur.number("wide_share", 0, 1)};
   double kept = 0;
+  constexpr double kMostKept = 0.5;
   for (const auto& one : fields.list("lag")) {
-    const CArmFields trap(one, "lag");
+    const CArmFields trap = fields.element(one, "lag");
     detector.lag.push_back({trap.number("fraction", 0, 0.5), trap.number("time_s", 1e-3, 1000)});
     kept += detector.lag.back().fraction;
   }
-  if (kept > 0.5) throw InputError("lag: the fractions add up to {:g}; they must stay below 0.5", kept);
+  fields.check_below("fractions of lag", kept, kMostKept);
   return detector;
 }
 
@@ -158,6 +165,13 @@ double zoom_field_mm(const CArm& c_arm, std::optional<double> field_mm) {
     if (std::abs(one - *field_mm) < 0.5) return one;
   throw InputError("a field of {:g} mm: {} has fields of {:g} mm; choose one of them", *field_mm, c_arm.name,
                    fmt::join(c_arm.fields_mm, ", "));
+}
+
+double focal_spread_mm(const CArm& c_arm) {
+  constexpr double kHalfWidthsPerSpread = 2.3548;  // full width at half maximum of a Gaussian of spread 1
+  const Cone& distances = c_arm.distances;
+  return c_arm.tube.focal_spot_mm / kHalfWidthsPerSpread *
+         (distances.source_detector_mm / distances.source_axis_mm - 1);
 }
 
 View view_of(const CArm& c_arm, double field_mm, View view) {

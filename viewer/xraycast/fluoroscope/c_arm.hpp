@@ -73,6 +73,9 @@ struct CArm {
 /// The field of that side, or the largest for none. Throws InputError, listing the C-arm's fields.
 double zoom_field_mm(const CArm& c_arm, std::optional<double> field_mm);
 
+/// The focal spot's spread on the detector, by the magnification of what lies at the isocentre.
+double focal_spread_mm(const CArm& c_arm);
+
 /// Sets what the view leaves open: the cone's distances, and size and pixel for the field: the detector's
 /// pixels, two by two where the field has more than 1280 a side.
 View view_of(const CArm& c_arm, double field_mm, View view);

@@ -1,6 +1,7 @@
 #include "xraycast/fluoroscope/console.hpp"
 
 #include <algorithm>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -75,7 +76,9 @@ bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
 
 void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path) {
   before_ = dose();
-  fluoroscope_.emplace(options, on_detector(view, options.c_arm), path);
+  FluoroscopyOptions continued = options;
+  continued.seed += static_cast<std::uint32_t>(before_.pulses);  // or the noise of earlier pulses comes again
+  fluoroscope_.emplace(std::move(continued), on_detector(view, options.c_arm), path);
 }
 
 void FluoroscopyConsole::forget_pictures() {

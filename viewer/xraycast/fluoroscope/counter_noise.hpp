@@ -9,7 +9,7 @@
 namespace xraycast {
 
 /// Which use a random number is for.
-enum class NoiseUse : std::uint32_t { quanta = 1, electronics = 2 };
+enum class NoiseUse : std::uint32_t { quanta = 1, electronics = 2, few_quanta = 3 };
 
 struct RandomPair {
   std::uint32_t first, second;
@@ -59,14 +59,31 @@ inline float sine_of_half_turns(float x) {
                     x2 * (2.55016404f + x2 * (-0.599264529f + x2 * (0.0821458866f + x2 * -0.00737043095f)))));
 }
 
+/// e to the x for -20 <= x <= 0, to 3e-7.
+inline float quick_exp(float x) {
+  constexpr float kPerLn2 = 1.44269504f, kLn2 = 0.693147181f;
+  const std::int32_t exponent = static_cast<std::int32_t>(x * kPerLn2 - 0.5f);
+  const float rest = x - static_cast<float>(exponent) * kLn2;
+  const float power =
+      1 +
+      rest * (1 + rest * (0.5f + rest * (0.166666667f +
+                                         rest * (0.0416666667f + rest * (0.00833333333f +
+                                                                         rest * (0.00138888889f +
+                                                                                 rest * 0.000198412698f))))));
+  constexpr std::int32_t kBias = 127, kMantissaBits = 23;
+  return power * std::bit_cast<float>((exponent + kBias) << kMantissaBits);
+}
+
+/// Between 0 and 1, both left out.
+inline float uniform_of(std::uint32_t random) { return (static_cast<float>(random >> 8) + 0.5f) * 0x1p-24f; }
+
 struct NormalPair {
   float first, second;
 };
 
 /// Two independent standard normal numbers, up to 5.9 (G. E. P. Box and M. E. Muller, 1958).
 inline NormalPair normals_of(RandomPair random) {
-  const float uniform = (static_cast<float>(random.first >> 8) + 0.5f) * 0x1p-24f;
-  const float radius = std::sqrt(-2 * quick_log(uniform));
+  const float radius = std::sqrt(-2 * quick_log(uniform_of(random.first)));
   const float turn = static_cast<float>(static_cast<std::int32_t>(random.second)) * 0x1p-31f;  // half turns
   const float size = std::abs(turn);
   const float folded = std::copysign(size > 0.5f ? 1 - size : size, turn);
@@ -88,19 +105,5 @@ inline float poisson_quantile(float mean, float normal) {
   return expanded < kAllWhole ? (quanta > 0 ? quanta : 0) : expanded;
 }
 inline constexpr float kLeastExpandedMean = 4;
-
-/// The same for any mean below that, exactly, by adding up the distribution.
-inline float poisson_by_inversion(float mean, float normal) {
-  if (!(mean > 0)) return 0;
-  const double share = 0.5 * std::erfc(-double{normal} * 0.70710678118654752);
-  double term = std::exp(-double{mean}), sum = term;
-  int count = 0;
-  constexpr int kMost = 60;  // beyond, the distribution is below what a float resolves
-  while (share > sum && count < kMost) {
-    term *= double{mean} / ++count;
-    sum += term;
-  }
-  return static_cast<float>(count);
-}
 
 }  // namespace xraycast

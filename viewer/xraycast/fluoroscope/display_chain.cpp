@@ -8,6 +8,7 @@
 namespace xraycast {
 namespace {
 
+// Chosen by eye: units' settings are not published.
 constexpr float kEdgeStrength = 0.7f;
 constexpr float kNewFrameWeight =
     0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays

@@ -12,8 +12,9 @@ namespace xraycast {
 ///
 /// The voltage rises with the water, from 60 kV at 8 cm by 1.5 kV a cm, and the mAs make up the rest, within
 /// the limits of tube and generator; where these are reached, the voltage rises or falls further. Such curves
-/// are described by P. Rauch et al., Functionality and operation of fluoroscopic automatic brightness
-/// control, AAPM report 125, Med. Phys. 39, 2012. The air kerma rate stays below a limit.
+/// are described by P.-J. P. Lin, P. Rauch et al., Functionality and operation of fluoroscopic automatic
+/// brightness control/automatic dose rate control logic, AAPM report 125, 2012; this one is chosen here. The
+/// air kerma rate stays below a limit.
 class ExposureControl {
  public:
   /// The mean signal of a pixel in keV a mAs behind water, at a voltage.

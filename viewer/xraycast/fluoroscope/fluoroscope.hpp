@@ -1,39 +1,15 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/fluoroscope/c_arm.hpp"
-#include "xraycast/fluoroscope/collimation.hpp"
-#include "xraycast/fluoroscope/exposure.hpp"
-#include "xraycast/fluoroscope/stages.hpp"
+#include "xraycast/fluoroscope/fluoroscopy_options.hpp"
 #include "xraycast/fluoroscope/water_path.hpp"
 
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <span>
 #include <vector>
 
 namespace xraycast {
-
-/// What is set on a fluoroscope's console.
-struct FluoroscopyOptions {
-  CArm c_arm;
-  double field_mm = 0;  ///< zoom field that limits the beam; 0: as large as the picture
-  std::optional<Collimation> collimation{};
-  DoseLevel dose = DoseLevel::normal;
-  std::optional<int> kvp{};     ///< held by the exposure control
-  std::optional<double> mas{};  ///< a pulse; held by the exposure control
-  std::optional<double>
-      photons{};  ///< quanta that a pixel of the open field detects, in place of an exposure
-  std::optional<Spectrum> spectrum{};  ///< in place of the tube's; needs `photons`
-  double pulses_per_s = 15;
-  FluoroscopyStages stages{};
-  std::uint32_t seed = 1;
-};
-
-/// Throws InputError for an exposure of zero or without bound, a voltage outside the tube's range, a shut
-/// collimator, or a pulse rate outside 3 to 30/s.
-void check(const FluoroscopyOptions& options);
 
 /// One pulse's picture, H x W, row 0 on top.
 struct FluoroscopyFrame {

@@ -115,21 +115,59 @@ void normals_row(std::uint32_t first, NoiseStream noise, int count, float* __res
 }
 
 XRAYCAST_WIDE_VECTORS
+void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStream noise, int count,
+                    float* __restrict quanta) {
+  constexpr int kRun = 64;
+  float mean[kRun], term[kRun], sum[kRun], uniform[kRun], number[kRun];
+  for (int start = 0; start < count; start += kRun) {
+    const int run = std::min(kRun, count - start);
+    float most = 0;
+    for (int i = 0; i < run; ++i) {
+      mean[i] = means[start + i] < kLeastExpandedMean ? means[start + i] : 0;
+      most = mean[i] > most ? mean[i] : most;
+    }
+    for (int i = 0; i < run; ++i) {
+      uniform[i] = uniform_of(
+          random_pair(first + static_cast<std::uint32_t>(start + i), noise.frame, noise.key).first);
+      term[i] = quick_exp(-mean[i]);
+      sum[i] = term[i];
+      number[i] = 0;
+    }
+    // Beyond that number the distribution is below what a float of 24 bits resolves.
+    const int numbers = static_cast<int>(most + 7 * std::sqrt(most) + 6);
+    for (int k = 1; most > 0 && k <= numbers; ++k) {
+      const float per_number = 1 / static_cast<float>(k);
+      for (int i = 0; i < run; ++i) {
+        number[i] += uniform[i] > sum[i] ? 1.0f : 0.0f;
+        term[i] *= mean[i] * per_number;
+        sum[i] += term[i];
+      }
+    }
+    for (int i = 0; i < run; ++i) quanta[start + i] = number[i];
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
 void quantum_noise_row(const float* __restrict counts, const float* __restrict mean_kev,
                        const float* __restrict spread_kev, std::uint32_t first_pixel, NoiseStream noise,
-                       int count, float* __restrict energy_kev, float* __restrict normals) {
+                       NoiseStream few, int count, float* __restrict energy_kev, float* __restrict normals) {
   float* __restrict spreading = normals + count;
   normals_row(first_pixel, noise, count, normals, spreading);
+  float least = kLeastExpandedMean;
   for (int i = 0; i < count; ++i) {
+    least = counts[i] < least ? counts[i] : least;
     const float expected = counts[i] > kLeastExpandedMean ? counts[i] : kLeastExpandedMean;
     const float quanta = poisson_quantile(expected, normals[i]);
     const float energy = quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i];
     energy_kev[i] = energy > 0 ? energy : 0;
   }
+  if (least >= kLeastExpandedMean) return;
+  float* __restrict quanta = normals;  // read for the last time
+  few_quanta_row(counts, first_pixel, few, count, quanta);
   for (int i = 0; i < count; ++i) {
-    if (counts[i] >= kLeastExpandedMean) continue;
-    const float quanta = poisson_by_inversion(counts[i], normals[i]);
-    energy_kev[i] = std::max(0.0f, quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i]);
+    const float energy = quanta[i] * mean_kev[i] + std::sqrt(quanta[i]) * spread_kev[i] * spreading[i];
+    const float positive = energy > 0 ? energy : 0;
+    energy_kev[i] = counts[i] < kLeastExpandedMean ? positive : energy_kev[i];
   }
 }
 

@@ -43,11 +43,14 @@ struct NoiseStream {
 /// Two independent standard normal numbers a pixel.
 void normals_row(std::uint32_t first, NoiseStream noise, int count, float* one, float* other);
 
+/// Poisson numbers of means below kLeastExpandedMean, by adding up the distribution; others are left out.
+void few_quanta_row(const float* means, std::uint32_t first, NoiseStream noise, int count, float* quanta);
+
 /// Energy in keV that Poisson numbers of quanta leave; `counts` are the expected numbers.
-/// `normals` is room for two numbers a pixel.
+/// `normals` is room for two numbers a pixel. `few` is the stream for small numbers.
 void quantum_noise_row(const float* counts, const float* mean_kev, const float* spread_kev,
-                       std::uint32_t first_pixel, NoiseStream noise, int count, float* energy_kev,
-                       float* normals);
+                       std::uint32_t first_pixel, NoiseStream noise, NoiseStream few, int count,
+                       float* energy_kev, float* normals);
 void expected_energy_row(const float* counts, const float* mean_kev, int count, float* energy_kev);
 
 /// One trap of the detector's charge: takes a share of the signal in, and gives back what decayed since the

@@ -14,7 +14,7 @@ namespace xraycast {
 MapGeometry drawn_geometry(const BodyMap& map);
 
 /// The layout of a map's values as the shaders read them: layers x (width + 1) x rows, the rows of a texel
-/// column contiguous and padded to a multiple of four with the last one, which widens no range of bytes. The
+/// column contiguous and padded to a multiple of four with the last row, so that byte ranges stay. The
 /// last column of a layer repeats its first, so that every column has a neighbour behind it.
 struct MapTexels {
   int layers = 0;

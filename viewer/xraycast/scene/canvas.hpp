@@ -47,7 +47,7 @@ class Canvas {
   /// A disc.
   void spot(const glm::dvec2& centre, double radius, const Colour& colour);
 
-  /// Another picture, 8-bit RGB, scaled to a box. One that keeps its size, at whole pixels, keeps its values.
+  /// Another picture, 8-bit RGB, scaled to a box. At its own size and whole pixels its values are unchanged.
   void picture(std::span<const std::uint8_t> rgb, int width, int height, const PixelBox& box);
 
   /// A PNG file, scaled to fit into a box, in its middle. Throws Error when it cannot be read.

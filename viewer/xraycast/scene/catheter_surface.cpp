@@ -1,16 +1,61 @@
 #include "xraycast/scene/catheter_surface.hpp"
 
+#include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/vessels.hpp"
 
+#include <glm/geometric.hpp>
+
 namespace xraycast {
+namespace {
+
+constexpr std::size_t kFewest = 4;  // nodes of a cubic
+
+// A core of steel of two thirds of the wire's diameter, and around the tip a coil of platinum that fills a
+// quarter of the cross-section, as wires of 0.014 to 0.035 inch have them.
+double wire_per_mm() {
+  constexpr double kSteel_mg_ml = 7900, kCore = 4.0 / 9;
+  static const double per_mm = fluoroscopy_per_mm("Fe", kSteel_mg_ml * kCore);
+  return per_mm;
+}
+double wire_tip_per_mm() {
+  constexpr double kPlatinum_mg_ml = 21450, kCoil = 0.25;
+  static const double per_mm = fluoroscopy_per_mm("Pt", kPlatinum_mg_ml * kCoil);
+  return per_mm;
+}
+
+/// The first node of a wire's tip; 0 where what is left of the shaft is too short to be drawn.
+std::size_t tip_begin(const std::vector<glm::dvec3>& nodes_mm) {
+  double length_mm = 0;
+  std::size_t first = nodes_mm.size();
+  while (first > 1 && length_mm < kWireTip_mm) {
+    --first;
+    length_mm += glm::distance(nodes_mm[first - 1], nodes_mm[first]);
+  }
+  return first < kFewest ? 0 : first - 1;
+}
+
+}  // namespace
 
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm) {
-  constexpr std::size_t kFewest = 4;  // of a cubic
   if (nodes_mm.size() < kFewest) return {};
   // No smoother than is seen at a catheter's width: the mesh is rebuilt for every frame.
   constexpr int kRingsPerNode = 3, kSides = 8;
   return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides), catheter_per_mm(),
           kCatheterColour};
+}
+
+std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
+                                     const InstrumentModel& instrument) {
+  if (instrument.inner_radius_mm() > 0) return {catheter_surface(nodes_mm, instrument.radius_mm())};
+  const auto tip = nodes_mm.begin() + static_cast<std::ptrdiff_t>(tip_begin(nodes_mm));
+  // They share the node between them.
+  const std::vector<glm::dvec3> of_shaft(nodes_mm.begin(), tip == nodes_mm.begin() ? tip : tip + 1);
+  Surface shaft = catheter_surface(of_shaft, instrument.radius_mm()),
+          end = catheter_surface({tip, nodes_mm.end()}, instrument.radius_mm());
+  shaft.mu_per_mm = wire_per_mm();
+  end.mu_per_mm = wire_per_mm() + wire_tip_per_mm();
+  end.colour = {0.95, 0.8, 0.35};
+  return {shaft, end};
 }
 
 VesselTree::Location place_of(const CatheterTip& tip) {

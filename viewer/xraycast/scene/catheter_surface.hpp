@@ -13,6 +13,12 @@ namespace xraycast {
 /// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
 
+/// The surfaces of a device. A guide wire, which has no lumen, has two: its steel core, and its tip of
+/// kWireTip_mm, which is denser.
+std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
+                                     const InstrumentModel& instrument);
+inline constexpr double kWireTip_mm = 30;
+
 /// The place where contrast agent leaves a catheter, as a location in its vessel tree.
 VesselTree::Location place_of(const CatheterTip& tip);
 

@@ -53,7 +53,7 @@ std::string difference(const MapGeometry& map, const VolumeGeometry& volume) {
 void check_same_scan(const MapGeometry& map, const std::string& name, const VolumeGeometry& volume,
                      const std::string& scan) {
   if (const std::string why = difference(map, volume); !why.empty())
-    throw InputError("{} was not cast from {}: {}", name, scan, why);
+    throw InputError("{} was not cast from {}: {}; give its own scan", name, scan, why);
 }
 
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
@@ -61,7 +61,8 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const MapG
   const bool same = map.field && basis.field ? is_same(*map.field, *basis.field)
                                              : without_field(map) == without_field(basis);
   if (!same)
-    throw InputError("{} was not cast from the scan of {}: their geometry differs", name, basis_name);
+    throw InputError("{} was not cast from the scan of {}: their geometries differ; give its own basis", name,
+                     basis_name);
 }
 
 }  // namespace xraycast

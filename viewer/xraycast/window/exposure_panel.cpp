@@ -56,8 +56,9 @@ void settings(FluoroscopyConsole& console) {
 void technique_and_dose(const FluoroscopyConsole& console) {
   const Technique technique = console.technique();
   const FluoroscopyOptions& options = console.options();
-  const bool is_manual = options.photons || (options.kvp && options.mas);
-  const char* const control = is_manual ? "by hand" : console.subtracts() ? "locked" : "automatic exposure";
+  const char* const control = !options.is_automatic() ? "by hand"
+                              : console.subtracts()   ? "locked"
+                                                      : "automatic exposure";
   write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({})", technique.kvp, technique.mas, control));
   const DoseRecord dose = console.dose();
   write_line(fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate()));

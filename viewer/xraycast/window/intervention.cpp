@@ -23,12 +23,20 @@ std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
   return std::make_shared<const VesselTree>(read_tree(vessels));
 }
 
+std::vector<InstrumentModel> models_of(const Intervention::Options& options) {
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
+  check_devices(models);
+  return models;
+}
+
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
   if (options.haptic == "openigtlink") {
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
     return std::make_unique<IgtlinkDevice>(
-        address, [](const std::string& line) { std::cerr << "xraycast: " << printable_line(line) << '\n'; });
+        address, [](const std::string& line) { std::cerr << "xraycast: " << printable_line(line) << '\n'; },
+        options.instrument_models.size());
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
@@ -49,14 +57,14 @@ Intervention::Intervention(const Options& options)
 
 void Intervention::start(const fs::path& script) {
   // Files are read first: where they are invalid the old run goes on.
+  const std::vector<InstrumentModel> models = models_of(options_);
   std::unique_ptr<HapticDevice> device;
   if (!script.empty())
-    device = std::make_unique<ScriptDevice>(Script::read(script), script.filename().string());
-  const InstrumentModel model = InstrumentModel::named(options_.instrument_model);
-  const VesselEnd entry = find_entry(*tree_, options_.entry, model);
+    device = std::make_unique<ScriptDevice>(Script::read(script, models.size()), script.filename().string());
+  const VesselEnd entry = find_entry(*tree_, options_.entry, models[0]);
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
-    run_ = std::make_unique<SimulatedRun>(tree_, model, entry, std::move(to));
+    run_ = std::make_unique<SimulatedRun>(tree_, models, entry, std::move(to));
   };
   const bool was_recording = run_ && run_->is_recording();
   run_.reset();  // a port is free again
@@ -70,6 +78,10 @@ void Intervention::start(const fs::path& script) {
   has_picture_ = false;
 }
 
+void Intervention::hold_next_hub() {
+  if (manual_) manual_->hold((manual_->held() + 1) % run_->models().size());
+}
+
 void Intervention::update(const Camera& camera, double passed_s) {
   run_->update();
   if (pedal_) fluoroscopy_s_ += passed_s;
@@ -77,7 +89,8 @@ void Intervention::update(const Camera& camera, double passed_s) {
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
   nodes_mm_ = run_->now().nodes_mm;
-  surfaces_ = {run_->catheter(), run_->contrast()};
+  surfaces_ = run_->devices();
+  surfaces_.push_back(run_->contrast());
   ++exposures_;
   has_picture_ = true;
 }

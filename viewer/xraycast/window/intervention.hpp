@@ -14,13 +14,13 @@
 
 namespace xraycast {
 
-/// A simulated intervention with a C-arm: a catheter is steered, with fluoroscopy while the pedal is down and
-/// last image hold after, and contrast agent is injected. All calls on one thread.
+/// A simulated intervention with a C-arm: a catheter, or coaxial devices, are steered, with fluoroscopy while
+/// the pedal is down and last image hold after, and contrast agent is injected. All calls on one thread.
 class Intervention {
  public:
   struct Options {
-    std::filesystem::path vessels{};  ///< a vessel tree, or a folder with a tree.vtp
-    std::string instrument_model = "cobra-5f";
+    std::filesystem::path vessels{};                         ///< a vessel tree, or a folder with a tree.vtp
+    std::vector<std::string> instrument_models{"cobra-5f"};  ///< from the outermost on, one in the other
     EntryChoice entry{};
     std::string haptic = "keyboard";  ///< one of haptic_names()
     std::string listen{};             ///< openigtlink: address; empty: the default
@@ -53,8 +53,12 @@ class Intervention {
   /// pose.
   std::string caption(const Camera& now) const;
 
-  /// The catheter and the road map in that picture.
-  SteeredCatheter catheter() const { return {nodes_mm_, run_->model().radius_mm(), has_road_map}; }
+  /// The hub that the hand holds, by keys, mouse or gamepad; the next one from now on.
+  std::size_t held_hub() const { return run_->held_hub(); }
+  void hold_next_hub();
+
+  /// The outermost device and the road map in that picture.
+  SteeredCatheter catheter() const { return {nodes_mm_, run_->models()[0].radius_mm(), has_road_map}; }
 
   /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }

@@ -21,6 +21,8 @@ const char* const kInterventionHelp =
     "M              road map\n"
     "Up, Down       advance and withdraw (with Shift: slowly)\n"
     "Left, Right    rotate (torque)\n"
+    "Tab            hold the next device (a wire in a catheter)\n"
+    "V              valve: lock or release the devices\n"
     "Enter          start or stop a recording\n"
     "L              replay the last recording\n"
     "Backspace      restart at the vessel entry";
@@ -43,15 +45,28 @@ void drag_hub(ManualDevice& hand) {
   hand.move_by(push_mm, kRadians * rotate_deg);
 }
 
-void strip(const char* name, const SimulatedRun& run, double HubLoad::*load, double scale, const char* unit) {
+void strip(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
+           const char* unit) {
   std::vector<float> values;
   for (const SimulatedRun::Load& at : run.loads())
-    values.push_back(static_cast<float>(scale * (at.load.*load)));
+    values.push_back(static_cast<float>(scale * (at.hubs[hub].*load)));
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
   const std::string now = fmt::format("{} {:+.2f} {}", name, values.empty() ? 0.0f : values.back(), unit);
-  ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
-                   now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
+  ImGui::PlotLines(fmt::format("##{}{}", name, hub).c_str(), values.data(), static_cast<int>(values.size()),
+                   0, now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
+}
+
+void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {
+  const DeviceSnapshot& device = run.now().device(number);
+  const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
+  const bool is_held = is_manual && run.now().count() > 1 && number == run.held_hub();
+  line(fmt::format("{}{}", run.models()[number].name(), is_held ? ", in the hand (Tab: the next)" : ""));
+  line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", device.pose.insertion_mm,
+                   device.pose.rotation_rad / kRadians));
+  line(fmt::format("tip in branch {}, {:.0f} mm along it", device.tip.branch, device.tip.arc_length_mm));
+  strip("force", run, number, &HubLoad::force_N, 1, "N");
+  strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm");
 }
 
 }  // namespace
@@ -84,15 +99,16 @@ void draw_intervention_panel(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
-  line(fmt::format("{}, hub moved by: {}", run.model().name(), intervention->run().device().status()));
-  line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", now.pose.insertion_mm,
-                   now.pose.rotation_rad / kRadians));
-  line(fmt::format("tip in branch {}, {:.0f} mm along it", now.tip.branch, now.tip.arc_length_mm));
-  strip("force", run, &HubLoad::force_N, 1, "N");
-  strip("torque", run, &HubLoad::torque_Nm, 1000, "N mm");
+  line(fmt::format("hub moved by: {}", intervention->run().device().status()));
+  for (std::size_t d = 0; d < now.count(); ++d) show_device(run, d, intervention->manual() != nullptr);
+  if (now.count() > 1) {
+    bool is_locked = run.is_valve_locked();
+    if (ImGui::Checkbox("valve locked", &is_locked)) intervention->run().lock_valve(is_locked);
+  }
   const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
   line(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
                    intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
+  if (!now.free_lumen) line("no contrast agent: draw the inner device back to 0");
   line(intervention->is_live() ? "X-rays on" : "last image hold: press X");
   ImGui::Checkbox("road map", &intervention->has_road_map);
   const LoopTiming& timing = now.timing;

@@ -8,21 +8,17 @@
 #include <numbers>
 
 namespace xraycast {
-SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const InstrumentModel& model,
+SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
                            const VesselEnd& entry, std::unique_ptr<HapticDevice> device)
     : tree_(std::move(tree)),
-      model_(model),
+      models_(models),
       device_(std::move(device)),
+      couplings_(*device_, models.size()),
       bolus_(*tree_),
       contrast_(*tree_),
-      loop_(std::make_unique<Catheter>(*tree_, model, entry),
-            [this](const HubPose& hub, const HubLoad& load, double step_s) {
-              const HandPose hand = device_->pose();
-              if (device_->is_rigid()) return hand.pose;
-              coupling_.synchronise(hub);
-              const VirtualCoupling::Step step = coupling_.step(hand, load, step_s);
-              device_->feel(step.felt);
-              return step.hub;
+      loop_(std::make_unique<CoaxialCatheters>(*tree_, models, entry),
+            [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
+              return couplings_.step(hubs, loads, step_s);
             }),
       now_(&loop_.snapshot()) {}
 
@@ -32,30 +28,53 @@ void SimulatedRun::update() {
   const double passed_s = now_->time_s - before_s;
   if (passed_s <= 0) return;
 
-  bolus_.step(passed_s, place_of(now_->tip), injection_ml_s_);
-  injected_ml_ += passed_s * injection_ml_s_;
-  loads_.push_back({now_->time_s, now_->load});
+  const double injection_ml_s = now_->free_lumen ? injection_ml_s_ : 0;
+  bolus_.step(passed_s, place_of(now_->device(now_->free_lumen.value_or(0)).tip), injection_ml_s);
+  injected_ml_ += passed_s * injection_ml_s;
+  Load load{now_->time_s, {}};
+  for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->device(d).load;
+  loads_.push_back(load);
   while (loads_.front().time_s < now_->time_s - kKept_s) loads_.pop_front();
-  if (is_recording_) recorded_.push_back({now_->time_s, now_->pose});
+  if (is_recording_) record();
 }
 
-Surface SimulatedRun::catheter() const { return catheter_surface(now_->nodes_mm, model_.radius_mm()); }
+std::vector<Surface> SimulatedRun::devices() const {
+  std::vector<Surface> surfaces;
+  for (std::size_t d = 0; d < now_->count(); ++d)
+    for (Surface& surface : device_surfaces(now_->device(d).nodes_mm, models_[d]))
+      surfaces.push_back(std::move(surface));
+  return surfaces;
+}
 
 Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml()); }
 
+void SimulatedRun::record() {
+  Poses poses{now_->time_s, {}};
+  for (std::size_t d = 0; d < now_->count(); ++d) poses.hubs[d] = now_->device(d).pose;
+  recorded_.push_back(poses);
+}
+
 void SimulatedRun::start_recording() {
   update();
-  recorded_ = {{now_->time_s, now_->pose}};
+  recorded_.clear();
+  record();
   is_recording_ = true;
 }
 
 std::string SimulatedRun::stop_recording() {
   update();
   is_recording_ = false;
-  std::string csv = "time_s,insertion_mm,rotation_deg\n";
-  for (const Pose& row : recorded_)
-    csv += fmt::format("{:.4f},{:.4f},{:.4f}\n", row.time_s - recorded_.front().time_s, row.pose.insertion_mm,
-                       row.pose.rotation_rad * 180 / std::numbers::pi);
+  std::string csv = "time_s,insertion_mm,rotation_deg";
+  for (std::size_t d = 1; d < models_.size(); ++d)
+    csv += fmt::format(",insertion_{0}_mm,rotation_{0}_deg", d + 1);
+  csv += '\n';
+  for (const Poses& row : recorded_) {
+    csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
+    for (std::size_t d = 0; d < models_.size(); ++d)
+      csv += fmt::format(",{:.4f},{:.4f}", row.hubs[d].insertion_mm,
+                         row.hubs[d].rotation_rad * 180 / std::numbers::pi);
+    csv += '\n';
+  }
   return csv;
 }
 

@@ -128,7 +128,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
 
 void Viewer::open(const fs::path& path) {
   attempt([&] {
-    if (!fs::exists(path)) throw InputError("{}: no such file or folder", path.string());
+    if (!fs::exists(path)) throw InputError("{}: no such file or folder; check its name", path.string());
     message_.clear();
     is_first_ = false;
     load(with_file(session_, path), extension_of(path) == ".json");
@@ -148,7 +148,7 @@ void Viewer::save_session() {
 
 void Viewer::save_picture() {
   attempt([&] {
-    if (!shown_) throw InputError("there is no picture to save yet");
+    if (!shown_) throw InputError("there is no picture to save yet; open a body map first");
     const int width = width_, height = height_;
     std::vector<std::uint8_t> rgb(static_cast<std::size_t>(3) * width * height);
     for (const Pane& pane : panes(width, height)) {
@@ -186,7 +186,7 @@ std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& draw
 
 void Viewer::save_cine() {
   attempt([&] {
-    if (!shown_) throw InputError("there is no picture to save yet");
+    if (!shown_) throw InputError("there is no picture to save yet; open a body map first");
     cine_.emplace(unused("xraycast-cine", ""), session_.camera);
   });
 }

@@ -28,6 +28,8 @@ void drag_window(GreyWindow& window, double across, double down) {
   window.light = std::clamp(middle + half, window.dark + 0.02, 1.0);
 }
 
+void toggle_valve(SimulatedRun& run) { run.lock_valve(!run.is_valve_locked()); }
+
 }  // namespace
 
 const char* const kHelp =
@@ -109,6 +111,12 @@ bool handle_key(Viewer& viewer, int key, int mods) {
     case GLFW_KEY_ENTER:
     case GLFW_KEY_KP_ENTER:
       if (viewer.intervention()) viewer.toggle_recording();
+      break;
+    case GLFW_KEY_TAB:
+      if (viewer.intervention()) viewer.intervention()->hold_next_hub();
+      break;
+    case GLFW_KEY_V:
+      if (viewer.intervention()) toggle_valve(viewer.intervention()->run());
       break;
     case GLFW_KEY_L:
       if (viewer.intervention()) viewer.replay();

@@ -159,7 +159,8 @@ void ViewerPanel::style_controls(Viewer& viewer) {
   if (ImGui::Combo("look", &look, "fluoro\0surface\0"))
     viewer.set_shading_mode(look == 0 ? ShadingMode::fluoro : ShadingMode::surface);
   int source = static_cast<int>(viewer.source());
-  if (ImGui::Combo("compositing", &source, viewer.has_scan() ? "path\0wall\0true\0" : "path\0wall\0"))
+  if (ImGui::Combo("compositing", &source,
+                   viewer.has_scan() ? "path\0wall\0true projection\0" : "path\0wall\0"))
     viewer.set_source(static_cast<BodySource>(source));
   bool is_continuous = style.sampling.reconstruction == Reconstruction::linear;
   if (ImGui::Checkbox("linear between layers", &is_continuous))

@@ -1,0 +1,25 @@
+#pragma once
+
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/sampling/camera.hpp"
+#include "xraycast/simulation/run_script.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <string>
+#include <vector>
+
+namespace xraycast::cli {
+
+/// Where the tips ended, by a run's last records.
+std::string text_of(const std::vector<RunRecord>& last);
+
+/// That the hub did not advance for so long, or nothing.
+std::string held_note(double held_s);
+
+std::vector<glm::vec3> points_of(const VesselTree& tree);
+
+/// The view with pixels so small that a catheter shows: the map of a coarse scan has too few.
+View no_smaller(View view, const BodyBounds& bounds);
+
+}  // namespace xraycast::cli

@@ -1,0 +1,163 @@
+#include "xraycast/coaxial/coaxial_catheters.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/mechanics/vectors.hpp"
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+/// Throws InputError.
+const std::vector<InstrumentModel>& checked(const VesselTree& tree, const VesselEnd& entry,
+                                            const std::vector<InstrumentModel>& instruments) {
+  check_devices(instruments);
+  check_fits(tree, entry, instruments.front());
+  return instruments;
+}
+
+}  // namespace
+
+void check_devices(const std::vector<InstrumentModel>& instruments) {
+  if (instruments.empty() || instruments.size() > CoaxialCatheters::kMaxDevices)
+    throw InputError("{} devices; give one to {}, the outermost first", instruments.size(),
+                     CoaxialCatheters::kMaxDevices);
+  for (std::size_t outer = 0; outer < instruments.size(); ++outer)
+    for (std::size_t inner = outer + 1; inner < instruments.size(); ++inner)
+      check_fits_inside(instruments[outer], instruments[inner]);
+}
+
+CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
+                                   const VesselEnd& entry, const Catheter::Options& options)
+    : tree_(tree),
+      options_(options),
+      entry_(entry),
+      field_(lumen_with_introducer(tree, entry)),
+      rods_(make_rods(checked(tree, entry, instruments))),
+      walls_(instruments.size()),
+      hubs_(instruments.size()) {
+  for (std::size_t d = 0; d < count(); ++d) {
+    walls_[d] = make_wall(rods_, d);
+    rods_.set_external(d, walls_[d].get());
+  }
+  settle(rods_, walls_);
+}
+
+Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
+  const double spacing_mm =
+      options_.spacing_mm > 0 ? options_.spacing_mm : node_spacing_mm(tree_, instrument);
+  return {instrument,
+          instrument.stations_mm(spacing_mm),
+          clamp_at(entry_),
+          kIntroducer_mm,
+          {.max_iterations = options_.max_iterations}};
+}
+
+std::vector<Rod> CoaxialCatheters::make_rods(const std::vector<InstrumentModel>& instruments) const {
+  std::vector<Rod> rods;
+  for (const InstrumentModel& instrument : instruments) rods.push_back(make_rod(instrument));
+  return rods;
+}
+
+std::unique_ptr<WallContact> CoaxialCatheters::make_wall(const CoaxialRods& rods, std::size_t device) const {
+  return walls_around(field_, rods.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
+}
+
+void CoaxialCatheters::step_rods(CoaxialRods& rods, const Walls& walls, double step_s) {
+  for (std::size_t d = 1; d < rods.count(); ++d) walls[d]->expose(rods.bare_mm(d));
+  rods.step(step_s);
+}
+
+/// The rest shapes of the tips relax in the introducer and just outside it.
+void CoaxialCatheters::settle(CoaxialRods& rods, const Walls& walls) {
+  for (int i = 0; i < 200; ++i) step_rods(rods, walls, 0.01);
+}
+
+double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
+  return rod(device).instrument().length_mm() - kIntroducer_mm;
+}
+
+void CoaxialCatheters::step(std::span<const HubPose> targets) {
+  for (std::size_t d = 0; d < count(); ++d) {
+    const double rotation_before_rad = pose(d).rotation_rad;
+    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s,
+                      {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+    if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
+    rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
+  }
+  step_rods(rods_, walls_, options_.step_s);
+  ++steps_;
+}
+
+bool CoaxialCatheters::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
+
+HubLoad CoaxialCatheters::load(std::size_t device) const {
+  const Rod& of = rod(device);
+  return {.force_N = -of.clamp_force_N().dot(of.clamp().axis), .torque_Nm = -of.clamp_torque_Nm()};
+}
+
+CatheterTip CoaxialCatheters::tip(std::size_t device) const {
+  const LumenDistanceField::Sample& sample = wall(device).contacts().back().sample;
+  return {.position_mm = to_glm(rod(device).state().nodes_mm.back()),
+          .direction = to_glm(rod(device).state().edges.back().tangent),
+          .branch = sample.hint.branch,
+          .arc_length_mm = sample.arc_length_mm};
+}
+
+void CoaxialCatheters::copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const {
+  nodes_mm.clear();
+  for (const Eigen::Vector3d& node : rod(device).state().nodes_mm) nodes_mm.push_back(to_glm(node));
+}
+
+void CoaxialCatheters::copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const {
+  contacts.clear();
+  for (const WallContact::Contact& contact : wall(device).contacts())
+    if (contact.depth_mm > 0)
+      contacts.push_back({to_glm(contact.point.position_mm(rod(device).state())),
+                          to_glm(contact.normal_N + contact.friction_N)});
+}
+
+bool CoaxialCatheters::has_free_lumen(std::size_t device) const {
+  if (rod(device).instrument().inner_radius_mm() == 0) return false;
+  for (std::size_t inner = device + 1; inner < count(); ++inner)
+    if (pose(inner).insertion_mm > 0) return false;
+  return true;
+}
+
+std::optional<std::size_t> CoaxialCatheters::free_lumen() const {
+  for (std::size_t device = 0; device < count(); ++device)
+    if (has_free_lumen(device)) return device;
+  return std::nullopt;
+}
+
+void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instrument) {
+  if (pose(device).insertion_mm > 0)
+    throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",
+                     rod(device).instrument().name(), pose(device).insertion_mm, instrument.name());
+  std::vector<InstrumentModel> instruments;
+  for (std::size_t d = 0; d < count(); ++d)
+    instruments.push_back(d == device ? instrument : rod(d).instrument());
+  checked(tree_, entry_, instruments);
+
+  // The new one relaxes among copies of the others, which themselves stay as they are.
+  CoaxialRods rods = rods_;
+  rods.replace(device, make_rod(instrument));
+  Walls walls(count());
+  for (std::size_t d = 0; d < count(); ++d) {
+    walls[d] = d == device ? make_wall(rods, d) : std::make_unique<WallContact>(*walls_[d]);
+    rods.set_external(d, walls[d].get());
+  }
+  settle(rods, walls);
+  rods_.replace(device, rods.rod(device));
+  walls_[device] = std::move(walls[device]);
+  rods_.set_external(device, walls_[device].get());
+  hubs_[device] = {};
+}
+
+double CoaxialCatheters::energy_J() const {
+  double energy = rods_.energy_J();
+  for (const auto& wall : walls_) energy += wall->energy_J();
+  return energy;
+}
+
+}  // namespace xraycast

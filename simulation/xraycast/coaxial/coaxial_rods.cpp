@@ -1,0 +1,239 @@
+#include "xraycast/coaxial/coaxial_rods.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+// The length of lumen that its rim stands for.
+constexpr double kRim_mm = 1;
+// How far one tip is behind or ahead of the other while it passes it.
+constexpr double kPassing_mm = 1;
+
+}  // namespace
+
+void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inner) {
+  if (inner.radius_mm() < outer.inner_radius_mm()) return;
+  constexpr const char* kOrder = "list the outermost device first";
+  if (outer.inner_radius_mm() == 0)
+    throw InputError(
+        "{}: it has no lumen for {}; {}, and a device with an \"inner_radius_mm\" around another",
+        outer.name(), inner.name(), kOrder);
+  if (outer.radius_mm() < inner.inner_radius_mm())
+    throw InputError(
+        "{}: its radius of {:.3g} mm does not fit into the lumen of {}, of {:.3g} mm, but the other way "
+        "round they fit; {}",
+        inner.name(), inner.radius_mm(), outer.name(), outer.inner_radius_mm(), kOrder);
+  throw InputError(
+      "{}: its radius of {:.3g} mm does not fit into the lumen of {}, of {:.3g} mm; choose a thinner one",
+      inner.name(), inner.radius_mm(), outer.name(), outer.inner_radius_mm());
+}
+
+CoaxialRods::CoaxialRods(std::vector<Rod> rods) : rods_(std::move(rods)), externals_(rods_.size(), nullptr) {
+  for (std::size_t inner = 1; inner < count(); ++inner) {
+    check_fit(inner, rods_[inner].instrument());
+    couple_device(inner);
+  }
+}
+
+void CoaxialRods::check_fit(std::size_t device, const InstrumentModel& instrument) const {
+  for (std::size_t d = 0; d < count(); ++d) {
+    if (d < device) check_fits_inside(rods_[d].instrument(), instrument);
+    if (d > device) check_fits_inside(instrument, rods_[d].instrument());
+  }
+}
+
+/// Makes the lumens around a device anew.
+void CoaxialRods::couple_device(std::size_t inner) {
+  for (std::size_t outer = 0; outer < inner; ++outer) {
+    const InstrumentModel &around = rods_[outer].instrument(), &within = rods_[inner].instrument();
+    const LumenContact lumen(outer, inner,
+                             {.lumen_radius_mm = around.inner_radius_mm(),
+                              .inner_radius_mm = within.radius_mm(),
+                              .static_friction = within.static_friction(),
+                              .kinetic_friction = within.kinetic_friction()});
+    const double apart_mm = rods_[inner].fed_mm() - rods_[outer].fed_mm();
+    const std::size_t index = lumen_index(outer, inner);
+    if (index == lumens_.size()) {
+      lumens_.push_back(lumen);
+      reaches_.push_back({apart_mm, apart_mm});
+    } else {
+      lumens_[index] = lumen;
+      reaches_[index] = {apart_mm, apart_mm};
+    }
+  }
+}
+
+void CoaxialRods::replace(std::size_t device, Rod rod) {
+  check_fit(device, rod.instrument());
+  rods_[device] = std::move(rod);
+  for (std::size_t inner = std::max<std::size_t>(1, device); inner < count(); ++inner) couple_device(inner);
+}
+
+void CoaxialRods::feed_to(std::size_t device, double fed_mm) {
+  Rod& rod = rods_[device];
+  const auto before = static_cast<std::ptrdiff_t>(rod.node_count());
+  rod.feed_to(fed_mm, externals_[device]);
+  const std::ptrdiff_t by = static_cast<std::ptrdiff_t>(rod.node_count()) - before;
+  if (by == 0) return;
+  for (LumenContact& lumen : lumens_) {
+    if (lumen.outer() == device) lumen.outer_nodes_changed(by);
+    if (lumen.inner() == device) lumen.inner_nodes_changed(by);
+  }
+}
+
+double CoaxialRods::bare_mm(std::size_t device) const {
+  double bare_mm = rods_[device].fed_mm();
+  for (std::size_t outer = 0; outer < device; ++outer)
+    bare_mm = std::min(bare_mm, std::max(0.0, reaches_[lumen_index(outer, device)].beyond_mm));
+  return bare_mm;
+}
+
+double CoaxialRods::energy_J() const {
+  double energy = 0;
+  for (const Rod& rod : rods_) energy += rod.elastic_energy_J() + rod.kinetic_energy_J();
+  for (const LumenContact& lumen : lumens_) energy += lumen.energy_J();
+  return energy;
+}
+
+// ---- a step begins --------------------------------------------------------------------------------------
+
+/// The inner's length beyond the outer's tip or, negative, the outer's beyond the inner's: along the
+/// centreline of the one that is ahead. These differ a little; where the tips pass, the one gives way to the
+/// other.
+void CoaxialRods::find_reach(std::size_t index) {
+  Reach& reach = reaches_[index];
+  const Rod &outer = rods_[lumens_[index].outer()], &inner = rods_[lumens_[index].inner()];
+  const double apart_mm = inner.fed_mm() - outer.fed_mm();
+  const double expected_mm = reach.beyond_mm + apart_mm - reach.fed_apart_mm;
+  reach.fed_apart_mm = apart_mm;
+  const auto beyond_mm = [](const Rod& rod, double from_mm, const Rod& other) {
+    return from_tip_mm(rod,
+                       nearest_place(rod.state(), place_of(rod, from_mm), other.state().nodes_mm.back()));
+  };
+  const bool is_near = std::abs(expected_mm) < 2 * kPassing_mm;
+  double ahead_mm = 0, behind_mm = 0, is_ahead = expected_mm > 0 ? 1 : 0;
+  if (is_near || is_ahead > 0) ahead_mm = beyond_mm(inner, expected_mm, outer);
+  if (is_near || is_ahead == 0) behind_mm = -beyond_mm(outer, -expected_mm, inner);
+  if (is_near) {
+    const double t = std::clamp(0.5 + 0.25 * (ahead_mm + behind_mm) / kPassing_mm, 0.0, 1.0);
+    is_ahead = t * t * (3 - 2 * t);
+  }
+  reach.beyond_mm = std::lerp(behind_mm, ahead_mm, is_ahead);
+}
+
+void CoaxialRods::begin_lumens() {
+  for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
+  for (std::size_t inner = 1; inner < count(); ++inner) {
+    // From the next one around it on: each holds what lies beyond the tips of those before.
+    double to_mm = rods_[inner].fed_mm();
+    for (std::size_t outer = inner; outer-- > 0;) {
+      const std::size_t index = lumen_index(outer, inner);
+      const double from_mm = std::clamp(reaches_[index].beyond_mm, 0.0, to_mm);
+      const double rim_mm = std::min({kRim_mm, std::max(0.0, reaches_[index].beyond_mm), to_mm - from_mm});
+      lumens_[index].begin_step(rods_, {from_mm, to_mm}, rim_mm);
+      to_mm = from_mm;
+    }
+  }
+}
+
+void CoaxialRods::begin_step(double dt_s) {
+  for (std::size_t d = 0; d < count(); ++d) rods_[d].begin_step(dt_s, externals_[d]);
+  begin_lumens();
+  system_.order(rods_);
+}
+
+// ---- a step ---------------------------------------------------------------------------------------------
+
+double CoaxialRods::potential_uJ(double dt_s, bool of_trial) {
+  double energy = 0;
+  const auto state = [&](std::size_t d) -> const RodState& {
+    return of_trial ? rods_[d].trial_ : rods_[d].state_;
+  };
+  for (std::size_t d = 0; d < count(); ++d) energy += rods_[d].potential_uJ(state(d), dt_s, externals_[d]);
+  for (LumenContact& lumen : lumens_) energy += lumen.energy_uJ(state(lumen.outer()), state(lumen.inner()));
+  return energy;
+}
+
+void CoaxialRods::accept_trial() {
+  for (Rod& rod : rods_) std::swap(rod.state_, rod.trial_);
+}
+
+void CoaxialRods::step(double dt_s) {
+  if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
+  begin_step(dt_s);
+  const double start_uJ = potential_uJ(dt_s, false);
+  double spent_uJ = 0;  // by the hubs' rotation
+  for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
+  double potential = predict_uJ(dt_s, start_uJ);
+  for (iterations_ = 0; iterations_ < rods_[0].options_.max_iterations;) {
+    ++iterations_;
+    double model_decrease_uJ = 0;
+    if (!solve_newton(dt_s, model_decrease_uJ)) break;  // not finite: the rods stay
+    const double before_uJ = potential;
+    if (!search_line(dt_s, model_decrease_uJ, potential)) break;
+    if (Rod::has_converged(model_decrease_uJ, before_uJ - potential)) break;
+  }
+  end_step(dt_s, start_uJ - spent_uJ - potential);
+}
+
+double CoaxialRods::predict_uJ(double dt_s, double start_uJ) {
+  for (Rod& rod : rods_) {
+    rod.aim_by_inertia(dt_s);
+    rod.displace(rod.state_, rod.direction_.data(), 1, rod.trial_);
+  }
+  if (const double reached_uJ = potential_uJ(dt_s, true); reached_uJ < start_uJ) {
+    accept_trial();
+    return reached_uJ;
+  }
+  potential_uJ(dt_s, false);
+  return start_uJ;
+}
+
+void CoaxialRods::assemble(double dt_s, bool project_psd) {
+  for (std::size_t d = 0; d < count(); ++d) rods_[d].assemble(dt_s, project_psd, externals_[d]);
+  for (const LumenContact& lumen : lumens_) lumen.couple(system_);
+  system_.collect(rods_);
+  for (const LumenContact& lumen : lumens_)
+    lumen.assemble(rods_[lumen.outer()].state_, rods_[lumen.inner()].state_, project_psd, system_);
+}
+
+bool CoaxialRods::solve_newton(double dt_s, double& model_decrease_uJ) {
+  for (const bool project_psd : {false, true}) {
+    assemble(dt_s, project_psd);
+    if (!system_.factorise()) continue;
+    model_decrease_uJ = system_.solve(rods_);
+    return true;
+  }
+  return false;
+}
+
+bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& potential) {
+  Rod::Direction direction;
+  for (const Rod& rod : rods_) rod.measure_direction(direction);
+  double scale = direction.largest_scale();
+  for (int backtracks = 0; backtracks < Rod::kMaxBacktracks; ++backtracks, scale *= 0.5) {
+    for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
+    const double reached_uJ = potential_uJ(dt_s, true);
+    if (!Rod::is_low_enough(reached_uJ, potential, scale, model_decrease_uJ)) continue;
+    accept_trial();
+    potential = reached_uJ;
+    return true;
+  }
+  potential_uJ(dt_s, false);
+  return false;
+}
+
+void CoaxialRods::end_step(double dt_s, double decrease_uJ) {
+  Rod::KineticBalance balance{.allowed_uJ = decrease_uJ};
+  for (Rod& rod : rods_) rod.update_velocities(dt_s, balance);
+  for (Rod& rod : rods_) rod.scale_velocities(balance);
+  for (std::size_t d = 0; d < count(); ++d) rods_[d].end_step(externals_[d]);
+  for (LumenContact& lumen : lumens_)
+    lumen.end_step(rods_[lumen.outer()].state_, rods_[lumen.inner()].state_);
+}
+
+}  // namespace xraycast

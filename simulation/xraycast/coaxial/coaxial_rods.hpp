@@ -1,0 +1,79 @@
+#pragma once
+
+#include "xraycast/coaxial/coaxial_system.hpp"
+#include "xraycast/coaxial/lumen_contact.hpp"
+#include "xraycast/mechanics/rod.hpp"
+
+#include <cstddef>
+#include <vector>
+
+namespace xraycast {
+
+/// Rods one inside the other, fed through the same clamp, from the outermost on. Each has its own centreline,
+/// twist and hub; where they overlap, LumenContact couples them. A step minimises the sum of all potentials
+/// by one Newton system, as Rod::step does for one.
+class CoaxialRods {
+ public:
+  /// `rods` have the same clamp. Throws InputError where one does not fit into the lumen of one around it.
+  explicit CoaxialRods(std::vector<Rod> rods);
+
+  std::size_t count() const { return rods_.size(); }
+  const std::vector<Rod>& rods() const { return rods_; }
+  const Rod& rod(std::size_t device) const { return rods_[device]; }
+  const std::vector<LumenContact>& lumens() const { return lumens_; }
+
+  /// A potential that acts on a rod, or none; it must outlive the steps.
+  void set_external(std::size_t device, ExternalPotential* external) { externals_[device] = external; }
+  void set_load_N(std::size_t device, std::size_t from_tip, const Eigen::Vector3d& force_N) {
+    rods_[device].set_load_N(from_tip, force_N);
+  }
+  void rotate_to(std::size_t device, double rotation_rad) { rods_[device].rotate_to(rotation_rad); }
+  void feed_to(std::size_t device, double fed_mm);
+
+  /// Another rod for one. Throws InputError, and changes nothing, where it does not fit.
+  void replace(std::size_t device, Rod rod);
+
+  void step(double dt_s);
+  int iterations() const { return iterations_; }  ///< of Newton's method in the last step
+
+  /// The length of a device beyond the tips of all those around it, as the last step began.
+  double bare_mm(std::size_t device) const;
+
+  /// Elastic, kinetic, and in the lumens, in joule.
+  double energy_J() const;
+
+ private:
+  friend class CoaxialDerivatives;  // compares the assembled derivatives with differences of the potential
+  /// How far an inner rod reaches beyond an outer one's tip; negative inside.
+  struct Reach {
+    double beyond_mm = 0, fed_apart_mm = 0;
+  };
+
+  std::size_t lumen_index(std::size_t outer, std::size_t inner) const {
+    return inner * (inner - 1) / 2 + outer;
+  }
+  void check_fit(std::size_t device, const InstrumentModel& instrument) const;
+  void couple_device(std::size_t inner);
+  void find_reach(std::size_t lumen);
+  void begin_lumens();
+  void begin_step(double dt_s);
+  double potential_uJ(double dt_s, bool of_trial);
+  double predict_uJ(double dt_s, double start_uJ);
+  void assemble(double dt_s, bool project_psd);
+  bool solve_newton(double dt_s, double& model_decrease_uJ);
+  void accept_trial();
+  bool search_line(double dt_s, double model_decrease_uJ, double& potential);
+  void end_step(double dt_s, double decrease_uJ);
+
+  std::vector<Rod> rods_;
+  std::vector<ExternalPotential*> externals_;
+  std::vector<LumenContact> lumens_;  ///< inner 1 in outer 0, 2 in 0, 2 in 1, ...
+  std::vector<Reach> reaches_;        ///< of the same
+  CoaxialSystem system_;
+  int iterations_ = 0;
+};
+
+/// Throws InputError unless `inner` fits into the lumen of `outer`.
+void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inner);
+
+}  // namespace xraycast

@@ -1,0 +1,315 @@
+#include "xraycast/coaxial/lumen_contact.hpp"
+
+#include <Eigen/Geometry>
+#include <algorithm>
+#include <cmath>
+
+namespace xraycast {
+namespace {
+
+using Eigen::Vector2d, Eigen::Vector3d;
+
+constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
+
+// A polymer's lining, of some 0.5 GPa, hardly yields; as stiff as the introducer it gives way by a hundredth
+// of a millimetre to the forces on bends, and by up to a tenth at the end of a curved tip. Softer at first,
+// so that points that come and go do not jolt.
+constexpr double kLining_mN_mm2 = 20e3, kSoft_mm = 0.02;
+// A tip bears more than the little length that it ends: the end of a curved tip bears most of its moment.
+constexpr double kTip_mm = 1;
+// Of the friction springs, per length: they slip after some micrometres.
+constexpr double kTangential_mN_mm2 = 4e3;
+
+/// The lining's energy per millimetre of length, and its derivatives by depth.
+double lining_energy_uJ(double depth_mm) {
+  if (depth_mm < kSoft_mm) return kLining_mN_mm2 * depth_mm * depth_mm * depth_mm / (6 * kSoft_mm);
+  return kLining_mN_mm2 * (0.5 * depth_mm * (depth_mm - kSoft_mm) + kSoft_mm * kSoft_mm / 6);
+}
+double lining_force_mN(double depth_mm) {
+  return kLining_mN_mm2 *
+         (depth_mm < kSoft_mm ? 0.5 * depth_mm * depth_mm / kSoft_mm : depth_mm - 0.5 * kSoft_mm);
+}
+double lining_stiffness_mN_mm(double depth_mm) { return kLining_mN_mm2 * std::min(1.0, depth_mm / kSoft_mm); }
+
+/// The length of an inner rod that a sample stands for, from the tip: around a node or around a middle, half
+/// of the edges beside it each.
+LumenContact::Range cell_of(const Rod& inner, std::size_t index) {
+  const std::size_t node = 1 + index / 2, last = inner.node_count() - 1;
+  const auto part_mm = [&](std::size_t edge, double fraction) {
+    return inner.from_tip_mm(edge) + fraction * (inner.from_tip_mm(edge + 1) - inner.from_tip_mm(edge));
+  };
+  if (index % 2 == 1) return {part_mm(node, 0.75), part_mm(node, 0.25)};
+  // The first edge has no sample at its middle.
+  return {node == last ? 0 : part_mm(node, 0.25), part_mm(node - 1, node == 1 ? 0.5 : 0.75)};
+}
+
+}  // namespace
+
+void LumenContact::outer_nodes_changed(std::ptrdiff_t by) {
+  for (Touch& touch : touches_)
+    if (!touch.is_rim)
+      touch.place.segment = static_cast<std::size_t>(
+          std::max<std::ptrdiff_t>(0, static_cast<std::ptrdiff_t>(touch.place.segment) + by));
+}
+
+void LumenContact::inner_nodes_changed(std::ptrdiff_t by) {
+  if (touches_.empty()) return;
+  if (by > 0) touches_.insert(touches_.begin(), static_cast<std::size_t>(2 * by), Touch{});
+  if (by < 0) touches_.erase(touches_.begin(), touches_.begin() - 2 * by);
+}
+
+// ---- a step begins --------------------------------------------------------------------------------------
+
+void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside, double rim_mm) {
+  const Rod &outer = rods[outer_], &inner = rods[inner_];
+  resize(inner);
+  for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
+  place_rim(outer, inner, inside, rim_mm);
+  for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
+}
+
+void LumenContact::resize(const Rod& inner) {
+  if (!touches_.empty()) return;
+  touches_.reserve(2 * inner.max_nodes());
+  touches_.resize(2 * inner.node_count() - 3 + 1);
+  touches_.back().is_rim = true;
+}
+
+/// Where the middle of the sample's length inside lies.
+void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside) {
+  Touch& touch = touches_[index];
+  const Range cell = cell_of(inner, index);
+  const double from_mm = std::max(cell.from_mm, inside.from_mm), to_mm = std::min(cell.to_mm, inside.to_mm);
+  touch.length_mm = std::max(0.0, to_mm - from_mm);
+  if (touch.length_mm == 0) return;
+  if (cell.from_mm == 0) touch.length_mm *= 1 + kTip_mm / cell.to_mm;
+  touch.from_tip_mm = 0.5 * (from_mm + to_mm);
+  touch.point = RodWeights::at(place_of(inner, touch.from_tip_mm), inner.node_count());
+  if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
+}
+
+void LumenContact::place_rim(const Rod& outer, const Rod& inner, const Range& inside, double rim_mm) {
+  Touch& touch = touches_.back();
+  touch.length_mm = rim_mm;
+  touch.from_tip_mm = inside.from_mm;
+  if (rim_mm == 0) return;
+  const std::size_t nodes = outer.node_count();
+  touch.point = RodWeights::at({nodes - 1, 1}, nodes);
+  touch.place = place_of(inner, inside.from_mm);
+}
+
+void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodState& inner) {
+  if (touch.length_mm == 0) {
+    const bool is_rim = touch.is_rim;
+    touch = Touch{};
+    touch.is_rim = is_rim;
+    return;
+  }
+  const Sides both = sides(touch, outer, inner);
+  find_depth(touch, both);
+  touch.is_new = false;
+  touch.anchor = touch.nearest;
+  touch.start_mm = touch.point.position_mm(both.point) - touch.anchor.position_mm(both.curve);
+  touch.friction.spring_mN_mm = kTangential_mN_mm2 * touch.length_mm;
+  touch.friction.limit_mN = 0;
+  if (touch.depth_mm == 0) {
+    touch.slips = false;
+    touch.stick_mm.setZero();
+    return;
+  }
+  const double coefficient = touch.slips ? options_.kinetic_friction : options_.static_friction;
+  touch.friction.limit_mN = coefficient * touch.length_mm * lining_force_mN(touch.depth_mm);
+  touch.start_slope = touch.anchor.of(touch.anchor.slope, both.curve);
+  touch.along = touch.start_slope.normalized();
+  touch.around = touch.along.cross(touch.normal).normalized();
+  touch.tilt = touch.distance_mm / touch.start_slope.norm() * touch.normal;
+}
+
+// ---- the potential --------------------------------------------------------------------------------------
+
+void LumenContact::find_depth(Touch& touch, const Sides& sides) const {
+  const Vector3d point_mm = touch.point.position_mm(sides.point);
+  touch.place = nearest_place(sides.curve, touch.place, point_mm);
+  touch.nearest = RodWeights::at(touch.place, sides.curve.nodes_mm.size());
+  touch.offset_mm = point_mm - touch.nearest.position_mm(sides.curve);
+  touch.distance_mm = touch.offset_mm.norm();
+  touch.depth_mm = std::max(0.0, touch.distance_mm - (options_.lumen_radius_mm - options_.inner_radius_mm));
+  if (touch.depth_mm > 0) touch.normal = touch.offset_mm / touch.distance_mm;
+}
+
+/// How far a turn of the point's rod, and of the curve's, moves its surface around the other one. The rim is
+/// the outer's point, and touches the inner on the side that it has moved away from.
+double LumenContact::point_arm_mm(const Touch& touch) const {
+  return touch.is_rim ? -options_.lumen_radius_mm : options_.inner_radius_mm;
+}
+double LumenContact::curve_arm_mm(const Touch& touch) const {
+  return touch.is_rim ? -options_.inner_radius_mm : options_.lumen_radius_mm;
+}
+
+/// Along the curve, relative to its cross-section, which tilts with it, so that nothing slips where both rods
+/// turn together; and around it.
+Vector2d LumenContact::slip_mm(const Touch& touch, const Sides& sides) const {
+  const Vector3d moved =
+      touch.point.position_mm(sides.point) - touch.anchor.position_mm(sides.curve) - touch.start_mm;
+  const double tilted_mm =
+      touch.tilt.dot(touch.anchor.of(touch.anchor.slope, sides.curve) - touch.start_slope);
+  const double turned_mm = point_arm_mm(touch) * touch.point.theta_rad(sides.point) -
+                           curve_arm_mm(touch) * touch.anchor.theta_rad(sides.curve);
+  return touch.stick_mm + Vector2d(moved.dot(touch.along) + tilted_mm, moved.dot(touch.around) + turned_mm);
+}
+
+/// The derivatives of the slip along and around.
+std::array<CoaxialSystem::NodeVectors, 2> LumenContact::slip_by_node(const Touch& touch) const {
+  std::array<CoaxialSystem::NodeVectors, 2> by_node;
+  auto& [along, around] = by_node;
+  const RodWeights &point = touch.point, &curve = touch.anchor;
+  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
+    const std::size_t m = RodWeights::kNodes + k;
+    along[k] << 0, point.position[k] * touch.along;
+    along[m] << 0, curve.slope[k] * touch.tilt - curve.position[k] * touch.along;
+    around[k] << point_arm_mm(touch) * point.theta[k], point.position[k] * touch.around;
+    around[m] << -curve_arm_mm(touch) * curve.theta[k], -curve.position[k] * touch.around;
+  }
+  return by_node;
+}
+
+double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
+  double energy = 0;
+  for (Touch& touch : touches_) {
+    if (touch.length_mm == 0) continue;
+    const Sides both = sides(touch, outer, inner);
+    find_depth(touch, both);
+    if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
+    if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
+  }
+  return energy;
+}
+
+RodPair LumenContact::pair(const Touch& touch, const RodWeights& curve) const {
+  return touch.is_rim ? RodPair{outer_, inner_, touch.point, curve}
+                      : RodPair{inner_, outer_, touch.point, curve};
+}
+
+void LumenContact::couple(CoaxialSystem& system) const {
+  for (const Touch& touch : touches_) {
+    if (!is_active(touch)) continue;
+    system.couple(pair(touch, touch.nearest));
+    if (touch.friction.is_active()) system.couple(pair(touch, touch.anchor));
+  }
+}
+
+void LumenContact::assemble(const RodState& outer, const RodState& inner, bool project_psd,
+                            CoaxialSystem& system) const {
+  for (const Touch& touch : touches_) {
+    if (!is_active(touch)) continue;
+    const Sides both = sides(touch, outer, inner);
+    if (touch.depth_mm > 0) assemble_normal(touch, both, project_psd, system);
+    if (touch.friction.is_active()) assemble_friction(touch, both, system);
+  }
+}
+
+void LumenContact::assemble_normal(const Touch& touch, const Sides& sides, bool project_psd,
+                                   CoaxialSystem& system) const {
+  const RodPair both = pair(touch, touch.nearest);
+  const double force_mN = touch.length_mm * lining_force_mN(touch.depth_mm),
+               stiffness = touch.length_mm * lining_stiffness_mN_mm(touch.depth_mm),
+               turning = force_mN / touch.distance_mm;
+  const Vector3d slope = touch.nearest.of(touch.nearest.slope, sides.curve);
+  CoaxialSystem::Vector8 gradient = CoaxialSystem::Vector8::Zero();
+  gradient.segment<3>(1) = force_mN * touch.normal;
+  gradient.segment<3>(5) = -force_mN * touch.normal;
+  Eigen::Matrix3d part = stiffness * touch.normal * touch.normal.transpose();
+  if (project_psd) {
+    // Without the nearest place's motion along the centreline.
+    const Vector3d around = slope.cross(touch.normal).normalized();
+    part += turning * around * around.transpose();
+  } else {
+    part += turning * (Eigen::Matrix3d::Identity() - touch.normal * touch.normal.transpose());
+  }
+  CoaxialSystem::Matrix8 hessian = CoaxialSystem::Matrix8::Zero();
+  hessian.block<3, 3>(1, 1) = hessian.block<3, 3>(5, 5) = part;
+  hessian.block<3, 3>(1, 5) = hessian.block<3, 3>(5, 1) = -part;
+  system.add(both, gradient, hessian);
+  if (project_psd) return;
+
+  // The nearest place minimises the distance: it moves with the nodes, which takes off the energy.
+  const double steepness =
+      slope.squaredNorm() - touch.offset_mm.dot(touch.nearest.of(touch.nearest.bend, sides.curve));
+  CoaxialSystem::NodeVectors by_node;
+  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
+    by_node[k] << 0, -touch.point.position[k] * slope;
+    by_node[RodWeights::kNodes + k] << 0,
+        touch.nearest.position[k] * slope - touch.nearest.slope[k] * touch.offset_mm;
+  }
+  system.add_product(both, -turning / steepness, by_node);
+}
+
+void LumenContact::assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const {
+  const Friction::Derivatives friction = touch.friction.derivatives(slip_mm(touch, sides));
+  const std::array<CoaxialSystem::NodeVectors, 2> slip = slip_by_node(touch);
+  const RodPair both = pair(touch, touch.anchor);
+  for (std::size_t i : {0, 1})
+    system.add_gradient(both, friction.gradient_mN[static_cast<Eigen::Index>(i)], slip[i]);
+
+  // The Hessian as two squares, of the slip with the larger entry and what goes with it, and of the rest.
+  const Eigen::Matrix2d& hessian = friction.hessian_mN_mm;
+  const Eigen::Index first = hessian(0, 0) >= hessian(1, 1) ? 0 : 1, second = 1 - first;
+  const double share = hessian(0, 1) / hessian(first, first),
+               rest = hessian(second, second) - share * hessian(0, 1);
+  const CoaxialSystem::NodeVectors& other = slip[static_cast<std::size_t>(second)];
+  CoaxialSystem::NodeVectors vectors = slip[static_cast<std::size_t>(first)];
+  for (std::size_t k = 0; k < vectors.size(); ++k) vectors[k] += share * other[k];
+  system.add_product(both, hessian(first, first), vectors);
+  // While it slips, there is none but rounding.
+  if (rest > 1e-12 * hessian(first, first)) system.add_product(both, rest, other);
+}
+
+// ---- a step ends ----------------------------------------------------------------------------------------
+
+void LumenContact::end_step(const RodState& outer, const RodState& inner) {
+  const double kinetic_share =
+      options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
+  for (Touch& touch : touches_) {
+    if (touch.length_mm == 0) continue;
+    const Sides both = sides(touch, outer, inner);
+    touch.normal_mN = -touch.length_mm * lining_force_mN(touch.depth_mm) * touch.normal;
+    touch.friction_mN.setZero();
+    if (!touch.friction.is_active()) {
+      touch.stick_mm.setZero();
+      continue;
+    }
+    // Where it slipped in the last step, the limit was the kinetic one already.
+    const Friction::Returned returned =
+        touch.friction.return_map(slip_mm(touch, both), touch.slips ? 1 : kinetic_share);
+    touch.slips = returned.slips;
+    touch.friction_mN = returned.force_mN[0] * touch.along + returned.force_mN[1] * touch.around;
+    touch.stick_mm = returned.displacement_mm;
+  }
+}
+
+double LumenContact::energy_J() const {
+  double energy = 0;
+  for (const Touch& touch : touches_)
+    if (touch.length_mm > 0)
+      energy += touch.length_mm * lining_energy_uJ(touch.depth_mm) +
+                0.5 * touch.friction.spring_mN_mm * touch.stick_mm.squaredNorm();
+  return kJoulePer_uJ * energy;
+}
+
+std::vector<LumenContact::Contact> LumenContact::contacts(const std::vector<Rod>& rods) const {
+  std::vector<Contact> contacts;
+  for (const Touch& touch : touches_) {
+    if (touch.length_mm == 0) continue;
+    const RodState& inner = rods[inner_].state();
+    const double sign = touch.is_rim ? -kNewtonPer_mN : kNewtonPer_mN;  // of the forces on the inner
+    contacts.push_back({.position_mm = (touch.is_rim ? touch.nearest : touch.point).position_mm(inner),
+                        .from_tip_mm = touch.from_tip_mm,
+                        .depth_mm = touch.depth_mm,
+                        .normal_N = sign * touch.normal_mN,
+                        .friction_N = sign * touch.friction_mN,
+                        .slips = touch.slips});
+  }
+  return contacts;
+}
+
+}  // namespace xraycast

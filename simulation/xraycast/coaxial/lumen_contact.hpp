@@ -1,0 +1,109 @@
+#pragma once
+
+#include "xraycast/coaxial/coaxial_system.hpp"
+#include "xraycast/coaxial/rod_curve.hpp"
+#include "xraycast/mechanics/friction.hpp"
+#include "xraycast/mechanics/rod.hpp"
+
+#include <Eigen/Core>
+#include <array>
+#include <cstddef>
+#include <vector>
+
+namespace xraycast {
+
+/// The contact of a rod with the lumen of another one around it.
+///
+/// Points of the inner rod, one for the length around each node and each middle that lies inside, keep within
+/// the clearance from the outer's smooth centreline (see RodPlace); what lies beyond the outer's tip is cut
+/// off, so that a point's length, and with it its force, fades out as it leaves. The outer's tip is a rim
+/// that keeps within the clearance from the inner's centreline. The lumen's lining yields by a stiff spring,
+/// softer over its first hundredths of a millimetre. Friction acts along the outer's axis and around it (see
+/// Friction), on both.
+class LumenContact {
+ public:
+  struct Options {
+    double lumen_radius_mm = 0, inner_radius_mm = 0;
+    double static_friction = 0, kinetic_friction = 0;
+  };
+  /// Of the inner, from its tip: what lies in the outer's lumen without another rod between.
+  struct Range {
+    double from_mm = 0, to_mm = 0;
+  };
+  /// The outer's action on the inner, as of the end of the last step.
+  struct Contact {
+    Eigen::Vector3d position_mm{0, 0, 0};  ///< on the inner's axis
+    double from_tip_mm = 0;                ///< of the inner
+    double depth_mm = 0;                   ///< in the lining; 0 without contact
+    Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0};
+    bool slips = false;
+  };
+
+  LumenContact(std::size_t outer, std::size_t inner, const Options& options)
+      : outer_(outer), inner_(inner), options_(options) {}
+
+  /// Nodes were inserted behind the clamp of one of the two, or removed from there.
+  void outer_nodes_changed(std::ptrdiff_t by);
+  void inner_nodes_changed(std::ptrdiff_t by);
+
+  /// `rim_mm`: the length that the rim bears, which fades in with the inner's length beyond it.
+  void begin_step(const std::vector<Rod>& rods, const Range& inside, double rim_mm);
+  double energy_uJ(const RodState& outer, const RodState& inner);
+  void couple(CoaxialSystem& system) const;
+  void assemble(const RodState& outer, const RodState& inner, bool project_psd, CoaxialSystem& system) const;
+  void end_step(const RodState& outer, const RodState& inner);
+
+  /// In the lining and in the friction springs.
+  double energy_J() const;
+
+  std::size_t outer() const { return outer_; }
+  std::size_t inner() const { return inner_; }
+  std::vector<Contact> contacts(const std::vector<Rod>& rods) const;
+
+ private:
+  /// A point of one rod and the other's centreline. It is the inner's point, or the outer's for the rim.
+  struct Touch {
+    bool is_rim = false, is_new = true;
+    double length_mm = 0, from_tip_mm = 0;
+    RodWeights point, anchor;  ///< on the other's centreline, as the step begins
+    RodPlace place;            ///< on the other's centreline, and there:
+    RodWeights nearest;
+    Eigen::Vector3d offset_mm{0, 0, 0}, normal{0, 0, 0};  ///< from the centreline to the point
+    double distance_mm = 0, depth_mm = 0;
+    Friction friction;
+    Eigen::Vector3d along{0, 0, 1}, around{0, 0, 0}, start_mm{0, 0, 0};
+    Eigen::Vector3d start_slope{0, 0, 1}, tilt{0, 0, 0};  ///< what the slope's change takes off the slip
+    Eigen::Vector2d stick_mm{0, 0};
+    bool slips = false;
+    Eigen::Vector3d normal_mN{0, 0, 0}, friction_mN{0, 0, 0};  ///< on the point
+  };
+  struct Sides {
+    const RodState &point, &curve;
+  };
+  static Sides sides(const Touch& touch, const RodState& outer, const RodState& inner) {
+    return touch.is_rim ? Sides{outer, inner} : Sides{inner, outer};
+  }
+  static bool is_active(const Touch& touch) {
+    return touch.length_mm > 0 && (touch.depth_mm > 0 || touch.friction.is_active());
+  }
+  RodPair pair(const Touch& touch, const RodWeights& curve) const;
+  std::size_t sample_count() const { return touches_.size() - 1; }
+
+  void resize(const Rod& inner);
+  void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
+  void place_rim(const Rod& outer, const Rod& inner, const Range& inside, double rim_mm);
+  void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
+  void find_depth(Touch& touch, const Sides& sides) const;
+  Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
+  std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
+  double point_arm_mm(const Touch& touch) const;
+  double curve_arm_mm(const Touch& touch) const;
+  void assemble_normal(const Touch& touch, const Sides& sides, bool project_psd, CoaxialSystem& system) const;
+  void assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const;
+
+  std::size_t outer_, inner_;
+  Options options_;
+  std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, then the rim
+};
+
+}  // namespace xraycast

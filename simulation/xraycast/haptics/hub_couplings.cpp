@@ -1,0 +1,59 @@
+#include "xraycast/haptics/hub_couplings.hpp"
+
+namespace xraycast {
+
+HubCouplings::HubCouplings(HapticDevice& device, std::size_t hubs)
+    : device_(device), couplings_(hubs), targets_(hubs), locked_at_(hubs) {}
+
+std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::span<const HubLoad> loads,
+                                            double step_s) {
+  if (device_.is_rigid()) {
+    for (std::size_t hub = 0; hub < hubs.size(); ++hub) targets_[hub] = device_.pose(hub).pose;
+    return targets_;
+  }
+  move_valve(hubs);
+  if (!is_locked_) {
+    for (std::size_t hub = 0; hub < hubs.size(); ++hub) lead(hub, hubs[hub], loads[hub], step_s);
+    return targets_;
+  }
+  HubLoad sum;
+  for (const HubLoad& load : loads) sum.force_N += load.force_N, sum.torque_Nm += load.torque_Nm;
+  lead(leader_, hubs[leader_], sum, step_s);
+  const HubPose &from = locked_at_[leader_], &to = targets_[leader_];
+  for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
+    if (hub == leader_) continue;
+    targets_[hub] = {locked_at_[hub].insertion_mm + to.insertion_mm - from.insertion_mm,
+                     locked_at_[hub].rotation_rad + to.rotation_rad - from.rotation_rad};
+    device_.feel(hub, {});
+  }
+  return targets_;
+}
+
+/// Locks or unlocks it where that is wanted, and changes the leader with the hub that is held.
+void HubCouplings::move_valve(std::span<const HubPose> hubs) {
+  const bool is_locked = wants_lock_.load(std::memory_order_relaxed);
+  const std::size_t held = device_.held();
+  if (is_locked == is_locked_ && (held == leader_ || !is_locked)) return;
+  if (is_locked_)
+    for (std::size_t hub = 0; hub < hubs.size(); ++hub)
+      if (hub != leader_) release(hub, hubs[hub]);
+  is_locked_ = is_locked;
+  leader_ = held;
+  locked_at_.assign(hubs.begin(), hubs.end());
+}
+
+/// A hub that was led by another one goes on from where that brought it.
+void HubCouplings::release(std::size_t hub, const HubPose& at) {
+  device_.pose(hub);  // the newest, from which it counts
+  device_.go_on_from(hub, at);
+  couplings_[hub] = VirtualCoupling(at);
+}
+
+void HubCouplings::lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s) {
+  couplings_[hub].synchronise(at);
+  const VirtualCoupling::Step step = couplings_[hub].step(device_.pose(hub), load, step_s);
+  device_.feel(hub, step.felt);
+  targets_[hub] = step.hub;
+}
+
+}  // namespace xraycast

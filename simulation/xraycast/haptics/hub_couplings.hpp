@@ -1,0 +1,44 @@
+#pragma once
+
+#include "xraycast/haptics/haptic_device.hpp"
+#include "xraycast/haptics/virtual_coupling.hpp"
+
+#include <atomic>
+#include <cstddef>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// Leads the hubs of coaxial devices by one haptic device, each through a virtual coupling, unless the device
+/// is rigid.
+///
+/// A locked valve clamps them together, as a rotating haemostatic valve on the outer one's hub does: they
+/// move as the hub that is held, whose hand feels the loads of all.
+class HubCouplings {
+ public:
+  /// The device must outlive it.
+  HubCouplings(HapticDevice& device, std::size_t hubs);
+
+  /// For any one thread; the next step applies it.
+  void lock(bool is_locked) { wants_lock_.store(is_locked, std::memory_order_relaxed); }
+  bool is_locked() const { return wants_lock_.load(std::memory_order_relaxed); }
+
+  /// A step from where the hubs are, with the devices' loads on them. Returns the poses to move to, valid
+  /// until the next step.
+  std::span<const HubPose> step(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s);
+
+ private:
+  void move_valve(std::span<const HubPose> hubs);
+  void release(std::size_t hub, const HubPose& at);
+  void lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s);
+
+  HapticDevice& device_;
+  std::vector<VirtualCoupling> couplings_;
+  std::vector<HubPose> targets_, locked_at_;  ///< the latter from when the valve was locked
+  std::atomic<bool> wants_lock_{false};
+  bool is_locked_ = false;
+  std::size_t leader_ = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,193 @@
+// A wire in a catheter in the phantom's vessels.
+#include "xraycast/coaxial/coaxial_catheters.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom.hpp"
+#include "xraycast/simulation/run_script.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <string>
+#include <vector>
+
+namespace xraycast::coaxial_catheters_test {
+namespace {
+
+using Names = std::vector<std::string>;
+
+const VesselTree& thorax() {
+  static const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
+  return tree;
+}
+
+CoaxialCatheters devices_of(const Names& names) {
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
+  return {thorax(), models, nearest_end(thorax(), {-89, -54, -357})};
+}
+
+/// Moves all hubs at constant speed.
+void move(CoaxialCatheters& devices, const std::vector<HubPose>& to, int steps) {
+  std::vector<HubPose> from, poses(to.size());
+  for (std::size_t d = 0; d < to.size(); ++d) from.push_back(devices.pose(d));
+  for (int i = 1; i <= steps; ++i) {
+    for (std::size_t d = 0; d < to.size(); ++d) {
+      const double done = static_cast<double>(i) / steps;
+      poses[d] = {std::lerp(from[d].insertion_mm, to[d].insertion_mm, done),
+                  std::lerp(from[d].rotation_rad, to[d].rotation_rad, done)};
+    }
+    devices.step(poses);
+  }
+}
+
+std::string refusal(const Names& names) {
+  try {
+    devices_of(names);
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "accepted";
+}
+
+TEST(CoaxialCatheters, RefuseWhatDoesNotFit) {
+  EXPECT_THAT(refusal({"microcatheter-27f", "guidewire-035-j"}),
+              testing::HasSubstr("guidewire-035-j: its radius of 0.445 mm does not fit into the lumen of "
+                                 "microcatheter-27f, of 0.318 mm; choose a thinner one"));
+  EXPECT_THAT(
+      refusal({"guidewire-035-j", "cobra-5f"}),
+      testing::HasSubstr("guidewire-035-j: it has no lumen for cobra-5f; list the outermost device first"));
+  EXPECT_THAT(refusal({"microcatheter-24f", "guide-6f", "guidewire-014-angled"}),
+              testing::HasSubstr("but the other way round they fit; list the outermost device first"));
+  EXPECT_THAT(refusal({"guide-6f", "jb1-5f", "microcatheter-24f", "guidewire-014-angled"}),
+              testing::HasSubstr("4 devices; give one to 3"));
+}
+
+TEST(CoaxialCatheters, EitherTipGoesAhead) {
+  CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-angled"});
+  const auto ahead_mm = [&] { return devices.rods().lumens().empty() ? 0 : devices.rods().bare_mm(1); };
+  move(devices, {{60, 0}, {120, 0}}, 1200);
+  EXPECT_NEAR(ahead_mm(), 60, 2);  // both are a little compressed, and the wire winds in its lumen
+  move(devices, {{150, 0}, {120, 0}}, 900);
+  EXPECT_EQ(ahead_mm(), 0);
+  EXPECT_GT(devices.rod(0).fed_mm(), devices.rod(1).fed_mm());
+  move(devices, {{150, 0}, {180, 0}}, 600);
+  EXPECT_NEAR(ahead_mm(), 30, 2);
+  // What is in the catheter does not touch the vessel.
+  for (const WallContact::Contact& contact : devices.wall(1).contacts())
+    EXPECT_TRUE(contact.depth_mm == 0 || devices.rod(1).from_tip_mm(contact.point.edge + 1) < 40);
+}
+
+TEST(CoaxialCatheters, HubsBearContactAndFrictionTogether) {
+  CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-angled"});
+  move(devices, {{250, 1}, {300, 0}}, 3000);
+  for (int i = 0; i < 500; ++i) devices.step(std::array{devices.pose(0), devices.pose(1)});
+  Eigen::Vector3d walls_N = Eigen::Vector3d::Zero(), hubs_N = Eigen::Vector3d::Zero();
+  double size_N = 0;
+  for (std::size_t d : {0, 1}) {
+    hubs_N += devices.rod(d).clamp_force_N();
+    for (const WallContact::Contact& contact : devices.wall(d).contacts()) {
+      walls_N += contact.normal_N + contact.friction_N + contact.introducer_N;
+      size_N += contact.normal_N.norm();
+    }
+  }
+  EXPECT_GT(size_N, 0.05);
+  // Between them the devices' forces cancel. 2 % of what the walls bear in all.
+  EXPECT_LT((hubs_N - walls_N).norm(), 0.02 * size_N);
+}
+
+TEST(CoaxialCatheters, ThreeStayWhereTheyRest) {
+  CoaxialCatheters devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
+  move(devices, {{100, 0}, {140, 0}, {170, 0}}, 1700);
+  const std::vector<HubPose> poses{devices.pose(0), devices.pose(1), devices.pose(2)};
+  for (int i = 0; i < 1000; ++i) devices.step(poses);
+  std::vector<Eigen::Vector3d> tips_mm;
+  for (std::size_t d = 0; d < 3; ++d) tips_mm.push_back(devices.rod(d).state().nodes_mm.back());
+  for (int i = 0; i < 5000; ++i) devices.step(poses);
+  for (std::size_t d = 0; d < 3; ++d)
+    // A tenth of the lining's softest part.
+    EXPECT_LT((devices.rod(d).state().nodes_mm.back() - tips_mm[d]).norm(), 2e-3) << d;
+}
+
+TEST(CoaxialCatheters, AWireIsExchanged) {
+  CoaxialCatheters devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
+  move(devices, {{150, 0}, {200, 0}}, 2000);
+  EXPECT_FALSE(devices.has_free_lumen(0));
+  EXPECT_THROW(devices.exchange(1, InstrumentModel::named("exchange-035-stiff")), InputError);
+  move(devices, {{150, 0}, {0, 0}}, 2000);
+  for (int i = 0; i < 500; ++i) devices.step(std::array{devices.pose(0), devices.pose(1)});
+  EXPECT_TRUE(devices.has_free_lumen(0));
+  const double force_N = devices.load(0).force_N;
+  const Eigen::Vector3d tip_mm = devices.rod(0).state().nodes_mm.back();
+  for (int i = 0; i < 100; ++i) {
+    const char* wire = std::array{"exchange-035-stiff", "guidewire-035-j", "guidewire-035-angled",
+                                  "guidewire-014-straight"}[static_cast<std::size_t>(i) % 4];
+    devices.exchange(1, InstrumentModel::named(wire));
+    devices.step(std::array{devices.pose(0), devices.pose(1)});
+    EXPECT_NEAR(devices.load(0).force_N, force_N, 0.05) << i << " " << wire;
+    // The stiff wire pushes its tip by as much; 0.43 mm when the others moved while the new one relaxed.
+    EXPECT_LT((devices.rod(0).state().nodes_mm.back() - tip_mm).norm(), 0.05) << i << " " << wire;
+  }
+  devices.exchange(1, InstrumentModel::named("guidewire-035-angled"));
+  move(devices, {{150, 0}, {200, 0}}, 2000);
+  EXPECT_NEAR(devices.rods().bare_mm(1), 50, 2);
+}
+
+TEST(CoaxialCatheters, ExchangingMovesNoOtherDevice) {
+  CoaxialCatheters devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
+  move(devices, {{150, 2}, {0, 0}}, 1500);
+  const std::vector<Eigen::Vector3d> before_mm = devices.rod(0).state().nodes_mm;
+  devices.exchange(1, InstrumentModel::named("exchange-035-stiff"));
+  EXPECT_EQ(devices.rod(0).state().nodes_mm, before_mm);
+}
+
+TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {
+  const Names names{"vertebral-5f", "guidewire-035-angled"};
+  CoaxialCatheters asked = devices_of(names), unasked = devices_of(names);
+  const InstrumentModel too_thick_for_the_vessel({.name = "drain",
+                                                  .radius_mm = 9,
+                                                  .inner_radius_mm = 8,
+                                                  .mass_per_length_g_mm = 2e-3,
+                                                  .axial_stiffness_N = 300,
+                                                  .static_friction = 0.1,
+                                                  .kinetic_friction = 0.1,
+                                                  .sections = {{.length_mm = 500,
+                                                                .bending_stiffness_Nmm2 = {50, 50},
+                                                                .torsional_stiffness_Nmm2 = {50, 50}}}},
+                                                 "drain");
+  EXPECT_THROW(asked.exchange(0, too_thick_for_the_vessel), InputError);
+  EXPECT_THROW(asked.exchange(0, InstrumentModel::named("microcatheter-24f")),
+               InputError);                                                         // the wire is thicker
+  EXPECT_THROW(asked.exchange(1, InstrumentModel::named("cobra-5f")), InputError);  // it is too thick
+  EXPECT_EQ(asked.rod(0).instrument().name(), names[0]);
+  EXPECT_EQ(asked.rod(1).instrument().name(), names[1]);
+  for (CoaxialCatheters* devices : {&asked, &unasked}) move(*devices, {{5, 0}, {10, 1}}, 100);
+  for (const std::size_t d : {0, 1}) {
+    EXPECT_EQ(asked.load(d).force_N, unasked.load(d).force_N);
+    EXPECT_EQ(asked.rod(d).state().nodes_mm, unasked.rod(d).state().nodes_mm);
+  }
+}
+
+TEST(CoaxialCatheters, AScriptLeadsToTheSameLogTwice) {
+  const Script script = Script::parse(
+      "time_s,insertion_2_mm,rotation_2_deg,insertion_mm,rotation_deg\n0,20,0,0,0\n1,120,90,50,0\n2,200,90,"
+      "100,45\n",
+      "both.csv", 2);
+  const auto log = [&] {
+    CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-j"});
+    Progress progress;
+    return to_csv(run_script(devices, script, "both.csv", progress));
+  };
+  const std::string first = log();
+  EXPECT_EQ(first, log());
+  EXPECT_THAT(first, testing::StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
+  EXPECT_THAT(first, testing::HasSubstr(
+                         ",deepest_mm,insertion_2_mm,rotation_2_deg,force_2_N,torque_2_Nm,tip_2_x_mm,"));
+  EXPECT_EQ(std::ranges::count(first, '\n'), 4);
+}
+
+}  // namespace
+}  // namespace xraycast::coaxial_catheters_test

@@ -1,0 +1,259 @@
+// Random scripts of a wire in a catheter, or of that in another one, in five trees. XRAYCAST_RUNS sets how
+// many there are (20); XRAYCAST_RUNS_TABLES names a folder for a table a tree.
+#include "run_trees.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
+
+#include <fmt/format.h>
+#include <glm/geometric.hpp>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <cmath>
+#include <ctime>
+#include <fstream>
+#include <random>
+#include <vector>
+
+namespace xraycast::coaxial_runs_test {
+namespace {
+
+using Eigen::Vector3d;
+using Devices = std::vector<InstrumentModel>;
+
+/// Two or three devices of which the outermost is thinner than half of the vessels, and leaves a third of the
+/// entry free.
+Devices fitting_devices(const VesselTree& tree, const VesselEnd& entry, std::mt19937& random) {
+  std::vector<double> radii_mm;
+  for (const VesselBranch& branch : tree.branches()) radii_mm.push_back(branch.points.back().radius_mm);
+  std::ranges::nth_element(radii_mm, radii_mm.begin() + static_cast<std::ptrdiff_t>(radii_mm.size() / 2));
+  const double widest_mm = std::min(entry.radius_mm / 1.5, radii_mm[radii_mm.size() / 2]);
+  std::vector<InstrumentModel> presets;
+  for (const std::string& name : InstrumentModel::preset_names())
+    presets.push_back(InstrumentModel::named(name));
+  std::vector<Devices> fit, thin;
+  const auto add = [&](const Devices& devices) {
+    if (devices[0].radius_mm() < widest_mm) fit.push_back(devices);
+    if (devices[0].radius_mm() < 0.5) thin.push_back(devices);
+  };
+  for (const InstrumentModel& outer : presets)
+    for (const InstrumentModel& inner : presets) {
+      if (inner.radius_mm() >= outer.inner_radius_mm()) continue;
+      add({outer, inner});
+      for (const InstrumentModel& innermost : presets)
+        if (innermost.radius_mm() < inner.inner_radius_mm()) add({outer, inner, innermost});
+    }
+  const std::vector<Devices>& choice = fit.empty() ? thin : fit;
+  return choice.at(random() % choice.size());
+}
+
+struct Outcome {
+  std::string tree, devices;
+  unsigned seed = 0;
+  bool is_finite = true;
+  double beyond_static_mm = 0;  ///< how much deeper a bare length was than its load would press it at rest
+  double deepest_mm = 0, deepest_in_lumen_mm = 0;
+  double energy_growth = 0;  ///< with the hubs at rest, relative to the energy then
+  double return_mm = 0;      ///< of the tips
+  double real_time = 0;      ///< processor time over simulated time
+  int most_iterations = 0;
+};
+
+class RandomRun {
+ public:
+  RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
+      : random_(seed),
+        entry_(widest_end(tree)),
+        devices_(tree, fitting_devices(tree, entry_, random_), entry_),
+        poses_(devices_.count()) {
+    run_.tree = name;
+    run_.seed = seed;
+    for (std::size_t d = 0; d < devices_.count(); ++d)
+      run_.devices += (d > 0 ? " " : "") + devices_.rod(d).instrument().name();
+  }
+
+  Outcome go() {
+    const std::clock_t start = std::clock();
+    std::vector<glm::dvec3> tips_mm;
+    for (std::size_t d = 0; d < devices_.count(); ++d) tips_mm.push_back(devices_.tip(d).position_mm);
+    move_at_random(2);
+    rest(0.2);
+    draw_out();
+    for (std::size_t d = 0; d < devices_.count(); ++d)
+      run_.return_mm = std::max(run_.return_mm, glm::distance(devices_.tip(d).position_mm, tips_mm[d]));
+    run_.real_time = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / devices_.time_s();
+    return run_;
+  }
+
+ private:
+  double uniform(double low, double high) { return std::uniform_real_distribution(low, high)(random_); }
+
+  /// What is left of all forces on each node of a device, without those of other devices.
+  void find_net_forces(std::size_t device) {
+    const Rod& rod = devices_.rod(device);
+    net_N_.assign(rod.node_count(), Vector3d::Zero());
+    for (std::size_t i = 1; i < net_N_.size(); ++i) net_N_[i] = rod.elastic_force_N(i) + rod.drag_force_N(i);
+    for (const WallContact::Contact& contact : devices_.wall(device).contacts()) {
+      const Vector3d force_N = contact.normal_N + contact.friction_N + contact.introducer_N;
+      net_N_[contact.point.edge] += contact.point.start_weight * force_N;
+      net_N_[contact.point.edge + 1] += contact.point.end_weight * force_N;
+    }
+    net_N_[0].setZero();  // the clamp's
+  }
+
+  /// How deep a point would lie in the wall at rest under what presses it there now, or in a vessel that is
+  /// narrower than the device, by as much at least.
+  double static_depth_mm(std::size_t device, std::size_t index) const {
+    const WallContact& wall = devices_.wall(device);
+    const WallContact::Contact& contact = wall.contacts()[index];
+    const LumenDistanceField::Sample& sample = contact.sample;
+    const RodPoint& point = contact.point;
+    const Vector3d net_N =
+        point.start_weight * net_N_[point.edge] + point.end_weight * net_N_[point.edge + 1];
+    const double narrower_mm = devices_.rod(device).instrument().radius_mm() - sample.radius_mm;
+    const double force_N = wall.wall_force_N(contact.depth_mm, index) -
+                           net_N.dot(sample.gradient) / sample.gradient.squaredNorm();
+    double low = 0, high = 10;
+    for (int i = 0; i < 40; ++i) {
+      const double middle = 0.5 * (low + high);
+      (wall.wall_force_N(middle, index) < force_N ? low : high) = middle;
+    }
+    return std::max(narrower_mm, high);
+  }
+
+  /// The length of a device that neither lies in another one nor holds one; none of it is near a rim.
+  double alone_mm(std::size_t device) const {
+    constexpr double kNear_mm = 15;  // three of the largest distances between nodes
+    double alone_mm = devices_.rods().bare_mm(device);
+    for (std::size_t d = device + 1; d < devices_.count(); ++d)
+      alone_mm = std::min(alone_mm, devices_.rod(device).fed_mm() - devices_.rod(d).fed_mm());
+    return alone_mm - kNear_mm;
+  }
+
+  void measure_depths(std::size_t device) {
+    const double alone_length_mm = alone_mm(device);
+    if (alone_length_mm > 0) find_net_forces(device);
+    const auto& contacts = devices_.wall(device).contacts();
+    for (std::size_t k = 0; k < contacts.size(); ++k) {
+      if (contacts[k].depth_mm <= 0) continue;
+      run_.deepest_mm = std::max(run_.deepest_mm, contacts[k].depth_mm);
+      if (devices_.rod(device).from_tip_mm(contacts[k].point.edge) < alone_length_mm)
+        run_.beyond_static_mm =
+            std::max(run_.beyond_static_mm, contacts[k].depth_mm - static_depth_mm(device, k));
+    }
+  }
+
+  void step() {
+    devices_.step(poses_);
+    run_.most_iterations = std::max(run_.most_iterations, devices_.rods().iterations());
+    for (std::size_t d = 0; d < devices_.count(); ++d) {
+      for (const Eigen::Vector3d& node : devices_.rod(d).state().nodes_mm)
+        run_.is_finite = run_.is_finite && node.allFinite();
+      measure_depths(d);
+      const HubLoad load = devices_.load(d);
+      run_.is_finite = run_.is_finite && std::isfinite(load.force_N + load.torque_Nm);
+    }
+    for (const LumenContact& lumen : devices_.rods().lumens())
+      for (const LumenContact::Contact& contact : lumen.contacts(devices_.rods().rods()))
+        run_.deepest_in_lumen_mm = std::max(run_.deepest_in_lumen_mm, contact.depth_mm);
+  }
+
+  /// Pushes, pulls and turns both for as long as a script of two seconds, each for a while.
+  void move_at_random(double time_s) {
+    while (time_s > 0) {
+      const double while_s = std::min(time_s, uniform(0.05, 0.5));
+      std::vector<HubPose> speeds(devices_.count());
+      for (HubPose& speed : speeds) speed = {uniform(-80, 200), uniform(-15, 15)};
+      for (double t = 0; t < while_s; t += devices_.step_s()) {
+        for (std::size_t d = 0; d < devices_.count(); ++d) {
+          poses_[d].insertion_mm =
+              std::clamp(poses_[d].insertion_mm + speeds[d].insertion_mm * devices_.step_s(), 0.0,
+                         devices_.max_insertion_mm(d));
+          poses_[d].rotation_rad += speeds[d].rotation_rad * devices_.step_s();
+        }
+        step();
+      }
+      time_s -= while_s;
+    }
+  }
+
+  void rest(double time_s) {
+    for (std::size_t d = 0; d < devices_.count(); ++d) poses_[d] = devices_.pose(d);
+    step();
+    const double start_J = devices_.energy_J();
+    double before_J = start_J;
+    for (double t = 0; t < time_s; t += devices_.step_s()) {
+      step();
+      const double now_J = devices_.energy_J();
+      run_.energy_growth = std::max(run_.energy_growth, (now_J - before_J) / start_J);
+      before_J = now_J;
+    }
+  }
+
+  bool is_out() const {
+    for (std::size_t d = 0; d < devices_.count(); ++d)
+      if (devices_.pose(d).insertion_mm != 0 || devices_.pose(d).rotation_rad != 0) return false;
+    return true;
+  }
+
+  void draw_out() {
+    constexpr int kPatience = 20'000;  // steps: what is caught behind a fork gives way in the end
+    for (int i = 0; i < kPatience && !is_out(); ++i) {
+      for (std::size_t d = 0; d < devices_.count(); ++d) {
+        poses_[d] = devices_.pose(d);
+        poses_[d].insertion_mm = std::max(0.0, poses_[d].insertion_mm - 0.1);
+        poses_[d].rotation_rad -= std::clamp(poses_[d].rotation_rad, -0.01, 0.01);
+      }
+      step();
+    }
+    poses_.assign(devices_.count(), {});
+    for (int i = 0; i < 300; ++i) step();
+  }
+
+  std::mt19937 random_;
+  VesselEnd entry_;
+  CoaxialCatheters devices_;
+  std::vector<HubPose> poses_;
+  std::vector<Vector3d> net_N_;
+  Outcome run_;
+};
+
+void write_table(const std::vector<Outcome>& runs) {
+  const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
+  if (!folder || runs.empty()) return;
+  std::ofstream table(fs::path(folder) / ("coaxial-" + runs.front().tree + ".csv"));
+  table << "seed,tree,devices,finite,beyond_static_mm,deepest_mm,deepest_in_lumen_mm,energy_growth,return_mm,"
+           "real_time,"
+           "iterations\n";
+  for (const Outcome& run : runs)
+    table << fmt::format("{},{},{},{},{:.5f},{:.4f},{:.4f},{:.2e},{:.4f},{:.3f},{}\n", run.seed, run.tree,
+                         run.devices, run.is_finite, run.beyond_static_mm, run.deepest_mm,
+                         run.deepest_in_lumen_mm, run.energy_growth, run.return_mm, run.real_time,
+                         run.most_iterations);
+}
+
+class RandomCoaxialScripts : public testing::TestWithParam<const char*> {};
+
+TEST_P(RandomCoaxialScripts, BreakNothing) {
+  const std::optional<VesselTree> tree = parse_tree(GetParam());
+  if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
+  std::vector<Outcome> runs;
+  for (unsigned seed = 0; seed < runs_a_tree(20); ++seed) {
+    runs.push_back(RandomRun(*tree, GetParam(), seed).go());
+    const Outcome& run = runs.back();
+    const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.devices, run.tree);
+    EXPECT_TRUE(run.is_finite) << where;
+    EXPECT_LT(run.energy_growth, 1e-9) << where;  // rounding, which the line search admits
+    EXPECT_LT(run.return_mm, 1) << where;         // nothing stays caught
+    EXPECT_LT(run.beyond_static_mm, 0.1) << where;
+    // A clearance's width: the lining yields under the forces on bends, most at the ends of curved tips.
+    EXPECT_LT(run.deepest_in_lumen_mm, 0.15) << where;
+    EXPECT_LT(run.real_time, 1.5) << where;
+  }
+  write_table(runs);
+}
+
+INSTANTIATE_TEST_SUITE_P(, RandomCoaxialScripts, testing::ValuesIn(kTrees),
+                         [](const auto& tree) { return std::string(tree.param); });
+
+}  // namespace
+}  // namespace xraycast::coaxial_runs_test

@@ -1,0 +1,111 @@
+#include "xraycast/haptics/hub_couplings.hpp"
+
+#include "xraycast/haptics/manual_device.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+
+namespace xraycast::hub_couplings_test {
+namespace {
+
+constexpr double kStep_s = 1e-3;
+
+/// A catheter and a wire that move as they are told, against these loads.
+class Pair {
+ public:
+  void steps(int count) {
+    for (int i = 0; i < count; ++i) {
+      const auto targets = couplings.step(hubs, loads, kStep_s);
+      hubs = {targets[0], targets[1]};
+    }
+  }
+  void push(std::size_t hub, double mm_s, int count) {
+    device.hold(hub);
+    device.set_rates(mm_s, 0);
+    steps(count);
+    device.set_rates(0, 0);
+    steps(200);  // the spring between hand and hub relaxes
+  }
+
+  ManualDevice device{"keyboard"};
+  HubCouplings couplings{device, 2};
+  std::array<HubPose, 2> hubs;
+  std::array<HubLoad, 2> loads;
+};
+
+// A spring of 0.5 N/mm to rest.
+constexpr double kSettled_mm = 1e-3;
+
+TEST(HubCouplings, TheHandMovesTheHubThatItHolds) {
+  Pair pair;
+  pair.push(0, 50, 1000);
+  pair.push(1, 20, 1000);
+  EXPECT_NEAR(pair.hubs[0].insertion_mm, 50, kSettled_mm);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 20, kSettled_mm);
+}
+
+TEST(HubCouplings, ALockedValveMovesBothAsTheOneThatIsHeld) {
+  Pair pair;
+  pair.push(0, 50, 1000);
+  pair.push(1, 80, 1000);
+  pair.couplings.lock(true);
+  pair.push(1, -20, 1000);
+  EXPECT_NEAR(pair.hubs[0].insertion_mm, 30, kSettled_mm);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 60, kSettled_mm);
+  pair.push(0, 10, 1000);
+  EXPECT_NEAR(pair.hubs[0].insertion_mm, 40, kSettled_mm);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 70, kSettled_mm);
+}
+
+TEST(HubCouplings, AReleasedHubStaysWhereItWasBrought) {
+  Pair pair;
+  pair.push(1, 80, 1000);
+  pair.couplings.lock(true);
+  pair.push(0, 30, 1000);
+  pair.couplings.lock(false);
+  pair.steps(500);
+  EXPECT_NEAR(pair.hubs[0].insertion_mm, 30, kSettled_mm);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 110, kSettled_mm);
+  pair.push(1, -200, 1000);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 0, kSettled_mm) << "it can be drawn out as before";
+}
+
+/// Keeps what it is given to feel.
+class Sensing final : public HapticDevice {
+ public:
+  HandPose pose(std::size_t) override { return {{}, ++count_}; }
+  void feel(std::size_t hub, const HubLoad& load) override { felt.at(hub) = load; }
+  void go_on_from(std::size_t, const HubPose&) override {}
+  std::string status() const override { return "sensing"; }
+
+  std::array<HubLoad, 2> felt;
+
+ private:
+  std::uint64_t count_ = 0;
+};
+
+TEST(HubCouplings, TheHandFeelsTheLoadsOfAllThatIsLocked) {
+  Sensing device;
+  HubCouplings couplings(device, 2);
+  std::array<HubPose, 2> hubs;
+  const std::array<HubLoad, 2> loads{{{0.2, 0.001}, {0.3, 0.002}}};
+  const auto settle = [&] {
+    for (int i = 0; i < 500; ++i) {
+      const auto targets = couplings.step(hubs, loads, kStep_s);
+      hubs = {targets[0], targets[1]};
+    }
+  };
+  settle();
+  // The spring bears the load that the hub rests against, to rounding.
+  EXPECT_NEAR(device.felt[0].force_N, 0.2, 1e-6);
+  EXPECT_NEAR(device.felt[1].force_N, 0.3, 1e-6);
+  couplings.lock(true);
+  settle();
+  EXPECT_NEAR(device.felt[0].force_N, 0.5, 1e-6);
+  EXPECT_NEAR(device.felt[0].torque_Nm, 0.003, 1e-8);
+  EXPECT_EQ(device.felt[1].force_N, 0);
+}
+
+}  // namespace
+}  // namespace xraycast::hub_couplings_test

@@ -1,0 +1,62 @@
+#include "xraycast/fluoroscope/detector_view.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <functional>
+
+namespace xraycast {
+namespace {
+
+constexpr double kUnlimited_mm = 1e6;
+
+/// The zoom field that limits the beam; without one nothing does.
+struct FieldLimit {
+  Collimation sides{kUnlimited_mm, kUnlimited_mm};
+  double round_mm = 0;
+
+  explicit FieldLimit(const FluoroscopyOptions& options) {
+    if (!(options.field_mm > 0)) return;
+    const FluoroscopyDetector& detector = options.c_arm.detector;
+    sides.width_mm = std::min(options.field_mm, detector.width_mm);
+    sides.height_mm = std::min(options.field_mm, detector.height_mm);
+    if (detector.is_round) round_mm = options.field_mm;
+  }
+};
+
+PixelPlane field_of(const FluoroscopyOptions& options, const View& view) {
+  const double spread_mm = options.stages.blur ? focal_spread_mm(options.c_arm) : 0;
+  const FieldLimit limit(options);
+  PixelPlane field = open_field(view, limit.sides, limit.round_mm, spread_mm);
+  if (!options.collimation) return field;
+  const PixelPlane between = open_field(view, *options.collimation, 0, spread_mm);
+  std::ranges::transform(field, between, field.begin(), std::multiplies{});
+  return field;
+}
+
+/// The opening of turned blades through its middle, across the picture.
+double opening_mm(double along_mm, double across_mm, double turn_rad) {
+  constexpr double kParallel = 1e-6;
+  const double cosine = std::abs(std::cos(turn_rad)), sine = std::abs(std::sin(turn_rad));
+  return std::min(along_mm / std::max(cosine, kParallel), across_mm / std::max(sine, kParallel));
+}
+
+}  // namespace
+
+DetectorView::DetectorView(const FluoroscopyOptions& options, const View& view)
+    : size{view.width, view.height},
+      pixel_mm(view.pixel_mm),
+      field(field_of(options, view)),
+      measured(field, size) {
+  const FieldLimit limit(options);
+  const Collimation blades = options.collimation.value_or(limit.sides);
+  // Without a zoom field the beam is as large as the picture.
+  const bool has_field = options.field_mm > 0;
+  const double width_mm = has_field ? limit.sides.width_mm : view.width * view.pixel_mm;
+  const double height_mm = has_field ? limit.sides.height_mm : view.height * view.pixel_mm;
+  constexpr double kCm2_per_mm2 = 0.01;
+  open_area_cm2 = kCm2_per_mm2 * open_area_mm2(blades, width_mm, height_mm, limit.round_mm);
+  beam_width_mm = std::min(width_mm, opening_mm(blades.width_mm, blades.height_mm, blades.turn_rad));
+  beam_height_mm = std::min(height_mm, opening_mm(blades.height_mm, blades.width_mm, blades.turn_rad));
+}
+
+}  // namespace xraycast

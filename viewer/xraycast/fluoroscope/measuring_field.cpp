@@ -1,0 +1,56 @@
+#include "xraycast/fluoroscope/measuring_field.hpp"
+
+#include "xraycast/base/error.hpp"
+
+namespace xraycast {
+
+MeasuringField::MeasuringField(const PixelPlane& field, const PictureSize& size)
+    : first_row_((size.height + 3) / 4),
+      end_row_((3 * size.height + 3) / 4),
+      first_column_(size.width / 4),
+      end_column_(3 * size.width / 4),
+      every_(4),
+      bands_(static_cast<std::size_t>(size.bands())) {
+  if (pixels_in(field, size) > 0) return;
+  first_row_ = first_column_ = 0;
+  end_row_ = size.height;
+  end_column_ = size.width;
+  every_ = 1;
+  is_weighted_ = true;
+  constexpr double kLeastPixels = 0.01;
+  if (pixels_in(field, size) < kLeastPixels)
+    throw InputError("the collimator leaves none of the picture's {} x {} pixels open; open its blades",
+                     size.width, size.height);
+}
+
+double MeasuringField::pixels_in(const PixelPlane& field, const PictureSize& size) const {
+  double pixels = 0;
+  for (int j = first_row_; j < end_row_; j += every_)
+    for (int i = first_column_; i < end_column_; ++i)
+      pixels += weight(field[size.row(j) + static_cast<std::size_t>(i)]);
+  return pixels;
+}
+
+void MeasuringField::measure_row(int j, const float* signal, const float* field) {
+  if (!has_row(j)) return;
+  Sum& band = bands_[static_cast<std::size_t>(j / PictureSize::kBand)];
+  Sum sum = band;
+  for (int i = first_column_; i < end_column_; ++i) {
+    const float share = weight(field[i]);
+    sum.signal += share * signal[i];
+    sum.pixels += share * share;
+  }
+  band = sum;
+}
+
+double MeasuringField::take_mean() {
+  Sum all;
+  for (Sum& band : bands_) {
+    all.signal += band.signal;
+    all.pixels += band.pixels;
+    band = {};
+  }
+  return all.signal / all.pixels;
+}
+
+}  // namespace xraycast

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "xraycast/fluoroscope/picture_rows.hpp"
+
+namespace xraycast {
+
+/// The pixels whose mean signal the exposure control follows, in every n-th row: those of the middle half of
+/// both sides that are in the open field, or where there is none all, by their share of the field.
+class MeasuringField {
+ public:
+  /// `field`: the share of the beam that reaches each pixel. Throws InputError where it reaches none.
+  MeasuringField(const PixelPlane& field, const PictureSize& size);
+
+  /// Adds a row of the signal to its band's sums; bands on any threads.
+  void measure_row(int j, const float* signal, const float* field);
+
+  /// The mean signal of what was measured since the last call.
+  double take_mean();
+
+ private:
+  bool has_row(int j) const { return j >= first_row_ && j < end_row_ && (j - first_row_) % every_ == 0; }
+  float weight(float field) const { return is_weighted_ ? field : field > 0.5f ? 1.0f : 0.0f; }
+  double pixels_in(const PixelPlane& field, const PictureSize& size) const;
+
+  int first_row_, end_row_, first_column_, end_column_, every_;
+  bool is_weighted_ = false;
+  struct Sum {
+    double signal = 0, pixels = 0;
+  };
+  std::vector<Sum> bands_;
+};
+
+}  // namespace xraycast
