@@ -13,6 +13,7 @@
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/export/gltf_file.hpp"
 #include "xraycast/export/web_page.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
@@ -31,6 +32,9 @@ struct ExportArguments {
   std::string map, output, session, script, entry, title, precision = "byte";
   std::string instrument_model = "cobra-5f";
   SceneOptions scene;
+  const CLI::App* command = nullptr;
+
+  bool gives(const char* option) const { return command->count(option) > 0; }
 };
 
 bool is_gltf(const std::string& output) { return has_extension(output, ".glb"); }
@@ -39,6 +43,16 @@ void check_output(const ExportArguments& options) {
   if (!is_gltf(options.output) && !has_extension(options.output, ".html"))
     throw InputError("{}: must end in .html, for a page, or in .glb, for a glTF scene", options.output);
   check_writable(options.output);
+}
+
+/// Rejects options that have no effect.
+void check_applies(const ExportArguments& options) {
+  if (is_gltf(options.output) && options.gives("--precision"))
+    throw InputError("--precision does not apply to {}, which holds no map; leave it out or write a .html",
+                     options.output);
+  for (const char* option : {"--device-model", "--entry"})
+    if (options.script.empty() && options.gives(option))
+      throw InputError("{} does not apply without a run; leave it out or give --script too", option);
 }
 
 ViewSession resolve_session(const ExportArguments& options) {
@@ -58,20 +72,22 @@ void check_map(const BodyMap& map, const std::string& name) {
   if (map.spectrum)
     throw InputError(
         "{}: holds materials for a spectrum, which a page cannot draw; cast it with --opacity paper", name);
+  if (geometry.projection != Projection::cylinder)
+    throw InputError("{}: a page shows cylinder maps alone; cast it with --projection cylinder", name);
   if (!suits_web(map))
-    throw InputError(
-        "{}: a page shows cylinder maps about a straight axis; cast it with --projection cylinder", name);
+    throw InputError("{}: a page shows maps about a straight axis alone; cast it without --centre-line",
+                     name);
   if (geometry.width > kMostWebAngles)
     throw InputError("{}: {} angles, but a page holds at most {}; cast it with --angles {}", name,
                      geometry.width, kMostWebAngles, kMostWebAngles);
   if (geometry.height > kMostWebRows)
-    throw InputError("{}: {} rows, but a page holds at most {}; cast fewer slices", name, geometry.height,
-                     kMostWebRows);
+    throw InputError(
+        "{}: {} rows, one a slice, but a page holds at most {}; cast a scan that is resampled to "
+        "thicker slices",
+        name, geometry.height, kMostWebRows);
   const std::int64_t area = std::int64_t{geometry.width} * geometry.height;
+  static_assert(std::int64_t{kMostWebAngles} * kMostWebRows <= kMostWebTexels);  // one layer always fits
   const std::int64_t most_layers = std::min<std::int64_t>(kMostWebLayers, kMostWebTexels / area);
-  if (most_layers < 1)
-    throw InputError("{}: {} texels a layer, but a page holds at most {}; cast it with --angles {}", name,
-                     area, kMostWebTexels, kMostWebTexels / geometry.height);
   if (geometry.layers() > most_layers)
     throw InputError(
         "{}: {} of {} x {} texels, but a page holds at most {} of them; cast it with --layers {}", name,
@@ -88,7 +104,19 @@ void check_surface(const Surface& surface, const BodyBounds& bounds, const std::
                      name);
 }
 
-/// The run of --script, simulated again.
+/// A catheter of control points, meshed once their number is known to be sensible.
+Surface checked_catheter(const fs::path& path) {
+  constexpr std::ptrdiff_t kMostPoints = 5000;  // nearly kMostWebTriangles
+  const std::string text = read_whole_file(path);
+  if (std::ranges::count(text, '\n') > kMostPoints)
+    throw InputError(
+        "{}: more than {} lines, but an export holds a catheter of at most {} control points; "
+        "give fewer",
+        path.string(), kMostPoints, kMostPoints);
+  return read_catheter(path);
+}
+
+/// The run of --script, simulated again, from the script's first pose on.
 RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessels, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
   const InstrumentModel device = InstrumentModel::named(options.instrument_model);
@@ -99,18 +127,10 @@ RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessel
   const VesselTree tree = read_tree(vessels);
   Catheter catheter(tree, device, find_entry(tree, entry_choice, device));
   RecordedRun run{.device = device.name(), .radius_mm = device.radius_mm()};
-  run.see(catheter, 0);
   run_script(catheter, script, options.script, session.progress,
              [&](const Catheter& moved, double time_s) { run.see(moved, time_s); });
+  if (run.loads.empty()) run.see(catheter, 0);  // a script of one pose
   return run;
-}
-
-/// A session's catheter as it stood, in one picture.
-RecordedRun held_catheter(const SteeredCatheter& steered) {
-  return {.device = "catheter",
-          .radius_mm = steered.radius_mm,
-          .controls_mm = {controls_of(steered.nodes_mm)},
-          .loads = {HubLoad{}}};
 }
 
 WebSession gather(const ExportArguments& options, Session& session) {
@@ -123,18 +143,23 @@ WebSession gather(const ExportArguments& options, Session& session) {
     web.vessels = read_vessels(scene.vessels, scene.contrast_mg_ml);
     check_surface(*web.vessels, bounds, scene.vessels.string());
   }
-  if (!scene.catheter.empty()) web.catheter = read_catheter(scene.catheter);
-  if (!options.script.empty())
-    web.run = simulated_run(options, scene.vessels, session);
-  else if (scene.steered)
-    web.run = held_catheter(*scene.steered);
-  web.title = options.title.empty() ? scene.map.stem().string() : options.title;
+  if (!options.script.empty()) web.run = simulated_run(options, scene.vessels, session);
+  if (scene.steered && !web.run)
+    web.catheter = catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm);
+  else if (!scene.catheter.empty())
+    web.catheter = checked_catheter(scene.catheter);
+  web.shows_vessels = !scene.steered;
+  web.shows_road_map = scene.steered && scene.steered->has_road_map;
+  web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
   web.precision = parse_map_precision(options.precision);
   web.camera = scene.camera;
+  web.is_of_session = !options.session.empty();
   web.style = scene.style;
   web.has_window = scene.has_window;
-  if (scene.style.sampling.compositing != Compositing::path)
-    session.say({"a page adds up shells by the path in each; the session's walls are not exported"});
+  if (!is_gltf(options.output) && scene.style.sampling != SampleOptions{})
+    session.say(
+        {"a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
+         "shells are not exported"});
   return web;
 }
 
@@ -145,8 +170,8 @@ std::string still_png(const WebSession& web) {
   Renderer renderer;
   renderer.set_map(web.map);
   std::vector<Surface> surfaces;
-  for (const auto& surface : {web.vessels, web.catheter})
-    if (surface) surfaces.push_back(*surface);
+  if (web.vessels && web.shows_vessels) surfaces.push_back(*web.vessels);
+  if (web.catheter) surfaces.push_back(*web.catheter);
   renderer.set_surfaces(surfaces);
   const View view = view_of(web.camera, bounds_of(web.map->geometry), kWidth, kHeight);
   Style style = web.style;
@@ -157,6 +182,7 @@ std::string still_png(const WebSession& web) {
 
 void export_session(const ExportArguments& options, Session& session) {
   check_output(options);
+  check_applies(options);
   WebSession web = gather(options, session);
   std::string bytes;
   if (is_gltf(options.output)) {
@@ -184,6 +210,7 @@ void add_export(CLI::App& app, Session& session) {
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
       "  xraycast export --session operation.json -o page.html",
       [options, &session] { export_session(*options, session); });
+  options->command = command;
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
       ->add_option("-o,--output", options->output,
@@ -203,7 +230,7 @@ void add_export(CLI::App& app, Session& session) {
       ->check(CLI::IsMember({"byte", "half"}))
       ->capture_default_str()
       ->type_name("NAME");
-  command->add_option("--title", options->title, "The page's title; default: the map's name")
+  command->add_option("--title", options->title, "The page's title (default: Fluoroscopy)")
       ->type_name("TEXT");
   command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
       ->type_name("FILE");

@@ -1,8 +1,9 @@
 // Builds page.html, or the file that is named: the template with style and program in it. Nothing is fetched.
 import { build } from "esbuild";
 import { readFile, writeFile } from "node:fs/promises";
+import { fileURLToPath } from "node:url";
 
-const here = new URL(".", import.meta.url).pathname;
+const here = fileURLToPath(new URL(".", import.meta.url));
 const bundle = async (entry, loader) => {
   const { outputFiles } = await build({
     absWorkingDir: here, entryPoints: [entry], bundle: true, minify: true, write: false, target: "es2022", format: "iife",

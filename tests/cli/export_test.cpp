@@ -71,9 +71,26 @@ class Export : public testing::Test {
       branch.points = {{{x, 0, -90}, 3}, {{x, 0, 90}, 3}};
       write_tree(VesselTree({std::move(branch)}, "tube"), folder_ / name / "tree.vtp");
     }
+    std::string points;
+    for (int i = 0; i <= 5000; ++i) points += "0,0," + std::to_string(i) + "\n";
+    write_bytes(folder_ / "long_catheter.csv", points);
     write_bytes(folder_ / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n0.2,20,0\n");
     write_bytes(folder_ / "long.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n601,20,0\n");
     write_bytes(folder_ / "deep.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n20,5000,0\n");
+  }
+
+  /// As the viewer saves one with a catheter in the vessels.
+  void write_session(const Json& simulation, const Json& style = Json::object()) const {
+    Json session{
+        {"xraycast_session", 1},
+        {"files", {{"map", "map.exr"}, {"vessels", "vessels"}}},
+        {"simulation", {{"nodes_mm", {{0, 0, -90}, {0, 1, -60}, {0, 0, -30}, {0, 0, 0}}}, {"radius_mm", 1}}},
+        {"camera", {{"angle_deg", 30}, {"tilt_deg", 10}, {"table_mm", 5}, {"zoom", 1.5}}},
+        {"style",
+         {{"look", "fluoro"}, {"compositing", "path"}, {"continuous", true}, {"strengths", Json::array()}}}};
+    session["simulation"].update(simulation);
+    session["style"].update(style);
+    write_bytes(folder_ / "session.json", session.dump());
   }
 
   TemporaryFolder folder_;
@@ -115,6 +132,18 @@ TEST_F(Export, SimulatesTheRunAgain) {
   EXPECT_EQ(written(line, "run.html"), page);
 }
 
+TEST_F(Export, BeginsTheRunAtTheScriptsFirstPose) {
+  write_map(small_map());
+  write_vessels();
+  write_bytes(folder_ / "deeper.csv", "time_s,insertion_mm,rotation_deg\n0,60,0\n0.1,62,0\n");
+  write_bytes(folder_ / "held.csv", "time_s,insertion_mm,rotation_deg\n0,60,0\n");
+  const std::string model = " --vessels @/vessels --device-model microcatheter-27f -o @/run.html --script ";
+  const Json run = header_of(written("@/map.exr" + model + "@/deeper.csv", "run.html"))["run"];
+  EXPECT_EQ(run["pictures"], 2);
+  EXPECT_NE(run["force_N"][0], 0);  // it has been pushed in
+  EXPECT_EQ(header_of(written("@/map.exr" + model + "@/held.csv", "run.html"))["run"]["pictures"], 1);
+}
+
 TEST_F(Export, ShowsASessionAsItWasSaved) {
   write_map(small_map());
   write_vessels();
@@ -132,14 +161,44 @@ TEST_F(Export, ShowsASessionAsItWasSaved) {
   EXPECT_EQ(header["look"], "surface");
   EXPECT_EQ(header["window"]["gamma"], 1.2);
   EXPECT_EQ(header["layer_weights"], Json({1, 0}));
-  EXPECT_EQ(header["run"]["pictures"], 1);  // the catheter as it stood
+  EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no film
 }
 
-TEST_F(Export, NamesNoFileOfThisMachineInThePage) {
+TEST_F(Export, NamesNoFileOfThisMachine) {
   BodyMap map = small_map();
   map.source = "NRRD /home/somebody/patient.nrrd";
-  write_map(map);
-  EXPECT_THAT(written("@/map.exr -o @/page.html", "page.html"), Not(HasSubstr("somebody")));
+  write_body_map(map, folder_ / "Doe_John_1950.exr");
+  for (const char* name : {"page.html", "scene.glb"}) {
+    const std::string file = written("@/Doe_John_1950.exr -o @/" + std::string(name), name);
+    EXPECT_THAT(file, Not(HasSubstr("somebody")));
+    EXPECT_THAT(file, Not(HasSubstr("Doe")));
+  }
+}
+
+TEST_F(Export, KeepsASessionsCatheterAndItsOutline) {
+  write_map(small_map());
+  write_vessels();
+  write_session({{"road_map", false}});
+  const Json header = header_of(written("--session @/session.json -o @/page.html", "page.html"));
+  EXPECT_TRUE(header["run"].is_null());
+  EXPECT_GT(header["catheter"]["triangles"], 100);
+  EXPECT_EQ(header["shows_vessels"], false);
+  EXPECT_EQ(header["shows_road_map"], false);
+  EXPECT_EQ(header["full_contrast"], false);
+  EXPECT_EQ(header["is_of_session"], true);
+  write_session({{"road_map", true}});
+  EXPECT_EQ(header_of(written("--session @/session.json -o @/page.html", "page.html"))["shows_road_map"],
+            true);
+}
+
+TEST_F(Export, SaysWhichShellsOfASessionItCannotKeep) {
+  write_map(small_map());
+  write_vessels();
+  write_session({{"road_map", false}});
+  EXPECT_THAT(run("--session @/session.json -o @/page.html").err, Not(HasSubstr("not exported")));
+  write_session({{"road_map", false}}, {{"continuous", false}});
+  EXPECT_THAT(run("--session @/session.json -o @/page.html").err,
+              HasSubstr("constant shells are not exported"));
 }
 
 TEST_F(Export, WritesGltfWithoutTheMap) {
@@ -198,7 +257,7 @@ const BadExport kBadExports[] = {
      "there are no vessels to steer in; give --vessels too"},
     {"RunInVesselsOfAnotherScan", "@/map.exr --vessels @/elsewhere --script @/push.csv -o @/page.html",
      "lies outside the body map; give the vessels of the scan that was cast"},
-    {"RunOfAnotherTree",
+    {"RunDeeperThanTheInstrument",
      "@/map.exr --vessels @/vessels --script @/deep.csv --device-model microcatheter-27f -o @/page.html",
      "deep.csv"},
     {"RunTooLong", "@/map.exr --vessels @/vessels --script @/long.csv -o @/page.html",
@@ -211,12 +270,33 @@ const BadExport kBadExports[] = {
     {"TooManyAngles", "@/map.exr -o @/page.html",
      "2048 angles, but a page holds at most 2047; cast it with --angles 2047",
      [](BodyMap& map) { map = small_map(2, 2048); }},
-    {"TooManyRows", "@/map.exr -o @/page.html", "8193 rows, but a page holds at most 8192; cast fewer slices",
-     [](BodyMap& map) { map.geometry.height = 8193; }},
-    {"CurvedAxis", "@/map.exr -o @/page.html", "a page shows cylinder maps about a straight axis",
+    {"TooManyTexels", "@/map.exr -o @/page.html",
+     "of 2047 x 4000 texels, but a page holds at most 2 of them; cast it with --layers 2",
+     [](BodyMap& map) {
+       map = small_map(3, 2047);
+       map.geometry.height = 4000;
+     }},
+    {"TooManyRows", "@/map.exr -o @/page.html", "8193 rows, one a slice, but a page holds at most 8192",
+     [](BodyMap& map) {
+       map = small_map(1, 4);
+       map.geometry.height = 8193;
+     }},
+    {"CurvedAxis", "@/map.exr -o @/page.html",
+     "a page shows maps about a straight axis alone; cast it without --centre-line",
      [](BodyMap& map) {
        map.geometry.centre_mm.assign(40, {1, 2});
      }},
+    {"Spheres", "@/map.exr -o @/page.html",
+     "a page shows cylinder maps alone; cast it with --projection cylinder",
+     [](BodyMap& map) { map.geometry.projection = Projection::sphere; }},
+    {"TooManyControlPoints", "@/map.exr --catheter @/long_catheter.csv -o @/page.html",
+     "long_catheter.csv: more than 5000 lines, but an export holds a catheter of at most 5000 control "
+     "points; give fewer"},
+    {"PrecisionOfAScene", "@/map.exr --precision half -o @/page.glb", "--precision does not apply to"},
+    {"InstrumentWithoutRun", "@/map.exr --device-model cobra-5f -o @/page.html",
+     "--device-model does not apply without a run; leave it out or give --script too"},
+    {"EntryWithoutRun", "@/map.exr --entry nonsense -o @/page.html",
+     "--entry does not apply without a run; leave it out or give --script too"},
 };
 
 INSTANTIATE_TEST_SUITE_P(Export, BadExports, testing::ValuesIn(kBadExports),

@@ -202,19 +202,6 @@ TEST(FluoroscopeLimits, ElectronicNoiseIsThatOfTheDetectorsPixelsWhateverThePict
   }
 }
 
-TEST(FluoroscopeLimits, ATechniqueByHandHasTheGainOfAnAutomaticOne) {
-  constexpr int kSide = 32;
-  for (const std::string& name : CArm::preset_names()) {
-    FluoroscopyOptions options = options_with("quanta,electronics", name.c_str());
-    Fluoroscope automatic(options, square_view(kSide, 0.308), ten_per_metre());
-    automatic.settle(slab(25, kSide));
-    options.kvp = automatic.technique().kvp;
-    options.mas = automatic.technique().mas;
-    Fluoroscope by_hand(options, square_view(kSide, 0.308), ten_per_metre());
-    EXPECT_EQ(by_hand.expose(slab(25, kSide)).codes, automatic.expose(slab(25, kSide)).codes) << name;
-  }
-}
-
 // ---- exposure -----------------------------------------------------------------------------------------
 
 TEST(FluoroscopeLimits, SmallPicturesAndFieldsAreExposedAsLargeOnes) {

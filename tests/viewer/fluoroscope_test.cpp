@@ -61,7 +61,7 @@ MeanAndVariance statistics_of(const std::vector<float>& values) {
 
 TEST(Fluoroscope, QuantaHaveTheSignalToNoiseRatioOfTheDetectedSpectrum) {
   for (const double water_cm : {0.0, 10.0, 20.0, 30.0})
-    for (const double quanta : {10.0, 100.0, 1000.0, 10000.0}) {
+    for (const double quanta : {5.0, 10.0, 100.0, 1000.0, 10000.0, 50000.0}) {
       FluoroscopyOptions options = options_with("quanta");
       options.kvp = 80;
       const DetectedSpectrum spectrum(open_beam(options.c_arm, 80), options.c_arm.detector);

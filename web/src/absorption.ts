@@ -132,6 +132,9 @@ function tau_of(crossings: Crossings, pixel: number, surfaces: readonly Surface[
   return sum;
 }
 
+/** The pixels that a surface covers, whatever it holds. */
+export const covered_by = (surface: Surface, view: View): Absorbed | null => absorbed_by([{ ...surface, mu_per_mm: 1 }], view);
+
 /** What surfaces absorb in a view; none where nothing is seen of them. */
 export function absorbed_by(surfaces: readonly Surface[], view: View): Absorbed | null {
   const points = surfaces.map((surface) => projected(surface.mesh.points_mm, view)), box = box_of(points, view);

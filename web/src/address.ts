@@ -1,4 +1,5 @@
 // The address says the view: #lao=30&cranial=10&zoom=1.5&table=20&look=fluoro&t=4.2&ui=0
+import type { GreyWindow } from "./grey_window";
 import type { State } from "./state";
 
 /** The number of a field, if it is one. */
@@ -10,6 +11,14 @@ function number_in(fields: URLSearchParams, name: string): number | undefined {
 function flag_in(fields: URLSearchParams, name: string): boolean | undefined {
   const value = number_in(fields, name);
   return value === undefined ? undefined : value !== 0;
+}
+
+/** `auto`, or scale, dark and light; `otherwise` where it is neither. */
+function window_in(text: string | null, first: State, otherwise: GreyWindow | null): GreyWindow | null {
+  if (text === "auto") return null;
+  const [scale = NaN, dark = NaN, light = NaN, ...more] = text?.split(",").map(Number) ?? [];
+  const is_window = Number.isFinite(scale) && scale > 0 && dark >= 0 && light > dark && light <= 1 && more.length === 0;
+  return is_window ? { scale, dark, light, gamma: first.window?.gamma ?? 1, inverted: false } : otherwise;
 }
 
 /** `first`, but for what an address says. Fields that cannot be read are passed over. */
@@ -28,31 +37,33 @@ export function state_of(hash: string, first: State): State {
   state.is_bare = flag_in(fields, "ui") === false;
   const hidden = fields.get("hide");
   if (hidden !== null) state.hidden_layers = hidden.split(",").map((k) => Number(k) - 1).filter((k) => Number.isInteger(k) && k >= 0);
-  const grey = fields.get("window")?.split(",").map(Number) ?? [];
-  const [scale, dark, light] = grey;
-  if (grey.length === 3 && scale! > 0 && dark! >= 0 && light! > dark! && light! <= 1)
-    state.window = { scale: scale!, dark: dark!, light: light!, gamma: first.window?.gamma ?? 1, inverted: state.inverted };
+  state.window = window_in(fields.get("window"), first, state.window);
   return state;
 }
 
 const short = (x: number, digits: number) => String(Number(x.toFixed(digits)));
+const precise = (x: number) => String(Number(x.toPrecision(6)));
+
+const window_text = (window: GreyWindow | null) => (window ? [window.scale, window.dark, window.light].map(precise).join() : "auto");
+
+/** A time that is not before `time_s`, where a picture begins. */
+const time_text = (time_s: number) => short(Math.ceil(1000 * time_s - 1e-6) / 1000, 3);
 
 /** The address of a state, without what is as it was first. */
 export function hash_of(state: State, first: State): string {
-  const { camera } = state, fields: string[] = [];
-  const add = (name: string, value: string, is_new: boolean) => is_new && fields.push(`${name}=${value}`);
-  fields.push(`lao=${short(camera.lao_deg, 2)}`);
-  add("cranial", short(camera.cranial_deg, 2), camera.cranial_deg !== 0);
-  add("zoom", short(camera.zoom, 3), camera.zoom !== 1);
-  add("table", short(camera.table_mm, 1), camera.table_mm !== 0);
-  add("look", state.look, state.look !== first.look);
-  add("t", short(state.time_s, 2), state.time_s !== 0);
-  add("inverted", state.inverted ? "1" : "0", state.inverted !== first.inverted);
-  add("vessels", state.shows_vessels ? "1" : "0", state.shows_vessels !== first.shows_vessels);
-  add("roadmap", state.shows_road_map ? "1" : "0", state.shows_road_map !== first.shows_road_map);
-  add("hide", state.hidden_layers.map((k) => k + 1).join(","), state.hidden_layers.join() !== first.hidden_layers.join());
-  if (state.window && state.window !== first.window)
-    fields.push(`window=${short(state.window.scale, 4)},${short(state.window.dark, 4)},${short(state.window.light, 4)}`);
+  const fields: string[] = [];
+  const add = (name: string, text_of: (state: State) => string) => text_of(state) !== text_of(first) && fields.push(`${name}=${text_of(state)}`);
+  fields.push(`lao=${short(state.camera.lao_deg, 2)}`);
+  add("cranial", ({ camera }) => short(camera.cranial_deg, 2));
+  add("zoom", ({ camera }) => short(camera.zoom, 3));
+  add("table", ({ camera }) => short(camera.table_mm, 1));
+  add("look", ({ look }) => look);
+  add("t", ({ time_s }) => time_text(time_s));
+  add("inverted", ({ inverted }) => (inverted ? "1" : "0"));
+  add("vessels", ({ shows_vessels }) => (shows_vessels ? "1" : "0"));
+  add("roadmap", ({ shows_road_map }) => (shows_road_map ? "1" : "0"));
+  add("hide", ({ hidden_layers }) => hidden_layers.map((k) => k + 1).join());
+  add("window", ({ window }) => window_text(window));
   if (state.is_bare) fields.push("ui=0");
   return `#${fields.join("&")}`;
 }

@@ -1,4 +1,5 @@
-// The pose of C-arm and table, and its limits, as in the viewer (viewer/xraycast/sampling/camera.hpp).
+// The pose of C-arm and table, within the limits of the viewer.
+import type { ViewerHeader } from "./data";
 import { clamp } from "./vectors";
 import { Bounds, Cone, View, fitting_pixel_mm, wrapped_degrees } from "./view";
 
@@ -9,29 +10,30 @@ export interface Camera {
   table_mm: number; // the picture's centre above mid-height
 }
 
-export const kPresets: readonly { name: string; lao_deg: number }[] = [
-  { name: "AP", lao_deg: 0 }, { name: "LAO 45", lao_deg: 45 }, { name: "RAO 30", lao_deg: -30 }, { name: "Lateral", lao_deg: 90 },
-];
-
-const kMinZoom = 0.25, kMaxZoom = 40, kMaxTilt_deg = 50;
-
-/** Within the limits of a C-arm and the body. */
-export function limited(camera: Camera, bounds: Bounds): Camera {
-  return {
+/** Within the limits of a C-arm and the body; the same object where it is within them. */
+export function limited(camera: Camera, bounds: Bounds, viewer: ViewerHeader): Camera {
+  const within: Camera = {
     lao_deg: wrapped_degrees(camera.lao_deg),
-    cranial_deg: clamp(camera.cranial_deg, -kMaxTilt_deg, kMaxTilt_deg),
-    zoom: clamp(camera.zoom, kMinZoom, kMaxZoom),
+    cranial_deg: clamp(camera.cranial_deg, -viewer.most_tilt_deg, viewer.most_tilt_deg),
+    zoom: clamp(camera.zoom, viewer.least_zoom, viewer.most_zoom),
     table_mm: clamp(camera.table_mm, -bounds.half_height_mm, bounds.half_height_mm),
   };
+  const is_same = (Object.keys(within) as (keyof Camera)[]).every((field) => within[field] === camera[field]);
+  return is_same ? camera : within;
 }
 
-/** The camera's view of a body; at zoom 1 all of it fits, as `xraycast render` frames it. */
-export function view_of(camera: Camera, cone: Cone | null, bounds: Bounds, width: number, height: number): View {
+/** What fits at zoom 1: the picture that is not tilted, so that tilting does not zoom, as in the viewer and in `render --session`;
+ * or the tilted one, as in `render --tilt`. */
+export type Fit = "untilted" | "tilted";
+
+/** The camera's view of a body. */
+export function view_of(camera: Camera, cone: Cone | null, bounds: Bounds, width: number, height: number, fit: Fit): View {
   const [x, y, z] = bounds.centre_mm;
   const view = {
     angle_rad: (camera.lao_deg * Math.PI) / 180, tilt_rad: (camera.cranial_deg * Math.PI) / 180, cone,
     centre_mm: [x, y, z] as const, width, height,
   };
-  const pixel_mm = fitting_pixel_mm(view, bounds) / camera.zoom;
+  const fitted = fit === "tilted" ? view : { ...view, tilt_rad: 0 };
+  const pixel_mm = fitting_pixel_mm(fitted, bounds) / camera.zoom;
   return { ...view, centre_mm: [x, y, z + camera.table_mm], pixel_mm };
 }

@@ -1,11 +1,11 @@
 // Draws a session in passes, as `xraycast render` does (viewer/xraycast/drawing/renderer.hpp): the body's optical depth; the
 // surfaces, opaque or absorbing; the body in front of opaque ones; and the display, which makes greys of these.
-import { Absorbed, absorbed_by } from "./absorption";
+import { Absorbed, absorbed_by, covered_by } from "./absorption";
 import type { MapGeometry, Surface } from "./data";
-import { Program, Table, Target, Texture, Triangles } from "./gl";
+import { ComingReds, Program, Table, Target, Texture, Triangles } from "./gl";
 import type { GreyWindow } from "./grey_window";
-import { drawn_texels, with_half_the_rows } from "./layers";
-import { normals_of } from "./mesh";
+import { drawn_bands, texel_sizes, with_half_the_rows } from "./layers";
+import { clustered, normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
 import { Sampler } from "./samples";
 import columns_glsl from "./shaders/columns.glsl";
@@ -15,7 +15,8 @@ import near_columns_frag from "./shaders/near_columns.frag";
 import screen_vert from "./shaders/screen.vert";
 import surface_frag from "./shaders/surface.frag";
 import surface_vert from "./shaders/surface.vert";
-import { View, source_mm, to_clip, towards_detector } from "./view";
+import thickness_frag from "./shaders/thickness.frag";
+import { View, magnification_of, source_mm, to_clip, towards_detector } from "./view";
 
 export type Look = "fluoro" | "surface";
 
@@ -24,6 +25,8 @@ export interface Style {
   window: GreyWindow;
   full_contrast: boolean; // surfaces keep the contrast that the window takes from the body
   detail: Detail;
+  outlined: Surface | null; // in pictures of a motion
+  outline_colour: readonly number[]; // 0 to 255
 }
 
 /** How finely the body is drawn. */
@@ -41,13 +44,11 @@ const kSampled = { map_texels: 0, column_table: 1, sample_table: 2 }; // texture
 /** A map on the graphics device. */
 class DeviceMap {
   readonly texels: Texture;
-  constructor(gl: WebGL2RenderingContext, readonly map: MapGeometry, private readonly tau: Float32Array) {
+  constructor(gl: WebGL2RenderingContext, readonly map: MapGeometry, tau: Float32Array) {
     this.texels = new Texture(gl, gl.RGBA16F, gl.TEXTURE_2D_ARRAY);
-  }
-
-  set_weights(weights: readonly number[]): void {
-    const { layers, columns, quads, values } = drawn_texels(this.map, this.tau, weights);
-    this.texels.fill_layers(values, quads, columns, layers);
+    const { layers, columns, quads } = texel_sizes(map);
+    this.texels.resize_layers(quads, columns, layers);
+    for (const band of drawn_bands(map, tau)) this.texels.fill_layers(band.values, band.first_quad, band.quads, columns, layers);
   }
 }
 
@@ -121,19 +122,27 @@ class BodyPicture {
   }
 }
 
+const kMostMeshes = 6; // on the device: vessels and a catheter, also as clusters, and the run's, which moves
+const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
+const kCluster_mm = 1.5; // of surfaces in pictures of a motion, where that is less than two pixels
+
 export class Renderer {
-  private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program };
+  private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program; thickness: Program };
   private readonly whole: DeviceMap;
   private readonly halved: DeviceMap; // of half the rows, for pictures of a motion
   private readonly body: BodyPicture;
   private readonly quick_body: BodyPicture;
   private readonly coarse_body: BodyPicture; // for automatic windows
   private readonly quick_coarse_body: BodyPicture;
+  private readonly sampler: Sampler;
   private readonly absorbed: Texture;
+  private readonly thickness: Target; // of closed surfaces, in pictures of a motion
+  private readonly adds_floats: boolean;
   private readonly opaque: Target;
   private readonly near: Target;
   private readonly tau_target: Target;
   private readonly no_vertices: WebGLVertexArrayObject;
+  private readonly clusters = new WeakMap<Surface, Surface>();
   private readonly triangles = new Map<Surface["mesh"], Triangles>();
   private last_absorbed: { key: string; surfaces: readonly Surface[]; absorbed: Absorbed | null } | null = null;
   private last_covered: { key: string; absorbed: Absorbed | null } | null = null;
@@ -146,8 +155,10 @@ export class Renderer {
       near_columns: new Program(gl, screen_vert, columns_glsl + near_columns_frag),
       display: new Program(gl, screen_vert, display_frag),
       surface: new Program(gl, surface_vert, surface_frag),
+      thickness: new Program(gl, surface_vert, thickness_frag),
     };
-    const sampler = new Sampler(map);
+    this.adds_floats = gl.getExtension("EXT_float_blend") !== null;
+    const sampler = (this.sampler = new Sampler(map));
     const half = with_half_the_rows(map, tau);
     this.whole = new DeviceMap(gl, map, tau);
     this.halved = new DeviceMap(gl, half.map, half.tau);
@@ -156,6 +167,7 @@ export class Renderer {
     this.coarse_body = new BodyPicture(gl, this.whole, sampler);
     this.quick_coarse_body = new BodyPicture(gl, this.halved, sampler);
     this.absorbed = new Texture(gl, gl.R32F);
+    this.thickness = new Target(gl, [gl.RG32F]);
     this.opaque = new Target(gl, [gl.RGBA8, gl.R32F], true);
     this.near = new Target(gl, [gl.R32F]);
     this.tau_target = new Target(gl, [gl.R32F]);
@@ -164,13 +176,14 @@ export class Renderer {
 
   /** One weight per layer, 0 hides it; none: 1 everywhere. */
   set_weights(weights: readonly number[]): void {
-    for (const map of [this.whole, this.halved]) map.set_weights(weights);
+    this.sampler.set_weights(weights);
     for (const body of [this.body, this.quick_body, this.coarse_body, this.quick_coarse_body]) body.forget();
   }
 
   /** The picture, on the canvas. */
   draw(view: View, surfaces: readonly Surface[], style: Style): void {
-    const is_quick = style.detail === kQuick && view.pixel_mm > this.whole.map.row_mm, body = is_quick ? this.quick_body : this.body;
+    const { row_mm } = this.whole.map, at_axis_mm = view.pixel_mm / magnification_of(view);
+    const body = style.detail === kQuick && at_axis_mm > row_mm ? this.quick_body : this.body;
     this.draw_passes(body, view, surfaces, style);
     this.gl.bindFramebuffer(this.gl.FRAMEBUFFER, null);
     this.gl.viewport(0, 0, view.width, view.height);
@@ -179,13 +192,13 @@ export class Renderer {
 
   /** The optical depths of a small picture of the same, in any order. */
   coarse_tau(view: View, surfaces: readonly Surface[], style: Style): Float32Array {
-    this.draw_coarse(this.coarse_body, view, surfaces, { ...style, detail: kFull });
+    this.draw_coarse(this.coarse_body, view, surfaces, { ...style, detail: kFull, outlined: null });
     return this.tau_target.red();
   }
 
   /** Nearly the same, once the device has drawn it; none before. */
-  coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): () => Float32Array | null {
-    this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick });
+  coarse_tau_later(view: View, surfaces: readonly Surface[], style: Style): ComingReds {
+    this.draw_coarse(this.quick_coarse_body, view, surfaces, { ...style, detail: kQuick, outlined: null });
     return this.tau_target.red_later();
   }
 
@@ -204,7 +217,7 @@ export class Renderer {
   /** What one surface alone absorbs in a view; kept until that changes. */
   covered_by(view: View, surface: Surface): Absorbed | null {
     const key = JSON.stringify(view);
-    if (this.last_covered?.key !== key) this.last_covered = { key, absorbed: absorbed_by([surface], view) };
+    if (this.last_covered?.key !== key) this.last_covered = { key, absorbed: covered_by(surface, view) };
     return this.last_covered.absorbed;
   }
 
@@ -227,9 +240,33 @@ export class Renderer {
   private draw_passes(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style): void {
     this.gl.bindVertexArray(this.no_vertices);
     body.draw(view, style.detail, this.programs.columns);
+    if (this.adds_up(surfaces, style)) this.draw_thickness(view, surfaces, style);
     if (surfaces.length === 0) return;
     if (style.look === "surface") this.draw_opaque(body, view, surfaces);
-    else this.draw_absorption(view, surfaces);
+    else if (!this.adds_up(surfaces, style)) this.draw_absorption(view, surfaces);
+  }
+
+  /** Whether pictures of a motion add up the surfaces' thickness on the device: nearly what they absorb, and soon. */
+  adds_up(surfaces: readonly Surface[], { detail, outlined }: Style): boolean {
+    return detail === kQuick && this.adds_floats && [...surfaces, ...(outlined ? [outlined] : [])].every((surface) => surface.is_closed);
+  }
+
+  private draw_thickness(view: View, surfaces: readonly Surface[], { look, outlined }: Style): void {
+    const { gl } = this, absorbing = look === "fluoro" ? surfaces : [], at_axis_mm = view.pixel_mm / magnification_of(view);
+    this.thickness.use(view.width, view.height);
+    this.thickness.clear();
+    gl.enable(gl.BLEND);
+    gl.blendFunc(gl.ONE, gl.ONE);
+    for (const surface of new Set(outlined ? [...absorbing, outlined] : absorbing)) {
+      this.programs.thickness.use({
+        to_clip: to_clip(view), towards_detector: towards_detector(view), is_cone: view.cone !== null,
+        origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
+        mu_per_mm: absorbing.includes(surface) ? surface.mu_per_mm : 0, outlined: surface === outlined ? 1 : 0,
+      });
+      this.triangles_of(at_axis_mm > 0.5 * kCluster_mm ? this.clusters_of(surface) : surface).draw();
+    }
+    gl.disable(gl.BLEND);
+    gl.bindVertexArray(this.no_vertices);
   }
 
   private draw_absorption(view: View, surfaces: readonly Surface[]): void {
@@ -239,9 +276,21 @@ export class Renderer {
     if (absorbed) this.absorbed.fill(absorbed.tau, absorbed.x, absorbed.y, absorbed.width, absorbed.height);
   }
 
+  private clusters_of(surface: Surface): Surface {
+    if (surface.mesh.triangles.length < kFewToCluster) return surface;
+    let clusters = this.clusters.get(surface);
+    if (!clusters) this.clusters.set(surface, (clusters = { ...surface, mesh: clustered(surface.mesh, kCluster_mm) }));
+    return clusters;
+  }
+
   private triangles_of(surface: Surface): Triangles {
     let triangles = this.triangles.get(surface.mesh);
-    if (!triangles) {
+    if (triangles) {
+      this.triangles.delete(surface.mesh); // and last again: the first was not drawn for the longest time
+      this.triangles.set(surface.mesh, triangles);
+    } else {
+      const oldest = this.triangles.keys().next().value;
+      if (this.triangles.size >= kMostMeshes && oldest) this.forget_mesh(oldest);
       triangles = new Triangles(this.gl);
       triangles.fill(surface.mesh.points_mm, normals_of(surface.mesh), surface.mesh.triangles);
       this.triangles.set(surface.mesh, triangles);
@@ -251,8 +300,6 @@ export class Renderer {
 
   private draw_opaque(body: BodyPicture, view: View, surfaces: readonly Surface[]): void {
     const { gl } = this;
-    for (const mesh of this.triangles.keys())
-      if (this.triangles.size > 4 && !surfaces.some((surface) => surface.mesh === mesh)) this.forget_mesh(mesh);
     this.opaque.use(view.width, view.height);
     this.opaque.clear();
     gl.enable(gl.DEPTH_TEST);
@@ -283,16 +330,17 @@ export class Renderer {
   }
 
   private display(body: BodyPicture, view: View, surfaces: readonly Surface[], style: Style, gives_tau: boolean): void {
-    const { window } = style, has_surfaces = surfaces.length > 0, contrast = 1 / (window.light - window.dark);
+    const { window } = style, has_surfaces = surfaces.length > 0, adds_up = this.adds_up(surfaces, style), contrast = 1 / (window.light - window.dark);
     this.programs.display.use({
       ...body.display_uniforms(style.detail), view_height: view.height, gives_tau,
       body: 0, absorbed: 1, shade: 2, near_tau: 3,
+      has_outline: adds_up && style.outlined !== null && !gives_tau, outline_colour: style.outline_colour.map((c) => c / 255),
       has_absorbed: has_surfaces && style.look === "fluoro", has_shade: has_surfaces && style.look === "surface",
       weight: !gives_tau && style.full_contrast ? Math.max(1, window.scale) : 1,
       scale: window.scale, contrast, black: window.dark * contrast, gamma: window.gamma, inverted: window.inverted,
     });
     body.bind(0);
-    this.absorbed.bind(1);
+    (adds_up ? this.thickness.textures[0]! : this.absorbed).bind(1);
     this.opaque.textures[0]!.bind(2);
     this.near.textures[0]!.bind(3);
     this.fullscreen();

@@ -45,16 +45,29 @@ interface RunHeader {
   torque_mNm: number[];
 }
 
+/** What the viewer's C-arm can do, and how it draws. */
+export interface ViewerHeader {
+  presets: { name: string; lao_deg: number }[];
+  least_zoom: number;
+  most_zoom: number;
+  most_tilt_deg: number;
+  road_map_colour: [number, number, number]; // 0 to 255
+}
+
 export interface Header {
   format: number;
   title: string;
+  viewer: ViewerHeader;
   map: MapHeader;
   vessels: (MeshHeader & Matter) | null;
   catheter: (MeshHeader & Matter) | null;
   run: RunHeader | null;
   camera: Camera;
   cone: Cone | null;
+  is_of_session: boolean; // its pose is one that a viewer saved
   look: "fluoro" | "surface";
+  shows_vessels: boolean;
+  shows_road_map: boolean;
   full_contrast: boolean;
   window: GreyWindow | null; // none: automatic
   layer_weights: number[];

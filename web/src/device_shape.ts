@@ -8,6 +8,9 @@ const kRingsPerPoint = 3, kSides = 8;
 export const picture_at = (run: Run, time_s: number): number =>
   Math.min(run.pictures - 1, Math.max(0, Math.floor(time_s / run.step_s + 1e-6)));
 
+/** When the picture that is shown at a time begins. */
+export const shown_time_s = (run: Run, time_s: number): number => picture_at(run, time_s) * run.step_s;
+
 export const length_s = (run: Run): number => Math.max(0, (run.pictures - 1) * run.step_s);
 
 export class DeviceShape {

@@ -3,9 +3,14 @@ import type { Run } from "./data";
 import { length_s } from "./device_shape";
 import type { Store } from "./state";
 import { draw_strip, strip_text } from "./strip";
-import { clamp } from "./vectors";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+const kLongestStep_ms = 250; // of a film that was not drawn, as in a hidden tab
+
+/** How far a film goes on between two pictures of the display. */
+export const step_s = (from_ms: number, to_ms: number, speed: number): number =>
+  (speed * Math.min(kLongestStep_ms, Math.max(0, to_ms - from_ms))) / 1000;
 
 export class Film {
   private is_playing = false;
@@ -54,7 +59,7 @@ export class Film {
   }
 
   private show(time_s: number): void {
-    this.store.update({ time_s: clamp(time_s, 0, length_s(this.run)) });
+    this.store.update({ time_s });
   }
 
   private stop(): void {
@@ -63,13 +68,12 @@ export class Film {
   }
 
   private mark(): void {
-    this.play.setAttribute("aria-pressed", String(this.is_playing));
     this.play.textContent = this.is_playing ? "Pause" : "Play";
   }
 
   private advance(now_ms: number): void {
     if (!this.is_playing) return;
-    this.show(this.store.state.time_s + (Number(this.speed.value) * (now_ms - this.last_ms)) / 1000);
+    this.show(this.store.state.time_s + step_s(this.last_ms, now_ms, Number(this.speed.value)));
     this.last_ms = now_ms;
     if (this.store.state.time_s >= length_s(this.run)) return this.stop();
     requestAnimationFrame((ms) => this.advance(ms));

@@ -66,6 +66,7 @@ export class Texture {
   private layout(): [number, number] {
     const { gl, format } = this;
     if (format === gl.R32F) return [gl.RED, gl.FLOAT];
+    if (format === gl.RG32F) return [gl.RG, gl.FLOAT];
     if (format === gl.DEPTH_COMPONENT24) return [gl.DEPTH_COMPONENT, gl.UNSIGNED_INT];
     return [gl.RGBA, format === gl.RGBA8 ? gl.UNSIGNED_BYTE : gl.FLOAT];
   }
@@ -83,9 +84,19 @@ export class Texture {
     this.gl.texSubImage2D(this.target, 0, x, y, width, height, ...this.layout(), values);
   }
 
-  fill_layers(values: Float32Array, width: number, height: number, layers: number): void {
+  /** Throws where there is not enough memory for it. */
+  resize_layers(width: number, height: number, layers: number): void {
+    const { gl } = this;
     this.bind(0);
-    this.gl.texImage3D(this.target, 0, this.format, width, height, layers, 0, ...this.layout(), values);
+    while (gl.getError() !== gl.NO_ERROR && !gl.isContextLost()); // of earlier calls
+    gl.texImage3D(this.target, 0, this.format, width, height, layers, 0, ...this.layout(), null);
+    if (gl.getError() !== gl.NO_ERROR && !gl.isContextLost()) throw new Error("the graphics device has too little memory for the map");
+  }
+
+  /** Columns of texels in all layers. */
+  fill_layers(values: Float32Array, x: number, width: number, height: number, layers: number): void {
+    this.bind(0);
+    this.gl.texSubImage3D(this.target, 0, x, 0, 0, width, height, layers, ...this.layout(), values);
   }
 }
 
@@ -111,6 +122,40 @@ export class Table {
     }
     this.padded.set(values);
     this.texture.fill(this.padded.subarray(0, row * rows), 0, 0, Table.kWidth, rows);
+  }
+}
+
+/** The red channel of the bound framebuffer, on its way. */
+export class ComingReds {
+  private readonly rgba: Float32Array;
+  private readonly buffer: WebGLBuffer;
+  private readonly drawn: WebGLSync;
+
+  constructor(private readonly gl: WebGL2RenderingContext, width: number, height: number) {
+    this.rgba = new Float32Array(4 * width * height);
+    this.buffer = gl.createBuffer()!;
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.buffer);
+    gl.bufferData(gl.PIXEL_PACK_BUFFER, this.rgba.byteLength, gl.STREAM_READ);
+    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, 0);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    this.drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!;
+    gl.flush();
+  }
+
+  /** None until it is drawn, and where it never will be. It is taken once. */
+  take(): Float32Array | null {
+    const { gl } = this, status = gl.clientWaitSync(this.drawn, 0, 0);
+    if (status !== gl.ALREADY_SIGNALED && status !== gl.CONDITION_SATISFIED) return null;
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, this.buffer);
+    gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, this.rgba);
+    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
+    this.drop();
+    return this.rgba.filter((_, i) => i % 4 === 0);
+  }
+
+  drop(): void {
+    this.gl.deleteBuffer(this.buffer);
+    this.gl.deleteSync(this.drawn);
   }
 }
 
@@ -146,27 +191,11 @@ export class Target {
     if (this.depth) gl.clearBufferfv(gl.DEPTH, 0, [1]);
   }
 
-  /** The red channel, in any order, once the device has drawn it: none before. */
-  red_later(): () => Float32Array | null {
-    const { gl } = this, { width, height } = this.textures[0]!, rgba = new Float32Array(4 * width * height);
-    const buffer = gl.createBuffer()!;
+  /** The red channel, in any order, once the device has drawn it. */
+  red_later(): ComingReds {
+    const { gl } = this, { width, height } = this.textures[0]!;
     gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
-    gl.bufferData(gl.PIXEL_PACK_BUFFER, rgba.byteLength, gl.STREAM_READ);
-    gl.readPixels(0, 0, width, height, gl.RGBA, gl.FLOAT, 0);
-    gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
-    const drawn = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0)!;
-    gl.flush();
-    return () => {
-      const status = gl.clientWaitSync(drawn, 0, 0);
-      if (status === gl.TIMEOUT_EXPIRED) return null;
-      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, buffer);
-      gl.getBufferSubData(gl.PIXEL_PACK_BUFFER, 0, rgba);
-      gl.bindBuffer(gl.PIXEL_PACK_BUFFER, null);
-      gl.deleteBuffer(buffer);
-      gl.deleteSync(drawn);
-      return rgba.filter((_, i) => i % 4 === 0);
-    };
+    return new ComingReds(gl, width, height);
   }
 
   /** The same at once, which waits for the device. */

@@ -10,13 +10,6 @@ export interface GreyWindow {
   inverted: boolean;
 }
 
-/** The grey of an optical depth. */
-export function grey_of(window: GreyWindow, tau: number): number {
-  const linear = clamp((Math.exp(-tau / window.scale) - window.dark) / (window.light - window.dark), 0, 1);
-  const bent = linear ** (1 / window.gamma);
-  return window.inverted ? 1 - bent : bent;
-}
-
 /** The value of a sorted list that `share` of the values do not exceed. */
 const quantile = (sorted: Float32Array, share: number): number => sorted[Math.floor(share * (sorted.length - 1))]!;
 

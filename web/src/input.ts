@@ -1,5 +1,4 @@
 // Hands on the picture: mouse, touch, wheel and keys move the C-arm, the table and the grey window.
-import { limited } from "./camera";
 import { dragged } from "./grey_window";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
@@ -26,7 +25,7 @@ export class Hands {
   ) {
     stage.addEventListener("pointerdown", (event) => this.press(event));
     stage.addEventListener("pointermove", (event) => this.move(event));
-    for (const end of ["pointerup", "pointercancel"] as const) stage.addEventListener(end, (event) => this.fingers.delete(event.pointerId));
+    for (const end of ["pointerup", "pointercancel", "lostpointercapture"] as const) stage.addEventListener(end, (event) => this.fingers.delete(event.pointerId));
     stage.addEventListener("contextmenu", (event) => event.preventDefault());
     stage.addEventListener("wheel", (event) => this.wheel(event), { passive: false });
     document.addEventListener("keydown", (event) => this.key(event));
@@ -46,7 +45,7 @@ export class Hands {
   }
 
   private move_camera(change: Partial<Store["state"]["camera"]>): void {
-    this.store.update({ camera: limited({ ...this.store.state.camera, ...change }, this.bounds) });
+    this.store.update({ camera: { ...this.store.state.camera, ...change } });
   }
 
   private press(event: PointerEvent): void {
@@ -97,6 +96,9 @@ export class Hands {
     const target = event.target as HTMLElement;
     if (event.ctrlKey || event.metaKey || event.altKey || target.matches("input, select")) return;
     if (event.key === " " && target.matches("button, summary")) return;
+    const is_on_picture = this.stage.contains(target) || target === document.body, page = document.documentElement;
+    const scrolls = page.scrollHeight > page.clientHeight && /^(Arrow|Page)/.test(event.key);
+    if (scrolls && !is_on_picture) return;
     const { state } = this.store, degrees = event.shiftKey ? 1 : 5, page_mm = 0.1 * this.bounds.half_height_mm;
     const keys: Record<string, () => void> = {
       ArrowLeft: () => this.turn(degrees, 0), ArrowRight: () => this.turn(-degrees, 0),

@@ -1,15 +1,14 @@
 // Opens the page: reads the session, and connects the picture with what moves it.
 import { hash_of, state_of } from "./address";
-import { limited } from "./camera";
 import { Header, SessionData, session_of } from "./data";
-import { length_s } from "./device_shape";
+import { shown_time_s } from "./device_shape";
 import { Film } from "./film";
 import { Actions, Hands } from "./input";
 import { draw_overlay } from "./overlay";
 import { Picture } from "./picture";
+import { Notes } from "./notes";
 import { State, Store, first_state } from "./state";
 import { Tools } from "./tools";
-import { clamp } from "./vectors";
 import { label_of } from "./view";
 
 const kRest_ms = 150; // without a move, after which the picture is drawn fully
@@ -18,19 +17,10 @@ const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const stage = element("stage"), canvas = element<HTMLCanvasElement>("picture"), overlay = element<HTMLCanvasElement>("overlay");
 
-function note(words: string): void {
+const notes = new Notes((words) => {
   element("note").textContent = words;
   element("note").hidden = words === "";
-}
-
-/** The state that the address asks for, within its limits. */
-function asked_state(data: SessionData): State {
-  const state = state_of(location.hash, first_state(data));
-  if (state.look === "surface" && !data.vessels && !data.catheter && !data.run) state.look = "fluoro";
-  return {
-    ...state, camera: limited(state.camera, data.map.bounds), time_s: data.run ? clamp(state.time_s, 0, length_s(data.run)) : 0,
-  };
-}
+});
 
 /** Draws when something has changed, at most once a frame of the display. */
 class Page {
@@ -39,7 +29,9 @@ class Page {
   private is_due = false;
   private is_lost = false;
   private moved_ms = -Infinity;
+  private has_moved = false; // since the last picture, which may be long ago on a slow device
   private pictures = 0;
+  private rest_timer = 0;
 
   constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture) {
     const actions: Actions = {
@@ -56,19 +48,27 @@ class Page {
     this.tools = new Tools(data, store, hands, actions);
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
-    addEventListener("hashchange", () => store.update(asked_state(data)));
+    addEventListener("hashchange", () => store.update(state_of(location.hash, store.first)));
     new ResizeObserver(() => this.draw()).observe(stage); // before the resized page is painted
     matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.film?.draw());
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
-    for (const shown of [canvas, overlay]) shown.hidden = false;
+    this.show_picture(true);
     this.draw();
-    element("still").hidden = true;
-    note("");
+    notes.state("");
+  }
+
+  /** The picture, or else the still one. */
+  private show_picture(is_drawn: boolean): void {
+    for (const shown of [canvas, overlay]) shown.hidden = !is_drawn;
+    element("still").hidden = is_drawn;
   }
 
   private changed(state: State, before: State): void {
-    if (state.camera !== before.camera || state.window !== before.window) this.moved_ms = performance.now();
+    if (state.camera !== before.camera || state.window !== before.window) {
+      this.moved_ms = performance.now();
+      this.has_moved = true;
+    }
     if (state.is_bare !== before.is_bare) document.body.classList.toggle("bare", state.is_bare);
     this.tools.show(state);
     if (state.time_s !== before.time_s) this.film?.draw();
@@ -95,13 +95,15 @@ class Page {
   private draw(): void {
     if (this.is_lost) return;
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
-    const is_moving = rest_ms < kRest_ms && !state.is_bare;
-    this.picture.draw(state, is_moving);
-    const view = this.picture.view(state);
-    if (!state.is_bare) draw_overlay(overlay, view, state.shows_road_map ? this.picture.vessels_in(view) : null, scale);
+    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare;
+    this.has_moved = false;
+    const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
+    const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
+    draw_overlay(overlay, view, outlined, scale, !state.is_bare);
     this.describe(state);
     document.documentElement.dataset.pictures = String(++this.pictures);
-    if (is_moving) setTimeout(() => this.request(), kRest_ms - rest_ms + 1);
+    clearTimeout(this.rest_timer);
+    if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
   }
 
   private describe(state: State): void {
@@ -119,28 +121,25 @@ class Page {
   }
 
   private async copy_link(): Promise<void> {
-    const hash = hash_of(this.store.state, this.store.first), link = location.href.replace(/#.*$/, "") + hash;
+    const { run } = this.data, { state } = this.store;
+    const hash = hash_of({ ...state, time_s: run ? shown_time_s(run, state.time_s) : 0 }, this.store.first), link = location.href.replace(/#.*$/, "") + hash;
     history.replaceState(null, "", hash);
     try {
       await navigator.clipboard.writeText(link);
-      this.tell("The link to this view is copied.");
+      notes.tell("The link to this view is copied.");
     } catch {
-      this.tell("The link to this view is in the address bar.");
+      notes.tell("The link to this view is in the address bar.");
     }
-  }
-
-  private tell(words: string): void {
-    note(words);
-    setTimeout(() => note(""), 2500);
   }
 
   /** The picture as it is shown, with letters and bar unless it is bare. */
   private save_picture(): void {
+    if (this.is_lost) return notes.tell("There is no picture to save until the graphics device is back.");
     this.picture.draw(this.store.state, false);
     const whole = document.createElement("canvas"), context = whole.getContext("2d")!;
     Object.assign(whole, { width: canvas.width, height: canvas.height });
     context.drawImage(canvas, 0, 0);
-    if (!this.store.state.is_bare) context.drawImage(overlay, 0, 0);
+    context.drawImage(overlay, 0, 0);
     whole.toBlob((blob) => {
       const link = document.createElement("a");
       link.href = URL.createObjectURL(blob!);
@@ -153,24 +152,33 @@ class Page {
   private lose(event: Event): void {
     event.preventDefault();
     this.is_lost = true;
-    note("The graphics device is lost; the picture comes back with it.");
+    notes.state("The graphics device is lost; the picture comes back with it.");
   }
 
   private restore(): void {
-    this.picture.restore();
-    this.is_lost = false;
-    note("");
-    this.draw();
+    try {
+      this.picture.restore();
+      this.is_lost = false;
+      this.draw();
+      this.show_picture(true);
+      notes.state("");
+    } catch (error) {
+      this.is_lost = true;
+      this.show_picture(false);
+      notes.state(`This is a still picture: ${(error as Error).message}.`);
+    }
   }
 }
 
 async function open(): Promise<void> {
-  const header = JSON.parse(element("session").textContent!) as Header;
-  const data = await session_of(header, element("data").textContent!.trim());
-  const store = new Store(asked_state(data), first_state(data));
+  notes.state("Opening the session …");
+  const header = JSON.parse(element("session").textContent!) as Header, packed = element("data").textContent!.trim();
+  element("data").remove(); // as long as the file: its memory is needed
+  const data = await session_of(header, packed), first = first_state(data);
+  const store = new Store(state_of(location.hash, first), first, data);
   const picture = Picture.on(canvas, data);
-  if (!picture) return note("This browser has no WebGL 2, so this is a still picture.");
+  if (!picture) return notes.state("This browser has no WebGL 2, so this is a still picture.");
   new Page(data, store, picture);
 }
 
-open().catch((error: Error) => note(`This is a still picture: ${error.message}.`));
+open().catch((error: Error) => notes.state(`This is a still picture: ${error.message}.`));

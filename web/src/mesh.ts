@@ -19,6 +19,26 @@ export function normals_of({ points_mm: p, triangles }: Mesh): Float32Array {
   return normals;
 }
 
+/** The same with the points of each cell of a grid moved into their middle, without the triangles that this flattens. A closed
+ * mesh stays closed. */
+export function clustered({ points_mm: p, triangles }: Mesh, cell_mm: number): Mesh {
+  const cells = new Map<string, number>(), cell_of = new Uint32Array(p.length / 3), sums: number[] = [], kept: number[] = [];
+  for (let i = 0; i < cell_of.length; ++i) {
+    const at = [0, 1, 2].map((axis) => p[3 * i + axis]!), key = at.map((x) => Math.floor(x / cell_mm)).join();
+    const cell = cells.get(key) ?? cells.size;
+    if (cell === cells.size) sums.push(0, 0, 0, 0);
+    cells.set(key, cell);
+    cell_of[i] = cell;
+    [...at, 1].forEach((x, k) => (sums[4 * cell + k]! += x));
+  }
+  for (let t = 0; t < triangles.length; t += 3) {
+    const [a, b, c] = [cell_of[triangles[t]!]!, cell_of[triangles[t + 1]!]!, cell_of[triangles[t + 2]!]!];
+    if (a !== b && b !== c && c !== a) kept.push(a, b, c);
+  }
+  const points = Float32Array.from({ length: 3 * cells.size }, (_, i) => sums[4 * Math.floor(i / 3) + (i % 3)]! / sums[4 * Math.floor(i / 3) + 3]!);
+  return { points_mm: points, triangles: Uint32Array.from(kept) };
+}
+
 /** Points of the clamped cubic B-spline with these control points, `per_point` for each of them. */
 export function curve_points(controls: readonly Vec3[], per_point: number): Vec3[] {
   const spans = controls.length - 3, count = per_point * controls.length, points: Vec3[] = [];

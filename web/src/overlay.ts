@@ -1,7 +1,7 @@
 // What lies over the picture: orientation letters, a scale bar, and the vessels' outline (viewer/xraycast/scene/annotations.hpp).
 import type { Absorbed } from "./absorption";
 import { Vec3, normalized, times } from "./vectors";
-import { View, right_of, up_of } from "./view";
+import { View, magnification_of, right_of, up_of } from "./view";
 
 /** The largest of 1, 2 or 5 times a power of ten that does not exceed `limit`. */
 export function round_length(limit: number): number {
@@ -19,14 +19,23 @@ export function orientation_of(direction: Vec3): string {
     .join("");
 }
 
-const kInk = "#ffd159", kRoadMap = [190, 150, 60, 255];
+const kInk = "#ffd159";
 
-/** `scale` is that of the display's pixels. */
-export function draw_overlay(canvas: HTMLCanvasElement, view: View, vessels: Absorbed | null, scale: number): void {
+export interface Outline {
+  covered: Absorbed;
+  colour: readonly number[]; // 0 to 255
+}
+
+/** `scale` is that of the display's pixels; without letters and bar the vessels' outline alone. */
+export function draw_overlay(canvas: HTMLCanvasElement, view: View, outline: Outline | null, scale: number, has_letters: boolean): void {
   if (canvas.width !== view.width || canvas.height !== view.height) Object.assign(canvas, { width: view.width, height: view.height });
   const context = canvas.getContext("2d")!;
   context.clearRect(0, 0, canvas.width, canvas.height);
-  if (vessels) draw_outline(context, vessels, view.height);
+  if (outline) draw_outline(context, outline, view.height);
+  if (has_letters) draw_letters_and_bar(context, view, scale);
+}
+
+function draw_letters_and_bar(context: CanvasRenderingContext2D, view: View, scale: number): void {
   const font = 14 * scale, margin = font / 2, { width, height } = view;
   context.font = `600 ${font}px system-ui, sans-serif`;
   context.lineJoin = "round";
@@ -49,8 +58,7 @@ function draw_scale_bar(
   context: CanvasRenderingContext2D, view: View, font: number, scale: number,
   text: (x: number, y: number, words: string, align: CanvasTextAlign) => void,
 ): void {
-  const magnification = view.cone ? view.cone.source_detector_mm / view.cone.source_axis_mm : 1;
-  const at_axis_mm = view.pixel_mm / magnification, bar_mm = round_length(0.25 * view.width * at_axis_mm);
+  const at_axis_mm = view.pixel_mm / magnification_of(view), bar_mm = round_length(0.25 * view.width * at_axis_mm);
   const right = view.width - font / 2, left = right - bar_mm / at_axis_mm, y = view.height - 0.8 * font;
   for (const [width, colour] of [[4 * scale, "#000"], [2 * scale, kInk]] as const) {
     context.lineWidth = width;
@@ -66,12 +74,13 @@ function draw_scale_bar(
 }
 
 /** Pixels that vessels cover with a neighbour that they do not. */
-function draw_outline(context: CanvasRenderingContext2D, { x, y, width, height, tau }: Absorbed, picture_height: number): void {
+function draw_outline(context: CanvasRenderingContext2D, { covered, colour }: Outline, picture_height: number): void {
+  const { x, y, width, height, tau } = covered, rgba = [...colour, 255];
   const image = context.createImageData(width, height);
   const covers = (i: number, j: number) => i >= 0 && j >= 0 && i < width && j < height && tau[j * width + i]! > 0;
   for (let j = 0; j < height; ++j)
     for (let i = 0; i < width; ++i)
       if (covers(i, j) && !(covers(i - 1, j) && covers(i + 1, j) && covers(i, j - 1) && covers(i, j + 1)))
-        image.data.set(kRoadMap, 4 * ((height - 1 - j) * width + i));
+        image.data.set(rgba, 4 * ((height - 1 - j) * width + i));
   context.putImageData(image, x, picture_height - y - height);
 }

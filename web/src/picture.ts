@@ -1,10 +1,11 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
-import type { Absorbed } from "./absorption";
 import { view_of } from "./camera";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
+import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
 import { DeviceShape } from "./device_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
+import type { Outline } from "./overlay";
 import type { State } from "./state";
 import type { View } from "./view";
 
@@ -13,7 +14,7 @@ export class Picture {
   private readonly device: DeviceShape | null;
   private weights_key = "";
   private window_key = "";
-  private coming_tau: (() => Float32Array | null) | null = null; // for the window of a motion
+  private coming_tau: ComingReds | null = null; // for the window of a motion
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
   /** The grey window that was drawn last. */
   window: GreyWindow = this.automatic;
@@ -29,6 +30,10 @@ export class Picture {
     return gl && new Picture(gl, data);
   }
 
+  private get gamma(): number | undefined {
+    return this.data.header.window?.gamma;
+  }
+
   /** After a lost context has come back. */
   restore(): void {
     this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
@@ -38,23 +43,29 @@ export class Picture {
 
   view(state: State): View {
     const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
-    return view_of(state.camera, this.data.header.cone, this.data.map.bounds, width, height);
+    const fit = state.is_bare && !this.data.header.is_of_session ? "tilted" : "untilted";
+    return view_of(state.camera, this.data.header.cone, this.data.map.bounds, width, height, fit);
   }
 
-  draw(state: State, is_moving: boolean): void {
+  /** Whether the road map is in the picture already. */
+  draw(state: State, is_moving: boolean): boolean {
     this.set_weights(state);
     const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
     const style: Style = {
-      look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast || device !== undefined,
-      detail: is_moving ? kQuick : kFull,
+      look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast,
+      detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
+      outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
     };
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
-    this.renderer.draw(view, device ? [...still, device] : still, style);
+    const surfaces = device ? [...still, device] : still;
+    this.renderer.draw(view, surfaces, style);
+    return style.outlined !== null && this.renderer.adds_up(surfaces, style);
   }
 
-  /** What the vessels alone cover, for the road map. */
-  vessels_in(view: View): Absorbed | null {
-    return this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+  /** Where the vessels alone are, for the road map. */
+  road_map(view: View): Outline | null {
+    const covered = this.data.vessels && this.renderer.covered_by(view, this.data.vessels);
+    return covered && { covered, colour: this.data.header.viewer.road_map_colour };
   }
 
   private set_weights(state: State): void {
@@ -79,12 +90,13 @@ export class Picture {
     if (key === this.window_key) return this.automatic;
     if (!is_moving) {
       this.window_key = key;
+      this.coming_tau?.drop();
       this.coming_tau = null;
-      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style), this.gamma));
     }
     // In motion the window follows some pictures behind, so that none waits for the graphics device.
-    const tau = this.coming_tau?.();
-    if (tau) this.automatic = automatic_window(tau);
+    const tau = this.coming_tau?.take();
+    if (tau) this.automatic = automatic_window(tau, this.gamma);
     if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
     return this.automatic;
   }

@@ -33,10 +33,17 @@ export class Sampler {
   private samples = new Float32Array(1 << 16);
   private count = 0;
   private texels_per_step = 3;
+  private weights: readonly number[] = []; // of the drawn shells
 
   constructor(private readonly map: MapGeometry) {
     this.profile = new RadialProfile(drawn_radii_mm(map));
     this.scales = map.has_outline ? Float64Array.from([...map.scales, map.scales[0]!]) : null;
+  }
+
+  /** One per layer of the map, 0 hides it; none: 1 everywhere. */
+  set_weights(weights: readonly number[]): void {
+    const parts = (drawn_radii_mm(this.map).length - 1) / this.map.layers;
+    this.weights = weights.flatMap((weight) => Array<number>(parts).fill(weight));
   }
 
   /** A two-point quadrature spans so many texel columns at most. */
@@ -135,11 +142,14 @@ export class Sampler {
     let column = (Math.atan2(x, -y) / kTurn) * this.map.width - 0.5;
     if (column < 0) column += this.map.width;
     const first = Math.floor(column), place = this.profile.at(radius_mm), layer = Math.floor(place);
+    // Between two layers of different weights: (1 - f) w0 and f w1 are the shares of a sample w' at f'.
+    const here = (1 - place + layer) * (this.weights[layer] ?? 1), next = (place - layer) * (this.weights[layer + 1] ?? 1);
+    if (here + next === 0) return;
     const at = 8 * this.count++, s = this.samples;
     s[at] = first + kLayer * layer;
-    s[at + 1] = weight;
+    s[at + 1] = weight * (here + next);
     s[at + 2] = column - first;
-    s[at + 3] = place - layer;
+    s[at + 3] = next / (here + next);
     s[at + 4] = line.foot_s + along;
     s[at + 5] = line.foot_s + from;
     s[at + 6] = line.foot_s + to;

@@ -1,8 +1,10 @@
 // What the page shows, and who is told when that changes.
-import type { Camera } from "./camera";
+import { Camera, limited } from "./camera";
 import type { Look } from "./compositing";
 import type { SessionData } from "./data";
+import { length_s } from "./device_shape";
 import type { GreyWindow } from "./grey_window";
+import { clamp } from "./vectors";
 
 export interface State {
   camera: Camera;
@@ -17,18 +19,33 @@ export interface State {
 }
 
 /** As the session was exported. */
-export function first_state({ header, vessels, run }: SessionData): State {
+export function first_state({ header }: SessionData): State {
   return {
     camera: header.camera,
     look: header.look,
     window: header.window,
     inverted: header.window?.inverted ?? false,
     hidden_layers: header.layer_weights.flatMap((weight, k) => (weight === 0 ? [k] : [])),
-    // Over a run the vessels are outlined, as in the operating room; otherwise they hold contrast agent.
-    shows_vessels: vessels !== null && run === null,
-    shows_road_map: vessels !== null && run !== null,
+    shows_vessels: header.shows_vessels,
+    shows_road_map: header.shows_road_map,
     time_s: 0,
     is_bare: false,
+  };
+}
+
+/** Whether there is something that can be shaded. */
+export const has_surfaces = ({ vessels, catheter, run }: SessionData): boolean => vessels !== null || catheter !== null || run !== null;
+
+/** Within what the session has and the limits of the C-arm. */
+export function allowed(state: State, data: SessionData): State {
+  return {
+    ...state,
+    camera: limited(state.camera, data.map.bounds, data.header.viewer),
+    look: has_surfaces(data) ? state.look : "fluoro",
+    hidden_layers: [...new Set(state.hidden_layers)].filter((k) => k < data.map.layers).sort((a, b) => a - b),
+    shows_vessels: data.vessels !== null && state.shows_vessels,
+    shows_road_map: data.vessels !== null && state.shows_road_map,
+    time_s: data.run ? clamp(state.time_s, 0, length_s(data.run)) : 0,
   };
 }
 
@@ -36,7 +53,10 @@ type Listener = (state: State, before: State) => void;
 
 export class Store {
   private readonly listeners: Listener[] = [];
-  constructor(private current: State, readonly first: State = current) {}
+  private current: State;
+  constructor(current: State, readonly first: State, private readonly data: SessionData) {
+    this.current = allowed(current, data);
+  }
 
   get state(): State {
     return this.current;
@@ -48,7 +68,7 @@ export class Store {
 
   update(change: Partial<State>): void {
     const before = this.current;
-    this.current = { ...before, ...change };
+    this.current = allowed({ ...before, ...change }, this.data);
     for (const listener of this.listeners) listener(this.current, before);
   }
 }

@@ -1,5 +1,4 @@
 // The buttons under the picture.
-import { kPresets } from "./camera";
 import type { SessionData } from "./data";
 import type { Actions, Hands } from "./input";
 import type { State, Store } from "./state";
@@ -20,7 +19,7 @@ export class Tools {
 
   constructor(private readonly data: SessionData, store: Store, hands: Hands, actions: Actions) {
     element("tools").hidden = false;
-    for (const { name, lao_deg } of kPresets)
+    for (const { name, lao_deg } of data.header.viewer.presets)
       this.add_preset(name, () => store.update({ camera: { ...store.state.camera, lao_deg, cranial_deg: 0 } }));
     const page_mm = 0.1 * data.map.bounds.half_height_mm;
     const clicks: Record<string, () => void> = {

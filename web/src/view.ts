@@ -1,5 +1,5 @@
 // A C-arm and its detector, as `xraycast render` has them (host/xraycast/casting/view.hpp).
-import { Vec2, Vec3, add, cross, dot, minus, times } from "./vectors";
+import { Vec3, add, cross, dot, minus, times } from "./vectors";
 
 export interface Cone {
   source_axis_mm: number;
@@ -11,6 +11,7 @@ export interface Bounds {
   centre_mm: Vec3;
   radius_mm: number;
   half_height_mm: number;
+  finest_mm: number; // the map's resolution, in whole multiples of which a picture's height fits
 }
 
 export interface View {
@@ -35,6 +36,9 @@ export const up_of = (v: View): Vec3 => cross(towards_detector(v), right_of(v));
 export const source_mm = (v: View, cone: Cone): Vec3 =>
   minus(v.centre_mm, times(cone.source_axis_mm, towards_detector(v)));
 
+/** Of what lies at the height of the view's centre. */
+export const magnification_of = ({ cone }: View): number => (cone ? cone.source_detector_mm / cone.source_axis_mm : 1);
+
 /** The middle of pixel (i, j), row 0 on top: on the detector of a cone, else in the plane through the centre. */
 export function pixel_on_detector_mm(v: View, i: number, j: number): Vec3 {
   const beyond_mm = v.cone ? v.cone.source_detector_mm - v.cone.source_axis_mm : 0;
@@ -43,16 +47,17 @@ export function pixel_on_detector_mm(v: View, i: number, j: number): Vec3 {
   return add(add(add(v.centre_mm, times(beyond_mm, towards_detector(v))), across), upwards);
 }
 
-/** The pixel size with which the body's circle and its whole height fit. */
+/** The pixel size with which the body's circle and its whole height fit (viewer/xraycast/sampling/camera.cpp, `fitted`). */
 export function fitting_pixel_mm(v: Omit<View, "pixel_mm">, bounds: Bounds): number {
+  const half_height_mm = 0.5 * bounds.finest_mm * Math.max(1, Math.ceil((2 * bounds.half_height_mm) / bounds.finest_mm - 1e-6));
   const ct = Math.abs(Math.cos(v.tilt_rad)), st = Math.abs(Math.sin(v.tilt_rad));
   let magnification = 1;
   if (v.cone) {
-    const nearest_mm = v.cone.source_axis_mm - (bounds.radius_mm * ct + bounds.half_height_mm * st);
+    const nearest_mm = v.cone.source_axis_mm - (bounds.radius_mm * ct + half_height_mm * st);
     magnification = v.cone.source_detector_mm / Math.max(nearest_mm, 0.1 * v.cone.source_axis_mm);
   }
   const width_mm = 2 * bounds.radius_mm * magnification;
-  const height_mm = 2 * (bounds.half_height_mm * ct + bounds.radius_mm * st) * magnification;
+  const height_mm = 2 * (half_height_mm * ct + bounds.radius_mm * st) * magnification;
   return Math.max(width_mm / v.width, height_mm / v.height, Math.max(width_mm, height_mm) / 4096);
 }
 
@@ -80,14 +85,6 @@ export function to_clip(v: View): Float64Array {
   return matrix;
 }
 
-/** A point's pixel, from the upper left corner. */
-export function pixel_of(v: View, p: Vec3): Vec2 {
-  const m = to_clip(v);
-  const at = (i: number) => m[i]! * p[0] + m[4 + i]! * p[1] + m[8 + i]! * p[2] + m[12 + i]!;
-  const w = at(3);
-  return [0.5 * (at(0) / w + 1) * v.width, 0.5 * (1 - at(1) / w) * v.height];
-}
-
 /** `LAO 30 / CRA 10`, as a C-arm displays its angles. */
 export function label_of(angle_rad: number, tilt_rad: number): string {
   const degrees = 180 / Math.PI, angle = wrapped_degrees(angle_rad * degrees), tilt = tilt_rad * degrees;
@@ -98,4 +95,7 @@ export function label_of(angle_rad: number, tilt_rad: number): string {
 }
 
 /** The same angle within half a turn of 0. */
-export const wrapped_degrees = (x: number): number => x - 360 * Math.round(x / 360);
+export function wrapped_degrees(x: number): number {
+  const within = x % 360; // exact, however large x is
+  return within - 360 * Math.round(within / 360);
+}

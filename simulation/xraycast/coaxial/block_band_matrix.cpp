@@ -52,6 +52,20 @@ inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y, MatrixB
         (x0 * y[c] + x1 * y[kBlockSize + c]) + (x2 * y[2 * kBlockSize + c] + x3 * y[3 * kBlockSize + c]);
 }
 
+/// Of a diagonal block, which has the inverse of each pivot.
+inline void solve_lower(const MatrixBlock& factor, double* x) {
+  for (std::size_t c = 0; c < kBlockSize; ++c) {
+    x[c] *= factor[kBlockSize * c + c];
+    for (std::size_t r = c + 1; r < kBlockSize; ++r) x[r] -= factor[kBlockSize * c + r] * x[c];
+  }
+}
+inline void solve_upper(const MatrixBlock& factor, double* x) {
+  for (std::size_t c = kBlockSize; c-- > 0;) {
+    for (std::size_t r = c + 1; r < kBlockSize; ++r) x[c] -= factor[kBlockSize * c + r] * x[r];
+    x[c] *= factor[kBlockSize * c + c];
+  }
+}
+
 }  // namespace
 
 void BlockBandMatrix::reset(const std::vector<std::size_t>& reaches) {
@@ -85,29 +99,27 @@ bool BlockBandMatrix::factorise() {
 
 XRAYCAST_WIDE_VECTORS
 void BlockBandMatrix::solve(double* x) const {
+  const auto part = [x](std::size_t block) -> BlockColumn& {
+    return *reinterpret_cast<BlockColumn*>(x + kBlockSize * block);
+  };
   for (std::size_t j = 0; j < reaches_.size(); ++j) {
     const Block* column = &blocks_[starts_[j]];
-    double* part = x + kBlockSize * j;
-    for (std::size_t c = 0; c < kBlockSize; ++c) {
-      part[c] *= column[0][kBlockSize * c + c];
-      for (std::size_t r = c + 1; r < kBlockSize; ++r) part[r] -= column[0][kBlockSize * c + r] * part[c];
+    solve_lower(column[0], x + kBlockSize * j);
+    const BlockColumn solved = part(j);
+    for (std::size_t k = 1; k <= reaches_[j] - j; ++k) {
+      BlockColumn& other = part(j + k);
+      other -= (column_of(column[k], 0) * solved[0] + column_of(column[k], 1) * solved[1]) +
+               (column_of(column[k], 2) * solved[2] + column_of(column[k], 3) * solved[3]);
     }
-    for (std::size_t k = 1; k <= reaches_[j] - j; ++k)
-      for (std::size_t c = 0; c < kBlockSize; ++c)
-        for (std::size_t r = 0; r < kBlockSize; ++r)
-          part[kBlockSize * k + r] -= column[k][kBlockSize * c + r] * part[c];
   }
   for (std::size_t j = reaches_.size(); j-- > 0;) {
     const Block* column = &blocks_[starts_[j]];
-    double* part = x + kBlockSize * j;
+    BlockColumn sums[kBlockSize] = {};
     for (std::size_t k = 1; k <= reaches_[j] - j; ++k)
-      for (std::size_t c = 0; c < kBlockSize; ++c)
-        for (std::size_t r = 0; r < kBlockSize; ++r)
-          part[c] -= column[k][kBlockSize * c + r] * part[kBlockSize * k + r];
-    for (std::size_t c = kBlockSize; c-- > 0;) {
-      for (std::size_t r = c + 1; r < kBlockSize; ++r) part[c] -= column[0][kBlockSize * c + r] * part[r];
-      part[c] *= column[0][kBlockSize * c + c];
-    }
+      for (std::size_t c = 0; c < kBlockSize; ++c) sums[c] += column_of(column[k], c) * part(j + k);
+    for (std::size_t c = 0; c < kBlockSize; ++c)
+      part(j)[c] -= (sums[c][0] + sums[c][1]) + (sums[c][2] + sums[c][3]);
+    solve_upper(column[0], x + kBlockSize * j);
   }
 }
 

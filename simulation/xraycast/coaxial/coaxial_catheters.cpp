@@ -16,6 +16,12 @@ const std::vector<InstrumentModel>& checked(const VesselTree& tree, const Vessel
   return instruments;
 }
 
+/// An iteration of several rods takes as long as one of each.
+Catheter::Options shared(Catheter::Options options, std::size_t devices) {
+  options.max_iterations /= static_cast<int>(std::max<std::size_t>(1, devices));
+  return options;
+}
+
 }  // namespace
 
 void check_devices(const std::vector<InstrumentModel>& instruments) {
@@ -30,7 +36,7 @@ void check_devices(const std::vector<InstrumentModel>& instruments) {
 CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
                                    const VesselEnd& entry, const Catheter::Options& options)
     : tree_(tree),
-      options_(options),
+      options_(shared(options, instruments.size())),
       entry_(entry),
       field_(lumen_with_introducer(tree, entry)),
       rods_(make_rods(checked(tree, entry, instruments))),

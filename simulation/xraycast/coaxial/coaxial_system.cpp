@@ -10,11 +10,6 @@ namespace {
 
 constexpr std::size_t kRows = BlockBandMatrix::kBlock;
 
-using Scales = std::array<double, kRows>;
-Scales scales_of(const RodWeights& weights, std::size_t k) {
-  return {weights.theta[k], weights.position[k], weights.position[k], weights.position[k]};
-}
-
 }  // namespace
 
 void CoaxialSystem::order(const std::vector<Rod>& rods) {
@@ -85,30 +80,85 @@ void CoaxialSystem::collect(const std::vector<Rod>& rods) {
   }
 }
 
-XRAYCAST_WIDE_VECTORS
-void CoaxialSystem::add(const RodPair& pair, const Vector8& gradient, const Matrix8& hessian) {
-  const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  std::array<Scales, kPairNodes> scales{};
-  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    scales[k] = scales_of(pair.first, k);
-    scales[RodWeights::kNodes + k] = scales_of(pair.second, k);
+namespace {
+
+/// Of the distance of the two points: minus for the second one.
+double weight_of(const RodPair& pair, std::size_t a) {
+  return a < RodWeights::kNodes ? pair.first.position[a] : -pair.second.position[a - RodWeights::kNodes];
+}
+
+/// The processor's vector of four.
+using Four __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)))) = double;
+
+inline const Four& four(const Eigen::Vector4d& values) {
+  return *reinterpret_cast<const Four*>(values.data());
+}
+
+/// A Hessian as columns of four: of the stiffness, and of each square's vectors.
+struct Columns {
+  static constexpr std::size_t kNodes = 2 * RodWeights::kNodes;
+  Four stiffness[3];
+  double weights[kNodes];
+};
+
+/// Adds the block of two nodes, a below b.
+template <std::size_t kSquares>
+inline void add_block(const CoaxialSystem::Hessian& hessian, const Columns& columns, std::size_t a,
+                      std::size_t b, double* block) {
+  const double weight = columns.weights[a] * columns.weights[b];
+  Four rows[kSquares + 1];
+  for (std::size_t k = 0; k < kSquares; ++k)
+    rows[k] = hessian.squares[k].scale * four(hessian.squares[k].vectors[a]);
+  for (std::size_t c = 0; c < kRows; ++c) {
+    Four& column = *reinterpret_cast<Four*>(block + kRows * c);
+    Four sum = column;
+    if (c > 0) sum += weight * columns.stiffness[c - 1];
+    for (std::size_t k = 0; k < kSquares; ++k)
+      sum += rows[k] * hessian.squares[k].vectors[b][static_cast<Eigen::Index>(c)];
+    column = sum;
   }
-  const double* entries = hessian.data();  // column by column
+}
+
+template <std::size_t kSquares>
+inline void add_blocks(const CoaxialSystem::Hessian& hessian, const Columns& columns,
+                       const std::array<std::size_t, Columns::kNodes>& places, std::size_t clamped,
+                       BlockBandMatrix& matrix) {
+  for (std::size_t a = 0; a < Columns::kNodes; ++a)
+    for (std::size_t b = 0; places[a] != clamped && b < Columns::kNodes; ++b)
+      if (places[b] <= places[a])
+        add_block<kSquares>(hessian, columns, a, b, matrix.at(places[a], places[b]).data());
+}
+
+}  // namespace
+
+XRAYCAST_WIDE_VECTORS
+void CoaxialSystem::add(const RodPair& pair, const Hessian& hessian) {
+  Columns columns;
+  for (std::size_t c = 0; c < 3; ++c) {
+    const auto at = static_cast<Eigen::Index>(c);
+    columns.stiffness[c] =
+        Four{0, hessian.stiffness(0, at), hessian.stiffness(1, at), hessian.stiffness(2, at)};
+  }
+  for (std::size_t a = 0; a < kPairNodes; ++a) columns.weights[a] = weight_of(pair, a);
+  const std::array<std::size_t, kPairNodes> places = places_of(pair);
+  switch (hessian.count) {
+    case 0:
+      return add_blocks<0>(hessian, columns, places, kClamped, hessian_);
+    case 1:
+      return add_blocks<1>(hessian, columns, places, kClamped, hessian_);
+    case 2:
+      return add_blocks<2>(hessian, columns, places, kClamped, hessian_);
+    default:
+      return add_blocks<3>(hessian, columns, places, kClamped, hessian_);
+  }
+}
+
+void CoaxialSystem::add_gradient(const RodPair& pair, const Eigen::Vector3d& force_mN) {
+  const std::array<std::size_t, kPairNodes> places = places_of(pair);
   for (std::size_t a = 0; a < kPairNodes; ++a) {
     if (places[a] == kClamped) continue;
-    const std::size_t row = a < RodWeights::kNodes ? 0 : kRows;
-    for (std::size_t r = 0; r < kRows; ++r)
-      gradient_[kRows * places[a] + r] += scales[a][r] * gradient[static_cast<Eigen::Index>(row + r)];
-    for (std::size_t b = 0; b < kPairNodes; ++b) {
-      if (places[b] == kClamped || places[b] > places[a]) continue;
-      const std::size_t column = b < RodWeights::kNodes ? 0 : kRows;
-      double* block = hessian_.at(places[a], places[b]).data();
-      for (std::size_t c = 0; c < kRows; ++c) {
-        const double* from = entries + 2 * kRows * (column + c) + row;
-        for (std::size_t r = 0; r < kRows; ++r)
-          block[kRows * c + r] += scales[a][r] * (scales[b][c] * from[r]);
-      }
-    }
+    for (std::size_t r = 0; r < 3; ++r)
+      gradient_[kRows * places[a] + 1 + r] += weight_of(pair, a) * force_mN[static_cast<Eigen::Index>(r)];
   }
 }
 
@@ -118,23 +168,6 @@ void CoaxialSystem::add_gradient(const RodPair& pair, double scale, const NodeVe
     if (places[a] == kClamped) continue;
     for (std::size_t r = 0; r < kRows; ++r)
       gradient_[kRows * places[a] + r] += scale * vectors[a][static_cast<Eigen::Index>(r)];
-  }
-}
-
-XRAYCAST_WIDE_VECTORS
-void CoaxialSystem::add_product(const RodPair& pair, double scale, const NodeVectors& vectors) {
-  const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  for (std::size_t a = 0; a < kPairNodes; ++a) {
-    if (places[a] == kClamped) continue;
-    const double* rows = vectors[a].data();
-    for (std::size_t b = 0; b < kPairNodes; ++b) {
-      if (places[b] == kClamped || places[b] > places[a]) continue;
-      double* block = hessian_.at(places[a], places[b]).data();
-      for (std::size_t c = 0; c < kRows; ++c) {
-        const double by = scale * vectors[b][static_cast<Eigen::Index>(c)];
-        for (std::size_t r = 0; r < kRows; ++r) block[kRows * c + r] += by * rows[r];
-      }
-    }
   }
 }
 

@@ -22,12 +22,31 @@ struct RodPair {
 /// that what lies side by side lies near the matrix's diagonal.
 class CoaxialSystem {
  public:
-  /// Gradient and Hessian over the angle and the position of the first point, then of the second one.
-  using Vector8 = Eigen::Matrix<double, 8, 1>;
-  using Matrix8 = Eigen::Matrix<double, 8, 8>;
   /// What the angle of the edge before a node and the node's position count, for each node of the first rod
   /// and then of the second.
   using NodeVectors = std::array<Eigen::Vector4d, 2 * RodWeights::kNodes>;
+  /// `scale` times the outer product of the vectors.
+  struct Square {
+    double scale = 0;
+    NodeVectors vectors;
+  };
+  /// A Hessian: `stiffness` over the distance of the two points, and squares. Summed up first, since writing
+  /// it into the matrix is what takes the time.
+  struct Hessian {
+    static constexpr std::size_t kMostSquares = 3;
+    Eigen::Matrix3d stiffness = Eigen::Matrix3d::Zero();
+    std::array<Square, kMostSquares> squares;
+    std::size_t count = 0;
+
+    void clear() {
+      stiffness.setZero();
+      count = 0;
+    }
+    Square& add_square(double scale) {
+      squares[count].scale = scale;
+      return squares[count++];
+    }
+  };
 
   /// Orders the nodes.
   void order(const std::vector<Rod>& rods);
@@ -40,11 +59,11 @@ class CoaxialSystem {
 
   /// What acts on node 0 is left to the clamp, and its reaction does not count it: the introducer keeps
   /// devices straight there, where they hardly touch.
-  void add(const RodPair& pair, const Vector8& gradient, const Matrix8& hessian);
+  void add(const RodPair& pair, const Hessian& hessian);
+  /// A force between the points, on the second one and, negative, on the first.
+  void add_gradient(const RodPair& pair, const Eigen::Vector3d& force_mN);
   /// Adds `scale` times the vectors to the gradient.
   void add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors);
-  /// Adds `scale` times the vectors' outer product to the Hessian.
-  void add_product(const RodPair& pair, double scale, const NodeVectors& vectors);
 
   /// False unless the Hessian is positive definite.
   bool factorise() { return hessian_.factorise(); }

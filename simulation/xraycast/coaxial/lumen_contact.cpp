@@ -66,6 +66,14 @@ void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside,
   for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
   place_rim(outer, inner, inside, rim_mm);
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
+  placed_outer_ = &outer.state();
+  placed_inner_ = &inner.state();
+}
+
+bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
+  const bool is_placed = &outer == placed_outer_ && &inner == placed_inner_;
+  placed_outer_ = placed_inner_ = nullptr;
+  return is_placed;
 }
 
 void LumenContact::resize(const Rod& inner) {
@@ -175,10 +183,11 @@ std::array<CoaxialSystem::NodeVectors, 2> LumenContact::slip_by_node(const Touch
 
 double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
   double energy = 0;
+  const bool is_known = is_placed(outer, inner);
   for (Touch& touch : touches_) {
     if (touch.length_mm == 0) continue;
     const Sides both = sides(touch, outer, inner);
-    find_depth(touch, both);
+    if (!is_known) find_depth(touch, both);
     if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
     if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
   }
@@ -200,68 +209,76 @@ void LumenContact::couple(CoaxialSystem& system) const {
 
 void LumenContact::assemble(const RodState& outer, const RodState& inner, bool project_psd,
                             CoaxialSystem& system) const {
+  CoaxialSystem::Hessian hessian;
   for (const Touch& touch : touches_) {
     if (!is_active(touch)) continue;
+    hessian.clear();
     const Sides both = sides(touch, outer, inner);
-    if (touch.depth_mm > 0) assemble_normal(touch, both, project_psd, system);
-    if (touch.friction.is_active()) assemble_friction(touch, both, system);
+    const RodPair normal = pair(touch, touch.nearest), along = pair(touch, touch.anchor);
+    if (touch.depth_mm > 0) {
+      system.add_gradient(normal, lining_mN(touch) * touch.normal);
+      add_normal(touch, both, project_psd, hessian);
+    }
+    // The same nodes until the touch has moved on: their Hessians are written together.
+    const bool is_one = touch.nearest.first_node == touch.anchor.first_node;
+    if (touch.depth_mm > 0 && !(is_one && touch.friction.is_active())) {
+      system.add(normal, hessian);
+      hessian.clear();
+    }
+    if (!touch.friction.is_active()) continue;
+    add_friction(touch, both, along, system, hessian);
+    // The distance's weights are those of the nearest place.
+    system.add(is_one ? normal : along, hessian);
   }
 }
 
-void LumenContact::assemble_normal(const Touch& touch, const Sides& sides, bool project_psd,
-                                   CoaxialSystem& system) const {
-  const RodPair both = pair(touch, touch.nearest);
-  const double force_mN = touch.length_mm * lining_force_mN(touch.depth_mm),
-               stiffness = touch.length_mm * lining_stiffness_mN_mm(touch.depth_mm),
-               turning = force_mN / touch.distance_mm;
+double LumenContact::lining_mN(const Touch& touch) const {
+  return touch.length_mm * lining_force_mN(touch.depth_mm);
+}
+
+void LumenContact::add_normal(const Touch& touch, const Sides& sides, bool project_psd,
+                              CoaxialSystem::Hessian& hessian) const {
+  const double stiffness = touch.length_mm * lining_stiffness_mN_mm(touch.depth_mm),
+               turning = lining_mN(touch) / touch.distance_mm;
   const Vector3d slope = touch.nearest.of(touch.nearest.slope, sides.curve);
-  CoaxialSystem::Vector8 gradient = CoaxialSystem::Vector8::Zero();
-  gradient.segment<3>(1) = force_mN * touch.normal;
-  gradient.segment<3>(5) = -force_mN * touch.normal;
-  Eigen::Matrix3d part = stiffness * touch.normal * touch.normal.transpose();
+  hessian.stiffness = stiffness * touch.normal * touch.normal.transpose();
   if (project_psd) {
     // Without the nearest place's motion along the centreline.
     const Vector3d around = slope.cross(touch.normal).normalized();
-    part += turning * around * around.transpose();
-  } else {
-    part += turning * (Eigen::Matrix3d::Identity() - touch.normal * touch.normal.transpose());
+    hessian.stiffness += turning * around * around.transpose();
+    return;
   }
-  CoaxialSystem::Matrix8 hessian = CoaxialSystem::Matrix8::Zero();
-  hessian.block<3, 3>(1, 1) = hessian.block<3, 3>(5, 5) = part;
-  hessian.block<3, 3>(1, 5) = hessian.block<3, 3>(5, 1) = -part;
-  system.add(both, gradient, hessian);
-  if (project_psd) return;
-
+  hessian.stiffness += turning * (Eigen::Matrix3d::Identity() - touch.normal * touch.normal.transpose());
   // The nearest place minimises the distance: it moves with the nodes, which takes off the energy.
   const double steepness =
       slope.squaredNorm() - touch.offset_mm.dot(touch.nearest.of(touch.nearest.bend, sides.curve));
-  CoaxialSystem::NodeVectors by_node;
+  CoaxialSystem::Square& moving = hessian.add_square(-turning / steepness);
   for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    by_node[k] << 0, -touch.point.position[k] * slope;
-    by_node[RodWeights::kNodes + k] << 0,
+    moving.vectors[k] << 0, -touch.point.position[k] * slope;
+    moving.vectors[RodWeights::kNodes + k] << 0,
         touch.nearest.position[k] * slope - touch.nearest.slope[k] * touch.offset_mm;
   }
-  system.add_product(both, -turning / steepness, by_node);
 }
 
-void LumenContact::assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const {
+void LumenContact::add_friction(const Touch& touch, const Sides& sides, const RodPair& both,
+                                CoaxialSystem& system, CoaxialSystem::Hessian& hessian) const {
   const Friction::Derivatives friction = touch.friction.derivatives(slip_mm(touch, sides));
   const std::array<CoaxialSystem::NodeVectors, 2> slip = slip_by_node(touch);
-  const RodPair both = pair(touch, touch.anchor);
   for (std::size_t i : {0, 1})
     system.add_gradient(both, friction.gradient_mN[static_cast<Eigen::Index>(i)], slip[i]);
 
   // The Hessian as two squares, of the slip with the larger entry and what goes with it, and of the rest.
-  const Eigen::Matrix2d& hessian = friction.hessian_mN_mm;
-  const Eigen::Index first = hessian(0, 0) >= hessian(1, 1) ? 0 : 1, second = 1 - first;
-  const double share = hessian(0, 1) / hessian(first, first),
-               rest = hessian(second, second) - share * hessian(0, 1);
+  const Eigen::Matrix2d& entries = friction.hessian_mN_mm;
+  const Eigen::Index first = entries(0, 0) >= entries(1, 1) ? 0 : 1, second = 1 - first;
+  const double share = entries(0, 1) / entries(first, first),
+               rest = entries(second, second) - share * entries(0, 1);
   const CoaxialSystem::NodeVectors& other = slip[static_cast<std::size_t>(second)];
-  CoaxialSystem::NodeVectors vectors = slip[static_cast<std::size_t>(first)];
-  for (std::size_t k = 0; k < vectors.size(); ++k) vectors[k] += share * other[k];
-  system.add_product(both, hessian(first, first), vectors);
+  CoaxialSystem::Square& main = hessian.add_square(entries(first, first));
+  main.vectors = slip[static_cast<std::size_t>(first)];
+  if (share != 0)
+    for (std::size_t k = 0; k < main.vectors.size(); ++k) main.vectors[k] += share * other[k];
   // While it slips, there is none but rounding.
-  if (rest > 1e-12 * hessian(first, first)) system.add_product(both, rest, other);
+  if (rest > 1e-12 * entries(first, first)) hessian.add_square(rest).vectors = other;
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------

@@ -87,6 +87,7 @@ class LumenContact {
     return touch.length_mm > 0 && (touch.depth_mm > 0 || touch.friction.is_active());
   }
   RodPair pair(const Touch& touch, const RodWeights& curve) const;
+  bool is_placed(const RodState& outer, const RodState& inner);
   std::size_t sample_count() const { return touches_.size() - 1; }
 
   void resize(const Rod& inner);
@@ -98,11 +99,16 @@ class LumenContact {
   std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
   double point_arm_mm(const Touch& touch) const;
   double curve_arm_mm(const Touch& touch) const;
-  void assemble_normal(const Touch& touch, const Sides& sides, bool project_psd, CoaxialSystem& system) const;
-  void assemble_friction(const Touch& touch, const Sides& sides, CoaxialSystem& system) const;
+  double lining_mN(const Touch& touch) const;
+  void add_normal(const Touch& touch, const Sides& sides, bool project_psd,
+                  CoaxialSystem::Hessian& hessian) const;
+  void add_friction(const Touch& touch, const Sides& sides, const RodPair& both, CoaxialSystem& system,
+                    CoaxialSystem::Hessian& hessian) const;
 
   std::size_t outer_, inner_;
   Options options_;
+  /// Of the step's start, whose depths are known, until others are asked for.
+  const RodState *placed_outer_ = nullptr, *placed_inner_ = nullptr;
   std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, then the rim
 };
 

@@ -66,7 +66,8 @@ double from_tip_mm(const Rod& rod, const RodPlace& place) {
 
 RodPlace nearest_place(const RodState& rod, RodPlace place, const Vector3d& point_mm) {
   constexpr int kMaxIterations = 20;
-  constexpr double kTolerance = 1e-12, kLongest = 1;  // of the parameter
+  // Of the parameter. Newton's method leaves the square of its last step.
+  constexpr double kTolerance = 1e-6, kLongest = 1;
   const std::size_t nodes = rod.nodes_mm.size();
   for (int i = 0; i < kMaxIterations; ++i) {
     const RodWeights weights = RodWeights::at(place, nodes);

@@ -23,7 +23,7 @@ struct StrainGradient {
   static constexpr std::size_t kSize = 11;
   std::array<std::array<double, kSize + 1>, 3> by;
 
-  StrainGradient(const Frame& e, const Frame& f, const Strain& strain) {
+  [[gnu::always_inline]] StrainGradient(const Frame& e, const Frame& f, const Strain& strain) {
     const double chi = 1 + e.tangent.dot(f.tangent);
     const Vector3d tangent = (e.tangent + f.tangent) / chi;
     const Vector3d m1 = (e.m1 + f.m1) / chi, m2 = (e.m2 + f.m2) / chi;
@@ -43,7 +43,8 @@ struct StrainGradient {
   }
 
  private:
-  void set(std::size_t k, const Vector3d& by_e, const Vector3d& by_f, double by_theta_e, double by_theta_f) {
+  [[gnu::always_inline]] void set(std::size_t k, const Vector3d& by_e, const Vector3d& by_f,
+                                  double by_theta_e, double by_theta_f) {
     for (std::size_t c = 0; c < 3; ++c) {
       const auto axis = static_cast<Eigen::Index>(c);
       by[k][c] = -by_e[axis];
@@ -58,9 +59,10 @@ struct StrainGradient {
 
 /// Adds the moments' part of the Hessian of bending and twisting, which Gauss-Newton leaves out, to the lower
 /// half of a matrix, in the rows of a StrainGradient. After Bergou et al., 2010.
-inline void add_second_derivatives(const Frame& e, const Frame& f, const Strain& strain,
-                                   const Vector2d& bending, double twisting, BandMatrix& matrix,
-                                   std::size_t row) {
+[[gnu::always_inline]] inline void add_second_derivatives(const Frame& e, const Frame& f,
+                                                          const Strain& strain, const Vector2d& bending,
+                                                          double twisting, BandMatrix& matrix,
+                                                          std::size_t row) {
   const Vector3d& kb = strain.curvature_binormal;
   const double chi = 1 + e.tangent.dot(f.tangent);
   const Vector3d tangent = (e.tangent + f.tangent) / chi;

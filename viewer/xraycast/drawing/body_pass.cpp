@@ -121,9 +121,7 @@ void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
   prepared_.reset();
   drawn_.reset();
   if (!map_) return;
-  geometry_ = map_->geometry;
-  // Where air absorbs, rays met more of it beyond the scan.
-  if (!map_->spectrum && map_->opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry_.field.reset();
+  geometry_ = drawn_geometry(*map_);
   if (!map_->spectrum) return;
   const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
   spectrum_bins_ = static_cast<int>(bins.size());

@@ -5,18 +5,18 @@
 namespace xraycast {
 
 void GreyPicture::set(std::span<const std::uint8_t> greys, int width, int height) {
-  rgba_.resize(4 * greys.size());
-  for (std::size_t i = 0; i < greys.size(); ++i) {
-    rgba_[4 * i] = rgba_[4 * i + 1] = rgba_[4 * i + 2] = greys[i];
-    rgba_[4 * i + 3] = 255;
-  }
+  constexpr std::uint32_t kOpaque = 0xFF000000, kThrice = 0x00010101;
+  rgba_.resize(greys.size());
+  for (std::size_t i = 0; i < greys.size(); ++i) rgba_[i] = kOpaque | kThrice * greys[i];
   glBindTexture(GL_TEXTURE_2D, texture_.id());
   glTexParameteri(GL_TEXTURE_2D, GL_TEXTURE_MAX_LEVEL, 0);
   glPixelStorei(GL_UNPACK_ALIGNMENT, 4);
   if (width == width_ && height == height_)
-    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_BYTE, rgba_.data());
+    glTexSubImage2D(GL_TEXTURE_2D, 0, 0, 0, width, height, GL_RGBA, GL_UNSIGNED_INT_8_8_8_8_REV,
+                    rgba_.data());
   else
-    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, width, height, 0, GL_RGBA, GL_UNSIGNED_BYTE, rgba_.data());
+    glTexImage2D(GL_TEXTURE_2D, 0, GL_RGBA8, width, height, 0, GL_RGBA, GL_UNSIGNED_INT_8_8_8_8_REV,
+                 rgba_.data());
   width_ = width;
   height_ = height;
 }

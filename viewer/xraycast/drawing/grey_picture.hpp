@@ -20,7 +20,7 @@ class GreyPicture {
  private:
   gl::Texture texture_;
   gl::Framebuffer framebuffer_;
-  std::vector<std::uint8_t> rgba_;
+  std::vector<std::uint32_t> rgba_;
   int width_ = 0, height_ = 0;
 };
 

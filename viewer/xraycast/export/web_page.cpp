@@ -4,8 +4,9 @@
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
-#include "xraycast/kernels/params.h"
 #include "xraycast/sampling/column_samples.hpp"
+#include "xraycast/sampling/map_texels.hpp"
+#include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <nlohmann/json.hpp>
@@ -125,13 +126,6 @@ class Parts {
 
 PageJson list(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-/// Where air absorbs, rays met more of it beyond the scan.
-MapGeometry drawn_geometry(const BodyMap& map) {
-  MapGeometry geometry = map.geometry;
-  if (map.opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry.field.reset();
-  return geometry;
-}
-
 PageJson add_map(const WebSession& session, Parts& parts) {
   const MapGeometry geometry = drawn_geometry(*session.map);
   const PackedLayers layers = pack_layers(*session.map, session.precision);
@@ -158,7 +152,8 @@ PageJson add_map(const WebSession& session, Parts& parts) {
           {"bounds",
            {{"centre_mm", list(bounds.centre_mm)},
             {"radius_mm", bounds.radius_mm},
-            {"half_height_mm", bounds.half_height_mm}}},
+            {"half_height_mm", bounds.half_height_mm},
+            {"finest_mm", bounds.finest_mm}}},
           {"precision", to_string(session.precision)},
           {"ranges", ranges}};
 }
@@ -208,10 +203,24 @@ PageJson window_to_json(const GreyWindow& window) {
           {"inverted", window.inverted}};
 }
 
+/// What the viewer's C-arm can do, and how it draws, so that the page does the same.
+PageJson viewer_json() {
+  constexpr double kDegrees = 180 / std::numbers::pi;
+  PageJson presets = PageJson::array();
+  for (const CameraPreset& preset : kCameraPresets)
+    presets.push_back({{"name", preset.name}, {"lao_deg", preset.angle_deg}});
+  return {{"presets", presets},
+          {"least_zoom", Camera::kMinZoom},
+          {"most_zoom", Camera::kMaxZoom},
+          {"most_tilt_deg", Camera::kMaxTilt_rad * kDegrees},
+          {"road_map_colour", {kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z}}};
+}
+
 PageJson header_of(const WebSession& session, Parts& parts) {
   constexpr double kDegrees = 180 / std::numbers::pi;
   const Camera& camera = session.camera;
   PageJson header{{"format", kFormat}, {"title", session.title}};
+  header["viewer"] = viewer_json();
   header["map"] = add_map(session, parts);
   header["vessels"] = add_surface(session.vessels, "vessel", parts);
   header["catheter"] = add_surface(session.catheter, "catheter", parts);
@@ -223,8 +232,11 @@ PageJson header_of(const WebSession& session, Parts& parts) {
   header["cone"] = camera.cone ? PageJson{{"source_axis_mm", camera.cone->source_axis_mm},
                                           {"source_detector_mm", camera.cone->source_detector_mm}}
                                : PageJson();
+  header["is_of_session"] = session.is_of_session;
+  header["shows_vessels"] = session.vessels && session.shows_vessels && !session.run;
+  header["shows_road_map"] = session.vessels && (session.shows_road_map || session.run);
   header["look"] = to_string(session.style.shading);
-  header["full_contrast"] = session.style.full_contrast;
+  header["full_contrast"] = session.style.full_contrast || session.run;  // as in `simulate --cine`
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
   header["layer_weights"] = session.style.layer_weights;
   header["parts"] = parts.index();
@@ -240,8 +252,10 @@ bool suits_web(const BodyMap& map) {
 std::string web_page(const WebSession& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
-  const std::array<std::pair<std::string_view, std::string>, 4> values{
+  const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
+  const std::array<std::pair<std::string_view, std::string>, 5> values{
       {{"title", in_html(session.title)},
+       {"still-label", label(pose)},
        {"still", base64(session.still_png)},
        {"header", in_script(header)},
        {"data", base64(deflated(parts.bytes()))}}};

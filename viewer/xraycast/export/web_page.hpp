@@ -21,13 +21,17 @@ struct WebSession {
   std::optional<RecordedRun> run{};
   Camera camera{};
   Style style{};
-  bool has_window = false;  ///< style.window was chosen; otherwise it is automatic
+  bool has_window = false;     ///< style.window was chosen; otherwise it is automatic
+  bool is_of_session = false;  ///< the camera is one that a viewer saved; otherwise it shows the whole body
+  /// As a lumen that holds contrast agent; as an outline. Over a run it is the outline alone, as in the
+  /// operating room.
+  bool shows_vessels = true, shows_road_map = false;
   std::string still_png{};  ///< what is shown where the page cannot draw
 };
 
-/// What a page may hold, so that it opens on a telephone: texels of a map, which become twice as many 16-bit
-/// floats on the GPU; sizes that every WebGL 2 takes; and triangles of a surface.
-inline constexpr std::int64_t kMostWebTexels = 16'000'000;
+/// What a page may hold, so that it opens on a telephone: texels of a map, which become three times as many
+/// 16-bit floats on the GPU; sizes that every WebGL 2 takes; and triangles of a surface.
+inline constexpr std::int64_t kMostWebTexels = 16'777'216;
 inline constexpr int kMostWebAngles = 2047, kMostWebRows = 8192, kMostWebLayers = 128;
 inline constexpr std::size_t kMostWebTriangles = 2'000'000;
 

@@ -98,11 +98,12 @@ inline float poisson_quantile(float mean, float normal) {
   const float expanded = mean + root * normal + (0.333333333f + w2 * 0.166666667f) -
                          per_root * normal * (0.0277777778f + w2 * 0.0138888889f) +
                          per_root * per_root * (-0.0197530864f + w2 * (0.00864197531f + w2 * 0.0037037037f));
-  // Larger floats are whole numbers, and may be too large for the cast.
+  // Larger floats are whole numbers, and may be too large for the cast. Added back and not chosen by a
+  // condition, which compilers turn into a branch.
   constexpr float kAllWhole = 0x1p23f;
-  const auto quanta =
-      static_cast<float>(static_cast<std::int32_t>(expanded < kAllWhole ? expanded : kAllWhole));
-  return expanded < kAllWhole ? (quanta > 0 ? quanta : 0) : expanded;
+  const float small = expanded < kAllWhole ? expanded : kAllWhole;
+  const float positive = small > 0 ? small : 0;
+  return static_cast<float>(static_cast<std::int32_t>(positive)) + (expanded - small);
 }
 inline constexpr float kLeastExpandedMean = 4;
 

@@ -53,7 +53,8 @@ void DisplayChain::show_row(const std::vector<float>& logarithm, int row, std::u
   };
   float* const shown = filtered_.data() + static_cast<std::size_t>(row) * width;
   const float* now = logarithm.data() + static_cast<std::size_t>(row) * width;
-  std::vector<float> above, middle, below, sharp(width);
+  thread_local std::vector<float> above, middle, below, sharp;
+  sharp.resize(width);
   if (is_processed_) {
     padded(row - 1, above);
     padded(row, middle);

@@ -29,9 +29,7 @@ void ElectronicsStage::read_row(std::size_t first_pixel, std::uint32_t frame, in
                          normals.data());
   }
   digitise_row(digitiser_, width, signal_kev, codes);
-  if (!is_on_) return;
-  for (int i = 0; i < width; ++i)
-    signal_kev[i] = (static_cast<float>(codes[i]) - digitiser_.dark) / digitiser_.codes_per_kev;
+  if (is_on_) signal_of_codes_row(digitiser_, width, codes, signal_kev);
 }
 
 }  // namespace xraycast

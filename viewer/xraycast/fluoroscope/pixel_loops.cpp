@@ -3,6 +3,7 @@
 #include "xraycast/base/wide_vectors.hpp"
 
 #include <algorithm>
+#include <bit>
 #include <cmath>
 
 namespace xraycast {
@@ -121,11 +122,12 @@ void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStr
   float mean[kRun], term[kRun], sum[kRun], uniform[kRun], number[kRun];
   for (int start = 0; start < count; start += kRun) {
     const int run = std::min(kRun, count - start);
-    float most = 0;
+    std::int32_t most_bits = 0;  // of floats above 0, which are ordered as their bits are
     for (int i = 0; i < run; ++i) {
       mean[i] = means[start + i] < kLeastExpandedMean ? means[start + i] : 0;
-      most = mean[i] > most ? mean[i] : most;
+      most_bits = std::max(most_bits, std::bit_cast<std::int32_t>(mean[i]));
     }
+    const float most = std::bit_cast<float>(most_bits);
     for (int i = 0; i < run; ++i) {
       uniform[i] = uniform_of(
           random_pair(first + static_cast<std::uint32_t>(start + i), noise.frame, noise.key).first);
@@ -153,15 +155,15 @@ void quantum_noise_row(const float* __restrict counts, const float* __restrict m
                        NoiseStream few, int count, float* __restrict energy_kev, float* __restrict normals) {
   float* __restrict spreading = normals + count;
   normals_row(first_pixel, noise, count, normals, spreading);
-  float least = kLeastExpandedMean;
+  std::int32_t few_pixels = 0;
+  for (int i = 0; i < count; ++i) few_pixels += counts[i] < kLeastExpandedMean ? 1 : 0;
   for (int i = 0; i < count; ++i) {
-    least = counts[i] < least ? counts[i] : least;
     const float expected = counts[i] > kLeastExpandedMean ? counts[i] : kLeastExpandedMean;
     const float quanta = poisson_quantile(expected, normals[i]);
     const float energy = quanta * mean_kev[i] + std::sqrt(quanta) * spread_kev[i] * spreading[i];
     energy_kev[i] = energy > 0 ? energy : 0;
   }
-  if (least >= kLeastExpandedMean) return;
+  if (few_pixels == 0) return;
   float* __restrict quanta = normals;  // read for the last time
   few_quanta_row(counts, first_pixel, few, count, quanta);
   for (int i = 0; i < count; ++i) {
@@ -203,6 +205,13 @@ void digitise_row(const Digitiser& digitiser, int count, const float* __restrict
     const float code = signal[i] * codes_per_kev + dark + 0.5f;
     codes[i] = static_cast<std::uint16_t>(static_cast<int>(code > 0 ? (code < most ? code : most) : 0));
   }
+}
+
+XRAYCAST_WIDE_VECTORS
+void signal_of_codes_row(const Digitiser& digitiser, int count, const std::uint16_t* __restrict codes,
+                         float* __restrict signal) {
+  const float codes_per_kev = digitiser.codes_per_kev, dark = digitiser.dark;
+  for (int i = 0; i < count; ++i) signal[i] = (static_cast<float>(codes[i]) - dark) / codes_per_kev;
 }
 
 XRAYCAST_WIDE_VECTORS

@@ -26,6 +26,16 @@ struct LineShift {
         weights(cubic_weights(-pixels - std::floor(-pixels))) {}
 };
 
+/// Calls work(first, end) for runs of pixels, on all cores.
+template <typename Work>
+void for_runs(std::size_t count, const Work& work) {
+  constexpr std::size_t kRun = 1 << 15;
+  parallel_for(static_cast<std::int64_t>((count + kRun - 1) / kRun), [&](std::int64_t run) {
+    const std::size_t first = static_cast<std::size_t>(run) * kRun;
+    work(first, std::min(first + kRun, count));
+  });
+}
+
 }  // namespace
 
 Subtraction::Subtraction(int width, int height) : width_(width), height_(height) {}
@@ -89,12 +99,16 @@ void Subtraction::subtract(std::span<const float> frame, std::span<float> differ
     return;
   }
   if (!is_moved_) move_mask();
-  for (std::size_t i = 0; i < frame.size(); ++i) difference[i] = frame[i] - moved_[i];
+  for_runs(frame.size(), [&](std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) difference[i] = frame[i] - moved_[i];
+  });
 }
 
 void MaximumOpacification::add(std::span<const float> difference) {
   if (largest_.size() != difference.size()) return largest_.assign(difference.begin(), difference.end());
-  for (std::size_t i = 0; i < largest_.size(); ++i) largest_[i] = std::max(largest_[i], difference[i]);
+  for_runs(largest_.size(), [&](std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) largest_[i] = std::max(largest_[i], difference[i]);
+  });
 }
 
 std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
@@ -103,10 +117,12 @@ std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
   const float background = kWhite * static_cast<float>(window.background);
   const float slope = background / static_cast<float>(window.black);
   std::vector<std::uint8_t> greys(difference.size());
-  for (std::size_t i = 0; i < difference.size(); ++i) {
-    const float grey = std::clamp(background + kHalf - slope * difference[i], 0.0f, kWhite);
-    greys[i] = static_cast<std::uint8_t>(grey);
-  }
+  for_runs(difference.size(), [&](std::size_t first, std::size_t end) {
+    for (std::size_t i = first; i < end; ++i) {
+      const float grey = std::clamp(background + kHalf - slope * difference[i], 0.0f, kWhite);
+      greys[i] = static_cast<std::uint8_t>(static_cast<int>(grey));
+    }
+  });
   return greys;
 }
 

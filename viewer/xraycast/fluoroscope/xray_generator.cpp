@@ -103,8 +103,8 @@ double XrayGenerator::open_quanta() {
 
 double XrayGenerator::full_scale_kev() {
   constexpr double kHeadroom = 10, kSpreads = 8, kOpenHeadroom = 1.25;
-  if (!options_.photons) return kHeadroom * target_kev();
-  const double quanta = *options_.photons;
+  if (options_.is_automatic()) return kHeadroom * target_kev();
+  const double quanta = open_quanta();
   return beam(technique_.kvp).open.mean_kev() * (kOpenHeadroom * quanta + kSpreads * std::sqrt(quanta) + 1);
 }
 

@@ -31,7 +31,7 @@ class XrayGenerator {
   double kerma_rate_mGy_min();
 
   /// The signal of the largest code. Gain follows the dose level, so that the control's target has a tenth of
-  /// all codes; where the photons are given, the open field just fits.
+  /// all codes; with an exposure by hand the open field just fits.
   double full_scale_kev();
 
   /// After a pulse that gave this mean signal in the measuring field: whether the technique changed, which it

@@ -1,6 +1,7 @@
 #include "xraycast/sampling/map_texels.hpp"
 
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/kernels/params.h"
 #include "xraycast/sampling/shell_halves.hpp"
 
 #include <glm/gtc/packing.hpp>
@@ -69,6 +70,12 @@ class RowSolver {
 };
 
 }  // namespace
+
+MapGeometry drawn_geometry(const BodyMap& map) {
+  MapGeometry geometry = map.geometry;
+  if (!map.spectrum && map.opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry.field.reset();
+  return geometry;
+}
 
 MapTexels texels_of(const MapGeometry& drawn) {
   return {drawn.layers(), drawn.width + 1, (drawn.height + 3) / 4};

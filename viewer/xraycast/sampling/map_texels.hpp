@@ -9,6 +9,10 @@
 
 namespace xraycast {
 
+/// The geometry of a map's rays as they are drawn. Where air absorbs, rays met more of it beyond the scan,
+/// whose bounds then do not end them.
+MapGeometry drawn_geometry(const BodyMap& map);
+
 /// The layout of a map's values as the shaders read them: layers x (width + 1) x rows, the rows of a texel
 /// column contiguous and padded to a multiple of four with the last row, so that byte ranges stay. The
 /// last column of a layer repeats its first, so that every column has a neighbour behind it.

@@ -7,6 +7,8 @@ uniform float last_quad;
 uniform vec2 row_limits;  // the first and last row of the body
 uniform bool is_resampled, has_absorbed, has_shade, gives_tau, inverted;
 uniform float weight;     // of what surfaces absorb
+uniform bool has_outline;  // of what the green of `absorbed` covers
+uniform vec3 outline_colour;
 uniform float scale, contrast, black, gamma;
 out vec4 result;
 
@@ -27,8 +29,22 @@ float body_tau(vec2 place) {
   return max(mix(body_column(left, within.y), body_column(min(left + 1.0, last.x), within.y), within.x - left), 0.0);
 }
 
+bool covers(ivec2 at) {
+  ivec2 size = textureSize(absorbed, 0);
+  const float kTouched_mm = 0.01;  // above the rounding of depths
+  return all(greaterThanEqual(at, ivec2(0))) && all(lessThan(at, size)) && texelFetch(absorbed, at, 0).y > kTouched_mm;
+}
+
+bool is_on_outline(ivec2 at) {
+  return covers(at) && !(covers(at - ivec2(1, 0)) && covers(at + ivec2(1, 0)) && covers(at - ivec2(0, 1)) && covers(at + ivec2(0, 1)));
+}
+
 void main() {
   ivec2 at = ivec2(gl_FragCoord.xy);
+  if (has_outline && is_on_outline(at)) {
+    result = vec4(outline_colour, 1.0);
+    return;
+  }
   if (has_shade && texelFetch(shade, at, 0).a > 0.0) {
     float tau = max(texelFetch(near_tau, at, 0).x, 0.0);
     vec3 matter = vec3(inverted ? 1.0 : 0.0);

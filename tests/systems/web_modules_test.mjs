@@ -1,0 +1,190 @@
+// Modules of the exported page that need no browser: the address, the state, the film, the grey window and the C-arm.
+// esbuild, which `npm ci` has put into web/node_modules, bundles each. The folder web/ is named by XRAYCAST_WEB.
+import assert from "node:assert/strict";
+import { createRequire } from "node:module";
+import { join, resolve } from "node:path";
+import { test } from "node:test";
+import { pathToFileURL } from "node:url";
+
+const web = resolve(process.env.XRAYCAST_WEB);
+const { buildSync } = createRequire(pathToFileURL(join(web, "package.json")))("esbuild");
+
+async function module_of(name) {
+  const { outputFiles } = buildSync({
+    entryPoints: [join(web, "src", name)], bundle: true, write: false, format: "esm", target: "es2022",
+    loader: { ".glsl": "text", ".frag": "text", ".vert": "text" },
+  });
+  return import(`data:text/javascript;base64,${Buffer.from(outputFiles[0].contents).toString("base64")}`);
+}
+
+const { hash_of, state_of } = await module_of("address.ts");
+const { Store, first_state } = await module_of("state.ts");
+const { picture_at, shown_time_s } = await module_of("device_shape.ts");
+const { step_s } = await module_of("film.ts");
+const { view_of } = await module_of("camera.ts");
+const { Notes } = await module_of("notes.ts");
+const { Sampler } = await module_of("samples.ts");
+const { rectified_view } = await module_of("rectified.ts");
+const { drawn_bands } = await module_of("layers.ts");
+const { clustered, tube } = await module_of("mesh.ts");
+const { absorbed_by, covered_by } = await module_of("absorption.ts");
+
+const kRun = { pictures: 151, step_s: 1 / 15 };
+const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
+const session = ({ header = {}, ...more } = {}) => ({
+  header: {
+    camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, layer_weights: [],
+    shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
+  },
+  map: { layers: 4, bounds: kBounds }, vessels: null, catheter: null, run: null, ...more,
+});
+const opened = (data, hash = "") => new Store(state_of(hash, first_state(data)), first_state(data), data);
+const again = (state, data) => opened(data, hash_of(state, first_state(data))).state;
+
+test("a link to each picture of a run opens that picture", () => {
+  const data = session({ run: kRun });
+  for (let k = 0; k < kRun.pictures; ++k)
+    for (const later_s of [0, 0.5 * kRun.step_s]) {
+      const state = { ...opened(data).state, time_s: shown_time_s(kRun, k * kRun.step_s + later_s) };
+      assert.equal(picture_at(kRun, again(state, data).time_s), k);
+    }
+});
+
+test("a link says what differs from the export, also where that is a usual value", () => {
+  const window = { scale: 2, dark: 0.1, light: 0.9, gamma: 1.5, inverted: false };
+  const data = session({ header: { camera: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window } });
+  const { state } = opened(data);
+  const changed = { ...state, camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, window: null };
+  assert.deepEqual(again(changed, data), changed);
+  assert.equal(hash_of(state, first_state(data)), "#lao=30");
+  assert.deepEqual(again(state, data), state);
+});
+
+test("a narrow grey window survives its link", () => {
+  const data = session(), window = { scale: 3.1e-5, dark: 0.12345, light: 0.9, gamma: 1, inverted: false };
+  assert.deepEqual(again({ ...opened(data).state, window }, data).window, window);
+});
+
+test("what an address cannot ask for is passed over", () => {
+  const data = session();
+  for (const text of ["Infinity,0,1", "1,0.5,0.5", "1,0,2", "NaN,0,1", "1,0", "1,0,1,1", "-1,0,1"]) assert.equal(opened(data, `#window=${text}`).state.window, null, text);
+  assert.ok(Math.abs(opened(data, "#lao=1.79e308").state.camera.lao_deg) <= 180);
+  assert.deepEqual(opened(data, "#hide=3,1,1,99999,0,-1,x").state.hidden_layers, [0, 2]);
+  assert.equal(opened(data, "#zoom=1e9&t=7").state.camera.zoom, 40);
+  assert.equal(opened(data, "#t=7").state.time_s, 0);
+});
+
+test("nothing is shown that the session does not have, whoever asks", () => {
+  const store = opened(session(), "#look=surface&vessels=1&roadmap=1");
+  store.update({ look: "surface", shows_vessels: true, shows_road_map: true });
+  const { look, shows_vessels, shows_road_map } = store.state;
+  assert.deepEqual([look, shows_vessels, shows_road_map], ["fluoro", false, false]);
+});
+
+test("what stays within the limits stays the same object", () => {
+  const store = opened(session()), { camera } = store.state;
+  store.update({ time_s: 0, inverted: true });
+  assert.equal(store.state.camera, camera);
+});
+
+test("at zoom 1 the height fits in whole voxels, and tilting does not zoom but where the whole body is asked for", () => {
+  const camera = { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, pixel_mm = (camera, fit) => view_of(camera, null, kBounds, 480, 360, fit).pixel_mm;
+  // 720 mm are 116 voxels of 6.24 mm.
+  assert.ok(Math.abs(pixel_mm(camera, "untilted") - (116 * 6.24) / 360) < 1e-12);
+  assert.equal(pixel_mm({ ...camera, cranial_deg: 30 }, "untilted"), pixel_mm(camera, "untilted"));
+  assert.ok(pixel_mm({ ...camera, cranial_deg: 30 }, "tilted") > pixel_mm(camera, "tilted"));
+});
+
+test("a film that was hidden goes on where it was", () => {
+  assert.ok(Math.abs(step_s(1000, 1040, 2) - 0.08) < 1e-12);
+  assert.ok(step_s(1000, 61000, 1) <= 0.25);
+  assert.equal(step_s(1000, 990, 1), 0);
+});
+
+test("what is said for a moment does not end what holds", async () => {
+  const said = [], notes = new Notes((words) => said.push(words));
+  notes.state("lost");
+  notes.tell("copied", 5);
+  await new Promise((done) => setTimeout(done, 30));
+  notes.tell("copied", 5);
+  notes.state("");
+  await new Promise((done) => setTimeout(done, 30));
+  assert.deepEqual(said, ["lost", "copied", "lost", "copied", ""]);
+});
+
+test("vessels without contrast agent are outlined all the same", () => {
+  // A tetrahedron, its faces counter-clockwise from outside.
+  const mesh = { points_mm: Float32Array.of(0, 0, 0, 80, 0, 0, 0, 80, 0, 0, 0, 80), triangles: Uint32Array.of(0, 2, 1, 0, 1, 3, 0, 3, 2, 1, 2, 3) };
+  const view = view_of({ lao_deg: 10, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, kBounds, 64, 48, "untilted");
+  const surface = (mu_per_mm) => ({ mesh, mu_per_mm, is_closed: true }), count = ({ tau }) => tau.filter((tau) => tau > 0).length;
+  assert.equal(count(absorbed_by([surface(0)], view)), 0);
+  assert.ok(count(covered_by(surface(0), view)) > 5);
+});
+
+test("clusters of a closed mesh are closed, fewer, and of nearly its volume", () => {
+  const line = Array.from({ length: 200 }, (_, i) => [10 * Math.sin(i / 40), 0, i / 2]), mesh = tube(line, 6, 24);
+  const volume = ({ points_mm: p, triangles }) => {
+    let sum = 0;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const [a, b, c] = [0, 1, 2].map((k) => p.slice(3 * triangles[t + k], 3 * triangles[t + k] + 3));
+      sum += (a[0] * (b[1] * c[2] - b[2] * c[1]) + a[1] * (b[2] * c[0] - b[0] * c[2]) + a[2] * (b[0] * c[1] - b[1] * c[0])) / 6;
+    }
+    return sum;
+  };
+  const few = clustered(mesh, 1.5), edges = new Map();
+  for (let i = 0; i < few.triangles.length; ++i) {
+    const from = few.triangles[i], to = few.triangles[i % 3 === 2 ? i - 2 : i + 1], key = from < to ? `${from} ${to}` : `${to} ${from}`;
+    edges.set(key, (edges.get(key) ?? 0) + (from < to ? 1 : -1));
+  }
+  assert.ok([...edges.values()].every((count) => count === 0)); // as often one way as the other
+  assert.ok(few.triangles.length < 0.5 * mesh.triangles.length);
+  // A chord of a cluster lies within the tube by 1.5 mm squared / 8 / 6 mm at most, of 6 mm: 1.6 % of the area, twice with its height.
+  assert.ok(Math.abs(volume(few) / volume(mesh) - 1) < 0.04, `${volume(few) / volume(mesh)}`);
+});
+
+/** A map of two layers, whose samples tell their layers apart. */
+function small_map() {
+  const width = 8, height = 6, map = {
+    width, height, layers: 2, radii_mm: [0, 40, 60], centre_mm: [0, 0], top_mm: 50, row_mm: 20, field_mm: null, has_outline: false,
+    bounds: { centre_mm: [0, 0, 0], radius_mm: 60, half_height_mm: 60, finest_mm: 1 },
+    reaches_mm: new Float32Array(width).fill(60), scales: new Float32Array(width).fill(1),
+  };
+  const tau = Float32Array.from({ length: 2 * width * height }, (_, i) => 0.1 + 0.01 * ((7 * i) % 13));
+  return { map, tau };
+}
+
+/** The optical depths of a row of columns of the map, summed as the shaders sum them. */
+function sums(map, values, weights) {
+  const sampler = new Sampler(map), columns = map.width + 1, run = 4 * Math.ceil(map.height / 4);
+  sampler.set_weights(weights);
+  const view = view_of({ lao_deg: 20, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, map.bounds, 32, 32, "untilted");
+  const r = rectified_view(view, map, 1), { columns: table, samples } = sampler.samples_of(r, 3);
+  const texel = (layer, column) => values[(layer * columns + column) * run] ?? 0;
+  return Array.from({ length: r.columns }, (_, i) => {
+    let sum = 0;
+    for (let at = table[4 * i]; at < table[4 * i] + table[4 * i + 1]; ++at) {
+      const [place, weight, right, next] = samples.subarray(8 * at, 8 * at + 4), column = place % 2048, layer = Math.floor(place / 2048);
+      const mixed = (k) => (1 - right) * texel(k, column) + right * texel(k, column + 1);
+      sum += weight * ((1 - next) * mixed(layer) + (next > 0 ? next * mixed(layer + 1) : 0));
+    }
+    return sum;
+  });
+}
+
+test("weights of layers act on samples as they would on the map", () => {
+  const { map, tau } = small_map(), [{ values }] = drawn_bands(map, tau, 2), layer = values.length / 4;
+  for (const weights of [[1, 0], [0, 1], [0.5, 2], [0, 0]]) {
+    const weighted = values.map((value, i) => weights[Math.floor(i / layer / 2)] * value);
+    const wanted = sums(map, weighted, []), found = sums(map, values, weights);
+    // Samples are stored as 32-bit floats.
+    wanted.forEach((tau, i) => assert.ok(Math.abs(found[i] - tau) < 1e-5, `${weights}: ${found[i]}, not ${tau}`));
+    assert.equal(Math.max(...wanted) > 0.01, weights.some((weight) => weight > 0));
+  }
+});
+
+test("a map is the same in bands of any height", () => {
+  const { map, tau } = small_map(), columns = map.width + 1, [whole] = drawn_bands(map, tau, 2);
+  for (const { first_quad, quads, values } of drawn_bands(map, tau, 1))
+    for (let line = 0; line < 4 * columns; ++line)
+      assert.deepEqual(values.slice(4 * quads * line, 4 * quads * (line + 1)), whole.values.slice(8 * line + 4 * first_quad, 8 * line + 4 * (first_quad + quads)));
+});
