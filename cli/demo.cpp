@@ -275,7 +275,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 
   CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
-  RecordedRun run{.device = "5F Cobra", .radius_mm = catheter.rod(0).instrument().radius_mm()};
+  RecordedRun run{.device = "Cobra 5 F", .radius_mm = catheter.rod(0).instrument().radius_mm()};
   run.see(catheter, 0);
   const std::vector<std::vector<RunRecord>> records =
       report.timed("catheter run of 10.5 s, with its frames", [&] {

@@ -154,12 +154,12 @@ void check_cine(const SimulateArguments& options) {
   const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
   if (options.cine.empty()) {
     if (is_fluoroscopy)
-      throw InputError("a fluoroscope's options draw a run's pictures; add --cine and --map");
+      throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return;
   }
   if (is_fluoroscopy) check_linear_codes(options.dicom);
   if (is_fluoroscopy && options.look == "surface")
-    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
+    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   const Injection injection = parse_injection(options.injection);
@@ -183,7 +183,7 @@ Json json_of(const CatheterTip& tip) {
 void check_injection_begins(const SimulateArguments& options, const Script& script) {
   const double end_s = script.rows().back().time_s;
   if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
-    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier",
+    throw InputError("--inject {}: begins after the end of {} at {:g} s; inject earlier",
                      options.injection.times, options.script, end_s);
 }
 
@@ -249,7 +249,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
   for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
-  session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+  session.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
                                      "entry: end of branch {}; {}\n{}{}",
                                      options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
                                      times_faster, entry.branch, text_of(last), held_note(held_s), pictures));
@@ -316,8 +316,8 @@ void add_simulate(CLI::App& app, Session& session) {
   command
       ->add_option(
           "--look", options->look,
-          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
-          "since the mask, the frames of half a second before --inject, with which it begins")
+          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: digital subtraction "
+          "angiography, which begins 0.5 s before --inject with the frames of the mask image")
       ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->capture_default_str()
       ->type_name("NAME");

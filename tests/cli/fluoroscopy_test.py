@@ -274,7 +274,7 @@ class Fluoroscopy(unittest.TestCase):
             self.assertNotIn("ImageAndFluoroscopyAreaDoseProduct", data)
             self.assertEqual((data.ExposureTime, data.KVP), (None, None))
             self.assertEqual(data.RadiationSetting, "SC")
-        for energy_kev, options, message in ((60, "--kvp 80", "both give the beam"), (1.5, "", "a harder")):
+        for energy_kev, options, message in ((60, "--kvp 80", "both set the tube voltage"), (1.5, "", "a harder")):
             (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
             done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "y.png", "--photons", "1000", "--opacity",
                                    f"spectrum:{self.folder}/mono.txt", *options.split()], capture_output=True, text=True)
@@ -320,7 +320,7 @@ class Fluoroscopy(unittest.TestCase):
         self.assertEqual(len(set(greys)), 3)
 
     def test_bad_options_get_one_line(self):
-        for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "works from"),
+        for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "allows"),
                                  ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
                                  ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
                                  ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),

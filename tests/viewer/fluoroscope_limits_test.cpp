@@ -408,10 +408,12 @@ TEST(FluoroscopeLimits, TheTubeLimitsTheMas) {
   };
   // 40 mA and 4 kW for 20 ms.
   EXPECT_EQ(message("mobile-intensifier", 80, 0.8), "accepted");
-  EXPECT_THAT(message("mobile-intensifier", 80, 100),
-              HasSubstr("100 mAs: mobile-intensifier gives at most 0.8 mAs a pulse at 80 kVp; choose fewer"));
+  EXPECT_THAT(
+      message("mobile-intensifier", 80, 100),
+      HasSubstr(
+          "100 mAs: mobile-intensifier gives at most 0.8 mAs per pulse at 80 kVp; choose a lower value"));
   EXPECT_EQ(message("mobile-intensifier", {}, 0.8), "accepted");
-  EXPECT_THAT(message("fixed-single-plane", 125, 6), HasSubstr("at most 5.12 mAs a pulse at 125 kVp"));
+  EXPECT_THAT(message("fixed-single-plane", 125, 6), HasSubstr("at most 5.12 mAs per pulse at 125 kVp"));
 }
 
 TEST(FluoroscopeLimits, TheControlKeepsToThePowerAtFixedMas) {

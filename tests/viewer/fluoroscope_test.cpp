@@ -589,9 +589,9 @@ TEST(Fluoroscope, SaysWhatIsWrongWithItsOptions) {
   };
   using O = FluoroscopyOptions;
   EXPECT_EQ(message([](O&) {}), "accepted");
-  EXPECT_THAT(message([](O& o) { o.photons = 0; }), HasSubstr("0 photons a pixel: must be above 0"));
+  EXPECT_THAT(message([](O& o) { o.photons = 0; }), HasSubstr("0 photons per pixel: must be above 0"));
   EXPECT_THAT(message([](O& o) { o.mas = INFINITY; }), HasSubstr("inf mAs: must be above 0 and at most"));
-  EXPECT_THAT(message([](O& o) { o.kvp = 160; }), HasSubstr("works from 50 to 125 kVp"));
+  EXPECT_THAT(message([](O& o) { o.kvp = 160; }), HasSubstr("allows 50 to 125 kVp"));
   EXPECT_THAT(message([](O& o) { o.pulses_per_s = 0; }), HasSubstr("0 pulses/s: must be 3 to 30"));
   EXPECT_THAT(message([](O& o) { o.collimation = Collimation{0, 10}; }), HasSubstr("collimator is shut"));
   EXPECT_THAT(message([](O& o) {

@@ -135,8 +135,8 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
       throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
     if (values.size() != names.size())
-      throw InputError("{}: {}, but there are {} columns", where, pluralize(values.size(), "value"),
-                       names.size());
+      throw InputError("{}: {}, but the first line names {} columns", where,
+                       pluralize(values.size(), "value"), names.size());
     Row row;
     row.line = number_of_line;
     row.time_s = number(values[at[0]], names[0], where);

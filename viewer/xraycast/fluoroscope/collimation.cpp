@@ -1,5 +1,7 @@
 #include "xraycast/fluoroscope/collimation.hpp"
 
+#include "xraycast/fluoroscope/blur.hpp"
+
 #include <algorithm>
 #include <cmath>
 

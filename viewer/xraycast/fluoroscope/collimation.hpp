@@ -1,11 +1,12 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/fluoroscope/blur.hpp"
 
 #include <vector>
 
 namespace xraycast {
+
+class EdgeProfile;
 
 /// The opening between the blades, measured on the detector, about the picture's middle.
 struct Collimation {

@@ -71,7 +71,7 @@ void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {
   line(run.models()[number].name() + note_on_hand(run, number, is_manual));
   line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", device.pose.insertion_mm,
                    device.pose.rotation_rad / kRadians));
-  line(fmt::format("tip in branch {}, {:.0f} mm along it", device.tip.branch, device.tip.arc_length_mm));
+  line(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch, device.tip.arc_length_mm));
   strip("force", run, number, &HubLoad::force_N, 1, "N");
   strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm");
 }
@@ -106,7 +106,7 @@ void draw_intervention_panel(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
-  line(fmt::format("hub moved by: {}", intervention->run().device().status()));
+  line(fmt::format("hub input: {}", intervention->run().device().status()));
   for (std::size_t d = 0; d < now.count(); ++d) show_device(run, d, intervention->manual() != nullptr);
   if (run.has_valve()) {
     bool is_locked = run.is_valve_locked();
@@ -116,10 +116,11 @@ void draw_intervention_panel(Viewer& viewer) {
   line(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
                    intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
   if (!now.agent_outlet) line(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
-  line(intervention->is_live() ? "X-rays on" : "last image hold: press X");
+  line(intervention->is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
   ImGui::Checkbox("road map", &intervention->has_road_map);
   const LoopTiming& timing = now.timing;
-  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
+  line(fmt::format("simulation step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms,
+                   timing.p999_ms,
                    100.0 * static_cast<double>(timing.missed) /
                        static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
   if (ImGui::Button("Restart")) viewer.restart_run();

@@ -39,7 +39,7 @@ const char* const kHelp =
     "R              reset\n"
     "1 .. 9         show or hide a layer\n"
     "F              look: fluoro, surface\n"
-    "C              compositing: path, wall, true\n"
+    "C              compositing: path, wall, true projection\n"
     "I              invert (with a catheter: inject)\n"
     "S              split view with the true projection\n"
     "P              save a picture\n"
