@@ -1196,7 +1196,7 @@ TEST_F(Cli, SaysHowMuchContrastAgentDevicesHoldBack) {
   EXPECT_THAT(
       output_of(line("in", inject)),
       HasSubstr("2.0 ml of contrast agent were not injected: guidewire-014-angled has no lumen and lies "
-                "in the others; draw it back to 0 before\n"));
+                "in the others; draw it back to 0 to inject\n"));
 }
 
 TEST_F(Cli, SubtractsARunFromItsFramesBeforeTheInjection) {

@@ -43,7 +43,7 @@ TEST(AgentOutlet, AWireBlocksItsCatheter) {
   move(devices, {20, 10});
   EXPECT_EQ(agent_outlet(devices), std::nullopt);
   EXPECT_EQ(reason_for_no_outlet(models_of({"cobra-5f", "guidewire-035-angled"})),
-            "guidewire-035-angled has no lumen and lies in the others; draw it back to 0 before");
+            "guidewire-035-angled has no lumen and lies in the others; draw it back to 0 to inject");
   move(devices, {20, 0});
   EXPECT_EQ(agent_outlet(devices), 0u);
 }

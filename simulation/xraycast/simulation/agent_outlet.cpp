@@ -18,7 +18,7 @@ std::string reason_for_no_outlet(const std::vector<InstrumentModel>& models) {
   // Only the innermost can be solid; with a lumen it would have been the outlet.
   const std::string& solid = models.back().name();
   if (models.size() == 1) return fmt::format("{} has no lumen", solid);
-  return fmt::format("{} has no lumen and lies in the others; draw it back to 0 before", solid);
+  return fmt::format("{} has no lumen and lies in the others; draw it back to 0 to inject", solid);
 }
 
 }  // namespace xraycast
