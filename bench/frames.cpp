@@ -99,6 +99,7 @@ FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry
   // as wide as on a detector.
   View on_detector = view;
   on_detector.pixel_mm = options.c_arm.detector.width_mm / width;
+  on_detector.cone = options.c_arm.distances;
   chain_.reset(new Chain{Fluoroscope(options, on_detector, WaterPath(Opacity::paper())), {}, {}, {}, {}});
   chain_->fluoroscope.settle(renderer().tau(view, style_));
   if (subtracts) {

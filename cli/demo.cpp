@@ -273,24 +273,26 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
     if (fullest.empty() || darkness(rgb) > darkness(fullest)) fullest = std::move(rgb);
   }));
 
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
+  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
-  RecordedRun run{.device = "5F Cobra", .radius_mm = catheter.rod().instrument().radius_mm()};
+  RecordedRun run{.device = "Cobra 5 F", .radius_mm = catheter.rod(0).instrument().radius_mm()};
   run.see(catheter, 0);
-  const std::vector<RunRecord> records = report.timed("catheter run of 10.5 s, with its frames", [&] {
-    return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
-                      [&](const Catheter& moved, double time_s) {
-                        for (const auto& cine : cines) cine->see(moved, time_s);
-                        run.see(moved, time_s);
-                        if (std::lround(1000 * time_s) % 20 == 0) course.push_back(record_of(moved, time_s));
-                      });
-  });
+  const std::vector<std::vector<RunRecord>> records =
+      report.timed("catheter run of 10.5 s, with its frames", [&] {
+        return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
+                          [&](const CoaxialCatheters& moved, double time_s) {
+                            for (const auto& cine : cines) cine->see(moved, time_s);
+                            run.see(moved, time_s);
+                            if (std::lround(1000 * time_s) % 20 == 0)
+                              course.push_back(records_of(moved, time_s)[0]);
+                          });
+      });
   for (const auto& writer : writers) writer->finish();
   for (const auto& [file, rgb] : last_frames)
     write_png(rgb, options.view.width, options.view.height, 3, file);
   report.note("tip of the catheter",
-              fmt::format("in branch {}, {:.0f} mm along it", records.back().tip.branch,
-                          records.back().tip.arc_length_mm));
+              fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
+                          records.back()[0].tip.arc_length_mm));
   report.picture("run-fluoro.png", "run-fluoro.gif: Cobra to the left renal artery");
   report.picture("run-surface.png", "run-surface.gif: the same run");
   write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));

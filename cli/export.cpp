@@ -125,10 +125,10 @@ RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessel
     throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
                      options.script, end_s, RecordedRun::kLongest_s);
   const VesselTree tree = read_tree(vessels);
-  Catheter catheter(tree, device, find_entry(tree, entry_choice, device));
+  CoaxialCatheters catheter(tree, {device}, find_entry(tree, entry_choice, device));
   RecordedRun run{.device = device.name(), .radius_mm = device.radius_mm()};
   run_script(catheter, script, options.script, session.progress,
-             [&](const Catheter& moved, double time_s) { run.see(moved, time_s); });
+             [&](const CoaxialCatheters& moved, double time_s) { run.see(moved, time_s); });
   if (run.loads.empty()) run.see(catheter, 0);  // a script of one pose
   return run;
 }
@@ -145,7 +145,7 @@ WebSession gather(const ExportArguments& options, Session& session) {
   }
   if (!options.script.empty()) web.run = simulated_run(options, scene.vessels, session);
   if (scene.steered && !web.run)
-    web.catheter = catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm);
+    web.catheter = catheter_surface(scene.steered->devices[0].nodes_mm, scene.steered->devices[0].radius_mm);
   else if (!scene.catheter.empty())
     web.catheter = checked_catheter(scene.catheter);
   web.shows_vessels = !scene.steered;

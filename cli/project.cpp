@@ -10,7 +10,6 @@
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
 
-#include <cmath>
 #include <memory>
 
 namespace xraycast::cli {
@@ -108,12 +107,11 @@ void project_scan(const ProjectArguments& options, Session& session) {
     session.say(
         {"the X-ray source lies inside the body, so the tissue behind it is not in the picture; increase the "
          "first distance of --cone"});
-  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  // A tube's spectrum ends at its voltage.
-  if (spectrum) xa.tube_kvp = std::ceil(spectrum->bins().back().energy_kev);
+  xa.tube_kvp = tube_kvp(options.attenuation.opacity, attenuation);
   const ProjectedPicture picture =
       fluoroscopy ? project_fluoroscopy(resident, view, attenuation, *fluoroscopy, session, session.progress)
                   : project_drr(resident, view, attenuation, session.progress);
+  note_on_saturation(picture.frame.is_saturated, session);
   if (picture.fluoroscope)
     write_fluoroscopy(*picture.fluoroscope, picture.frame, view, options.output, options.grey, xa);
   else

@@ -23,6 +23,7 @@
 
 #include <fmt/format.h>
 
+#include <array>
 #include <cmath>
 #include <memory>
 #include <numbers>
@@ -122,29 +123,31 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
     session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
   }
   if (scene.steered)
-    surfaces.push_back(catheter_surface(scene.steered->nodes_mm, scene.steered->radius_mm));
+    std::ranges::copy(steered_surfaces(*scene.steered), std::back_inserter(surfaces));
   else if (!scene.catheter.empty())
     surfaces.push_back(read_catheter(scene.catheter));
   return surfaces;
 }
 
-/// The session's camera, unless a pixel size is given; a C-arm keeps its pose, and has its own detector.
-/// Without a session, the whole body.
+/// The session's camera, but for what is given: a C-arm has its own detector. Without a session, the whole
+/// body.
 View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds,
                   const std::optional<FluoroscopyOptions>& fluoroscopy) {
-  View view = parse_view(options.view);
-  const bool has_pose = !options.session.empty() && view.pixel_mm == 0;
-  view = on_c_arm(options.fluoroscope, fluoroscopy, view);
-  if (has_pose) {
-    if (view.width == 0) view.width = 640, view.height = 480;
-    View seen = view_of(scene.camera, bounds, view.width, view.height);
-    if (options.fluoroscope.c_arm.empty()) return seen;
-    seen.cone = view.cone;
-    seen.pixel_mm = view.pixel_mm;
-    return seen;
-  }
+  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
   view.centre_mm = bounds.centre_mm;
-  return fitted(view, bounds);
+  if (options.session.empty()) return fitted(view, bounds);
+  constexpr int kUsualWidth = 640, kUsualHeight = 480;
+  const bool is_sized = view.width > 0;
+  const View seen = view_of(scene.camera, bounds, is_sized ? view.width : kUsualWidth,
+                            is_sized ? view.height : kUsualHeight);
+  view.centre_mm = seen.centre_mm;
+  if (!options.view.has_angle()) view.angle_rad = seen.angle_rad;
+  if (!options.view.has_tilt()) view.tilt_rad = seen.tilt_rad;
+  if (view.pixel_mm > 0) return fitted(view, bounds);
+  view.width = seen.width;
+  view.height = seen.height;
+  view.pixel_mm = seen.pixel_mm;
+  return view;
 }
 
 /// Draws frames of a session with a context of its own.
@@ -167,25 +170,30 @@ class FrameRenderer {
   /// From now on frames are the fluoroscope's pulses. Its exposure control has settled on the first view.
   void use(const FluoroscopyOptions& options, const View& first, const BodyMap& map) {
     fluoroscope_.emplace(options, first, WaterPath(map));
+    show_vessels(!subtracts_);
     fluoroscope_->settle(renderer_.tau(first, scene_.style));
     fluoroscope_->hold_technique(subtracts_);
+    show_vessels(true);
   }
 
   /// A fluoroscope's next pulse.
   const FluoroscopyFrame& pulse(const View& view) {
+    fluoroscope_->set_view(view);
     const FluoroscopyFrame& frame = fluoroscope_->expose(renderer_.tau(view, scene_.style));
     technique_ = frame.technique;
+    is_saturated_ = is_saturated_ || frame.is_saturated;
     return frame;
   }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
   bool subtracts() const { return subtracts_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
+  bool is_saturated() const { return is_saturated_; }        ///< in any pulse
 
   /// The displayed picture: a fluoroscope's, or in the session's grey window, or in an automatic one for the
   /// view.
   std::vector<std::uint8_t> picture(const View& view) {
     std::vector<std::uint8_t> rgb = subtracts_     ? subtracted_picture(view)
-                                    : fluoroscope_ ? rgb_of(displayed(pulse(view), grey_))
+                                    : fluoroscope_ ? rgb_of(displayed(pulse(view).shown, grey_))
                                                    : grey_picture(view);
     const glm::dvec3 half(0, 0, bounds_.half_height_mm);
     if (with_annotations_)
@@ -197,13 +205,15 @@ class FrameRenderer {
 
   /// Optical depths, or their differences from those without the vessels.
   std::vector<float> tau(const View& view) {
-    std::vector<float> tau = measured_tau(view);
-    if (!subtracts_) return tau;
-    renderer_.set_surfaces(std::span(surfaces_).subspan(1));  // the first are the vessels
+    if (!subtracts_) return measured_tau(view);
     Subtraction subtraction(view.width, view.height);
+    show_vessels(false);
+    settle_lag(view);
     subtraction.add_to_mask(measured_tau(view));
+    show_vessels(true);
+    std::vector<float> tau = measured_tau(view);
     subtraction.subtract(tau, tau);
-    renderer_.set_surfaces(surfaces_);
+    clear_behind_blades(tau);
     return tau;
   }
   std::size_t texture_B() const { return renderer_.texture_B(); }
@@ -214,11 +224,29 @@ class FrameRenderer {
     if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
     return renderer_.picture(view, style);
   }
+  /// Of the surfaces the first are the vessels.
+  void show_vessels(bool shows) {
+    const std::span<const Surface> all(surfaces_);
+    renderer_.set_surfaces(shows || surfaces_.empty() ? all : all.subspan(1));
+  }
+  /// Runs of masks and of filled frames each have their own lag.
+  void settle_lag(const View& view) {
+    if (!fluoroscope_) return;
+    fluoroscope_->set_view(view);
+    fluoroscope_->settle(renderer_.tau(view, scene_.style));
+  }
+  void clear_behind_blades(std::vector<float>& difference) const {
+    if (!fluoroscope_) return;
+    const std::span<const float> field = fluoroscope_->field();
+    for (std::size_t i = 0; i < field.size(); ++i)
+      if (field[i] < 0.5f) difference[i] = 0;  // where there is only noise
+  }
+
   /// All frames have the window of the first.
   std::vector<std::uint8_t> subtracted_picture(const View& view) {
     const std::vector<float> difference = tau(view);
     if (!window_) window_ = automatic_subtraction_window(difference);
-    return subtraction_picture(difference, *window_);
+    return rgb_of(displayed(subtraction_greys(difference, *window_), grey_));
   }
 
   /// With a fluoroscope the optical depths that its detector measures.
@@ -237,6 +265,7 @@ class FrameRenderer {
   std::optional<RoadMap> road_map_;
   std::optional<Fluoroscope> fluoroscope_;
   Technique technique_;
+  bool is_saturated_ = false;
 };
 
 View turned(View view, double angle_deg) {
@@ -258,14 +287,21 @@ void write_cine(FrameRenderer& frames, View view, std::span<const double> angles
   writer.finish();
 }
 
+/// Noise in a difference goes below zero, which DICOM's pixels here cannot: zero lies a little darker.
+std::vector<float> xa_depths(FrameRenderer& frames, const View& view) {
+  std::vector<float> tau = frames.tau(view);
+  constexpr float kRoom = 1;
+  if (frames.fluoroscope() && frames.subtracts())
+    for (float& depth : tau) depth += kRoom;
+  return tau;
+}
+
 void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
                    const std::string& output, XaOptions options, Progress& progress) {
   const auto& fluoroscope = frames.fluoroscope();
   const bool has_codes = fluoroscope && !frames.subtracts();
-  if (has_codes) {
-    options.code_bits = fluoroscope->bits();
-    options.frame_time_ms = 1000 / fluoroscope->options().pulses_per_s;
-  }
+  if (has_codes) options.code_bits = fluoroscope->bits();
+  if (fluoroscope) options.frame_time_ms = 1000 / fluoroscope->options().pulses_per_s;
   XaWriter writer(output, view, std::ssize(angles_deg), options);
   progress.begin("drawing", std::ssize(angles_deg), "frames");
   for (const double angle_deg : angles_deg) {
@@ -273,7 +309,7 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
     if (has_codes)
       writer.add_codes(view, frames.pulse(view).codes);
     else
-      writer.add(view, frames.tau(view));
+      writer.add(view, xa_depths(frames, view));
     progress.advance();
   }
   if (fluoroscope)
@@ -281,11 +317,14 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
   writer.finish();
 }
 
-void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa) {
+void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa,
+                 Progress& progress) {
   if (is_picture(output))
     write_png(frames.picture(view), view.width, view.height, 3, output);
   else if (frames.fluoroscope() && !frames.subtracts())
     write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
+  else if (is_xa(output))
+    write_xa_cine(frames, view, std::array{view.angle_rad / kRadians}, output, xa, progress);
   else
     write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
 }
@@ -320,12 +359,13 @@ void render(const RenderArguments& options, Session& session) {
   }
   const Stopwatch stopwatch;
   if (cine_deg.empty())
-    write_frame(frames, view, options.output, xa);
+    write_frame(frames, view, options.output, xa, session.progress);
   else if (is_xa(options.output))
     write_xa_cine(frames, view, cine_deg, options.output, xa, session.progress);
   else
     write_cine(frames, view, cine_deg, options.output, session.progress);
   const double draw_ms = stopwatch.ms();
+  note_on_saturation(frames.is_saturated(), session);
 
   Json result{{"map", scene.map.string()},
               {"image", to_json(view)},

@@ -16,6 +16,7 @@
 #include "xraycast/drawing/run_cine.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/vessels.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/format.h>
@@ -79,10 +80,7 @@ class Cine {
     else
       start(options, map, tree, cine);
   }
-  template <class Devices>
-  void see(const Devices& devices, double time_s) {
-    run_->see(devices, time_s);
-  }
+  void see(const CoaxialCatheters& devices, double time_s) { run_->see(devices, time_s); }
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
@@ -91,6 +89,7 @@ class Cine {
     xa_->set_mask_frames(run_->mask_frames());
     xa_->finish();
   }
+  double injected_ml() const { return run_->injected_ml(); }
   double withheld_ml() const { return run_->withheld_ml(); }
   const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
   const Technique& technique() const { return technique_; }  ///< of the last pulse
@@ -103,9 +102,8 @@ class Cine {
     writer_.emplace(options.cine, cine.view.width, cine.view.height,
                     fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
     if (fluoroscope_ && !cine.subtracts)
-      run_.emplace(map, tree, cine, [this](const std::vector<float>& tau) {
-        writer_->add(rgb_of(displayed(pulse(tau), {})));
-      });
+      run_.emplace(map, tree, cine,
+                   [this](const std::vector<float>& tau) { writer_->add(rgb_of(pulse(tau).shown)); });
     else
       run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
   }
@@ -156,12 +154,12 @@ void check_cine(const SimulateArguments& options) {
   const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
   if (options.cine.empty()) {
     if (is_fluoroscopy)
-      throw InputError("a fluoroscope's options draw a run's pictures; add --cine and --map");
+      throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return;
   }
   if (is_fluoroscopy) check_linear_codes(options.dicom);
   if (is_fluoroscopy && options.look == "surface")
-    throw InputError("--look surface: a fluoroscope sees no shaded surfaces; leave it out");
+    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   const Injection injection = parse_injection(options.injection);
@@ -185,13 +183,21 @@ Json json_of(const CatheterTip& tip) {
 void check_injection_begins(const SimulateArguments& options, const Script& script) {
   const double end_s = script.rows().back().time_s;
   if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
-    throw InputError("--inject {}: begins when {} has ended, at {:g} s; inject earlier",
+    throw InputError("--inject {}: begins after the end of {} at {:g} s; inject earlier",
                      options.injection.times, options.script, end_s);
 }
 
-/// Runs the script and writes what it leads to. `devices` is a Catheter or several, CoaxialCatheters.
-template <class Devices>
-void run(Devices& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
+/// Throws InputError for an injection through a wire alone.
+void check_lumen(const SimulateArguments& options, const std::vector<InstrumentModel>& models) {
+  if (!options.cine.empty() && parse_injection(options.injection).volume_ml() > 0 &&
+      models[0].inner_radius_mm() == 0)
+    throw InputError(
+        "--inject {}: {} has no lumen; leave --inject out, or give a catheter by --device-model before it",
+        options.injection.times, models[0].name());
+}
+
+/// Runs the script and writes what it leads to.
+void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
          const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
@@ -199,12 +205,12 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
   std::optional<HubPlot> plot;
   if (!options.plot.empty()) plot.emplace(script).see(records_of(devices, 0));
   double held_s = 0;
-  const auto records =
-      run_script(devices, script, options.script, session.progress, [&](const Devices& moved, double time_s) {
-        if (plot) plot->see(records_of(moved, time_s));
-        if (moved.is_held()) held_s += moved.step_s();
-        if (cine) cine->see(moved, time_s);
-      });
+  const auto records = run_script(devices, script, options.script, session.progress,
+                                  [&](const CoaxialCatheters& moved, double time_s) {
+                                    if (plot) plot->see(records_of(moved, time_s));
+                                    if (moved.is_held()) held_s += moved.step_s();
+                                    if (cine) cine->see(moved, time_s);
+                                  });
   const double wall_s = 1e-3 * stopwatch.ms();
   OutputSet outputs;
   write_whole_file(options.log, to_csv(records));
@@ -233,16 +239,17 @@ void run(Devices& devices, const std::vector<InstrumentModel>& models, const Ves
     result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
     pictures = summary(*cine->fluoroscope(), cine->technique());
   }
+  if (cine && !options.injection.times.empty()) {
+    result["injected_ml"] = cine->injected_ml();
+    result["withheld_ml"] = cine->withheld_ml();
+  }
   if (cine && cine->withheld_ml() > 0)
-    pictures += fmt::format(
-        "{:.1f} ml of contrast agent were not injected: devices lay in the lumens; draw the inner one back "
-        "to "
-        "0 before\n",
-        cine->withheld_ml());
+    pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
+                            reason_for_no_outlet(models));
   for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
-  session.report(result, fmt::format("{}: {}, {:.1f} s in {:.1f} s ({:.1f} times real time)\n"
+  session.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
                                      "entry: end of branch {}; {}\n{}{}",
                                      options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
                                      times_faster, entry.branch, text_of(last), held_note(held_s), pictures));
@@ -257,17 +264,13 @@ void simulate(const SimulateArguments& options, Session& session) {
   std::vector<InstrumentModel> models;
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
   check_devices(models);
+  check_lumen(options, models);
   const Script script = Script::read(options.script, models.size());
   check_injection_begins(options, script);
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
-  if (models.size() == 1) {
-    Catheter catheter(tree, models[0], entry);
-    run(catheter, models, entry, tree, script, options, session);
-  } else {
-    CoaxialCatheters devices(tree, models, entry);
-    run(devices, models, entry, tree, script, options, session);
-  }
+  CoaxialCatheters devices(tree, models, entry);
+  run(devices, models, entry, tree, script, options, session);
 }
 
 }  // namespace
@@ -313,8 +316,8 @@ void add_simulate(CLI::App& app, Session& session) {
   command
       ->add_option(
           "--look", options->look,
-          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: what has come "
-          "since the mask, the frames of half a second before --inject, with which it begins")
+          "--cine: the catheter attenuates X-rays (fluoro) or is shaded (surface); dsa: digital subtraction "
+          "angiography, which begins 0.5 s before --inject with the frames of the mask image")
       ->check(CLI::IsMember({"fluoro", "surface", "dsa"}))
       ->capture_default_str()
       ->type_name("NAME");

@@ -2,6 +2,7 @@
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
@@ -185,12 +186,23 @@ void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::objec
   new (catheter) HeldCatheter{{tree.tree, {InstrumentModel::named(name)}, choice}};
 }
 
+/// Throws InputError, with `argument` in front, for what is neither text nor a path.
+std::string device_name(nb::handle object, const std::string& argument) {
+  try {
+    return path_of(object);
+  } catch (const nb::python_error& error) {
+    if (!error.matches(PyExc_TypeError)) throw;
+    throw InputError("{}: must be the name of a device or of its JSON file", argument);
+  }
+}
+
 void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& models,
                   const nb::object& entry) {
   if (nb::isinstance<nb::str>(models) || !nb::isinstance<nb::sequence>(models))
     throw InputError("models: must be a list of devices, the outermost first");
   std::vector<std::string> names;
-  for (const nb::handle model : models) names.push_back(path_of(nb::borrow(model)));
+  for (const nb::handle model : models)
+    names.push_back(device_name(model, fmt::format("models[{}]", names.size())));
   const EntryChoice choice = entry_of(entry);
   const nb::gil_scoped_release released;
   std::vector<InstrumentModel> of_names;
@@ -200,24 +212,18 @@ void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& 
 }
 
 /// One number a device; none: 0 for all.
-std::vector<double> numbers_of(const std::optional<std::vector<double>>& given, std::size_t count,
-                               const char* name) {
-  if (!given) return std::vector<double>(count, 0);
-  if (given->size() != count)
-    throw InputError("{}: has {} numbers for {} devices; give one a device, the outermost first", name,
-                     given->size(), count);
-  for (const double number : *given)
-    if (!std::isfinite(number)) throw InputError("{}: must be finite", name);
-  return *given;
+std::vector<double> moves_of(const nb::object& given, std::size_t count, const char* name) {
+  if (given.is_none()) return std::vector<double>(count, 0);
+  Numbers numbers = numbers_of(given, name);
+  if (numbers.shape != std::vector{count})
+    throw InputError("{}: must be {}, one a device, the outermost first", name, pluralize(count, "number"));
+  return std::move(numbers.values);
 }
 
-std::vector<State> move_hubs(HeldDevices& devices, const std::optional<std::vector<double>>& push_mm,
-                             const std::optional<std::vector<double>>& turn_deg, int ms) {
+std::vector<State> move_by(HeldDevices& devices, Motion motion, int ms) {
   constexpr int kLongest_ms = 3'600'000;
   if (ms < 1 || ms > kLongest_ms)
     throw InputError("ms {}: must be 1 to {}, whole steps of 1 ms", ms, kLongest_ms);
-  Motion motion{numbers_of(push_mm, devices.count(), "push_mm"),
-                numbers_of(turn_deg, devices.count(), "turn_deg")};
   for (double& angle : motion.turn_rad) angle *= kRadiansPerDegree;
   Progress progress;
   const RunningCall call(progress);
@@ -225,8 +231,17 @@ std::vector<State> move_hubs(HeldDevices& devices, const std::optional<std::vect
   return devices.step(motion, ms, call);
 }
 
+std::vector<State> move_hubs(HeldDevices& devices, const nb::object& push_mm, const nb::object& turn_deg,
+                             int ms) {
+  return move_by(
+      devices,
+      {moves_of(push_mm, devices.count(), "push_mm"), moves_of(turn_deg, devices.count(), "turn_deg")}, ms);
+}
+
 State move_hub(HeldCatheter& catheter, double push_mm, double turn_deg, int ms) {
-  return move_hubs(catheter.held, {{push_mm}}, {{turn_deg}}, ms).front();
+  if (!std::isfinite(push_mm)) throw InputError("push_mm: must be finite");
+  if (!std::isfinite(turn_deg)) throw InputError("turn_deg: must be finite");
+  return move_by(catheter.held, {{push_mm}, {turn_deg}}, ms).front();
 }
 
 /// Throws InputError for a device that there is not.
@@ -295,7 +310,7 @@ std::vector<std::string> names_of(HeldDevices& devices) {
 
 void exchange_device(HeldDevices& devices, int device, const nb::object& model) {
   const std::size_t number = checked_device(devices, device);
-  const std::string name = path_of(model);
+  const std::string name = device_name(model, "model");
   const nb::gil_scoped_release released;
   devices.exchange(number, InstrumentModel::named(name));
 }
@@ -305,7 +320,7 @@ void add_devices(nb::module_& module) {
       module, "CoaxialDevices",
       "Up to three devices one in the other, as a guide wire in a catheter, each moved at "
       "its own hub. Lists have an item a device, the outermost first.")
-      .def("__init__", make_devices, nb::arg("tree"), nb::arg("models"), nb::kw_only(),
+      .def("__init__", make_devices, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
            nb::arg("entry") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
            "Catheter's.")
@@ -316,7 +331,7 @@ void add_devices(nb::module_& module) {
       .def_prop_ro("states", &HeldDevices::states, nb::call_guard<nb::gil_scoped_release>())
       .def("nodes_mm", nodes_of, nb::arg("device"), kShared,
            "A device from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def("exchange", exchange_device, nb::arg("device"), nb::arg("model"),
+      .def("exchange", exchange_device, nb::arg("device"), nb::arg("model").none(),
            "Another model instead of a device that is drawn back to an insertion of 0. The others stay.")
       .def(
           "has_free_lumen",

@@ -21,7 +21,8 @@ CLI::Option* add_options(CLI::App& command, Model& model, const std::string& mor
                                      fmt::join(InstrumentModel::preset_names(), ", "), more));
   command
       .add_option("--entry", entry,
-                  "Vessel end at which the device enters: the number of a branch, or the end nearest to a "
+                  "Vessel end where the device enters (the puncture site): the number of a branch, or the "
+                  "end nearest to a "
                   "point in mm (LPS) (default: the most inferior end that the device fits into)")
       ->type_name("BRANCH|X,Y,Z");
   return option->type_name("NAME");
@@ -35,8 +36,8 @@ void add_catheter_options(CLI::App& command, std::string& instrument_model, std:
 }
 
 void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
-  CLI::Option* models = add_options(command, instrument_models,
-                                    "; repeat it for a wire in a catheter, the outermost first", entry);
+  CLI::Option* models = add_options(
+      command, instrument_models, "; repeat it for a wire in a catheter, the outermost device first", entry);
   models->allow_extra_args(false);
   instrument_models.empty() ? models->required()
                             : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));

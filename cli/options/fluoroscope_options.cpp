@@ -38,26 +38,29 @@ void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options) {
   };
   add("--c-arm", options.c_arm,
       fmt::format("Distances, detector, tube and table of {}, or of a file; sets --cone, --size and --pixel "
-                  "where they are not given",
+                  "unless they are given",
                   fmt::join(CArm::preset_names(), ", ")),
       "NAME|FILE.json");
-  add("--field", options.field_mm, "Zoom field of the C-arm: its side on the detector; default: the largest",
-      "MM");
-  add("--collimate", options.collimate, "Opening of the collimator's blades on the detector, and their turn",
-      "MM,MM[,DEG]");
+  add("--field", options.field_mm,
+      "Field of view (magnification mode): its side on the detector; default: the largest", "MM");
+  add("--collimate", options.collimate,
+      "Collimator opening, width and height at the detector, and its rotation", "MM,MM[,DEG]");
   add("--dose", options.dose,
-      "Dose that the exposure control aims at: low, normal (default), or cine; any option of this group "
-      "makes "
-      "the picture that of a fluoroscope, with noise",
+      "Detector dose per pulse: low or normal (default) for fluoroscopy, cine for a recorded run; any option "
+      "of "
+      "this group adds the noise, blur and dose of a fluoroscope",
       "NAME")
       ->check(CLI::IsMember({"low", "normal", "cine"}));
-  add("--kvp", options.kvp, "Tube voltage; the exposure control sets the mAs alone", "KVP");
-  add("--mas", options.mas, "mAs a pulse; the exposure control sets the voltage alone", "MAS");
-  add("--photons", options.photons, "Quanta that a pixel of the open field detects, in place of an exposure",
-      "N");
-  add("--pulse-rate", options.pulses_per_s, "Pulses a second, 3 to 30 (default 15)", "HZ");
+  add("--kvp", options.kvp, "Tube voltage; the automatic exposure control then sets only the mAs", "KVP");
+  add("--mas", options.mas, "mAs per pulse; the automatic exposure control then sets only the voltage",
+      "MAS");
+  add("--photons", options.photons,
+      "Photons detected per pixel of the unattenuated field, instead of an exposure", "N");
+  add("--pulse-rate", options.pulses_per_s, "Pulses per second, 3 to 30 (default 15)", "HZ");
   add("--stages", options.stages,
-      "What is on of quanta, blur, lag, electronics, scatter and display; or none (default: all)", "LIST");
+      "Stages to simulate: a list of quanta, blur, lag, electronics, scatter and display, or none (default: "
+      "all)",
+      "LIST");
   add("--seed", options.seed, "Seed of the noise (default 1): the same seed gives the same file", "N");
 }
 
@@ -83,19 +86,26 @@ std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& 
   return parsed;
 }
 
+std::optional<int> tube_kvp(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation) {
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  const std::string name = opacity.substr(opacity.find(':') + 1);
+  if (!spectrum || spectrum->name() != name + " kVp") return std::nullopt;
+  return std::stoi(name);
+}
+
 void use_spectrum(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation,
                   FluoroscopyOptions& fluoroscopy) {
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   if (!spectrum) return;
-  const std::string name = opacity.substr(opacity.find(':') + 1);
-  const bool is_file = spectrum->name() != name + " kVp";
+  const std::optional<int> kvp = tube_kvp(opacity, attenuation);
+  const bool is_file = !kvp;
   if (is_file && fluoroscopy.kvp)
-    throw InputError("--kvp {} with --opacity {}: both give the beam; leave one of them out",
+    throw InputError("--kvp {} with --opacity {}: both set the tube voltage; leave one of them out",
                      *fluoroscopy.kvp, opacity);
   if (is_file)
     fluoroscopy.spectrum = *spectrum;
   else if (!fluoroscopy.kvp)
-    fluoroscopy.kvp = std::stoi(name);
+    fluoroscopy.kvp = kvp;
   check(fluoroscopy);
 }
 
@@ -106,17 +116,23 @@ View on_c_arm(const FluoroscopeArguments& options, const std::optional<Fluorosco
 
 void note_on_energies(const Session& session) {
   session.say(
-      {"the optical depths have no energies: the fluoroscope takes them for the water that attenuates as "
-       "much; for the tissues' own hardening give --opacity spectrum:KVP"});
+      {"optical depths hold one energy only: the fluoroscope treats the body as water of the same optical "
+       "depth; for beam hardening in bone, project the scan with --opacity spectrum:KVP"});
 }
 
 void check_linear_codes(const DicomOptions& dicom) {
   if (dicom.intensity == "log")
-    throw InputError("--intensity log: a fluoroscope's detector sends linear codes; leave it out");
+    throw InputError("--intensity log: the detector values of a fluoroscope are linear; leave it out");
 }
 
-std::vector<std::uint8_t> displayed(const FluoroscopyFrame& frame, const GreyOptions& grey) {
-  std::vector<std::uint8_t> greys = frame.shown;
+void note_on_saturation(bool is_saturated, const Session& session) {
+  if (is_saturated)
+    session.say(
+        {"the middle of the picture saturates the detector: lower --mas or --kvp, or leave them to the "
+         "exposure control"});
+}
+
+std::vector<std::uint8_t> displayed(std::vector<std::uint8_t> greys, const GreyOptions& grey) {
   const double gamma = grey.gamma.value_or(1);
   constexpr double kWhite = 255;
   for (std::uint8_t& one : greys) {
@@ -134,7 +150,7 @@ std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
 }
 
 std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {
-  if (fluoroscope.options().spectrum) return std::nullopt;
+  if (technique.mas == 0) return std::nullopt;
   return XaExposure{.kvp = 1.0 * technique.kvp,
                     .mas = technique.mas,
                     .pulse_ms = fluoroscope.options().c_arm.tube.pulse_ms,
@@ -144,9 +160,10 @@ std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Tech
 
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
                        const std::string& file, const GreyOptions& grey, XaOptions xa) {
-  if (is_picture(file)) return write_png(displayed(frame, grey), view.width, view.height, 1, file);
+  if (is_picture(file)) return write_png(displayed(frame.shown, grey), view.width, view.height, 1, file);
   if (!is_xa(file)) return write_detector_signal(view, frame.signal_kev, file);
   xa.code_bits = fluoroscope.bits();
+  xa.is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine;
   XaWriter writer(file, view, 1, std::move(xa));
   writer.add_codes(view, frame.codes);
   if (const auto exposure = exposure_of(fluoroscope, frame.technique)) writer.set_exposure(*exposure);
@@ -167,8 +184,13 @@ Json to_json(const Fluoroscope& fluoroscope, const Technique& technique) {
 
 std::string summary(const Fluoroscope& fluoroscope, const Technique& technique) {
   const DoseRecord& dose = fluoroscope.dose();
+  if (technique.mas == 0)
+    return fmt::format("{}: {}, {} recorded; the photons were given, so there is no air kerma or dose\n",
+                       fluoroscope.options().c_arm.name, pluralize(dose.pulses, "pulse"),
+                       pluralize(dose.images, "image"));
   return fmt::format(
-      "{}: {} kVp, {:.3g} mAs a pulse; {}, {:.2f} s of fluoroscopy, {} recorded, air kerma {:.3g} mGy at the "
+      "{}: {} kVp, {:.3g} mAs per pulse; {}, {:.2f} s of fluoroscopy, {} recorded, air kerma {:.3g} mGy at "
+      "the "
       "reference point, dose-area product {:.3g} Gy cm2\n",
       fluoroscope.options().c_arm.name, technique.kvp, technique.mas, pluralize(dose.pulses, "pulse"),
       dose.fluoroscopy_s, pluralize(dose.images, "image"), dose.air_kerma_mGy, dose.dap_Gycm2);

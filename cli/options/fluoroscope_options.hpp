@@ -27,6 +27,9 @@ void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options);
 /// on a fixed single-plane C-arm unless another was named. Throws InputError.
 std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& options);
 
+/// The voltage of `--opacity spectrum:KVP`; none for an opacity, or a spectrum from a file.
+std::optional<int> tube_kvp(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation);
+
 /// What `--opacity spectrum:` chose, for the beam: a tube's voltage is held, a spectrum from a file replaces
 /// the tube's. Throws InputError.
 void use_spectrum(const std::string& opacity, const std::variant<Opacity, Spectrum>& attenuation,
@@ -42,15 +45,18 @@ void note_on_energies(const Session& session);
 /// Throws InputError for an --intensity that the detector's codes do not have.
 void check_linear_codes(const DicomOptions& dicom);
 
-/// A frame's displayed greys, with --gamma and --inverted.
-std::vector<std::uint8_t> displayed(const FluoroscopyFrame& frame, const GreyOptions& grey);
+/// One line for a measuring field that is brighter than the detector's codes.
+void note_on_saturation(bool is_saturated, const Session& session);
+
+/// Greys with --gamma and --inverted.
+std::vector<std::uint8_t> displayed(std::vector<std::uint8_t> greys, const GreyOptions& grey);
 std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys);
 
 /// A single frame: .png what is shown, .dcm the detector's codes, others the raw signal.
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
                        const std::string& file, const GreyOptions& grey, XaOptions xa);
 
-/// Nothing for a spectrum from a file: it has no tube.
+/// Nothing for a spectrum from a file, and for photons that no tube gives.
 std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique);
 
 /// {"c_arm", "kvp", "mas", "air_kerma_mGy", "dap_Gycm2", "fluoroscopy_s", "pulses", "images"} and the

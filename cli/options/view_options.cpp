@@ -18,16 +18,17 @@ double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1
 }  // namespace
 
 void add_view_options(CLI::App& command, ViewOptions& options) {
-  command
-      .add_option("--angle,--lao", options.angle_deg,
-                  "C-arm angle, the position of the detector: LAO positive, RAO negative, 0 frontal (AP)")
-      ->capture_default_str()
-      ->type_name("DEG");
-  command
-      .add_option("--tilt,--cranial", options.tilt_deg,
-                  "Tilt of the detector: cranial positive, caudal negative")
-      ->capture_default_str()
-      ->type_name("DEG");
+  options.angle =
+      command
+          .add_option("--angle,--lao", options.angle_deg,
+                      "C-arm angle, the position of the detector: LAO positive, RAO negative, 0 frontal (AP)")
+          ->capture_default_str()
+          ->type_name("DEG");
+  options.tilt = command
+                     .add_option("--tilt,--cranial", options.tilt_deg,
+                                 "Tilt of the detector: cranial positive, caudal negative")
+                     ->capture_default_str()
+                     ->type_name("DEG");
   add_cone_option(command, options.cone);
   command.add_option("--size", options.size, "Picture size in pixels; default: the whole body fits")
       ->type_name("WxH");

@@ -14,6 +14,10 @@ namespace xraycast::cli {
 struct ViewOptions {
   std::string cone, size;
   double angle_deg = 0, tilt_deg = 0, pixel_mm = 0;
+  const CLI::Option *angle = nullptr, *tilt = nullptr;  ///< whether they were given
+
+  bool has_angle() const { return angle && angle->count() > 0; }
+  bool has_tilt() const { return tilt && tilt->count() > 0; }
 };
 
 void add_view_options(CLI::App& command, ViewOptions& options);

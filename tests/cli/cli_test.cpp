@@ -222,6 +222,11 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
      "@/log.csv",
      3, "list the outermost device first", make_push_and_tree},
+    {"InjectThroughAWire",
+     "simulate @/tree.json --device-model guidewire-014-angled --script @/push.csv -o @/log.csv --map "
+     "@/map.exr --cine @/c.gif --inject 0.2,2",
+     3, "--inject 0.2,2: guidewire-014-angled has no lumen; leave --inject out, or give a catheter",
+     make_run},
     {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
      make_run},
     {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
@@ -1167,6 +1172,31 @@ TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
               read_bytes(folder_ / (look + "level/frame-004.png")))
         << look << ": the wire does not show";
   }
+}
+
+TEST_F(Cli, SaysHowMuchContrastAgentDevicesHoldBack) {
+  make_run(folder_);
+  const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,";
+  write_bytes(folder_ / "in.csv", rows + "5,0\n1,10,0,10,0\n");
+  write_bytes(folder_ / "out.csv", rows + "0,0\n1,10,0,0,0\n");
+  const auto line = [](const std::string& script, const std::string& more) {
+    return "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled "
+           "--script @/" +
+           script + ".csv -o @/log.csv --map @/map.exr --cine @/" + script + ".gif -q" + more;
+  };
+  const std::string inject = " --inject 0.2,0.6 --injection-rate 5";
+  // To the steps of the frames, which are added up.
+  const Json in = json_of(line("in", inject));
+  EXPECT_NEAR(in["withheld_ml"], 2, 1e-6);
+  EXPECT_EQ(in["injected_ml"], 0);
+  const Json out = json_of(line("out", inject));
+  EXPECT_EQ(out["withheld_ml"], 0);
+  EXPECT_NEAR(out["injected_ml"], 2, 1e-6);
+  EXPECT_FALSE(json_of(line("in", "")).contains("withheld_ml"));
+  EXPECT_THAT(
+      output_of(line("in", inject)),
+      HasSubstr("2.0 ml of contrast agent were not injected: guidewire-014-angled has no lumen and lies "
+                "in the others; draw it back to 0 before\n"));
 }
 
 TEST_F(Cli, SubtractsARunFromItsFramesBeforeTheInjection) {

@@ -137,18 +137,27 @@ class Fluoroscopy(unittest.TestCase):
         across = (edge(0.5 * field_mm - x_mm) + edge(0.5 * field_mm + x_mm)).mean() / 2
         scattered = 0.154 * water_cm * across ** 2 * grid["scatter_transmission"] / grid["primary_transmission"]
         quanta = photons * math.exp(-0.2059 * water_cm) * (1 + scattered)
-        released = 1 - sum(trap["fraction"] for trap in detector["lag"])  # the first pulse fills the traps
-        mean_kev = quanta * energy_kev * released
+        # Lag is steady: traps hold a share of this pulse's noise back, and give the mean of earlier ones.
+        released = 1 - sum(trap["fraction"] for trap in detector["lag"])
+        mean_kev = quanta * energy_kev
 
         frequency = numpy.fft.fftfreq(256)
         fx, fy = numpy.meshgrid(frequency, frequency)
         cycles = numpy.hypot(fx, fy)
-        bell = lambda spread_mm: numpy.exp(-2 * (math.pi * spread_mm / pixel_mm * cycles) ** 2)
         blur = detector["blur"]
-        mtf = (1 - blur["wide_share"]) * bell(blur["narrow_mm"]) + blur["wide_share"] * bell(blur["wide_mm"])
+
+        def light(across, down):
+            """Transfer of the scintillator and of a pixel's area."""
+            squared = (math.pi / pixel_mm) ** 2 * (across ** 2 + down ** 2)
+            bell = lambda spread_mm: numpy.exp(-2 * spread_mm ** 2 * squared)
+            return ((1 - blur["wide_share"]) * bell(blur["narrow_mm"]) + blur["wide_share"] * bell(blur["wide_mm"])) \
+                * numpy.sinc(across) * numpy.sinc(down)
+
+        # Quanta fall anywhere in a pixel: noise of all frequencies that the pixels take for one adds up.
+        mtf2 = sum(light(fx + k, fy + n) ** 2 for k in range(-6, 7) for n in range(-6, 7))
         electronic_kev = detector["electronic_noise_kev"] * pixel_mm / detector["pixel_mm"]
         code_kev = energy_kev * 1.25 * photons / 2 ** detector["bits"]  # the open field just fits
-        power = quanta * (energy_kev * released * mtf) ** 2 + electronic_kev ** 2 + code_kev ** 2 / 12
+        power = quanta * (energy_kev * released) ** 2 * mtf2 + electronic_kev ** 2 + code_kev ** 2 / 12
 
         pairs = [(picture("a.nrrd", seed), picture("b.nrrd", seed + 1)) for seed in (1, 3, 5)]
         # 0.5 % each: NIST's and xraylib's attenuation through 20 cm, and oblique rays; the cells of the scatter.
@@ -244,6 +253,14 @@ class Fluoroscopy(unittest.TestCase):
         self.assertAlmostEqual(seen[40].pop("angle_deg"), 40)
         self.assertEqual(seen[0], seen[40])
         self.assertAlmostEqual(seen[40]["tilt_deg"], 10)
+        done = run("render", "--session", session, "-o", self.folder / "x.png", "--angle", 70, "--c-arm",
+                   "mobile-flat-panel", "--pixel", 0.5, "--json")
+        other = json.loads(done.stdout)["image"]
+        self.assertAlmostEqual(other["angle_deg"], 70)
+        self.assertAlmostEqual(other["tilt_deg"], 10)
+        self.assertEqual((other["pixel_mm"], other["centre_mm"]), (0.5, seen[40]["centre_mm"]))
+        done = run("render", "--session", session, "-o", self.folder / "x.png", "--angle", 70, "--json")
+        self.assertAlmostEqual(json.loads(done.stdout)["image"]["angle_deg"], 70)
         # The largest field, by its pixels two by two.
         self.assertEqual((seen[40]["width"], seen[40]["pixel_mm"]), (976, 0.304))
 
@@ -255,16 +272,55 @@ class Fluoroscopy(unittest.TestCase):
                 "--size", "100x50", "--pixel", 5)
             data = pydicom.dcmread(self.folder / "x.dcm")
             self.assertNotIn("ImageAndFluoroscopyAreaDoseProduct", data)
-            self.assertEqual(data.ExposureTime, None)
-        for energy_kev, options, message in ((60, "--kvp 80", "both give the beam"), (1.5, "", "a harder")):
+            self.assertEqual((data.ExposureTime, data.KVP), (None, None))
+            self.assertEqual(data.RadiationSetting, "SC")
+        for energy_kev, options, message in ((60, "--kvp 80", "both set the tube voltage"), (1.5, "", "a harder")):
             (self.folder / "mono.txt").write_text(f"{energy_kev} 1\n")
             done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "y.png", "--photons", "1000", "--opacity",
                                    f"spectrum:{self.folder}/mono.txt", *options.split()], capture_output=True, text=True)
             self.assertEqual((done.returncode, done.stderr.count("\n")), (3, 1), done.stderr)
             self.assertIn(message, done.stderr)
 
+    def test_photons_that_no_tube_gives_leave_the_exposure_out(self):
+        out = self.folder / "x.dcm"
+        done = run("project", self.scan, "-o", out, "--photons", 1e7, "--pixel", 0.1, "--size", "32x32", "--json")
+        self.assertEqual(json.loads(done.stdout)["fluoroscope"]["dap_Gycm2"], 0)
+        self.assertNotIn("ExposureInuAs", pydicom.dcmread(out))
+
+    def test_exposures_by_hand_are_not_blank(self):
+        for mas in (0.05, 2, 6):
+            picture = self.project("x.nrrd", "--kvp", 80, "--mas", mas, "--c-arm", "fixed-single-plane")
+            for seen in self.steps(picture, int(numpy.argmax(picture[75] < 0.6 * picture[75].max())))[1:]:
+                self.assertGreater(seen.std(), 0.001 * seen.mean())
+
+    def test_saturation_gets_one_line(self):
+        write_slab(self.folder / "thin.nrrd", 1)
+        done = run("project", self.folder / "thin.nrrd", "-o", self.folder / "x.png", "--mas", 6, "--size", "32x32",
+                   "--pixel", 1)
+        self.assertIn("saturates the detector", done.stderr)
+
+    def test_subtraction_of_one_frame_is_zero_where_nothing_came(self):
+        run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd", "--truth", self.folder / "truth")
+        body_map = self.folder / "map.exr"
+        run("cast", self.folder / "ct.nrrd", "-o", body_map, "--layers", 8)
+        words = ("render", body_map, "--look", "dsa", "--vessels", self.folder / "truth", "--size", "160x160")
+        run(*words, "-o", self.folder / "x.nrrd", "--stages", "lag")
+        self.assertAlmostEqual(numpy.median(read_float_nrrd(self.folder / "x.nrrd")), 0, delta=1e-3)
+        run(*words, "-o", self.folder / "x.dcm", "--dose", "low")
+        data = pydicom.dcmread(self.folder / "x.dcm")
+        # The noise is whole: zero lies 256 levels, a tau of 1, below white.
+        self.assertAlmostEqual(numpy.median(data.pixel_array), 4095 - 256, delta=8)
+        self.assertLess((data.pixel_array == 4095).mean(), 0.01)
+        self.assertGreater(float(data.KVP), 40)
+        self.assertGreater(float(data.ImageAndFluoroscopyAreaDoseProduct), 0)
+        greys = []
+        for option in ((), ("--inverted",), ("--gamma", 2)):
+            run(*words, "-o", self.folder / "x.png", "--dose", "low", *option)
+            greys.append((self.folder / "x.png").read_bytes())
+        self.assertEqual(len(set(greys)), 3)
+
     def test_bad_options_get_one_line(self):
-        for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "works from"),
+        for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "allows"),
                                  ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
                                  ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
                                  ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),

@@ -211,7 +211,7 @@ void write_whole_session(const fs::path& path) {
     *file = path.parent_path() / name;
     write_bytes(*file, "");
   }
-  session.steered = {{{1, 2, 3}, {4.25, 5, 6}}, 0.825, false};
+  session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}}, 0.825, true}}, false};
   session.camera.cone = Cone{900, 1200};
   session.style.sampling.wall_radius_mm = 100;
   session.style.layer_weights = {1, 0.5};

@@ -91,9 +91,20 @@ def test_coaxial_devices_are_checked(tube):
     with pytest.raises(xc.InputError, match="must be a list"):
         xc.CoaxialDevices(tube, "cobra-5f")
     run = xc.CoaxialDevices(tube, ["cobra-5f", "guidewire-035-j"])
-    with pytest.raises(xc.InputError, match="push_mm: has 1 numbers for 2 devices"):
-        run.step(push_mm=[1])
-    with pytest.raises(xc.InputError, match="turn_deg: must be finite"):
+    for models in (None, 3):
+        with pytest.raises(xc.InputError, match="^models: must be a list"):
+            xc.CoaxialDevices(tube, models)
+    with pytest.raises(xc.InputError, match=r"^models\[1\]: must be the name of a device"):
+        xc.CoaxialDevices(tube, ["cobra-5f", 3])
+    for model in (None, 3):
+        with pytest.raises(xc.InputError, match="^model: must be the name of a device"):
+            run.exchange(1, model)
+    for push_mm in ([1], 3, [[1, 2]]):
+        with pytest.raises(xc.InputError, match="^push_mm: must be 2 numbers, one a device"):
+            run.step(push_mm=push_mm)
+    with pytest.raises(xc.InputError, match="^push_mm: must be numbers$"):
+        run.step(push_mm=["a", 1])
+    with pytest.raises(xc.InputError, match="turn_deg: holds nan; all numbers must be finite"):
         run.step(turn_deg=[0, float("nan")])
     with pytest.raises(xc.InputError, match="device 2: must be 0 to 1"):
         run.nodes_mm(2)

@@ -224,10 +224,10 @@ INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),
 
 /// Where a Cobra ends that is steered from the right groin of the thorax phantom.
 CatheterTip end_of_run(const VesselTree& tree, const Script& script) {
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), nearest_end(tree, {-89, -54, -357}));
+  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
   Progress progress;
   run_script(catheter, script, "script", progress);
-  return catheter.tip();
+  return catheter.tip(0);
 }
 
 TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {

@@ -144,6 +144,17 @@ TEST(CoaxialCatheters, ExchangingMovesNoOtherDevice) {
   EXPECT_EQ(devices.rod(0).state().nodes_mm, before_mm);
 }
 
+TEST(CoaxialCatheters, ExchangingOneOfThreeKeepsTheContactOfTheOthers) {
+  CoaxialCatheters devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
+  move(devices, {{0, 0}, {60, 0}, {90, 2}}, 900);
+  const auto of_the_others = [&]() -> const LumenContact& { return devices.rods().lumens()[2]; };
+  ASSERT_EQ(of_the_others().outer(), 1u);
+  const double before_J = of_the_others().energy_J();
+  EXPECT_GT(before_J, 0);
+  devices.exchange(0, InstrumentModel::named("guide-6f"));
+  EXPECT_EQ(of_the_others().energy_J(), before_J);
+}
+
 TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {
   const Names names{"vertebral-5f", "guidewire-035-angled"};
   CoaxialCatheters asked = devices_of(names), unasked = devices_of(names);

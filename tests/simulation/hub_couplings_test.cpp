@@ -1,25 +1,37 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
 #include "xraycast/haptics/manual_device.hpp"
+#include "xraycast/mechanics/catheter.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <array>
+#include <cmath>
 
 namespace xraycast::hub_couplings_test {
 namespace {
 
-constexpr double kStep_s = 1e-3;
+constexpr double kStep_s = 1e-3, kLongest_mm = 200;
 
-/// A catheter and a wire that move as they are told, against these loads.
+/// A catheter and a wire that move as they are told, as far as CoaxialCatheters let them, against these
+/// loads.
 class Pair {
  public:
   void steps(int count) {
     for (int i = 0; i < count; ++i) {
       const auto targets = couplings.step(hubs, loads, kStep_s);
-      hubs = {targets[0], targets[1]};
+      for (std::size_t hub = 0; hub < 2; ++hub) {
+        MovingHub moving{.pose = hubs[hub]};
+        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s,
+                        {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+        fastest_mm_s =
+            std::max(fastest_mm_s, std::abs(moving.pose.insertion_mm - hubs[hub].insertion_mm) / kStep_s);
+        hubs[hub] = moving.pose;
+      }
     }
   }
+  double apart_mm() const { return hubs[1].insertion_mm - hubs[0].insertion_mm; }
   void push(std::size_t hub, double mm_s, int count) {
     device.hold(hub);
     device.set_rates(mm_s, 0);
@@ -29,9 +41,10 @@ class Pair {
   }
 
   ManualDevice device{"keyboard"};
-  HubCouplings couplings{device, 2};
+  HubCouplings couplings{device, {kLongest_mm, kLongest_mm}};
   std::array<HubPose, 2> hubs;
   std::array<HubLoad, 2> loads;
+  double fastest_mm_s = 0;
 };
 
 // A spring of 0.5 N/mm to rest.
@@ -71,10 +84,44 @@ TEST(HubCouplings, AReleasedHubStaysWhereItWasBrought) {
   EXPECT_NEAR(pair.hubs[1].insertion_mm, 0, kSettled_mm) << "it can be drawn out as before";
 }
 
+TEST(HubCouplings, WhereOneIsHeldNoneGoesOn) {
+  for (const std::array<HubLoad, 2>& loads :
+       {std::array<HubLoad, 2>{{{3.5, 0}, {0, 0}}}, std::array<HubLoad, 2>{{{2, 0}, {2, 0}}}}) {
+    Pair pair;
+    pair.push(0, 50, 1000);
+    pair.push(1, 70, 1000);
+    pair.couplings.lock(true);
+    pair.loads = loads;
+    pair.push(1, 20, 1000);
+    EXPECT_NEAR(pair.apart_mm(), 20, 1e-9) << "clamped together";
+    EXPECT_LT(pair.hubs[0].insertion_mm, 50 + kSettled_mm) << "pushed by more than a hand's greatest force";
+    pair.loads = {};
+    pair.fastest_mm_s = 0;
+    pair.steps(1000);
+    EXPECT_NEAR(pair.apart_mm(), 20, 1e-9);
+    EXPECT_GT(pair.hubs[0].insertion_mm, 60);
+    EXPECT_LE(pair.fastest_mm_s, 250 + 1e-6) << "as fast as a hand";
+  }
+}
+
+TEST(HubCouplings, WhereOneIsOutOrAtItsEndNoneGoesOn) {
+  Pair pair;
+  pair.push(0, 10, 1000);
+  pair.push(1, 50, 1000);
+  pair.couplings.lock(true);
+  pair.push(1, -30, 1000);
+  EXPECT_NEAR(pair.hubs[0].insertion_mm, 0, 1e-9);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, 40, 0.01 + kSettled_mm);
+  const double apart_mm = pair.apart_mm();
+  pair.push(0, 230, 1000);
+  EXPECT_NEAR(pair.hubs[1].insertion_mm, kLongest_mm, 1e-9);
+  EXPECT_NEAR(pair.apart_mm(), apart_mm, 1e-9);
+}
+
 /// Keeps what it is given to feel.
 class Sensing final : public HapticDevice {
  public:
-  HandPose pose(std::size_t) override { return {{}, ++count_}; }
+  HandPose pose(std::size_t) override { return {{10, 0}, ++count_}; }
   void feel(std::size_t hub, const HubLoad& load) override { felt.at(hub) = load; }
   void go_on_from(std::size_t, const HubPose&) override {}
   std::string status() const override { return "sensing"; }
@@ -87,7 +134,7 @@ class Sensing final : public HapticDevice {
 
 TEST(HubCouplings, TheHandFeelsTheLoadsOfAllThatIsLocked) {
   Sensing device;
-  HubCouplings couplings(device, 2);
+  HubCouplings couplings(device, {kLongest_mm, kLongest_mm});
   std::array<HubPose, 2> hubs;
   const std::array<HubLoad, 2> loads{{{0.2, 0.001}, {0.3, 0.002}}};
   const auto settle = [&] {

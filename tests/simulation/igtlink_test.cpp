@@ -18,6 +18,7 @@
 #include <igtlMessageHeader.h>
 #include <igtlSensorMessage.h>
 #include <igtlStatusMessage.h>
+#include <map>
 #include <mutex>
 #include <numbers>
 #include <random>
@@ -134,8 +135,9 @@ struct Received {
 /// A client as others write them, with the library's sockets and messages.
 class Client {
  public:
-  explicit Client(const RunningLoop& run) : socket_(igtl::ClientSocket::New()) {
-    EXPECT_EQ(socket_->ConnectToServer("127.0.0.1", run.port()), 0);
+  explicit Client(const RunningLoop& run) : Client(run.port()) {}
+  explicit Client(int port) : socket_(igtl::ClientSocket::New()) {
+    EXPECT_EQ(socket_->ConnectToServer("127.0.0.1", port), 0);
   }
   ~Client() { socket_->CloseSocket(); }
 
@@ -442,6 +444,93 @@ TEST(OpenIGTLink, ConnectsAgainAndAgain) {
   EXPECT_NEAR(load.torque_Nm, -CouplingSettings{}.rotation.max_load, 1e-12);  // 19 turns: the limit
   // Where the limit holds the rod, after ten of its time constants of 0.14 s.
   EXPECT_NEAR(run.hub().rotation_rad, CouplingSettings{}.rotation.max_load / kRod_Nm_per_rad, 0.1);
+}
+
+// ---- several hubs
+
+void ignore(const std::string&) {}
+
+/// A device of two hubs, without a simulation.
+class TwoHubs : public testing::Test {
+ protected:
+  int port() const { return device_.address().port; }
+
+  /// The hub's pose when so many were received, of all clients; gives up after half a minute.
+  HubPose pose(std::size_t hub, std::uint64_t count) {
+    for (const auto end = Clock::now() + 30s; Clock::now() < end; std::this_thread::sleep_for(1ms))
+      if (const HandPose hand = device_.pose(hub); hand.count == count) return hand.pose;
+    ADD_FAILURE() << "no pose";
+    return {};
+  }
+
+  /// The answer after the greeting.
+  static std::string status(Client& client) {
+    EXPECT_TRUE(client.receive("xraycast"));
+    EXPECT_TRUE(client.send(MessageBytes{.type = "GET_STATUS"}.bytes()));
+    const auto answer = client.receive("xraycast");
+    return answer ? answer->text : "";
+  }
+
+  IgtlinkDevice device_{{.port = 0}, ignore, 2};
+};
+
+TEST_F(TwoHubs, EachIsAnsweredByItsNameAndTheOtherIsToldEvery20ms) {
+  device_.feel(0, {0.5, 0.001});
+  device_.feel(1, {0.75, 0.002});
+  Client client(port());
+  std::map<std::string, int> count;
+  for (int i = 0; i < 60; ++i) {  // 0.3 s and more
+    ASSERT_TRUE(client.send(transform_message(10, 0, "Hub2")));
+    for (std::string name; name != "HubTorque2";) {
+      const auto received = client.receive();
+      ASSERT_TRUE(received);
+      ++count[name = received->name];
+      if (name == "HubForce") {
+        EXPECT_NEAR(received->values.at(2), -0.5, 1e-6);
+      }
+      if (name == "HubForce2") {
+        EXPECT_NEAR(received->values.at(2), -0.75, 1e-6);
+      }
+      if (name == "HubTorque2") {
+        EXPECT_NEAR(received->values.at(2), -0.002, 1e-9);
+      }
+    }
+    std::this_thread::sleep_for(5ms);
+  }
+  EXPECT_GE(count["HubForce2"], 60);
+  EXPECT_GE(count["HubForce"], 5) << "while only the other one moves";
+  EXPECT_EQ(pose(1, 60).insertion_mm, 10);
+  EXPECT_EQ(device_.pose(0).count, 0u);
+}
+
+TEST_F(TwoHubs, AHubThatWasBroughtAlongGoesOnFromThere) {
+  Client client(port());
+  device_.pose(1);
+  device_.go_on_from(1, {100, 0.5});  // before the device has sent anything
+  ASSERT_TRUE(client.send(transform_message(100, 0, "Hub2")));
+  EXPECT_NEAR(pose(1, 1).insertion_mm, 100, 1e-9);
+  EXPECT_NEAR(device_.pose(1).pose.rotation_rad, 0.5, 1e-9);
+  device_.go_on_from(1, {130, 0.5});
+  ASSERT_TRUE(client.send(transform_message(90, 0, "Hub2")));
+  EXPECT_NEAR(pose(1, 2).insertion_mm, 120, 1e-9);
+  EXPECT_THAT(status(client), HasSubstr("Hub2: 120.0 mm"));
+}
+
+TEST_F(TwoHubs, TheNextClientsPosesAreTakenAsTheyAre) {
+  {
+    Client client(port());
+    ASSERT_TRUE(client.send(transform_message(50, 1, "Hub2")));
+    pose(1, 1);
+    device_.go_on_from(1, {80, 1});
+    EXPECT_NEAR(device_.pose(1).pose.insertion_mm, 80, 1e-9);
+  }
+  for (const auto end = Clock::now() + 30s; Clock::now() < end; std::this_thread::sleep_for(1ms))
+    if (device_.status().ends_with("no client")) break;
+  Client client(port());
+  ASSERT_TRUE(client.send(transform_message(50, 1 + 2 * std::numbers::pi, "Hub2")));
+  EXPECT_NEAR(pose(1, 2).insertion_mm, 50, 1e-9);
+  EXPECT_NEAR(device_.pose(1).pose.rotation_rad, 1, 1e-6) << "the turn nearest to the last client's";
+  EXPECT_THAT(status(client), HasSubstr("Hub2: 50.0 mm"));
 }
 
 // ---- what is bad

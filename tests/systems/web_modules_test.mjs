@@ -1,6 +1,7 @@
 // Modules of the exported page that need no browser: the address, the state, the film, the grey window and the C-arm.
 // esbuild, which `npm ci` has put into web/node_modules, bundles each. The folder web/ is named by XRAYCAST_WEB.
 import assert from "node:assert/strict";
+import { readFileSync } from "node:fs";
 import { createRequire } from "node:module";
 import { join, resolve } from "node:path";
 import { test } from "node:test";
@@ -140,6 +141,23 @@ test("clusters of a closed mesh are closed, fewer, and of nearly its volume", ()
   assert.ok(few.triangles.length < 0.5 * mesh.triangles.length);
   // A chord of a cluster lies within the tube by 1.5 mm squared / 8 / 6 mm at most, of 6 mm: 1.6 % of the area, twice with its height.
   assert.ok(Math.abs(volume(few) / volume(mesh) - 1) < 0.04, `${volume(few) / volume(mesh)}`);
+});
+
+test("what the program and the page both say is the same", () => {
+  const text = (path) => readFileSync(join(web, path), "utf8");
+  const number = (path, pattern) => Number(text(path).match(pattern)?.[1]);
+  const angles = number("../viewer/xraycast/export/web_page.hpp", /kMostWebAngles = (\d+)/);
+  assert.equal(number("src/samples.ts", /kLayer = (\d+)/), angles + 1); // columns, of which the last repeats the first
+  assert.match(text("src/shaders/columns.glsl"), new RegExp(`place & ${angles}, layer = place >> ${Math.log2(angles + 1)};`));
+  const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
+  for (const [there, in_viewer, here, in_page] of [
+    [viewer, /kRingsPerNode = (\d+)/, "device_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "device_shape.ts", /kSides = (\d+)/],
+    [image, /kHeadroom = ([\d.]+)/, "grey_window.ts", /kHeadroom = ([\d.]+)/], [image, /kMatter = ([\d.]+)/, "grey_window.ts", /kMatter = ([\d.]+)/],
+  ]) {
+    const wanted = number(there, in_viewer);
+    assert.ok(wanted > 0, `${there} ${in_viewer}`);
+    assert.equal(number(`src/${here}`, in_page), wanted, `${in_page}`);
+  }
 });
 
 /** A map of two layers, whose samples tell their layers apart. */

@@ -195,6 +195,67 @@ TEST_F(Console, ALockedExposureKeepsItsGain) {
   EXPECT_NEAR(grey(kSoftTissue), live, 1);
 }
 
+TEST_F(Console, APauseWithThePedalUpLeavesNothingOfTheLastView) {
+  FluoroscopyOptions shown = options("lag,display");
+  console_.set(shown);
+  EXPECT_TRUE(console_.is_due(true, 0));
+  expose(true, 20);
+  EXPECT_FALSE(console_.is_due(false, 60));
+  EXPECT_TRUE(console_.is_due(true, 0));
+  std::vector<float> flat(body(false).size(), 4.0f);
+  console_.expose(flat, view_at(0), WaterPath(Opacity::paper()));
+  const int tissue = grey(kSoftTissue);
+  // Of the spine, 70 greys darker, two fifths of the filter's weight would be left.
+  EXPECT_NEAR(grey(kSpine), tissue, 1);
+  EXPECT_NEAR(grey(kVessel), tissue, 1);
+}
+
+TEST_F(Console, AnotherMapsWaterIsExposedForAtOnce) {
+  const WaterPath paper(Opacity::paper()), other(Opacity("strong", {{-1000, 0}, {0, 0.04}}));
+  console_.expose(body(false), view_at(0), paper);
+  console_.expose(body(false), view_at(0), other);  // half of the water: less exposure follows
+  for (int pulse = 0; pulse < 6; ++pulse) console_.expose(body(false), view_at(0), other);
+  FluoroscopyConsole fresh(options());
+  fresh.expose(body(false), view_at(0), other);
+  EXPECT_EQ(console_.technique().kvp, fresh.technique().kvp);
+  EXPECT_NEAR(console_.technique().mas / fresh.technique().mas, 1, 0.05);
+}
+
+TEST_F(Console, ForgetsMaskAndRoadMapOfAnotherMap) {
+  console_.subtract(true);
+  expose(false, 5);
+  EXPECT_TRUE(console_.has_angiogram());
+  console_.expose(body(false), view_at(0), WaterPath(Opacity("strong", {{-1000, 0}, {0, 0.04}})));
+  EXPECT_TRUE(console_.is_masking());
+  EXPECT_FALSE(console_.has_angiogram());
+}
+
+TEST_F(Console, KeepsItsFluoroscopeWhenAViewOrNewSettingsAreRefused) {
+  FluoroscopyOptions sharp = options("blur");
+  console_.set(sharp);
+  View fine = view_at(0);
+  fine.pixel_mm = 0.012;
+  console_.set(options("none"));
+  console_.expose(body(false), fine, WaterPath(Opacity::paper()));
+  const DoseRecord before = console_.dose();
+  EXPECT_THROW(console_.set({.c_arm = CArm::named("mobile-intensifier")}), InputError) << "pixels too fine";
+  EXPECT_EQ(console_.options().c_arm.name, "mobile-flat-panel");
+  EXPECT_EQ(console_.dose().air_kerma_mGy, before.air_kerma_mGy);
+  console_.expose(body(false), fine, WaterPath(Opacity::paper()));
+  EXPECT_EQ(console_.dose().pulses, before.pulses + 1);
+}
+
+TEST_F(Console, SubtractionWithLagBeginsAtZero) {
+  console_.set(options("lag"));
+  expose(false);
+  console_.subtract(true);
+  expose(false, 6);
+  const double background = 255 * console_.window.background;
+  // A tau of 0.001 is half a grey; filling traps would leave 0.025.
+  EXPECT_NEAR(grey(kSoftTissue), background, 2);
+  EXPECT_NEAR(grey(kSpine), background, 2);
+}
+
 TEST_F(Console, KeepsItsSettingsWhenNewOnesAreInvalid) {
   FluoroscopyOptions invalid = options();
   invalid.pulses_per_s = 100;

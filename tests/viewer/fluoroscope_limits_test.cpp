@@ -1,7 +1,7 @@
 // What a fluoroscope does at the ends of its range, and with pictures of any size.
 #include "xraycast/base/error.hpp"
 #include "xraycast/fluoroscope/beam.hpp"
-#include "xraycast/fluoroscope/blur.hpp"
+#include "xraycast/fluoroscope/blur_stage.hpp"
 #include "xraycast/fluoroscope/counter_noise.hpp"
 #include "xraycast/fluoroscope/exposure_control.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
@@ -40,6 +40,14 @@ FluoroscopyOptions options_with(const char* stages, const char* c_arm = "fixed-s
   options.c_arm = CArm::named(c_arm);
   options.stages = FluoroscopyStages::from_list(stages);
   return options;
+}
+
+std::pair<double, double> mean_and_variance(const std::vector<float>& values) {
+  double sum = 0, squares = 0;
+  for (const float value : values) sum += value;
+  const double mean = sum / static_cast<double>(values.size());
+  for (const float value : values) squares += (value - mean) * (value - mean);
+  return {mean, squares / static_cast<double>(values.size() - 1)};
 }
 
 template <typename Call>
@@ -136,20 +144,65 @@ TEST(FluoroscopeLimits, TheSignalFallsSmoothlyBetweenTheTablesSteps) {
 
 // ---- blur ---------------------------------------------------------------------------------------------
 
-TEST(FluoroscopeLimits, FineAndCoarsePixelsHaveTheAskedMtf) {
-  for (const std::string& name : CArm::preset_names())
-    for (const double pixel_mm : {0.03, 0.05, 0.1, 0.154, 0.4, 1.0, 2.0}) {
-      const ScintillatorBlur blur = CArm::named(name).detector.blur;
-      const auto close = [](double) { return 0.006; };
-      const SymmetricTaps narrow = gaussian_taps(blur.narrow_mm / pixel_mm, close),
-                          wide = gaussian_taps(blur.wide_mm / pixel_mm, close);
-      for (double cycles = 0; cycles <= 0.5; cycles += 0.01) {
-        const double reached =
-            (1 - blur.wide_share) * transfer_of(narrow, cycles) + blur.wide_share * transfer_of(wide, cycles);
-        EXPECT_NEAR(reached, blur.mtf(cycles / pixel_mm), 0.007) << name << ", " << pixel_mm << " mm";
-      }
-      for (const SymmetricTaps& taps : {narrow, wide}) EXPECT_NEAR(transfer_of(taps, 0), 1, 1e-5);
+/// The transfers along a row of the filters before and behind the count.
+struct BlurTransfers {
+  std::vector<double> primary, light;
+
+  explicit BlurTransfers(BlurStage blur) {
+    std::vector<float> point(kWidth, 0), none(kWidth, 0);
+    point[kWidth / 2] = 1;
+    for (int j = 0; j < kHeight; ++j) {
+      // A line down the picture.
+      blur.primary.pass_along(j, point.data());
+      blur.scintillate_along(j, point.data());
     }
+    std::vector<float> before(kWidth, 0), behind(kWidth, 0);
+    blur.primary.add_down(kHeight / 2, 1, before.data());
+    blur.scintillate_down(kHeight / 2, behind.data());
+    for (int step = 0; step <= kSteps; ++step) {
+      primary.push_back(transformed(before, cycles(step)));
+      light.push_back(transformed(behind, cycles(step)));
+    }
+  }
+  static constexpr int kWidth = 401, kHeight = 9, kSteps = 50;
+  static double cycles(int step) { return 0.5 * step / kSteps; }
+  static double transformed(const std::vector<float>& line, double cycles) {
+    double sum = 0;
+    for (int i = 0; i < kWidth; ++i)
+      sum += line[static_cast<std::size_t>(i)] * std::cos(2 * std::numbers::pi * cycles * (i - kWidth / 2));
+    return sum;
+  }
+};
+
+TEST(FluoroscopeLimits, FineAndCoarsePixelsHaveTheAskedMtfAndNoisePower) {
+  for (const std::string& name : CArm::preset_names())
+    for (const double pixel_mm : {0.03, 0.05, 0.1, 0.154, 0.308, 0.4, 1.0, 2.0}) {
+      const CArm c_arm = CArm::named(name);
+      const ScintillatorBlur& blur = c_arm.detector.blur;
+      const double focal_mm = focal_spread_mm(c_arm);
+      const BlurTransfers found(BlurStage({BlurTransfers::kWidth, BlurTransfers::kHeight}, pixel_mm, c_arm));
+      for (int step = 1; step <= BlurTransfers::kSteps; ++step) {
+        const auto i = static_cast<std::size_t>(step);
+        const double cycles = BlurTransfers::cycles(step);
+        const auto with_aperture = [&](double at) {
+          return blur.mtf(at / pixel_mm) * std::sin(std::numbers::pi * at) / (std::numbers::pi * at);
+        };
+        const double focal = std::exp(-2 * std::pow(std::numbers::pi * focal_mm / pixel_mm * cycles, 2));
+        EXPECT_NEAR(found.primary[i] * found.light[i], with_aperture(cycles) * focal, 0.02)  // the bar
+            << name << ", " << pixel_mm << " mm, " << cycles;
+        double power = 0;
+        for (int k = -40; k <= 40; ++k) power += std::pow(with_aperture(cycles + k), 2);
+        if (power > 0.0025) {
+          EXPECT_NEAR(found.light[i] * found.light[i] / power, 1, 0.05)  // the bar
+              << name << ", " << pixel_mm << " mm, " << cycles;
+        }
+      }
+    }
+}
+
+TEST(FluoroscopeLimits, AFilterThatCannotBeThatShortIsAnError) {
+  EXPECT_THROW(taps_for([](double cycles) { return cycles < 0.25 ? 1 : 0; }, [](double) { return 1e-3; }),
+               Error);
 }
 
 TEST(FluoroscopeLimits, RefusesPixelsThatAreTooFineForTheBlur) {
@@ -200,6 +253,43 @@ TEST(FluoroscopeLimits, ElectronicNoiseIsThatOfTheDetectorsPixelsWhateverThePict
     EXPECT_NEAR(sum / kBehindBlades, 0, 0.05 * rms) << pixels;  // four standard deviations
     EXPECT_NEAR(std::sqrt(squares / kBehindBlades) / rms, 1, 0.04) << pixels;
   }
+}
+
+TEST(FluoroscopeLimits, ExposuresByHandFitTheCodes) {
+  constexpr int kSide = 48;
+  for (const std::string& name : CArm::preset_names()) {
+    FluoroscopyOptions options = options_with("quanta,electronics", name.c_str());
+    const XrayTube tube = options.c_arm.tube;
+    for (const double kvp : {tube.lowest_kvp, 80.0, tube.highest_kvp})
+      for (const double part : {0.0, 0.1, 1.0}) {
+        options.kvp = static_cast<int>(kvp);
+        options.mas = std::lerp(lowest_mas(tube), highest_mas(tube, *options.kvp), part);
+        View view = square_view(kSide, 0.308);
+        view.cone = options.c_arm.distances;
+        Fluoroscope fluoroscope(options, view, ten_per_metre());
+        const FluoroscopyFrame& frame = fluoroscope.expose(slab(10, kSide));
+        const EnergyMoments behind =
+            DetectedSpectrum(open_beam(options.c_arm, *options.kvp), options.c_arm.detector).behind_water(10);
+        const double expected_kev = *options.mas * behind.m1 * 0.0308 * 0.0308;
+        const auto [mean, variance] = mean_and_variance(frame.signal_kev);
+        const double noise2 = *options.mas * behind.m2 * 0.0308 * 0.0308;
+        // Four standard deviations of the mean, and half a code.
+        const double rms_kev = std::sqrt(noise2) + 2 * options.c_arm.detector.electronic_noise_kev;
+        EXPECT_NEAR(mean, expected_kev, 4 * rms_kev / kSide + 0.003 * expected_kev)
+            << name << ", " << kvp << " kVp, " << *options.mas << " mAs";
+        EXPECT_GT(variance, 0.8 * noise2) << name << ", " << kvp << " kVp, " << *options.mas << " mAs";
+        EXPECT_FALSE(frame.is_saturated);
+      }
+  }
+}
+
+TEST(FluoroscopeLimits, SaysWhenTheDetectorIsSaturated) {
+  FluoroscopyOptions options = options_with("electronics");
+  options.mas = 5;
+  Fluoroscope fluoroscope(options, square_view(32, 0.308), ten_per_metre());
+  fluoroscope.settle(slab(0, 32));
+  EXPECT_TRUE(fluoroscope.expose(slab(0, 32)).is_saturated);
+  EXPECT_FALSE(fluoroscope.expose(slab(15, 32)).is_saturated);
 }
 
 // ---- exposure -----------------------------------------------------------------------------------------
@@ -318,10 +408,12 @@ TEST(FluoroscopeLimits, TheTubeLimitsTheMas) {
   };
   // 40 mA and 4 kW for 20 ms.
   EXPECT_EQ(message("mobile-intensifier", 80, 0.8), "accepted");
-  EXPECT_THAT(message("mobile-intensifier", 80, 100),
-              HasSubstr("100 mAs: mobile-intensifier gives at most 0.8 mAs a pulse at 80 kVp; choose fewer"));
+  EXPECT_THAT(
+      message("mobile-intensifier", 80, 100),
+      HasSubstr(
+          "100 mAs: mobile-intensifier gives at most 0.8 mAs per pulse at 80 kVp; choose a lower value"));
   EXPECT_EQ(message("mobile-intensifier", {}, 0.8), "accepted");
-  EXPECT_THAT(message("fixed-single-plane", 125, 6), HasSubstr("at most 5.12 mAs a pulse at 125 kVp"));
+  EXPECT_THAT(message("fixed-single-plane", 125, 6), HasSubstr("at most 5.12 mAs per pulse at 125 kVp"));
 }
 
 TEST(FluoroscopeLimits, TheControlKeepsToThePowerAtFixedMas) {
@@ -386,6 +478,8 @@ TEST(FluoroscopeLimits, DoseAreaProductIsThatOfTheBeamNotOfThePicture) {
   EXPECT_NEAR(area_cm2(64, 0, {}), std::pow(64 * 0.0154, 2), 1e-4) << "without a field that of the picture";
   EXPECT_NEAR(area_cm2(64, 381.9, {}), 38.19 * 29.57, 0.1) << "within the detector";
   EXPECT_NEAR(area_cm2(64, 160, Collimation{500, 50}), 16 * 5, 0.01) << "blades narrow the field";
+  EXPECT_NEAR(area_cm2(64, 0, Collimation{100, 100}), 10 * 10, 0.01) << "more than the picture shows";
+  EXPECT_NEAR(area_cm2(64, 0, Collimation{500, 500}), 38.19 * 29.57, 0.1) << "within the detector";
 }
 
 TEST(FluoroscopeLimits, BladesNarrowTheZoomField) {
@@ -418,6 +512,95 @@ TEST(FluoroscopeLimits, FluoroscopyAndRecordingsAreCountedApart) {
   EXPECT_NEAR(fluoroscope.dose().fluoroscopy_s, 3 / 15.0, 1e-12);
   EXPECT_EQ(fluoroscope.dose().images, 5);
   EXPECT_EQ(fluoroscope.dose().pulses, 8);
+}
+
+TEST(FluoroscopeLimits, PhotonsThatNoTubeGivesHaveNoDose) {
+  FluoroscopyOptions options = options_with("none");
+  options.photons = 1e7;
+  View view = square_view(16, 0.1);
+  Fluoroscope fluoroscope(options, view, ten_per_metre());
+  EXPECT_NEAR(fluoroscope.open_quanta(), 1e7, 1);
+  fluoroscope.expose(slab(0, 16));
+  EXPECT_EQ(fluoroscope.technique().mas, 0);
+  EXPECT_EQ(fluoroscope.dose().air_kerma_mGy, 0);
+  EXPECT_EQ(fluoroscope.dose().pulses, 1);
+}
+
+TEST(FluoroscopeLimits, TheMasOfPhotonsFollowThePixels) {
+  FluoroscopyOptions options = options_with("none");
+  options.photons = 1e4;
+  Fluoroscope fluoroscope(options, square_view(16, 0.154), ten_per_metre());
+  const double fine_mas = fluoroscope.technique().mas;
+  fluoroscope.set_view(square_view(16, 0.308));
+  EXPECT_GT(fine_mas, 0);
+  EXPECT_NEAR(fluoroscope.technique().mas / fine_mas, 0.25, 1e-6);
+}
+
+TEST(FluoroscopeLimits, ARefusedViewChangesNothing) {
+  FluoroscopyOptions options = options_with("quanta,blur,electronics");
+  Fluoroscope fluoroscope(options, square_view(64, 0.154), ten_per_metre());
+  Fluoroscope other(options, square_view(64, 0.154), ten_per_metre());
+  EXPECT_THROW(fluoroscope.set_view(square_view(64, 0.005)), InputError);
+  View moved = square_view(64, 0.005);
+  moved.cone = Cone{700, 1500};
+  EXPECT_THROW(fluoroscope.set_view(moved), InputError);
+  fluoroscope.set_view(square_view(64, 0.154));
+  EXPECT_EQ(fluoroscope.target_kev(), other.target_kev());
+  EXPECT_EQ(fluoroscope.expose(slab(10, 64)).signal_kev, other.expose(slab(10, 64)).signal_kev);
+  EXPECT_EQ(fluoroscope.dose().dap_Gycm2, other.dose().dap_Gycm2);
+}
+
+TEST(FluoroscopeLimits, AParallelViewIsMagnifiedAsWhatLiesAtTheIsocentre) {
+  View parallel = square_view(64, 0.2);
+  parallel.cone.reset();
+  const FluoroscopyOptions options = options_with("quanta,blur");
+  Fluoroscope one(options, parallel, ten_per_metre());
+  Fluoroscope other(options, square_view(64, 0.2 * 1200 / 785), ten_per_metre());
+  EXPECT_EQ(one.target_kev(), other.target_kev());
+  EXPECT_EQ(one.expose(slab(10, 64)).signal_kev, other.expose(slab(10, 64)).signal_kev);
+}
+
+TEST(FluoroscopeLimits, SettlingMakesLagSteady) {
+  FluoroscopyOptions options = options_with("lag");
+  options.kvp = 80;
+  options.mas = 0.5;
+  Fluoroscope with(options, square_view(32, 0.308), ten_per_metre());
+  options.stages.lag = false;
+  Fluoroscope without(options, square_view(32, 0.308), ten_per_metre());
+  with.settle(slab(20, 32));
+  const float whole = without.expose(slab(20, 32)).signal_kev[0];
+  for (int pulse = 0; pulse < 3; ++pulse)
+    EXPECT_NEAR(with.expose(slab(20, 32)).signal_kev[0] / whole, 1, 1e-5) << pulse;
+}
+
+TEST(FluoroscopeLimits, LagDecaysInAPause) {
+  FluoroscopyOptions options = options_with("lag");
+  options.photons = 1000;
+  const auto residual = [&](double pause_s) {
+    Fluoroscope fluoroscope(options, square_view(32, 0.308), ten_per_metre());
+    fluoroscope.settle(slab(0, 32));
+    if (pause_s > 0) fluoroscope.begin_run(pause_s);
+    return fluoroscope.expose(slab(1e6, 32)).signal_kev[0];
+  };
+  EXPECT_GT(residual(0), 0);
+  EXPECT_LT(residual(60), 1e-3 * residual(0));
+}
+
+TEST(FluoroscopeLimits, AJumpOfTheCArmBeginsTheRecursiveFilterAnew) {
+  const FluoroscopyOptions options = options_with("display");
+  View view = square_view(64, 0.308);
+  Fluoroscope moved(options, view, ten_per_metre()), turned(options, view, ten_per_metre());
+  for (Fluoroscope* one : {&moved, &turned}) one->settle(slab(15, 64));
+  std::vector<float> step = slab(15, 64), flat = slab(15, 64);
+  for (std::size_t i = 0; i < step.size(); ++i) step[i] += i % 64 < 32 ? 1.0f : 0.0f;
+  moved.expose(step);
+  turned.expose(step);
+  view.angle_rad = 1.5;
+  turned.set_view(view);
+  const std::vector<std::uint8_t> ghost = moved.expose(flat).shown, clean = turned.expose(flat).shown;
+  const std::size_t left = 32 * 64 + 16, right = 32 * 64 + 48;
+  EXPECT_LT(ghost[left], ghost[right] - 20);
+  EXPECT_NEAR(clean[left], clean[right], 1);
 }
 
 TEST(FluoroscopeLimits, ListsOfStagesHaveNoEmptyNames) {

@@ -4,6 +4,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
 
 #include <gtest/gtest.h>
 
@@ -101,6 +102,48 @@ TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
   EXPECT_GT(intervention.run().now().pose.insertion_mm, 1) << "the wire takes the catheter along";
   intervention.hold_next_hub();
   EXPECT_EQ(intervention.held_hub(), 0u);
+}
+
+TEST_F(AtTheTable, ASessionKeepsEveryDevice) {
+  Intervention intervention(
+      {.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  intervention.update({}, 0.1);
+  const SteeredDevices kept = intervention.steered();
+  ASSERT_EQ(kept.devices.size(), 2u);
+  EXPECT_TRUE(kept.devices[0].has_lumen);
+  EXPECT_FALSE(kept.devices[1].has_lumen);
+  // The catheter, the wire's shaft and its tip, as they are drawn now.
+  const std::vector<Surface> again = steered_surfaces(kept);
+  ASSERT_EQ(again.size(), 3u);
+  for (std::size_t i = 0; i < again.size(); ++i) {
+    EXPECT_EQ(again[i].mesh.points_mm, intervention.surfaces()[i].mesh.points_mm);
+    EXPECT_EQ(again[i].mu_per_mm, intervention.surfaces()[i].mu_per_mm);
+  }
+}
+
+TEST_F(AtTheTable, OnlyAHandOnSeveralDevicesHasAValve) {
+  Intervention alone = begin();
+  alone.toggle_valve();
+  EXPECT_FALSE(alone.run().is_valve_locked());
+  Intervention pair({.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  pair.toggle_valve();
+  EXPECT_TRUE(pair.run().is_valve_locked());
+  const auto file = folder_ / "run.csv";
+  write_whole_file(file, "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n");
+  pair.replay(file);
+  pair.toggle_valve();
+  pair.hold_next_hub();
+  EXPECT_FALSE(pair.run().is_valve_locked()) << "a script leads each hub itself";
+  EXPECT_EQ(pair.held_hub(), 0u);
+}
+
+TEST_F(AtTheTable, OverANetworkTheHandChoosesWhichHubLeads) {
+  Intervention intervention({.vessels = folder_ / "",
+                             .instrument_models = {"cobra-5f", "guidewire-035-angled"},
+                             .haptic = "openigtlink",
+                             .listen = "127.0.0.1:0"});
+  intervention.hold_next_hub();
+  EXPECT_EQ(intervention.held_hub(), 1u);
 }
 
 TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {

@@ -12,15 +12,38 @@
 namespace xraycast::session_file_test {
 namespace {
 
-TEST(SessionFile, KeepsTheCatheterThatWasSteered) {
+TEST(SessionFile, KeepsTheDevicesThatWereSteered) {
   const TemporaryFolder folder;
   ViewSession session;
-  session.steered = {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, false};
+  session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, true},
+                      {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 19}}, 0.445, false}},
+                     false};
   session.camera.rotate(30);
   write_session(session, folder / "s.json");
   const ViewSession read = read_session(folder / "s.json");
   EXPECT_EQ(read.steered, session.steered);
   EXPECT_NEAR(read.camera.angle_rad, session.camera.angle_rad, 1e-12);
+}
+
+TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
+  const TemporaryFolder folder;
+  write_session({}, folder / "s.json");
+  std::string text = read_whole_file(folder / "s.json");
+  text.insert(text.find("\"camera\""),
+              R"("simulation": {"nodes_mm": [[1, 2, 3]], "radius_mm": 0.825, "road_map": true}, )");
+  write_whole_file(folder / "s.json", text);
+  const SteeredDevices expected{{{{{1, 2, 3}}, 0.825, true}}, true};
+  EXPECT_EQ(read_session(folder / "s.json").steered, expected);
+}
+
+TEST(SessionFile, RefusesMoreDevicesThanCanBeSteered) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  session.steered = {{4, {{{1, 2, 3}}, 0.825, true}}, true};
+  write_session(session, folder / "s.json");
+  EXPECT_THAT([&] { read_session(folder / "s.json"); },
+              testing::ThrowsMessage<InputError>(testing::StartsWith(
+                  (folder / "s.json").string() + ": simulation: devices must be a list of one to 3")));
 }
 
 TEST(SessionFile, HasNoSteeredCatheterWhereNoneWasSaved) {
@@ -33,7 +56,7 @@ TEST(SessionFile, HasNoSteeredCatheterWhereNoneWasSaved) {
 TEST(SessionFile, RefusesASteeredCatheterThatIsNone) {
   const TemporaryFolder folder;
   ViewSession session;
-  session.steered = {{{1, 2, 3}}, 0.825, true};
+  session.steered = {{{{{1, 2, 3}}, 0.825, true}}, true};
   write_session(session, folder / "s.json");
   std::string text = read_whole_file(folder / "s.json");
   text.replace(text.find("0.825"), 5, "-1");

@@ -124,7 +124,7 @@ class BodyPicture {
 
 const kMostMeshes = 6; // on the device: vessels and a catheter, also as clusters, and the run's, which moves
 const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
-const kCluster_mm = 1.5; // of surfaces in pictures of a motion, where that is less than two pixels
+const kCluster_mm = 2; // of surfaces in pictures of a motion, where that is less than two pixels
 
 export class Renderer {
   private readonly programs: { columns: Program; near_columns: Program; display: Program; surface: Program; thickness: Program };

@@ -9,11 +9,14 @@ import type { Outline } from "./overlay";
 import type { State } from "./state";
 import type { View } from "./view";
 
+const kPicturesPerWindow = 3; // of a motion
+
 export class Picture {
   private renderer: Renderer;
   private readonly device: DeviceShape | null;
   private weights_key = "";
   private window_key = "";
+  private since_coarse = 0; // pictures of a motion
   private coming_tau: ComingReds | null = null; // for the window of a motion
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
   /** The grey window that was drawn last. */
@@ -96,8 +99,14 @@ export class Picture {
     }
     // In motion the window follows some pictures behind, so that none waits for the graphics device.
     const tau = this.coming_tau?.take();
-    if (tau) this.automatic = automatic_window(tau, this.gamma);
-    if (tau !== null) this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+    if (tau) {
+      this.automatic = automatic_window(tau, this.gamma);
+      this.coming_tau = null;
+    }
+    if (++this.since_coarse >= kPicturesPerWindow && !this.coming_tau) {
+      this.coming_tau = this.renderer.coarse_tau_later(view, surfaces, style);
+      this.since_coarse = 0;
+    }
     return this.automatic;
   }
 }

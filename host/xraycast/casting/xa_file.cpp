@@ -83,7 +83,7 @@ std::string sides(const glm::dvec3& direction) {
   return letters;
 }
 
-void add_acquisition(DicomElements& image, std::optional<double> tube_kvp,
+void add_acquisition(DicomElements& image, const XaOptions& options,
                      const std::optional<XaExposure>& exposure) {
   image.text(0x00080060, "XA");
   image.text(0x00180060, "");  // KVP
@@ -101,11 +101,11 @@ void add_acquisition(DicomElements& image, std::optional<double> tube_kvp,
     image.number(0x0018115e, kDecigray * exposure->dap_Gycm2);  // Image and Fluoroscopy Area Dose Product
     return;
   }
-  if (tube_kvp) image.number(0x00180060, *tube_kvp);
-  image.text(0x00181155, "GR");  // Radiation Setting: general, not low dose
-  image.text(0x00181151, "");    // X-Ray Tube Current
-  image.text(0x00181150, "");    // Exposure Time
-  image.text(0x00181152, "");    // Exposure
+  if (options.tube_kvp) image.number(0x00180060, *options.tube_kvp);
+  image.text(0x00181155, options.is_fluoroscopy ? "SC" : "GR");  // Radiation Setting
+  image.text(0x00181151, "");                                    // X-Ray Tube Current
+  image.text(0x00181150, "");                                    // Exposure Time
+  image.text(0x00181152, "");                                    // Exposure
 }
 
 void add_pose(DicomElements& image, std::span<const View> views) {
@@ -215,7 +215,7 @@ void XaWriter::finish() {
   image.text(0x00200052, scans_frame.empty() ? new_dicom_uid() : scans_frame);
   image.text(0x00201040, "");  // Position Reference Indicator
   add_image(image, views_.front(), pixels_, options_);
-  add_acquisition(image, options_.tube_kvp, exposure_);
+  add_acquisition(image, options_, exposure_);
   add_pose(image, views_);
   add_run(image, views_.size(), options_.frame_time_ms);
   add_mask(image, views_.size(), mask_frames_);

@@ -32,7 +32,8 @@ struct XaExposure {
 struct XaOptions {
   XaIntensity intensity = XaIntensity::logarithmic;
   DicomPatient patient{};
-  std::optional<double> tube_kvp{};      ///< where a spectrum was used
+  std::optional<double> tube_kvp{};      ///< where a tube's spectrum was used
+  bool is_fluoroscopy = false;           ///< where no exposure is known
   double frame_time_ms = 50;             ///< of a run; 50 ms as in other cines
   std::string frame_of_reference_uid{};  ///< the scan's; empty: a new one is made
   /// 8 to 16: the pictures are a detector's codes of so many bits, linear in the signal

@@ -35,7 +35,7 @@ void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inne
 CoaxialRods::CoaxialRods(std::vector<Rod> rods) : rods_(std::move(rods)), externals_(rods_.size(), nullptr) {
   for (std::size_t inner = 1; inner < count(); ++inner) {
     check_fit(inner, rods_[inner].instrument());
-    couple_device(inner);
+    for (std::size_t outer = 0; outer < inner; ++outer) couple(outer, inner);
   }
 }
 
@@ -46,31 +46,30 @@ void CoaxialRods::check_fit(std::size_t device, const InstrumentModel& instrumen
   }
 }
 
-/// Makes the lumens around a device anew.
-void CoaxialRods::couple_device(std::size_t inner) {
-  for (std::size_t outer = 0; outer < inner; ++outer) {
-    const InstrumentModel &around = rods_[outer].instrument(), &within = rods_[inner].instrument();
-    const LumenContact lumen(outer, inner,
-                             {.lumen_radius_mm = around.inner_radius_mm(),
-                              .inner_radius_mm = within.radius_mm(),
-                              .static_friction = within.static_friction(),
-                              .kinetic_friction = within.kinetic_friction()});
-    const double apart_mm = rods_[inner].fed_mm() - rods_[outer].fed_mm();
-    const std::size_t index = lumen_index(outer, inner);
-    if (index == lumens_.size()) {
-      lumens_.push_back(lumen);
-      reaches_.push_back({apart_mm, apart_mm});
-    } else {
-      lumens_[index] = lumen;
-      reaches_[index] = {apart_mm, apart_mm};
-    }
+/// Makes the lumen between them anew.
+void CoaxialRods::couple(std::size_t outer, std::size_t inner) {
+  const InstrumentModel &around = rods_[outer].instrument(), &within = rods_[inner].instrument();
+  const LumenContact lumen(outer, inner,
+                           {.lumen_radius_mm = around.inner_radius_mm(),
+                            .inner_radius_mm = within.radius_mm(),
+                            .static_friction = within.static_friction(),
+                            .kinetic_friction = within.kinetic_friction()});
+  const double apart_mm = rods_[inner].fed_mm() - rods_[outer].fed_mm();
+  const std::size_t index = lumen_index(outer, inner);
+  if (index == lumens_.size()) {
+    lumens_.push_back(lumen);
+    reaches_.push_back({apart_mm, apart_mm});
+  } else {
+    lumens_[index] = lumen;
+    reaches_[index] = {apart_mm, apart_mm};
   }
 }
 
 void CoaxialRods::replace(std::size_t device, Rod rod) {
   check_fit(device, rod.instrument());
   rods_[device] = std::move(rod);
-  for (std::size_t inner = std::max<std::size_t>(1, device); inner < count(); ++inner) couple_device(inner);
+  for (std::size_t outer = 0; outer < device; ++outer) couple(outer, device);
+  for (std::size_t inner = device + 1; inner < count(); ++inner) couple(device, inner);
 }
 
 void CoaxialRods::feed_to(std::size_t device, double fed_mm) {

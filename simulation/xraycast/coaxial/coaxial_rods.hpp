@@ -54,7 +54,7 @@ class CoaxialRods {
     return inner * (inner - 1) / 2 + outer;
   }
   void check_fit(std::size_t device, const InstrumentModel& instrument) const;
-  void couple_device(std::size_t inner);
+  void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);
   void begin_lumens();
   void begin_step(double dt_s);

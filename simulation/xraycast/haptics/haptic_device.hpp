@@ -2,6 +2,7 @@
 
 #include "xraycast/mechanics/hub.hpp"
 
+#include <atomic>
 #include <cstddef>
 #include <cstdint>
 #include <string>
@@ -32,14 +33,18 @@ class HapticDevice {
   /// The hub was moved here by another one: its poses go on from there.
   virtual void go_on_from(std::size_t hub, const HubPose& pose) = 0;
 
-  /// The hub that leads where hubs are locked to each other.
-  virtual std::size_t held() const { return 0; }
+  /// Holds this hub from now on, for any one thread. It leads where hubs are locked to each other.
+  void hold(std::size_t hub) { held_.store(hub, std::memory_order_relaxed); }
+  std::size_t held() const { return held_.load(std::memory_order_relaxed); }
 
   /// Whether the poses are the hub's own, as a script's are, without a virtual coupling in between.
   virtual bool is_rigid() const { return false; }
 
   /// One line for the user: what is connected, and its rate.
   virtual std::string status() const = 0;
+
+ private:
+  std::atomic<std::size_t> held_{0};
 };
 
 }  // namespace xraycast

@@ -1,9 +1,17 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
+#include "xraycast/mechanics/catheter.hpp"
+
+#include <algorithm>
+#include <utility>
+
 namespace xraycast {
 
-HubCouplings::HubCouplings(HapticDevice& device, std::size_t hubs)
-    : device_(device), couplings_(hubs), targets_(hubs), locked_at_(hubs) {}
+HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_insertions_mm)
+    : device_(device),
+      max_insertions_mm_(std::move(max_insertions_mm)),
+      couplings_(max_insertions_mm_.size()),
+      targets_(max_insertions_mm_.size()) {}
 
 std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::span<const HubLoad> loads,
                                             double step_s) {
@@ -19,14 +27,27 @@ std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::
   HubLoad sum;
   for (const HubLoad& load : loads) sum.force_N += load.force_N, sum.torque_Nm += load.torque_Nm;
   lead(leader_, hubs[leader_], sum, step_s);
-  const HubPose &from = locked_at_[leader_], &to = targets_[leader_];
+  const HubPose &from = hubs[leader_], to = targets_[leader_];
+  const double move_mm = common_move_mm(to.insertion_mm - from.insertion_mm, hubs, loads);
   for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
-    if (hub == leader_) continue;
-    targets_[hub] = {locked_at_[hub].insertion_mm + to.insertion_mm - from.insertion_mm,
-                     locked_at_[hub].rotation_rad + to.rotation_rad - from.rotation_rad};
-    device_.feel(hub, {});
+    targets_[hub] = {hubs[hub].insertion_mm + move_mm,
+                     hubs[hub].rotation_rad + to.rotation_rad - from.rotation_rad};
+    if (hub != leader_) device_.feel(hub, {});
   }
   return targets_;
+}
+
+/// Of what is wanted, as much as every hub can move.
+double HubCouplings::common_move_mm(double wanted_mm, std::span<const HubPose> hubs,
+                                    std::span<const HubLoad> loads) const {
+  double move_mm = wanted_mm, sum_N = 0, largest_N = 0;
+  for (std::size_t hub = 0; hub < hubs.size(); ++hub) {
+    const double insertion_mm = hubs[hub].insertion_mm;
+    move_mm = std::clamp(move_mm, -insertion_mm, max_insertions_mm_[hub] - insertion_mm);
+    sum_N += loads[hub].force_N;
+    largest_N = std::max(largest_N, loads[hub].force_N);
+  }
+  return std::max(sum_N, largest_N) > Catheter::kMaxPush_N ? std::min(0.0, move_mm) : move_mm;
 }
 
 /// Locks or unlocks it where that is wanted, and changes the leader with the hub that is held.
@@ -39,7 +60,6 @@ void HubCouplings::move_valve(std::span<const HubPose> hubs) {
       if (hub != leader_) release(hub, hubs[hub]);
   is_locked_ = is_locked;
   leader_ = held;
-  locked_at_.assign(hubs.begin(), hubs.end());
 }
 
 /// A hub that was led by another one goes on from where that brought it.

@@ -14,11 +14,12 @@ namespace xraycast {
 /// is rigid.
 ///
 /// A locked valve clamps them together, as a rotating haemostatic valve on the outer one's hub does: they
-/// move as the hub that is held, whose hand feels the loads of all.
+/// move as the hub that is held, whose hand feels the loads of all, and no further than all of them can.
+/// Where one is at its end or out, or the loads' sum is a hand's greatest push, none goes on.
 class HubCouplings {
  public:
-  /// The device must outlive it.
-  HubCouplings(HapticDevice& device, std::size_t hubs);
+  /// Of hubs that can be inserted so far. The device must outlive it.
+  HubCouplings(HapticDevice& device, std::vector<double> max_insertions_mm);
 
   /// For any one thread; the next step applies it.
   void lock(bool is_locked) { wants_lock_.store(is_locked, std::memory_order_relaxed); }
@@ -32,10 +33,13 @@ class HubCouplings {
   void move_valve(std::span<const HubPose> hubs);
   void release(std::size_t hub, const HubPose& at);
   void lead(std::size_t hub, const HubPose& at, const HubLoad& load, double step_s);
+  double common_move_mm(double wanted_mm, std::span<const HubPose> hubs,
+                        std::span<const HubLoad> loads) const;
 
   HapticDevice& device_;
+  std::vector<double> max_insertions_mm_;
   std::vector<VirtualCoupling> couplings_;
-  std::vector<HubPose> targets_, locked_at_;  ///< the latter from when the valve was locked
+  std::vector<HubPose> targets_;
   std::atomic<bool> wants_lock_{false};
   bool is_locked_ = false;
   std::size_t leader_ = 0;

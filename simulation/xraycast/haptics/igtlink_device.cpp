@@ -115,11 +115,11 @@ struct Client {
   Descriptor socket;
   std::string name;
   IgtlinkReceiver receiver;
-  Clock::time_point last_pose;                ///< or, before the first, when it connected
-  Clock::time_point told;                     ///< when a load was last due
-  bool status_due = true;                     ///< also on connecting
-  std::array<bool, kMaxHubs> loads_due = {};  ///< serialised once they can be sent
-  std::string unsent = {};                    ///< the rest of a message
+  Clock::time_point last_pose;                        ///< or, before the first, when it connected
+  std::array<Clock::time_point, kMaxHubs> told = {};  ///< when a load was last due
+  bool status_due = true;                             ///< also on connecting
+  std::array<bool, kMaxHubs> loads_due = {};          ///< serialised once they can be sent
+  std::string unsent = {};                            ///< the rest of a message
   std::uint64_t poses = 0;
 };
 
@@ -127,17 +127,14 @@ struct Client {
 
 class IgtlinkDevice::Server {
  public:
-  using Poses = std::array<TripleBuffer<HandPose>, kMaxHubs>;
-  using Loads = std::array<TripleBuffer<HubLoad>, kMaxHubs>;
-
-  Server(Descriptor listener, const ListenAddress& address, std::size_t hubs, Poses& poses, Loads& loads,
-         Log log)
+  Server(Descriptor listener, std::size_t hubs, IgtlinkDevice& device, Log log)
       : listener_(std::move(listener)),
         end_(eventfd(0, EFD_CLOEXEC)),
-        address_(to_string(address)),
+        address_(to_string(device.address_)),
         hubs_(hubs),
-        poses_(poses),
-        loads_(loads),
+        poses_(device.poses_),
+        loads_(device.loads_),
+        offsets_(device.told_offsets_),
         log_(std::move(log)) {
     if (end_.id() < 0) throw Error("no event descriptor: {}", error_text(errno));
     set_status("no client");
@@ -157,7 +154,7 @@ class IgtlinkDevice::Server {
   void handle(const IgtlinkReceiver::Event& event);
   void send_due();
   std::string next_message();
-  std::string text_of_poses() const;
+  std::string text_of_poses();
   void load_is_due(std::size_t hub);
   void drop(std::string_view topic, const std::string& why);
   void count_rate();
@@ -170,12 +167,14 @@ class IgtlinkDevice::Server {
   Descriptor listener_, end_;
   std::string address_;
   std::size_t hubs_;
-  Poses& poses_;
-  Loads& loads_;
+  std::array<TripleBuffer<Sent>, kMaxHubs>& poses_;
+  std::array<TripleBuffer<HubLoad>, kMaxHubs>& loads_;
+  std::array<TripleBuffer<Offset>, kMaxHubs>& offsets_;
   RateLimitedLog log_;
   IgtlinkMessages messages_;
   std::array<HandPose, kMaxHubs> newest_;
   std::optional<Client> client_;
+  std::uint64_t clients_ = 0;  ///< so far
   Clock::time_point now_ = Clock::now(), rate_since_ = now_, full_until_ = now_;
   mutable std::mutex mutex_;  ///< of `status_`; never taken by the simulation's thread
   std::string status_;
@@ -195,8 +194,8 @@ void IgtlinkDevice::Server::run() {
     if (waited[0].revents != 0) return;
     if (client_ && waited[2].revents & ~POLLOUT) receive();
     if (waited[1].revents != 0) admit();
-    if (client_ && now_ - client_->told >= kIdle)
-      for (std::size_t hub = 0; hub < hubs_; ++hub) load_is_due(hub);
+    for (std::size_t hub = 0; client_ && hub < hubs_; ++hub)
+      if (now_ - client_->told[hub] >= kIdle) load_is_due(hub);
     if (client_) send_due();
     count_rate();
     log_.flush(now_);
@@ -228,8 +227,9 @@ void IgtlinkDevice::Server::admit() {
   client_.emplace(Client{.socket = std::move(socket),
                          .name = name,
                          .receiver = IgtlinkReceiver(hubs_, rotations_rad),
-                         .last_pose = now_,
-                         .told = now_});
+                         .last_pose = now_});
+  client_->told.fill(now_);
+  ++clients_;
   rate_since_ = now_;
   set_status(name + " has connected");
   say("connected", name + " has connected");
@@ -272,7 +272,7 @@ void IgtlinkDevice::Server::handle(const IgtlinkReceiver::Event& event) {
     client_->last_pose = now_;
     HandPose& newest = newest_[move->hub];
     newest = {move->pose, newest.count + 1};
-    poses_[move->hub].write(newest);
+    poses_[move->hub].write({newest, clients_});
     ++client_->poses;
     load_is_due(move->hub);
   } else {
@@ -285,7 +285,7 @@ void IgtlinkDevice::Server::load_is_due(std::size_t hub) {
   if (client_->loads_due[hub] && !client_->unsent.empty())
     say("slow", client_->name + " does not keep up; a load was dropped");
   client_->loads_due[hub] = true;
-  client_->told = now_;
+  client_->told[hub] = now_;
 }
 
 void IgtlinkDevice::Server::send_due() {
@@ -311,15 +311,17 @@ std::string IgtlinkDevice::Server::next_message() {
   return loads;
 }
 
-std::string IgtlinkDevice::Server::text_of_poses() const {
+std::string IgtlinkDevice::Server::text_of_poses() {
   std::uint64_t received = 0;
   std::string poses;
   for (std::size_t hub = 0; hub < hubs_; ++hub) {
     const HandPose& newest = newest_[hub];
+    const Offset& offset = offsets_[hub].read();
+    const HubPose by = offset.client == clients_ ? offset.by : HubPose{};
     received += newest.count;
     if (hub > 0) poses += fmt::format("; {}: ", hub_name(hub));
-    poses += fmt::format("{:.1f} mm, {:.1f} deg", newest.pose.insertion_mm,
-                         newest.pose.rotation_rad * 180 / std::numbers::pi);
+    poses += fmt::format("{:.1f} mm, {:.1f} deg", newest.pose.insertion_mm + by.insertion_mm,
+                         (newest.pose.rotation_rad + by.rotation_rad) * 180 / std::numbers::pi);
   }
   return fmt::format("poses received: {}; commanded pose: {}", received, poses);
 }
@@ -342,7 +344,7 @@ void IgtlinkDevice::Server::count_rate() {
 IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs) : address_(address) {
   Descriptor listener = listen_at(address);
   address_.port = port_of(listener);
-  server_ = std::make_unique<Server>(std::move(listener), address_, hubs, poses_, loads_, std::move(log));
+  server_ = std::make_unique<Server>(std::move(listener), hubs, *this, std::move(log));
   thread_ = std::thread([this] { serve(); });
 }
 
@@ -358,6 +360,34 @@ void IgtlinkDevice::serve() {
 IgtlinkDevice::~IgtlinkDevice() {
   server_->stop();
   thread_.join();
+}
+
+HandPose IgtlinkDevice::pose(std::size_t hub) {
+  if (failed_) std::rethrow_exception(failure_);
+  const Sent& sent = sent_[hub] = poses_[hub].read();
+  if (sent.hand.count > 0 && waits_at_[hub])
+    go_on_from(hub, *std::exchange(waits_at_[hub], std::nullopt));
+  else if (sent.client != offsets_[hub].client)
+    set_offset(hub, {.by = {}, .client = sent.client});
+  HandPose hand = sent.hand;
+  hand.pose.insertion_mm += offsets_[hub].by.insertion_mm;
+  hand.pose.rotation_rad += offsets_[hub].by.rotation_rad;
+  return hand;
+}
+
+void IgtlinkDevice::go_on_from(std::size_t hub, const HubPose& pose) {
+  const auto& [hand, client] = sent_[hub];
+  if (hand.count == 0)
+    waits_at_[hub] = pose;
+  else
+    set_offset(
+        hub, {.by = {pose.insertion_mm - hand.pose.insertion_mm, pose.rotation_rad - hand.pose.rotation_rad},
+              .client = client});
+}
+
+void IgtlinkDevice::set_offset(std::size_t hub, const Offset& offset) {
+  offsets_[hub] = offset;
+  told_offsets_[hub].write(offset);
 }
 
 std::string IgtlinkDevice::status() const { return server_->status(); }

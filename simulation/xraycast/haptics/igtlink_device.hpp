@@ -8,9 +8,11 @@
 #include <array>
 #include <atomic>
 #include <cstddef>
+#include <cstdint>
 #include <exception>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <string>
 #include <thread>
 
@@ -34,18 +36,9 @@ class IgtlinkDevice final : public HapticDevice {
   IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs = 1);
   ~IgtlinkDevice() override;
 
-  HandPose pose(std::size_t hub) override {
-    if (failed_) std::rethrow_exception(failure_);
-    HandPose hand = sent_[hub] = poses_[hub].read();
-    hand.pose.insertion_mm += offsets_[hub].insertion_mm;
-    hand.pose.rotation_rad += offsets_[hub].rotation_rad;
-    return hand;
-  }
+  HandPose pose(std::size_t hub) override;
   void feel(std::size_t hub, const HubLoad& load) override { loads_[hub].write(load); }
-  void go_on_from(std::size_t hub, const HubPose& pose) override {
-    offsets_[hub] = {pose.insertion_mm - sent_[hub].pose.insertion_mm,
-                     pose.rotation_rad - sent_[hub].pose.rotation_rad};
-  }
+  void go_on_from(std::size_t hub, const HubPose& pose) override;
   std::string status() const override;
 
   /// Where it listens, with the port chosen by the system if 0 was given.
@@ -53,13 +46,26 @@ class IgtlinkDevice final : public HapticDevice {
 
  private:
   class Server;
+  /// A pose, and which of the clients sent it, from 1.
+  struct Sent {
+    HandPose hand;
+    std::uint64_t client = 0;
+  };
+  /// Of a hub from what that client sends.
+  struct Offset {
+    HubPose by;
+    std::uint64_t client = 0;
+  };
 
   void serve();
+  void set_offset(std::size_t hub, const Offset& offset);
 
-  std::array<TripleBuffer<HandPose>, kMaxHubs> poses_;  ///< from the server's thread to the simulation's
-  std::array<TripleBuffer<HubLoad>, kMaxHubs> loads_;   ///< from the simulation's thread to the server's
-  std::array<HandPose, kMaxHubs> sent_;                 ///< by the device, as they were last read
-  std::array<HubPose, kMaxHubs> offsets_;               ///< of the hubs from them
+  std::array<TripleBuffer<Sent>, kMaxHubs> poses_;           ///< from the server's thread to the simulation's
+  std::array<TripleBuffer<HubLoad>, kMaxHubs> loads_;        ///< from the simulation's thread to the server's
+  std::array<TripleBuffer<Offset>, kMaxHubs> told_offsets_;  ///< the same way
+  std::array<Sent, kMaxHubs> sent_;                          ///< as they were last read
+  std::array<Offset, kMaxHubs> offsets_;
+  std::array<std::optional<HubPose>, kMaxHubs> waits_at_;  ///< from where the first pose goes on
   ListenAddress address_;
   std::unique_ptr<Server> server_;
   std::exception_ptr failure_;  ///< of the server's thread; written before `failed_` is set

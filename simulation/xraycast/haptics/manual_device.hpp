@@ -31,10 +31,6 @@ class ManualDevice final : public HapticDevice {
                        std::memory_order_relaxed);
   }
 
-  /// Holds this hub from now on; below kMaxHubs.
-  void hold(std::size_t hub) { held_.store(hub, std::memory_order_relaxed); }
-  std::size_t held() const override { return held_.load(std::memory_order_relaxed); }
-
   HandPose pose(std::size_t hub) override {
     constexpr double kCall_s = 1e-3;  // see HapticDevice
     Hub& of = hubs_[hub];
@@ -66,7 +62,6 @@ class ManualDevice final : public HapticDevice {
   };
   std::string name_;
   std::atomic<double> insertion_mm_s_{0}, rotation_rad_s_{0};
-  std::atomic<std::size_t> held_{0};
   std::array<Hub, kMaxHubs> hubs_;
 };
 

@@ -148,7 +148,9 @@ InstrumentModel::InstrumentModel(Properties properties, const std::string& origi
 
 InstrumentModel InstrumentModel::from_json(const std::string& text, const std::string& origin) {
   const Json json = parse_json(text, origin);
-  if (!json.is_object()) throw InputError("{}: not a JSON object; a device model is one", origin);
+  if (!json.is_object())
+    throw InputError("{}: not a JSON object; see docs/simulation.md for the fields of a device model",
+                     origin);
   Properties p;
   p.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   p.radius_mm = number(json, origin, "radius_mm");

@@ -4,6 +4,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
 #include <numbers>
 
 namespace xraycast {
@@ -53,11 +54,46 @@ bool is_at(const HubPose& hub, const HubPose& pose) {
   return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad;
 }
 
+/// Watches hubs on their way to a row's poses.
+class Approach {
+ public:
+  Approach(const Script::Row& row, std::size_t devices)
+      : row_(row), nearest_mm_(devices, std::numeric_limits<double>::infinity()), since_s_(devices) {}
+
+  bool is_over(const CoaxialCatheters& devices) const {
+    for (std::size_t d = 0; d < devices.count(); ++d)
+      if (!is_at(devices.pose(d), row_.pose_of(d))) return false;
+    return true;
+  }
+
+  /// Throws InputError when a hub has come no nearer for long.
+  void check(const CoaxialCatheters& devices, double time_s, const std::string& name) {
+    constexpr double kLongest_s = 5, kNearer_mm = 0.1;
+    for (std::size_t d = 0; d < devices.count(); ++d) {
+      const double insertion_mm = devices.pose(d).insertion_mm;
+      const double left_mm = std::abs(row_.pose_of(d).insertion_mm - insertion_mm);
+      if (left_mm < nearest_mm_[d] - kNearer_mm || left_mm == 0) {
+        nearest_mm_[d] = left_mm;
+        since_s_[d] = time_s;
+      } else if (time_s - since_s_[d] > kLongest_s) {
+        throw InputError(
+            "{}: line {}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; "
+            "begin with less",
+            name, row_.line, devices.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
+            Catheter::kMaxPush_N);
+      }
+    }
+  }
+
+ private:
+  const Script::Row& row_;
+  std::vector<double> nearest_mm_, since_s_;  ///< of each device
+};
+
 constexpr const char* kColumns =
     "insertion{0}_mm,rotation{0}_deg,force{0}_N,torque{0}_Nm,tip{0}_x_mm,tip{0}_y_mm,tip{0}_z_mm,tip{0}_"
     "direction_x,tip{0}_direction_y,tip{0}_direction_z,tip{0}_branch,tip{0}_arc_length_mm,contacts{0},"
-    "contact_"
-    "force{0}_N,deepest{0}_mm";
+    "contact_force{0}_N,deepest{0}_mm";
 
 std::string values_of(const RunRecord& r) {
   const glm::dvec3 &p = r.tip.position_mm, &d = r.tip.direction;
@@ -74,38 +110,10 @@ std::string columns_of(std::size_t device) {
 
 }  // namespace
 
-RunRecord record_of(const Catheter& catheter, double time_s) {
-  return record_of(time_s, catheter.pose(), catheter.load(), catheter.tip(), catheter.wall());
-}
-
-std::vector<RunRecord> records_of(const Catheter& catheter, double time_s) {
-  return {record_of(catheter, time_s)};
-}
-
 std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s) {
   std::vector<RunRecord> records;
   for (std::size_t d = 0; d < devices.count(); ++d)
     records.push_back(record_of(time_s, devices.pose(d), devices.load(d), devices.tip(d), devices.wall(d)));
-  return records;
-}
-
-std::vector<RunRecord> run_script(Catheter& catheter, const Script& script, const std::string& name,
-                                  Progress& progress,
-                                  const std::function<void(const Catheter&, double)>& after_step) {
-  for (const Script::Row& row : script.rows())
-    check_length(row, 0, catheter.rod().instrument(), catheter.max_insertion_mm(), name);
-  while (!is_at(catheter.pose(), script.rows().front().pose)) {
-    progress.check();
-    catheter.step(script.rows().front().pose);
-  }
-
-  std::vector<RunRecord> records;
-  const auto step = [&](double time_s) {
-    catheter.step(script.pose_at(time_s));
-    if (after_step) after_step(catheter, time_s);
-  };
-  follow(script, catheter.step_s(), progress, step,
-         [&](const Script::Row& row) { records.push_back(record_of(catheter, row.time_s)); });
   return records;
 }
 
@@ -120,14 +128,12 @@ std::vector<std::vector<RunRecord>> run_script(
     for (std::size_t d = 0; d < poses.size(); ++d) poses[d] = script.pose_at(time_s, d);
     devices.step(poses);
   };
-  const auto is_ready = [&] {
-    for (std::size_t d = 0; d < poses.size(); ++d)
-      if (!is_at(devices.pose(d), script.rows().front().pose_of(d))) return false;
-    return true;
-  };
-  while (!is_ready()) {
+  const Script::Row& first = script.rows().front();
+  Approach approach(first, devices.count());
+  while (!approach.is_over(devices)) {
     progress.check();
-    move_to(script.rows().front().time_s);
+    move_to(first.time_s);
+    approach.check(devices, devices.time_s(), name);
   }
 
   std::vector<std::vector<RunRecord>> records;
@@ -150,12 +156,6 @@ std::string to_csv(const std::vector<std::vector<RunRecord>>& records) {
     for (const RunRecord& record : row) csv += fmt::format(",{}", values_of(record));
     csv += '\n';
   }
-  return csv;
-}
-
-std::string to_csv(const std::vector<RunRecord>& records) {
-  std::string csv = fmt::format("time_s,{}\n", columns_of(0));
-  for (const RunRecord& record : records) csv += fmt::format("{:.6g},{}\n", record.time_s, values_of(record));
   return csv;
 }
 

@@ -2,7 +2,6 @@
 
 #include "xraycast/base/progress.hpp"
 #include "xraycast/coaxial/coaxial_catheters.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
@@ -22,28 +21,20 @@ struct RunRecord {
   double deepest_mm = 0;       ///< depth in the wall
 };
 
-/// A record of a catheter's state.
-RunRecord record_of(const Catheter& catheter, double time_s);
-
-/// Runs a script on a catheter, as fast as the machine can, and records it at each row. Beforehand the hub is
-/// moved to the first row's pose, unrecorded. Deterministic: bit for bit the same on one machine. Throws
-/// InputError, with `name` in front, for an insertion beyond the instrument's length, and Cancelled.
-/// `after_step` is called after each step with the catheter and the script's time.
-std::vector<RunRecord> run_script(
-    Catheter& catheter, const Script& script, const std::string& name, Progress& progress,
-    const std::function<void(const Catheter& catheter, double time_s)>& after_step = {});
-
-/// The same for coaxial devices: a record of each device, from the outermost on, at each row.
-std::vector<RunRecord> records_of(const Catheter& catheter, double time_s);  ///< the one
+/// A record of each device, from the outermost on.
 std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s);
+
+/// Runs a script on coaxial devices, or on one alone, as fast as the machine can, and records each device at
+/// each row. Beforehand the hubs are moved to the first row's poses, unrecorded. Deterministic: bit for bit
+/// the same on one machine. Throws InputError, with `name` in front, for an insertion beyond an instrument's
+/// length and for a first row that a device does not reach, and Cancelled. `after_step` is called after each
+/// step with the devices and the script's time.
 std::vector<std::vector<RunRecord>> run_script(
     CoaxialCatheters& devices, const Script& script, const std::string& name, Progress& progress,
     const std::function<void(const CoaxialCatheters& devices, double time_s)>& after_step = {});
 
-/// CSV as below, with a group of columns a device: insertion_2_mm, force_2_N, tip_2_x_mm and so on.
+/// CSV: a header with the columns' names and units, then a line per row of the script; a group of columns a
+/// device: insertion_mm, insertion_2_mm and so on.
 std::string to_csv(const std::vector<std::vector<RunRecord>>& records);
-
-/// CSV: a header with the columns' names and units, then a line per record.
-std::string to_csv(const std::vector<RunRecord>& records);
 
 }  // namespace xraycast

@@ -45,6 +45,27 @@ std::string wanted_columns(const std::vector<std::string>& wanted) {
                      fmt::join(wanted, ","));
 }
 
+/// The devices that a script's columns are for.
+std::size_t devices_in(const std::vector<std::string>& names) {
+  std::size_t devices = 1;
+  while (std::ranges::find(names, column_names(devices + 1).back()) != names.end()) ++devices;
+  return devices;
+}
+
+/// Throws InputError for columns besides those wanted.
+void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
+                  const std::string& origin) {
+  if (const std::size_t devices = devices_in(names); wanted.size() < column_names(devices).size())
+    throw InputError("{}: line 1: a script of {} devices; give --device-model for each, the outermost first",
+                     origin, devices);
+  for (auto name = names.begin(); name != names.end(); ++name) {
+    if (std::find(names.begin(), name, *name) != name)
+      throw InputError("{}: line 1: column {} twice; {}", origin, *name, wanted_columns(wanted));
+    if (std::ranges::find(wanted, *name) == wanted.end())
+      throw InputError("{}: line 1: unknown column \"{}\"; {}", origin, *name, wanted_columns(wanted));
+  }
+}
+
 /// The index of each of the columns wanted.
 std::vector<std::size_t> columns(const std::string& header, const std::vector<std::string>& wanted,
                                  const std::string& origin) {
@@ -58,8 +79,7 @@ std::vector<std::size_t> columns(const std::string& header, const std::vector<st
       throw InputError("{}: line 1: no column {}; {}", origin, name, wanted_columns(wanted));
     at.push_back(static_cast<std::size_t>(found - names.begin()));
   }
-  if (names.size() != wanted.size())
-    throw InputError("{}: line 1: {}; {}", origin, pluralize(names.size(), "column"), wanted_columns(wanted));
+  check_others(names, wanted, origin);
   return at;
 }
 
@@ -115,8 +135,8 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
       throw InputError("{}: line {}: a blank line between rows; remove it", origin, blank_line);
     const std::vector<std::string> values = cells(line);
     if (values.size() != names.size())
-      throw InputError("{}: {}, but there are {} columns", where, pluralize(values.size(), "value"),
-                       names.size());
+      throw InputError("{}: {}, but the first line names {} columns", where,
+                       pluralize(values.size(), "value"), names.size());
     Row row;
     row.line = number_of_line;
     row.time_s = number(values[at[0]], names[0], where);

@@ -1,6 +1,7 @@
 #include "xraycast/simulation/simulation_loop.hpp"
 
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
 
 #include <algorithm>
 #include <chrono>
@@ -66,7 +67,7 @@ SimulationLoop::~SimulationLoop() {
 
 void SimulationLoop::publish() {
   next_.time_s = devices_->time_s();
-  next_.free_lumen = devices_->free_lumen();
+  next_.agent_outlet = agent_outlet(*devices_);
   publish(0, next_);
   for (std::size_t d = 1; d < devices_->count(); ++d) publish(d, next_.inner[d - 1]);
   snapshots_.write(next_);

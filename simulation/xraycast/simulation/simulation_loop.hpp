@@ -35,8 +35,8 @@ struct DeviceSnapshot {
 
 /// The state of coaxial devices at one time: that of the outermost, and of those in it.
 struct CatheterSnapshot : DeviceSnapshot {
-  std::vector<DeviceSnapshot> inner;      ///< from outside on
-  std::optional<std::size_t> free_lumen;  ///< see CoaxialCatheters
+  std::vector<DeviceSnapshot> inner;  ///< from outside on
+  std::optional<std::size_t> agent_outlet;
   double time_s = 0;
   LoopTiming timing;
 

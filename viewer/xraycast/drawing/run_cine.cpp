@@ -3,6 +3,7 @@
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/simulation/agent_outlet.hpp"
 
 #include <algorithm>
 
@@ -36,21 +37,10 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
   subtraction_.shift_mask(options_.mask_shift);
 }
 
-void RunCine::see(const Catheter& catheter, double time_s) {
-  if (time_s < next_s_) return;
-  inject(place_of(catheter.tip()), true, time_s);
-  if (!is_in_run(time_s)) return;
-  std::vector<glm::dvec3> nodes_mm;
-  catheter.copy_nodes(nodes_mm);
-  surfaces_ = 0;
-  draw(nodes_mm, catheter.rod().instrument());
-  take_frame();
-}
-
 void RunCine::see(const CoaxialCatheters& devices, double time_s) {
   if (time_s < next_s_) return;
-  const std::optional<std::size_t> free = devices.free_lumen();
-  inject(place_of(devices.tip(free.value_or(0))), free.has_value(), time_s);
+  const std::optional<std::size_t> outlet = agent_outlet(devices);
+  inject(place_of(devices.tip(outlet.value_or(0))), outlet.has_value(), time_s);
   if (!is_in_run(time_s)) return;
   std::vector<glm::dvec3> nodes_mm;
   surfaces_ = 0;
@@ -65,7 +55,7 @@ void RunCine::see(const CoaxialCatheters& devices, double time_s) {
 void RunCine::inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s) {
   if (time_s > last_s_) {
     const double rate_ml_s = options_.injection.mean_rate_ml_s(last_s_, time_s);
-    if (!is_lumen_free) withheld_ml_ += rate_ml_s * (time_s - last_s_);
+    (is_lumen_free ? injected_ml_ : withheld_ml_) += rate_ml_s * (time_s - last_s_);
     bolus_.step(time_s - last_s_, tip, is_lumen_free ? rate_ml_s : 0, options_.injection.agent_mg_ml);
   }
   last_s_ = time_s;

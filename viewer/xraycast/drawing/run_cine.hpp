@@ -4,7 +4,6 @@
 #include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
@@ -47,11 +46,11 @@ class RunCine {
           std::variant<Screen, Detector> taker);
 
   /// Call after every step of the simulation; draws a frame when one is due.
-  void see(const Catheter& catheter, double time_s);
-  /// The same with coaxial devices; contrast agent is injected while one of their lumens is free.
+  /// Contrast agent is injected while one of the lumens is free; see agent_outlet.
   void see(const CoaxialCatheters& devices, double time_s);
 
-  /// What was not injected, because devices were in the way.
+  double injected_ml() const { return injected_ml_; }
+  /// What was not injected, because no lumen was free.
   double withheld_ml() const { return withheld_ml_; }
 
   /// Subtraction: how many frames at the beginning the mask is the mean of.
@@ -77,7 +76,7 @@ class RunCine {
   MaximumOpacification opacified_;
   SubtractionWindow window_;
   std::size_t surfaces_ = 0;  ///< of the devices
-  double last_s_ = 0, next_s_ = 0, withheld_ml_ = 0;
+  double last_s_ = 0, next_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;
 };
 
 }  // namespace xraycast

@@ -16,13 +16,13 @@ std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm) {
   return controls;
 }
 
-void RecordedRun::see(const Catheter& catheter, double time_s) {
+void RecordedRun::see(const CoaxialCatheters& devices, double time_s) {
   constexpr double kRounding_s = 1e-9;
   if (time_s < static_cast<double>(controls_mm.size()) * step_s - kRounding_s) return;
   std::vector<glm::dvec3> nodes_mm;
-  catheter.copy_nodes(nodes_mm);
+  devices.copy_nodes(0, nodes_mm);
   controls_mm.push_back(controls_of(nodes_mm));
-  loads.push_back(catheter.load());
+  loads.push_back(devices.load(0));
 }
 
 std::string pack_shapes(const RecordedRun& run, double unit_mm) {

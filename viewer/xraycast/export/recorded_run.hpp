@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -9,7 +9,8 @@
 
 namespace xraycast {
 
-/// A catheter's run as pictures need it: its shape and the hub's loads, a picture at a time.
+/// A catheter's run as pictures need it: the outermost device's shape and the hub's loads, a picture at a
+/// time.
 struct RecordedRun {
   static constexpr double kUsualStep_s = 1.0 / 15;  ///< of fluoroscopy
   static constexpr double kLongest_s = 600;
@@ -23,7 +24,7 @@ struct RecordedRun {
   std::vector<HubLoad> loads{};
 
   /// Takes a picture when its time has come; call it after each step, as `run_script` does.
-  void see(const Catheter& catheter, double time_s);
+  void see(const CoaxialCatheters& devices, double time_s);
 };
 
 /// The control points of a shape's curve.

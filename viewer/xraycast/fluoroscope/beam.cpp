@@ -6,6 +6,7 @@
 #include <algorithm>
 
 namespace xraycast {
+
 FluoroscopyBeam::FluoroscopyBeam(const CArm& c_arm, const Spectrum& at_detector)
     : spectrum(at_detector, c_arm.detector), open(spectrum.behind_water(0)) {
   constexpr double kLeastShare = 1e-6;

@@ -9,18 +9,25 @@
 namespace xraycast {
 namespace {
 
-/// How far one of the scintillator's Gaussians, whose weight is `share`, may be off. Together they err by
-/// 0.008 of the MTF at most, which leaves the focal spot's filter 0.008 of the 0.02 that are promised; and by
-/// 2 % of it where it is small, down to a twentieth, since the power of noise goes with its square and is
-/// promised within 5 %.
-ByFrequency scintillator_tolerance(const ScintillatorBlur& blur, double share, double pixel_mm) {
-  return [&blur, share, pixel_mm](double cycles) {
-    constexpr double kHalf = 0.004, kHalfOfMtf = 0.01, kLeastMtf = 0.05, kLeastShare = 0.01;
-    const double mtf = std::max(kLeastMtf, blur.mtf(cycles / pixel_mm));
+/// How far one of the light's filters, whose weight is `share`, may be off. Together they err by 0.008 of the
+/// MTF at most, which leaves the filter before the count 0.008 of the 0.02 that are promised; and by 2 % of
+/// it where it is small, down to a twentieth, since the power of noise goes with its square and is promised
+/// within 5 %.
+ByFrequency light_tolerance(const ScintillatorBlur& blur, double share) {
+  return [blur, share](double cycles) {
+    constexpr double kHalf = 0.004, kHalfOfMtf = 0.006, kLeastMtf = 0.05, kLeastShare = 0.01;
+    const double mtf = std::max(kLeastMtf, light_transfer(cycles, blur));
     return std::min(kHalf, kHalfOfMtf * mtf) / std::max(share, kLeastShare);
   };
 }
-constexpr double kFocalTolerance = 0.008;
+
+/// The light weakens what this filter errs by.
+ByFrequency primary_tolerance(const ScintillatorBlur& blur) {
+  return [blur](double cycles) {
+    constexpr double kWithin = 0.008, kLeastMtf = 0.2;
+    return kWithin / std::max(kLeastMtf, light_transfer(cycles, blur));
+  };
+}
 
 /// Filters must not grow without bound.
 void check_pixel(const CArm& c_arm, double pixel_mm) {
@@ -35,6 +42,12 @@ void check_pixel(const CArm& c_arm, double pixel_mm) {
 }
 
 }  // namespace
+
+EdgeProfile edge_behind_scintillator(const CArm& c_arm, double pixel_mm) {
+  check_pixel(c_arm, pixel_mm);
+  return EdgeProfile::behind_scintillator(focal_spread_mm(c_arm) / pixel_mm,
+                                          in_pixels(c_arm.detector.blur, pixel_mm));
+}
 
 SeparableFilter::SeparableFilter(const PictureSize& size, SymmetricTaps taps)
     : size_(size), taps_(std::move(taps)), along_rows_(size.pixels()) {}
@@ -63,14 +76,14 @@ BlurStage::BlurStage(const PictureSize& size) : primary(size), size_(size), narr
 
 BlurStage::BlurStage(const PictureSize& size, double pixel_mm, const CArm& c_arm) : BlurStage(size) {
   check_pixel(c_arm, pixel_mm);
-  const ScintillatorBlur& blur = c_arm.detector.blur;
-  const auto scintillator_taps = [&](double spread_mm, double share) {
-    return gaussian_taps(spread_mm / pixel_mm, scintillator_tolerance(blur, share, pixel_mm));
+  const ScintillatorBlur blur = in_pixels(c_arm.detector.blur, pixel_mm);
+  const auto taps = [&](double spread, double share) {
+    return light_taps(spread, light_tolerance(blur, share));
   };
-  primary = SeparableFilter(size, averaged_gaussian_taps(focal_spread_mm(c_arm) / pixel_mm,
-                                                         [](double) { return kFocalTolerance; }));
-  narrow_ = SeparableFilter(size, scintillator_taps(blur.narrow_mm, 1 - blur.wide_share));
-  wide_ = SeparableFilter(size, scintillator_taps(blur.wide_mm, blur.wide_share));
+  primary =
+      SeparableFilter(size, primary_taps(focal_spread_mm(c_arm) / pixel_mm, blur, primary_tolerance(blur)));
+  narrow_ = SeparableFilter(size, taps(blur.narrow_mm, 1 - blur.wide_share));
+  wide_ = SeparableFilter(size, taps(blur.wide_mm, blur.wide_share));
   wide_share_ = static_cast<float>(blur.wide_share);
 }
 

@@ -24,8 +24,8 @@ class SeparableFilter {
   PixelPlane along_rows_;
 };
 
-/// Focal spot and pixel aperture, which blur the picture before its quanta are counted, and the scintillator,
-/// which blurs these.
+/// Focal spot, which blurs the picture before its quanta are counted, and scintillator and pixel aperture, of
+/// which a part does, and the other part blurs these.
 class BlurStage {
  public:
   /// Without blur.
@@ -44,5 +44,8 @@ class BlurStage {
   SeparableFilter narrow_, wide_;
   float wide_share_ = 0;
 };
+
+/// What goes with `primary`. Throws as the stage.
+EdgeProfile edge_behind_scintillator(const CArm& c_arm, double pixel_mm);
 
 }  // namespace xraycast

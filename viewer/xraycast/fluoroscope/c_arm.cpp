@@ -12,7 +12,9 @@
 
 #include <algorithm>
 #include <cmath>
+#include <initializer_list>
 #include <numbers>
+#include <string_view>
 
 namespace xraycast {
 namespace {
@@ -34,6 +36,18 @@ class CArmFields {
   void check_below(const char* what, double sum, double most) const {
     if (!(sum <= most))
       throw InputError("{}: the {} add up to {:g}; they must stay below {:g}", where_, what, sum, most);
+  }
+  int whole(const char* key, double lowest, double highest) const {
+    const double value = number(key, lowest, highest);
+    if (value != std::floor(value))
+      throw InputError("{}: \"{}\" is {:g}; it must be a whole number", where_, key, value);
+    return static_cast<int>(value);
+  }
+  /// Throws for a key that is none of these: a misspelt one would silently do nothing.
+  void check_keys(std::initializer_list<std::string_view> known) const {
+    for (const auto& [key, value] : json_.items())
+      if (std::ranges::find(known, key) == known.end())
+        throw InputError("{}: \"{}\" is no key of it; the keys are {}", where_, key, fmt::join(known, ", "));
   }
   bool flag(const char* key) const {
     if (!has(key)) return false;
@@ -71,12 +85,14 @@ class CArmFields {
 };
 
 XrayTube tube_from(const CArmFields& fields) {
+  fields.check_keys({"focal_spot_mm", "added_aluminium_mm", "added_copper_mm", "lowest_kvp", "highest_kvp",
+                     "lowest_ma", "highest_ma", "power_kw", "pulse_ms"});
   XrayTube tube;
   tube.focal_spot_mm = fields.number("focal_spot_mm", 0.05, 3);
   tube.aluminium_mm = fields.number("added_aluminium_mm", 0, 20);
   tube.copper_mm = fields.number("added_copper_mm", 0, 2);
-  tube.lowest_kvp = fields.number("lowest_kvp", 40, 150);
-  tube.highest_kvp = fields.number("highest_kvp", tube.lowest_kvp, 150);
+  tube.lowest_kvp = fields.whole("lowest_kvp", 40, 150);
+  tube.highest_kvp = fields.whole("highest_kvp", tube.lowest_kvp, 150);
   tube.lowest_ma = fields.number("lowest_ma", 1e-3, 2000);
   tube.highest_ma = fields.number("highest_ma", tube.lowest_ma, 2000);
   tube.power_kw = fields.number("power_kw", 0.01, 200);
@@ -85,6 +101,8 @@ XrayTube tube_from(const CArmFields& fields) {
 }
 
 FluoroscopyDetector detector_from(const CArmFields& fields) {
+  fields.check_keys({"width_mm", "height_mm", "pixel_mm", "round", "caesium_iodide_g_cm2",
+                     "cover_aluminium_mm", "bits", "electronic_noise_kev", "blur", "lag"});
   FluoroscopyDetector detector;
   detector.width_mm = fields.number("width_mm", 10, 1000);
   detector.height_mm = fields.number("height_mm", 10, 1000);
@@ -92,15 +110,17 @@ FluoroscopyDetector detector_from(const CArmFields& fields) {
   detector.is_round = fields.flag("round");
   detector.scintillator_g_cm2 = fields.number("caesium_iodide_g_cm2", 0.01, 2);
   detector.cover_mm = fields.number("cover_aluminium_mm", 0, 10);
-  detector.bits = static_cast<int>(fields.number("bits", 8, 16));
+  detector.bits = fields.whole("bits", 8, 16);
   detector.electronic_noise_kev = fields.number("electronic_noise_kev", 0, 1e5);
   const CArmFields blur = fields.object("blur");
+  blur.check_keys({"narrow_mm", "wide_mm", "wide_share"});
   detector.blur = {blur.number("narrow_mm", 0, 2), blur.number("wide_mm", 0, 2),
                    blur.number("wide_share", 0, 1)};
   double kept = 0;
   constexpr double kMostKept = 0.5;
   for (const auto& one : fields.list("lag")) {
     const CArmFields trap = fields.element(one, "lag");
+    trap.check_keys({"fraction", "time_s"});
     detector.lag.push_back({trap.number("fraction", 0, 0.5), trap.number("time_s", 1e-3, 1000)});
     kept += detector.lag.back().fraction;
   }
@@ -110,6 +130,7 @@ FluoroscopyDetector detector_from(const CArmFields& fields) {
 
 DetectorDose dose_from(const CArmFields& fields) {
   constexpr double kLeast_uGy = 1e-4, kMost_uGy = 100;
+  fields.check_keys({"low_uGy", "normal_uGy", "cine_uGy"});
   return {fields.number("low_uGy", kLeast_uGy, kMost_uGy), fields.number("normal_uGy", kLeast_uGy, kMost_uGy),
           fields.number("cine_uGy", kLeast_uGy, kMost_uGy)};
 }
@@ -126,6 +147,8 @@ double ScintillatorBlur::mtf(double per_mm) const {
 CArm CArm::from_json(const std::string& text, const std::string& origin) {
   const nlohmann::json json = parse_json(text, origin);
   const CArmFields fields(json, origin);
+  fields.check_keys({"name", "sources", "source_axis_mm", "source_detector_mm", "table_aluminium_mm", "tube",
+                     "grid", "detector", "detector_dose", "fields_mm"});
   CArm c_arm;
   c_arm.name = json.contains("name") && json["name"].is_string() ? json["name"].get<std::string>() : origin;
   c_arm.distances.source_axis_mm = fields.number("source_axis_mm", 200, 3000);
@@ -135,6 +158,7 @@ CArm CArm::from_json(const std::string& text, const std::string& origin) {
   c_arm.table_mm = fields.number("table_aluminium_mm", 0, 20);
   if (fields.has("grid")) {
     const CArmFields grid = fields.object("grid");
+    grid.check_keys({"primary_transmission", "scatter_transmission"});
     c_arm.grid = {grid.number("primary_transmission", 0.01, 1), grid.number("scatter_transmission", 0, 1)};
   }
   c_arm.detector = detector_from(fields.object("detector"));

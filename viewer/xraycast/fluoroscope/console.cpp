@@ -26,12 +26,6 @@ std::vector<float> above_median(std::span<const float> picture) {
   return above;
 }
 
-/// What the detector sees of a view.
-View on_detector(View view, const CArm& c_arm) {
-  if (!view.cone) view.pixel_mm *= c_arm.distances.source_detector_mm / c_arm.distances.source_axis_mm;
-  return view;
-}
-
 }  // namespace
 
 FluoroscopyConsole::FluoroscopyConsole(FluoroscopyOptions options) : options_(std::move(options)) {
@@ -41,9 +35,9 @@ FluoroscopyConsole::FluoroscopyConsole(FluoroscopyOptions options) : options_(st
 
 void FluoroscopyConsole::set(FluoroscopyOptions options) {
   check(options);
+  if (fluoroscope_) restart(options, view_);
   options_ = std::move(options);
   is_locked_ = false;
-  if (fluoroscope_) restart(options_, view_, *path_);
   forget_pictures();
 }
 
@@ -66,7 +60,9 @@ void FluoroscopyConsole::unlock() {
 bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
   const bool was_down = pedal_;
   pedal_ = pedal;
+  if (!was_down || !pedal) paused_s_ += passed_s;
   if (!pedal) return false;
+  begins_run_ = begins_run_ || !was_down;
   since_pulse_s_ = was_down ? since_pulse_s_ + passed_s : 1 / options_.pulses_per_s;
   if (since_pulse_s_ * options_.pulses_per_s < 1) return false;
   // A display that is late skips pulses; it does not make up for them.
@@ -74,11 +70,14 @@ bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
   return true;
 }
 
-void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path) {
-  before_ = dose();
+/// Throws as the fluoroscope does, and then keeps the one that was there.
+void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& view) {
+  const DoseRecord before = dose();
   FluoroscopyOptions continued = options;
-  continued.seed += static_cast<std::uint32_t>(before_.pulses);  // or the noise of earlier pulses comes again
-  fluoroscope_.emplace(std::move(continued), on_detector(view, options.c_arm), path);
+  continued.seed += static_cast<std::uint32_t>(before.pulses);  // or the noise of earlier pulses comes again
+  Fluoroscope other(std::move(continued), view, *path_);
+  fluoroscope_.emplace(std::move(other));
+  before_ = before;
 }
 
 void FluoroscopyConsole::forget_pictures() {
@@ -87,24 +86,35 @@ void FluoroscopyConsole::forget_pictures() {
   road_map_.clear();
 }
 
-void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path) {
+/// What another map leaves of the last one is nothing.
+void FluoroscopyConsole::use_path(const WaterPath& path) {
+  if (path_ == path) return;
   path_ = path;
+  if (fluoroscope_) fluoroscope_->set_path(path);
+  forget_pictures();
+}
+
+void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path) {
+  use_path(path);
   if (!fluoroscope_) {
-    view_ = view;
-    restart(options_, view, path);
+    restart(options_, view);
     fluoroscope_->settle(tau);
+    view_ = view;
   }
+  fluoroscope_->set_view(view);
   if (view_ != view) forget_pictures();
   view_ = view;
+  if (begins_run_) fluoroscope_->begin_run(paused_s_);
+  begins_run_ = false;
+  paused_s_ = 0;
   if (subtracts_ && !is_locked_) {
     // As a unit does, after the exposure control has settled.
-    fluoroscope_->set_view(on_detector(view, options_.c_arm));
     fluoroscope_->settle(tau);
     fluoroscope_->hold_technique(true);
     is_locked_ = true;
   }
-  fluoroscope_->set_view(on_detector(view, options_.c_arm));
   const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
+  is_saturated_ = frame.is_saturated;
   if (subtracts_)
     show_subtracted(frame);
   else

@@ -29,8 +29,8 @@ class FluoroscopyConsole {
   /// at once when the pedal goes down.
   bool is_due(bool pedal, double passed_s);
 
-  /// A pulse through optical depths of a view; in a parallel one as if the C-arm magnified it as the
-  /// isocentre. In a view of another geometry mask, angiogram and road map are lost.
+  /// A pulse through optical depths of a view. In a view of another geometry, or of a map with another path,
+  /// mask, angiogram and road map are lost.
   void expose(std::span<const float> tau, const View& view, const WaterPath& path);
 
   /// The held image: 8-bit greys, row 0 on top; empty before the first exposure.
@@ -57,13 +57,18 @@ class FluoroscopyConsole {
 
   DoseRecord dose() const;
   Technique technique() const;
-  double kerma_rate() const;  ///< mGy/min, at the reference point
+  double kerma_rate() const;                           ///< mGy/min, at the reference point
+  bool is_locked() const { return is_locked_; }        ///< the exposure control, for subtraction
+  bool is_saturated() const { return is_saturated_; }  ///< the detector, in the last pulse
+
+  /// Mask, angiogram and road map, as with another map.
+  void forget_pictures();
 
  private:
   static constexpr int kMaskPulses = 4;
 
-  void restart(const FluoroscopyOptions& options, const View& view, const WaterPath& path);
-  void forget_pictures();
+  void use_path(const WaterPath& path);
+  void restart(const FluoroscopyOptions& options, const View& view);
   void unlock();
   void show_subtracted(const FluoroscopyFrame& frame);
   void show_live(const FluoroscopyFrame& frame);
@@ -75,7 +80,8 @@ class FluoroscopyConsole {
   std::optional<WaterPath> path_;
   std::vector<std::uint8_t> image_;
   bool pedal_ = false;
-  double since_pulse_s_ = 0;
+  double since_pulse_s_ = 0, paused_s_ = 0;
+  bool begins_run_ = false, is_saturated_ = false;
 
   bool subtracts_ = false, is_locked_ = false;
   std::optional<Subtraction> subtraction_;

@@ -1,5 +1,7 @@
 #include "xraycast/fluoroscope/detector_view.hpp"
 
+#include "xraycast/fluoroscope/blur_stage.hpp"
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
@@ -24,11 +26,12 @@ struct FieldLimit {
 };
 
 PixelPlane field_of(const FluoroscopyOptions& options, const View& view) {
-  const double spread_mm = options.stages.blur ? focal_spread_mm(options.c_arm) : 0;
+  const EdgeProfile edge =
+      options.stages.blur ? edge_behind_scintillator(options.c_arm, view.pixel_mm) : EdgeProfile();
   const FieldLimit limit(options);
-  PixelPlane field = open_field(view, limit.sides, limit.round_mm, spread_mm);
+  PixelPlane field = open_field(view, limit.sides, limit.round_mm, edge);
   if (!options.collimation) return field;
-  const PixelPlane between = open_field(view, *options.collimation, 0, spread_mm);
+  const PixelPlane between = open_field(view, *options.collimation, 0, edge);
   std::ranges::transform(field, between, field.begin(), std::multiplies{});
   return field;
 }
@@ -49,10 +52,13 @@ DetectorView::DetectorView(const FluoroscopyOptions& options, const View& view)
       measured(field, size) {
   const FieldLimit limit(options);
   const Collimation blades = options.collimation.value_or(limit.sides);
-  // Without a zoom field the beam is as large as the picture.
-  const bool has_field = options.field_mm > 0;
-  const double width_mm = has_field ? limit.sides.width_mm : view.width * view.pixel_mm;
-  const double height_mm = has_field ? limit.sides.height_mm : view.height * view.pixel_mm;
+  // Without a zoom field and blades the beam is as large as the picture.
+  const bool is_limited = options.field_mm > 0 || options.collimation;
+  const FluoroscopyDetector& detector = options.c_arm.detector;
+  const double width_mm =
+      is_limited ? std::min(limit.sides.width_mm, detector.width_mm) : view.width * view.pixel_mm;
+  const double height_mm =
+      is_limited ? std::min(limit.sides.height_mm, detector.height_mm) : view.height * view.pixel_mm;
   constexpr double kCm2_per_mm2 = 0.01;
   open_area_cm2 = kCm2_per_mm2 * open_area_mm2(blades, width_mm, height_mm, limit.round_mm);
   beam_width_mm = std::min(width_mm, opening_mm(blades.width_mm, blades.height_mm, blades.turn_rad));

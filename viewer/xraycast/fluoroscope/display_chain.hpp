@@ -12,6 +12,9 @@ class DisplayChain {
   /// For pictures of that size; forgets earlier ones.
   void restart(int width, int height);
 
+  /// The next frame is filtered with none before.
+  void forget() { is_first_ = true; }
+
   /// Makes the table of logarithms unless it is there.
   void set_codes(int bits, float dark);
   void take_logarithm(const std::uint16_t* codes, int count, float* logarithm) const;

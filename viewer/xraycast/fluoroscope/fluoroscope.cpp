@@ -10,9 +10,12 @@
 #include "xraycast/fluoroscope/scatter_stage.hpp"
 #include "xraycast/fluoroscope/xray_generator.hpp"
 
+#include <glm/geometric.hpp>
+
 #include <algorithm>
 #include <cmath>
 #include <functional>
+#include <numbers>
 #include <optional>
 #include <utility>
 
@@ -26,6 +29,19 @@ void check_distances(const Cone& distances) {
         "the source is {:g} mm from the isocentre: a fluoroscope's is at least {:g} mm away; increase the "
         "first distance",
         distances.source_axis_mm, kLeast_mm);
+}
+
+/// A parallel view is magnified as what lies at the isocentre.
+double pixel_on_detector_mm(const View& view, const Cone& distances) {
+  return view.cone ? view.pixel_mm : view.pixel_mm * distances.source_detector_mm / distances.source_axis_mm;
+}
+
+/// Whether no C-arm or table moves that far between two pulses of one run.
+bool is_jump(const View& before, const View& now) {
+  constexpr double kTurn_rad = 0.15, kWay_mm = 30;  // at 7.5/s some 65 deg/s and 22 cm/s
+  return std::abs(std::remainder(now.angle_rad - before.angle_rad, 2 * std::numbers::pi)) > kTurn_rad ||
+         std::abs(now.tilt_rad - before.tilt_rad) > kTurn_rad ||
+         glm::distance(now.centre_mm, before.centre_mm) > kWay_mm;
 }
 
 /// The stages behind the tube, in their order, for pictures of one size.
@@ -62,11 +78,13 @@ struct Fluoroscope::State {
   void set_view(const View& next);
   const FluoroscopyFrame& expose(const RayDepths& rays);
   void settle(const RayDepths& rays);
+  void begin_run(double pause_s);
 
   // The steps of a pulse.
   void pass_patient(const RayDepths& rays);
-  void absorb_quanta();
-  void collect_light(bool reads_out);
+  void absorb_quanta(const QuantaStage& quanta);
+  enum class Use { measured, fills_traps, read_out };
+  void collect_light(Use use);
   void show();
 
   XrayGenerator generator;
@@ -84,9 +102,16 @@ void Fluoroscope::State::set_view(const View& next) {
       next.width != view.width || next.height != view.height || next.pixel_mm != view.pixel_mm || is_moved;
   if (next.cone) check_distances(distances);
   if (is_other) {
-    generator.set_detector(distances, next.pixel_mm);
-    DetectionChain other(generator.options(), next);  // which may throw
+    const double pixel_mm = pixel_on_detector_mm(next, distances);
+    FluoroscopyOptions moved = generator.options();
+    moved.c_arm.distances = distances;
+    View on_detector = next;
+    on_detector.pixel_mm = pixel_mm;
+    DetectionChain other(moved, on_detector);  // which may throw, and then nothing has changed
+    generator.set_detector(distances, pixel_mm);
     chain = std::move(other);
+  } else if (is_jump(view, next)) {
+    chain->display.forget();
   }
   view = next;
   if (!is_other) return;
@@ -117,7 +142,7 @@ void Fluoroscope::State::pass_patient(const RayDepths& rays) {
 }
 
 /// The energy of the quanta in every pixel, as light that has spread along the rows.
-void Fluoroscope::State::absorb_quanta() {
+void Fluoroscope::State::absorb_quanta(const QuantaStage& quanta) {
   DetectionChain& stages = *chain;
   const DetectorView& seen = stages.seen;
   const AbsorptionStage& absorption = stages.absorption;
@@ -130,21 +155,21 @@ void Fluoroscope::State::absorb_quanta() {
       std::ranges::fill(primary, 0.0f);
       stages.blur.primary.add_down(j, 1, primary.data());
       if (stages.scatter) stages.scatter->row(j, scattered.data());
-      stages.quanta.absorb_row({primary.data(), seen.field.data() + at, scattered.data(),
-                                absorption.mean_kev.data() + at, absorption.spread_kev.data() + at},
-                               open_quanta, at, frame_number, energy_kev);
+      quanta.absorb_row({primary.data(), seen.field.data() + at, scattered.data(),
+                         absorption.mean_kev.data() + at, absorption.spread_kev.data() + at},
+                        open_quanta, at, frame_number, energy_kev);
       stages.blur.scintillate_along(j, energy_kev.data());
     }
   });
 }
 
 /// The signal in every pixel, measured by the exposure control, which keeps no charge of earlier pulses, and
-/// read out.
-void Fluoroscope::State::collect_light(bool reads_out) {
+/// then used.
+void Fluoroscope::State::collect_light(Use use) {
   DetectionChain& stages = *chain;
   DetectorView& seen = stages.seen;
   const int width = seen.size.width;
-  if (reads_out) {
+  if (use == Use::read_out) {
     stages.electronics.set_full_scale(generator.full_scale_kev());
     stages.display.set_codes(generator.options().c_arm.detector.bits, stages.electronics.digitiser().dark);
   }
@@ -154,7 +179,8 @@ void Fluoroscope::State::collect_light(bool reads_out) {
       float* const signal = frame.signal_kev.data() + at;
       stages.blur.scintillate_down(j, signal);
       seen.measured.measure_row(j, signal, seen.field.data() + at);
-      if (!reads_out) continue;
+      if (use == Use::fills_traps && stages.lag) stages.lag->fill_row(j, signal);
+      if (use != Use::read_out) continue;
       if (stages.lag) stages.lag->hold_row(j, signal);
       stages.electronics.read_row(at, frame_number, width, signal, frame.codes.data() + at);
       stages.display.take_logarithm(frame.codes.data() + at, width, frame.logarithm.data() + at);
@@ -179,9 +205,10 @@ void Fluoroscope::State::show() {
 
 const FluoroscopyFrame& Fluoroscope::State::expose(const RayDepths& rays) {
   pass_patient(rays);
-  absorb_quanta();
-  collect_light(true);
+  absorb_quanta(chain->quanta);
+  collect_light(Use::read_out);
   show();
+  frame.is_saturated = frame.mean_kev > generator.full_scale_kev();
   frame.technique = generator.technique();
   generator.count_pulse(chain->seen.open_area_cm2);
   ++frame_number;
@@ -191,12 +218,23 @@ const FluoroscopyFrame& Fluoroscope::State::expose(const RayDepths& rays) {
 
 void Fluoroscope::State::settle(const RayDepths& rays) {
   constexpr int kMostPulses = 8;
-  for (int pulse = 0; generator.options().is_automatic() && pulse < kMostPulses; ++pulse) {
+  const bool follows = generator.options().is_automatic() && !is_held;
+  for (int pulse = 0; follows && pulse < kMostPulses; ++pulse) {
     pass_patient(rays);
-    absorb_quanta();
-    collect_light(false);
-    if (!generator.follow(frame.mean_kev, false)) return;
+    absorb_quanta(chain->quanta);
+    collect_light(Use::measured);
+    if (!generator.follow(frame.mean_kev, false)) break;
   }
+  if (!chain->lag) return;
+  const QuantaStage without_noise(false, 0);
+  pass_patient(rays);
+  absorb_quanta(without_noise);
+  collect_light(Use::fills_traps);
+}
+
+void Fluoroscope::State::begin_run(double pause_s) {
+  if (chain->lag) chain->lag->pause(pause_s);
+  chain->display.forget();
 }
 
 std::vector<float> measured_depths(const FluoroscopyFrame& frame) {
@@ -219,6 +257,8 @@ void Fluoroscope::settle(std::span<const float> tau) { state_->settle(tau); }
 void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(&g_cm2); }
 
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
+void Fluoroscope::set_path(WaterPath path) { state_->generator.set_path(std::move(path)); }
+void Fluoroscope::begin_run(double pause_s) { state_->begin_run(pause_s); }
 void Fluoroscope::set_dose(DoseLevel dose) { state_->generator.set_dose(dose); }
 void Fluoroscope::hold_technique(bool is_held) { state_->is_held = is_held; }
 

@@ -18,7 +18,8 @@ struct FluoroscopyFrame {
   std::vector<float> logarithm;      ///< natural, of the codes above the dark level
   std::vector<std::uint8_t> shown;   ///< behind the display chain; the body is dark, as on a fluoroscope
   Technique technique;
-  double mean_kev = 0;  ///< mean signal in the measuring field
+  double mean_kev = 0;        ///< mean signal in the measuring field
+  bool is_saturated = false;  ///< it is above what the codes hold
 };
 
 /// A frame's optical depths as its detector measured them, up to a constant: for subtraction.
@@ -29,8 +30,9 @@ std::vector<float> measured_depths(const FluoroscopyFrame& frame);
 /// number of threads.
 class Fluoroscope {
  public:
-  /// `view` must be complete; the distances of its cone replace the C-arm's. Throws as `check`, and
-  /// InputError for a source within 200 mm of the isocentre, or blades that leave no pixel open.
+  /// `view` must be complete; the distances of its cone replace the C-arm's. A parallel view is one of what
+  /// lies at the isocentre: on the detector its pixels are larger by the C-arm's magnification. Throws as
+  /// `check`, and InputError for a source within 200 mm of the isocentre, or blades that leave no pixel open.
   Fluoroscope(FluoroscopyOptions options, const View& view, WaterPath path);
   ~Fluoroscope();
   Fluoroscope(Fluoroscope&&) noexcept;
@@ -42,13 +44,23 @@ class Fluoroscope {
   /// The same through masses of kMaterials, with the energies that these let through.
   const FluoroscopyFrame& expose(const MaterialDepths& g_cm2);
 
-  /// Lets the exposure control settle on a scene, without dose and without traces in later pictures.
+  /// Lets the exposure control, unless it is held, settle on a scene, and lag become steady, as after many
+  /// pulses. They count no dose.
   void settle(std::span<const float> tau);
   void settle(const MaterialDepths& g_cm2);
 
-  /// Takes effect with the next pulse. Throws as the constructor. A view of another size or zoom clears what
-  /// earlier frames left.
+  /// Takes effect with the next pulse. Throws as the constructor, and then changes nothing. A view of another
+  /// size or zoom clears what earlier frames left; one that the C-arm cannot have turned to meanwhile begins
+  /// the display's recursive filter anew.
   void set_view(const View& view);
+
+  /// Another map's. Takes effect with the next pulse.
+  void set_path(WaterPath path);
+
+  /// The next pulse is the first one after a pause: lag has decayed, and the display's recursive filter
+  /// begins anew.
+  void begin_run(double pause_s);
+
   void set_dose(DoseLevel dose);
 
   /// Whether the exposure control leaves voltage and mAs as they are, as for subtraction.

@@ -17,21 +17,21 @@ void check_exposure(std::optional<double> value, double most, const char* unit) 
 void check(const FluoroscopyOptions& options) {
   constexpr double kMostMas = 2000, kMostPhotons = 1e7, kLowestRate = 3, kHighestRate = 30;
   check_exposure(options.mas, kMostMas, "mAs");
-  check_exposure(options.photons, kMostPhotons, "photons a pixel");
+  check_exposure(options.photons, kMostPhotons, "photons per pixel");
   if (options.photons && options.mas)
     throw InputError("photons and mAs are both given, but each sets the exposure; give one of them");
   const XrayTube& tube = options.c_arm.tube;
   if (options.kvp && !(*options.kvp >= tube.lowest_kvp && *options.kvp <= tube.highest_kvp))
-    throw InputError("{} kVp: {} works from {:g} to {:g} kVp; choose a voltage between them", *options.kvp,
+    throw InputError("{} kVp: {} allows {:g} to {:g} kVp; choose a voltage in this range", *options.kvp,
                      options.c_arm.name, tube.lowest_kvp, tube.highest_kvp);
   if (options.mas) {
     const int kvp = options.kvp.value_or(static_cast<int>(tube.lowest_kvp));
     if (const double most = highest_mas(tube, kvp); *options.mas > most)
-      throw InputError("{:g} mAs: {} gives at most {:.3g} mAs a pulse at {} kVp; choose fewer", *options.mas,
-                       options.c_arm.name, most, kvp);
+      throw InputError("{:g} mAs: {} gives at most {:.3g} mAs per pulse at {} kVp; choose a lower value",
+                       *options.mas, options.c_arm.name, most, kvp);
   }
   if (options.spectrum && !options.photons)
-    throw InputError("{}: a spectrum from a file has no tube output; give the photons a pixel too",
+    throw InputError("{}: a spectrum from a file has no tube output; give the photons per pixel too",
                      options.spectrum->name());
   if (!(options.pulses_per_s >= kLowestRate && options.pulses_per_s <= kHighestRate))
     throw InputError("{:g} pulses/s: must be {:g} to {:g}", options.pulses_per_s, kLowestRate, kHighestRate);

@@ -15,8 +15,15 @@ class LagStage {
   /// Holds charge of a row back, and releases what was held back before; rows in any order, on any threads.
   void hold_row(int j, float* signal_kev);
 
+  /// Leaves in a row's traps what many pulses of that signal leave.
+  void fill_row(int j, const float* signal_kev);
+
+  /// Lets out what decays in a pause.
+  void pause(double seconds);
+
  private:
   struct Trap {
+    double time_s;
     float fraction, decayed;  ///< from one pulse to the next
     PixelPlane kept;
   };

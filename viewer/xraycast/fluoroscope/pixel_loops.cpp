@@ -89,8 +89,7 @@ void quanta_counts_row(const float* __restrict share, const float* __restrict fi
                        const float* __restrict scatter, float open_quanta, int count, float* __restrict out) {
   for (int i = 0; i < count; ++i) {
     const float expected = open_quanta * (share[i] * field[i] + scatter[i]);
-    const float positive = expected > 0 ? expected : 0;  // a fitted filter may overshoot beside an edge
-    out[i] = positive < kMostQuanta ? positive : kMostQuanta;
+    out[i] = expected < kMostQuanta ? expected : kMostQuanta;
   }
 }
 
@@ -124,7 +123,8 @@ void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStr
     const int run = std::min(kRun, count - start);
     std::int32_t most_bits = 0;  // of floats above 0, which are ordered as their bits are
     for (int i = 0; i < run; ++i) {
-      mean[i] = means[start + i] < kLeastExpandedMean ? means[start + i] : 0;
+      const float positive = means[start + i] > 0 ? means[start + i] : 0;
+      mean[i] = positive < kLeastExpandedMean ? positive : 0;
       most_bits = std::max(most_bits, std::bit_cast<std::int32_t>(mean[i]));
     }
     const float most = std::bit_cast<float>(most_bits);
@@ -168,8 +168,8 @@ void quantum_noise_row(const float* __restrict counts, const float* __restrict m
   few_quanta_row(counts, first_pixel, few, count, quanta);
   for (int i = 0; i < count; ++i) {
     const float energy = quanta[i] * mean_kev[i] + std::sqrt(quanta[i]) * spread_kev[i] * spreading[i];
-    const float positive = energy > 0 ? energy : 0;
-    energy_kev[i] = counts[i] < kLeastExpandedMean ? positive : energy_kev[i];
+    const float positive = energy > 0 ? energy : 0, missing = counts[i] < 0 ? counts[i] : 0;
+    energy_kev[i] = counts[i] < kLeastExpandedMean ? positive + missing * mean_kev[i] : energy_kev[i];
   }
 }
 

@@ -31,7 +31,8 @@ void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, fl
 /// The most quanta of a pixel: beyond, floats do not resolve their noise.
 inline constexpr float kMostQuanta = 1e12f;
 
-/// out = primary (share x field) + scatter, at most kMostQuanta.
+/// out = primary (share x field) + scatter, at most kMostQuanta; beside sharp edges a little below 0, as the
+/// light's filter needs it.
 void quanta_counts_row(const float* share, const float* field, const float* scatter, float open_quanta,
                        int count, float* out);
 
@@ -47,7 +48,8 @@ void normals_row(std::uint32_t first, NoiseStream noise, int count, float* one, 
 void few_quanta_row(const float* means, std::uint32_t first, NoiseStream noise, int count, float* quanta);
 
 /// Energy in keV that Poisson numbers of quanta leave; `counts` are the expected numbers.
-/// `normals` is room for two numbers a pixel. `few` is the stream for small numbers.
+/// What is below 0 stays so, without noise. `normals` is room for two numbers a pixel. `few` is the stream
+/// for small numbers.
 void quantum_noise_row(const float* counts, const float* mean_kev, const float* spread_kev,
                        std::uint32_t first_pixel, NoiseStream noise, NoiseStream few, int count,
                        float* energy_kev, float* normals);

@@ -9,9 +9,10 @@ namespace xraycast {
 ///
 /// Every cell of the beam scatters in proportion to its primary radiation and to the water in its way, over a
 /// Gaussian of 60 mm on the detector, so that the ratio of scatter to primary grows with thickness and with
-/// the field: 4.6 without a grid in the middle of a wide field behind 30 cm, where C. Altunbas et al.
-/// measured 4.5 (Transmission characteristics of a two dimensional antiscatter grid prototype for CBCT, Med.
-/// Phys. 43, 2016). After the kernels of L. A. Love and R. A. Kruger, Scatter estimation for a digital
+/// the field: 0.154 a g/cm2 without a grid in the middle of a wide field. C. Altunbas et al. measured 4.5
+/// behind 30 cm of acrylic, 0.127 a g/cm2, on a linear accelerator, whose air gap is longer (Transmission
+/// characteristics of a two dimensional antiscatter grid prototype for CBCT, Med. Phys. 43, 2016); the fifth
+/// more is chosen here. After the kernels of L. A. Love and R. A. Kruger, Scatter estimation for a digital
 /// radiographic system using convolution filtering, Med. Phys. 14, 1987, with a width that is chosen here.
 class Scatter {
  public:

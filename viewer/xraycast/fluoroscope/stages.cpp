@@ -28,7 +28,8 @@ FluoroscopyStages FluoroscopyStages::from_list(const std::string& list) {
         std::ranges::find(kStages, name, [](const Stage& one) { return std::string(one.name); });
     if (stage == kStages.end())
       throw InputError(
-          "stages {}: \"{}\" is none; list some of quanta, blur, lag, electronics, scatter and display, or "
+          "stages {}: unknown stage \"{}\"; choose from quanta, blur, lag, electronics, scatter and display, "
+          "or "
           "give none",
           list, name);
     stages.*stage->flag = true;

@@ -33,7 +33,6 @@ class Subtraction {
   /// Moves the mask under the frames (pixel shift), to fractions of a pixel by cubic interpolation; beyond
   /// its edge the mask continues as it ends.
   void shift_mask(PixelShift shift);
-  PixelShift shift() const { return shift_; }
 
   /// The frame minus the mask; zeros while there is no mask. The size must be the mask's.
   void subtract(std::span<const float> frame, std::span<float> difference);

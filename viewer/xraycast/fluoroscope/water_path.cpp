@@ -44,6 +44,5 @@ WaterPath::WaterPath(const BodyMap& map)
     : WaterPath(map.spectrum ? WaterPath(*map.spectrum) : WaterPath(map.opacity)) {}
 
 double WaterPath::g_cm2(double tau) const { return std::max(0.0, interpolated(tau_, g_cm2_, tau)); }
-double WaterPath::tau(double g_cm2) const { return interpolated(g_cm2_, tau_, g_cm2); }
 
 }  // namespace xraycast

@@ -23,7 +23,7 @@ class WaterPath {
   explicit WaterPath(const BodyMap& map);
 
   double g_cm2(double tau) const;
-  double tau(double g_cm2) const;
+  bool operator==(const WaterPath&) const = default;
 
  private:
   std::vector<double> tau_, g_cm2_;

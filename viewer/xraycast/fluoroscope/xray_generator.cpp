@@ -1,5 +1,6 @@
 #include "xraycast/fluoroscope/xray_generator.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <utility>
 
@@ -27,7 +28,13 @@ void XrayGenerator::set_detector(const Cone& distances, double pixel_mm) {
     beams_.clear();
     tables_.clear();
   }
-  if (is_first) technique_ = first_technique();
+  full_scale_kev_ = 0;
+  if (is_first || options_.photons) technique_ = first_technique();
+}
+
+void XrayGenerator::set_path(WaterPath path) {
+  path_ = std::move(path);
+  tables_.clear();
 }
 
 const FluoroscopyBeam& XrayGenerator::beam(int kvp) {
@@ -76,7 +83,9 @@ Technique XrayGenerator::first_technique() {
   if (options_.is_automatic()) return control().start();
   const int kvp = options_.kvp.value_or(kUsual_kvp);
   if (options_.mas) return {kvp, *options_.mas};
-  return {kvp, options_.spectrum ? 0 : *options_.photons / quanta_per_mas(kvp)};
+  if (options_.spectrum) return {kvp, 0};
+  const double mas = *options_.photons / quanta_per_mas(kvp);
+  return {kvp, mas <= highest_mas(options_.c_arm.tube, kvp) ? mas : 0};  // no tube gives these
 }
 
 bool XrayGenerator::follow(double mean_kev, bool is_held) {
@@ -89,6 +98,7 @@ bool XrayGenerator::follow(double mean_kev, bool is_held) {
 
 void XrayGenerator::set_dose(DoseLevel level) {
   options_.dose = level;
+  full_scale_kev_ = 0;
   if (!options_.is_automatic()) return;
   technique_ = last_mean_kev_ > 0 ? control().next(last_, last_mean_kev_) : first_technique();
 }
@@ -102,10 +112,24 @@ double XrayGenerator::open_quanta() {
 }
 
 double XrayGenerator::full_scale_kev() {
-  constexpr double kHeadroom = 10, kSpreads = 8, kOpenHeadroom = 1.25;
-  if (options_.is_automatic()) return kHeadroom * target_kev();
-  const double quanta = open_quanta();
-  return beam(technique_.kvp).open.mean_kev() * (kOpenHeadroom * quanta + kSpreads * std::sqrt(quanta) + 1);
+  if (full_scale_kev_ == 0) full_scale_kev_ = full_scale_for_options();
+  return full_scale_kev_;
+}
+
+/// What is set by hand may give more than the control would.
+double XrayGenerator::full_scale_for_options() {
+  constexpr double kHeadroom = 10, kSpreads = 8, kOpenHeadroom = 1.25, kThin_g_cm2 = 10, kThinHeadroom = 2;
+  if (!options_.is_automatic()) {
+    const double quanta = open_quanta();
+    return beam(technique_.kvp).open.mean_kev() * (kOpenHeadroom * quanta + kSpreads * std::sqrt(quanta) + 1);
+  }
+  const double usual_kev = kHeadroom * target_kev();
+  if (!options_.kvp && !options_.mas) return usual_kev;
+  const XrayTube& tube = options_.c_arm.tube;
+  const int kvp = options_.kvp.value_or(static_cast<int>(tube.lowest_kvp));
+  const double mas = options_.mas.value_or(lowest_mas(tube));
+  const double behind_thin_kev = mas * pixel_cm2_ * beam(kvp).spectrum.behind_water(kThin_g_cm2).m1;
+  return std::max(usual_kev, kThinHeadroom * behind_thin_kev);
 }
 
 // ---- the dose -----------------------------------------------------------------------------------------

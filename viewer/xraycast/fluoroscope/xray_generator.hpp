@@ -24,6 +24,10 @@ class XrayGenerator {
   /// The next pulse has the technique that goes with the new level.
   void set_dose(DoseLevel level);
 
+  /// For the optical depths of another map.
+  void set_path(WaterPath path);
+
+  /// No mAs where no tube gives the photons.
   const Technique& technique() const { return technique_; }
   BeamAndTable beam_and_table();
   double open_quanta();       ///< that a pixel of the open field detects in the next pulse
@@ -31,7 +35,8 @@ class XrayGenerator {
   double kerma_rate_mGy_min();
 
   /// The signal of the largest code. Gain follows the dose level, so that the control's target has a tenth of
-  /// all codes; with an exposure by hand the open field just fits.
+  /// all codes; with an exposure by hand the open field just fits, and where a part is by hand twice what 10
+  /// cm of water leaves.
   double full_scale_kev();
 
   /// After a pulse that gave this mean signal in the measuring field: whether the technique changed, which it
@@ -46,11 +51,13 @@ class XrayGenerator {
   ExposureControl control();
   Technique first_technique();
   double quanta_per_mas(int kvp);
+  double full_scale_for_options();
 
   FluoroscopyOptions options_;
   WaterPath path_;
   double absorbed_kev_;  ///< a cm2 and uGy
   double pixel_cm2_ = 0;
+  double full_scale_kev_ = 0;  ///< 0: not computed yet
   std::map<int, FluoroscopyBeam> beams_;
   std::map<int, QuantaTable> tables_;  ///< of voltages that were used: the exposure control compares many
   Technique technique_, last_;

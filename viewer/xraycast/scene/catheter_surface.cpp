@@ -46,16 +46,29 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
 
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
                                      const InstrumentModel& instrument) {
-  if (instrument.inner_radius_mm() > 0) return {catheter_surface(nodes_mm, instrument.radius_mm())};
+  return device_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
+}
+
+std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
+                                     bool has_lumen) {
+  if (has_lumen) return {catheter_surface(nodes_mm, radius_mm)};
   const auto tip = nodes_mm.begin() + static_cast<std::ptrdiff_t>(tip_begin(nodes_mm));
   // They share the node between them.
   const std::vector<glm::dvec3> of_shaft(nodes_mm.begin(), tip == nodes_mm.begin() ? tip : tip + 1);
-  Surface shaft = catheter_surface(of_shaft, instrument.radius_mm()),
-          end = catheter_surface({tip, nodes_mm.end()}, instrument.radius_mm());
+  Surface shaft = catheter_surface(of_shaft, radius_mm),
+          end = catheter_surface({tip, nodes_mm.end()}, radius_mm);
   shaft.mu_per_mm = wire_per_mm();
   end.mu_per_mm = wire_per_mm() + wire_tip_per_mm();
   end.colour = {0.95, 0.8, 0.35};
   return {shaft, end};
+}
+
+std::vector<Surface> steered_surfaces(const SteeredDevices& steered) {
+  std::vector<Surface> surfaces;
+  for (const auto& [nodes_mm, radius_mm, has_lumen] : steered.devices)
+    for (Surface& surface : device_surfaces(nodes_mm, radius_mm, has_lumen))
+      surfaces.push_back(std::move(surface));
+  return surfaces;
 }
 
 VesselTree::Location place_of(const CatheterTip& tip) {

@@ -3,6 +3,7 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/session_file.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -15,9 +16,14 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
 
 /// The surfaces of a device. A guide wire, which has no lumen, has two: its steel core, and its tip of
 /// kWireTip_mm, which is denser.
+std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
+                                     bool has_lumen);
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
                                      const InstrumentModel& instrument);
 inline constexpr double kWireTip_mm = 30;
+
+/// The surfaces of all devices of a session.
+std::vector<Surface> steered_surfaces(const SteeredDevices& steered);
 
 /// The place where contrast agent leaves a catheter, as a location in its vessel tree.
 VesselTree::Location place_of(const CatheterTip& tip);

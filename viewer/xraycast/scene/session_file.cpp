@@ -4,6 +4,7 @@
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -88,18 +89,40 @@ class Fields {
   std::string name_;
 };
 
-Json steered_to_json(const SteeredCatheter& steered) {
-  Json nodes = Json::array();
-  for (const glm::dvec3& node : steered.nodes_mm) nodes.push_back({node.x, node.y, node.z});
-  return {{"nodes_mm", nodes}, {"radius_mm", steered.radius_mm}, {"road_map", steered.has_road_map}};
+Json steered_to_json(const SteeredDevices& steered) {
+  Json devices = Json::array();
+  for (const SteeredDevices::Device& device : steered.devices) {
+    Json nodes = Json::array();
+    for (const glm::dvec3& node : device.nodes_mm) nodes.push_back({node.x, node.y, node.z});
+    devices.push_back(
+        {{"nodes_mm", nodes}, {"radius_mm", device.radius_mm}, {"has_lumen", device.has_lumen}});
+  }
+  return {{"devices", devices}, {"road_map", steered.has_road_map}};
 }
 
-SteeredCatheter steered_of(const Fields& fields) {
-  SteeredCatheter steered;
+SteeredDevices::Device steered_device_of(const Fields& fields) {
+  SteeredDevices::Device device;
   for (const auto& [x, y, z] : fields.get<std::vector<std::array<double, 3>>>("nodes_mm"))
-    steered.nodes_mm.emplace_back(x, y, z);
-  steered.radius_mm = fields.number("radius_mm", 0.01, 100);
+    device.nodes_mm.emplace_back(x, y, z);
+  device.radius_mm = fields.number("radius_mm", 0.01, 100);
+  device.has_lumen = !fields.has("has_lumen") || fields.get<bool>("has_lumen");
+  return device;
+}
+
+/// Older sessions have one catheter, whose fields are the simulation's.
+SteeredDevices steered_of(const Fields& fields) {
+  SteeredDevices steered;
   steered.has_road_map = fields.get<bool>("road_map");
+  if (!fields.has("devices")) {
+    steered.devices.push_back(steered_device_of(fields));
+    return steered;
+  }
+  const nlohmann::json& devices = fields.value("devices");
+  if (!devices.is_array() || devices.empty() || devices.size() > CoaxialCatheters::kMaxDevices)
+    throw InputError("{}: devices must be a list of one to {}", fields.name(), CoaxialCatheters::kMaxDevices);
+  for (std::size_t d = 0; d < devices.size(); ++d)
+    steered.devices.push_back(
+        steered_device_of(Fields(devices[d], fmt::format("{}: devices[{}]", fields.name(), d))));
   return steered;
 }
 

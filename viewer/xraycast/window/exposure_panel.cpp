@@ -17,8 +17,8 @@ const char* const kFluoroscopeHelp =
     "D              dose level: low, normal, cine\n"
     "G              subtraction (DSA) on or off\n"
     "N              new mask\n"
-    "M              road map of what was opacified\n"
-    "P              store the held image";
+    "M              road map of the last injection\n"
+    "P              store the image";
 
 namespace {
 
@@ -56,12 +56,14 @@ void settings(FluoroscopyConsole& console) {
 void technique_and_dose(const FluoroscopyConsole& console) {
   const Technique technique = console.technique();
   const FluoroscopyOptions& options = console.options();
-  const char* const control = !options.is_automatic() ? "by hand"
-                              : console.subtracts()   ? "locked"
+  const char* const control = !options.is_automatic() ? "manual"
+                              : console.is_locked()   ? "locked by DSA"
                                                       : "automatic exposure";
-  write_line(fmt::format("{} kVp, {:.3g} mAs a pulse ({})", technique.kvp, technique.mas, control));
+  write_line(fmt::format("{} kVp, {:.3g} mAs per pulse ({}{})", technique.kvp, technique.mas, control,
+                         console.is_saturated() ? "; detector saturated" : ""));
   const DoseRecord dose = console.dose();
-  write_line(fmt::format("air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy, console.kerma_rate()));
+  write_line(fmt::format("reference air kerma {:.3g} mGy, {:.3g} mGy/min", dose.air_kerma_mGy,
+                         console.kerma_rate()));
   write_line(fmt::format("dose-area product {:.3g} Gy cm2", dose.dap_Gycm2));
   constexpr double kMinute_s = 60;
   const auto minutes = static_cast<int>(dose.fluoroscopy_s / kMinute_s);
@@ -71,9 +73,9 @@ void technique_and_dose(const FluoroscopyConsole& console) {
 
 void subtraction(Viewer& viewer, FluoroscopyConsole& console) {
   bool subtracts = console.subtracts();
-  if (ImGui::Checkbox("subtract", &subtracts)) console.subtract(subtracts);
+  if (ImGui::Checkbox("subtraction (DSA)", &subtracts)) console.subtract(subtracts);
   ImGui::SameLine();
-  ImGui::Checkbox("maximum", &console.shows_maximum_opacification);
+  ImGui::Checkbox("maximum opacification", &console.shows_maximum_opacification);
   ImGui::SameLine();
   bool shows = console.shows_road_map();
   if (ImGui::Checkbox("road map", &shows)) viewer.toggle_console_road_map();
@@ -81,15 +83,15 @@ void subtraction(Viewer& viewer, FluoroscopyConsole& console) {
     PixelShift shift = console.mask_shift();
     constexpr float kMost_px = 5;
     std::array<float, 2> pixels{static_cast<float>(shift.right), static_cast<float>(shift.down)};
-    if (ImGui::SliderFloat2("shift", pixels.data(), -kMost_px, kMost_px, "%.1f px"))
+    if (ImGui::SliderFloat2("pixel shift", pixels.data(), -kMost_px, kMost_px, "%.1f px"))
       console.shift_mask({pixels[0], pixels[1]});
     auto black = static_cast<float>(console.window.black);
     constexpr float kLeast = 0.02f, kMost = 2;
-    if (ImGui::SliderFloat("window", &black, kLeast, kMost)) console.window.black = black;
+    if (ImGui::SliderFloat("contrast", &black, kLeast, kMost)) console.window.black = black;
   }
   if (ImGui::Button("New mask")) console.take_new_mask();
   ImGui::SameLine();
-  if (ImGui::Button("Store")) viewer.save_picture();
+  if (ImGui::Button("Store image")) viewer.save_picture();
   ImGui::SameLine();
   write_line(console.is_masking() ? "mask: hold X" : viewer.pedal() ? "X-rays on" : "image held: hold X");
 }

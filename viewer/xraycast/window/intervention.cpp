@@ -79,7 +79,11 @@ void Intervention::start(const fs::path& script) {
 }
 
 void Intervention::hold_next_hub() {
-  if (manual_) manual_->hold((manual_->held() + 1) % run_->models().size());
+  if (run_->has_valve()) run_->device().hold((held_hub() + 1) % run_->models().size());
+}
+
+void Intervention::toggle_valve() {
+  if (run_->has_valve()) run_->lock_valve(!run_->is_valve_locked());
 }
 
 void Intervention::update(const Camera& camera, double passed_s) {
@@ -88,11 +92,21 @@ void Intervention::update(const Camera& camera, double passed_s) {
   // The first exposure needs no pedal, so that there is a picture to hold.
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
-  nodes_mm_ = run_->now().nodes_mm;
+  nodes_mm_.clear();
+  for (std::size_t d = 0; d < run_->now().count(); ++d) nodes_mm_.push_back(run_->now().device(d).nodes_mm);
   surfaces_ = run_->devices();
   surfaces_.push_back(run_->contrast());
   ++exposures_;
   has_picture_ = true;
+}
+
+SteeredDevices Intervention::steered() const {
+  SteeredDevices steered{.devices = {}, .has_road_map = has_road_map};
+  for (std::size_t d = 0; d < nodes_mm_.size(); ++d) {
+    const InstrumentModel& model = run_->models()[d];
+    steered.devices.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
+  }
+  return steered;
 }
 
 std::string Intervention::caption(const Camera& now) const {

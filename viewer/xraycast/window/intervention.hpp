@@ -53,12 +53,14 @@ class Intervention {
   /// pose.
   std::string caption(const Camera& now) const;
 
-  /// The hub that the hand holds, by keys, mouse or gamepad; the next one from now on.
+  /// The hub that the hand holds, which leads while the valve is locked; the next one from now on. A script
+  /// needs no hand.
   std::size_t held_hub() const { return run_->held_hub(); }
   void hold_next_hub();
+  void toggle_valve();
 
-  /// The outermost device and the road map in that picture.
-  SteeredCatheter catheter() const { return {nodes_mm_, run_->models()[0].radius_mm(), has_road_map}; }
+  /// The devices and the road map in that picture.
+  SteeredDevices steered() const;
 
   /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
@@ -85,7 +87,7 @@ class Intervention {
   bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
   Camera camera_;
-  std::vector<glm::dvec3> nodes_mm_;
+  std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each device
   std::vector<Surface> surfaces_;
   long exposures_ = 0;
   RoadMap road_map_;

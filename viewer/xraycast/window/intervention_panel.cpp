@@ -1,5 +1,6 @@
 #include "xraycast/window/intervention_panel.hpp"
 
+#include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/window/hub_input.hpp"
 #include "xraycast/window/viewer_input.hpp"
 
@@ -22,7 +23,7 @@ const char* const kInterventionHelp =
     "Up, Down       advance and withdraw (with Shift: slowly)\n"
     "Left, Right    rotate (torque)\n"
     "Tab            hold the next device (a wire in a catheter)\n"
-    "V              valve: lock or release the devices\n"
+    "V              valve: lock the devices together or release them\n"
     "Enter          start or stop a recording\n"
     "L              replay the last recording\n"
     "Backspace      restart at the vessel entry";
@@ -57,14 +58,20 @@ void strip(const char* name, const SimulatedRun& run, std::size_t hub, double Hu
                    0, now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
 }
 
+/// Over a network every hub is moved, and one leads while the valve is locked.
+const char* note_on_hand(const SimulatedRun& run, std::size_t number, bool is_manual) {
+  if (!run.has_valve() || number != run.held_hub()) return "";
+  if (is_manual) return ", in the hand (Tab: the next)";
+  return run.is_valve_locked() ? ", leads (Tab: the next)" : "";
+}
+
 void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {
   const DeviceSnapshot& device = run.now().device(number);
   const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
-  const bool is_held = is_manual && run.now().count() > 1 && number == run.held_hub();
-  line(fmt::format("{}{}", run.models()[number].name(), is_held ? ", in the hand (Tab: the next)" : ""));
+  line(run.models()[number].name() + note_on_hand(run, number, is_manual));
   line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", device.pose.insertion_mm,
                    device.pose.rotation_rad / kRadians));
-  line(fmt::format("tip in branch {}, {:.0f} mm along it", device.tip.branch, device.tip.arc_length_mm));
+  line(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch, device.tip.arc_length_mm));
   strip("force", run, number, &HubLoad::force_N, 1, "N");
   strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm");
 }
@@ -99,20 +106,21 @@ void draw_intervention_panel(Viewer& viewer) {
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
-  line(fmt::format("hub moved by: {}", intervention->run().device().status()));
+  line(fmt::format("hub input: {}", intervention->run().device().status()));
   for (std::size_t d = 0; d < now.count(); ++d) show_device(run, d, intervention->manual() != nullptr);
-  if (now.count() > 1) {
+  if (run.has_valve()) {
     bool is_locked = run.is_valve_locked();
     if (ImGui::Checkbox("valve locked", &is_locked)) intervention->run().lock_valve(is_locked);
   }
   const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
   line(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
                    intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
-  if (!now.free_lumen) line("no contrast agent: draw the inner device back to 0");
-  line(intervention->is_live() ? "X-rays on" : "last image hold: press X");
+  if (!now.agent_outlet) line(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
+  line(intervention->is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
   ImGui::Checkbox("road map", &intervention->has_road_map);
   const LoopTiming& timing = now.timing;
-  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
+  line(fmt::format("simulation step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms,
+                   timing.p999_ms,
                    100.0 * static_cast<double>(timing.missed) /
                        static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
   if (ImGui::Button("Restart")) viewer.restart_run();

@@ -63,8 +63,7 @@ void open_vessels(OpenedFiles& opened, const OpenedFiles& before) {
 void open_catheter(OpenedFiles& opened, const OpenedFiles& before) {
   const ViewSession &session = opened.session, &last = before.session;
   if (session.steered)
-    opened.catheter =
-        std::make_shared<Surface>(catheter_surface(session.steered->nodes_mm, session.steered->radius_mm));
+    opened.steered = steered_surfaces(*session.steered);
   else if (!session.catheter.empty())
     opened.catheter = session.catheter == last.catheter && before.catheter && !last.steered
                           ? before.catheter

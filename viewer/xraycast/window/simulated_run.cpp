@@ -8,12 +8,22 @@
 #include <numbers>
 
 namespace xraycast {
+namespace {
+
+std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
+  std::vector<double> insertions_mm;
+  for (const InstrumentModel& model : models) insertions_mm.push_back(model.length_mm() - kIntroducer_mm);
+  return insertions_mm;
+}
+
+}  // namespace
+
 SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
                            const VesselEnd& entry, std::unique_ptr<HapticDevice> device)
     : tree_(std::move(tree)),
       models_(models),
       device_(std::move(device)),
-      couplings_(*device_, models.size()),
+      couplings_(*device_, max_insertions_mm(models)),
       bolus_(*tree_),
       contrast_(*tree_),
       loop_(std::make_unique<CoaxialCatheters>(*tree_, models, entry),
@@ -28,8 +38,8 @@ void SimulatedRun::update() {
   const double passed_s = now_->time_s - before_s;
   if (passed_s <= 0) return;
 
-  const double injection_ml_s = now_->free_lumen ? injection_ml_s_ : 0;
-  bolus_.step(passed_s, place_of(now_->device(now_->free_lumen.value_or(0)).tip), injection_ml_s);
+  const double injection_ml_s = now_->agent_outlet ? injection_ml_s_ : 0;
+  bolus_.step(passed_s, place_of(now_->device(now_->agent_outlet.value_or(0)).tip), injection_ml_s);
   injected_ml_ += passed_s * injection_ml_s;
   Load load{now_->time_s, {}};
   for (std::size_t d = 0; d < now_->count(); ++d) load.hubs[d] = now_->device(d).load;

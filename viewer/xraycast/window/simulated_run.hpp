@@ -37,12 +37,14 @@ class SimulatedRun {
   std::size_t held_hub() const { return device_->held(); }
   const std::vector<InstrumentModel>& models() const { return models_; }
 
+  /// Several devices are steered by a hand, not by a script.
+  bool has_valve() const { return models_.size() > 1 && !device_->is_rigid(); }
   /// Clamps the devices together, or releases them; see HubCouplings.
   void lock_valve(bool is_locked) { couplings_.lock(is_locked); }
   bool is_valve_locked() const { return couplings_.is_locked(); }
 
-  /// Injects contrast agent (350 mg iodine per ml) at this rate from now on, at the tip of the outermost
-  /// device with a free lumen; 0 stops.
+  /// Injects contrast agent (350 mg iodine per ml) at this rate from now on, through the outermost free
+  /// lumen; 0 stops. See agent_outlet.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
   double injected_ml() const { return injected_ml_; }
 

@@ -116,6 +116,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   std::vector<Surface> surfaces;
   for (const auto& surface : {opened_.vessels, opened_.catheter})
     if (surface && !intervention_) surfaces.push_back(*surface);
+  if (!intervention_) std::ranges::copy(opened_.steered, std::back_inserter(surfaces));
   renderer_.set_surfaces(surfaces);
   std::vector<std::string> notes = opened_.warnings;
   if (opened_.map && opened_.vessels)
@@ -140,7 +141,7 @@ void Viewer::save_session() {
     const fs::path path = "xraycast-session.json";
     ViewSession shown = session_;
     shown.camera = picture_camera();
-    if (intervention_) shown.steered = intervention_->catheter();
+    if (intervention_) shown.steered = intervention_->steered();
     write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
   });
@@ -300,7 +301,8 @@ void Viewer::press_pedal(bool is_down) {
 void Viewer::draw_fluoroscopy(const Pane& pane) {
   if (is_pulse_due_) {
     const View view = view_in(pane.width, pane.height);
-    console_->expose(renderer_.tau(view, session_.style), view, WaterPath(*shown_));
+    if (!water_path_) water_path_.emplace(*shown_);
+    console_->expose(renderer_.tau(view, session_.style), view, *water_path_);
     held_.set(console_->image(), view.width, view.height);
   }
   held_.draw(pane.x, 0, pane.width, pane.height);
@@ -352,6 +354,8 @@ void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
   if (!map || map == shown_) return;
   if (!shown_ || shown_->geometry != map->geometry) adapted_to_.reset();
   shown_ = std::move(map);
+  water_path_.reset();
+  if (console_) console_->forget_pictures();
   renderer_.set_map(shown_);
   bounds_ = bounds_of(shown_->geometry);
 }

@@ -143,6 +143,7 @@ class Viewer {
   OpenedFiles opened_;
   OpacityEditor opacity_{session_};
   std::shared_ptr<const BodyMap> shown_;  ///< the editor's, as the renderer has it
+  std::optional<WaterPath> water_path_;   ///< of the shown map, once it was needed
   BodyBounds bounds_;
   bool shows_drr_ = false;
   bool is_first_ = true;  ///< no other session than the constructor's was opened yet

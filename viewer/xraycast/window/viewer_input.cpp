@@ -28,8 +28,6 @@ void drag_window(GreyWindow& window, double across, double down) {
   window.light = std::clamp(middle + half, window.dark + 0.02, 1.0);
 }
 
-void toggle_valve(SimulatedRun& run) { run.lock_valve(!run.is_valve_locked()); }
-
 }  // namespace
 
 const char* const kHelp =
@@ -41,7 +39,7 @@ const char* const kHelp =
     "R              reset\n"
     "1 .. 9         show or hide a layer\n"
     "F              look: fluoro, surface\n"
-    "C              compositing: path, wall, true\n"
+    "C              compositing: path, wall, true projection\n"
     "I              invert (with a catheter: inject)\n"
     "S              split view with the true projection\n"
     "P              save a picture\n"
@@ -116,7 +114,7 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       if (viewer.intervention()) viewer.intervention()->hold_next_hub();
       break;
     case GLFW_KEY_V:
-      if (viewer.intervention()) toggle_valve(viewer.intervention()->run());
+      if (viewer.intervention()) viewer.intervention()->toggle_valve();
       break;
     case GLFW_KEY_L:
       if (viewer.intervention()) viewer.replay();
