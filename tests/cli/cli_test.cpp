@@ -230,7 +230,7 @@ const BadCall kBadCalls[] = {
     {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
      make_run},
     {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
-    {"InjectTooLate", SIMULATE_DSA " --inject 5,6", 3, "begins when", make_run},
+    {"InjectTooLate", SIMULATE_DSA " --inject 5,6", 3, "begins after the end of", make_run},
     {"InjectNothing", SIMULATE_DSA " --inject 0.5,0.9 --injection-rate 0", 3,
      "--injection-rate 0: must be above 0 and at most 50 ml/s", make_run},
     {"InjectWithoutBound", SIMULATE_DSA " --inject 0.5 --injection-volume 1e9", 3,
@@ -1182,7 +1182,7 @@ TEST_F(Cli, SaysHowMuchContrastAgentDevicesHoldBack) {
   const auto line = [](const std::string& script, const std::string& more) {
     return "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-014-angled "
            "--script @/" +
-           script + ".csv -o @/log.csv --map @/map.exr --cine @/" + script + ".gif -q" + more;
+           script + ".csv -o @/log.csv --map @/map.exr --cine @/" + script + ".gif" + more;
   };
   const std::string inject = " --inject 0.2,0.6 --injection-rate 5";
   // To the steps of the frames, which are added up.

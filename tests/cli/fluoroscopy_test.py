@@ -322,9 +322,9 @@ class Fluoroscopy(unittest.TestCase):
     def test_bad_options_get_one_line(self):
         for options, message in (("--photons 0", "above 0"), ("--mas inf", "at most"), ("--kvp 300", "allows"),
                                  ("--collimate 0,10", "shut"), ("--pulse-rate 0", "3 to 30"),
-                                 ("--stages quanta,x", "list some of"), ("--c-arm x", "unknown C-arm"),
+                                 ("--stages quanta,x", "unknown stage"), ("--c-arm x", "unknown C-arm"),
                                  ("--photons 5 --mas 1", "give one of them"), ("--mas 100", "at most"),
-                                 ("--stages quanta,", "list some of"), ("--field 100", "add --c-arm"),
+                                 ("--stages quanta,", "unknown stage"), ("--field 100", "add --c-arm"),
                                  ("--pixel 0.005 --size 16x16 --photons 9 --opacity spectrum:80", "too fine for the blur")):
             done = subprocess.run([PROGRAM, "project", self.scan, "-o", self.folder / "x.png", *options.split()],
                                   capture_output=True, text=True)

@@ -348,7 +348,7 @@ class Window(unittest.TestCase):
 
     def fluoroscopy(self):
         """What the panel's line says of fluoroscopy time and contrast agent, as it stands on the screen."""
-        return self.screen().region(930, 228, 330, 17)
+        return self.screen().region(930, 245, 330, 17)
 
     def recording(self, number=1):
         """The rows (time_s, insertion_mm, rotation_deg) of a run that Enter has ended."""
@@ -489,7 +489,7 @@ class Window(unittest.TestCase):
     def test_holds_the_hub_by_the_mouse(self):
         self.steer("--haptic", "mouse")
         self.do("key", "Return")
-        pose = lambda: self.screen().region(930, 82, 330, 17)  # the panel's line
+        pose = lambda: self.screen().region(930, 99, 330, 17)  # the panel's line
         self.do("keydown", "ctrl", "mousemove", 700, 400, "mousedown", 1)
         for step in (("mousemove", 720, 350), ("mousemove", 740, 300), ("mouseup", 1, "click", 4), ("click", 4)):
             before = pose()
