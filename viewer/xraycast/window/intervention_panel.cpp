@@ -119,8 +119,7 @@ void draw_intervention_panel(Viewer& viewer) {
   line(intervention->is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
   ImGui::Checkbox("road map", &intervention->has_road_map);
   const LoopTiming& timing = now.timing;
-  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms,
-                   timing.p999_ms,
+  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
                    100.0 * static_cast<double>(timing.missed) /
                        static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
   if (ImGui::Button("Restart")) viewer.restart_run();
