@@ -73,9 +73,9 @@ void technique_and_dose(const FluoroscopyConsole& console) {
 
 void subtraction(Viewer& viewer, FluoroscopyConsole& console) {
   bool subtracts = console.subtracts();
-  if (ImGui::Checkbox("subtraction (DSA)", &subtracts)) console.subtract(subtracts);
+  if (ImGui::Checkbox("DSA", &subtracts)) console.subtract(subtracts);
   ImGui::SameLine();
-  ImGui::Checkbox("maximum opacification", &console.shows_maximum_opacification);
+  ImGui::Checkbox("max. opacification", &console.shows_maximum_opacification);
   ImGui::SameLine();
   bool shows = console.shows_road_map();
   if (ImGui::Checkbox("road map", &shows)) viewer.toggle_console_road_map();

@@ -61,13 +61,13 @@ void strip(const char* name, const SimulatedRun& run, std::size_t hub, double Hu
 /// Over a network every hub is moved, and one leads while the valve is locked.
 const char* note_on_hand(const SimulatedRun& run, std::size_t number, bool is_manual) {
   if (!run.has_valve() || number != run.held_hub()) return "";
-  if (is_manual) return ", in the hand (Tab: the next)";
-  return run.is_valve_locked() ? ", leads (Tab: the next)" : "";
+  if (is_manual) return ", in the hand (Tab: next)";
+  return run.is_valve_locked() ? ", leads (Tab: next)" : "";
 }
 
 void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {
   const DeviceSnapshot& device = run.now().device(number);
-  const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
+  const auto line = [](const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); };
   line(run.models()[number].name() + note_on_hand(run, number, is_manual));
   line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", device.pose.insertion_mm,
                    device.pose.rotation_rad / kRadians));
@@ -105,7 +105,7 @@ void draw_intervention_panel(Viewer& viewer) {
   ImGui::SetNextWindowPos({size.x - width - 8, 3 * ImGui::GetFontSize()}, ImGuiCond_FirstUseEver);
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
-  const auto line = [](const std::string& text) { ImGui::TextUnformatted(text.c_str()); };
+  const auto line = [](const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); };
   line(fmt::format("hub input: {}", intervention->run().device().status()));
   for (std::size_t d = 0; d < now.count(); ++d) show_device(run, d, intervention->manual() != nullptr);
   if (run.has_valve()) {

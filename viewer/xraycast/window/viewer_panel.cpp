@@ -35,6 +35,14 @@ void write(float x, float y, const std::string& words) {
 
 float width_of(const std::string& words) { return ImGui::CalcTextSize(words.c_str()).x; }
 
+/// Puts the next button beside the last one if there is room for it.
+void continue_row_if_fits(const char* next) {
+  const ImGuiStyle& style = ImGui::GetStyle();
+  const float end =
+      ImGui::GetItemRectMax().x + style.ItemSpacing.x + width_of(next) + 2 * style.FramePadding.x;
+  if (end < ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x) ImGui::SameLine();
+}
+
 /// Orientation letters, axis and scale bar of a part of the window that begins at `left`.
 void annotate(const Viewer& viewer, float left, float width, float height) {
   const View view = viewer.view_in(static_cast<int>(width), static_cast<int>(height));
@@ -206,13 +214,12 @@ void ViewerPanel::opacity_controls(Viewer& viewer) {
   }
   if (!opacity.can_recast()) return;
   for (const char* preset : kOpacityPresets) {
+    if (preset != kOpacityPresets[0]) continue_row_if_fits(preset);
     if (ImGui::Button(preset)) {
       opacity.begin_edit();
       viewer.attempt([&] { opacity.set_opacity(preset_mu_per_mm(preset, opacity.knots_hu())); });
     }
-    ImGui::SameLine();
   }
-  ImGui::NewLine();
 }
 
 void ViewerPanel::file_controls(Viewer& viewer) {
