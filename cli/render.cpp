@@ -143,6 +143,7 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
   view.centre_mm = seen.centre_mm;
   if (!options.view.has_angle()) view.angle_rad = seen.angle_rad;
   if (!options.view.has_tilt()) view.tilt_rad = seen.tilt_rad;
+  if (!view.cone) view.cone = seen.cone;
   if (view.pixel_mm > 0) return fitted(view, bounds);
   view.width = seen.width;
   view.height = seen.height;

@@ -253,6 +253,15 @@ class Fluoroscopy(unittest.TestCase):
         self.assertAlmostEqual(seen[40].pop("angle_deg"), 40)
         self.assertEqual(seen[0], seen[40])
         self.assertAlmostEqual(seen[40]["tilt_deg"], 10)
+        # Its cone too, without a C-arm.
+        drawn = []
+        for cone in ({}, {"cone_mm": [780, 1200]}):
+            text = json.loads(session.read_text())
+            text["camera"] |= cone
+            session.write_text(json.dumps(text))
+            run("render", "--session", session, "-o", self.folder / "cone.png")
+            drawn.append((self.folder / "cone.png").read_bytes())
+        self.assertNotEqual(*drawn)
         done = run("render", "--session", session, "-o", self.folder / "x.png", "--angle", 70, "--c-arm",
                    "mobile-flat-panel", "--pixel", 0.5, "--json")
         other = json.loads(done.stdout)["image"]
