@@ -224,6 +224,18 @@ TEST(Rod, TurnsWithItsHubWithoutLag) {
   EXPECT_LT(std::abs(twist_rad), 1e-3);
 }
 
+TEST(Rod, StaysFiniteInAStepThatDoesNotMoveIt) {
+  // No iteration moves it, and what its hub's turn dissipates leaves less than nothing for its velocities.
+  const InstrumentModel device = uniform();
+  Rod rod(device, device.stations_mm(5), {}, device.length_mm(), {.max_iterations = 0});
+  for (int i = 1; i <= 3; ++i) {
+    rod.rotate_to(0.1 * i);
+    rod.step(1e-3);
+    EXPECT_EQ(rod.kinetic_energy_J(), 0);
+    EXPECT_TRUE(tip(rod).allFinite());
+  }
+}
+
 TEST(Rod, FeedingKeepsForceAndTorque) {
   // Pushed forward against a constant load: the clamp must bear just that, whatever node comes in or goes.
   const InstrumentModel device = uniform();

@@ -195,6 +195,29 @@ TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   EXPECT_LT(deepest_mm, 0.1);
 }
 
+TEST(WallContact, WhatComesOutOfAnotherDeviceFeelsTheWallAtOnce) {
+  const InstrumentModel wire(
+      {.name = "wire",
+       .radius_mm = kWire_mm,
+       .mass_per_length_g_mm = 2e-3,
+       .axial_stiffness_N = 500,
+       .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
+      "wire");
+  const auto rod_at = [&](double off_axis_mm) {
+    return Rod(wire, wire.stations_mm(5), {.position_mm = {off_axis_mm, 0, 20}}, wire.length_mm(), {});
+  };
+  const Rod central = rod_at(0), in_the_wall = rod_at(kTube_mm - kWire_mm + 0.2);
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(200, kTube_mm)), central, {});
+  wall.expose(0);
+  // So far from where it was that its vessel is searched anew.
+  wall.begin_step(in_the_wall);
+  EXPECT_EQ(wall.contacts().back().depth_mm, 0);
+  wall.expose(60);
+  wall.begin_step(in_the_wall);
+  // The tube's centreline is smoothed.
+  EXPECT_NEAR(wall.contacts().back().depth_mm, 0.2, 0.01);
+}
+
 TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
   LyingRod lying;
   lying.rest(1000);

@@ -459,8 +459,10 @@ void Rod::update_velocities(double dt_s, KineticBalance& balance) {
 }
 
 void Rod::scale_velocities(const KineticBalance& balance) {
-  if (balance.kinetic_uJ <= balance.allowed_uJ) return;
-  const double scale = std::sqrt(std::max(0.0, balance.allowed_uJ) / balance.kinetic_uJ);
+  // Rods at rest stay so, also where nothing is allowed: their scale would not be a number.
+  const double allowed_uJ = std::max(0.0, balance.allowed_uJ);
+  if (balance.kinetic_uJ <= allowed_uJ) return;
+  const double scale = std::sqrt(allowed_uJ / balance.kinetic_uJ);
   for (Node& node : nodes_) node.velocity_mm_s *= scale;
   for (Edge& edge : edges_) edge.angular_velocity_rad_s *= scale;
 }

@@ -136,6 +136,7 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index) {
   FrictionState& state = states_[index];
   contact.point = contact_point(index, rod.node_count());
   state.voronoi_length_mm = voronoi_length_mm(rod, index, contact.point.edge + 1);
+  const bool was_covered = state.is_covered;
   if (std::isfinite(bare_mm_)) {
     const double bare = fraction_bare(rod, index);
     state.voronoi_length_mm *= bare;
@@ -148,6 +149,8 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index) {
       kIntroducer_N_mm2 / kMilli * state.voronoi_length_mm * inside * inside * (3 - 2 * inside);
   state.start_mm = contact.point.position_mm(rod.state());
   update_hint(index);
+  // What was sampled within another device has no depth.
+  if (was_covered && !state.is_covered) sample_wall(index, state.start_mm);
   if (contact.depth_mm > 0) return begin_friction(rod.state().edges[contact.point.edge].tangent, index);
   contact.slips = false;
   state.stick_mm.setZero();
