@@ -56,6 +56,24 @@ TEST(RunInChild, EndsWhatTakesTooMuch) {
   EXPECT_LT(waiting.ms(), 30e3);
 }
 
+TEST(RunInChild, IsRunAgainWhereItStalls) {
+  const SharedMemory shared(1);
+  const auto stall = [&](int times) {
+    shared.bytes()[0] = std::byte{0};
+    return run_in_child(
+        [&] {
+          int run = std::to_integer<int>(shared.bytes()[0]);
+          shared.bytes()[0] = static_cast<std::byte>(++run);
+          if (run <= times) pause();
+        },
+        {.memory_B = kLimits.memory_B, .stall_s = 1});
+  };
+  EXPECT_TRUE(stall(1));
+  EXPECT_EQ(shared.bytes()[0], std::byte{2});
+  EXPECT_FALSE(stall(3));
+  EXPECT_EQ(shared.bytes()[0], std::byte{3});
+}
+
 TEST(RunInChild, IsCalledByManyThreads) {
   constexpr std::size_t kCalls = 64;
   const SharedMemory shared(kCalls);

@@ -7,6 +7,7 @@
 #include <cerrno>
 #include <csignal>
 #include <cstring>
+#include <ctime>
 #include <fcntl.h>
 #include <new>
 #include <poll.h>
@@ -16,6 +17,7 @@
 #include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -46,23 +48,45 @@ void limit(__rlimit_resource resource, rlim_t most) {
   _exit(0);
 }
 
-/// Ends the process if it takes too long. Returns whether it succeeded.
-bool wait_for(pid_t process, const ChildLimits& limits) {
+enum class Ending { success, failure, stall };
+
+/// The processor's time that a process has taken. 0 when it has ended.
+std::int64_t processor_time_ns(pid_t process) {
+  clockid_t clock = 0;
+  timespec taken{};
+  if (clock_getcpuclockid(process, &clock) != 0 || clock_gettime(clock, &taken) != 0) return 0;
+  return std::int64_t{taken.tv_sec} * 1'000'000'000 + taken.tv_nsec;
+}
+
+/// Waits until the process has ended; ends it when it stands still or takes too long.
+Ending wait_for(pid_t process, const ChildLimits& limits) {
+  bool stalls = false;
   // glibc 2.36's pidfd_open() cannot be called from C++.
   const auto ended = static_cast<int>(syscall(SYS_pidfd_open, process, 0));
   if (ended >= 0) {
     pollfd waited{ended, POLLIN, 0};
-    int ready = 0;
-    while ((ready = poll(&waited, 1, limits.wall_s * 1000)) < 0 && errno == EINTR) {
+    std::int64_t taken_ns = -1;
+    for (int waited_s = 0; !stalls;) {
+      const int next_s = std::min(limits.stall_s, limits.wall_s - waited_s);
+      const int ready = poll(&waited, 1, next_s * 1000);
+      if (ready < 0 && errno == EINTR) continue;
+      if (ready != 0) break;
+      waited_s += next_s;
+      const std::int64_t now_ns = processor_time_ns(process);
+      stalls = now_ns == std::exchange(taken_ns, now_ns);
+      if (stalls || waited_s >= limits.wall_s) {
+        kill(process, SIGKILL);
+        break;
+      }
     }
-    if (ready == 0) kill(process, SIGKILL);
     close(ended);
   }
   int status = 0;
   pid_t found = 0;
   while ((found = waitpid(process, &status, 0)) < 0 && errno == EINTR) {
   }
-  return found == process && WIFEXITED(status) && WEXITSTATUS(status) == 0;
+  if (found == process && WIFEXITED(status) && WEXITSTATUS(status) == 0) return Ending::success;
+  return stalls ? Ending::stall : Ending::failure;
 }
 
 }  // namespace
@@ -77,10 +101,17 @@ SharedMemory::~SharedMemory() { munmap(bytes_.data(), bytes_.size()); }
 
 bool run_in_child(const std::function<void()>& work, const ChildLimits& limits) {
   const auto most_B = static_cast<rlim_t>(address_space_taken_B() + limits.memory_B);
-  const pid_t process = fork();
-  if (process < 0) throw Error("no process can be started: {}; close other programs", std::strerror(errno));
-  if (process == 0) work_apart(work, limits, most_B);
-  return wait_for(process, limits);
+  // A copy that waits for a lock which another thread held when it was made waits for ever; the next one
+  // hardly does.
+  constexpr int kMaxTries = 3;
+  Ending ending = Ending::stall;
+  for (int i = 0; i < kMaxTries && ending == Ending::stall; ++i) {
+    const pid_t process = fork();
+    if (process < 0) throw Error("no process can be started: {}; close other programs", std::strerror(errno));
+    if (process == 0) work_apart(work, limits, most_B);
+    ending = wait_for(process, limits);
+  }
+  return ending == Ending::success;
 }
 
 }  // namespace xraycast
