@@ -39,7 +39,8 @@ def address_of(workers):
         yield workers.scheduler
         return
     dask.config.set({"distributed.scheduler.allowed-failures": workers.allowed_failures,
-                     "distributed.scheduler.worker-ttl": workers.worker_ttl})
+                     "distributed.scheduler.worker-ttl": workers.worker_ttl,
+                     "distributed.nanny.pre-spawn-environ": _environment()})
     with _ctrl_c_kept_from_children():
         cluster = LocalCluster(n_workers=workers.count, threads_per_worker=1, processes=True, host="127.0.0.1",
                                dashboard_address="127.0.0.1:0", silence_logs=logging.CRITICAL, resources=workers.resources or None)
@@ -51,6 +52,12 @@ def address_of(workers):
     finally:
         with contextlib.suppress(Exception):
             cluster.close(timeout=CLOSE_S)
+
+
+def _environment():
+    """Dask's, without the threshold by which glibc gives large memory back at once: a third of a cast's time."""
+    return {name: value for name, value in dask.config.get("distributed.nanny.pre-spawn-environ").items()
+            if name != "MALLOC_TRIM_THRESHOLD_"}
 
 
 def _kill_workers(cluster):
