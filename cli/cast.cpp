@@ -387,11 +387,13 @@ bool is_best_by_slabs(const CastArguments& options, const std::variant<Opacity, 
 /// One line on what the outline leaves out; none for circles.
 std::string left_out_line(const MapGeometry& geometry, const std::optional<double>& outside,
                           bool keeps_table) {
+  constexpr double kLeast = 1e-4;
   if (outside)
     return fmt::format(
-        "left out: {:.2g} % of the scan's attenuation, outside the outline (table, clothes, and air where "
+        "left out: {} % of the scan's attenuation, outside the outline (table, clothes, and air where "
         "the opacity lets it attenuate)\n",
-        100 * *outside);
+        *outside < kLeast ? fmt::format("less than {:g}", 100 * kLeast)
+                          : fmt::format("{:.2g}", 100 * *outside));
   if (!geometry.has_outline()) return "";
   return keeps_table ? "left out: everything outside the outline, which includes the table\n"
                      : "left out: everything outside the outline; --keep-table includes the table\n";

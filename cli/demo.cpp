@@ -1,3 +1,4 @@
+#include "embedded_scripts.hpp"
 #include "options/command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
@@ -69,6 +70,11 @@ class Report {
 
   void picture(const std::string& name, const std::string& caption) {
     pictures_.push_back({file(name), caption});
+  }
+
+  /// `name`.png, a still of `name`.gif.
+  void film(const std::string& name, const std::string& caption) {
+    pictures_.push_back({file(name + ".png"), fmt::format("{}.gif: {}", name, caption), file(name + ".gif")});
   }
 
   void finish() const {
@@ -275,7 +281,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
 
   CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
-  RecordedRun run{.device = "Cobra 5 F", .radius_mm = catheter.rod(0).instrument().radius_mm()};
+  RecordedRun run = RecordedRun::of({catheter.rod(0).instrument()});
   run.see(catheter, 0);
   const std::vector<std::vector<RunRecord>> records =
       report.timed("catheter run of 10.5 s, with its frames", [&] {
@@ -293,12 +299,41 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
                           records.back()[0].tip.arc_length_mm));
-  report.picture("run-fluoro.png", "run-fluoro.gif: Cobra to the left renal artery");
-  report.picture("run-surface.png", "run-surface.gif: the same run");
+  report.film("run-fluoro", "Cobra to the left renal artery");
+  report.film("run-surface", "the same run");
   write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
-  report.picture("run-dsa.png", "run-dsa.gif: DSA, 5 ml of contrast agent");
+  report.film("run-dsa", "DSA, 5 ml of contrast agent");
   write_run_page(tree, map, std::move(run), report);
+}
+
+/// A wire steered from the right groin into the left carotid artery, and the catheter over it.
+void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
+                   Progress& progress) {
+  const HeadlessContext context;
+  const BodyBounds bounds = bounds_of(map->geometry);
+  RunCine::Options options;
+  options.view =
+      fitted({.centre_mm = bounds.centre_mm, .width = 320, .height = 450, .pixel_mm = 1.6}, bounds);
+  options.step_s = 0.2;
+  CineWriter writer(report.file("carotid.gif"), options.view.width, options.view.height);
+  std::vector<std::uint8_t> last_frame;
+  RunCine cine(map, tree, options, [&](std::vector<std::uint8_t> rgb) {
+    writer.add(rgb);
+    last_frame = std::move(rgb);
+  });
+  const EmbeddedFile& script = embedded_scripts().front();
+  const Script steps = Script::parse(std::string(script.source), std::string(script.name), 2);
+  CoaxialCatheters devices(
+      tree, {InstrumentModel::named("vertebral-5f"), InstrumentModel::named("guidewire-035-angled")},
+      nearest_end(tree, {-89, -54, -357}));
+  report.timed("wire and catheter to the carotid artery", [&] {
+    return run_script(devices, steps, std::string(script.name), progress,
+                      [&](const CoaxialCatheters& moved, double time_s) { cine.see(moved, time_s); });
+  });
+  writer.finish();
+  write_png(last_frame, options.view.width, options.view.height, 3, report.file("carotid.png"));
+  report.film("carotid", "a wire, then the catheter");
 }
 
 void run_demo(const std::string& folder, Session& session) {
@@ -327,7 +362,9 @@ void run_demo(const std::string& folder, Session& session) {
     make_projection(scan, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
   const VesselTree tree = find_vessels(volume, device, report, progress);
-  make_run(tree, make_map_without_vessels(body, device, report, progress), report, progress);
+  const auto without_vessels = make_map_without_vessels(body, device, report, progress);
+  make_run(tree, without_vessels, report, progress);
+  make_steering(tree, without_vessels, report, progress);
   report.finish();
   session.report(
       {{"folder", folder}},

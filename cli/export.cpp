@@ -2,15 +2,12 @@
 #include "options/command.hpp"
 #include "options/scene_options.hpp"
 #include "options/session_map.hpp"
+#include "options/web_session.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/drawing/brightness.hpp"
-#include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/drawing/renderer.hpp"
 #include "xraycast/export/gltf_file.hpp"
 #include "xraycast/export/web_page.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
@@ -30,7 +27,7 @@ namespace fs = std::filesystem;
 
 struct ExportArguments {
   std::string map, output, session, script, entry, title, precision = "byte";
-  std::string instrument_model = "cobra-5f";
+  std::vector<std::string> instrument_models{"cobra-5f"};
   SceneOptions scene;
   const CLI::App* command = nullptr;
 
@@ -66,44 +63,6 @@ ViewSession resolve_session(const ExportArguments& options) {
   return scene;
 }
 
-/// Throws InputError for a map that a page cannot hold, with the option that makes it fit.
-void check_map(const BodyMap& map, const std::string& name) {
-  const MapGeometry& geometry = map.geometry;
-  if (map.spectrum)
-    throw InputError(
-        "{}: holds materials for a spectrum, which a page cannot draw; cast it with --opacity paper", name);
-  if (geometry.projection != Projection::cylinder)
-    throw InputError("{}: a page shows cylinder maps alone; cast it with --projection cylinder", name);
-  if (!suits_web(map))
-    throw InputError("{}: a page shows maps about a straight axis alone; cast it without --centre-line",
-                     name);
-  if (geometry.width > kMostWebAngles)
-    throw InputError("{}: {} angles, but a page holds at most {}; cast it with --angles {}", name,
-                     geometry.width, kMostWebAngles, kMostWebAngles);
-  if (geometry.height > kMostWebRows)
-    throw InputError(
-        "{}: {} rows, one a slice, but a page holds at most {}; cast a scan that is resampled to "
-        "thicker slices",
-        name, geometry.height, kMostWebRows);
-  const std::int64_t area = std::int64_t{geometry.width} * geometry.height;
-  static_assert(std::int64_t{kMostWebAngles} * kMostWebRows <= kMostWebTexels);  // one layer always fits
-  const std::int64_t most_layers = std::min<std::int64_t>(kMostWebLayers, kMostWebTexels / area);
-  if (geometry.layers() > most_layers)
-    throw InputError(
-        "{}: {} of {} x {} texels, but a page holds at most {} of them; cast it with --layers {}", name,
-        pluralize(geometry.layers(), "layer"), geometry.width, geometry.height, most_layers, most_layers);
-}
-
-/// Vessels of another scan than the map's are no session.
-void check_surface(const Surface& surface, const BodyBounds& bounds, const std::string& name) {
-  if (surface.mesh.triangles.size() > kMostWebTriangles)
-    throw InputError("{}: {} triangles, but an export holds at most {}; segment again with fewer --triangles",
-                     name, surface.mesh.triangles.size(), kMostWebTriangles);
-  if (!notes_on_place(surface.mesh.points_mm, bounds, name).empty())
-    throw InputError("{}: most of it lies outside the body map; give the vessels of the scan that was cast",
-                     name);
-}
-
 /// A catheter of control points, meshed once their number is known to be sensible.
 Surface checked_catheter(const fs::path& path) {
   constexpr std::ptrdiff_t kMostPoints = 5000;  // nearly kMostWebTriangles
@@ -119,17 +78,19 @@ Surface checked_catheter(const fs::path& path) {
 /// The run of --script, simulated again, from the script's first pose on.
 RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessels, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
-  const InstrumentModel device = InstrumentModel::named(options.instrument_model);
-  const Script script = Script::read(options.script);
+  std::vector<InstrumentModel> devices;
+  for (const std::string& name : options.instrument_models) devices.push_back(InstrumentModel::named(name));
+  check_devices(devices);
+  const Script script = Script::read(options.script, devices.size());
   if (const double end_s = script.rows().back().time_s; end_s > RecordedRun::kLongest_s)
     throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
                      options.script, end_s, RecordedRun::kLongest_s);
   const VesselTree tree = read_tree(vessels);
-  CoaxialCatheters catheter(tree, {device}, find_entry(tree, entry_choice, device));
-  RecordedRun run{.device = device.name(), .radius_mm = device.radius_mm()};
-  run_script(catheter, script, options.script, session.progress,
+  CoaxialCatheters steered(tree, devices, find_entry(tree, entry_choice, devices[0]));
+  RecordedRun run = RecordedRun::of(devices);
+  run_script(steered, script, options.script, session.progress,
              [&](const CoaxialCatheters& moved, double time_s) { run.see(moved, time_s); });
-  if (run.loads.empty()) run.see(catheter, 0);  // a script of one pose
+  if (run.pictures() == 0) run.see(steered, 0);  // a script of one pose
   return run;
 }
 
@@ -137,17 +98,17 @@ WebSession gather(const ExportArguments& options, Session& session) {
   const ViewSession scene = resolve_session(options);
   WebSession web;
   web.map = load_map(scene, session);
-  if (!is_gltf(options.output)) check_map(*web.map, scene.map.string());
+  if (!is_gltf(options.output)) check_web_map(*web.map, scene.map.string());
   const BodyBounds bounds = bounds_of(web.map->geometry);
   if (!scene.vessels.empty()) {
     web.vessels = read_vessels(scene.vessels, scene.contrast_mg_ml);
-    check_surface(*web.vessels, bounds, scene.vessels.string());
+    check_web_surface(*web.vessels, bounds, scene.vessels.string());
   }
   if (!options.script.empty()) web.run = simulated_run(options, scene.vessels, session);
   if (scene.steered && !web.run)
-    web.catheter = catheter_surface(scene.steered->devices[0].nodes_mm, scene.steered->devices[0].radius_mm);
+    web.catheters = steered_surfaces(*scene.steered);
   else if (!scene.catheter.empty())
-    web.catheter = checked_catheter(scene.catheter);
+    web.catheters = {checked_catheter(scene.catheter)};
   web.shows_vessels = !scene.steered;
   web.shows_road_map = scene.steered && scene.steered->has_road_map;
   web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
@@ -163,23 +124,6 @@ WebSession gather(const ExportArguments& options, Session& session) {
   return web;
 }
 
-/// What the page shows where it cannot draw.
-std::string still_png(const WebSession& web) {
-  constexpr int kWidth = 480, kHeight = 360;
-  HeadlessContext context;
-  Renderer renderer;
-  renderer.set_map(web.map);
-  std::vector<Surface> surfaces;
-  if (web.vessels && web.shows_vessels) surfaces.push_back(*web.vessels);
-  if (web.catheter) surfaces.push_back(*web.catheter);
-  renderer.set_surfaces(surfaces);
-  const View view = view_of(web.camera, bounds_of(web.map->geometry), kWidth, kHeight);
-  Style style = web.style;
-  style.sampling = {};
-  if (!web.has_window) style.window = automatic_window(renderer, view, style);
-  return png_bytes(renderer.picture(view, style), kWidth, kHeight, 3);
-}
-
 void export_session(const ExportArguments& options, Session& session) {
   check_output(options);
   check_applies(options);
@@ -192,7 +136,7 @@ void export_session(const ExportArguments& options, Session& session) {
     bytes = web_page(web);
   }
   write_whole_file(options.output, bytes);
-  const std::size_t pictures = web.run ? web.run->controls_mm.size() : 0;
+  const std::size_t pictures = web.run ? web.run->pictures() : 0;
   session.report({{"file", options.output}, {"bytes", bytes.size()}, {"pictures", pictures}},
                  fmt::format("{}: {:.1f} MB{}\n", options.output, static_cast<double>(bytes.size()) / 1e6,
                              pictures > 1 ? ", with a run of " + pluralize(pictures, "picture") : ""));
@@ -207,6 +151,8 @@ void add_export(CLI::App& app, Session& session) {
       "  xraycast export map.exr -o page.html\n"
       "  xraycast export map.exr --vessels thorax-truth -o page.html --precision half\n"
       "  xraycast export map.exr --vessels vessels --script push.csv --device-model cobra-5f -o run.html\n"
+      "  xraycast export map.exr --vessels vessels --script pair.csv --device-model cobra-5f \\\n"
+      "    --device-model guidewire-035-j -o run.html\n"
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
       "  xraycast export --session operation.json -o page.html",
       [options, &session] { export_session(*options, session); });
@@ -223,7 +169,7 @@ void add_export(CLI::App& app, Session& session) {
       ->add_option("--script", options->script,
                    "A run to simulate again in --vessels (see `xraycast simulate`)")
       ->type_name("CSV");
-  add_catheter_options(*command, options->instrument_model, options->entry);
+  add_coaxial_options(*command, options->instrument_models, options->entry);
   command
       ->add_option("--precision", options->precision,
                    "Of the page's map: byte, of 8 bits a texel, or half, of 16")

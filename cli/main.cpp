@@ -119,6 +119,7 @@ int main(int argc, char** argv) {
   cli::add_simulate(app, session);
   cli::add_export(app, session);
   cli::add_view(app, session);
+  cli::add_serve(app, session);
   cli::add_devices(app, session);
   cli::add_demo(app, session);
 
@@ -131,10 +132,13 @@ int main(int argc, char** argv) {
   }
   if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   const KernelCache kernel_cache;
-  return checked_output(run([&] {
+  const int status = run([&] {
     // Destroyed, and its line removed, before an error is reported.
     cli::ProgressBar drawn(!session.quiet);
     bar = &drawn;
     session.job();
-  }));
+  });
+  const int written = checked_output(status);
+  return written == kDone && session.is_ended_by_signal ? cli::kSignalStatus + cli::SignalWatch::caught()
+                                                        : written;
 }

@@ -101,7 +101,10 @@ void project_scan(const ProjectArguments& options, Session& session) {
   hint_at_opacity(attenuation, scan.source->hu_range(), session);
   const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
-  view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
+  const double top_mm = volume.upper_mm().z, bottom_mm = volume.lower_mm().z;
+  view.centre_mm = isocentre_mm(options.view, {.centre_mm = {body.centre_mm, 0.5 * (bottom_mm + top_mm)},
+                                               .radius_mm = body.radius_mm,
+                                               .half_height_mm = 0.5 * (top_mm - bottom_mm)});
   view = fitted(view, volume, body);
   if (is_source_within(view, volume, body))
     session.say(

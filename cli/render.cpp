@@ -5,6 +5,7 @@
 #include "options/view_options.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
@@ -97,6 +98,14 @@ ViewSession resolve(const RenderArguments& options) {
   return scene;
 }
 
+/// Throws InputError for an angle beside those of a cine.
+void check_angle(const RenderArguments& options) {
+  if (!options.cine.empty() && options.view.has_angle())
+    throw InputError(
+        "--angle (--lao) {:g} with --cine {}: --cine sets the angles of all frames; leave the single one out",
+        options.view.angle_deg, options.cine);
+}
+
 void check_output(const RenderArguments& options) {
   if (options.cine.empty()) check_projection_format(options.output);
   if (options.cine.empty() || is_xa(options.output)) {
@@ -134,13 +143,13 @@ std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& b
 View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds,
                   const std::optional<FluoroscopyOptions>& fluoroscopy) {
   View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
-  view.centre_mm = bounds.centre_mm;
+  view.centre_mm = isocentre_mm(options.view, bounds);
   if (options.session.empty()) return fitted(view, bounds);
   constexpr int kUsualWidth = 640, kUsualHeight = 480;
   const bool is_sized = view.width > 0;
   const View seen = view_of(scene.camera, bounds, is_sized ? view.width : kUsualWidth,
                             is_sized ? view.height : kUsualHeight);
-  view.centre_mm = seen.centre_mm;
+  if (!options.view.has_isocentre()) view.centre_mm = seen.centre_mm;
   if (!options.view.has_angle()) view.angle_rad = seen.angle_rad;
   if (!options.view.has_tilt()) view.tilt_rad = seen.tilt_rad;
   if (!view.cone) view.cone = seen.cone;
@@ -214,7 +223,7 @@ class FrameRenderer {
     show_vessels(true);
     std::vector<float> tau = measured_tau(view);
     subtraction.subtract(tau, tau);
-    clear_behind_blades(tau);
+    if (fluoroscope_) fluoroscope_->clear_behind_blades(tau);
     return tau;
   }
   std::size_t texture_B() const { return renderer_.texture_B(); }
@@ -235,12 +244,6 @@ class FrameRenderer {
     if (!fluoroscope_) return;
     fluoroscope_->set_view(view);
     fluoroscope_->settle(renderer_.tau(view, scene_.style));
-  }
-  void clear_behind_blades(std::vector<float>& difference) const {
-    if (!fluoroscope_) return;
-    const std::span<const float> field = fluoroscope_->field();
-    for (std::size_t i = 0; i < field.size(); ++i)
-      if (field[i] < 0.5f) difference[i] = 0;  // where there is only noise
   }
 
   /// All frames have the window of the first.
@@ -332,9 +335,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
 
 /// Throws InputError for options that do not apply to a fluoroscope's picture.
 void check_fluoroscopy(const RenderArguments& options, const Style& style) {
-  check_linear_codes(options.dicom);
-  if (style.shading != ShadingMode::fluoro)
-    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
+  check_fluoroscopy(style.shading, options.dicom);
   if (options.full_contrast)
     throw InputError("--full-contrast does not apply to a fluoroscope's picture; leave it out");
 }
@@ -342,6 +343,7 @@ void check_fluoroscopy(const RenderArguments& options, const Style& style) {
 void render(const RenderArguments& options, Session& session) {
   const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
+  check_angle(options);
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");

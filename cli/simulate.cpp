@@ -8,6 +8,7 @@
 #include "pictures/run_report.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -47,6 +48,18 @@ XaOptions parse_xa(const SimulateArguments& options) {
   return parse_xa(options.dicom, options.cine.empty() ? "a run without --cine" : options.cine);
 }
 
+/// Subtraction is of attenuating vessels.
+ShadingMode shading_of(const SimulateArguments& options) {
+  return options.look == "dsa" ? ShadingMode::fluoro : parse_shading_mode(options.look);
+}
+
+/// One line for a run, of a fluoroscope or as DICOM, that shows no vessels.
+void note_on_vessels(const Injection& injection, const Session& session) {
+  if (injection.volume_ml() == 0)
+    session.say(
+        {"the run shows no vessels without contrast agent: add --inject FROM_S,TO_S to opacify them"});
+}
+
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
@@ -57,17 +70,18 @@ class Cine {
     cine.view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
-    cine.view.centre_mm = bounds.centre_mm;
+    cine.view.centre_mm = isocentre_mm(options.view, bounds);
     const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
     cine.view = fitted(cine.view, bounds);
     if (is_size_free) cine.view = no_smaller(cine.view, bounds);
     cine.subtracts = subtracts_ = options.look == "dsa";
-    cine.style.shading = cine.subtracts ? ShadingMode::fluoro : parse_shading_mode(options.look);
+    cine.style.shading = shading_of(options);
     cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
     cine.injection = parse_injection(options.injection);
     cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
     cine.mask_shift = parse_mask_shift(options.subtraction);
     cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
+    if (fluoroscopy || is_xa(options.cine)) note_on_vessels(cine.injection, session);
     if (fluoroscopy) {
       if (!map->spectrum) note_on_energies(session);
       fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
@@ -157,9 +171,7 @@ void check_cine(const SimulateArguments& options) {
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return;
   }
-  if (is_fluoroscopy) check_linear_codes(options.dicom);
-  if (is_fluoroscopy && options.look == "surface")
-    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
+  if (is_fluoroscopy) check_fluoroscopy(shading_of(options), options.dicom);
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   const Injection injection = parse_injection(options.injection);
@@ -203,11 +215,11 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
   std::optional<Cine> cine;
   if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
   std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(script).see(records_of(devices, 0));
+  if (!options.plot.empty()) plot.emplace(script).see(devices, 0);
   double held_s = 0;
   const auto records = run_script(devices, script, options.script, session.progress,
                                   [&](const CoaxialCatheters& moved, double time_s) {
-                                    if (plot) plot->see(records_of(moved, time_s));
+                                    if (plot) plot->see(moved, time_s);
                                     if (moved.is_held()) held_s += moved.step_s();
                                     if (cine) cine->see(moved, time_s);
                                   });

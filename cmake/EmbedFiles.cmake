@@ -1,12 +1,12 @@
-# cmake -DOUTPUT=embedded.cpp -DFILES="a.cl;b.cl" -DKIND=kernel -DHEADER=xraycast/kernels/embedded_kernels.h -P EmbedFiles.cmake
+# cmake -DOUTPUT=embedded.cpp -DFILES="a.json;b.json" -DKIND=instrument -DHEADER=xraycast/mechanics/embedded_instruments.hpp
+#   [-DTYPE=EmbeddedFile] -P EmbedFiles.cmake
 # Writes a C++ file with every file's text, `#include "header"` lines replaced by the header, so that a driver never
 # needs to find a file. The text becomes a list of bytes: string literals have a size limit. HEADER declares
-# Embedded<Kind> {name, source} and embedded_<kind>s(). The name is the file's, without .cl or .json, which say no more
+# TYPE {name, source} and embedded_<kind>s(). The name is the file's, without .cl or .json, which say no more
 # than the kind; with the shaders' extensions, which name their stage.
-string(SUBSTRING "${KIND}" 0 1 initial)
-string(TOUPPER "${initial}" initial)
-string(SUBSTRING "${KIND}" 1 -1 rest)
-set(type "Embedded${initial}${rest}")
+if(NOT DEFINED TYPE)
+  set(TYPE EmbeddedFile)
+endif()
 set(out "#include \"${HEADER}\"\n\nnamespace xraycast {\nnamespace {\n")
 set(table "")
 foreach(file IN LISTS FILES)
@@ -26,6 +26,6 @@ foreach(file IN LISTS FILES)
   string(APPEND out "const unsigned char ${variable}[] = {${bytes}0x00};\n")
   string(APPEND table "    {\"${name}\", {reinterpret_cast<const char*>(${variable}), sizeof ${variable} - 1}},\n")
 endforeach()
-string(APPEND out "const ${type} kFiles[] = {\n${table}};\n}  // namespace\n\n")
-string(APPEND out "std::span<const ${type}> embedded_${KIND}s() { return kFiles; }\n\n}  // namespace xraycast\n")
+string(APPEND out "const ${TYPE} kFiles[] = {\n${table}};\n}  // namespace\n\n")
+string(APPEND out "std::span<const ${TYPE}> embedded_${KIND}s() { return kFiles; }\n\n}  // namespace xraycast\n")
 file(WRITE "${OUTPUT}" "${out}")

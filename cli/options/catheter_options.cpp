@@ -11,36 +11,22 @@
 
 namespace xraycast::cli {
 
-namespace {
-
-template <class Model>
-CLI::Option* add_options(CLI::App& command, Model& model, const std::string& more, std::string& entry) {
-  CLI::Option* option =
-      command.add_option("--device-model", model,
-                         fmt::format("The instrument: {}, or FILE.json{}",
-                                     fmt::join(InstrumentModel::preset_names(), ", "), more));
+void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
+  CLI::Option* models = command.add_option(
+      "--device-model", instrument_models,
+      fmt::format(
+          "The instrument: {}, or FILE.json; repeat it for a wire in a catheter, the outermost device "
+          "first",
+          fmt::join(InstrumentModel::preset_names(), ", ")));
+  models->type_name("NAME")->allow_extra_args(false);
+  instrument_models.empty() ? models->required()
+                            : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));
   command
       .add_option("--entry", entry,
                   "Vessel end where the device enters (the puncture site): the number of a branch, or the "
                   "end nearest to a "
                   "point in mm (LPS) (default: the most inferior end that the device fits into)")
       ->type_name("BRANCH|X,Y,Z");
-  return option->type_name("NAME");
-}
-
-}  // namespace
-
-void add_catheter_options(CLI::App& command, std::string& instrument_model, std::string& entry) {
-  CLI::Option* model = add_options(command, instrument_model, "", entry);
-  instrument_model.empty() ? model->required() : model->capture_default_str();
-}
-
-void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
-  CLI::Option* models = add_options(
-      command, instrument_models, "; repeat it for a wire in a catheter, the outermost device first", entry);
-  models->allow_extra_args(false);
-  instrument_models.empty() ? models->required()
-                            : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));
 }
 
 EntryChoice parse_entry(const std::string& text) {

@@ -25,6 +25,7 @@ struct Session {
   bool quiet = false;
   Progress progress;
   std::function<void()> job;
+  bool is_ended_by_signal = false;  ///< the job, as it should be: nothing was cancelled
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
@@ -59,6 +60,7 @@ void add_simulate(CLI::App& app, Session& session);
 void add_export(CLI::App& app, Session& session);
 void add_compare(CLI::App& app, Session& session);
 void add_view(CLI::App& app, Session& session);
+void add_serve(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);
 void add_demo(CLI::App& app, Session& session);
 

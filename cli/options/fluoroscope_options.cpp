@@ -8,6 +8,7 @@
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <utility>
@@ -125,6 +126,12 @@ void check_linear_codes(const DicomOptions& dicom) {
     throw InputError("--intensity log: the detector values of a fluoroscope are linear; leave it out");
 }
 
+void check_fluoroscopy(ShadingMode shading, const DicomOptions& dicom) {
+  check_linear_codes(dicom);
+  if (shading != ShadingMode::fluoro)
+    throw InputError("--look surface: a fluoroscope cannot show shaded surfaces; leave it out");
+}
+
 void note_on_saturation(bool is_saturated, const Session& session) {
   if (is_saturated)
     session.say(
@@ -134,19 +141,15 @@ void note_on_saturation(bool is_saturated, const Session& session) {
 
 std::vector<std::uint8_t> displayed(std::vector<std::uint8_t> greys, const GreyOptions& grey) {
   const double gamma = grey.gamma.value_or(1);
-  constexpr double kWhite = 255;
-  for (std::uint8_t& one : greys) {
-    const double shown = std::pow(one / kWhite, 1 / gamma);
-    one = static_cast<std::uint8_t>(std::lround(kWhite * (grey.inverted ? 1 - shown : shown)));
+  constexpr int kWhite = 255;
+  std::array<std::uint8_t, kWhite + 1> shown{};
+  for (int value = 0; value <= kWhite; ++value) {
+    const double bent = std::pow(1.0 * value / kWhite, 1 / gamma);
+    shown[static_cast<std::size_t>(value)] =
+        static_cast<std::uint8_t>(std::lround(kWhite * (grey.inverted ? 1 - bent : bent)));
   }
+  for (std::uint8_t& value : greys) value = shown[value];
   return greys;
-}
-
-std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(3 * greys.size());
-  for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
-  return rgb;
 }
 
 std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Technique& technique) {

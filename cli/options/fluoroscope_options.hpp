@@ -3,6 +3,7 @@
 #include "options/command.hpp"
 #include "options/view_options.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
+#include "xraycast/scene/scene.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -45,12 +46,14 @@ void note_on_energies(const Session& session);
 /// Throws InputError for an --intensity that the detector's codes do not have.
 void check_linear_codes(const DicomOptions& dicom);
 
+/// The same, and for shaded surfaces.
+void check_fluoroscopy(ShadingMode shading, const DicomOptions& dicom);
+
 /// One line for a measuring field that is brighter than the detector's codes.
 void note_on_saturation(bool is_saturated, const Session& session);
 
 /// Greys with --gamma and --inverted.
 std::vector<std::uint8_t> displayed(std::vector<std::uint8_t> greys, const GreyOptions& grey);
-std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys);
 
 /// A single frame: .png what is shown, .dcm the detector's codes, others the raw signal.
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,

@@ -29,6 +29,11 @@ void add_view_options(CLI::App& command, ViewOptions& options) {
                                  "Tilt of the detector: cranial positive, caudal negative")
                      ->capture_default_str()
                      ->type_name("DEG");
+  command
+      .add_option("--isocentre", options.isocentre,
+                  "Isocentre in the scan's patient coordinates (LPS, mm), within the body: the middle of the "
+                  "picture, whose size it does not change; default: the middle of the body")
+      ->type_name("X,Y,Z");
   add_cone_option(command, options.cone);
   command.add_option("--size", options.size, "Picture size in pixels; default: the whole body fits")
       ->type_name("WxH");
@@ -128,7 +133,18 @@ std::vector<double> parse_angles_deg(const std::string& text, const std::string&
   return angles;
 }
 
+namespace {
+
+glm::dvec3 parse_isocentre(const std::string& isocentre) {
+  const std::vector<double> place = parse_numbers(isocentre, "--isocentre");
+  if (place.size() != 3) throw InputError("--isocentre {}: must be X,Y,Z in mm", isocentre);
+  return {place[0], place[1], place[2]};
+}
+
+}  // namespace
+
 View parse_view(const ViewOptions& options) {
+  if (options.has_isocentre()) parse_isocentre(options.isocentre);  // before long work
   View view;
   view.angle_rad = options.angle_deg * kRadians;
   view.tilt_rad = options.tilt_deg * kRadians;
@@ -140,6 +156,18 @@ View parse_view(const ViewOptions& options) {
     view.height = static_cast<int>(size[1]);
   }
   return view;
+}
+
+glm::dvec3 isocentre_mm(const ViewOptions& options, const BodyBounds& bounds) {
+  if (!options.has_isocentre()) return bounds.centre_mm;
+  const glm::dvec3 place_mm = parse_isocentre(options.isocentre);
+  if (const glm::dvec3& middle_mm = bounds.centre_mm; !bounds.holds(place_mm))
+    throw InputError(
+        "--isocentre {}: lies outside the body, whose middle is {:.0f},{:.0f},{:.0f} (LPS, mm), radius "
+        "{:.0f} mm and height {:.0f} mm; choose a place within it",
+        options.isocentre, middle_mm.x, middle_mm.y, middle_mm.z, bounds.radius_mm,
+        2 * bounds.half_height_mm);
+  return place_mm;
 }
 
 Json to_json(const View& view) {

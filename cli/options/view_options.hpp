@@ -3,6 +3,7 @@
 #include "options/command.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/casting/xa_file.hpp"
+#include "xraycast/sampling/camera.hpp"
 
 #include <optional>
 #include <string>
@@ -10,14 +11,15 @@
 
 namespace xraycast::cli {
 
-/// --angle, --tilt, --cone, --size and --pixel, as given.
+/// --angle, --tilt, --isocentre, --cone, --size and --pixel, as given.
 struct ViewOptions {
-  std::string cone, size;
+  std::string isocentre, cone, size;
   double angle_deg = 0, tilt_deg = 0, pixel_mm = 0;
   const CLI::Option *angle = nullptr, *tilt = nullptr;  ///< whether they were given
 
   bool has_angle() const { return angle && angle->count() > 0; }
   bool has_tilt() const { return tilt && tilt->count() > 0; }
+  bool has_isocentre() const { return !isocentre.empty(); }
 };
 
 void add_view_options(CLI::App& command, ViewOptions& options);
@@ -67,6 +69,9 @@ std::vector<double> parse_angles_deg(const std::string& text, const std::string&
 
 /// The view, without its centre; sizes that were not given are 0, for `fitted`. Throws InputError.
 View parse_view(const ViewOptions& options);
+
+/// --isocentre, or the middle of the body. Throws InputError for a place outside its bounds.
+glm::dvec3 isocentre_mm(const ViewOptions& options, const BodyBounds& bounds);
 
 /// {"width", "height", "pixel_mm", "centre_mm", "angle_deg", "tilt_deg"}.
 Json to_json(const View& view);

@@ -26,13 +26,6 @@ std::vector<std::uint8_t> difference(const std::vector<std::uint8_t>& frame,
   return greys;
 }
 
-/// Grey as RGB, which a canvas takes.
-std::vector<std::uint8_t> rgb_of(const std::vector<std::uint8_t>& greys) {
-  std::vector<std::uint8_t> rgb;
-  for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
-  return rgb;
-}
-
 /// One channel of a picture in which all are the same.
 std::vector<std::uint8_t> greys_of(const std::vector<std::uint8_t>& rgb) {
   std::vector<std::uint8_t> greys(rgb.size() / 3);

@@ -50,10 +50,13 @@ void write_index_page(const std::string& title, const Picture& page, const std::
   const std::string page_name = page.file.filename().string(), caption = escaped(page.caption);
   out << "<iframe src=\"" << page_name << "\" title=\"" << caption << "\"></iframe>\n<p><a href=\""
       << page_name << "\">" << caption << "</a></p>\n";
+  const auto beside_page = [&](const std::filesystem::path& file) {
+    return file.lexically_relative(path.parent_path()).string();
+  };
   for (const Picture& picture : pictures) {
-    const std::string file = picture.file.lexically_relative(path.parent_path()).string(),
-                      words = escaped(picture.caption);
-    out << "<figure><a href=\"" << file << "\"><img src=\"" << file << "\" alt=\"" << words
+    const std::string file = beside_page(picture.file), words = escaped(picture.caption),
+                      opened = picture.opened.empty() ? file : beside_page(picture.opened);
+    out << "<figure><a href=\"" << opened << "\"><img src=\"" << file << "\" alt=\"" << words
         << "\"></a><figcaption>" << words << "</figcaption></figure>\n";
   }
   out << "<table>\n";

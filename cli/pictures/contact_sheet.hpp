@@ -10,6 +10,8 @@ namespace xraycast::cli {
 struct Picture {
   std::filesystem::path file;
   std::string caption;
+  std::filesystem::path
+      opened{};  ///< by a click on an HTML page, such as the film of a still; none: the file
 };
 
 /// Lays pictures out in rows of `columns`, each scaled to fit its cell, into one PNG. Throws Error when a

@@ -15,8 +15,8 @@ class HubPlot {
  public:
   explicit HubPlot(const Script& script);
 
-  /// A record of each device. Call after every step.
-  void see(const std::vector<RunRecord>& now);
+  /// Call after every step.
+  void see(const CoaxialCatheters& devices, double time_s);
 
   /// Errors as for write_plot.
   void write(const std::vector<InstrumentModel>& devices, const std::string& first) const;

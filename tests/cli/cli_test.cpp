@@ -68,12 +68,7 @@ class Cli : public testing::Test {
  protected:
   /// `line` is what follows the program's name, its words apart by spaces; @ stands for the test's folder.
   Command command(const std::string& line) const {
-    Command result{{XRAYCAST_PROGRAM}};
-    std::istringstream stream(line);
-    for (std::string word; stream >> word; result.words.push_back(word))
-      for (std::size_t at; (at = word.find('@')) != std::string::npos;)
-        word.replace(at, 1, (folder_ / "").parent_path().string());
-    return result;
+    return command_of({XRAYCAST_PROGRAM}, line, folder_.path());
   }
 
   Finished run(const std::string& line) const { return run_process(command(line)); }
@@ -436,6 +431,13 @@ const BadCall kBadCalls[] = {
     {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "is a file; name a folder"},
     {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "must end in .png"},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
+    {"CineWithAnAngle", "render @/map.exr -o @/turn.gif --lao 30 --cine 0:30:10", 3,
+     "--angle (--lao) 30 with --cine 0:30:10: --cine sets the angles of all frames; leave the single one "
+     "out"},
+    {"IsocentreOfTwo", "project @/ct.nii -o @/out.png --isocentre 4,4", 3,
+     "--isocentre 4,4: must be X,Y,Z in mm"},
+    {"IsocentreOutside", "render @/map.exr -o @/out.png --isocentre 0,0,900", 3,
+     "--isocentre 0,0,900: lies outside the body, whose middle is 0,0,", write_small_map},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
@@ -765,6 +767,9 @@ TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
         testing::AllOf(HasSubstr("left out: everything outside"), testing::Not(HasSubstr("--keep-table"))))
         << options;
   }
+  write_bytes(folder_ / "bone.json",
+              R"({"name": "bone", "unit": "1/mm", "knots": [[150, 0], [1000, 0.06]]})");
+  EXPECT_THAT(said("--opacity @/bone.json"), HasSubstr("left out: less than 0.01 % of the scan's"));
   EXPECT_THAT(said("--outline circle"),
               testing::AllOf(HasSubstr(", outline circle, "), testing::Not(HasSubstr("left out"))));
 }

@@ -2,6 +2,7 @@
 // tests/systems/web_page_test.mjs.
 #include "support/process.hpp"
 #include "support/scan_files.hpp"
+#include "support/small_session.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -24,29 +25,11 @@ using ::testing::IsEmpty;
 using ::testing::Not;
 using ::testing::StartsWith;
 
-BodyMap small_map(int layers = 2, int angles = 16) {
-  BodyMap map;
-  map.geometry.width = angles;
-  map.geometry.height = 40;
-  map.geometry.radii_mm = shell_radii_mm(RadiiRule::equal_area, layers, 60);
-  map.geometry.centre_mm = {{0, 0}};
-  map.geometry.top_mm = 100;
-  map.geometry.row_spacing_mm = 5;
-  map.geometry.step_mm = 1;
-  map.tau.assign(static_cast<std::size_t>(layers) * map.layer_size(), 0.5f);
-  return map;
-}
-
 class Export : public testing::Test {
  protected:
   /// As a user calls it; @ stands for the test's folder.
   Finished run(const std::string& line) const {
-    Command command{{XRAYCAST_PROGRAM, "export"}};
-    std::istringstream words(line);
-    for (std::string word; words >> word; command.words.push_back(word))
-      for (std::size_t at; (at = word.find('@')) != std::string::npos;)
-        word.replace(at, 1, (folder_ / "").parent_path().string());
-    return run_process(command);
+    return run_process(command_of({XRAYCAST_PROGRAM, "export"}, line, folder_.path()));
   }
 
   std::string written(const std::string& line, const std::string& name) const {
@@ -75,6 +58,9 @@ class Export : public testing::Test {
     for (int i = 0; i <= 5000; ++i) points += "0,0," + std::to_string(i) + "\n";
     write_bytes(folder_ / "long_catheter.csv", points);
     write_bytes(folder_ / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n0.2,20,0\n");
+    write_bytes(
+        folder_ / "pair.csv",
+        "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,10,0,20,0\n0.2,30,0,60,0\n");
     write_bytes(folder_ / "long.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n601,20,0\n");
     write_bytes(folder_ / "deep.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n20,5000,0\n");
   }
@@ -127,9 +113,42 @@ TEST_F(Export, SimulatesTheRunAgain) {
   const std::string page = written(line, "run.html");
   const Json run = header_of(page)["run"];
   EXPECT_EQ(run["pictures"], 4);  // at 15 a second: 0, 67, 133 and 200 ms
-  EXPECT_EQ(run["force_N"].size(), 4u);
-  EXPECT_EQ(run["torque_mNm"].size(), 4u);
+  ASSERT_EQ(run["devices"].size(), 1u);
+  EXPECT_EQ(run["devices"][0]["name"], "microcatheter-27f");
+  EXPECT_EQ(run["devices"][0]["force_N"].size(), 4u);
+  EXPECT_EQ(run["devices"][0]["torque_mNm"].size(), 4u);
   EXPECT_EQ(written(line, "run.html"), page);
+}
+
+TEST_F(Export, SimulatesAWireInACatheter) {
+  write_map(small_map());
+  write_vessels();
+  const std::string pair =
+      "@/map.exr --vessels @/vessels --script @/pair.csv --device-model microcatheter-27f "
+      "--device-model guidewire-014-straight -o @/";
+  const Json header = header_of(written(pair + "pair.html", "pair.html")),
+             &devices = header["run"]["devices"];
+  ASSERT_EQ(devices.size(), 2u);
+  EXPECT_EQ(devices[0]["parts"].size(), 1u);
+  EXPECT_EQ(devices[1]["parts"].size(), 2u);
+  for (const char* shapes : {"shapes_0_0", "shapes_1_1"})
+    EXPECT_GT(header["parts"][shapes][1].get<int>(), 4 * 20)
+        << shapes;  // at 4 pictures, points of some bytes
+  EXPECT_THAT(written(pair + "pair.glb", "pair.glb"),
+              HasSubstr(devices[1]["name"].get<std::string>() + ", tip"));
+}
+
+TEST_F(Export, KeepsEveryDeviceOfASession) {
+  write_map(small_map());
+  write_vessels();
+  const Json nodes{{0, 0, -90}, {0, 1, -60}, {0, 0, -30}, {0, 0, 0}};
+  write_session({{"devices",
+                  {{{"nodes_mm", nodes}, {"radius_mm", 1}, {"has_lumen", true}},
+                   {{"nodes_mm", nodes}, {"radius_mm", 0.4}, {"has_lumen", false}}}},
+                 {"road_map", false}});
+  const Json header = header_of(written("--session @/session.json -o @/page.html", "page.html"));
+  ASSERT_EQ(header["catheters"].size(), 3u);  // the wire's tip is denser
+  EXPECT_GT(header["catheters"][2]["mu_per_mm"], header["catheters"][1]["mu_per_mm"]);
 }
 
 TEST_F(Export, BeginsTheRunAtTheScriptsFirstPose) {
@@ -140,7 +159,7 @@ TEST_F(Export, BeginsTheRunAtTheScriptsFirstPose) {
   const std::string model = " --vessels @/vessels --device-model microcatheter-27f -o @/run.html --script ";
   const Json run = header_of(written("@/map.exr" + model + "@/deeper.csv", "run.html"))["run"];
   EXPECT_EQ(run["pictures"], 2);
-  EXPECT_NE(run["force_N"][0], 0);  // it has been pushed in
+  EXPECT_NE(run["devices"][0]["force_N"][0], 0);  // it has been pushed in
   EXPECT_EQ(header_of(written("@/map.exr" + model + "@/held.csv", "run.html"))["run"]["pictures"], 1);
 }
 
@@ -181,7 +200,8 @@ TEST_F(Export, KeepsASessionsCatheterAndItsOutline) {
   write_session({{"road_map", false}});
   const Json header = header_of(written("--session @/session.json -o @/page.html", "page.html"));
   EXPECT_TRUE(header["run"].is_null());
-  EXPECT_GT(header["catheter"]["triangles"], 100);
+  ASSERT_EQ(header["catheters"].size(), 1u);
+  EXPECT_GT(header["catheters"][0]["triangles"], 100);
   EXPECT_EQ(header["shows_vessels"], false);
   EXPECT_EQ(header["shows_road_map"], false);
   EXPECT_EQ(header["full_contrast"], false);
@@ -216,7 +236,7 @@ TEST_F(Export, WritesGltfWithoutTheMap) {
   const Json scene = Json::parse(file.substr(20, text));
   std::vector<std::string> names;
   for (const Json& node : scene["nodes"]) names.push_back(node["name"]);
-  EXPECT_THAT(names, testing::ElementsAre("vessels", "device", "axis", "C-arm"));
+  EXPECT_THAT(names, testing::ElementsAre("vessels", "microcatheter-27f", "axis", "C-arm"));
   // The vessel's end at z = 93 mm is above the origin, in metres.
   EXPECT_NEAR(scene["accessors"][0]["max"][1].get<double>(), 0.093, 1e-4);
 }
@@ -293,6 +313,14 @@ const BadExport kBadExports[] = {
      "long_catheter.csv: more than 5000 lines, but an export holds a catheter of at most 5000 control "
      "points; give fewer"},
     {"PrecisionOfAScene", "@/map.exr --precision half -o @/page.glb", "--precision does not apply to"},
+    {"ScriptWithoutTheSecondsColumns",
+     "@/map.exr --vessels @/vessels --script @/push.csv --device-model microcatheter-27f "
+     "--device-model guidewire-014-straight -o @/page.html",
+     "push.csv: line 1: "},
+    {"DevicesInTheWrongOrder",
+     "@/map.exr --vessels @/vessels --script @/pair.csv --device-model guidewire-014-straight "
+     "--device-model microcatheter-27f -o @/page.html",
+     "guidewire"},
     {"InstrumentWithoutRun", "@/map.exr --device-model cobra-5f -o @/page.html",
      "--device-model does not apply without a run; leave it out or give --script too"},
     {"EntryWithoutRun", "@/map.exr --entry nonsense -o @/page.html",

@@ -225,6 +225,7 @@ class Fluoroscopy(unittest.TestCase):
         done = run("simulate", self.folder / "truth", "--device-model", "cobra-5f", "--script", script, "-o",
                    self.folder / "log.csv", "--map", body_map, "--cine", self.folder / "run.dcm", "--size", "96x96",
                    "--dose", "low", "--pulse-rate", 10, "--json")
+        self.assertIn("shows no vessels without contrast agent: add --inject FROM_S,TO_S", done.stderr)
         told = json.loads(done.stdout)["fluoroscope"]
         data = pydicom.dcmread(self.folder / "run.dcm")
         self.assertEqual((told["pulses"], told["images"]), (data.NumberOfFrames, 0))
@@ -235,6 +236,35 @@ class Fluoroscopy(unittest.TestCase):
             run("render", body_map, "-o", self.folder / "turn.gif", "--cine", "0:20:5", "--size", "96x96", "--dose",
                 "low", "--pulse-rate", rate)
             self.assertEqual(set(delays(self.folder / "turn.gif")), hundredths)
+
+    def test_the_isocentre_is_in_the_middle_of_the_picture(self):
+        """20 mm to the patient's left and 10 mm up, in parallel frontal pictures with pixels of 1 mm."""
+        scan, truth, body_map, script = (self.folder / name for name in ("ct.nrrd", "truth", "map.exr", "push.csv"))
+        run("phantom", "thorax", "--size", "96x96x135", "-o", scan, "--truth", truth)
+        run("cast", scan, "-o", body_map, "--layers", 8)
+        script.write_text("time_s,insertion_mm,rotation_deg\n0,0,0\n0.1,1,0\n")
+        draw, run_file, view = self.folder / "x.nrrd", self.folder / "x.dcm", ("--size", "120x100", "--pixel", 1)
+
+        def drawn(command, picture, *options):
+            told = json.loads(run(command, picture, "-o", draw, *view, "--json", *options).stdout)
+            return told["image"]["centre_mm"], read_float_nrrd(draw)
+
+        def filmed(*options):
+            run("simulate", truth, "--device-model", "cobra-5f", "--script", script, "-o", self.folder / "log.csv", "--map",
+                body_map, "--cine", run_file, *view, *options)
+            return pydicom.dcmread(run_file).pixel_array[0].astype(float)
+
+        def moved(centre_mm):
+            return f"--isocentre={centre_mm[0] + 20},{centre_mm[1]},{centre_mm[2] + 10}"
+
+        for command, source in (("project", scan), ("render", body_map)):
+            centre_mm, usual = drawn(command, source)
+            told_mm, other = drawn(command, source, moved(centre_mm))
+            numpy.testing.assert_allclose(numpy.subtract(told_mm, centre_mm), (20, 0, 10), atol=1e-9)
+            # The same rays, to what floats lose from another origin.
+            numpy.testing.assert_allclose(other[10:, :-20], usual[:-10, 20:], atol=2e-3)
+        # The same in steps of 1/256, whose rounding may differ.
+        self.assertLessEqual(abs(filmed(moved(centre_mm))[10:, :-20] - filmed()[:-10, 20:]).max(), 1)
 
     def test_a_session_keeps_its_pose_on_a_c_arm(self):
         run("phantom", "thorax", "--size", "96x96x135", "-o", self.folder / "ct.nrrd")

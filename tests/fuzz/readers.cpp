@@ -15,6 +15,7 @@
 #include "xraycast/haptics/igtlink_receiver.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
 #include "xraycast/scene/session_file.hpp"
+#include "xraycast/simulation/injection.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <algorithm>
@@ -223,7 +224,10 @@ void write_whole_session(const fs::path& path) {
 void write_messages(const fs::path& path) {
   // The first byte says in what portions the others arrive.
   write_bytes(path, '\x20' + transform_message(20, 1) + MessageBytes{.type = "GET_STATUS"}.bytes() +
-                        transform_message(30, -3) + MessageBytes{.type = "STRING", .body = "text"}.bytes());
+                        transform_message(30, -3) + request_message("STT_IMAGE", 40) +
+                        c_arm_message(1, 0.5, 20) + string_message("Pedal", "down") +
+                        string_message("Contrast", "3 ml/s") +
+                        MessageBytes{.type = "COLORT", .body = "text"}.bytes());
 }
 
 // ---- reading ----------------------------------------------------------------------------------------
@@ -251,6 +255,25 @@ void check_pose(const HubPose& pose, double before_rad) {
     throw std::logic_error("a rotation of more than half a turn");
 }
 
+void check_command(const IgtlinkReceiver::Event& event) {
+  const auto expect = [](bool is_so, const char* what) {
+    if (!is_so) throw std::logic_error(what);
+  };
+  if (const auto* move = std::get_if<CArmMove>(&event)) {
+    expect(std::abs(move->pose.angle_rad) <= 3.15 && std::abs(move->pose.tilt_rad) <= 1.6,
+           "angles out of range");
+    expect(std::abs(move->pose.isocentre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm,
+           "an isocentre out of range");
+  } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
+    expect(rate->ml_s >= 0 && rate->ml_s <= kMaxInjection_ml_s, "an injection out of range");
+  } else if (const auto* request = std::get_if<StreamRequest>(&event)) {
+    expect(
+        request->interval >= request->interval.zero() && request->interval <= IgtlinkReceiver::kMaxInterval,
+        "an interval out of range");
+    expect(request->type.size() <= 8 && request->name.size() <= 20, "names longer than they were sent");
+  }
+}
+
 /// Refuses the whole stream for one message's sake.
 Content read_messages(const fs::path& path) {
   const std::string stream = read_bytes(path);
@@ -269,7 +292,9 @@ Content read_messages(const fs::path& path) {
       } else if (const auto* complaint = std::get_if<Complaint>(&*event)) {
         if (!std::ranges::all_of(complaint->text, [](char c) { return c >= ' ' && c <= '~'; }))
           throw std::logic_error("a complaint that cannot be printed");
-        if (!first && complaint->text.find("STRING") == std::string::npos) first = *complaint;
+        if (!first && complaint->text.find("COLORT") == std::string::npos) first = *complaint;
+      } else {
+        check_command(*event);
       }
     }
     if (!portion.empty()) throw std::logic_error("bytes were left over");

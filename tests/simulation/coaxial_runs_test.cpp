@@ -148,6 +148,7 @@ class RandomRun {
     devices_.step(poses_);
     ++run_.steps;
     run_.unsolved += !devices_.rods().is_solved();
+    run_.is_finite = run_.is_finite && std::isfinite(devices_.energy_J());
     for (std::size_t d = 0; d < devices_.count(); ++d) {
       for (const Eigen::Vector3d& node : devices_.rod(d).state().nodes_mm)
         run_.is_finite = run_.is_finite && node.allFinite();

@@ -99,6 +99,20 @@ TEST(IgtlinkReceiver, EachHubHasItsNameAndItsOwnTurns) {
   EXPECT_EQ(std::get<HubMove>(receive(of_three, transform_message(1, 0, "Hub3"))[0]).hub, 2);
 }
 
+TEST(IgtlinkReceiver, InASessionOnlyHubsAndTheCArmHaveTransforms) {
+  IgtlinkReceiver receiver(2, {}, true);
+  const auto events = receive(receiver, transform_message(1, 0, "Hub") + transform_message(1, 0, "Hub2") +
+                                            c_arm_message(0, 0, 0) + transform_message(1, 0, "C-Arm") +
+                                            transform_message(1, 0, "Hub3"));
+  ASSERT_EQ(events.size(), 5);
+  EXPECT_TRUE(std::holds_alternative<HubMove>(events[0]));
+  EXPECT_EQ(std::get<HubMove>(events[1]).hub, 1);
+  EXPECT_TRUE(std::holds_alternative<CArmMove>(events[2]));
+  EXPECT_EQ(std::get<Complaint>(events[3]).text,
+            "sent TRANSFORM 'C-Arm', which is none of Hub, Hub2 and CArm");
+  EXPECT_TRUE(std::holds_alternative<Complaint>(events[4])) << "there is no third device";
+}
+
 TEST(IgtlinkReceiver, TakesTheTwistOfATiltedHub) {
   // A swing of 60 deg about x after a twist of 40 deg about z: columns are the axes' images.
   const double twist = 40 * kPi / 180, c = std::cos(twist), s = std::sin(twist);
@@ -129,6 +143,69 @@ TEST(IgtlinkReceiver, HearsTheQuestionForItsStatus) {
   const auto events = receive(receiver, MessageBytes{.type = "GET_STATUS"}.bytes());
   ASSERT_EQ(events.size(), 1);
   EXPECT_TRUE(std::holds_alternative<StatusRequest>(events[0]));
+}
+
+TEST(IgtlinkReceiver, HearsWhatIsAskedFor) {
+  using Kind = StreamRequest::Kind;
+  struct Asked {
+    const char* type;
+    Kind kind;
+    IgtlinkStream stream;
+  };
+  for (const auto& [type, kind, stream] : {Asked{"GET_IMAGE", Kind::once, IgtlinkStream::image},
+                                           {"STT_IMAGE", Kind::start, IgtlinkStream::image},
+                                           {"STP_POINT", Kind::stop, IgtlinkStream::point},
+                                           {"GET_TRANS", Kind::once, IgtlinkStream::transform},
+                                           {"STT_TRANSFOR", Kind::start, IgtlinkStream::transform}}) {
+    IgtlinkReceiver receiver;
+    const auto events = receive(receiver, MessageBytes{.type = type, .name = "Device2"}.bytes());
+    ASSERT_EQ(events.size(), 1) << type;
+    const auto* request = std::get_if<StreamRequest>(&events[0]);
+    ASSERT_NE(request, nullptr) << type;
+    EXPECT_EQ(request->kind, kind) << type;
+    EXPECT_EQ(request->stream, stream) << type;
+    EXPECT_EQ(request->type, std::string(type).substr(4));
+    EXPECT_EQ(request->name, "Device2");
+    EXPECT_EQ(request->interval.count(), 0);
+  }
+}
+
+TEST(IgtlinkReceiver, HearsAnIntervalAsTrackingDataHasIt) {
+  IgtlinkReceiver receiver;
+  const std::string coordinates(32, '\0');  // a name, behind the interval
+  const auto events = receive(
+      receiver,
+      request_message("STT_IMAGE", 500) +
+          MessageBytes{.type = "STT_POINT", .body = std::string("\0\0\0\x42", 4) + coordinates}.bytes());
+  ASSERT_EQ(events.size(), 2);
+  EXPECT_EQ(std::get<StreamRequest>(events[0]).interval.count(), 500);
+  EXPECT_EQ(std::get<StreamRequest>(events[1]).interval.count(), 0x42);
+}
+
+TEST(IgtlinkReceiver, HearsPedalAndContrast) {
+  IgtlinkReceiver receiver;
+  const auto events =
+      receive(receiver, string_message("Pedal", "down") + string_message("Pedal", "up") +
+                            string_message("Contrast", "3.5 ml/s") + string_message("Contrast", "0"));
+  ASSERT_EQ(events.size(), 4);
+  EXPECT_TRUE(std::get<PedalPress>(events[0]).is_down);
+  EXPECT_FALSE(std::get<PedalPress>(events[1]).is_down);
+  EXPECT_EQ(std::get<ContrastRate>(events[2]).ml_s, 3.5);
+  EXPECT_EQ(std::get<ContrastRate>(events[3]).ml_s, 0);
+}
+
+TEST(IgtlinkReceiver, ReadsTheCArmsPose) {
+  for (const double angle_rad : {-2.5, -0.5, 0.0, 0.7, 3.0})
+    for (const double tilt_rad : {-0.8, 0.0, 0.4}) {
+      IgtlinkReceiver receiver;
+      const auto events = receive(receiver, c_arm_message(angle_rad, tilt_rad, -120));
+      ASSERT_EQ(events.size(), 1);
+      const auto* move = std::get_if<CArmMove>(&events[0]);
+      ASSERT_NE(move, nullptr);
+      EXPECT_NEAR(move->pose.angle_rad, angle_rad, 1e-6);  // a dozen roundings of floats
+      EXPECT_NEAR(move->pose.tilt_rad, tilt_rad, 1e-6);
+      EXPECT_EQ(move->pose.isocentre_mm.z, -120);
+    }
 }
 
 TEST(IgtlinkReceiver, SaysWhereAStreamWasCut) {
@@ -191,6 +268,39 @@ const BadMessage kBadMessages[] = {
     {"HugeRotation", transform_with({3e38F, 0, 0, 0, 3e38F, 0, 0, 0, 3e38F, 0, 0, 5}), "not a rotation"},
     {"UpsideDown", transform_with({1, 0, 0, 0, -1, 0, 0, 0, -1, 0, 0, 5}),
      "tilts the hub by more than 90 deg"},
+    {"CArmFromAbove",
+     MessageBytes{.body = transform_body({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0}), .name = "CArm"}.bytes(),
+     "along the body's axis"},
+    {"CArmTooFar",
+     MessageBytes{.body = transform_body({1, 0, 0, 0, 0, -1, 0, 1, 0, 0, 20000, 0}), .name = "CArm"}.bytes(),
+     "isocentre beyond 10000 mm"},
+    {"CArmMirrored",
+     MessageBytes{.body = transform_body({1, 0, 0, 0, 0, 1, 0, 1, 0, 0, 0, 0}), .name = "CArm"}.bytes(),
+     "not a rotation"},
+    {"PedalSideways", string_message("Pedal", "left"), "neither 'down' nor 'up'"},
+    {"PedalWithoutText", string_message("Pedal", ""), "neither 'down' nor 'up'"},
+    {"ContrastBelowZero", string_message("Contrast", "-1"), "no rate of 0 to 50 ml/s"},
+    {"ContrastWithoutBound", string_message("Contrast", "1e9 ml/s"), "no rate of 0 to 50 ml/s"},
+    {"ContrastNan", string_message("Contrast", "nan"), "no rate of 0 to 50 ml/s"},
+    {"ContrastInLitres", string_message("Contrast", "3 l/s"), "no rate of 0 to 50 ml/s"},
+    {"StringOfAnotherName", string_message("Greeting", "hello"),
+     "'Greeting', which is neither Pedal nor Contrast"},
+    {"StringOfNoName", string_message("a b", "hello"), "'', which is neither Pedal nor Contrast"},
+    {"StringCut",
+     MessageBytes{.type = "STRING", .body = std::string("\0\3\0\5down", 8), .name = "Pedal"}.bytes(),
+     "STRING of 8 bytes for 5 characters"},
+    {"StringLongerThanItSays",
+     MessageBytes{.type = "STRING", .body = std::string("\0\3\0\1down", 8), .name = "Pedal"}.bytes(),
+     "STRING of 8 bytes for 1 characters"},
+    {"StringWithoutLength",
+     MessageBytes{.type = "STRING", .body = std::string("\0\3\0", 3), .name = "Pedal"}.bytes(),
+     "STRING of 3 bytes for 0 characters"},
+    {"IntervalCut", MessageBytes{.type = "STT_IMAGE", .body = "ab"}.bytes(),
+     "of 2 bytes, too few for an interval"},
+    {"IntervalOfDays", MessageBytes{.type = "STT_IMAGE", .body = "aaaa"}.bytes(),
+     "interval of 1633771873 ms, beyond 60000 ms"},
+    {"RequestForAnotherType", MessageBytes{.type = "STT_TDATA"}.bytes(),
+     "sent STT_TDATA, which is not supported"},
     {"ExtendedHeaderCut", version_2("", kExtended.substr(0, 11)), "damaged extended header"},
     {"ExtendedHeaderShorterThanItIs", version_2(body_of(kGood), "\0\x0b" + kExtended.substr(2)),
      "damaged extended header"},
@@ -251,8 +361,9 @@ void expect_sense(const std::string& bytes, std::size_t portion_B = std::string:
 RC_GTEST_PROP(IgtlinkReceiver, SurvivesRandomBytes, (const std::string& bytes)) { expect_sense(bytes); }
 
 RC_GTEST_PROP(IgtlinkReceiver, SurvivesDamagedMessages, ()) {
-  std::string bytes =
-      kGood + MessageBytes{.type = "GET_STATUS"}.bytes() + version_2(body_of(kGood), kExtended) + kGood;
+  std::string bytes = kGood + MessageBytes{.type = "GET_STATUS"}.bytes() +
+                      version_2(body_of(kGood), kExtended) + c_arm_message(1, 0.5, 20) +
+                      string_message("Contrast", "3 ml/s") + request_message("STT_IMAGE", 40) + kGood;
   const int damages = *rc::gen::inRange(1, 8);
   for (int i = 0; i < damages; ++i)
     bytes[*rc::gen::inRange<std::size_t>(0, bytes.size())] = *rc::gen::arbitrary<char>();

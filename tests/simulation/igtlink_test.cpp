@@ -1,4 +1,5 @@
 #include "support/igtlink_bytes.hpp"
+#include "support/igtlink_clients.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/virtual_coupling.hpp"
@@ -9,20 +10,17 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <arpa/inet.h>
 #include <atomic>
 #include <chrono>
 #include <fstream>
 #include <functional>
 #include <igtlClientSocket.h>
-#include <igtlMessageHeader.h>
-#include <igtlSensorMessage.h>
 #include <igtlStatusMessage.h>
+#include <list>
 #include <map>
 #include <mutex>
 #include <numbers>
 #include <random>
-#include <sys/socket.h>
 #include <thread>
 #include <unistd.h>
 #include <vector>
@@ -124,122 +122,22 @@ class RunningLoop {
   std::thread loop_;
 };
 
-struct Received {
-  std::string type, name;
-  std::vector<double> values;  ///< of SENSOR
-  igtl::igtlUnit unit = 0;
-  int code = 0;  ///< of STATUS
-  std::string text;
-};
-
-/// A client as others write them, with the library's sockets and messages.
-class Client {
+class Client : public IgtlinkTestClient {
  public:
   explicit Client(const RunningLoop& run) : Client(run.port()) {}
-  explicit Client(int port) : socket_(igtl::ClientSocket::New()) {
-    EXPECT_EQ(socket_->ConnectToServer("127.0.0.1", port), 0);
-  }
-  ~Client() { socket_->CloseSocket(); }
+  explicit Client(int port) : IgtlinkTestClient(port) {}
 
-  bool send(const std::string& bytes) {
-    return socket_->Send(bytes.data(), static_cast<int>(bytes.size())) != 0;
-  }
-
-  /// The next message; nothing when the connection has ended.
-  std::optional<Received> receive() {
-    auto header = igtl::MessageHeader::New();
-    header->InitPack();
-    if (socket_->Receive(header->GetPackPointer(), header->GetPackSize()) != header->GetPackSize()) return {};
-    EXPECT_NE(header->Unpack() & igtl::MessageHeader::UNPACK_HEADER, 0);
-    Received received{
-        .type = header->GetDeviceType(), .name = header->GetDeviceName(), .values = {}, .text = {}};
-    if (received.type == "SENSOR") {
-      auto sensor = read_body<igtl::SensorMessage>(header);
-      for (unsigned i = 0; i < sensor->GetLength(); ++i) received.values.push_back(sensor->GetValue(i));
-      received.unit = sensor->GetUnit();
-    } else {
-      EXPECT_EQ(received.type, "STATUS");
-      auto status = read_body<igtl::StatusMessage>(header);
-      received.code = status->GetCode();
-      received.text = status->GetStatusString();
-    }
-    return received;
-  }
-
-  std::optional<Received> receive(const std::string& name) {
-    for (;;) {
-      auto received = receive();
-      if (!received || received->name == name) return received;
-    }
-  }
-
-  /// Along z, both of one moment; NaN when the connection has ended.
+  /// NaN when the connection has ended.
   HubLoad receive_load() {
-    const auto force = receive("HubForce"), torque = receive();
-    if (!force || !torque) return {std::nan(""), std::nan("")};
-    EXPECT_EQ(torque->name, "HubTorque");
-    return {force->values.at(2), torque->values.at(2)};
+    const auto load = receive_force_and_torque();
+    return load ? HubLoad{load->first, load->second} : HubLoad{std::nan(""), std::nan("")};
   }
-
- private:
-  template <typename Message>
-  typename Message::Pointer read_body(igtl::MessageHeader::Pointer header) {
-    auto message = Message::New();
-    message->SetMessageHeader(header);
-    message->AllocatePack();
-    EXPECT_EQ(socket_->Receive(message->GetPackBodyPointer(), message->GetPackBodySize()),
-              message->GetPackBodySize());
-    EXPECT_NE(message->Unpack(1) & igtl::MessageHeader::UNPACK_BODY, 0) << "wrong checksum";
-    return message;
-  }
-  igtl::ClientSocket::Pointer socket_;
 };
 
-/// A bare connection, for what the library does not let one do.
-class RawClient {
+class RawClient : public BareConnection {
  public:
   explicit RawClient(const RunningLoop& run, int receive_buffer_B = 0)
-      : socket_(::socket(AF_INET, SOCK_STREAM, 0)) {
-    if (receive_buffer_B > 0)
-      setsockopt(socket_, SOL_SOCKET, SO_RCVBUF, &receive_buffer_B, sizeof receive_buffer_B);
-    sockaddr_in address{};
-    address.sin_family = AF_INET;
-    address.sin_port = htons(static_cast<std::uint16_t>(run.port()));
-    address.sin_addr.s_addr = htonl(INADDR_LOOPBACK);
-    EXPECT_EQ(connect(socket_, reinterpret_cast<sockaddr*>(&address), sizeof address), 0);
-  }
-  ~RawClient() { close(socket_); }
-  RawClient(const RawClient&) = delete;
-  RawClient& operator=(const RawClient&) = delete;
-
-  /// False when the other side has closed.
-  bool send(const std::string& bytes) {
-    for (std::size_t sent = 0; sent < bytes.size();) {
-      const ssize_t n = ::send(socket_, bytes.data() + sent, bytes.size() - sent, MSG_NOSIGNAL);
-      if (n < 0) return false;
-      sent += static_cast<std::size_t>(n);
-    }
-    return true;
-  }
-
-  /// Sends no more, and reads until the other side has closed.
-  void finish() {
-    shutdown(socket_, SHUT_WR);
-    std::array<char, 4096> ignored;
-    while (recv(socket_, ignored.data(), ignored.size(), 0) > 0) continue;
-  }
-
-  /// All that can be read now.
-  std::string read() {
-    std::string bytes(1 << 20, 0);
-    std::string all;
-    for (ssize_t n; (n = recv(socket_, bytes.data(), bytes.size(), MSG_DONTWAIT)) > 0;)
-      all.append(bytes, 0, static_cast<std::size_t>(n));
-    return all;
-  }
-
- private:
-  int socket_;
+      : BareConnection(run.port(), receive_buffer_B) {}
 };
 
 /// Sends the pose for a while, at 200 Hz.
@@ -368,15 +266,21 @@ TEST(OpenIGTLink, StatusGreetsAndAnswers) {
   EXPECT_EQ(answer->text, "poses received: 1; commanded pose: 12.5 mm, 28.6 deg");
 }
 
-TEST(OpenIGTLink, SecondClientIsTurnedAway) {
+TEST(OpenIGTLink, SecondClientMayLookOnButNotMoveTheHub) {
   RunningLoop run;
   Client first(run);
   hold(first, 20, 0, 50ms);
   {
     Client second(run);
+    const auto greeting = second.receive();
+    ASSERT_TRUE(greeting);
+    EXPECT_EQ(greeting->code, igtl::StatusMessage::STATUS_OK);
+    hold(first, 20, 0, 50ms);
+    ASSERT_TRUE(second.send(transform_message(90)));
     const auto busy = second.receive();
     ASSERT_TRUE(busy);
     EXPECT_EQ(busy->code, igtl::StatusMessage::STATUS_BUSY);
+    EXPECT_THAT(busy->text, testing::EndsWith(" moves the hub"));
     EXPECT_FALSE(second.receive());
   }
   EXPECT_TRUE(run.says("was rejected"));
@@ -392,19 +296,36 @@ TEST(OpenIGTLink, DeadClientGivesWayToAnother) {
   std::this_thread::sleep_for(2100ms);  // more than the two seconds after which it counts as dead
   Client next(run);
   EXPECT_EQ(next.receive()->code, igtl::StatusMessage::STATUS_OK);
+  ASSERT_TRUE(next.send(transform_message(10)));
+  EXPECT_FALSE(std::isnan(next.receive_load().force_N));
   EXPECT_TRUE(run.says("was replaced by another client"));
 }
 
-TEST(OpenIGTLink, ClientThatOnlyLooksOnGivesWayToAnother) {
+TEST(OpenIGTLink, ClientsThatOnlyLookOnKeepNoOneFromTheHub) {
   RunningLoop run;
-  RawClient onlooker(run);
+  std::list<RawClient> onlookers;  // as many as there can be
+  for (int i = 0; i < 8; ++i) onlookers.emplace_back(run);
   for (int i = 0; i < 22; ++i) {  // more than the two seconds that a client may go without a pose
-    ASSERT_TRUE(onlooker.send(MessageBytes{.type = "GET_STATUS"}.bytes()));
+    for (RawClient& onlooker : onlookers)
+      ASSERT_TRUE(onlooker.send(MessageBytes{.type = "GET_STATUS"}.bytes()));
     std::this_thread::sleep_for(100ms);
   }
   Client next(run);
   EXPECT_EQ(next.receive()->code, igtl::StatusMessage::STATUS_OK);
   EXPECT_TRUE(run.says("was replaced by another client"));
+  const HubLoad load = load_at_rest(run, next, 20, 0);
+  EXPECT_NEAR(load.force_N, -expected_force_N(20), kSettled * expected_force_N(20));
+}
+
+TEST(OpenIGTLink, WithoutASessionThereIsNothingToWatch) {
+  RunningLoop run;
+  Client client(run);
+  ASSERT_TRUE(client.send(MessageBytes{.type = "STT_IMAGE"}.bytes() + string_message("Pedal", "down")));
+  const auto answer = client.receive("");
+  ASSERT_TRUE(answer);
+  EXPECT_EQ(answer->type, "RTS_IMAGE");
+  EXPECT_EQ(answer->body, std::string("\1")) << "an error";
+  EXPECT_TRUE(run.says("asked for IMAGE, which only `xraycast serve` sends")) << run.log();
 }
 
 TEST(OpenIGTLink, ReportsWhatEndsItsThread) {
@@ -560,8 +481,8 @@ const BadTraffic kBadTraffic[] = {
     {"Random", random_bytes(100000), "sent an invalid OpenIGTLink header"},
     {"Nan", MessageBytes{.body = transform_body({1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, std::nanf("")})}.bytes(),
      "sent TRANSFORM with values that are not finite"},
-    {"AnotherType", MessageBytes{.type = "STRING", .body = "hello"}.bytes(),
-     "sent STRING, which is not supported"},
+    {"AnotherType", MessageBytes{.type = "COLORT", .body = "hello"}.bytes(),
+     "sent COLORT, which is not supported"},
 };
 
 class BadTraffics : public testing::TestWithParam<BadTraffic> {};
@@ -605,7 +526,7 @@ TEST(OpenIGTLink, FloodsTakeNoMemoryAndFewLines) {
              MessageBytes{.type = "GET_STATUS"}.bytes();
   const auto send_hundred = [&, noise = random_bytes(1 << 16)] {
     for (int i = 0; i < 20; ++i) {
-      RawClient flooding(run);  // reads nothing of what it is sent meanwhile
+      RawClient flooding(run, 2048);  // reads nothing of what it is sent meanwhile
       for (int k = 0; k < 5; ++k) ASSERT_TRUE(flooding.send(flood));
       flooding.send(noise);
       flooding.finish();

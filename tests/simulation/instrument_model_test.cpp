@@ -35,7 +35,7 @@ TEST(InstrumentModel, PresetsReadBack) {
 }
 
 TEST(InstrumentModel, PresetFilesNameTheirSourcesAndThemselves) {
-  for (const EmbeddedInstrument& file : embedded_instruments()) {
+  for (const EmbeddedFile& file : embedded_instruments()) {
     const auto json = nlohmann::json::parse(file.source);
     EXPECT_EQ(json.value("name", ""), file.name);
     EXPECT_GT(json.value("sources", "").size(), 20u) << file.name;

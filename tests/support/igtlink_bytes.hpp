@@ -36,11 +36,13 @@ struct MessageBytes {
   std::string body = {};
   std::uint16_t version = 1;
   std::optional<std::uint64_t> size_B = {}, checksum = {};
+  std::string name = {};
 
   std::string bytes() const {
     igtl_header header{};
     header.version = version;
     std::memcpy(header.name, type.data(), std::min(type.size(), sizeof header.name));
+    std::memcpy(header.device_name, name.data(), std::min(name.size(), sizeof header.device_name));
     header.body_size = size_B.value_or(body.size());
     std::string summed = body;
     header.crc = checksum.value_or(crc64(reinterpret_cast<unsigned char*>(summed.data()), summed.size(), 0));
@@ -58,6 +60,33 @@ inline std::string transform_body(std::array<float, 12> numbers) {
     for (int shift = 24; shift >= 0; shift -= 8) body += static_cast<char>(bits >> shift & 0xff);
   }
   return body;
+}
+
+/// A STRING, in ASCII.
+inline std::string string_message(const std::string& name, const std::string& text) {
+  return MessageBytes{.type = "STRING",
+                      .body = std::string{'\0', '\3', '\0', static_cast<char>(text.size())} + text,
+                      .name = name}
+      .bytes();
+}
+
+/// A request with an interval as STT_TDATA has it.
+inline std::string request_message(const std::string& type, std::uint16_t interval_ms) {
+  return MessageBytes{.type = type,
+                      .body = std::string{'\0', '\0', static_cast<char>(interval_ms >> 8),
+                                          static_cast<char>(interval_ms & 0xff)}}
+      .bytes();
+}
+
+/// A TRANSFORM CArm of the frame that IMAGE has: the picture's right, down, and towards the source.
+inline std::string c_arm_message(double angle_rad, double tilt_rad, double isocentre_z_mm) {
+  const auto f = [](double value) { return static_cast<float>(value); };
+  const double ca = std::cos(angle_rad), sa = std::sin(angle_rad), ct = std::cos(tilt_rad),
+               st = std::sin(tilt_rad);
+  return MessageBytes{.body = transform_body({f(ca), f(sa), 0, f(sa * st), f(-ca * st), f(-ct), f(-sa * ct),
+                                              f(ca * ct), f(-st), 0, 0, f(isocentre_z_mm)}),
+                      .name = "CArm"}
+      .bytes();
 }
 
 }  // namespace xraycast

@@ -6,11 +6,13 @@
 #include <fcntl.h>
 #include <poll.h>
 #include <pty.h>
+#include <sstream>
 #include <stdexcept>
 #include <sys/resource.h>
 #include <sys/wait.h>
 #include <system_error>
 #include <unistd.h>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -38,6 +40,15 @@ std::vector<char*> pointers_to(std::vector<std::string>& strings) {
 }
 
 }  // namespace
+
+Command command_of(std::vector<std::string> words, const std::string& line,
+                   const std::filesystem::path& folder) {
+  Command command{std::move(words)};
+  std::istringstream stream(line);
+  for (std::string word; stream >> word; command.words.push_back(word))
+    for (std::size_t at; (at = word.find('@')) != std::string::npos;) word.replace(at, 1, folder.string());
+  return command;
+}
 
 Process::Process(const Command& command)
     : deadline_(Clock::now() + command.patience), name_(command.words.front()) {

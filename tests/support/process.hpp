@@ -3,6 +3,7 @@
 #include <array>
 #include <chrono>
 #include <cstdint>
+#include <filesystem>
 #include <map>
 #include <optional>
 #include <string>
@@ -19,6 +20,10 @@ struct Command {
   bool on_terminal = false;                             ///< stderr is a terminal
   std::chrono::seconds patience{90};                    ///< after which it is killed
 };
+
+/// `words`, and after them those of `line`, apart by spaces, in which @ stands for the folder.
+Command command_of(std::vector<std::string> words, const std::string& line,
+                   const std::filesystem::path& folder);
 
 /// What it left behind.
 struct Finished {
@@ -37,6 +42,9 @@ class Process {
 
   /// Returns once stderr holds `text`; throws when the program ends without.
   void wait_for(const std::string& text);
+
+  /// What stderr holds so far.
+  const std::string& said() const { return streams_[1].text; }
 
   void send(int signal) const;
 

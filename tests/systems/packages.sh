@@ -15,6 +15,7 @@ if within bash -c 'command -v g++ cc make'; then
   exit 1
 fi
 within bash -c 'time xraycast demo -o /root/demo && ls -l /root/demo/contact-sheet.png'
+within grep -c 'href="run-dsa.gif"' /root/demo/index.html
 within bash -c 'test -s /usr/share/man/man1/xraycast.1 || test -s /usr/share/man/man1/xraycast.1.gz'
 
 echo "== without ld"

@@ -29,6 +29,10 @@ const { rectified_view } = await module_of("rectified.ts");
 const { drawn_bands } = await module_of("layers.ts");
 const { clustered, tube } = await module_of("mesh.ts");
 const { absorbed_by, covered_by } = await module_of("absorption.ts");
+const { message_of } = await module_of("live_message.ts");
+const { filled } = await module_of("contrast.ts");
+const { held_of } = await module_of("steering.ts");
+const { LastLoads } = await module_of("live.ts");
 
 const kRun = { pictures: 151, step_s: 1 / 15 };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
@@ -37,7 +41,7 @@ const session = ({ header = {}, ...more } = {}) => ({
     camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, layer_weights: [],
     shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
-  map: { layers: 4, bounds: kBounds }, vessels: null, catheter: null, run: null, ...more,
+  map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, ...more,
 });
 const opened = (data, hash = "") => new Store(state_of(hash, first_state(data)), first_state(data), data);
 const again = (state, data) => opened(data, hash_of(state, first_state(data))).state;
@@ -120,6 +124,79 @@ test("vessels without contrast agent are outlined all the same", () => {
   const surface = (mu_per_mm) => ({ mesh, mu_per_mm, is_closed: true }), count = ({ tau }) => tau.filter((tau) => tau > 0).length;
   assert.equal(count(absorbed_by([surface(0)], view)), 0);
   assert.ok(count(covered_by(surface(0), view)) > 5);
+});
+
+/** A box as a drum of contrast agent would be: points and triangles, from `low` to `high` along y. */
+function box(low, high) {
+  const points = [0, 1, 2, 3, 4, 5, 6, 7].flatMap((i) => [i & 1 ? 40 : -40, i & 2 ? high : low, i & 4 ? 40 : -40]);
+  const faces = [[0, 2, 3, 1], [4, 5, 7, 6], [0, 1, 5, 4], [2, 6, 7, 3], [0, 4, 6, 2], [1, 3, 7, 5]];
+  return { points, triangles: faces.flatMap(([a, b, c, d]) => [a, b, c, a, c, d]) };
+}
+
+/** Drums one behind the other along the beam from the front, as a page has them. */
+function drums(...ranges) {
+  const boxes = ranges.map(([low, high]) => box(low, high));
+  return {
+    drum_points: 8, drum_triangles: 12, is_closed: true, mu_per_mm: 0.001, colour: [1, 1, 1],
+    mesh: { points_mm: Float32Array.from(boxes.flatMap(({ points }) => points)), triangles: Uint32Array.from(boxes.flatMap(({ triangles }, i) => triangles.map((corner) => corner + 8 * i))) },
+  };
+}
+
+test("drums absorb by what they hold, and the larger where they overlap", () => {
+  const whole = drums([-20, 0], [-10, 10], [50, 60]), view = view_of({ lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, null, kBounds, 64, 48, "untilted");
+  const most = (surfaces) => Math.max(0, ...(absorbed_by(surfaces, view)?.tau ?? []));
+  const near = (found, wanted) => assert.ok(Math.abs(found - wanted) < 1e-4, `${found}, not ${wanted}`); // of 32-bit floats
+  near(most([filled(whole, [{ drum: 2, mg_ml: 100 }])]), 0.1 * 10);
+  near(most([filled(whole, [{ drum: 0, mg_ml: 100 }, { drum: 1, mg_ml: 300 }])]), 0.1 * 10 + 0.3 * 20);
+  near(most([filled(whole, [{ drum: 0, mg_ml: 200 }, { drum: 1, mg_ml: 200 }])]), 0.2 * 30);
+  assert.equal(filled(whole, []), null);
+  assert.equal(filled(whole, [{ drum: 3, mg_ml: 100 }]), null); // of no such drum
+});
+
+/** As viewer/xraycast/serving/browser_message.cpp writes it. */
+function live_bytes() {
+  const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3));
+  [1, 5, 0, 1].forEach((byte, i) => view.setUint8(i, byte));
+  let at = 4;
+  const whole = (x) => view.setUint32((at += 4) - 4, x, true), real = (x) => view.setFloat32((at += 4) - 4, x, true);
+  whole(9);
+  [1.5, 2, 3, 100, 45, 0.25, -2].forEach(real);
+  [1, 2].forEach(whole);
+  [1, 2, 3, 4, 5, 6].forEach(real);
+  [1, 7].forEach(whole);
+  real(350);
+  return view.buffer;
+}
+
+test("a live message is read as it is written", () => {
+  assert.deepEqual(message_of(live_bytes()), {
+    exposes: true, injects: false, is_valve_locked: true, has_outlet: false, held_hub: 0, exposures: 9, time_s: 1.5, fluoroscopy_s: 2, injected_ml: 3,
+    devices: [{ insertion_mm: 100, rotation_deg: 45, force_N: 0.25, torque_mNm: -2, parts_mm: [[[1, 2, 3], [4, 5, 6]]] }],
+    filled: [{ drum: 7, mg_ml: 350 }],
+  });
+  for (let size = 0; size < live_bytes().byteLength; ++size) assert.throws(() => message_of(live_bytes().slice(0, size)), `${size}`);
+  const huge = live_bytes();
+  new DataView(huge).setUint32(36, 0xffffffff, true); // parts
+  assert.throws(() => message_of(huge), /too short/);
+  const other = live_bytes();
+  new DataView(other).setUint8(0, 2);
+  assert.throws(() => message_of(other), /another version/);
+});
+
+test("opposite holds cancel", () => {
+  assert.deepEqual(held_of(new Set(["push", "left", "slow"])), { push: 1, turn: -1, slow: true, pedal: false, inject: false });
+  assert.deepEqual(held_of(new Set(["push", "pull", "pedal", "inject"])), { push: 0, turn: 0, slow: false, pedal: true, inject: true });
+});
+
+test("loads are kept for ten seconds, and not over a new run", () => {
+  const loads = new LastLoads(["a", "b"]), devices = (force_N) => [{ force_N, torque_mNm: 0 }, { force_N: -force_N, torque_mNm: 1 }];
+  for (let i = 0; i <= 300; ++i) loads.add({ time_s: i / 20, devices: devices(i) });
+  loads.add({ time_s: 15, devices: devices(1000) }); // told again
+  const { device, force_N, torque_mNm, now, length_s } = loads.of(1);
+  assert.deepEqual([device, force_N.length, force_N[0], force_N[now], torque_mNm[now]], ["b", 201, -100, -300, 1]);
+  assert.ok(Math.abs(length_s - 10) < 1e-9);
+  loads.add({ time_s: 0.1, devices: devices(1) });
+  assert.deepEqual(loads.of(0).force_N, [1]);
 });
 
 test("clusters of a closed mesh are closed, fewer, and of nearly its volume", () => {

@@ -38,6 +38,8 @@ const kMesa = ["--use-gl=angle", "--use-angle=gl", "--ignore-gpu-blocklist"];
 const launch = (...flags) =>
   puppeteer.launch({ executablePath: "/usr/bin/chromium", headless: false, defaultViewport: null, args: ["--no-sandbox", "--disable-dev-shm-usage", ...flags] });
 
+const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
+
 before(async () => {
   run("phantom", "thorax", "--size", "192x192x240", "-o", file("thorax.nrrd"), "--truth", file("truth"));
   run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 8);
@@ -49,6 +51,8 @@ before(async () => {
   run("export", file("coarse.exr"), "--vessels", file("truth"), "-o", file("coarse.html"));
   run("export", file("map.exr"), "--vessels", file("truth"), "-o", file("page.html"));
   run("export", file("circles.exr"), "--vessels", file("truth"), "--precision", "half", "-o", file("circles.html"));
+  writeFileSync(file("pair.csv"), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n3,120,180,250,0\n");
+  run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("pair.csv"), ...kPair, "-o", file("pair.html"));
   run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("push.csv"), "--title", "A <run> & its film", "-o", file("run.html"));
   await start_screen();
   chromium = await launch(...kMesa);
@@ -227,10 +231,11 @@ test("the road map lies where render draws it", async () => {
   await close(opened);
 });
 
-test("a late picture of a run is that of simulate --cine", async (t) => {
-  run("simulate", file("truth"), "--device-model", "cobra-5f", "--script", file("push.csv"), "-o", file("log.csv"), "--map", file("map.exr"), "--cine", file("frames"), "--size", "640x480");
+for (const [what, script, page, ...models] of [["a run", "push.csv", "run.html", "cobra-5f"], ["a run of a wire in a catheter", "pair.csv", "pair.html", "cobra-5f", "guidewire-035-j"]])
+test(`a late picture of ${what} is that of simulate --cine`, async (t) => {
+  run("simulate", file("truth"), ...models.flatMap((model) => ["--device-model", model]), "--script", file(script), "-o", file("log.csv"), "--map", file("map.exr"), "--cine", file("frames"), "--size", "640x480");
   const wanted = PNG.sync.read(readFileSync(file("frames/frame-028.png"))); // ten a second
-  const opened = await open("run.html", "ui=0&t=2.8&roadmap=0"), shown = await picture_of(opened.page), before = await show(opened.page, "ui=0&t=0&roadmap=0").then(() => picture_of(opened.page));
+  const opened = await open(page, "ui=0&t=2.8&roadmap=0"), shown = await picture_of(opened.page), before = await show(opened.page, "ui=0&t=0&roadmap=0").then(() => picture_of(opened.page));
   for (let i = 0; i < wanted.data.length; i += 4) // but for the road map, which simulate draws
     if (!is_grey(wanted, i)) for (const picture of [wanted, shown, before]) picture.data.fill(0, i, i + 3);
   const dB = psnr_dB(shown, wanted);
@@ -295,6 +300,15 @@ test("the run plays, is scrubbed, and says its forces", async () => {
   await settled(page);
   assert.ok(Math.abs((await time()) - 3) < 0.1);
   assert.match(await page.$eval("#strip", (strip) => strip.getAttribute("aria-label")), /force .* N, torque .* mN m, over 3\.0 s/);
+  await close(opened);
+});
+
+test("the strip is that of the hub that is chosen", async () => {
+  const opened = await open("pair.html", "lao=0"), { page } = opened;
+  const label = () => page.$eval("#strip", (strip) => strip.getAttribute("aria-label"));
+  assert.match(await label(), /^At the hub of the cobra-5f: force /);
+  await page.select("#hub", "1");
+  assert.match(await label(), /^At the hub of the guidewire-035-j: force .* over 3\.0 s$/);
   await close(opened);
 });
 
@@ -458,18 +472,18 @@ test("opening a page again and again takes no more memory", async (t) => {
 
 test("pages are small", async (t) => {
   run("cast", file("thorax.nrrd"), "-o", file("layers.exr"), "--layers", 16);
-  writeFileSync(file("long.csv"), "time_s,insertion_mm,rotation_deg\n0,0,0\n10,300,360\n");
+  writeFileSync(file("long.csv"), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n10,200,360,350,0\n");
   // A third of the rows that the bars of 4 and 8 MB are for; the vessels are nearly as large.
   for (const [precision, most_MB] of [["byte", 4 / 3], ["half", 8 / 3]]) {
-    run("export", file("layers.exr"), "--vessels", file("truth"), "--script", file("long.csv"), "--precision", precision, "-o", file("size.html"));
+    run("export", file("layers.exr"), "--vessels", file("truth"), "--script", file("long.csv"), ...kPair, "--precision", precision, "-o", file("size.html"));
     const MB = statSync(file("size.html")).size / 1e6;
-    t.diagnostic(`${MB.toFixed(2)} MB: ${precision}, 16 layers of 240 rows, vessels, 10 s`);
+    t.diagnostic(`${MB.toFixed(2)} MB: ${precision}, 16 layers of 240 rows, vessels, 10 s of a wire in a catheter`);
     assert.ok(MB < most_MB, `${precision}: ${MB} MB`);
   }
 });
 
 test("glTF files are valid", async () => {
-  for (const words of [[], ["--vessels", file("truth")], ["--vessels", file("truth"), "--script", file("push.csv")]]) {
+  for (const words of [[], ["--vessels", file("truth")], ["--vessels", file("truth"), "--script", file("push.csv")], ["--vessels", file("truth"), "--script", file("pair.csv"), ...kPair]]) {
     run("export", file("map.exr"), ...words, "-o", file("session.glb"));
     const { issues } = await gltf_validator.validateBytes(new Uint8Array(readFileSync(file("session.glb"))));
     assert.deepEqual([issues.numErrors, issues.numWarnings], [0, 0], JSON.stringify(issues.messages.slice(0, 5)));

@@ -106,7 +106,7 @@ TEST(FluoroscopeLimits, TheBrightestPixelsAreNotBlack) {
 // ---- optical depths -----------------------------------------------------------------------------------
 
 TEST(FluoroscopeLimits, DepthsThatAreNoNumbersCountAsTheNearestStep) {
-  const QuantaTable table{2, {1, 0.5f, 0.25f}, {50, 52, 56}, {10, 9, 7}};
+  const QuantaTable table{2, {{1, 50, 10}, {0.5f, 52, 9}, {0.25f, 56, 7}}};
   constexpr float kInfinity = std::numeric_limits<float>::infinity();
   const std::vector<float> tau{std::nanf(""), -1, -kInfinity, 0, 0.25f, 0.75f, 1, 7, 1e30f, kInfinity};
   std::vector<float> share(tau.size()), mean(tau.size()), spread(tau.size());

@@ -1,4 +1,4 @@
-#include "xraycast/window/intervention.hpp"
+#include "xraycast/serving/intervention.hpp"
 
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"

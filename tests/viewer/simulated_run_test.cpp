@@ -1,4 +1,4 @@
-#include "xraycast/window/simulated_run.hpp"
+#include "xraycast/serving/simulated_run.hpp"
 
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/haptics/script_device.hpp"

@@ -4,6 +4,7 @@
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
 #include "xraycast/export/packed_numbers.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
 
 #include <glm/geometric.hpp>
 #include <glm/gtc/packing.hpp>
@@ -140,13 +141,12 @@ TEST(PackedMesh, TurnsNormalsOutwards) {
 }
 
 TEST(PackedShapes, AreReadFromTheTipOn) {
-  RecordedRun run;
-  run.controls_mm = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}, {0, 0, 3}},
-                     {{0, 0, 0}, {0, 0, 2}, {0, 0, 3}, {0, 0, 4}, {0, 1, 5}}};
-  const std::string bytes = pack_shapes(run, 0.01);
+  const RecordedRun::Shapes shapes_mm{{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}, {0, 0, 3}},
+                                      {{0, 0, 0}, {0, 0, 2}, {0, 0, 3}, {0, 0, 4}, {0, 1, 5}}};
+  const std::string bytes = pack_shapes(shapes_mm, 0.01);
   std::size_t at = 0;
   std::vector<std::array<std::int64_t, 3>> before;
-  for (const auto& controls_mm : run.controls_mm) {
+  for (const auto& controls_mm : shapes_mm) {
     std::vector<std::array<std::int64_t, 3>> points;
     ASSERT_EQ(next_number(bytes, at), std::ssize(controls_mm));
     for (std::size_t i = 0; i < controls_mm.size(); ++i) {
@@ -184,14 +184,25 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
   session.title = "</script><script>alert(1)</script>";
   session.map = std::make_shared<BodyMap>(noisy_map());
   session.vessels = Surface{tube()};
-  session.run = RecordedRun{.device = "probe",
-                            .controls_mm = {{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}, {0, 0, 3}}},
-                            .loads = {{0.5, 1e-3}}};
+  const RecordedRun::Shapes shapes_mm{{{0, 0, 0}, {0, 0, 1}, {0, 0, 2}, {0, 0, 3}}};
+  session.run =
+      RecordedRun::of({InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")});
+  for (RecordedRun::Device& device : session.run->devices) {
+    device.parts.back() = shapes_mm;
+    device.loads = {{0.5, 1e-3}};
+  }
   const std::string page = web_page(session);
   EXPECT_EQ(page.find("alert(1)</script>"), std::string::npos);
   const auto header = nlohmann::json::parse(element_of(page, "session"));
   EXPECT_EQ(header["title"], session.title);
-  EXPECT_EQ(header["run"]["torque_mNm"][0], 1);
+  ASSERT_EQ(header["run"]["devices"].size(), 2u);
+  EXPECT_EQ(header["run"]["devices"][1]["torque_mNm"][0], 1);
+  // A wire's shaft, and its tip, which is denser.
+  const auto& wire = header["run"]["devices"][1]["parts"];
+  ASSERT_EQ(wire.size(), 2u);
+  EXPECT_GT(wire[1]["mu_per_mm"], wire[0]["mu_per_mm"]);
+  EXPECT_TRUE(header["live"].is_null());
+  EXPECT_EQ(page.find("connect-src"), std::string::npos);
   const std::string packed = unbase64(element_of(page, "data"));
   std::string bytes(100'000, '\0');
   uLongf size = bytes.size();
@@ -205,10 +216,27 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
   };
   EXPECT_EQ(part("layers"), pack_layers(*session.map, MapPrecision::byte).bytes);
   EXPECT_EQ(part("vessel_points"), pack_mesh(session.vessels->mesh).points);
-  EXPECT_EQ(part("shapes"), pack_shapes(*session.run, 0.01));
+  EXPECT_EQ(part("shapes_0_0"), pack_shapes(shapes_mm, 0.01));
+  EXPECT_EQ(part("shapes_1_1"), pack_shapes(shapes_mm, 0.01));
   float reach_mm = 0;
   std::memcpy(&reach_mm, part("reaches").data(), sizeof reach_mm);
   EXPECT_EQ(reach_mm, 60);
+}
+
+TEST(WebPage, OfALiveRunConnectsToItsOwnServerAlone) {
+  VesselBranch branch;
+  branch.points = {{{0, 0, -40}, 3}, {{0, 0, 0}, 3}, {{0, 0, 40}, 3}};
+  WebSession session;
+  session.map = std::make_shared<BodyMap>(noisy_map());
+  session.live = LiveRun{.devices = {InstrumentModel::named("cobra-5f")},
+                         .contrast = ContrastSurface(VesselTree({branch}, "tube")).whole()};
+  const std::string page = web_page(session);
+  EXPECT_NE(page.find("form-action 'none'; connect-src 'self'\""), std::string::npos);
+  const auto live = nlohmann::json::parse(element_of(page, "session"))["live"];
+  EXPECT_EQ(live["devices"].size(), 1u);
+  EXPECT_EQ(live["contrast"]["points"], 2 * live["contrast"]["drum_points"].get<int>());
+  EXPECT_EQ(live["contrast"]["triangles"], 2 * live["contrast"]["drum_triangles"].get<int>());
+  EXPECT_EQ(live["contrast"]["is_closed"], true);
 }
 
 TEST(WebPage, SuitsCylindersOfOpticalDepths) {

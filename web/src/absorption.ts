@@ -33,8 +33,8 @@ function projected(points: Float32Array, view: View): Float64Array {
 class Crossings {
   readonly first: Int32Array;
   depth = new Float32Array(1 << 14);
-  /** Of the surface: its number + 1, negative where the ray leaves. */
-  surface = new Int8Array(1 << 14);
+  /** Of what the ray enters there, negative where it leaves. */
+  mu_per_mm = new Float32Array(1 << 14);
   next = new Int32Array(1 << 14);
   count = 0;
 
@@ -42,30 +42,30 @@ class Crossings {
     this.first = new Int32Array(width * height).fill(-1);
   }
 
-  add(pixel: number, depth: number, surface: number): void {
+  add(pixel: number, depth: number, mu_per_mm: number): void {
     if (this.count === this.depth.length) this.grow();
     this.depth[this.count] = depth;
-    this.surface[this.count] = surface;
+    this.mu_per_mm[this.count] = mu_per_mm;
     this.next[this.count] = this.first[pixel]!;
     this.first[pixel] = this.count++;
   }
 
   private grow(): void {
-    const larger = <T extends Float32Array | Int8Array | Int32Array>(old: T, made: T): T => (made.set(old), made);
+    const larger = <T extends Float32Array | Int32Array>(old: T, made: T): T => (made.set(old), made);
     const size = 2 * this.count;
     this.depth = larger(this.depth, new Float32Array(size));
-    this.surface = larger(this.surface, new Int8Array(size));
+    this.mu_per_mm = larger(this.mu_per_mm, new Float32Array(size));
     this.next = larger(this.next, new Int32Array(size));
   }
 
   /** A triangle (indices of its corners' coordinates), as two that share an edge see it alike. */
-  rasterise(p: Float64Array, a: number, b: number, c: number, is_cone: boolean, surface: number): void {
+  rasterise(p: Float64Array, a: number, b: number, c: number, is_cone: boolean, mu_per_mm: number): void {
     let area = (p[b]! - p[a]!) * (p[c + 1]! - p[a + 1]!) - (p[b + 1]! - p[a + 1]!) * (p[c]! - p[a]!);
     if (area === 0 || (is_cone && Math.min(p[a + 2]!, p[b + 2]!, p[c + 2]!) < 1)) return;
     if (area < 0) {
       [b, c] = [c, b];
       area = -area;
-    } else surface = -surface; // rays leave through faces towards the detector
+    } else mu_per_mm = -mu_per_mm; // rays leave through faces towards the detector
     const left = Math.max(this.x, Math.ceil(Math.min(p[a]!, p[b]!, p[c]!) - 0.5));
     const right = Math.min(this.x + this.width - 1, Math.floor(Math.max(p[a]!, p[b]!, p[c]!) - 0.5));
     const bottom = Math.max(this.y, Math.ceil(Math.min(p[a + 1]!, p[b + 1]!, p[c + 1]!) - 0.5));
@@ -82,7 +82,7 @@ class Crossings {
         const x = column + 0.5, y = row + 0.5;
         if (!is_left_of(p, a, b, x, y) || !is_left_of(p, b, c, x, y) || !is_left_of(p, c, a, x, y)) continue;
         const value = Math.min(high, Math.max(low, at_a + per_x * (x - p[a]!) + per_y * (y - p[a + 1]!)));
-        this.add((row - this.y) * this.width + column - this.x, is_cone ? 1 / value : value, surface);
+        this.add((row - this.y) * this.width + column - this.x, is_cone ? 1 / value : value, mu_per_mm);
       }
   }
 }
@@ -111,45 +111,69 @@ function box_of(points: Float64Array[], view: View): [number, number, number, nu
   return x < right && y < top ? [x, y, right - x, top - y] : null;
 }
 
+/** What a ray is in: of every mu how often it was entered more than left. */
+class Within {
+  private readonly mu: number[] = [];
+  private readonly winding: number[] = [];
+
+  clear(): void {
+    this.mu.length = this.winding.length = 0;
+  }
+
+  /** The largest mu beyond a crossing. */
+  cross(entered: number): number {
+    const mu = Math.abs(entered);
+    let place = this.mu.indexOf(mu);
+    if (place < 0) place = this.mu.push(mu) - 1;
+    this.winding[place] = (this.winding[place] ?? 0) + Math.sign(entered);
+    if (this.winding[place] === 0) {
+      this.mu.splice(place, 1);
+      this.winding.splice(place, 1);
+    }
+    let strongest = 0;
+    for (let i = 0; i < this.mu.length; ++i) if (this.winding[i]! > 0) strongest = Math.max(strongest, this.mu[i]!);
+    return strongest;
+  }
+}
+
 /** The optical depth of one pixel: at every depth the largest mu of the surfaces that the ray is within. */
-function tau_of(crossings: Crossings, pixel: number, surfaces: readonly Surface[], order: number[], winding: Int32Array): number {
+function tau_of(crossings: Crossings, pixel: number, order: number[], within: Within): number {
   order.length = 0;
   for (let i = crossings.first[pixel]!; i >= 0; i = crossings.next[i]!) {
     let place = order.length++;
     for (; place > 0 && crossings.depth[order[place - 1]!]! > crossings.depth[i]!; --place) order[place] = order[place - 1]!;
     order[place] = i;
   }
-  winding.fill(0);
+  within.clear();
   let sum = 0, strongest = 0, before = 0;
   for (const i of order) {
-    const depth = crossings.depth[i]!, surface = crossings.surface[i]!, number = Math.abs(surface) - 1;
+    const depth = crossings.depth[i]!;
     sum += strongest * (depth - before);
     before = depth;
-    winding[number] = winding[number]! + Math.sign(surface);
-    strongest = 0;
-    for (let k = 0; k < surfaces.length; ++k) if (winding[k]! > 0) strongest = Math.max(strongest, surfaces[k]!.mu_per_mm);
+    strongest = within.cross(crossings.mu_per_mm[i]!);
   }
   return sum;
 }
 
 /** The pixels that a surface covers, whatever it holds. */
-export const covered_by = (surface: Surface, view: View): Absorbed | null => absorbed_by([{ ...surface, mu_per_mm: 1 }], view);
+export const covered_by = (surface: Surface, view: View): Absorbed | null => absorbed_by([{ mesh: surface.mesh, is_closed: true, colour: surface.colour, mu_per_mm: 1 }], view);
 
 /** What surfaces absorb in a view; none where nothing is seen of them. */
 export function absorbed_by(surfaces: readonly Surface[], view: View): Absorbed | null {
   const points = surfaces.map((surface) => projected(surface.mesh.points_mm, view)), box = box_of(points, view);
   if (!box) return null;
   const [x, y, width, height] = box, crossings = new Crossings(x, y, width, height);
-  surfaces.forEach((surface, number) => {
-    if (surface.mu_per_mm <= 0) return;
-    const { triangles } = surface.mesh, p = points[number]!;
-    for (let t = 0; t < triangles.length; t += 3)
-      crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, number + 1);
+  surfaces.forEach(({ mesh: { triangles }, mu_per_mm, weights }, number) => {
+    const p = points[number]!;
+    for (let t = 0; t < triangles.length; t += 3) {
+      const mu = weights ? mu_per_mm * weights[triangles[t]!]! : mu_per_mm;
+      if (mu > 0) crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, mu);
+    }
   });
-  const tau = new Float32Array(width * height), order: number[] = [], winding = new Int32Array(surfaces.length);
+  const tau = new Float32Array(width * height), order: number[] = [], within = new Within();
   for (let pixel = 0; pixel < tau.length; ++pixel) {
     if (crossings.first[pixel]! < 0) continue;
-    tau[pixel] = tau_of(crossings, pixel, surfaces, order, winding);
+    tau[pixel] = tau_of(crossings, pixel, order, within);
     if (!view.cone) continue;
     // A ray is longer than its part along the beam's axis.
     const on_detector = pixel_on_detector_mm(view, x + (pixel % width), view.height - 1 - y - Math.floor(pixel / width));

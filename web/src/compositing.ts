@@ -8,6 +8,7 @@ import { drawn_bands, texel_sizes, with_half_the_rows } from "./layers";
 import { clustered, normals_of } from "./mesh";
 import { Rectified, rectified_view } from "./rectified";
 import { Sampler } from "./samples";
+import row_steps_glsl from "../../viewer/shaders/row_steps.glsl";
 import columns_glsl from "./shaders/columns.glsl";
 import columns_frag from "./shaders/columns.frag";
 import display_frag from "./shaders/display.frag";
@@ -122,7 +123,7 @@ class BodyPicture {
   }
 }
 
-const kMostMeshes = 6; // on the device: vessels and a catheter, also as clusters, and the run's, which moves
+const kMostMeshes = 12; // on the device: vessels, also as clusters, and the parts of three devices, which move
 const kFewToCluster = 3 * 20_000; // corners: fewer are drawn as soon as clusters of them
 const kCluster_mm = 2; // of surfaces in pictures of a motion, where that is less than two pixels
 
@@ -151,8 +152,8 @@ export class Renderer {
   constructor(private readonly gl: WebGL2RenderingContext, map: MapGeometry, tau: Float32Array) {
     if (!gl.getExtension("EXT_color_buffer_float")) throw new Error("this device cannot draw into textures of floats");
     this.programs = {
-      columns: new Program(gl, screen_vert, columns_glsl + columns_frag),
-      near_columns: new Program(gl, screen_vert, columns_glsl + near_columns_frag),
+      columns: new Program(gl, screen_vert, row_steps_glsl + columns_glsl + columns_frag),
+      near_columns: new Program(gl, screen_vert, row_steps_glsl + columns_glsl + near_columns_frag),
       display: new Program(gl, screen_vert, display_frag),
       surface: new Program(gl, surface_vert, surface_frag),
       thickness: new Program(gl, surface_vert, thickness_frag),
@@ -277,7 +278,7 @@ export class Renderer {
   }
 
   private clusters_of(surface: Surface): Surface {
-    if (surface.mesh.triangles.length < kFewToCluster) return surface;
+    if (surface.weights || surface.mesh.triangles.length < kFewToCluster) return surface;
     let clusters = this.clusters.get(surface);
     if (!clusters) this.clusters.set(surface, (clusters = { ...surface, mesh: clustered(surface.mesh, kCluster_mm) }));
     return clusters;
@@ -292,7 +293,7 @@ export class Renderer {
       const oldest = this.triangles.keys().next().value;
       if (this.triangles.size >= kMostMeshes && oldest) this.forget_mesh(oldest);
       triangles = new Triangles(this.gl);
-      triangles.fill(surface.mesh.points_mm, normals_of(surface.mesh), surface.mesh.triangles);
+      triangles.fill(surface.mesh.points_mm, normals_of(surface.mesh), surface.mesh.triangles, surface.weights);
       this.triangles.set(surface.mesh, triangles);
     }
     return triangles;

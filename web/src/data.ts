@@ -33,16 +33,35 @@ interface Matter {
   colour: Vec3;
 }
 
-interface RunHeader {
-  mu_per_mm: number;
-  colour: Vec3;
-  device: string;
+/** A catheter has one part; a wire has two, its shaft and its tip, which is denser. */
+export interface DeviceHeader {
+  name: string;
   radius_mm: number;
+  parts: { mu_per_mm: number; colour: Vec3 }[];
+}
+
+interface RunDeviceHeader extends DeviceHeader {
+  force_N: number[];
+  torque_mNm: number[];
+}
+
+interface RunHeader {
+  devices: RunDeviceHeader[]; // from the outermost on
   pictures: number;
   step_s: number;
   unit_mm: number;
-  force_N: number[];
-  torque_mNm: number[];
+}
+
+interface LiveHeader {
+  devices: DeviceHeader[];
+  contrast: MeshHeader & Matter & Drums;
+  has_hub: boolean; // the page moves the hubs
+}
+
+/** Of contrast agent: a mesh has so many points and triangles for each, one drum behind the other. */
+interface Drums {
+  drum_points: number;
+  drum_triangles: number;
 }
 
 /** What the viewer's C-arm can do, and how it draws. */
@@ -60,8 +79,9 @@ export interface Header {
   viewer: ViewerHeader;
   map: MapHeader;
   vessels: (MeshHeader & Matter) | null;
-  catheter: (MeshHeader & Matter) | null;
+  catheters: (MeshHeader & Matter)[];
   run: RunHeader | null;
+  live: LiveHeader | null;
   camera: Camera;
   cone: Cone | null;
   is_of_session: boolean; // its pose is one that a viewer saved
@@ -86,11 +106,22 @@ export interface Mesh {
 
 export interface Surface extends Matter {
   mesh: Mesh;
+  weights?: Float32Array; // of mu_per_mm, one a point, the same at a triangle's corners; seen by X-rays alone
+}
+
+export interface RunDevice extends RunDeviceHeader {
+  /** Of each part and picture: the control points of its curve, from the introducer's side to that of the tip. */
+  shapes: Vec3[][][];
 }
 
 export interface Run extends RunHeader {
-  /** Of every picture: the control points of the device's curve, from the introducer to the tip. */
-  shapes: Vec3[][];
+  devices: RunDevice[];
+}
+
+export interface Contrast extends Surface, Drums {}
+
+export interface Live extends LiveHeader {
+  contrast: MeshHeader & Contrast;
 }
 
 export interface SessionData {
@@ -98,8 +129,9 @@ export interface SessionData {
   map: MapGeometry;
   tau: Float32Array; // K x H x W
   vessels: Surface | null;
-  catheter: Surface | null;
+  catheters: Surface[];
   run: Run | null;
+  live: Live | null;
 }
 
 async function inflated(base64: string): Promise<Uint8Array> {
@@ -191,17 +223,17 @@ function mesh_of(header: MeshHeader, points: Uint8Array, triangles: Uint8Array):
 }
 
 /** Shapes are stored from the tip on, as differences from the same point of the picture before, or of the same picture. */
-function shapes_of(header: RunHeader, bytes: Uint8Array): Vec3[][] {
+function shapes_of({ pictures, unit_mm }: RunHeader, bytes: Uint8Array): Vec3[][] {
   const numbers = new Numbers(bytes), shapes: Vec3[][] = [];
   let before: number[][] = [];
-  for (let picture = 0; picture < header.pictures; ++picture) {
+  for (let picture = 0; picture < pictures; ++picture) {
     const points: number[][] = [], count = numbers.next();
     for (let i = 0; i < count; ++i) {
       const from = before[i] ?? points[i - 1] ?? [0, 0, 0];
       points.push([0, 1, 2].map((axis) => from[axis]! + numbers.next()));
     }
     before = points;
-    shapes.push([...points].reverse().map((p) => [p[0]! * header.unit_mm, p[1]! * header.unit_mm, p[2]! * header.unit_mm]));
+    shapes.push([...points].reverse().map((p) => [p[0]! * unit_mm, p[1]! * unit_mm, p[2]! * unit_mm]));
   }
   return shapes;
 }
@@ -214,11 +246,15 @@ export async function session_of(header: Header, base64: string): Promise<Sessio
   };
   const floats = (name: string) => new Float32Array(part(name).slice().buffer);
   const map = { ...header.map, reaches_mm: floats("reaches"), scales: floats("scales") };
-  const surface_of = (of: (MeshHeader & Matter) | null, name: string) =>
-    of && { ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) };
-  const run = header.run && { ...header.run, shapes: shapes_of(header.run, part("shapes")) };
+  const surface_of = <Kind extends MeshHeader & Matter>(of: Kind, name: string) =>
+    ({ ...of, mesh: mesh_of(of, part(`${name}_points`), part(`${name}_triangles`)) });
+  const { run, live } = header;
+  const shapes_of_device = (device: RunDeviceHeader, d: number): RunDevice =>
+    ({ ...device, shapes: device.parts.map((_, p) => shapes_of(run!, part(`shapes_${d}_${p}`))) });
   return {
-    header, map, tau: tau_of(header.map, part("layers")), vessels: surface_of(header.vessels, "vessel"),
-    catheter: surface_of(header.catheter, "catheter"), run,
+    header, map, tau: tau_of(header.map, part("layers")), vessels: header.vessels && surface_of(header.vessels, "vessel"),
+    catheters: header.catheters.map((catheter, i) => surface_of(catheter, `catheter_${i}`)),
+    run: run && { ...run, devices: run.devices.map(shapes_of_device) },
+    live: live && { ...live, contrast: surface_of(live.contrast, "contrast") },
   };
 }

@@ -1,6 +1,7 @@
-// The catheter at a time of its run, as a surface.
-import type { Run, Surface } from "./data";
+// Devices as surfaces: a tube about the curve of each part. Those of a run at a time.
+import type { DeviceHeader, Run, Surface } from "./data";
 import { curve_points, tube } from "./mesh";
+import type { Vec3 } from "./vectors";
 
 const kRingsPerPoint = 3, kSides = 8;
 
@@ -13,21 +14,24 @@ export const shown_time_s = (run: Run, time_s: number): number => picture_at(run
 
 export const length_s = (run: Run): number => Math.max(0, (run.pictures - 1) * run.step_s);
 
-export class DeviceShape {
+/** The parts of a device, with the control points of each; without those that are shorter than a curve takes. */
+export function surfaces_of({ radius_mm, parts }: DeviceHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {
+  return parts.flatMap((part, p) => {
+    const controls = controls_mm[p] ?? [];
+    return controls.length < 4 ? [] : [{ ...part, mesh: tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides), is_closed: true }];
+  });
+}
+
+export class DeviceShapes {
   private picture = -1;
-  private surface: Surface | null = null;
+  private surfaces: Surface[] = [];
   constructor(private readonly run: Run) {}
 
-  /** None while less of it is in the body than a curve takes. */
-  at(time_s: number): Surface | null {
+  at(time_s: number): Surface[] {
     const picture = picture_at(this.run, time_s);
-    if (picture === this.picture) return this.surface;
+    if (picture === this.picture) return this.surfaces;
     this.picture = picture;
-    const controls = this.run.shapes[picture]!;
-    this.surface = controls.length < 4 ? null : {
-      mesh: tube(curve_points(controls, kRingsPerPoint), this.run.radius_mm, kSides), is_closed: true,
-      mu_per_mm: this.run.mu_per_mm, colour: this.run.colour,
-    };
-    return this.surface;
+    this.surfaces = this.run.devices.flatMap((device) => surfaces_of(device, device.shapes.map((shapes) => shapes[picture]!)));
+    return this.surfaces;
   }
 }

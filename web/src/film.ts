@@ -1,8 +1,8 @@
 // The run as a film: play, scrub, speed.
 import type { Run } from "./data";
-import { length_s } from "./device_shape";
+import { length_s, picture_at } from "./device_shape";
 import type { Store } from "./state";
-import { draw_strip, strip_text } from "./strip";
+import { Loads, Strip } from "./strip";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -18,19 +18,18 @@ export class Film {
   private readonly play = element<HTMLButtonElement>("play");
   private readonly time = element<HTMLInputElement>("time");
   private readonly speed = element<HTMLSelectElement>("speed");
-  private readonly strip = element<HTMLCanvasElement>("strip");
+  private readonly strip: Strip;
 
   constructor(private readonly run: Run, private readonly store: Store) {
     element("film").hidden = false;
     this.time.max = String(length_s(run));
     this.time.step = String(run.step_s);
-    this.strip.setAttribute("aria-label", strip_text(run));
+    this.strip = new Strip(run.devices.map(({ name }) => name), (hub) => this.loads(hub));
     this.play.addEventListener("click", () => this.toggle());
     this.time.addEventListener("input", () => {
       this.stop();
       this.show(Number(this.time.value));
     });
-    new ResizeObserver(() => this.draw()).observe(this.strip);
     this.draw();
   }
 
@@ -55,7 +54,12 @@ export class Film {
     const { time_s } = this.store.state;
     this.time.value = String(time_s);
     element("clock").textContent = `${time_s.toFixed(1)} of ${length_s(this.run).toFixed(1)} s`;
-    draw_strip(this.strip, this.run, time_s);
+    this.strip.draw();
+  }
+
+  private loads(hub: number): Loads {
+    const { name, force_N, torque_mNm } = this.run.devices[hub]!;
+    return { device: name, force_N, torque_mNm, length_s: length_s(this.run), now: picture_at(this.run, this.store.state.time_s) };
   }
 
   private show(time_s: number): void {

@@ -207,27 +207,31 @@ export class Target {
   }
 }
 
-/** Triangles on the GPU: points and their normals. */
+/** Triangles on the GPU: points, their normals, and weights, which are 1 where there are none. */
 export class Triangles {
+  private static readonly kWeight = 2; // attribute
   private readonly vertices: WebGLVertexArrayObject;
   private readonly buffers: WebGLBuffer[];
   private count = 0;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.vertices = gl.createVertexArray()!;
-    this.buffers = [gl.createBuffer()!, gl.createBuffer()!, gl.createBuffer()!];
+    this.buffers = [gl.createBuffer()!, gl.createBuffer()!, gl.createBuffer()!, gl.createBuffer()!];
   }
 
-  fill(points: Float32Array, normals: Float32Array, triangles: Uint32Array): void {
+  fill(points: Float32Array, normals: Float32Array, triangles: Uint32Array, weights?: Float32Array): void {
     const { gl } = this;
     gl.bindVertexArray(this.vertices);
-    [points, normals].forEach((values, attribute) => {
+    const give = (attribute: number, values: Float32Array, size: number) => {
       gl.bindBuffer(gl.ARRAY_BUFFER, this.buffers[attribute]!);
       gl.bufferData(gl.ARRAY_BUFFER, values, gl.DYNAMIC_DRAW);
       gl.enableVertexAttribArray(attribute);
-      gl.vertexAttribPointer(attribute, 3, gl.FLOAT, false, 0, 0);
-    });
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers[2]!);
+      gl.vertexAttribPointer(attribute, size, gl.FLOAT, false, 0, 0);
+    };
+    give(0, points, 3);
+    give(1, normals, 3);
+    if (weights) give(Triangles.kWeight, weights, 1);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers[3]!);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.DYNAMIC_DRAW);
     gl.bindVertexArray(null);
     this.count = triangles.length;
@@ -240,6 +244,7 @@ export class Triangles {
 
   draw(): void {
     this.gl.bindVertexArray(this.vertices);
+    this.gl.vertexAttrib1f(Triangles.kWeight, 1);
     this.gl.drawElements(this.gl.TRIANGLES, this.count, this.gl.UNSIGNED_INT, 0);
     this.gl.bindVertexArray(null);
   }

@@ -1,9 +1,11 @@
 // Opens the page: reads the session, and connects the picture with what moves it.
 import { hash_of, state_of } from "./address";
+import type { Camera } from "./camera";
 import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./device_shape";
 import { Film } from "./film";
 import { Actions, Hands } from "./input";
+import { LiveView } from "./live";
 import { draw_overlay } from "./overlay";
 import { Picture } from "./picture";
 import { Notes } from "./notes";
@@ -16,6 +18,8 @@ const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const stage = element("stage"), canvas = element<HTMLCanvasElement>("picture"), overlay = element<HTMLCanvasElement>("overlay");
+
+const angles_of = ({ lao_deg, cranial_deg }: Camera) => label_of((lao_deg * Math.PI) / 180, (cranial_deg * Math.PI) / 180);
 
 const notes = new Notes((words) => {
   element("note").textContent = words;
@@ -56,6 +60,7 @@ class Page {
     this.show_picture(true);
     this.draw();
     notes.state("");
+    if (data.live) new LiveView(data.live, store, picture, notes, stage, () => this.request());
   }
 
   /** The picture, or else the still one. */
@@ -95,7 +100,7 @@ class Page {
   private draw(): void {
     if (this.is_lost) return;
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
-    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare;
+    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_camera;
     this.has_moved = false;
     const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
@@ -106,11 +111,14 @@ class Page {
     if (is_moving) this.rest_timer = setTimeout(() => this.request(), Math.max(0, kRest_ms - rest_ms) + 1);
   }
 
+  private get shown_angles(): string {
+    return angles_of(this.picture.held_camera ?? this.store.state.camera);
+  }
+
   private describe(state: State): void {
-    const { camera } = state, radians = Math.PI / 180, sign = camera.table_mm < 0 ? "−" : "+";
-    const angles = label_of(camera.lao_deg * radians, camera.cranial_deg * radians);
-    element("readout").textContent = `${angles}   table ${sign}${Math.abs(Math.round(camera.table_mm))} mm   ×${Number(camera.zoom.toPrecision(2))}`;
-    canvas.setAttribute("aria-label", `${state.look === "fluoro" ? "Fluoroscopy" : "Shaded vessels in the body"} from ${angles}`);
+    const { camera } = state, sign = camera.table_mm < 0 ? "−" : "+", is_held = this.shown_angles !== angles_of(camera);
+    element("readout").textContent = `${angles_of(camera)}   table ${sign}${Math.abs(Math.round(camera.table_mm))} mm   ×${Number(camera.zoom.toPrecision(2))}${is_held ? `   picture ${this.shown_angles}` : ""}`;
+    canvas.setAttribute("aria-label", `${state.look === "fluoro" ? "Fluoroscopy" : "Shaded vessels in the body"} from ${this.shown_angles}`);
   }
 
   private toggle_layer(k: number): void {
@@ -143,7 +151,7 @@ class Page {
     whole.toBlob((blob) => {
       const link = document.createElement("a");
       link.href = URL.createObjectURL(blob!);
-      link.download = `${element("readout").textContent!.split(/\s{2}/)[0]!.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`;
+      link.download = `${this.shown_angles.replace(/[^A-Za-z0-9.]+/g, "-").toLowerCase()}.png`;
       link.click();
       setTimeout(() => URL.revokeObjectURL(link.href), 1000);
     }, "image/png");

@@ -1,9 +1,9 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
-import { view_of } from "./camera";
+import { Camera, view_of } from "./camera";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
-import { DeviceShape } from "./device_shape";
+import { DeviceShapes } from "./device_shape";
 import { GreyWindow, automatic_window } from "./grey_window";
 import type { Outline } from "./overlay";
 import type { State } from "./state";
@@ -13,18 +13,22 @@ const kPicturesPerWindow = 3; // of a motion
 
 export class Picture {
   private renderer: Renderer;
-  private readonly device: DeviceShape | null;
+  private readonly run: DeviceShapes | null;
   private weights_key = "";
   private window_key = "";
   private since_coarse = 0; // pictures of a motion
   private coming_tau: ComingReds | null = null; // for the window of a motion
   private automatic: GreyWindow = { scale: 1, dark: 0, light: 1, gamma: 1, inverted: false };
+  /** Devices and contrast agent of a live session, as they are now. */
+  live: readonly Surface[] = [];
+  /** Where the C-arm stood when the picture was taken that is held; null: the picture follows the C-arm. */
+  held_camera: Camera | null = null;
   /** The grey window that was drawn last. */
   window: GreyWindow = this.automatic;
 
   private constructor(private readonly gl: WebGL2RenderingContext, private readonly data: SessionData) {
     this.renderer = new Renderer(gl, data.map, data.tau);
-    this.device = data.run && new DeviceShape(data.run);
+    this.run = data.run && new DeviceShapes(data.run);
   }
 
   /** None where the browser has no WebGL 2. Throws where it cannot draw into textures of floats. */
@@ -47,20 +51,20 @@ export class Picture {
   view(state: State): View {
     const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
     const fit = state.is_bare && !this.data.header.is_of_session ? "tilted" : "untilted";
-    return view_of(state.camera, this.data.header.cone, this.data.map.bounds, width, height, fit);
+    return view_of(this.held_camera ?? state.camera, this.data.header.cone, this.data.map.bounds, width, height, fit);
   }
 
   /** Whether the road map is in the picture already. */
   draw(state: State, is_moving: boolean): boolean {
     this.set_weights(state);
-    const view = this.view(state), still = this.still_surfaces(state), device = this.device?.at(state.time_s);
+    const view = this.view(state), still = this.still_surfaces(state);
     const style: Style = {
       look: state.look, window: this.automatic, full_contrast: this.data.header.full_contrast,
       detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
       outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
     };
     this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
-    const surfaces = device ? [...still, device] : still;
+    const surfaces = [...still, ...(this.run ? this.run.at(state.time_s) : this.live)].filter((surface) => state.look === "fluoro" || !surface.weights);
     this.renderer.draw(view, surfaces, style);
     return style.outlined !== null && this.renderer.adds_up(surfaces, style);
   }
@@ -80,12 +84,11 @@ export class Picture {
     this.window_key = "";
   }
 
-  /** Vessels and a catheter that does not move. */
+  /** Vessels, and catheters that do not move. */
   private still_surfaces(state: State): Surface[] {
     const surfaces: Surface[] = [];
     if (this.data.vessels && state.shows_vessels) surfaces.push(this.data.vessels);
-    if (this.data.catheter) surfaces.push(this.data.catheter);
-    return surfaces;
+    return [...surfaces, ...this.data.catheters];
   }
 
   private automatic_window(view: View, surfaces: readonly Surface[], style: Style, state: State, is_moving: boolean): GreyWindow {

@@ -34,7 +34,7 @@ export function first_state({ header }: SessionData): State {
 }
 
 /** Whether there is something that can be shaded. */
-export const has_surfaces = ({ vessels, catheter, run }: SessionData): boolean => vessels !== null || catheter !== null || run !== null;
+export const has_surfaces = ({ vessels, catheters, run, live }: SessionData): boolean => vessels !== null || catheters.length > 0 || run !== null || live !== null;
 
 /** Within what the session has and the limits of the C-arm. */
 export function allowed(state: State, data: SessionData): State {

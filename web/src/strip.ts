@@ -1,26 +1,37 @@
-// The hub's force and torque over the run, as a strip with a mark at the present time.
-import type { Run } from "./data";
-import { length_s, picture_at } from "./device_shape";
+// Force and torque at a hub over some time, as a strip with a mark at the present.
+
+/** Of one hub: values at even times, and which of them is of now. */
+export interface Loads {
+  device: string;
+  force_N: readonly number[];
+  torque_mNm: readonly number[];
+  length_s: number;
+  now: number;
+}
 
 const kCurves = [{ name: "force", unit: "N", colour: "--force" }, { name: "torque", unit: "mN m", colour: "--torque" }] as const;
 
-const values_of = (run: Run, k: number): number[] => (k === 0 ? run.force_N : run.torque_mNm);
+const values_of = (loads: Loads, k: number): readonly number[] => (k === 0 ? loads.force_N : loads.torque_mNm);
 
 /** What a strip shows, in words. */
-export function strip_text(run: Run): string {
-  const range = (k: number) => `${Math.min(...values_of(run, k)).toFixed(2)} to ${Math.max(...values_of(run, k)).toFixed(2)} ${kCurves[k]!.unit}`;
-  return `At the hub of the ${run.device}: force ${range(0)}, torque ${range(1)}, over ${length_s(run).toFixed(1)} s`;
+export function strip_text(loads: Loads): string {
+  const range = (k: number) => {
+    const values = values_of(loads, k);
+    return values.length === 0 ? "none yet" : `${Math.min(...values).toFixed(2)} to ${Math.max(...values).toFixed(2)} ${kCurves[k]!.unit}`;
+  };
+  return `At the hub of the ${loads.device}: force ${range(0)}, torque ${range(1)}, over ${loads.length_s.toFixed(1)} s`;
 }
 
-export function draw_strip(canvas: HTMLCanvasElement, run: Run, time_s: number): void {
+export function draw_strip(canvas: HTMLCanvasElement, loads: Loads): void {
   const scale = devicePixelRatio, width = Math.round(canvas.clientWidth * scale), height = Math.round(canvas.clientHeight * scale);
   if (width === 0 || height === 0) return;
-  Object.assign(canvas, { width, height });
+  if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
   const context = canvas.getContext("2d")!, style = getComputedStyle(canvas);
-  const x_of = (picture: number) => (picture / Math.max(1, run.pictures - 1)) * (width - 1);
+  context.clearRect(0, 0, width, height);
+  const last = Math.max(1, loads.force_N.length - 1), x_of = (i: number) => (i / last) * (width - 1);
   context.font = `${11 * scale}px system-ui, sans-serif`;
   kCurves.forEach(({ name, unit, colour }, k) => {
-    const values = values_of(run, k), low = Math.min(0, ...values), high = Math.max(1e-3, ...values);
+    const values = values_of(loads, k), low = Math.min(0, ...values), high = Math.max(1e-3, ...values);
     const y_of = (value: number) => height - 3 * scale - ((value - low) / (high - low)) * (height - 20 * scale);
     context.strokeStyle = context.fillStyle = style.getPropertyValue(colour);
     context.lineWidth = 1.5 * scale;
@@ -28,9 +39,46 @@ export function draw_strip(canvas: HTMLCanvasElement, run: Run, time_s: number):
     values.forEach((value, i) => context.lineTo(x_of(i), y_of(value)));
     context.stroke();
     context.textAlign = k === 0 ? "left" : "right";
-    const now = values[picture_at(run, time_s)] ?? 0;
+    const now = values[loads.now] ?? 0;
     context.fillText(`${name} ${now.toFixed(2)} ${unit}`, k === 0 ? 4 * scale : width - 4 * scale, 12 * scale);
   });
   context.fillStyle = style.color;
-  context.fillRect(x_of(picture_at(run, time_s)) - 0.5 * scale, 0, scale, height);
+  context.fillRect(x_of(loads.now) - 0.5 * scale, 0, scale, height);
+}
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+/** The strip on the page, with a choice of the hub where there are several. */
+export class Strip {
+  private readonly canvas = element<HTMLCanvasElement>("strip");
+  private readonly choice = element<HTMLSelectElement>("hub");
+
+  constructor(names: readonly string[], private readonly loads_of: (hub: number) => Loads) {
+    element("loads").hidden = false;
+    element("hub-choice").hidden = names.length < 2;
+    this.choice.append(...names.map((name, hub) => new Option(name, String(hub))));
+    this.choice.addEventListener("change", () => this.show());
+    new ResizeObserver(() => this.draw()).observe(this.canvas);
+    this.show();
+  }
+
+  get hub(): number {
+    return Math.max(0, this.choice.selectedIndex);
+  }
+
+  choose(hub: number): void {
+    if (hub === this.hub) return;
+    this.choice.selectedIndex = hub;
+    this.show();
+  }
+
+  draw(): void {
+    draw_strip(this.canvas, this.loads_of(this.hub));
+  }
+
+  /** Also in words. */
+  show(): void {
+    this.canvas.setAttribute("aria-label", strip_text(this.loads_of(this.hub)));
+    this.draw();
+  }
 }

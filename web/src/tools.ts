@@ -1,7 +1,7 @@
 // The buttons under the picture.
 import type { SessionData } from "./data";
 import type { Actions, Hands } from "./input";
-import type { State, Store } from "./state";
+import { State, Store, has_surfaces } from "./state";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -29,7 +29,7 @@ export class Tools {
     for (const [id, click] of Object.entries(clicks)) element(id).addEventListener("click", click);
     for (const { id, change } of kToggles) element(id).addEventListener("click", () => store.update(change(store.state)));
     for (const id of ["vessels", "road-map"]) element(id).hidden = !data.vessels;
-    element("surface").hidden = !data.vessels && !data.run && !data.catheter;
+    element("surface").hidden = !has_surfaces(data);
     for (let k = 0; k < data.map.layers; ++k) this.add_layer(k, actions);
     this.show(store.state);
   }

@@ -52,6 +52,13 @@ std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow&
   return greys;
 }
 
+std::vector<std::uint8_t> rgb_of(std::span<const std::uint8_t> greys) {
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(3 * greys.size());
+  for (const std::uint8_t grey : greys) rgb.insert(rgb.end(), 3, grey);
+  return rgb;
+}
+
 std::vector<std::uint8_t> plain_transmission(std::span<const float> tau) {
   std::vector<std::uint8_t> greys(tau.size());
   std::ranges::transform(tau, greys.begin(), [](float t) { return grey(std::exp(-t)); });

@@ -33,6 +33,9 @@ std::vector<std::uint8_t> windowed_transmission(std::span<const float> tau, doub
 /// Grey 0 to 255 in a window.
 std::vector<std::uint8_t> windowed(std::span<const float> tau, const GreyWindow& window);
 
+/// The same greys as RGB.
+std::vector<std::uint8_t> rgb_of(std::span<const std::uint8_t> greys);
+
 /// Grey 0 to 255 of exp(-tau), unscaled.
 std::vector<std::uint8_t> plain_transmission(std::span<const float> tau);
 

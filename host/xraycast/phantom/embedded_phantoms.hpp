@@ -1,17 +1,12 @@
 #pragma once
 
+#include "xraycast/base/embedded_file.hpp"
+
 #include <span>
-#include <string_view>
 
 namespace xraycast {
 
-/// The content of one file of phantom/data/.
-struct EmbeddedPhantom {
-  std::string_view name;  ///< of the file, without .json
-  std::string_view source;
-};
-
-/// All of them, in the order of host/CMakeLists.txt.
-std::span<const EmbeddedPhantom> embedded_phantoms();
+/// The files of phantom/data/, in the order of host/CMakeLists.txt.
+std::span<const EmbeddedFile> embedded_phantoms();
 
 }  // namespace xraycast

@@ -81,7 +81,7 @@ std::vector<VesselPoint> smooth_curve(std::span<const VesselPoint> controls, dou
 }
 
 std::vector<VesselCourse> vessel_courses(const std::string& file) {
-  const auto embedded = std::ranges::find(embedded_phantoms(), file, &EmbeddedPhantom::name);
+  const auto embedded = std::ranges::find(embedded_phantoms(), file, &EmbeddedFile::name);
   assert(embedded != embedded_phantoms().end());
   std::vector<VesselCourse> courses;
   const auto index_of = [&](const std::string& name) {

@@ -5,7 +5,7 @@
 
 namespace xraycast {
 
-/// One file of kernels/, whole, with its includes resolved.
+/// One file of kernels/, whole, with its includes resolved: as EmbeddedFile, which lies above this room.
 struct EmbeddedKernel {
   std::string_view name;  ///< file name without `.cl`
   std::string_view source;

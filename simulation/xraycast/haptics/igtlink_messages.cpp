@@ -1,8 +1,8 @@
 #include "xraycast/haptics/igtlink_messages.hpp"
 
-#include <chrono>
+#include "xraycast/haptics/igtlink_frames.hpp"
+
 #include <igtl_unit.h>
-#include <igtl_util.h>
 #include <initializer_list>
 
 namespace xraycast {
@@ -25,11 +25,8 @@ igtl::SensorMessage::Pointer vector_sensor(const std::string& name, std::initial
 }
 
 std::string packed(igtl::MessageBase& message) {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
-  const auto fraction = std::chrono::duration_cast<std::chrono::nanoseconds>(now - seconds);
-  message.SetTimeStamp(static_cast<unsigned>(seconds.count()),
-                       igtl_nanosec_to_frac(static_cast<igtl_uint32>(fraction.count())));
+  const IgtlinkTime now = igtlink_time();
+  message.SetTimeStamp(now.seconds, now.fraction);
   message.Pack();
   return {static_cast<const char*>(message.GetPackPointer()),
           static_cast<std::size_t>(message.GetPackSize())};
@@ -44,6 +41,7 @@ IgtlinkMessages::IgtlinkMessages() : status_(igtl::StatusMessage::New()) {
         vector_sensor(hub_name(hub, "Torque"), {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER});
   }
   status_->SetDeviceName("xraycast");
+  status_->SetErrorName("");  // which the library leaves uninitialised
 }
 
 std::string IgtlinkMessages::load(std::size_t hub, const HubLoad& load) {

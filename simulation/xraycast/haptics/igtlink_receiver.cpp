@@ -1,15 +1,19 @@
 #include "xraycast/haptics/igtlink_receiver.hpp"
 
+#include "xraycast/simulation/injection.hpp"
+
 #include <fmt/format.h>
 #include <glm/glm.hpp>
 
 #include <algorithm>
+#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <igtl_header.h>
 #include <igtl_transform.h>
 #include <igtl_util.h>
 #include <numbers>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -25,25 +29,61 @@ std::size_t take(std::span<const std::byte>& from, std::span<std::byte> into) {
   return size_B;
 }
 
-/// A type's name as sent: at most 12 characters, padded with zeros. Empty where it is not printable.
-std::string type_name(std::span<const char, IGTL_HEADER_TYPE_SIZE> field) {
+/// A type or a device's name as sent, padded with zeros. Empty where it is not printable.
+std::string printable_name(std::span<const char> field) {
   const auto end = std::ranges::find(field, '\0');
   const bool printable = std::all_of(field.begin(), end, [](char c) { return c > ' ' && c <= '~'; });
   return printable ? std::string(field.begin(), end) : std::string();
 }
 
-/// By a device's name, as sent: at most 20 characters, padded with zeros.
-std::size_t hub_of(std::span<const char, IGTL_HEADER_NAME_SIZE> field, std::size_t hubs) {
-  const std::string_view name(field.begin(), std::ranges::find(field, '\0'));
-  for (std::size_t hub = 1; hub < hubs; ++hub)
+std::optional<std::size_t> hub_of(std::string_view name, std::size_t hubs) {
+  for (std::size_t hub = 0; hub < hubs; ++hub)
     if (name == hub_name(hub)) return hub;
-  return 0;
+  return std::nullopt;
+}
+
+/// Hub, Hub2, Hub3.
+std::string hub_names(std::size_t hubs) {
+  std::string names = hub_name(0);
+  for (std::size_t hub = 1; hub < hubs; ++hub) names += ", " + hub_name(hub);
+  return names;
 }
 
 std::uint64_t big_endian(std::span<const std::byte> bytes) {
   std::uint64_t value = 0;
   for (const std::byte byte : bytes) value = value << 8 | std::to_integer<std::uint64_t>(byte);
   return value;
+}
+
+struct Query {
+  StreamRequest::Kind kind;
+  IgtlinkStream stream;
+};
+
+/// What a type asks for. Types have at most 12 characters, so that TRANSFORM is cut; the library cuts it
+/// further.
+std::optional<Query> query_of(std::string_view type) {
+  constexpr std::pair<std::string_view, StreamRequest::Kind> kPrefixes[] = {
+      {"GET_", StreamRequest::Kind::once},
+      {"STT_", StreamRequest::Kind::start},
+      {"STP_", StreamRequest::Kind::stop}};
+  constexpr std::pair<std::string_view, IgtlinkStream> kTypes[] = {{"IMAGE", IgtlinkStream::image},
+                                                                   {"POINT", IgtlinkStream::point},
+                                                                   {"TRANSFOR", IgtlinkStream::transform},
+                                                                   {"TRANS", IgtlinkStream::transform}};
+  for (const auto& [prefix, kind] : kPrefixes)
+    for (const auto& [name, stream] : kTypes)
+      if (type.starts_with(prefix) && type.substr(prefix.size()) == name) return Query{kind, stream};
+  return std::nullopt;
+}
+
+/// A number with nothing or its unit behind it.
+std::optional<double> rate_ml_s(std::string_view text) {
+  double rate = 0;
+  const auto [stop, error] = std::from_chars(text.data(), text.data() + text.size(), rate);
+  const std::string_view unit(stop, static_cast<std::size_t>(text.data() + text.size() - stop));
+  const bool is_rate = error == std::errc() && rate >= 0 && rate <= kMaxInjection_ml_s;
+  return is_rate && (unit.empty() || unit == " ml/s" || unit == "ml/s") ? std::optional(rate) : std::nullopt;
 }
 
 bool is_rotation(const glm::dmat3& m) {
@@ -62,6 +102,21 @@ std::optional<double> twist_about_z_rad(const glm::dmat3& m) {
   const double half_swing_cosine_squared = std::hypot(sine, cosine) / 2;
   if (half_swing_cosine_squared < 0.5) return std::nullopt;
   return std::atan2(sine, cosine);
+}
+
+/// z points from the detector to the source. How the picture is turned about it is the detector's matter.
+IgtlinkReceiver::Event read_c_arm(const glm::dvec3& isocentre_mm, const glm::dmat3& rotation) {
+  if (!std::ranges::all_of(std::array{isocentre_mm.x, isocentre_mm.y, isocentre_mm.z},
+                           [](double mm) { return std::abs(mm) <= IgtlinkReceiver::kMaxPosition_mm; }))
+    return Complaint{
+        "range", fmt::format("sent CArm with an isocentre beyond {:g} mm", IgtlinkReceiver::kMaxPosition_mm)};
+  const glm::dvec3 n = -glm::normalize(rotation[2]);
+  constexpr double kAlongBody = 0.05;  // within 3 degrees of the body's axis LAO and RAO mean nothing
+  if (std::hypot(n.x, n.y) < kAlongBody)
+    return Complaint{"rotation", "sent CArm that looks along the body's axis"};
+  return CArmMove{{.angle_rad = std::atan2(n.x, -n.y),
+                   .tilt_rad = std::asin(std::clamp(n.z, -1.0, 1.0)),
+                   .isocentre_mm = isocentre_mm}};
 }
 
 }  // namespace
@@ -108,8 +163,8 @@ std::optional<Complaint> IgtlinkReceiver::read_header() {
   std::memcpy(&header, header_.data(), sizeof header);
   igtl_header_convert_byte_order(&header);
   version_ = header.version;
-  type_ = type_name(header.name);
-  hub_ = hub_of(header.device_name, hubs_);
+  type_ = printable_name(header.name);
+  name_ = printable_name(header.device_name);
   size_B_ = header.body_size;
   checksum_ = header.crc;
   body_B_ = 0;
@@ -148,7 +203,48 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_message() {
   const auto content = this->content();
   if (!content) return Complaint{"size", fmt::format("sent {} with a damaged extended header", type_)};
   if (type_ == "GET_STATUS") return StatusRequest{};
-  return read_transform(*content);
+  if (type_ == "STRING") return read_string(*content);
+  if (type_ == "TRANSFORM") return read_transform(*content);
+  return read_request(*content);
+}
+
+bool IgtlinkReceiver::is_supported() const {
+  return type_ == "TRANSFORM" || type_ == "GET_STATUS" || type_ == "STRING" || query_of(type_);
+}
+
+/// The interval, which is left out for none, is where STT_TDATA has it.
+IgtlinkReceiver::Event IgtlinkReceiver::read_request(std::span<const std::byte> content) const {
+  constexpr std::size_t kInterval_B = 4, kPrefix = 4;
+  if (!content.empty() && content.size() < kInterval_B)
+    return Complaint{"size",
+                     fmt::format("sent {} of {} bytes, too few for an interval", type_, content.size())};
+  const std::uint64_t interval_ms = content.empty() ? 0 : big_endian(content.first(kInterval_B));
+  if (interval_ms > static_cast<std::uint64_t>(kMaxInterval.count()))
+    return Complaint{"range", fmt::format("sent {} with an interval of {} ms, beyond {} ms", type_,
+                                          interval_ms, kMaxInterval.count())};
+  const Query query = *query_of(type_);
+  return StreamRequest{query.kind, query.stream, std::chrono::milliseconds(interval_ms),
+                       type_.substr(kPrefix), name_};
+}
+
+IgtlinkReceiver::Event IgtlinkReceiver::read_string(std::span<const std::byte> content) const {
+  constexpr std::size_t kHead_B = 4;  // the encoding, and the length
+  const std::uint64_t length = content.size() < kHead_B ? 0 : big_endian(content.subspan(2, 2));
+  if (content.size() != kHead_B + length)
+    return Complaint{"size",
+                     fmt::format("sent STRING of {} bytes for {} characters", content.size(), length)};
+  const std::span<const std::byte> characters = content.subspan(kHead_B);
+  const std::string_view text(reinterpret_cast<const char*>(characters.data()), characters.size());
+  if (name_ == "Pedal") {
+    if (text == "down" || text == "up") return PedalPress{text == "down"};
+    return Complaint{"string", "sent STRING Pedal that is neither 'down' nor 'up'"};
+  }
+  if (name_ == "Contrast") {
+    if (const auto rate = rate_ml_s(text)) return ContrastRate{*rate};
+    return Complaint{
+        "string", fmt::format("sent STRING Contrast that is no rate of 0 to {:g} ml/s", kMaxInjection_ml_s)};
+  }
+  return Complaint{"string", fmt::format("sent STRING '{}', which is neither Pedal nor Contrast", name_)};
 }
 
 IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte> content) {
@@ -161,20 +257,31 @@ IgtlinkReceiver::Event IgtlinkReceiver::read_transform(std::span<const std::byte
 
   if (!std::ranges::all_of(matrix, [](float value) { return std::isfinite(value); }))
     return Complaint{"number", "sent TRANSFORM with values that are not finite"};
+  const bool is_c_arm = name_ == "CArm";
+  const std::optional<std::size_t> hub = hub_of(name_, hubs_);
+  if (is_session_ && !hub && !is_c_arm)
+    return Complaint{
+        "name", fmt::format("sent TRANSFORM '{}', which is none of {} and CArm", name_, hub_names(hubs_))};
   const double insertion_mm = matrix[11];
-  if (std::abs(insertion_mm) > kMaxInsertion_mm)
+  if (!is_c_arm && std::abs(insertion_mm) > kMaxInsertion_mm)
     return Complaint{
         "range", fmt::format("sent an insertion of {:g} mm, beyond {:g} mm", insertion_mm, kMaxInsertion_mm)};
   glm::dmat3 rotation;
   for (int i = 0; i < 9; ++i) rotation[i / 3][i % 3] = matrix[static_cast<std::size_t>(i)];
   if (!is_rotation(rotation)) return Complaint{"rotation", "sent TRANSFORM whose matrix is not a rotation"};
+  if (is_c_arm) return read_c_arm({matrix[9], matrix[10], matrix[11]}, rotation);
+  return read_hub(hub.value_or(0), insertion_mm, rotation);
+}
+
+IgtlinkReceiver::Event IgtlinkReceiver::read_hub(std::size_t hub, double insertion_mm,
+                                                 const glm::dmat3& rotation) {
   const auto twist_rad = twist_about_z_rad(rotation);
   if (!twist_rad) return Complaint{"rotation", "sent TRANSFORM that tilts the hub by more than 90 deg"};
 
-  double& rotation_rad = rotations_rad_[hub_];
+  double& rotation_rad = rotations_rad_[hub];
   rotation_rad =
       *twist_rad + 2 * std::numbers::pi * std::round((rotation_rad - *twist_rad) / (2 * std::numbers::pi));
-  return HubMove{hub_, {.insertion_mm = insertion_mm, .rotation_rad = rotation_rad}};
+  return HubMove{hub, {.insertion_mm = insertion_mm, .rotation_rad = rotation_rad}};
 }
 
 }  // namespace xraycast

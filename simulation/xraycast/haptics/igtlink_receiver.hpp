@@ -1,9 +1,13 @@
 #pragma once
 
 #include "xraycast/haptics/hub_name.hpp"
+#include "xraycast/haptics/igtlink_session.hpp"
 #include "xraycast/mechanics/hub.hpp"
 
+#include <glm/mat3x3.hpp>
+
 #include <array>
+#include <chrono>
 #include <cstddef>
 #include <cstdint>
 #include <optional>
@@ -23,6 +27,30 @@ struct HubMove {
 /// GET_STATUS.
 struct StatusRequest {};
 
+/// GET_, STT_ or STP_ of a stream.
+struct StreamRequest {
+  enum class Kind { once, start, stop };
+  Kind kind = Kind::once;
+  IgtlinkStream stream = IgtlinkStream::image;
+  std::chrono::milliseconds interval{0};  ///< start: at least so long from one message to the next
+  std::string type, name;                 ///< as sent, without the prefix, for the answer
+};
+
+/// TRANSFORM `CArm`.
+struct CArmMove {
+  CArmPose pose;
+};
+
+/// STRING `Pedal`: `down` or `up`.
+struct PedalPress {
+  bool is_down = false;
+};
+
+/// STRING `Contrast`: `3`, `3.5 ml/s` or `0`.
+struct ContrastRate {
+  double ml_s = 0;
+};
+
 /// A message that is rejected.
 struct Complaint {
   std::string_view topic;  ///< a string literal
@@ -33,18 +61,21 @@ struct Complaint {
 /// stream is not trusted: a message is parsed after its checksum was verified, sizes are checked before
 /// anything is stored, and memory is the object's own and constant.
 ///
-/// TRANSFORM: its name Hub2 or Hub3 says that it is the second or third device's, any other name that it is
-/// the first's. Insertion is the translation along z in mm; the rotation about z is the twist of the matrix's
-/// rotation about z, unwrapped to the turn nearest to the previous pose, so that a device must send at
-/// least twice a turn. GET_STATUS asks for a STATUS. Other types and damaged messages are skipped with a
-/// complaint. Framing depends on the headers: after an invalid one synchronisation, and with it the
+/// TRANSFORM: its name Hub2 or Hub3 says that it is the second or third device's, CArm that it is the
+/// C-arm's; in a session the first device's is Hub and others are skipped, elsewhere any other name is the
+/// first device's. Insertion is the translation along z in mm; the
+/// rotation about z is the twist of the matrix's rotation about z, unwrapped to the turn nearest to the
+/// previous pose, so that a device must send at least twice a turn. GET_STATUS asks for a STATUS; requests
+/// for streams, the C-arm, and STRING are described above. Other types and damaged messages are skipped with
+/// a complaint. Framing depends on the headers: after an invalid one synchronisation, and with it the
 /// connection, is lost.
 ///
 /// Header versions 1 and 2 (with extended header and metadata) of the protocol,
 /// https://github.com/openigtlink/OpenIGTLink/blob/master/Documents/Protocol/index.md.
 class IgtlinkReceiver {
  public:
-  using Event = std::variant<HubMove, StatusRequest, Complaint>;
+  using Event =
+      std::variant<HubMove, StatusRequest, StreamRequest, CArmMove, PedalPress, ContrastRate, Complaint>;
   using Rotations = std::array<double, kMaxHubs>;  ///< rad
 
   /// A body longer than this means a damaged header: no message to a hub is nearly as long.
@@ -53,11 +84,14 @@ class IgtlinkReceiver {
   static constexpr std::size_t kMaxParsed_B = 4096;
   /// Longer than any guide wire.
   static constexpr double kMaxInsertion_mm = 10000;
+  /// Above this an isocentre is no place in a body, and an interval no stream.
+  static constexpr double kMaxPosition_mm = 10000;
+  static constexpr std::chrono::milliseconds kMaxInterval{60'000};
 
   /// Of `hubs` devices, 1 to kMaxHubs. Each one's first rotation is unwrapped to the turn nearest to that in
   /// `rotations_rad`.
-  explicit IgtlinkReceiver(std::size_t hubs = 1, const Rotations& rotations_rad = {})
-      : hubs_(hubs), rotations_rad_(rotations_rad) {}
+  explicit IgtlinkReceiver(std::size_t hubs = 1, const Rotations& rotations_rad = {}, bool is_session = false)
+      : hubs_(hubs), rotations_rad_(rotations_rad), is_session_(is_session) {}
 
   /// Consumes bytes from the front up to the next event; nothing once all are consumed.
   std::optional<Event> next(std::span<const std::byte>& bytes);
@@ -73,18 +107,20 @@ class IgtlinkReceiver {
   std::optional<Complaint> read_header();
   Event read_message();
   Event read_transform(std::span<const std::byte> content);
+  Event read_hub(std::size_t hub, double insertion_mm, const glm::dmat3& rotation);
+  Event read_string(std::span<const std::byte> content) const;
+  Event read_request(std::span<const std::byte> content) const;
   std::optional<std::span<const std::byte>> content() const;
-  bool is_supported() const { return type_ == "TRANSFORM" || type_ == "GET_STATUS"; }
+  bool is_supported() const;
 
   std::size_t hubs_;
   Rotations rotations_rad_;
-  bool lost_ = false;
+  bool is_session_, lost_ = false;
   std::array<std::byte, 58> header_;
   std::size_t header_B_ = 0;  ///< received so far
   // From the header
   std::uint16_t version_ = 0;
-  std::string type_;
-  std::size_t hub_ = 0;
+  std::string type_, name_;
   std::uint64_t size_B_ = 0, checksum_ = 0;
   std::array<std::byte, kMaxParsed_B> body_;
   std::uint64_t body_B_ = 0;  ///< received so far, stored or not

@@ -1,17 +1,13 @@
 #pragma once
 
+#include "xraycast/base/embedded_file.hpp"
+
 #include <span>
-#include <string_view>
 
 namespace xraycast {
 
-/// One file of simulation/instruments/.
-struct EmbeddedInstrument {
-  std::string_view name;    ///< file name without .json
-  std::string_view source;  ///< JSON, see InstrumentModel::from_json
-};
-
-/// All presets, in the order of simulation/CMakeLists.txt.
-std::span<const EmbeddedInstrument> embedded_instruments();
+/// The files of simulation/instruments/, which InstrumentModel::from_json reads, in the order of
+/// simulation/CMakeLists.txt.
+std::span<const EmbeddedFile> embedded_instruments();
 
 }  // namespace xraycast

@@ -1,14 +1,13 @@
 #include "xraycast/mechanics/instrument_model.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/presets.hpp"
 #include "xraycast/base/remedy.hpp"
-#include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/body_bounds.hpp"
 #include "xraycast/mechanics/embedded_instruments.hpp"
 
-#include <fmt/ranges.h>
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -182,20 +181,12 @@ InstrumentModel InstrumentModel::from_json(const std::string& text, const std::s
   return InstrumentModel(std::move(p), origin);
 }
 
-std::vector<std::string> InstrumentModel::preset_names() {
-  std::vector<std::string> names;
-  for (const EmbeddedInstrument& preset : embedded_instruments()) names.emplace_back(preset.name);
-  return names;
-}
+std::vector<std::string> InstrumentModel::preset_names() { return names_of(embedded_instruments()); }
 
 InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
-  for (const EmbeddedInstrument& preset : embedded_instruments())
-    if (preset.name == name_or_file) return from_json(std::string(preset.source), name_or_file);
-  if (extension_of(name_or_file) != ".json")
-    throw InputError("{}: unknown device; choose one of {}, or give a file that ends in .json", name_or_file,
-                     fmt::join(preset_names(), ", "));
-  return with_remedy(name_or_file, "correct the file",
-                     [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
+  return with_remedy(name_or_file, "correct the file", [&] {
+    return from_json(preset_json(embedded_instruments(), name_or_file, "device"), name_or_file);
+  });
 }
 
 InstrumentModel::SectionPoint InstrumentModel::section_at(double from_tip_mm) const {

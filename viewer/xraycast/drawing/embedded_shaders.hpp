@@ -1,17 +1,13 @@
 #pragma once
 
+#include "xraycast/base/embedded_file.hpp"
+
 #include <span>
-#include <string_view>
 
 namespace xraycast {
 
-/// One file of viewer/shaders/, whole, with its includes resolved.
-struct EmbeddedShader {
-  std::string_view name;  ///< file name
-  std::string_view source;
-};
-
-/// All shader files, in the order of viewer/CMakeLists.txt.
-std::span<const EmbeddedShader> embedded_shaders();
+/// The files of viewer/shaders/ in the order of viewer/CMakeLists.txt, each whole, with its includes
+/// resolved. Their names keep the extension, which is the shader's stage.
+std::span<const EmbeddedFile> embedded_shaders();
 
 }  // namespace xraycast

@@ -23,7 +23,7 @@ namespace {
 
 GLuint compiled(GLenum stage, const std::string& name, const std::string& defines) {
   const auto shaders = embedded_shaders();
-  const auto shader = std::ranges::find(shaders, name, &EmbeddedShader::name);
+  const auto shader = std::ranges::find(shaders, name, &EmbeddedFile::name);
   if (shader == shaders.end()) throw Error("there is no shader {}", name);
   const GLuint id = glCreateShader(stage);
   std::string text = "#version 330 core\n";

@@ -1,17 +1,12 @@
 #pragma once
 
+#include "xraycast/base/embedded_file.hpp"
+
 #include <span>
-#include <string_view>
 
 namespace xraycast {
 
-/// The built page of web/, without a session in it.
-struct EmbeddedPage {
-  std::string_view name;  ///< file name
-  std::string_view source;
-};
-
-/// The one page.
-std::span<const EmbeddedPage> embedded_pages();
+/// The built page of web/, without a session in it: one file.
+std::span<const EmbeddedFile> embedded_pages();
 
 }  // namespace xraycast

@@ -1,6 +1,7 @@
 #include "xraycast/export/recorded_run.hpp"
 
 #include "xraycast/export/packed_numbers.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
 
 #include <array>
 #include <cmath>
@@ -16,20 +17,36 @@ std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm) {
   return controls;
 }
 
-void RecordedRun::see(const CoaxialCatheters& devices, double time_s) {
-  constexpr double kRounding_s = 1e-9;
-  if (time_s < static_cast<double>(controls_mm.size()) * step_s - kRounding_s) return;
-  std::vector<glm::dvec3> nodes_mm;
-  devices.copy_nodes(0, nodes_mm);
-  controls_mm.push_back(controls_of(nodes_mm));
-  loads.push_back(devices.load(0));
+RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
+  RecordedRun run;
+  for (const InstrumentModel& model : models) {
+    const bool has_lumen = model.inner_radius_mm() > 0;
+    run.devices.push_back({.name = model.name(),
+                           .radius_mm = model.radius_mm(),
+                           .has_lumen = has_lumen,
+                           .parts = std::vector<Shapes>(device_parts({}, has_lumen).size())});
+  }
+  return run;
 }
 
-std::string pack_shapes(const RecordedRun& run, double unit_mm) {
+void RecordedRun::see(const CoaxialCatheters& moved, double time_s) {
+  constexpr double kRounding_s = 1e-9;
+  if (time_s < static_cast<double>(pictures()) * step_s - kRounding_s) return;
+  std::vector<glm::dvec3> nodes_mm;
+  for (std::size_t d = 0; d < devices.size(); ++d) {
+    Device& device = devices[d];
+    moved.copy_nodes(d, nodes_mm);
+    const std::vector<DevicePart> parts = device_parts(nodes_mm, device.has_lumen);
+    for (std::size_t p = 0; p < parts.size(); ++p) device.parts[p].push_back(controls_of(parts[p].nodes_mm));
+    device.loads.push_back(moved.load(d));
+  }
+}
+
+std::string pack_shapes(const RecordedRun::Shapes& shapes_mm, double unit_mm) {
   using Steps = std::array<std::int64_t, 3>;
   PackedNumbers packed;
   std::vector<Steps> before;
-  for (const std::vector<glm::dvec3>& controls_mm : run.controls_mm) {
+  for (const std::vector<glm::dvec3>& controls_mm : shapes_mm) {
     std::vector<Steps> steps;
     for (auto point = controls_mm.rbegin(); point != controls_mm.rend(); ++point)
       steps.push_back({std::llround(point->x / unit_mm), std::llround(point->y / unit_mm),

@@ -9,30 +9,42 @@
 
 namespace xraycast {
 
-/// A catheter's run as pictures need it: the outermost device's shape and the hub's loads, a picture at a
+/// A run of coaxial devices, or of one alone, as pictures need it: shapes and the hubs' loads, a picture at a
 /// time.
 struct RecordedRun {
   static constexpr double kUsualStep_s = 1.0 / 15;  ///< of fluoroscopy
   static constexpr double kLongest_s = 600;
 
-  std::string device;
-  double radius_mm = 1;
-  double step_s = kUsualStep_s;
-  /// Of every picture, the first at 0 s: the control points of the curve from the introducer to the tip
-  /// (curve_through).
-  std::vector<std::vector<glm::dvec3>> controls_mm{};
-  std::vector<HubLoad> loads{};
+  /// The control points of a curve at every picture, from the introducer's side to that of the tip (see
+  /// curve_through); none where it is shorter than a curve takes.
+  using Shapes = std::vector<std::vector<glm::dvec3>>;
 
-  /// Takes a picture when its time has come; call it after each step, as `run_script` does.
-  void see(const CoaxialCatheters& devices, double time_s);
+  struct Device {
+    std::string name;
+    double radius_mm = 1;
+    bool has_lumen = true;
+    std::vector<Shapes> parts{};  ///< one for each of device_parts
+    std::vector<HubLoad> loads{};
+  };
+
+  double step_s = kUsualStep_s;
+  std::vector<Device> devices{};  ///< from the outermost on
+
+  /// Of devices that have yet to move.
+  static RecordedRun of(const std::vector<InstrumentModel>& models);
+
+  std::size_t pictures() const { return devices.empty() ? 0 : devices.front().loads.size(); }
+
+  /// Takes a picture when its time has come, the first at 0 s; call it after each step, as `run_script` does.
+  void see(const CoaxialCatheters& moved, double time_s);
 };
 
-/// The control points of a shape's curve.
+/// The control points of a shape's curve; none for fewer than four nodes.
 std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm);
 
-/// The shapes, ready to be deflated (see PackedNumbers): of every picture the number of points and these,
+/// Shapes, ready to be deflated (see PackedNumbers): of every picture the number of points and these,
 /// from the tip on, in units, as differences from the same point of the picture before, or else from the
 /// point before.
-std::string pack_shapes(const RecordedRun& run, double unit_mm);
+std::string pack_shapes(const RecordedRun::Shapes& shapes_mm, double unit_mm);
 
 }  // namespace xraycast

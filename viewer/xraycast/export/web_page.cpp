@@ -6,9 +6,12 @@
 #include "xraycast/export/packed_mesh.hpp"
 #include "xraycast/sampling/column_samples.hpp"
 #include "xraycast/sampling/map_texels.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessels.hpp"
 
+#include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -25,7 +28,7 @@ namespace {
 
 using PageJson = nlohmann::ordered_json;
 
-constexpr int kFormat = 1;
+constexpr int kFormat = 2;
 
 // ---- text -----------------------------------------------------------------------------------------
 
@@ -108,13 +111,13 @@ std::string filled(std::string_view page, std::span<const std::pair<std::string_
 /// The page's numbers, one part behind the other.
 class Parts {
  public:
-  void add(const char* name, std::string_view bytes) {
+  void add(const std::string& name, std::string_view bytes) {
     index_[name] = {bytes_.size(), bytes.size()};
     bytes_ += bytes;
   }
-  void add(const char* name, std::span<const float> values) {
+  void add(const std::string& name, std::span<const float> values) {
     static_assert(std::endian::native == std::endian::little);  // as in browsers
-    add(name, {reinterpret_cast<const char*>(values.data()), values.size_bytes()});
+    add(name, std::string_view(reinterpret_cast<const char*>(values.data()), values.size_bytes()));
   }
   const PageJson& index() const { return index_; }
   const std::string& bytes() const { return bytes_; }
@@ -158,18 +161,32 @@ PageJson add_map(const WebSession& session, Parts& parts) {
           {"ranges", ranges}};
 }
 
-PageJson add_surface(const std::optional<Surface>& surface, const std::string& name, Parts& parts) {
-  if (!surface) return {};
-  const PackedMesh mesh = pack_mesh(surface->mesh);
-  parts.add((name + "_points").c_str(), mesh.points);
-  parts.add((name + "_triangles").c_str(), mesh.triangles);
-  return {{"points", surface->mesh.points_mm.size()},
-          {"triangles", surface->mesh.triangles.size()},
+PageJson add_surface(const Surface& surface, const std::string& name, Parts& parts) {
+  const PackedMesh mesh = pack_mesh(surface.mesh);
+  parts.add(name + "_points", mesh.points);
+  parts.add(name + "_triangles", mesh.triangles);
+  return {{"points", surface.mesh.points_mm.size()},
+          {"triangles", surface.mesh.triangles.size()},
           {"unit_mm", PackedMesh::kUnit_mm},
           {"ring", mesh.ring},
-          {"is_closed", is_watertight(surface->mesh)},
-          {"mu_per_mm", surface->mu_per_mm},
-          {"colour", list(surface->colour)}};
+          {"is_closed", is_watertight(surface.mesh)},
+          {"mu_per_mm", surface.mu_per_mm},
+          {"colour", list(surface.colour)}};
+}
+
+PageJson add_catheters(const WebSession& session, Parts& parts) {
+  PageJson catheters = PageJson::array();
+  for (const Surface& catheter : session.catheters)
+    catheters.push_back(add_surface(catheter, fmt::format("catheter_{}", catheters.size()), parts));
+  return catheters;
+}
+
+/// A device as it is drawn, wherever it is.
+PageJson device_json(const std::string& name, double radius_mm, bool has_lumen) {
+  PageJson parts = PageJson::array();
+  for (const DevicePart& part : device_parts({}, has_lumen))
+    parts.push_back({{"mu_per_mm", part.mu_per_mm}, {"colour", list(part.colour)}});
+  return {{"name", name}, {"radius_mm", radius_mm}, {"parts", parts}};
 }
 
 /// Four digits behind the point are finer than a strip shows.
@@ -183,16 +200,31 @@ PageJson add_run(const WebSession& session, Parts& parts) {
   if (!session.run) return {};
   constexpr double kUnit_mm = 0.01;
   const RecordedRun& run = *session.run;
-  parts.add("shapes", pack_shapes(run, kUnit_mm));
-  return {{"device", run.device},
-          {"radius_mm", run.radius_mm},
-          {"pictures", run.controls_mm.size()},
+  PageJson devices = PageJson::array();
+  for (const RecordedRun::Device& device : run.devices) {
+    for (std::size_t p = 0; p < device.parts.size(); ++p)
+      parts.add(fmt::format("shapes_{}_{}", devices.size(), p), pack_shapes(device.parts[p], kUnit_mm));
+    PageJson json = device_json(device.name, device.radius_mm, device.has_lumen);
+    json["force_N"] = rounded(device.loads, &HubLoad::force_N, 1);
+    json["torque_mNm"] = rounded(device.loads, &HubLoad::torque_Nm, 1000);
+    devices.push_back(std::move(json));
+  }
+  return {{"pictures", run.pictures()},
           {"step_s", run.step_s},
           {"unit_mm", kUnit_mm},
-          {"mu_per_mm", catheter_per_mm()},
-          {"colour", list(kCatheterColour)},
-          {"force_N", rounded(run.loads, &HubLoad::force_N, 1)},
-          {"torque_mNm", rounded(run.loads, &HubLoad::torque_Nm, 1000)}};
+          {"devices", std::move(devices)}};
+}
+
+PageJson add_live(const WebSession& session, Parts& parts) {
+  if (!session.live) return {};
+  PageJson devices = PageJson::array();
+  for (const InstrumentModel& model : session.live->devices)
+    devices.push_back(device_json(model.name(), model.radius_mm(), model.inner_radius_mm() > 0));
+  PageJson contrast = add_surface(session.live->contrast, "contrast", parts);
+  contrast["drum_points"] = ContrastSurface::kDrumPoints;
+  contrast["drum_triangles"] = ContrastSurface::kDrumTriangles;
+  return {
+      {"devices", std::move(devices)}, {"contrast", std::move(contrast)}, {"has_hub", session.live->has_hub}};
 }
 
 PageJson window_to_json(const GreyWindow& window) {
@@ -222,9 +254,11 @@ PageJson header_of(const WebSession& session, Parts& parts) {
   PageJson header{{"format", kFormat}, {"title", session.title}};
   header["viewer"] = viewer_json();
   header["map"] = add_map(session, parts);
-  header["vessels"] = add_surface(session.vessels, "vessel", parts);
-  header["catheter"] = add_surface(session.catheter, "catheter", parts);
+  const bool is_steered = session.run || session.live;
+  header["vessels"] = session.vessels ? add_surface(*session.vessels, "vessel", parts) : PageJson();
+  header["catheters"] = add_catheters(session, parts);
   header["run"] = add_run(session, parts);
+  header["live"] = add_live(session, parts);
   header["camera"] = {{"lao_deg", camera.angle_rad * kDegrees},
                       {"cranial_deg", camera.tilt_rad * kDegrees},
                       {"zoom", camera.zoom},
@@ -233,10 +267,10 @@ PageJson header_of(const WebSession& session, Parts& parts) {
                                           {"source_detector_mm", camera.cone->source_detector_mm}}
                                : PageJson();
   header["is_of_session"] = session.is_of_session;
-  header["shows_vessels"] = session.vessels && session.shows_vessels && !session.run;
-  header["shows_road_map"] = session.vessels && (session.shows_road_map || session.run);
+  header["shows_vessels"] = session.vessels && session.shows_vessels && !is_steered;
+  header["shows_road_map"] = session.vessels && (session.shows_road_map || is_steered);
   header["look"] = to_string(session.style.shading);
-  header["full_contrast"] = session.style.full_contrast || session.run;  // as in `simulate --cine`
+  header["full_contrast"] = session.style.full_contrast || is_steered;  // as in `simulate --cine`
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
   header["layer_weights"] = session.style.layer_weights;
   header["parts"] = parts.index();
@@ -253,8 +287,9 @@ std::string web_page(const WebSession& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
   const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
-  const std::array<std::pair<std::string_view, std::string>, 5> values{
+  const std::array<std::pair<std::string_view, std::string>, 6> values{
       {{"title", in_html(session.title)},
+       {"connects", session.live ? "; connect-src 'self'" : ""},
        {"still-label", label(pose)},
        {"still", base64(session.still_png)},
        {"header", in_script(header)},

@@ -9,16 +9,26 @@
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace xraycast {
+
+/// A run that goes on while the page is open, of which `serve --web` tells the page (see BrowserMessage).
+struct LiveRun {
+  std::vector<InstrumentModel> devices;  ///< from the outermost on
+  Surface contrast;                      ///< all drums of a ContrastSurface
+  bool has_hub = true;                   ///< the page moves the hubs; otherwise something else does
+};
 
 /// A session as a web page shows it.
 struct WebSession {
   std::string title;
   std::shared_ptr<const BodyMap> map;
   MapPrecision precision = MapPrecision::byte;  ///< of the page's copy of the map: byte or float16
-  std::optional<Surface> vessels{}, catheter{};
+  std::optional<Surface> vessels{};
+  std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
+  std::optional<LiveRun> live{};
   Camera camera{};
   Style style{};
   bool has_window = false;     ///< style.window was chosen; otherwise it is automatic

@@ -34,9 +34,8 @@ QuantaTable FluoroscopyBeam::table(const WaterPath& path) const {
   table.steps_per_tau = kStepsPerTau;
   for (int step = 0; step <= kStepsPerTau * kMostTau; ++step) {
     const EnergyMoments behind = spectrum.behind_water(path.g_cm2(1.0 * step / kStepsPerTau));
-    table.share.push_back(static_cast<float>(behind.m0 / open.m0));
-    table.mean_kev.push_back(static_cast<float>(behind.mean_kev()));
-    table.spread_kev.push_back(static_cast<float>(behind.spread_kev()));
+    table.steps.push_back({static_cast<float>(behind.m0 / open.m0), static_cast<float>(behind.mean_kev()),
+                           static_cast<float>(behind.spread_kev())});
   }
   return table;
 }

@@ -56,8 +56,11 @@ SymmetricTaps sampled_taps(double spread) {
   return taps;
 }
 
-double gaussian_transfer(double cycles, double spread) {
-  return std::exp(-2 * std::pow(std::numbers::pi * spread * cycles, 2));
+double transfer_of(const SymmetricTaps& taps, double cycles) {
+  double sum = taps.front();
+  for (std::size_t k = 1; k < taps.size(); ++k)
+    sum += 2 * taps[k] * std::cos(2 * std::numbers::pi * static_cast<double>(k) * cycles);
+  return sum;
 }
 
 // Above this spread in pixels, what samples alias is below 1e-3.
@@ -85,13 +88,6 @@ double aliased_gaussian_transfer(double cycles, double spread) {
   double power = 0;
   for (int k = -kMost; k <= kMost; ++k) power += std::pow(averaged_gaussian_transfer(cycles + k, spread), 2);
   return std::sqrt(power);
-}
-
-double transfer_of(const SymmetricTaps& taps, double cycles) {
-  double sum = taps.front();
-  for (std::size_t k = 1; k < taps.size(); ++k)
-    sum += 2 * taps[k] * std::cos(2 * std::numbers::pi * static_cast<double>(k) * cycles);
-  return sum;
 }
 
 SymmetricTaps taps_for(const ByFrequency& transfer, const ByFrequency& tolerance) {

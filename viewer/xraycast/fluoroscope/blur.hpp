@@ -59,6 +59,4 @@ class EdgeProfile {
   std::vector<float> shares_;  ///< from -reach to reach
 };
 
-double transfer_of(const SymmetricTaps& taps, double cycles);
-
 }  // namespace xraycast

@@ -53,23 +53,39 @@ SeparableFilter::SeparableFilter(const PictureSize& size, SymmetricTaps taps)
     : size_(size), taps_(std::move(taps)), along_rows_(size.pixels()) {}
 
 void SeparableFilter::pass_along(int j, const float* row) {
-  const auto count = static_cast<std::size_t>(size_.width);
-  const auto margin = static_cast<std::ptrdiff_t>(taps_.size()) - 1;
-  thread_local PixelPlane padded;
-  padded.resize(count + 2 * static_cast<std::size_t>(margin));
-  std::fill_n(padded.begin(), margin, row[0]);
-  std::copy_n(row, count, padded.begin() + margin);
-  std::fill_n(padded.end() - margin, margin, row[count - 1]);
-  filter_row(padded.data(), taps_, size_.width, along_rows_.data() + size_.row(j));
+  const int width = size_.width, margin = static_cast<int>(taps_.size()) - 1;
+  float* const out = along_rows_.data() + size_.row(j);
+  // Near both ends the row goes on as it ends.
+  const auto filter_end = [&](int first, int end) {
+    thread_local PixelPlane padded;
+    const int count = end - first + 2 * margin;
+    padded.resize(static_cast<std::size_t>(count));
+    for (int i = 0; i < count; ++i)
+      padded[static_cast<std::size_t>(i)] = row[std::clamp(first - margin + i, 0, width - 1)];
+    filter_row(padded.data(), taps_, end - first, out + first);
+  };
+  if (width <= 2 * margin) return filter_end(0, width);
+  filter_end(0, margin);
+  filter_row(row, taps_, width - 2 * margin, out + margin);
+  filter_end(width - margin, width);
 }
 
-void SeparableFilter::add_down(int j, float weight, float* out) const {
+/// Valid until this thread's next call.
+const float* const* SeparableFilter::rows_about(int j) const {
   const int neighbours = static_cast<int>(taps_.size()) - 1;
   thread_local std::vector<const float*> rows;
   rows.clear();
   for (int k = -neighbours; k <= neighbours; ++k)
     rows.push_back(along_rows_.data() + size_.row(std::clamp(j + k, 0, size_.height - 1)));
-  add_filtered_column(rows.data(), taps_, weight, size_.width, out);
+  return rows.data();
+}
+
+void SeparableFilter::pass_down(int j, float weight, float* out) const {
+  filter_column(rows_about(j), taps_, weight, size_.width, out);
+}
+
+void SeparableFilter::add_down(int j, float weight, float* out) const {
+  add_filtered_column(rows_about(j), taps_, weight, size_.width, out);
 }
 
 BlurStage::BlurStage(const PictureSize& size) : primary(size), size_(size), narrow_(size), wide_({}) {}
@@ -93,8 +109,7 @@ void BlurStage::scintillate_along(int j, const float* energy_kev) {
 }
 
 void BlurStage::scintillate_down(int j, float* signal_kev) const {
-  std::fill_n(signal_kev, size_.width, 0.0f);
-  narrow_.add_down(j, 1 - wide_share_, signal_kev);
+  narrow_.pass_down(j, 1 - wide_share_, signal_kev);
   if (wide_share_ > 0) wide_.add_down(j, wide_share_, signal_kev);
 }
 

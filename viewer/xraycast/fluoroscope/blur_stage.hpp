@@ -15,10 +15,12 @@ class SeparableFilter {
   /// Filters a row for the second pass; rows in any order, on any threads.
   void pass_along(int j, const float* row);
 
-  /// After all rows: adds `weight` times row j of the filtered picture to `out`.
+  /// After all rows: `weight` times row j of the filtered picture is in `out`, or is added to it.
+  void pass_down(int j, float weight, float* out) const;
   void add_down(int j, float weight, float* out) const;
 
  private:
+  const float* const* rows_about(int j) const;
   PictureSize size_;
   SymmetricTaps taps_;
   PixelPlane along_rows_;

@@ -1,10 +1,10 @@
 #include "xraycast/fluoroscope/c_arm.hpp"
 
+#include "xraycast/attenuation/tube_spectrum.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/json_text.hpp"
+#include "xraycast/base/presets.hpp"
 #include "xraycast/base/remedy.hpp"
-#include "xraycast/base/whole_file.hpp"
 #include "xraycast/fluoroscope/embedded_c_arms.hpp"
 
 #include <fmt/ranges.h>
@@ -13,7 +13,6 @@
 #include <algorithm>
 #include <cmath>
 #include <initializer_list>
-#include <numbers>
 #include <string_view>
 
 namespace xraycast {
@@ -91,8 +90,8 @@ XrayTube tube_from(const CArmFields& fields) {
   tube.focal_spot_mm = fields.number("focal_spot_mm", 0.05, 3);
   tube.aluminium_mm = fields.number("added_aluminium_mm", 0, 20);
   tube.copper_mm = fields.number("added_copper_mm", 0, 2);
-  tube.lowest_kvp = fields.whole("lowest_kvp", 40, 150);
-  tube.highest_kvp = fields.whole("highest_kvp", tube.lowest_kvp, 150);
+  tube.lowest_kvp = fields.whole("lowest_kvp", kLowestTube_kv, kHighestTube_kv);
+  tube.highest_kvp = fields.whole("highest_kvp", tube.lowest_kvp, kHighestTube_kv);
   tube.lowest_ma = fields.number("lowest_ma", 1e-3, 2000);
   tube.highest_ma = fields.number("highest_ma", tube.lowest_ma, 2000);
   tube.power_kw = fields.number("power_kw", 0.01, 200);
@@ -137,13 +136,6 @@ DetectorDose dose_from(const CArmFields& fields) {
 
 }  // namespace
 
-double ScintillatorBlur::mtf(double per_mm) const {
-  const auto gaussian = [per_mm](double spread_mm) {
-    return std::exp(-2 * std::pow(std::numbers::pi * spread_mm * per_mm, 2));
-  };
-  return (1 - wide_share) * gaussian(narrow_mm) + wide_share * gaussian(wide_mm);
-}
-
 CArm CArm::from_json(const std::string& text, const std::string& origin) {
   const nlohmann::json json = parse_json(text, origin);
   const CArmFields fields(json, origin);
@@ -167,20 +159,12 @@ CArm CArm::from_json(const std::string& text, const std::string& origin) {
   return c_arm;
 }
 
-std::vector<std::string> CArm::preset_names() {
-  std::vector<std::string> names;
-  for (const auto& preset : embedded_carms()) names.emplace_back(preset.name);
-  return names;
-}
+std::vector<std::string> CArm::preset_names() { return names_of(embedded_carms()); }
 
 CArm CArm::named(const std::string& name_or_file) {
-  for (const auto& preset : embedded_carms())
-    if (preset.name == name_or_file) return from_json(std::string(preset.source), name_or_file);
-  if (extension_of(name_or_file) != ".json")
-    throw InputError("{}: unknown C-arm; choose one of {}, or give a file that ends in .json", name_or_file,
-                     fmt::join(preset_names(), ", "));
-  return with_remedy(name_or_file, "correct the file",
-                     [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
+  return with_remedy(name_or_file, "correct the file", [&] {
+    return from_json(preset_json(embedded_carms(), name_or_file, "C-arm"), name_or_file);
+  });
 }
 
 double zoom_field_mm(const CArm& c_arm, std::optional<double> field_mm) {

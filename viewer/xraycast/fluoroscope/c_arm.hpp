@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
+#include "xraycast/fluoroscope/scintillator_blur.hpp"
 
 #include <optional>
 #include <string>
@@ -12,16 +13,9 @@ namespace xraycast {
 struct XrayTube {
   double focal_spot_mm = 0;                ///< nominal, width at half maximum
   double aluminium_mm = 0, copper_mm = 0;  ///< added to the inherent 2.5 mm of aluminium
-  double lowest_kvp = 0, highest_kvp = 0;  ///< 40 to 150
+  double lowest_kvp = 0, highest_kvp = 0;  ///< kLowestTube_kv to kHighestTube_kv
   double lowest_ma = 0, highest_ma = 0, power_kw = 0;
   double pulse_ms = 0;
-};
-
-/// The MTF of a scintillator, or of an intensifier with its camera: the sum of two Gaussians,
-/// (1 - s) exp(-2 pi^2 n^2 f^2) + s exp(-2 pi^2 w^2 f^2), of the spreads n and w. The pixel is not in it.
-struct ScintillatorBlur {
-  double narrow_mm = 0, wide_mm = 0, wide_share = 0;
-  double mtf(double per_mm) const;
 };
 
 /// Charge that a detector keeps: this fraction of every frame's signal, which comes out again exponentially.

@@ -115,6 +115,7 @@ void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, co
   }
   const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
   is_saturated_ = frame.is_saturated;
+  codes_ = frame.codes;
   if (subtracts_)
     show_subtracted(frame);
   else
@@ -136,9 +137,7 @@ void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
   const bool masks = is_masking();
   if (masks) subtraction_->add_to_mask(frame_);
   subtraction_->subtract(frame_, difference_);
-  const std::span<const float> field = fluoroscope_->field();
-  for (std::size_t i = 0; i < field.size(); ++i)
-    if (field[i] < 0.5f) difference_[i] = 0;  // behind the blades there is only noise
+  fluoroscope_->clear_behind_blades(difference_);
   if (!masks) opacified_.add(difference_);
   const bool is_whole = shows_maximum_opacification && has_angiogram();
   image_ = subtraction_greys(is_whole ? opacified_.picture() : difference_, window);

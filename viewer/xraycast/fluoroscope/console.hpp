@@ -37,6 +37,9 @@ class FluoroscopyConsole {
   std::span<const std::uint8_t> image() const { return image_; }
   const View& view() const { return view_; }
 
+  /// What the detector sent of that image, in its bits.
+  std::span<const std::uint16_t> codes() const { return codes_; }
+
   /// Subtraction: the first pulses are averaged as the mask, with the exposure control locked.
   void subtract(bool subtracts);
   bool subtracts() const { return subtracts_; }
@@ -79,6 +82,7 @@ class FluoroscopyConsole {
   View view_;
   std::optional<WaterPath> path_;
   std::vector<std::uint8_t> image_;
+  std::vector<std::uint16_t> codes_;
   bool pedal_ = false;
   double since_pulse_s_ = 0, paused_s_ = 0;
   bool begins_run_ = false, is_saturated_ = false;

@@ -3,6 +3,7 @@
 #include "xraycast/fluoroscope/pixel_loops.hpp"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace xraycast {
@@ -13,6 +14,17 @@ constexpr float kEdgeStrength = 0.7f;
 constexpr float kNewFrameWeight =
     0.4f;  // of fluoroscopy's recursive filter: a quarter of the noise's variance stays
 constexpr float kWindowWidth = 2.4f;  // of the logarithm, from black to white
+
+/// At an end of a row, beyond which the picture goes on as it ends.
+float sharpened_end(const std::array<const float*, 3>& rows, int column, int width) {
+  std::array<std::array<float, 3>, 3> around{};
+  for (std::size_t j = 0; j < 3; ++j)
+    for (int i = 0; i < 3; ++i)
+      around[j][static_cast<std::size_t>(i)] = rows[j][std::clamp(column + i - 1, 0, width - 1)];
+  float sharpened = 0;
+  sharpened_row(around[0].data(), around[1].data(), around[2].data(), kEdgeStrength, 1, &sharpened);
+  return sharpened;
+}
 
 }  // namespace
 
@@ -43,23 +55,18 @@ void DisplayChain::begin(bool is_recording, bool is_processed) {
 
 void DisplayChain::show_row(const std::vector<float>& logarithm, int row, std::uint8_t* grey) {
   const auto width = static_cast<std::size_t>(width_);
-  const auto padded = [&](int j, std::vector<float>& out) {
-    const float* const from =
-        logarithm.data() + static_cast<std::size_t>(std::clamp(j, 0, height_ - 1)) * width;
-    out.resize(width + 2);
-    std::copy_n(from, width, out.begin() + 1);
-    out.front() = from[0];
-    out.back() = from[width - 1];
+  const auto row_at = [&](int j) {
+    return logarithm.data() + static_cast<std::size_t>(std::clamp(j, 0, height_ - 1)) * width;
   };
   float* const shown = filtered_.data() + static_cast<std::size_t>(row) * width;
   const float* now = logarithm.data() + static_cast<std::size_t>(row) * width;
-  thread_local std::vector<float> above, middle, below, sharp;
+  thread_local std::vector<float> sharp;
   sharp.resize(width);
   if (is_processed_) {
-    padded(row - 1, above);
-    padded(row, middle);
-    padded(row + 1, below);
-    sharpened_row(above.data(), middle.data(), below.data(), kEdgeStrength, width_, sharp.data());
+    const std::array<const float*, 3> rows{row_at(row - 1), now, row_at(row + 1)};
+    sharpened_row(rows[0], rows[1], rows[2], kEdgeStrength, width_ - 2, sharp.data() + 1);
+    sharp.front() = sharpened_end(rows, 0, width_);
+    sharp.back() = sharpened_end(rows, width_ - 1, width_);
     now = sharp.data();
   }
   if (weight_ == 1)

@@ -1,17 +1,12 @@
 #pragma once
 
+#include "xraycast/base/embedded_file.hpp"
+
 #include <span>
-#include <string_view>
 
 namespace xraycast {
 
-/// One file of viewer/c_arms/.
-struct EmbeddedCarm {
-  std::string_view name;    ///< file name without .json
-  std::string_view source;  ///< JSON, see CArm::from_json
-};
-
-/// All presets, in the order of viewer/CMakeLists.txt.
-std::span<const EmbeddedCarm> embedded_carms();
+/// The files of viewer/c_arms/, which CArm::from_json reads, in the order of viewer/CMakeLists.txt.
+std::span<const EmbeddedFile> embedded_carms();
 
 }  // namespace xraycast

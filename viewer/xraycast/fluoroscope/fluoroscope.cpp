@@ -137,8 +137,9 @@ void Fluoroscope::State::pass_patient(const RayDepths& rays) {
       if (stages.scatter) stages.scatter->gather_row(j, share, seen.field.data() + seen.size.row(j));
       stages.blur.primary.pass_along(j, share);
     }
+    if (stages.scatter) stages.scatter->weigh_band(first, *beam.table, generator.path());
   });
-  if (stages.scatter) stages.scatter->spread(*beam.table, generator.path());
+  if (stages.scatter) stages.scatter->spread();
 }
 
 /// The energy of the quanta in every pixel, as light that has spread along the rows.
@@ -148,12 +149,12 @@ void Fluoroscope::State::absorb_quanta(const QuantaStage& quanta) {
   const AbsorptionStage& absorption = stages.absorption;
   const double open_quanta = generator.open_quanta();
   for_bands(seen.size, [&](int first, int end) {
-    const auto width = static_cast<std::size_t>(seen.size.width);
-    PixelPlane primary(width), scattered(width, 0.0f), energy_kev(width);
+    thread_local PixelPlane primary, scattered, energy_kev;
+    for (PixelPlane* row : {&primary, &scattered, &energy_kev})
+      row->assign(static_cast<std::size_t>(seen.size.width), 0.0f);
     for (int j = first; j < end; ++j) {
       const std::size_t at = seen.size.row(j);
-      std::ranges::fill(primary, 0.0f);
-      stages.blur.primary.add_down(j, 1, primary.data());
+      stages.blur.primary.pass_down(j, 1, primary.data());
       if (stages.scatter) stages.scatter->row(j, scattered.data());
       quanta.absorb_row({primary.data(), seen.field.data() + at, scattered.data(),
                          absorption.mean_kev.data() + at, absorption.spread_kev.data() + at},
@@ -267,6 +268,11 @@ const DoseRecord& Fluoroscope::dose() const { return state_->generator.dose(); }
 Technique Fluoroscope::technique() const { return state_->generator.technique(); }
 double Fluoroscope::kerma_rate_mGy_min() const { return state_->generator.kerma_rate_mGy_min(); }
 std::span<const float> Fluoroscope::field() const { return state_->chain->seen.field; }
+void Fluoroscope::clear_behind_blades(std::span<float> difference) const {
+  constexpr float kOpen = 0.5f;
+  std::ranges::transform(difference, field(), difference.begin(),
+                         [](float value, float open) { return open < kOpen ? 0 : value; });
+}
 double Fluoroscope::target_kev() const { return state_->generator.target_kev(); }
 double Fluoroscope::open_quanta() const { return state_->generator.open_quanta(); }
 int Fluoroscope::bits() const { return state_->generator.options().c_arm.detector.bits; }

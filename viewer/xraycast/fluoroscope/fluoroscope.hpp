@@ -77,6 +77,9 @@ class Fluoroscope {
   /// The share of the beam that reaches each pixel between the blades, H x W.
   std::span<const float> field() const;
 
+  /// Sets a difference of two frames to 0 behind the blades, where there is only noise. H x W.
+  void clear_behind_blades(std::span<float> difference) const;
+
  private:
   struct State;
   std::unique_ptr<State> state_;

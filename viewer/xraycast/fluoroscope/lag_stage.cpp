@@ -29,8 +29,10 @@ void LagStage::fill_row(int j, const float* signal_kev) {
 }
 
 void LagStage::pause(double seconds) {
-  for (Trap& trap : traps_)
-    for (float& kept : trap.kept) kept *= static_cast<float>(std::exp(-seconds / trap.time_s));
+  for (Trap& trap : traps_) {
+    const auto left = static_cast<float>(std::exp(-seconds / trap.time_s));
+    for (float& kept : trap.kept) kept *= left;
+  }
 }
 
 }  // namespace xraycast

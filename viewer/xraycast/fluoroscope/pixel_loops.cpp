@@ -1,6 +1,7 @@
 #include "xraycast/fluoroscope/pixel_loops.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/fluoroscope/picture_rows.hpp"
 
 #include <algorithm>
 #include <bit>
@@ -13,28 +14,84 @@ namespace {
 constexpr int kEights = 4, kBlock = 8 * kEights;
 using Eight = float __attribute__((vector_size(32), aligned(4), may_alias));
 
+using Four = float __attribute__((vector_size(16), may_alias));
+using UnalignedFour = float __attribute__((vector_size(16), aligned(4), may_alias));
+
+/// The three values of a step at a place between it and the next one.
+inline Four between(const QuantaTable::Step* step, float part) {
+  const Four& from = *reinterpret_cast<const Four*>(step);
+  const Four& to = *reinterpret_cast<const Four*>(step + 1);
+  return from + part * (to - from);
+}
+
 inline Eight& eight_at(float* pixels) { return *reinterpret_cast<Eight*>(pixels); }
 inline const Eight& eight_at(const float* pixels) { return *reinterpret_cast<const Eight*>(pixels); }
+inline UnalignedFour& four_at(float* pixels) { return *reinterpret_cast<UnalignedFour*>(pixels); }
+
+inline float sum_of(const Eight& values) {
+  return ((values[0] + values[1]) + (values[2] + values[3])) +
+         ((values[4] + values[5]) + (values[6] + values[7]));
+}
 
 }  // namespace
 
 XRAYCAST_WIDE_VECTORS
 void look_up_row(const QuantaTable& table, const float* __restrict tau, int count, float* __restrict share,
                  float* __restrict mean_kev, float* __restrict spread_kev) {
+  constexpr int kRun = 256;
+  std::int32_t step[kRun];
+  float part[kRun];
   const float per_tau = table.steps_per_tau;
-  const int last = static_cast<int>(table.share.size()) - 2;
+  const int last = static_cast<int>(table.steps.size()) - 2;
   const auto end = static_cast<float>(last + 1);
-  const float* __restrict shares = table.share.data();
-  const float* __restrict means = table.mean_kev.data();
-  const float* __restrict spreads = table.spread_kev.data();
-  for (int i = 0; i < count; ++i) {
-    const float wanted = tau[i] * per_tau, positive = wanted > 0 ? wanted : 0;  // 0 for NaN
-    const float at = positive < end ? positive : end;
-    const int below = static_cast<int>(at), step = below < last ? below : last;
-    const float part = at - static_cast<float>(step);
-    share[i] = shares[step] + part * (shares[step + 1] - shares[step]);
-    mean_kev[i] = means[step] + part * (means[step + 1] - means[step]);
-    spread_kev[i] = spreads[step] + part * (spreads[step + 1] - spreads[step]);
+  const QuantaTable::Step* const steps = table.steps.data();
+  for (int start = 0; start < count; start += kRun) {
+    const int run = std::min(kRun, count - start);
+    for (int i = 0; i < run; ++i) {
+      const float wanted = tau[start + i] * per_tau, positive = wanted > 0 ? wanted : 0;  // 0 for NaN
+      const float at = positive < end ? positive : end;
+      const int below = static_cast<int>(at);
+      step[i] = below < last ? below : last;
+      part[i] = at - static_cast<float>(step[i]);
+    }
+    int i = 0;
+    for (; i + 4 <= run; i += 4) {
+      const Four a = between(steps + step[i], part[i]), b = between(steps + step[i + 1], part[i + 1]),
+                 c = between(steps + step[i + 2], part[i + 2]), d = between(steps + step[i + 3], part[i + 3]);
+      // Shares and means of two pixels, then of four.
+      const Four ab = __builtin_shufflevector(a, b, 0, 4, 1, 5),
+                 cd = __builtin_shufflevector(c, d, 0, 4, 1, 5);
+      four_at(share + start + i) = __builtin_shufflevector(ab, cd, 0, 1, 4, 5);
+      four_at(mean_kev + start + i) = __builtin_shufflevector(ab, cd, 2, 3, 6, 7);
+      const Four spread_ab = __builtin_shufflevector(a, b, 2, 6, 3, 7),
+                 spread_cd = __builtin_shufflevector(c, d, 2, 6, 3, 7);
+      four_at(spread_kev + start + i) = __builtin_shufflevector(spread_ab, spread_cd, 0, 1, 4, 5);
+    }
+    for (; i < run; ++i) {
+      const Four one = between(steps + step[i], part[i]);
+      share[start + i] = one[0];
+      mean_kev[start + i] = one[1];
+      spread_kev[start + i] = one[2];
+    }
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
+void add_to_cells_row(const float* __restrict share, const float* __restrict field, int count,
+                      float* __restrict cell_share, float* __restrict cell_primary) {
+  constexpr int kCell = PictureSize::kBand;
+  for (int start = 0; start < count; start += kCell, ++cell_share, ++cell_primary) {
+    const int end = std::min(count, start + kCell);
+    int i = start;
+    for (; i + 8 <= end; i += 8) {
+      const Eight shares = eight_at(share + i), primary = shares * eight_at(field + i);
+      *cell_share += sum_of(shares);
+      *cell_primary += sum_of(primary);
+    }
+    for (; i < end; ++i) {
+      *cell_share += share[i];
+      *cell_primary += share[i] * field[i];
+    }
   }
 }
 
@@ -61,9 +118,13 @@ void filter_row(const float* __restrict padded, const SymmetricTaps& taps, int c
   }
 }
 
-XRAYCAST_WIDE_VECTORS
-void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
-                         float* __restrict out) {
+namespace {
+
+/// Both functions below, for which it is compiled apart.
+template <bool kAdds>
+__attribute__((always_inline)) inline void filtered_column(const float* const* rows,
+                                                           const SymmetricTaps& taps, float weight, int count,
+                                                           float* __restrict out) {
   const int neighbours = static_cast<int>(taps.size()) - 1;
   int i = 0;
   for (; i + kBlock <= count; i += kBlock) {
@@ -74,14 +135,30 @@ void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, fl
       const float *const above = rows[neighbours - k] + i, *const below = rows[neighbours + k] + i;
       for (int e = 0; e < kEights; ++e) sums[e] += tap * (eight_at(above + 8 * e) + eight_at(below + 8 * e));
     }
-    for (int e = 0; e < kEights; ++e) eight_at(out + i + 8 * e) += weight * sums[e];
+    for (int e = 0; e < kEights; ++e) {
+      const Eight weighted = weight * sums[e];
+      eight_at(out + i + 8 * e) = kAdds ? eight_at(out + i + 8 * e) + weighted : weighted;
+    }
   }
   for (; i < count; ++i) {
     float sum = taps[0] * rows[neighbours][i];
     for (int k = 1; k <= neighbours; ++k)
       sum += taps[static_cast<std::size_t>(k)] * (rows[neighbours - k][i] + rows[neighbours + k][i]);
-    out[i] += weight * sum;
+    out[i] = kAdds ? out[i] + weight * sum : weight * sum;
   }
+}
+
+}  // namespace
+
+XRAYCAST_WIDE_VECTORS
+void filter_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count, float* out) {
+  filtered_column<false>(rows, taps, weight, count, out);
+}
+
+XRAYCAST_WIDE_VECTORS
+void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
+                         float* out) {
+  filtered_column<true>(rows, taps, weight, count, out);
 }
 
 XRAYCAST_WIDE_VECTORS
@@ -127,6 +204,10 @@ void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStr
       mean[i] = positive < kLeastExpandedMean ? positive : 0;
       most_bits = std::max(most_bits, std::bit_cast<std::int32_t>(mean[i]));
     }
+    if (most_bits == 0) {
+      std::fill_n(quanta + start, run, 0.0f);
+      continue;
+    }
     const float most = std::bit_cast<float>(most_bits);
     for (int i = 0; i < run; ++i) {
       uniform[i] = uniform_of(
@@ -137,7 +218,7 @@ void few_quanta_row(const float* __restrict means, std::uint32_t first, NoiseStr
     }
     // Beyond that number the distribution is below what a float of 24 bits resolves.
     const int numbers = static_cast<int>(most + 7 * std::sqrt(most) + 6);
-    for (int k = 1; most > 0 && k <= numbers; ++k) {
+    for (int k = 1; k <= numbers; ++k) {
       const float per_number = 1 / static_cast<float>(k);
       for (int i = 0; i < run; ++i) {
         number[i] += uniform[i] > sum[i] ? 1.0f : 0.0f;

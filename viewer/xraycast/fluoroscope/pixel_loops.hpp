@@ -12,9 +12,14 @@ namespace xraycast {
 /// Detected quanta by the optical depth, at even steps from 0, linear between them. Below the first step and
 /// beyond the last, as there; NaN counts as 0.
 struct QuantaTable {
+  /// Side by side in memory, since each pixel reads all of two steps.
+  struct alignas(16) Step {
+    float share;  ///< of the open field's quanta
+    float mean_kev, spread_kev;
+    float unused = 0;
+  };
   float steps_per_tau = 0;
-  std::vector<float> share;  ///< of the open field's quanta
-  std::vector<float> mean_kev, spread_kev;
+  std::vector<Step> steps;
 };
 
 void look_up_row(const QuantaTable& table, const float* tau, int count, float* share, float* mean_kev,
@@ -23,10 +28,15 @@ void look_up_row(const QuantaTable& table, const float* tau, int count, float* s
 /// `padded` has as many pixels before and behind the row as the filter has neighbours.
 void filter_row(const float* padded, const SymmetricTaps& taps, int count, float* out);
 
-/// The same across rows: rows[0] is the highest, rows[taps.size() - 1] the filtered row's own. Adds
-/// `weight` times the result to `out`.
+/// The same across rows: rows[0] is the highest, rows[taps.size() - 1] the filtered row's own. `weight` times
+/// the result is in `out`, or is added to it.
+void filter_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count, float* out);
 void add_filtered_column(const float* const* rows, const SymmetricTaps& taps, float weight, int count,
                          float* out);
+
+/// Adds the sums of each PictureSize::kBand pixels, and of what is left at the end, to their cells.
+void add_to_cells_row(const float* share, const float* field, int count, float* cell_share,
+                      float* cell_primary);
 
 /// The most quanta of a pixel: beyond, floats do not resolve their noise.
 inline constexpr float kMostQuanta = 1e12f;

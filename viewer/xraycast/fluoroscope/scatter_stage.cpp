@@ -1,5 +1,6 @@
 #include "xraycast/fluoroscope/scatter_stage.hpp"
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 
@@ -11,11 +12,12 @@ constexpr int kGatheredEvery = 4;  // rows, which will do for what scatter blurs
 
 /// The optical depth at which the table, which falls, has a share; between steps on a line.
 double tau_of(float share, const QuantaTable& table) {
-  const auto after = std::ranges::lower_bound(table.share, share, std::greater{});
-  if (after == table.share.begin()) return 0;
-  const auto step = static_cast<double>(after - table.share.begin());
-  if (after == table.share.end()) return (step - 1) / table.steps_per_tau;
-  const float above = *(after - 1), below = *after;
+  const auto& steps = table.steps;
+  const auto after = std::ranges::lower_bound(steps, share, std::greater{}, &QuantaTable::Step::share);
+  if (after == steps.begin()) return 0;
+  const auto step = static_cast<double>(after - steps.begin());
+  if (after == steps.end()) return (step - 1) / table.steps_per_tau;
+  const float above = (after - 1)->share, below = after->share;
   return (step - (share - below) / (above - below)) / table.steps_per_tau;
 }
 
@@ -42,22 +44,18 @@ void ScatterStage::gather_row(int j, const float* share, const float* field) {
   const std::size_t cells = static_cast<std::size_t>(j / kCell) * static_cast<std::size_t>(columns_);
   if (j % kCell == 0)
     for (PixelPlane* plane : {&share_, &primary_}) std::fill_n(&(*plane)[cells], columns_, 0.0f);
-  if (j % kGatheredEvery != 0) return;
-  for (int i = 0; i < size_.width; ++i) {
-    share_[cells + static_cast<std::size_t>(i / kCell)] += share[i];
-    primary_[cells + static_cast<std::size_t>(i / kCell)] += share[i] * field[i];
-  }
+  if (j % kGatheredEvery == 0) add_to_cells_row(share, field, size_.width, &share_[cells], &primary_[cells]);
 }
 
-void ScatterStage::spread(const QuantaTable& table, const WaterPath& path) {
-  for (std::size_t cell = 0; cell < share_.size(); ++cell) {
-    const int row = static_cast<int>(cell) / columns_, column = static_cast<int>(cell) % columns_;
-    const int rows = (std::min(kCell, size_.height - row * kCell) + kGatheredEvery - 1) / kGatheredEvery;
+void ScatterStage::weigh_band(int first, const QuantaTable& table, const WaterPath& path) {
+  const std::size_t cells = static_cast<std::size_t>(first / kCell) * static_cast<std::size_t>(columns_);
+  const int rows = (std::min(kCell, size_.height - first) + kGatheredEvery - 1) / kGatheredEvery;
+  for (int column = 0; column < columns_; ++column) {
+    const std::size_t cell = cells + static_cast<std::size_t>(column);
     const auto pixels = static_cast<float>(rows * std::min(kCell, size_.width - column * kCell));
     water_[cell] = static_cast<float>(path.g_cm2(tau_of(share_[cell] / pixels, table)));
     primary_[cell] /= pixels;
   }
-  result_ = scatter_.from(primary_, water_);
 }
 
 void ScatterStage::row(int j, float* scattered) const {
@@ -68,16 +66,20 @@ void ScatterStage::row(int j, float* scattered) const {
             below = std::min(above + 1, rows - 1);
   const float part = y - static_cast<float>(above);
   const auto at = [&](int column) {
-    const int inside = std::clamp(column, 0, columns_ - 1);
+    const int inside = std::min(column, columns_ - 1);
     return weight_ * std::lerp(result_[above * columns_ + inside], result_[below * columns_ + inside], part);
   };
-  // Between two middles the row is a ramp.
-  for (int column = -1; column < columns_; ++column) {
-    const float from = at(column), slope = (at(column + 1) - from) / kCell;
-    const int start = column * kCell + kCell / 2;
-    for (int i = std::max(0, start); i < std::min(size_.width, start + kCell); ++i)
-      scattered[i] = from + slope * (static_cast<float>(i - start) + 0.5f);
+  // Between two middles the row is a ramp; the first one begins half a cell before the row.
+  thread_local PixelPlane ramps;
+  ramps.resize(static_cast<std::size_t>(columns_ + 1) * kCell);
+  float from = at(0);
+  for (int column = 0; column <= columns_; ++column) {
+    const float to = at(column), slope = (to - from) / kCell;
+    float* const ramp = ramps.data() + static_cast<std::ptrdiff_t>(column) * kCell;
+    for (int i = 0; i < kCell; ++i) ramp[i] = from + slope * (static_cast<float>(i) + 0.5f);
+    from = to;
   }
+  std::copy_n(ramps.data() + kCell / 2, size_.width, scattered);
 }
 
 }  // namespace xraycast

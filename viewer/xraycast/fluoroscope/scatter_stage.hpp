@@ -19,8 +19,11 @@ class ScatterStage {
   /// behind the patient; `field`: of the beam.
   void gather_row(int j, const float* share, const float* field);
 
-  /// After all rows: what the cells scatter onto each other.
-  void spread(const QuantaTable& table, const WaterPath& path);
+  /// After a band's rows, which begin with `first`: the water in the way of its cells.
+  void weigh_band(int first, const QuantaTable& table, const WaterPath& path);
+
+  /// After all bands: what the cells scatter onto each other.
+  void spread() { result_ = scatter_.from(primary_, water_); }
 
   /// Row j of the scattered quanta, as shares of the open field's, between the cells' middles.
   void row(int j, float* scattered) const;

@@ -1,7 +1,9 @@
 #include "xraycast/fluoroscope/subtraction.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/image.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/fluoroscope/pixel_loops.hpp"
 
 #include <algorithm>
 #include <array>
@@ -118,20 +120,15 @@ std::vector<std::uint8_t> subtraction_greys(std::span<const float> difference,
   const float slope = background / static_cast<float>(window.black);
   std::vector<std::uint8_t> greys(difference.size());
   for_runs(difference.size(), [&](std::size_t first, std::size_t end) {
-    for (std::size_t i = first; i < end; ++i) {
-      const float grey = std::clamp(background + kHalf - slope * difference[i], 0.0f, kWhite);
-      greys[i] = static_cast<std::uint8_t>(static_cast<int>(grey));
-    }
+    windowed_row(&difference[first], -slope, background + kHalf, static_cast<int>(end - first),
+                 &greys[first]);
   });
   return greys;
 }
 
 std::vector<std::uint8_t> subtraction_picture(std::span<const float> difference,
                                               const SubtractionWindow& window) {
-  std::vector<std::uint8_t> rgb;
-  rgb.reserve(3 * difference.size());
-  for (const std::uint8_t grey : subtraction_greys(difference, window)) rgb.insert(rgb.end(), 3, grey);
-  return rgb;
+  return rgb_of(subtraction_greys(difference, window));
 }
 
 SubtractionWindow automatic_subtraction_window(std::span<const float> difference) {

@@ -49,18 +49,25 @@ std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,
   return device_surfaces(nodes_mm, instrument.radius_mm(), instrument.inner_radius_mm() > 0);
 }
 
-std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
-                                     bool has_lumen) {
-  if (has_lumen) return {catheter_surface(nodes_mm, radius_mm)};
+std::vector<DevicePart> device_parts(const std::vector<glm::dvec3>& nodes_mm, bool has_lumen) {
+  if (has_lumen) return {{nodes_mm, catheter_per_mm(), kCatheterColour}};
+  constexpr glm::dvec3 kTipColour{0.95, 0.8, 0.35};
   const auto tip = nodes_mm.begin() + static_cast<std::ptrdiff_t>(tip_begin(nodes_mm));
   // They share the node between them.
   const std::vector<glm::dvec3> of_shaft(nodes_mm.begin(), tip == nodes_mm.begin() ? tip : tip + 1);
-  Surface shaft = catheter_surface(of_shaft, radius_mm),
-          end = catheter_surface({tip, nodes_mm.end()}, radius_mm);
-  shaft.mu_per_mm = wire_per_mm();
-  end.mu_per_mm = wire_per_mm() + wire_tip_per_mm();
-  end.colour = {0.95, 0.8, 0.35};
-  return {shaft, end};
+  return {{of_shaft, wire_per_mm(), kCatheterColour},
+          {{tip, nodes_mm.end()}, wire_per_mm() + wire_tip_per_mm(), kTipColour}};
+}
+
+std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
+                                     bool has_lumen) {
+  std::vector<Surface> surfaces;
+  for (const DevicePart& part : device_parts(nodes_mm, has_lumen)) {
+    Surface& surface = surfaces.emplace_back(catheter_surface(part.nodes_mm, radius_mm));
+    surface.mu_per_mm = part.mu_per_mm;
+    surface.colour = part.colour;
+  }
+  return surfaces;
 }
 
 std::vector<Surface> steered_surfaces(const SteeredDevices& steered) {

@@ -14,8 +14,18 @@ namespace xraycast {
 /// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
 
-/// The surfaces of a device. A guide wire, which has no lumen, has two: its steel core, and its tip of
-/// kWireTip_mm, which is denser.
+/// A length of a device that is of one material.
+struct DevicePart {
+  std::vector<glm::dvec3> nodes_mm;
+  double mu_per_mm;
+  glm::dvec3 colour;
+};
+
+/// A catheter is one part. A guide wire, which has no lumen, has two, also where one of them has no nodes:
+/// its steel core, and its tip of kWireTip_mm, which is denser.
+std::vector<DevicePart> device_parts(const std::vector<glm::dvec3>& nodes_mm, bool has_lumen);
+
+/// The surfaces of a device, one a part.
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm, double radius_mm,
                                      bool has_lumen);
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,

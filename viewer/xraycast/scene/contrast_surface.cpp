@@ -52,22 +52,34 @@ ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_
   }
 }
 
-Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
-  const auto concentration_of = [&](const Drum& drum) {
+std::vector<float> ContrastSurface::drums_mg_ml(const std::vector<std::vector<double>>& iodine_mg_ml) const {
+  std::vector<float> mg_ml;
+  for (const Drum& drum : drums_) {
     const std::span stretches = std::span(iodine_mg_ml[static_cast<std::size_t>(drum.branch)])
                                     .subspan(drum.first, drum.last - drum.first);
-    return static_cast<float>(std::accumulate(stretches.begin(), stretches.end(), 0.0) /
-                              static_cast<double>(stretches.size()));
-  };
-  constexpr float kNothing_mg_ml = 0.01f;
+    mg_ml.push_back(static_cast<float>(std::accumulate(stretches.begin(), stretches.end(), 0.0) /
+                                       static_cast<double>(stretches.size())));
+  }
+  return mg_ml;
+}
+
+Surface ContrastSurface::filled(const std::vector<std::vector<double>>& iodine_mg_ml) const {
+  const std::vector<float> mg_ml = drums_mg_ml(iodine_mg_ml);
   Surface surface;
   surface.mu_per_mm = mu_per_mm_;
-  for (const Drum& drum : drums_) {
-    const float mg_ml = concentration_of(drum);
-    if (mg_ml <= kNothing_mg_ml) continue;
-    add_drum(drum.from, drum.to, surface.mesh);
-    surface.mu_weights.resize(surface.mesh.points_mm.size(), mg_ml);
+  for (std::size_t d = 0; d < drums_.size(); ++d) {
+    if (mg_ml[d] <= kNothing_mg_ml) continue;
+    add_drum(drums_[d].from, drums_[d].to, surface.mesh);
+    surface.mu_weights.resize(surface.mesh.points_mm.size(), mg_ml[d]);
   }
+  return surface;
+}
+
+Surface ContrastSurface::whole() const {
+  static_assert(kDrumPoints == 2 * (kSides + 1) && kDrumTriangles == 4 * kSides);
+  Surface surface;
+  surface.mu_per_mm = mu_per_mm_;
+  for (const Drum& drum : drums_) add_drum(drum.from, drum.to, surface.mesh);
   return surface;
 }
 

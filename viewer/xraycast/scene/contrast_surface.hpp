@@ -18,9 +18,20 @@ class ContrastSurface {
   /// one mg/ml of iodine.
   explicit ContrastSurface(const VesselTree& tree, double mu_per_mm = fluoroscopy_per_mm("I", 1));
 
+  /// What is less counts as no iodine.
+  static constexpr float kNothing_mg_ml = 0.01f;
+
   /// The surface for concentrations of iodine in every branch's stretches, one fewer than its points, in
   /// mg/ml. Drums without iodine are left out.
   Surface filled(const std::vector<std::vector<double>>& iodine_mg_ml) const;
+
+  /// The mean concentration in every drum.
+  std::vector<float> drums_mg_ml(const std::vector<std::vector<double>>& iodine_mg_ml) const;
+
+  /// All drums, whatever they hold: so many points and triangles each, one drum behind the other.
+  Surface whole() const;
+  std::size_t drums() const { return drums_.size(); }
+  static constexpr std::size_t kDrumPoints = 26, kDrumTriangles = 48;
 
  private:
   struct Drum {

@@ -1,15 +1,14 @@
 #include "xraycast/window/hub_input.hpp"
 
+#include "xraycast/haptics/hand_rates.hpp"
+
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace xraycast {
 namespace {
-
-constexpr double kPush_mm_s = 40, kRotate_rad_s = 120 * std::numbers::pi / 180, kSlowly = 0.2;
 
 /// A stick's axis, -1 to 1, without its dead zone: released sticks do not return to the very centre.
 double beyond_dead_zone(double axis) {

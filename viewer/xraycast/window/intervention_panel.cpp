@@ -1,5 +1,6 @@
 #include "xraycast/window/intervention_panel.hpp"
 
+#include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/window/hub_input.hpp"
 #include "xraycast/window/viewer_input.hpp"
@@ -31,7 +32,6 @@ const char* const kInterventionHelp =
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
-constexpr double kInjection_ml_s = 5;
 
 /// With Control held, the mouse moves the hub.
 void drag_hub(ManualDevice& hand) {

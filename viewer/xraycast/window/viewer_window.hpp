@@ -3,7 +3,7 @@
 #include "xraycast/base/progress.hpp"
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/scene/session_file.hpp"
-#include "xraycast/window/intervention.hpp"
+#include "xraycast/serving/intervention.hpp"
 
 #include <optional>
 #include <string>

@@ -1,7 +1,6 @@
-#include "xraycast/window/intervention.hpp"
+#include "xraycast/serving/intervention.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/printable.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
 
@@ -9,7 +8,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <iostream>
 
 namespace xraycast {
 namespace {
@@ -31,12 +29,12 @@ std::vector<InstrumentModel> models_of(const Intervention::Options& options) {
 }
 
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
+  if (options.make_device) return options.make_device();
   if (options.haptic == "openigtlink") {
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
-    return std::make_unique<IgtlinkDevice>(
-        address, [](const std::string& line) { std::cerr << "xraycast: " << printable_line(line) << '\n'; },
-        options.instrument_models.size());
+    return std::make_unique<IgtlinkDevice>(address, IgtlinkDevice::log_to_stderr,
+                                           options.instrument_models.size());
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
@@ -96,6 +94,7 @@ void Intervention::update(const Camera& camera, double passed_s) {
   for (std::size_t d = 0; d < run_->now().count(); ++d) nodes_mm_.push_back(run_->now().device(d).nodes_mm);
   surfaces_ = run_->devices();
   surfaces_.push_back(run_->contrast());
+  drums_mg_ml_ = run_->drums_mg_ml();
   ++exposures_;
   has_picture_ = true;
 }

@@ -46,10 +46,12 @@ class SimulatedRun {
   /// Injects contrast agent (350 mg iodine per ml) at this rate from now on, through the outermost free
   /// lumen; 0 stops. See agent_outlet.
   void inject(double ml_s) { injection_ml_s_ = ml_s; }
+  double injection_ml_s() const { return injection_ml_s_; }
   double injected_ml() const { return injected_ml_; }
 
   std::vector<Surface> devices() const;
   Surface contrast() const;
+  std::vector<float> drums_mg_ml() const { return contrast_.drums_mg_ml(bolus_.iodine_mg_ml()); }
 
   /// The hubs' loads of the last seconds, oldest first.
   struct Load {

@@ -1,4 +1,4 @@
-#include "xraycast/window/simulated_run.hpp"
+#include "xraycast/serving/simulated_run.hpp"
 
 #include "xraycast/scene/catheter_surface.hpp"
 

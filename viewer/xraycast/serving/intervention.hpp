@@ -4,9 +4,10 @@
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/session_file.hpp"
-#include "xraycast/window/simulated_run.hpp"
+#include "xraycast/serving/simulated_run.hpp"
 
 #include <filesystem>
+#include <functional>
 #include <memory>
 #include <span>
 #include <string>
@@ -25,6 +26,8 @@ class Intervention {
     std::string haptic = "keyboard";  ///< one of haptic_names()
     std::string listen{};             ///< openigtlink: address; empty: the default
     std::filesystem::path script{};   ///< motion of the hub, instead of a device
+    /// Makes the device at every start, instead of `haptic`.
+    std::function<std::unique_ptr<HapticDevice>()> make_device{};
   };
 
   static std::vector<std::string> haptic_names();
@@ -49,6 +52,9 @@ class Intervention {
   /// The C-arm's pose at the last exposure, whose picture is held.
   const Camera& camera() const { return camera_; }
 
+  /// The last exposure, as if the C-arm had been there.
+  void expose_from(const Camera& camera) { camera_ = camera; }
+
   /// The picture's caption: the C-arm's pose at the last exposure and, where it has moved since, its present
   /// pose.
   std::string caption(const Camera& now) const;
@@ -65,6 +71,9 @@ class Intervention {
   /// The attenuating surfaces of that picture. They change with `exposures`.
   std::span<const Surface> surfaces() const { return surfaces_; }
   long exposures() const { return exposures_; }
+
+  /// Iodine in that picture, in the drums of the tree's ContrastSurface.
+  const std::vector<float>& drums_mg_ml() const { return drums_mg_ml_; }
 
   bool has_road_map = true;
   /// The vessels' outline in a view, in its pixels.
@@ -89,6 +98,7 @@ class Intervention {
   Camera camera_;
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each device
   std::vector<Surface> surfaces_;
+  std::vector<float> drums_mg_ml_;
   long exposures_ = 0;
   RoadMap road_map_;
 };

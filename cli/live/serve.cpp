@@ -1,0 +1,307 @@
+#include "options/catheter_options.hpp"
+#include "options/command.hpp"
+#include "options/fluoroscope_options.hpp"
+#include "options/scene_options.hpp"
+#include "options/session_map.hpp"
+#include "options/view_options.hpp"
+#include "options/web_session.hpp"
+#include "pictures/run_report.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/haptics/igtlink_device.hpp"
+#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/scene/vessels.hpp"
+#include "xraycast/serving/igtlink_outlet.hpp"
+#include "xraycast/serving/live_screen.hpp"
+#include "xraycast/serving/live_session.hpp"
+#include "xraycast/serving/web_outlet.hpp"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <chrono>
+#include <memory>
+#include <optional>
+#include <sys/resource.h>
+#include <thread>
+
+namespace xraycast::cli {
+namespace {
+
+using ServeClock = std::chrono::steady_clock;
+
+struct ServeArguments {
+  std::string map, vessels, session, entry, script, listen, haptic;
+  std::vector<std::string> instrument_models{"cobra-5f"};
+  std::optional<std::string> web;  // an address
+  std::vector<std::string> web_hosts;
+  bool sends_unasked = false;
+  double rate_hz = 30;  // as the window draws a moving catheter
+  int bits = 8;
+  ViewOptions view;
+  GreyOptions grey;
+  FluoroscopeArguments fluoroscope;
+
+  bool is_scripted() const { return !script.empty(); }
+  bool is_browsers_hub() const { return !is_scripted() && (haptic == "browser" || (haptic.empty() && web)); }
+  bool is_steered() const { return !is_scripted() && haptic != "none" && !is_browsers_hub(); }
+};
+
+void check_device(const ServeArguments& options) {
+  if (options.haptic == "script" && !options.is_scripted())
+    throw InputError("--haptic script: there is no script; give --script too");
+  if (options.is_scripted() && !options.haptic.empty() && options.haptic != "script")
+    throw InputError("--script with --haptic {}: both move the hub; leave one of them out", options.haptic);
+}
+
+/// Where and under which names browsers connect; nothing without --web.
+std::optional<WebServer::Options> parse_web(const ServeArguments& options) {
+  if (options.web) {
+    WebServer::Options web{.hosts = options.web_hosts};
+    try {
+      web.address = parse_listen_address(*options.web);
+    } catch (const InputError& error) {
+      throw InputError("--web {}; MAP goes before --web", error.what());
+    }
+    for (const std::string& name : web.hosts) check_web_host(name);
+    return web;
+  }
+  if (options.haptic == "browser")
+    throw InputError("--haptic browser: no browser can connect; give --web too");
+  if (!options.web_hosts.empty())
+    throw InputError("--web-host {}: no browser can connect; give --web too", options.web_hosts[0]);
+  return std::nullopt;
+}
+
+ViewSession resolve_served(const ServeArguments& options) {
+  ViewSession scene;
+  // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
+  scene.style.full_contrast = true;
+  if (!options.session.empty()) scene = read_session(options.session);
+  scene.style.shading = ShadingMode::fluoro;
+  if (options.grey.gamma) scene.style.window.gamma = *options.grey.gamma;
+  if (options.grey.inverted) scene.style.window.inverted = true;
+  replace_file(scene.map, options.map);
+  replace_file(scene.vessels, options.vessels);
+  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  if (scene.vessels.empty())
+    throw InputError(
+        "there are no vessels to steer in; give --vessels, a folder that `xraycast segment` wrote");
+  return scene;
+}
+
+/// The picture of the whole body, which the camera turns, moves and magnifies.
+View resolve_detector(const ServeArguments& options, const ViewSession& scene, const BodyBounds& bounds,
+                      const std::optional<FluoroscopyOptions>& fluoroscopy) {
+  constexpr int kUsualWidth = 640, kUsualHeight = 480, kMostPixels = 4096;
+  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
+  if (view.width == 0 && view.pixel_mm == 0) {
+    view.width = kUsualWidth;
+    view.height = kUsualHeight;
+  }
+  if (!view.cone) view.cone = scene.camera.cone;
+  view.centre_mm = bounds.centre_mm;
+  view = fitted(view, bounds);
+  if (view.width > kMostPixels || view.height > kMostPixels)
+    throw InputError("pictures of {} x {} pixels: must be at most {} a side; give --size", view.width,
+                     view.height, kMostPixels);
+  return view;
+}
+
+Camera resolve_camera(const ServeArguments& options, const ViewSession& scene, const View& detector) {
+  Camera camera = scene.camera;
+  if (options.session.empty() || options.view.has_angle()) camera.angle_rad = detector.angle_rad;
+  if (options.session.empty() || options.view.has_tilt()) camera.tilt_rad = detector.tilt_rad;
+  if (options.view.pixel_mm > 0) camera.zoom = 1;
+  camera.cone = detector.cone;
+  return camera;
+}
+
+std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
+  ListenAddress address;
+  try {
+    if (!options.listen.empty()) address = parse_listen_address(options.listen);
+    return std::make_shared<IgtlinkDevice>(
+        address, IgtlinkDevice::log_to_stderr, options.is_steered() ? options.instrument_models.size() : 0,
+        IgtlinkWatching{.is_allowed = true, .is_unasked = options.sends_unasked});
+  } catch (const InputError& error) {
+    throw InputError("--listen {}", error.what());
+  }
+}
+
+Intervention::Options steering_of(const ServeArguments& options, const ViewSession& scene,
+                                  const std::shared_ptr<IgtlinkDevice>& server) {
+  Intervention::Options steering;
+  steering.vessels = scene.vessels;
+  steering.instrument_models = options.instrument_models;
+  steering.entry = parse_entry(options.entry);
+  steering.script = options.script;
+  steering.make_device = [server, is_steered = options.is_steered()]() -> std::unique_ptr<HapticDevice> {
+    if (is_steered) return hubs_of(server);
+    return std::make_unique<ManualDevice>("none");
+  };
+  return steering;
+}
+
+/// The page for browsers and its server. The page begins as the session's camera stands.
+std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, const ViewSession& scene,
+                                    const Camera& camera, const std::shared_ptr<const BodyMap>& map,
+                                    const Intervention& intervention, bool has_hub) {
+  const SimulatedRun& run = intervention.run();
+  std::string page = live_page(scene, camera, map, run.tree(), run.models(), has_hub);
+  try {
+    return std::make_unique<WebOutlet>(web, std::move(page), bounds_of(map->geometry), has_hub,
+                                       IgtlinkDevice::log_to_stderr);
+  } catch (const InputError& error) {
+    throw InputError("--web {}", error.what());
+  }
+}
+
+/// What this thread starts from now on, drawing included, gives way to the simulation and the network.
+void give_way() {
+  constexpr int kNicer = 10, kNicest = 19;
+  setpriority(PRIO_PROCESS, 0, std::min(kNicest, getpriority(PRIO_PROCESS, 0) + kNicer));
+}
+
+/// Frames at the rate, until a signal comes. One that is late makes the next ones no denser.
+void serve_frames(LiveSession& live, double rate_hz, const Progress& progress) {
+  const auto period =
+      std::chrono::duration_cast<ServeClock::duration>(std::chrono::duration<double>(1 / rate_hz));
+  auto last = ServeClock::now(), next = last;
+  while (!progress.cancelled()) {
+    const auto now = ServeClock::now();
+    live.step(std::chrono::duration<double>(now - last).count());
+    last = now;
+    next = std::max(next + period, ServeClock::now());
+    std::this_thread::sleep_until(next);
+  }
+}
+
+void report_served(const Session& session, const LiveSession& live, const Intervention& intervention,
+                   const IgtlinkDevice& server) {
+  const LoopTiming& timing = intervention.run().now().timing;
+  const IgtlinkCounts clients = server.counts();
+  const double late_percent = 100.0 * static_cast<double>(timing.missed) /
+                              static_cast<double>(std::max<std::int64_t>(1, timing.steps));
+  session.report(
+      {{"steps", timing.steps},
+       {"late_steps", timing.missed},
+       {"late_percent", late_percent},
+       {"mean_step_ms", timing.mean_ms},
+       {"frames", live.counts().frames},
+       {"pictures", live.counts().pictures},
+       {"fluoroscopy_s", intervention.fluoroscopy_s()},
+       {"injected_ml", intervention.run().injected_ml()},
+       {"clients", clients.clients},
+       {"most_clients", clients.most_at_once},
+       {"pictures_sent", clients.images_sent}},
+      fmt::format("{} steps, {:.2f} % late; {} frames, {} pictures, {} of them sent to {} clients\n",
+                  timing.steps, late_percent, live.counts().frames, live.counts().pictures,
+                  clients.images_sent, clients.clients));
+}
+
+void serve(const ServeArguments& options, Session& session) {
+  check_device(options);
+  const auto web_options = parse_web(options);
+  const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
+  if (fluoroscopy && (options.grey.gamma || options.grey.inverted))
+    throw InputError("--gamma and --inverted with a fluoroscope: its display sets the greys; leave them out");
+  const ViewSession scene = resolve_served(options);
+  const auto map = load_map(scene, session);
+  if (web_options) check_web_map(*map, scene.map.string());
+  const BodyBounds bounds = bounds_of(map->geometry);
+  const View detector = resolve_detector(options, scene, bounds, fluoroscopy);
+
+  const auto server = open_server(options);
+  Intervention intervention(steering_of(options, scene, server));
+  session.say(notes_on_place(points_of(intervention.run().tree()), bounds, scene.vessels.string()));
+  const Camera camera = resolve_camera(options, scene, detector);
+  std::unique_ptr<WebOutlet> web;
+  if (web_options) web = open_web(*web_options, scene, camera, map, intervention, options.is_browsers_hub());
+  give_way();  // after the servers' threads
+  LiveScreen screen(map, {.view = detector,
+                          .style = scene.style,
+                          .has_window = scene.has_window,
+                          .is_fine = options.bits == 16,
+                          .fluoroscopy = fluoroscopy});
+  LiveSession live(intervention, bounds, camera, screen, IgtlinkDevice::log_to_stderr);
+  IgtlinkOutlet outlet(server);
+  live.add(outlet);
+  if (web) live.add(*web);
+  live.step(0);  // what cannot be drawn ends it before a client comes
+  // Also with --quiet: nobody else knows the page's token, nor a port that the system chose.
+  if (web) IgtlinkDevice::log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
+  IgtlinkDevice::log_to_stderr(
+      fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
+  serve_frames(live, options.rate_hz, session.progress);
+  report_served(session, live, intervention, *server);
+  session.is_ended_by_signal = true;
+}
+
+}  // namespace
+
+void add_serve(CLI::App& app, Session& session) {
+  const auto options = std::make_shared<ServeArguments>();
+  CLI::App* command = add_command(
+      app, session, "serve", "Steer a catheter for programs, over OpenIGTLink, and for browsers",
+      "  xraycast serve map.exr --vessels vessels\n"
+      "  xraycast serve map.exr --vessels vessels --device-model simmons2-5f --c-arm mobile-flat-panel "
+      "--size 640x480\n"
+      "  xraycast serve map.exr --vessels vessels --device-model cobra-5f --device-model guidewire-035-j "
+      "--web\n"
+      "  xraycast serve map.exr --vessels vessels --script push.csv --listen 0.0.0.0:18944",
+      [options, &session] { serve(*options, session); });
+  command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
+  command
+      ->add_option("--vessels", options->vessels,
+                   "The vessels: a tree, or a folder that `xraycast segment` wrote")
+      ->type_name("DIR|FILE");
+  add_coaxial_options(*command, options->instrument_models, options->entry);
+  command
+      ->add_option("--haptic", options->haptic,
+                   "What moves the hub: a client over openigtlink (default), the browser of --web that was "
+                   "first (default with --web), a script, or none")
+      ->check(CLI::IsMember({"openigtlink", "browser", "script", "none"}))
+      ->type_name("DEVICE");
+  command->add_option("--script", options->script, "A script that moves the hub (see `xraycast simulate`)")
+      ->type_name("CSV");
+  command
+      ->add_option("--listen", options->listen,
+                   "Address to listen on (default 127.0.0.1:18944); port 0: a free one, which is printed")
+      ->type_name("ADDRESS:PORT");
+  command
+      ->add_option("--web", options->web,
+                   "Serve a web page with the live session too, on a free port of 127.0.0.1 unless an "
+                   "address is given; the one to open is printed")
+      ->expected(0, 1)
+      ->default_str(to_string(WebServer::Options{}.address))
+      ->option_text("[ADDRESS:PORT]");
+  command
+      ->add_option("--web-host", options->web_hosts,
+                   "One more name of --web's address, as browsers elsewhere have it; repeats")
+      ->allow_extra_args(false)
+      ->type_name("NAME");
+  command->add_flag("--send-all", options->sends_unasked,
+                    "Send every client pictures, shapes and tips, for those that cannot ask");
+  command->add_option("--rate", options->rate_hz, "Frames per second, 1 to 60")
+      ->check(CLI::Range(1.0, 60.0))
+      ->capture_default_str()
+      ->type_name("HZ");
+  command
+      ->add_option(
+          "--bits", options->bits,
+          "Bits of a pixel: 8, what a display shows; 16, the same in finer greys, or a fluoroscope's "
+          "detector codes")
+      ->check(CLI::IsMember({8, 16}))
+      ->capture_default_str()
+      ->type_name("8|16");
+  add_view_options(*command, options->view);
+  command->remove_option(command->get_option("--isocentre"));  // clients move the table
+  command->get_option("--size")->description("Picture size in pixels; default: 640x480, or a C-arm's own");
+  add_grey_options(*command, options->grey);
+  add_fluoroscope_options(*command, options->fluoroscope);
+  command
+      ->add_option("--session", options->session, "A session saved in the viewer; other options override it")
+      ->type_name("FILE");
+}
+
+}  // namespace xraycast::cli

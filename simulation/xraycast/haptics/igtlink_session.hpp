@@ -1,0 +1,41 @@
+#pragma once
+
+#include <glm/vec3.hpp>
+
+#include <cstddef>
+#include <cstdint>
+
+namespace xraycast {
+
+/// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the devices' shapes (POINT) and their
+/// tips (TRANSFORM).
+enum class IgtlinkStream { image, point, transform };
+inline constexpr std::size_t kIgtlinkStreams = 3;
+
+/// Whether clients may watch a session.
+struct IgtlinkWatching {
+  bool is_allowed = false;
+  bool is_unasked = false;  ///< every client receives all streams without asking
+};
+
+/// The pose that a TRANSFORM `CArm` asks for: the frame of IMAGE, with the isocentre as its origin.
+struct CArmPose {
+  double angle_rad = 0;  ///< as in View
+  double tilt_rad = 0;
+  glm::dvec3 isocentre_mm{0, 0, 0};
+};
+
+/// What all clients of a session command, besides the hubs.
+struct IgtlinkCommands {
+  bool pedal = false;         ///< down for any of them
+  double injection_ml_s = 0;  ///< the greatest
+  CArmPose c_arm;             ///< the newest
+  std::uint64_t c_arm_moves = 0;
+};
+
+/// Of clients so far.
+struct IgtlinkCounts {
+  std::uint64_t clients = 0, most_at_once = 0, images_sent = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,330 @@
+// A live session of `xraycast serve --web` in Debian's Chromium, driven by puppeteer-core, which `npm ci` has put into
+// web/node_modules. The program and the folder web/ are named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
+import assert from "node:assert/strict";
+import { execFileSync, spawn } from "node:child_process";
+import { once } from "node:events";
+import { existsSync, mkdtempSync, rmSync } from "node:fs";
+import { createServer as create_http } from "node:http";
+import { createRequire } from "node:module";
+import { connect, createServer } from "node:net";
+import { tmpdir } from "node:os";
+import { join, resolve } from "node:path";
+import { after, before, test } from "node:test";
+import { pathToFileURL } from "node:url";
+
+const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
+const require = createRequire(pathToFileURL(join(resolve(web), "package.json")));
+const puppeteer = require("puppeteer-core");
+const { PNG } = require("pngjs");
+
+const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
+const file = (name) => join(folder, name);
+const run = (...words) => execFileSync(program, words.map(String), { stdio: "ignore" });
+const wait = (ms) => new Promise((done) => setTimeout(done, ms));
+
+let screen, chromium;
+
+before(async () => {
+  run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
+  run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 4);
+  screen = spawn("Xvfb", ["-displayfd", "3", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
+  process.env.DISPLAY = `:${String((await once(screen.stdio[3], "data"))[0]).trim()}`;
+  chromium = await puppeteer.launch({
+    executablePath: "/usr/bin/chromium", headless: false, defaultViewport: null,
+    args: ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=gl", "--ignore-gpu-blocklist", "--host-resolver-rules=MAP rebound.example 127.0.0.1"],
+  });
+});
+
+after(async () => {
+  await chromium?.close();
+  screen?.kill();
+  rmSync(folder, { recursive: true });
+});
+
+/** A session that is served, and the address of its page. */
+async function serve(...words) {
+  const server = spawn(program, ["serve", file("map.exr"), "--vessels", file("truth"), "--listen", "127.0.0.1:0", "--web", ...words], { stdio: ["ignore", "ignore", "pipe"] });
+  let said = "";
+  const address = await new Promise((done, failed) => {
+    server.stderr.on("data", (text) => {
+      said += text;
+      const found = said.match(/open (http:\S+) in a browser/);
+      if (found) done(found[1]);
+    });
+    server.once("exit", () => failed(new Error(said)));
+  });
+  return { server, address, port: Number(new URL(address).port), log: () => said };
+}
+
+async function end({ server }) {
+  const ended = once(server, "exit");
+  server.kill("SIGTERM");
+  return (await ended)[0];
+}
+
+const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
+
+async function open(address, { width = 900, height = 760, browser = chromium, touch = false } = {}) {
+  const page = await browser.newPage(), failures = [];
+  await page.setViewport({ width, height, hasTouch: touch });
+  await page.evaluateOnNewDocument(() => {
+    const { send } = WebSocket.prototype;
+    window.said = []; // by the page to the server
+    WebSocket.prototype.send = function (text) {
+      window.said.push(JSON.parse(text));
+      send.call(this, text);
+    };
+  });
+  page.on("pageerror", (error) => failures.push(`error: ${error.message}`));
+  page.on("request", (request) => /^(data|blob):/.test(request.url()) || request.url().startsWith(new URL(address).origin) || failures.push(`request: ${request.url()}`));
+  await page.goto(address);
+  await page.waitForFunction(() => document.documentElement.dataset.exposures, { timeout: 60000 });
+  return { page, failures };
+}
+
+async function close({ page, failures }) {
+  assert.deepEqual(failures, []);
+  await page.close();
+}
+
+/** Waits until an element's text is as wanted, and says how it is where it does not become so. */
+async function reads(page, selector, pattern) {
+  await page.waitForFunction((selector, wanted) => new RegExp(wanted).test(document.querySelector(selector).textContent), { timeout: 20000 }, selector, pattern.source).catch(async () => {
+    assert.fail(`${selector} reads "${await page.$eval(selector, (element) => element.textContent)}", not ${pattern}`);
+  });
+}
+
+const insertion_mm = (page) => page.$eval("#live-readout", (readout) => Number(readout.textContent.match(/(-?\d+) mm/)?.[1] ?? NaN));
+const c_arms_said = (page) => page.evaluate(() => window.said.flatMap(({ c_arm }) => c_arm ?? []));
+const go_to = (page, hash) => page.evaluate((hash) => void (location.hash = hash), hash);
+
+/** Waits until a device rests; the readout may be late by less than 0.7 s. */
+async function rested_mm(page) {
+  for (let tries = 0, last = NaN; tries < 30; ++tries) {
+    const now = await insertion_mm(page);
+    if (now === last) return now;
+    last = now;
+    await wait(700);
+  }
+  assert.fail("the device goes on");
+}
+
+const exposures = (page) => page.evaluate(() => Number(document.documentElement.dataset.exposures));
+
+async function drawn(page) {
+  return PNG.sync.read(Buffer.from(await (await page.$("#picture")).screenshot({ type: "png" })));
+}
+
+/** Pixels whose grey differs by more than noise, of which there is none. */
+function changed(a, b) {
+  let count = 0;
+  for (let i = 0; i < a.data.length; i += 4) if (Math.abs(a.data[i] - b.data[i]) > 8) ++count;
+  return count;
+}
+
+test("keys steer a wire in a catheter, and the picture follows while the pedal is down", async (t) => {
+  const session = await serve(...kPair), opened = await open(`${session.address}#zoom=2.5&table=-200`), { page } = opened;
+  await reads(page, "#live-role", /^You steer$/);
+  await page.focus("#stage");
+  const still = await drawn(page), first = await exposures(page);
+  await page.keyboard.down("ArrowUp");
+  await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 60, { timeout: 20000 });
+  assert.equal(await exposures(page), first); // without the pedal the picture is held
+  assert.equal(changed(still, await drawn(page)), 0);
+  await go_to(page, "lao=40&zoom=2.5&table=-200"); // wherever the C-arm goes
+  await reads(page, "#readout", /^LAO 40 .* picture AP$/);
+  assert.equal(changed(still, await drawn(page)), 0);
+  await page.keyboard.down("x");
+  await reads(page, "#readout", /^LAO 40 .*×2.5$/);
+  assert.ok(changed(still, await drawn(page)) > 1000);
+  await go_to(page, "zoom=2.5&table=-200");
+  await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 150, { timeout: 20000 });
+  await page.keyboard.up("ArrowUp");
+  await rested_mm(page);
+  const moved = await drawn(page);
+  t.diagnostic(`the catheter at ${await insertion_mm(page)} mm changes ${changed(still, moved)} pixels`);
+  assert.ok(changed(still, moved) > 100);
+
+  await page.select("#hub", "1");
+  await wait(600); // some readouts
+  assert.equal(await page.$eval("#hub", (choice) => choice.value), "1"); // the choice stays, until another device is held
+  await page.select("#hub", "0");
+  await page.keyboard.press("Tab");
+  await reads(page, "#live-readout", /^guidewire-035-j 0 mm/);
+  await page.keyboard.down("ArrowUp");
+  await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 20, { timeout: 20000 });
+  await page.keyboard.up("ArrowUp");
+  assert.match(await page.$eval("#strip", (strip) => strip.getAttribute("aria-label")), /^At the hub of the guidewire-035-j: force /);
+  await page.keyboard.down("i");
+  await reads(page, "#live-readout", /no lumen is free, draw the wire back to 0 mm to inject; 0 ml/);
+  await page.keyboard.up("i");
+  await page.keyboard.press("v");
+  await page.waitForFunction(() => document.querySelector("#valve").getAttribute("aria-pressed") === "true");
+  await page.keyboard.up("x");
+  await reads(page, "#live-readout", /held picture/);
+  await close(opened);
+  assert.equal(await end(session), 143);
+});
+
+test("contrast agent is seen where it flows", async (t) => {
+  const session = await serve("--device-model", "cobra-5f"), opened = await open(session.address), { page } = opened;
+  await page.focus("#stage");
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 200, { timeout: 30000 });
+  await page.keyboard.up("ArrowUp");
+  await rested_mm(page);
+  const without = await drawn(page);
+  await page.keyboard.down("i");
+  await reads(page, "#live-readout", /injecting, ([5-9]|\d\d) ml/);
+  const filled = await drawn(page);
+  await page.keyboard.up("i");
+  t.diagnostic(`${changed(without, filled)} pixels are darker by contrast agent`);
+  assert.ok(changed(without, filled) > 300);
+  await page.keyboard.up("x");
+  await close(opened);
+  await end(session);
+});
+
+test("fingers steer at 360 pixels of width", async () => {
+  const session = await serve(...kPair), opened = await open(session.address, { width: 360, height: 740, touch: true }), { page } = opened;
+  assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 360);
+  const hands = await page.createCDPSession();
+  const touch = async (type, id) => {
+    const { x, y } = await page.$eval(id, (button) => {
+      button.scrollIntoView();
+      const { left, top, width, height } = button.getBoundingClientRect();
+      return { x: left + width / 2, y: top + height / 2 };
+    });
+    await hands.send("Input.dispatchTouchEvent", { type, touchPoints: type === "touchEnd" ? [] : [{ x, y }] });
+  };
+  await page.tap("#pedal");
+  await reads(page, "#live-readout", /fluoroscopy/);
+  await touch("touchStart", "#push");
+  await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 30, { timeout: 20000 });
+  await touch("touchEnd", "#push");
+  await rested_mm(page);
+  await page.tap("#next-hub");
+  await reads(page, "#live-readout", /^guidewire-035-j/);
+  await page.tap("#pedal");
+  await reads(page, "#live-readout", /held picture/);
+  await close(opened);
+  await end(session);
+});
+
+test("of two tabs one steers, and the other when it has left", async () => {
+  const session = await serve("--device-model", "cobra-5f"), first = await open(session.address);
+  await first.page.waitForFunction(() => window.said.length > 0);
+  assert.deepEqual(await c_arms_said(first.page), []); // who opens a page has not moved the C-arm
+  await go_to(first.page, "lao=30&table=20");
+  await first.page.waitForFunction(() => window.said.some(({ c_arm }) => c_arm));
+  const second = await open(session.address);
+  await reads(second.page, "#live-role", /^You watch; another browser steers; 2 browsers/);
+  // Its tab is hidden now, where animation frames, for which waitForFunction waits, do not come.
+  await first.page.evaluate((said) => new Promise((done) => setInterval(() => window.said.length > said + 2 && done(), 50)), await first.page.evaluate(() => window.said.length));
+  const moves = await c_arms_said(first.page); // nor by somebody who watches
+  assert.deepEqual(moves.map(({ lao_deg, table_mm }) => [lao_deg, table_mm]), [[30, 20]]);
+  assert.ok(await second.page.$eval("#push", (button) => button.disabled));
+  await second.page.focus("#stage");
+  const readout = await second.page.$eval("#readout", (readout) => readout.textContent);
+  await second.page.keyboard.press("ArrowRight"); // turns its own C-arm
+  await second.page.waitForFunction((before) => document.querySelector("#readout").textContent !== before, {}, readout);
+  assert.equal(await insertion_mm(second.page), 0);
+  await close(first);
+  await reads(second.page, "#live-role", /^You steer$/);
+  await second.page.keyboard.down("ArrowUp");
+  await second.page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 10, { timeout: 20000 });
+  await second.page.keyboard.up("ArrowUp");
+  await close(second);
+  await end(session);
+});
+
+test("a page of another origin and another name are refused", async () => {
+  const session = await serve("--device-model", "cobra-5f"), { address, port } = session;
+  const elsewhere = create_http((_, answer) => answer.setHeader("Content-Type", "text/html").end("<title>elsewhere</title>"));
+  await new Promise((done) => elsewhere.listen(0, "127.0.0.1", done));
+  const page = await chromium.newPage();
+  await page.goto(`http://127.0.0.1:${elsewhere.address().port}/`);
+  const attempt = await page.evaluate((address) => new Promise((done) => {
+    const socket = new WebSocket(address);
+    socket.onopen = () => done("open");
+    socket.onerror = () => done("refused");
+  }), address.replace("http", "ws").replace("/?", "/live?"));
+  assert.equal(attempt, "refused");
+  assert.equal(await page.evaluate((address) => fetch(address).then(() => "read", () => "refused"), address), "refused");
+  const rebound = await page.goto(address.replace(`127.0.0.1:${port}`, `rebound.example:${port}`));
+  assert.equal(rebound.status(), 403);
+  assert.equal((await page.goto(address.replace("127.0.0.1", "localhost"))).status(), 200);
+  assert.equal((await page.goto(address.replace(/token=./, "token=x"))).status(), 403);
+  await page.close();
+  elsewhere.close();
+  assert.match(session.log(), /was refused: a page of another origin may not connect/);
+  await end(session);
+});
+
+test("Firefox steers too", { skip: !existsSync("/usr/bin/firefox-esr") && "there is no firefox-esr" }, async () => {
+  const firefox = await puppeteer.launch({ browser: "firefox", executablePath: "/usr/bin/firefox-esr", headless: true, extraPrefsFirefox: { "webgl.force-enabled": true } });
+  const session = await serve("--device-model", "cobra-5f");
+  try {
+    const opened = await open(session.address, { browser: firefox }), { page } = opened;
+    await page.focus("#stage");
+    await page.keyboard.down("ArrowUp");
+    await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 10, { timeout: 20000 });
+    await page.keyboard.up("ArrowUp");
+    await close(opened);
+  } finally {
+    await firefox.close();
+    await end(session);
+  }
+});
+
+test("a lost connection is said, and comes back", async () => {
+  const sockets = new Set();
+  let target = 0;
+  const proxy = createServer((socket) => {
+    const onward = connect(target, "127.0.0.1");
+    for (const [a, b] of [[socket, onward], [onward, socket]]) {
+      sockets.add(a);
+      a.on("error", () => {}).on("close", () => b.destroy());
+      a.pipe(b);
+    }
+  });
+  await new Promise((done) => proxy.listen(0, "127.0.0.1", done));
+  const { port } = proxy.address(), session = await serve("--device-model", "cobra-5f", "--web-host", `127.0.0.1:${port}`);
+  target = session.port;
+  const opened = await open(session.address.replace(`:${session.port}`, `:${port}`)), { page } = opened;
+  await page.focus("#stage");
+  await page.keyboard.down("x");
+  await reads(page, "#live-readout", /fluoroscopy/);
+  for (const socket of sockets) socket.destroy();
+  await reads(page, "#note", /Connection lost; trying again/);
+  await reads(page, "#live-role", /^You steer$/);
+  await reads(page, "#live-readout", /held picture/); // the pedal is let go of
+  await page.waitForFunction(() => document.querySelector("#note").hidden);
+  await end(session);
+  await reads(page, "#note", /Connection lost; trying again/);
+  await close(opened);
+  proxy.close();
+});
+
+test("a browser that does not read holds up nobody", async (t) => {
+  const session = await serve(...kPair), opened = await open(session.address), { page } = opened, { search } = new URL(session.address);
+  const deaf = connect(session.port, "127.0.0.1");
+  deaf.write(`GET /live${search} HTTP/1.1\r\nHost: 127.0.0.1:${session.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n`);
+  deaf.pause();
+  await reads(page, "#live-role", /2 browsers/);
+  await page.focus("#stage");
+  await page.keyboard.down("x");
+  await page.keyboard.down("ArrowUp");
+  const count = (name) => page.evaluate((name) => Number(document.documentElement.dataset[name]), name);
+  await wait(2000);
+  const from = Date.now(), [pictures, told] = [await count("pictures"), await count("exposures")];
+  await wait(6000);
+  const passed_s = (Date.now() - from) / 1000, per_s = ((await count("pictures")) - pictures) / passed_s;
+  t.diagnostic(`${per_s.toFixed(1)} pictures/s are drawn, of ${(((await count("exposures")) - told) / passed_s).toFixed(1)} exposures/s`);
+  assert.ok(per_s > 1); // as many as the machine draws
+  await page.keyboard.up("x");
+  deaf.destroy();
+  await close(opened);
+  await end(session);
+});

@@ -1,0 +1,263 @@
+#include "xraycast/serving/live_session.hpp"
+
+#include "support/temporary_folder.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/phantom/phantom.hpp"
+
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <chrono>
+#include <cmath>
+#include <numbers>
+#include <optional>
+#include <thread>
+
+namespace xraycast::live_session_test {
+namespace {
+
+/// What a client commands, and what it was shown.
+class Outlet final : public LiveOutlet {
+ public:
+  LiveCommands commands() override {
+    LiveCommands now = commanded;
+    commanded.c_arm.reset();
+    commanded.next_hubs = commanded.valve_toggles = 0;
+    return now;
+  }
+  bool wants_pictures() const override { return wants; }
+  void publish(const LiveFrame& frame) override {
+    ++frames;
+    pictures += frame.picture != nullptr;
+    is_outdated = frame.is_outdated;
+    c_arm = frame.c_arm;
+  }
+
+  LiveCommands commanded;
+  bool wants = false, is_outdated = false;
+  int frames = 0, pictures = 0;
+  Camera c_arm;
+};
+
+/// Counts what it is asked for.
+class Painter final : public LivePainter {
+ public:
+  bool is_due(bool is_live, double passed_s) override {
+    live_frames += is_live;
+    passed_s_ += passed_s;
+    return is_live && pulse_is_due;
+  }
+  const LivePicture& draw(const Intervention& intervention) override {
+    const Camera& camera = intervention.camera();
+    if (std::abs(camera.tilt_rad) > steepest_rad) throw InputError("too steep");
+    ++paintings;
+    from = camera;
+    return picture_;
+  }
+
+  bool pulse_is_due = true;
+  double steepest_rad = 1;
+  int live_frames = 0, paintings = 0;
+  double passed_s() const { return passed_s_; }
+  Camera from;
+
+ private:
+  double passed_s_ = 0;
+  LivePicture picture_;
+};
+
+class Live : public testing::Test {
+ protected:
+  static constexpr double kFrame_s = 0.1;
+
+  Live() {
+    write_tree(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), folder_ / "tree.vtp");
+    begin({"cobra-5f"});
+  }
+
+  void begin(const std::vector<std::string>& models) {
+    session_.reset();
+    intervention_.emplace(Intervention::Options{.vessels = folder_ / "", .instrument_models = models});
+    session_.emplace(*intervention_, BodyBounds{.centre_mm = {0, 0, 100}, .half_height_mm = 50}, camera_,
+                     painter_, [this](const std::string& line) { log_ += line + "\n"; });
+    session_->add(outlet_);
+    session_->add(other_);
+  }
+
+  void frames(int count) {
+    for (int i = 0; i < count; ++i) {
+      std::this_thread::sleep_for(std::chrono::milliseconds(5));
+      session_->step(kFrame_s);
+    }
+  }
+
+  TemporaryFolder folder_;
+  Camera camera_;
+  Painter painter_;
+  std::string log_;
+  Outlet outlet_, other_;
+  std::optional<Intervention> intervention_;
+  std::optional<LiveSession> session_;
+};
+
+TEST_F(Live, DrawsOnlyWhereSomebodyWatchesAndSomethingIsNew) {
+  outlet_.commanded.pedal = true;
+  frames(5);
+  EXPECT_EQ(painter_.paintings, 1) << "the first, and nobody watches";
+  EXPECT_TRUE(outlet_.is_outdated);
+  EXPECT_EQ(outlet_.frames, 5);
+  other_.wants = true;
+  frames(5);
+  EXPECT_EQ(painter_.paintings, 6);
+  EXPECT_EQ(outlet_.pictures, 6) << "whoever asked";
+  EXPECT_FALSE(outlet_.is_outdated);
+  outlet_.commanded.pedal = false;
+  frames(5);
+  EXPECT_EQ(painter_.paintings, 6) << "the last image is held";
+  EXPECT_EQ(session_->counts().frames, 15);
+  EXPECT_EQ(session_->counts().pictures, 6);
+}
+
+TEST_F(Live, ShowsTheLastExposureToWhomComesLater) {
+  outlet_.commanded.pedal = true;
+  frames(2);
+  outlet_.commanded.pedal = false;
+  frames(2);
+  EXPECT_EQ(outlet_.pictures, 1);
+  EXPECT_TRUE(outlet_.is_outdated);
+  outlet_.wants = true;
+  frames(2);
+  EXPECT_EQ(outlet_.pictures, 2);
+}
+
+TEST_F(Live, WaitsForAFluoroscopesPulse) {
+  outlet_.wants = true;
+  frames(1);
+  outlet_.commanded.pedal = true;
+  painter_.pulse_is_due = false;
+  frames(3);
+  EXPECT_EQ(outlet_.pictures, 1) << "the first";
+  painter_.pulse_is_due = true;
+  frames(1);
+  EXPECT_EQ(outlet_.pictures, 2);
+  EXPECT_FALSE(outlet_.is_outdated);
+  // Frames between pulses are none that a picture is missing of, also when the pedal goes up after one.
+  painter_.pulse_is_due = false;
+  frames(2);
+  outlet_.commanded.pedal = false;
+  frames(3);
+  EXPECT_EQ(outlet_.pictures, 2);
+  EXPECT_FALSE(outlet_.is_outdated);
+}
+
+TEST_F(Live, ThePulsesClockRunsWhoeverWatches) {
+  outlet_.commanded.pedal = true;
+  frames(4);
+  EXPECT_EQ(painter_.live_frames, 4);
+  outlet_.commanded.pedal = false;
+  frames(3);
+  EXPECT_EQ(painter_.live_frames, 4) << "and learns of the pedal's release";
+  EXPECT_NEAR(painter_.passed_s(), 7 * kFrame_s, 1e-9);
+}
+
+// ---- what cannot be drawn
+
+TEST_F(Live, ThrowsWhereTheFirstPictureCannotBeDrawn) {
+  painter_.steepest_rad = -1;
+  EXPECT_THROW(session_->step(0), InputError);
+}
+
+TEST_F(Live, StaysWhereItCanBeDrawnAndSaysSoOnce) {
+  painter_.steepest_rad = 0.5;
+  outlet_.wants = true;
+  outlet_.commanded.pedal = true;
+  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 1, .tilt_rad = 0.4};
+  frames(1);
+  EXPECT_EQ(painter_.from.tilt_rad, 0.4);
+  for (int i = 0; i < 3; ++i) {
+    outlet_.commanded.c_arm = CArmRequest{.angle_rad = 2, .tilt_rad = 0.6};
+    frames(1);
+    EXPECT_EQ(outlet_.pictures, i + 2) << "the exposure, from before";
+    EXPECT_EQ(painter_.from.tilt_rad, 0.4);
+    EXPECT_EQ(intervention_->camera().angle_rad, 1);
+  }
+  frames(1);
+  EXPECT_EQ(outlet_.c_arm.tilt_rad, 0.4);
+  EXPECT_EQ(log_, "the C-arm stays where it was: too steep\n");
+  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 2, .tilt_rad = -0.3};
+  frames(1);
+  EXPECT_EQ(painter_.from.tilt_rad, -0.3);
+  outlet_.commanded.c_arm = CArmRequest{.tilt_rad = -0.7};
+  frames(1);
+  EXPECT_EQ(painter_.from.tilt_rad, -0.3);
+  EXPECT_EQ(std::ranges::count(log_, '\n'), 2);
+}
+
+TEST_F(Live, AnExposureThatNobodySawIsShownFromWhereItCanBeDrawn) {
+  painter_.steepest_rad = 0.5;
+  frames(1);
+  outlet_.commanded.pedal = true;
+  outlet_.commanded.c_arm = CArmRequest{.tilt_rad = 0.6};
+  frames(2);
+  outlet_.commanded.pedal = false;
+  frames(1);
+  outlet_.wants = true;
+  frames(2);
+  EXPECT_EQ(outlet_.pictures, 2);
+  EXPECT_EQ(painter_.from.tilt_rad, 0);
+  EXPECT_EQ(intervention_->camera().tilt_rad, 0);
+}
+
+// ---- what is commanded
+
+TEST_F(Live, ThePedalIsDownWhileItIsInAnyOutlet) {
+  outlet_.commanded.pedal = other_.commanded.pedal = true;
+  frames(1);
+  EXPECT_TRUE(intervention_->is_live());
+  outlet_.commanded.pedal = false;
+  frames(1);
+  EXPECT_TRUE(intervention_->is_live());
+  other_.commanded.pedal = false;
+  frames(1);
+  EXPECT_FALSE(intervention_->is_live());
+}
+
+TEST_F(Live, MovesTheHubAndInjects) {
+  outlet_.commanded.insertion_mm_s = 100;
+  outlet_.commanded.injection_ml_s = 2;
+  other_.commanded.injection_ml_s = 4;
+  while (intervention_->run().now().time_s < 0.5) frames(1);
+  EXPECT_GT(intervention_->run().now().pose.insertion_mm, 10);
+  // Of half a second, but for the first frames.
+  EXPECT_NEAR(intervention_->run().injected_ml(), 4 * intervention_->run().now().time_s, 0.4);
+}
+
+TEST_F(Live, TheCArmGoesWhereItIsSentWithinItsLimits) {
+  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 1, .tilt_rad = 0.3};
+  frames(1);
+  EXPECT_NEAR(outlet_.c_arm.angle_rad, 1, 1e-12);
+  EXPECT_NEAR(outlet_.c_arm.tilt_rad, 0.3, 1e-12);
+  EXPECT_EQ(outlet_.c_arm.table_mm, 0);
+  EXPECT_EQ(outlet_.c_arm.zoom, 1);
+  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 7, .tilt_rad = -2, .centre_z_mm = 130, .zoom = 1000};
+  frames(1);
+  EXPECT_NEAR(outlet_.c_arm.angle_rad, 7 - 2 * std::numbers::pi, 1e-12);
+  EXPECT_EQ(outlet_.c_arm.tilt_rad, -Camera::kMaxTilt_rad);
+  EXPECT_NEAR(outlet_.c_arm.table_mm, 30, 1e-12);
+  EXPECT_EQ(outlet_.c_arm.zoom, Camera::kMaxZoom);
+  outlet_.commanded.c_arm = CArmRequest{.centre_z_mm = 1000};
+  frames(1);
+  EXPECT_EQ(outlet_.c_arm.table_mm, 50) << "the end of the body";
+}
+
+TEST_F(Live, HubsAreTakenAndTheValveIsLocked) {
+  begin({"cobra-5f", "guidewire-035-angled"});
+  outlet_.commanded.next_hubs = 1;
+  outlet_.commanded.valve_toggles = 1;
+  frames(3);
+  EXPECT_EQ(intervention_->held_hub(), 1u);
+  EXPECT_TRUE(intervention_->run().is_valve_locked());
+}
+
+}  // namespace
+}  // namespace xraycast::live_session_test

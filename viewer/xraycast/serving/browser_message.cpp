@@ -1,0 +1,73 @@
+#include "xraycast/serving/browser_message.hpp"
+
+#include "xraycast/scene/contrast_surface.hpp"
+
+#include <bit>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr unsigned kFormat = 1;
+constexpr unsigned kExposes = 1, kInjects = 2, kIsLocked = 4, kHasOutlet = 8;
+
+/// Numbers as they lie in memory, one behind the other.
+class Numbers {
+ public:
+  void byte(std::size_t value) { bytes_ += static_cast<char>(value); }
+  void whole(std::size_t value) { add(static_cast<std::uint32_t>(value)); }
+  void real(double value) { add(static_cast<float>(value)); }
+  std::string bytes() && { return std::move(bytes_); }
+
+ private:
+  template <typename Value>
+  void add(Value value) {
+    static_assert(sizeof value == 4 && std::endian::native == std::endian::little);  // as in browsers
+    bytes_.append(reinterpret_cast<const char*>(&value), sizeof value);
+  }
+  std::string bytes_;
+};
+
+void add_device(const BrowserMessage::Device& device, Numbers& numbers) {
+  numbers.real(device.pose.insertion_mm);
+  numbers.real(device.pose.rotation_rad * 180 / std::numbers::pi);
+  numbers.real(device.load.force_N);
+  numbers.real(1000 * device.load.torque_Nm);
+  numbers.whole(device.parts_mm.size());
+  for (const std::vector<glm::dvec3>& part_mm : device.parts_mm) {
+    numbers.whole(part_mm.size());
+    for (const glm::dvec3& point_mm : part_mm)
+      for (int axis = 0; axis < 3; ++axis) numbers.real(point_mm[axis]);
+  }
+}
+
+void add_drums(const std::vector<float>& drums_mg_ml, Numbers& numbers) {
+  std::vector<std::size_t> filled;
+  for (std::size_t drum = 0; drum < drums_mg_ml.size(); ++drum)
+    if (drums_mg_ml[drum] > ContrastSurface::kNothing_mg_ml) filled.push_back(drum);
+  numbers.whole(filled.size());
+  for (const std::size_t drum : filled) {
+    numbers.whole(drum);
+    numbers.real(drums_mg_ml[drum]);
+  }
+}
+
+}  // namespace
+
+std::string packed(const BrowserMessage& message) {
+  Numbers numbers;
+  numbers.byte(kFormat);
+  numbers.byte((message.exposes ? kExposes : 0u) | (message.injects ? kInjects : 0u) |
+               (message.is_valve_locked ? kIsLocked : 0u) | (message.has_outlet ? kHasOutlet : 0u));
+  numbers.byte(message.held_hub);
+  numbers.byte(message.devices.size());
+  numbers.whole(message.exposures);
+  numbers.real(message.time_s);
+  numbers.real(message.fluoroscopy_s);
+  numbers.real(message.injected_ml);
+  for (const BrowserMessage::Device& device : message.devices) add_device(device, numbers);
+  add_drums(message.drums_mg_ml, numbers);
+  return std::move(numbers).bytes();
+}
+
+}  // namespace xraycast

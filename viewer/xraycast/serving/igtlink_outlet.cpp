@@ -1,0 +1,75 @@
+#include "xraycast/serving/igtlink_outlet.hpp"
+
+#include "xraycast/export/recorded_run.hpp"
+#include "xraycast/haptics/igtlink_frames.hpp"
+
+namespace xraycast {
+namespace {
+
+class HubsOfServer final : public HapticDevice {
+ public:
+  explicit HubsOfServer(std::shared_ptr<IgtlinkDevice> server) : server_(std::move(server)) {}
+
+  HandPose pose(std::size_t hub) override { return server_->pose(hub); }
+  void feel(std::size_t hub, const HubLoad& load) override { server_->feel(hub, load); }
+  void go_on_from(std::size_t hub, const HubPose& pose) override { server_->go_on_from(hub, pose); }
+  std::string status() const override { return server_->status(); }
+
+ private:
+  std::shared_ptr<IgtlinkDevice> server_;
+};
+
+std::string image_of(const LivePicture& picture) {
+  return picture.codes.empty() ? pack_image(picture.view, picture.greys)
+                               : pack_image(picture.view, picture.codes);
+}
+
+std::string shapes_of(const SimulatedRun& run) {
+  std::string messages;
+  for (std::size_t d = 0; d < run.now().count(); ++d)
+    messages += pack_points(d, controls_of(run.now().device(d).nodes_mm), run.models()[d].radius_mm());
+  return messages;
+}
+
+std::string tips_of(const SimulatedRun& run) {
+  std::string messages;
+  for (std::size_t d = 0; d < run.now().count(); ++d) messages += pack_tip(d, run.now().device(d).tip);
+  return messages;
+}
+
+}  // namespace
+
+std::unique_ptr<HapticDevice> hubs_of(std::shared_ptr<IgtlinkDevice> server) {
+  return std::make_unique<HubsOfServer>(std::move(server));
+}
+
+LiveCommands IgtlinkOutlet::commands() {
+  const IgtlinkCommands& now = server_->commands();
+  LiveCommands commands{.pedal = now.pedal, .injection_ml_s = now.injection_ml_s};
+  if (now.c_arm_moves == c_arm_moves_) return commands;
+  c_arm_moves_ = now.c_arm_moves;
+  commands.c_arm = CArmRequest{.angle_rad = now.c_arm.angle_rad, .tilt_rad = now.c_arm.tilt_rad};
+  commands.c_arm->centre_z_mm = now.c_arm.isocentre_mm.z;
+  return commands;
+}
+
+void IgtlinkOutlet::publish(const LiveFrame& frame) {
+  if (frame.picture)
+    server_->publish(IgtlinkStream::image, image_of(*frame.picture));
+  else if (frame.is_outdated)
+    server_->withdraw(IgtlinkStream::image);
+  const SimulatedRun& run = frame.intervention.run();
+  publish_or_withdraw(IgtlinkStream::point, [&] { return shapes_of(run); });
+  publish_or_withdraw(IgtlinkStream::transform, [&] { return tips_of(run); });
+}
+
+/// What nobody asked for is not packed, and what was packed earlier is too old for whoever asks next.
+template <typename Pack>
+void IgtlinkOutlet::publish_or_withdraw(IgtlinkStream stream, const Pack& pack) {
+  if (server_->wanted(stream))
+    server_->publish(stream, pack());
+  else
+    server_->withdraw(stream);
+}
+
+}  // namespace xraycast

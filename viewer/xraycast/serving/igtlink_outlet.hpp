@@ -1,0 +1,32 @@
+#pragma once
+
+#include "xraycast/haptics/igtlink_device.hpp"
+#include "xraycast/serving/live_outlet.hpp"
+
+#include <memory>
+
+namespace xraycast {
+
+/// Publishes a session over OpenIGTLink: pictures, shapes and tips for clients that ask for them
+/// (docs/haptics.md).
+class IgtlinkOutlet final : public LiveOutlet {
+ public:
+  /// The server of a session.
+  explicit IgtlinkOutlet(std::shared_ptr<IgtlinkDevice> server) : server_(std::move(server)) {}
+
+  LiveCommands commands() override;
+  bool wants_pictures() const override { return server_->wanted(IgtlinkStream::image); }
+  void publish(const LiveFrame& frame) override;
+
+ private:
+  template <typename Pack>
+  void publish_or_withdraw(IgtlinkStream stream, const Pack& pack);
+
+  std::shared_ptr<IgtlinkDevice> server_;
+  std::uint64_t c_arm_moves_ = 0;
+};
+
+/// The hubs of a server that outlives a run.
+std::unique_ptr<HapticDevice> hubs_of(std::shared_ptr<IgtlinkDevice> server);
+
+}  // namespace xraycast

@@ -1,0 +1,54 @@
+#pragma once
+
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/drawing/headless_context.hpp"
+#include "xraycast/drawing/renderer.hpp"
+#include "xraycast/fluoroscope/console.hpp"
+#include "xraycast/serving/intervention.hpp"
+#include "xraycast/serving/live_outlet.hpp"
+#include "xraycast/serving/live_session.hpp"
+
+#include <memory>
+#include <optional>
+#include <vector>
+
+namespace xraycast {
+
+/// Draws the pictures of an intervention without a display, as the window does: the body's map, the devices
+/// and the contrast agent; with a fluoroscope, its pulses.
+class LiveScreen final : public LivePainter {
+ public:
+  struct Options {
+    View view;  ///< complete; the whole of it is turned and moved by the camera
+    Style style{};
+    bool has_window = false;  ///< style.window was chosen; otherwise it is automatic, for each view
+    bool is_fine = false;     ///< pictures have 16 bits instead of 8
+    std::optional<FluoroscopyOptions> fluoroscopy{};
+  };
+
+  /// Throws as HeadlessContext, and as FluoroscopyConsole does for its options.
+  LiveScreen(std::shared_ptr<const BodyMap> map, const Options& options);
+
+  bool is_due(bool is_live, double passed_s) override;
+  const LivePicture& draw(const Intervention& intervention) override;
+
+  /// Null without a fluoroscope.
+  const FluoroscopyConsole* console() const { return console_ ? &*console_ : nullptr; }
+
+ private:
+  View view_from(const Camera& camera) const;
+  void draw_pulse();
+  void draw_greys();
+
+  HeadlessContext context_;
+  Renderer renderer_;
+  std::shared_ptr<const BodyMap> map_;
+  Options options_;
+  std::optional<FluoroscopyConsole> console_;
+  std::optional<WaterPath> water_path_;
+  std::optional<View> adapted_to_;  ///< the view that grey window and body's depths are of
+  std::vector<float> body_tau_;
+  LivePicture picture_;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,84 @@
+#include "xraycast/serving/live_session.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <algorithm>
+#include <utility>
+
+namespace xraycast {
+
+void LiveSession::step(double passed_s) {
+  obey();
+  expose(passed_s);
+  ++counts_.frames;
+  const LivePicture* picture = is_outdated_ && (!drawn_from_ || is_watched()) ? draw() : nullptr;
+  const LiveFrame frame{intervention_, camera_, picture, is_outdated_};
+  for (LiveOutlet* outlet : outlets_) outlet->publish(frame);
+}
+
+/// The fluoroscope learns of pedal and time in every frame; a live frame between its pulses is none that is
+/// drawn.
+void LiveSession::expose(double passed_s) {
+  intervention_.update(camera_, passed_s);
+  const bool is_due = painter_.is_due(intervention_.is_live(), passed_s);
+  const bool is_new = std::exchange(exposures_, intervention_.exposures()) != intervention_.exposures();
+  if (is_new && (is_due || !intervention_.is_live())) is_outdated_ = true;
+}
+
+const LivePicture* LiveSession::draw() {
+  const LivePicture* picture = nullptr;
+  try {
+    picture = &painter_.draw(intervention_);
+    if (drawn_from_ != intervention_.camera()) is_refusal_told_ = false;
+    drawn_from_ = intervention_.camera();
+  } catch (const InputError& error) {
+    if (!drawn_from_ || *drawn_from_ == intervention_.camera()) throw;
+    picture = draw_from_before(error.what());
+  }
+  is_outdated_ = false;
+  ++counts_.pictures;
+  return picture;
+}
+
+/// Where C-arm and table were when they could be drawn, and stay now.
+const LivePicture* LiveSession::draw_from_before(const std::string& why) {
+  if (!is_refusal_told_) log_("the C-arm stays where it was: " + why);
+  is_refusal_told_ = true;
+  camera_ = *drawn_from_;
+  intervention_.expose_from(camera_);
+  return &painter_.draw(intervention_);
+}
+
+bool LiveSession::is_watched() const {
+  return std::ranges::any_of(outlets_, [](const LiveOutlet* outlet) { return outlet->wants_pictures(); });
+}
+
+void LiveSession::obey() {
+  LiveCommands all;
+  for (LiveOutlet* outlet : outlets_) {
+    const LiveCommands one = outlet->commands();
+    all.pedal = all.pedal || one.pedal;
+    all.injection_ml_s = std::max(all.injection_ml_s, one.injection_ml_s);
+    all.insertion_mm_s += one.insertion_mm_s;
+    all.rotation_rad_s += one.rotation_rad_s;
+    if (one.c_arm) move_c_arm(*one.c_arm);
+    for (int i = 0; i < one.next_hubs; ++i) intervention_.hold_next_hub();
+    for (int i = 0; i < one.valve_toggles; ++i) intervention_.toggle_valve();
+  }
+  intervention_.press_pedal(all.pedal);
+  intervention_.run().inject(all.injection_ml_s);
+  if (ManualDevice* hand = intervention_.manual()) hand->set_rates(all.insertion_mm_s, all.rotation_rad_s);
+}
+
+void LiveSession::move_c_arm(const CArmRequest& request) {
+  camera_.angle_rad = request.angle_rad;
+  camera_.rotate(0);  // within half a turn
+  camera_.tilt_rad = request.tilt_rad;
+  camera_.tilt(0);  // within its limits
+  if (request.centre_z_mm) camera_.table_mm = *request.centre_z_mm - bounds_.centre_mm.z;
+  camera_.travel(0, bounds_);
+  if (request.zoom) camera_.zoom = *request.zoom;
+  camera_.magnify(1);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "xraycast/serving/browser_hand.hpp"
+#include "xraycast/serving/browser_message.hpp"
+#include "xraycast/serving/live_outlet.hpp"
+#include "xraycast/serving/web_server.hpp"
+
+#include <functional>
+#include <string>
+
+namespace xraycast {
+
+/// Publishes a session to browsers: the page of WebServer, which draws the devices and the contrast agent
+/// itself, and is told where they are (docs/web.md).
+class WebOutlet final : public LiveOutlet {
+ public:
+  /// `moves_hub`: the browser that steers also moves the hubs, not pedal, injector and C-arm alone. Throws as
+  /// WebServer.
+  WebOutlet(const WebServer::Options& options, std::string page, const BodyBounds& bounds, bool moves_hub,
+            std::function<void(const std::string& line)> log);
+
+  LiveCommands commands() override;
+  bool wants_pictures() const override { return false; }
+  void publish(const LiveFrame& frame) override;
+
+  const WebServer& server() const { return server_; }
+
+ private:
+  void see_exposure(const Intervention& intervention);
+
+  bool moves_hub_;
+  BrowserHand hand_;
+  BrowserMessage message_;
+  WebServer server_;  ///< last: its thread uses what is above
+};
+
+}  // namespace xraycast

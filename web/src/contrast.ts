@@ -1,0 +1,19 @@
+// Vessels filled unevenly with contrast agent (viewer/xraycast/scene/contrast_surface.hpp).
+import type { Contrast, Surface } from "./data";
+
+/** The drums that hold some, each with its own attenuation; none where none does. */
+export function filled(whole: Contrast, drums: readonly { drum: number; mg_ml: number }[]): Surface | null {
+  const { drum_points, drum_triangles, mesh } = whole, count = mesh.points_mm.length / 3 / drum_points;
+  const known = drums.filter(({ drum }) => drum < count);
+  if (known.length === 0) return null;
+  const points_mm = new Float32Array(3 * drum_points * known.length), weights = new Float32Array(drum_points * known.length);
+  const triangles = new Uint32Array(3 * drum_triangles * known.length);
+  known.forEach(({ drum, mg_ml }, i) => {
+    const first = drum_points * drum, moved = drum_points * i - first;
+    points_mm.set(mesh.points_mm.subarray(3 * first, 3 * (first + drum_points)), 3 * drum_points * i);
+    weights.fill(mg_ml, drum_points * i, drum_points * (i + 1));
+    for (let corner = 0; corner < 3 * drum_triangles; ++corner)
+      triangles[3 * drum_triangles * i + corner] = mesh.triangles[3 * drum_triangles * drum + corner]! + moved;
+  });
+  return { mesh: { points_mm, triangles }, weights, is_closed: true, mu_per_mm: whole.mu_per_mm, colour: whole.colour };
+}

@@ -1,0 +1,185 @@
+// A live session: the picture follows the server, and the hands on the page steer.
+import { Connection, Role } from "./connection";
+import { filled } from "./contrast";
+import type { Live } from "./data";
+import { surfaces_of } from "./device_shape";
+import { LiveMessage, message_of } from "./live_message";
+import type { Notes } from "./notes";
+import type { Picture } from "./picture";
+import type { Store } from "./state";
+import { Deed, Steering } from "./steering";
+import { Loads, Strip } from "./strip";
+
+const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
+
+const kAlive_ms = 250; // between messages of the page that steers, also while nothing changes
+const kReadout_ms = 200;
+const kKept_s = 10; // of loads
+
+/** The loads of the last seconds, of each hub. */
+export class LastLoads {
+  private readonly times_s: number[] = [];
+  private readonly loads: { force_N: number[]; torque_mNm: number[] }[];
+  constructor(private readonly names: readonly string[]) {
+    this.loads = names.map(() => ({ force_N: [], torque_mNm: [] }));
+  }
+
+  add({ time_s, devices }: Pick<LiveMessage, "time_s" | "devices">): void {
+    const last_s = this.times_s[this.times_s.length - 1] ?? -Infinity;
+    if (time_s < last_s) this.clear(); // another run
+    if (time_s === last_s) return;
+    this.times_s.push(time_s);
+    this.loads.forEach(({ force_N, torque_mNm }, d) => {
+      force_N.push(devices[d]?.force_N ?? 0);
+      torque_mNm.push(devices[d]?.torque_mNm ?? 0);
+    });
+    while (this.times_s[0]! < time_s - kKept_s) this.drop_first();
+  }
+
+  of(hub: number): Loads {
+    const { times_s } = this, now = times_s.length - 1, { force_N, torque_mNm } = this.loads[hub]!;
+    return { device: this.names[hub]!, force_N, torque_mNm, now, length_s: now > 0 ? times_s[now]! - times_s[0]! : 0 };
+  }
+
+  private drop_first(): void {
+    this.times_s.shift();
+    for (const { force_N, torque_mNm } of this.loads) {
+      force_N.shift();
+      torque_mNm.shift();
+    }
+  }
+
+  private clear(): void {
+    while (this.times_s.length > 0) this.drop_first();
+  }
+}
+
+/** Where the page's server tells of the session. */
+const socket_address = ({ origin, search }: Location) => `${origin.replace(/^http/, "ws")}/live${search}`;
+
+export class LiveView {
+  private readonly strip: Strip;
+  private readonly loads: LastLoads;
+  private readonly steering: Steering;
+  private readonly connection: Connection | null;
+  private newest: LiveMessage | null = null;
+  private exposures = -1; // of the picture that is shown
+  private has_moved = false; // the C-arm, by this page, since the server was told
+  private held_hub = -1;
+  private shown_ms = -Infinity;
+  private is_due = false;
+
+  constructor(private readonly live: Live, private readonly store: Store, private readonly picture: Picture, private readonly notes: Notes,
+    private readonly stage: HTMLElement, private readonly redraw: () => void) {
+    const names = live.devices.map(({ name }) => name);
+    for (const id of ["live", "live-keys"]) element(id).hidden = false;
+    this.show_keys(false);
+    this.loads = new LastLoads(names);
+    this.strip = new Strip(names, (hub) => this.loads.of(hub));
+    this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (deed) => this.send(deed));
+    this.connection = location.protocol.startsWith("http") ? this.connect() : null;
+    if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
+    store.on_change((state, before) => state.camera !== before.camera && this.steering.steers && this.tell_c_arm());
+    setInterval(() => this.steering.steers && this.send(), kAlive_ms);
+  }
+
+  private connect(): Connection {
+    this.notes.state("Connecting …");
+    return new Connection(socket_address(location), {
+      told: (message) => this.told(message), has_role: (role) => this.has_role(role), lost: () => this.lost(),
+    });
+  }
+
+  private told(bytes: ArrayBuffer): void {
+    try {
+      this.newest = message_of(bytes);
+    } catch (error) {
+      return this.notes.state((error as Error).message);
+    }
+    this.loads.add(this.newest);
+    if (this.is_due) return;
+    this.is_due = true; // messages that come while a picture is drawn are passed over
+    requestAnimationFrame(() => {
+      this.is_due = false;
+      this.show(this.newest!);
+    });
+  }
+
+  private show(message: LiveMessage): void {
+    const is_new = message.exposures !== this.exposures;
+    if (message.exposes) this.picture.held_camera = null;
+    else if (is_new || !this.picture.held_camera) this.hold();
+    if (is_new) {
+      this.exposures = message.exposures;
+      const devices = this.live.devices.flatMap((device, d) => surfaces_of(device, message.devices[d]?.parts_mm ?? []));
+      const contrast = filled(this.live.contrast, message.filled);
+      this.picture.live = contrast ? [...devices, contrast] : devices;
+      this.redraw();
+    }
+    document.documentElement.dataset.exposures = String(message.exposures);
+    this.strip.draw();
+    const now_ms = performance.now();
+    if (now_ms - this.shown_ms < kReadout_ms) return;
+    this.shown_ms = now_ms;
+    this.read_out(message);
+  }
+
+  /** Without the pedal the picture stays as the C-arm stood at the last exposure. */
+  private hold(): void {
+    this.picture.held_camera = this.store.state.camera;
+    this.redraw();
+  }
+
+  private read_out(message: LiveMessage): void {
+    const { held_hub, devices, exposes, injects } = message, held = devices[held_hub];
+    if (this.live.has_hub && held_hub !== this.held_hub) this.strip.choose(held_hub);
+    this.held_hub = held_hub;
+    this.strip.show();
+    element("live-readout").textContent = [
+      `${this.live.devices[held_hub]?.name ?? ""} ${held?.insertion_mm.toFixed(0)} mm, ${held?.rotation_deg.toFixed(0)}°`,
+      `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
+    ].join("  ·  ");
+    element("inject").setAttribute("aria-pressed", String(injects));
+    element("valve").setAttribute("aria-pressed", String(message.is_valve_locked));
+  }
+
+  private has_role({ steers, browsers }: Role): void {
+    this.notes.state("");
+    this.steering.steers = steers;
+    this.show_keys(steers);
+    const others = browsers > 1 ? `; ${browsers} browsers are connected` : "";
+    element("live-role").textContent = (steers ? this.live.has_hub ? "You steer" : "You have pedal and injector" : "You watch; another browser steers") + others;
+    for (const button of element("live").querySelectorAll("button")) button.disabled = !steers;
+    if (steers && document.activeElement === document.body) this.stage.focus({ preventScroll: true }); // Tab holds the next device
+    this.send();
+  }
+
+  /** Under Help. */
+  private show_keys(steers: boolean): void {
+    const moves_hub = steers && this.live.has_hub, has_valve = moves_hub && this.live.devices.length > 1;
+    const applies: Record<string, boolean> = { steers, hub: moves_hub, valve: has_valve, arrows: !moves_hub, inverted: !steers, vessels: !has_valve, run: false };
+    for (const row of document.querySelectorAll<HTMLElement>("[data-keys]")) row.hidden = !applies[row.dataset.keys!];
+  }
+
+  private lost(): void {
+    if (!this.picture.held_camera) this.hold();
+    this.steering.steers = false;
+    this.steering.let_go();
+    element("live-role").textContent = "Not connected";
+    this.notes.state("Connection lost; trying again …");
+  }
+
+  private tell_c_arm(): void {
+    this.has_moved = true;
+    this.send();
+  }
+
+  private send(deed?: Deed): void {
+    if (!this.steering.steers) return;
+    const { camera } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
+    if (this.has_moved) message.c_arm = { lao_deg: camera.lao_deg, cranial_deg: camera.cranial_deg, zoom: camera.zoom, table_mm: camera.table_mm };
+    if (deed) message[deed] = true;
+    this.has_moved = false;
+    this.connection!.send(message);
+  }
+}
