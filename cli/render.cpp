@@ -23,18 +23,17 @@
 #include "xraycast/scene/vessels.hpp"
 
 #include <fmt/format.h>
+#include <glm/trigonometric.hpp>
 
 #include <array>
 #include <cmath>
 #include <memory>
-#include <numbers>
 #include <optional>
 
 namespace xraycast::cli {
 namespace {
 
 namespace fs = std::filesystem;
-constexpr double kRadians = std::numbers::pi / 180;
 constexpr const char* kOldSpelling = "";  // options without a group are accepted, but not shown in --help
 
 struct RenderArguments {
@@ -273,7 +272,7 @@ class FrameRenderer {
 };
 
 View turned(View view, double angle_deg) {
-  view.angle_rad = angle_deg * kRadians;
+  view.angle_rad = glm::radians(angle_deg);
   return view;
 }
 
@@ -284,7 +283,7 @@ void write_cine(FrameRenderer& frames, View view, std::span<const double> angles
                     fluoroscope ? 1 / fluoroscope->options().pulses_per_s : CineWriter::kUsualFrame_s);
   progress.begin("drawing", static_cast<std::int64_t>(angles_deg.size()), "frames");
   for (const double angle_deg : angles_deg) {
-    view.angle_rad = angle_deg * kRadians;
+    view.angle_rad = glm::radians(angle_deg);
     writer.add(frames.picture(view));
     progress.advance();
   }
@@ -309,7 +308,7 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
   XaWriter writer(output, view, std::ssize(angles_deg), options);
   progress.begin("drawing", std::ssize(angles_deg), "frames");
   for (const double angle_deg : angles_deg) {
-    view.angle_rad = angle_deg * kRadians;
+    view.angle_rad = glm::radians(angle_deg);
     if (has_codes)
       writer.add_codes(view, frames.pulse(view).codes);
     else
@@ -328,7 +327,7 @@ void write_frame(FrameRenderer& frames, const View& view, const std::string& out
   else if (frames.fluoroscope() && !frames.subtracts())
     write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
   else if (is_xa(output))
-    write_xa_cine(frames, view, std::array{view.angle_rad / kRadians}, output, xa, progress);
+    write_xa_cine(frames, view, std::array{glm::degrees(view.angle_rad)}, output, xa, progress);
   else
     write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
 }

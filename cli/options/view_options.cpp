@@ -3,17 +3,16 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projection_file.hpp"
 
+#include <glm/trigonometric.hpp>
+
 #include <algorithm>
 #include <cmath>
-#include <numbers>
 
 namespace xraycast::cli {
 namespace {
 
-constexpr double kRadians = std::numbers::pi / 180;
-
 /// Degrees of an angle that was given in degrees: without the rounding of the conversion to radians and back.
-double degrees(double radians) { return std::round(radians / kRadians * 1e9) / 1e9; }
+double degrees(double radians) { return std::round(glm::degrees(radians) * 1e9) / 1e9; }
 
 }  // namespace
 
@@ -146,8 +145,8 @@ glm::dvec3 parse_isocentre(const std::string& isocentre) {
 View parse_view(const ViewOptions& options) {
   if (options.has_isocentre()) parse_isocentre(options.isocentre);  // before long work
   View view;
-  view.angle_rad = options.angle_deg * kRadians;
-  view.tilt_rad = options.tilt_deg * kRadians;
+  view.angle_rad = glm::radians(options.angle_deg);
+  view.tilt_rad = glm::radians(options.tilt_deg);
   view.pixel_mm = options.pixel_mm;
   view.cone = parse_cone(options.cone);
   if (!options.size.empty()) {

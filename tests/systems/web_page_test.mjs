@@ -1,42 +1,22 @@
-// An exported page in real browsers: Debian's Chromium, which draws on Mesa under Xvfb, and Firefox. Both are driven by
-// puppeteer-core, which `npm ci` has put into web/node_modules. The pictures are compared with those of `xraycast render`.
+// An exported page in real browsers: Debian's Chromium and Firefox. The pictures are compared with those of `xraycast render`.
 // The program and the folder web/ are named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
-import { execFileSync, spawn } from "node:child_process";
+import { execFileSync } from "node:child_process";
 import { existsSync, mkdtempSync, readFileSync, readdirSync, rmSync, statSync, writeFileSync } from "node:fs";
-import { createRequire } from "node:module";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
 import { pathToFileURL } from "node:url";
+import { browser_test, chromium, end_chromium, kMesa, launch_chromium, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
 
 const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
-const require = createRequire(pathToFileURL(join(resolve(web), "package.json")));
-const puppeteer = require("puppeteer-core");
-const { PNG } = require("pngjs");
-const gltf_validator = require("gltf-validator");
+const { PNG } = require_of_web("pngjs");
+const gltf_validator = require_of_web("gltf-validator");
 
 const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
 const file = (name) => join(folder, name);
 const run = (...words) => execFileSync(program, words.map(String), { encoding: "utf8", stdio: ["ignore", "pipe", "ignore"] });
 const wait = (ms) => new Promise((done) => setTimeout(done, ms));
-
-let screen, chromium;
-
-/** A display of our own. */
-async function start_screen() {
-  screen = spawn("Xvfb", ["-displayfd", "3", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
-  const number = await new Promise((done, failed) => {
-    screen.stdio[3].once("data", (text) => done(String(text).trim()));
-    screen.once("error", failed);
-    screen.once("exit", () => failed(new Error("Xvfb did not start")));
-  });
-  process.env.DISPLAY = `:${number}`;
-}
-
-const kMesa = ["--use-gl=angle", "--use-angle=gl", "--ignore-gpu-blocklist"];
-const launch = (...flags) =>
-  puppeteer.launch({ executablePath: "/usr/bin/chromium", headless: false, defaultViewport: null, args: ["--no-sandbox", "--disable-dev-shm-usage", ...flags] });
 
 const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
 
@@ -54,13 +34,11 @@ before(async () => {
   writeFileSync(file("pair.csv"), "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n3,120,180,250,0\n");
   run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("pair.csv"), ...kPair, "-o", file("pair.html"));
   run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("push.csv"), "--title", "A <run> & its film", "-o", file("run.html"));
-  await start_screen();
-  chromium = await launch(...kMesa);
+  await start_chromium(...kMesa);
 });
 
 after(async () => {
-  await chromium?.close();
-  screen?.kill();
+  await end_chromium();
   rmSync(folder, { recursive: true });
 });
 
@@ -76,14 +54,14 @@ async function settled(page) {
 }
 
 /** Opens a page, and keeps what must not happen. */
-async function open(name, hash, { width = 640, height = 480, browser = chromium } = {}) {
+async function open(name, hash, { width = 640, height = 480, browser = chromium() } = {}) {
   const page = await browser.newPage(), failures = [];
   await page.setViewport({ width, height });
   page.on("pageerror", (error) => failures.push(`error: ${error.message}`));
   page.on("console", (message) => message.type() === "error" && failures.push(`console: ${message.text()}`));
   page.on("request", (request) => /^(file|data|blob):/.test(request.url()) || failures.push(`request: ${request.url()}`));
   await page.goto(address(name, hash));
-  await page.waitForFunction(() => document.documentElement.dataset.pictures, { timeout: 120000 });
+  await page.waitForFunction(() => document.documentElement.dataset.pictures, { timeout: 60000 });
   await settled(page);
   return { page, failures };
 }
@@ -154,7 +132,7 @@ test("the sources' types agree", () => {
   execFileSync(process.execPath, [join(web, "node_modules/typescript/bin/tsc"), "--noEmit", "-p", web], { stdio: "pipe" });
 });
 
-test("a live context draws a picture that is not flat", async (t) => {
+browser_test("a live context draws a picture that is not flat", async (t) => {
   const opened = await open("page.html", "ui=0");
   const device = await opened.page.evaluate(() => {
     const gl = document.getElementById("picture").getContext("webgl2"), names = gl.getExtension("WEBGL_debug_renderer_info");
@@ -166,16 +144,16 @@ test("a live context draws a picture that is not flat", async (t) => {
   await close(opened);
 });
 
-test("pictures are those of render, from 12 sides in both looks and two sizes", async (t) => {
+browser_test("pictures are those of render, from 12 sides in both looks and two sizes", async (t) => {
   t.diagnostic(`lowest PSNR ${(await lowest_psnr_dB("page.html", "map.exr", { sizes: kSizes, looks: kLooks, views: kViews })).toFixed(1)} dB`);
 });
 
-test("so are those of circles and of 16-bit floats", async (t) => {
+browser_test("so are those of circles and of 16-bit floats", async (t) => {
   const views = kViews.filter((_, i) => i % 3 === 1);
   t.diagnostic(`lowest PSNR ${(await lowest_psnr_dB("circles.html", "circles.exr", { sizes: [kSizes[0]], looks: kLooks, views })).toFixed(1)} dB`);
 });
 
-test("so are those of a map whose height is no whole number of voxels", async (t) => {
+browser_test("so are those of a map whose height is no whole number of voxels", async (t) => {
   t.diagnostic(`lowest PSNR ${(await lowest_psnr_dB("coarse.html", "coarse.exr", { sizes: [[480, 360]], looks: ["fluoro"], views: [[0, 0], [30, 20]] })).toFixed(1)} dB`);
 });
 
@@ -200,7 +178,7 @@ const kSessions = {
 };
 
 for (const [name, changes] of Object.entries(kSessions))
-  test(`a session ${name} is drawn as render --session draws it`, async (t) => {
+  browser_test(`a session ${name} is drawn as render --session draws it`, async (t) => {
     write_session("session.json", changes);
     run("render", "--session", file("session.json"), "-o", file("frame.png"), "--size", "640x480");
     run("export", "--session", file("session.json"), "-o", file("session.html"));
@@ -213,7 +191,7 @@ for (const [name, changes] of Object.entries(kSessions))
 
 const is_grey = ({ data }, i) => Math.max(data[i], data[i + 1], data[i + 2]) - Math.min(data[i], data[i + 1], data[i + 2]) < 8;
 
-test("the road map lies where render draws it", async () => {
+browser_test("the road map lies where render draws it", async () => {
   write_session("session.json", { simulation: { nodes_mm: kNodes_mm, radius_mm: 1, road_map: true } });
   run("render", "--session", file("session.json"), "-o", file("frame.png"), "--size", "640x480");
   run("export", "--session", file("session.json"), "--contrast", 0, "-o", file("session.html"));
@@ -232,7 +210,7 @@ test("the road map lies where render draws it", async () => {
 });
 
 for (const [what, script, page, ...models] of [["a run", "push.csv", "run.html", "cobra-5f"], ["a run of a wire in a catheter", "pair.csv", "pair.html", "cobra-5f", "guidewire-035-j"]])
-test(`a late picture of ${what} is that of simulate --cine`, async (t) => {
+browser_test(`a late picture of ${what} is that of simulate --cine`, async (t) => {
   run("simulate", file("truth"), ...models.flatMap((model) => ["--device-model", model]), "--script", file(script), "-o", file("log.csv"), "--map", file("map.exr"), "--cine", file("frames"), "--size", "640x480");
   const wanted = PNG.sync.read(readFileSync(file("frames/frame-028.png"))); // ten a second
   const opened = await open(page, "ui=0&t=2.8&roadmap=0"), shown = await picture_of(opened.page), before = await show(opened.page, "ui=0&t=0&roadmap=0").then(() => picture_of(opened.page));
@@ -244,7 +222,7 @@ test(`a late picture of ${what} is that of simulate --cine`, async (t) => {
   await close(opened);
 });
 
-test("drag, wheel, pinch and keys move the C-arm", async () => {
+browser_test("drag, wheel, pinch and keys move the C-arm", async () => {
   const opened = await open("page.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
   const reads = (pattern) => until(page, "#readout", (readout, wanted) => new RegExp(wanted).test(readout.textContent), pattern.source);
   const is_pressed = (button, wanted) => until(page, button, (button, wanted) => button.getAttribute("aria-pressed") === wanted, wanted);
@@ -282,7 +260,7 @@ test("drag, wheel, pinch and keys move the C-arm", async () => {
   await close(opened);
 });
 
-test("the run plays, is scrubbed, and says its forces", async () => {
+browser_test("the run plays, is scrubbed, and says its forces", async () => {
   const opened = await open("run.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
   assert.equal(await page.title(), "A <run> & its film");
   const time = () => page.$eval("#time", (range) => Number(range.value));
@@ -303,7 +281,7 @@ test("the run plays, is scrubbed, and says its forces", async () => {
   await close(opened);
 });
 
-test("the strip is that of the hub that is chosen", async () => {
+browser_test("the strip is that of the hub that is chosen", async () => {
   const opened = await open("pair.html", "lao=0"), { page } = opened;
   const label = () => page.$eval("#strip", (strip) => strip.getAttribute("aria-label"));
   assert.match(await label(), /^At the hub of the cobra-5f: force /);
@@ -312,7 +290,7 @@ test("the strip is that of the hub that is chosen", async () => {
   await close(opened);
 });
 
-test("a link goes to a view, and pictures are saved", async () => {
+browser_test("a link goes to a view, and pictures are saved", async () => {
   const opened = await open("page.html", "lao=30&cranial=-10&zoom=1.5&table=20&look=surface", { width: 900, height: 700 }), { page } = opened;
   assert.equal(await page.$eval("#readout", (element) => element.textContent), "LAO 30 / CAU 10   table +20 mm   ×1.5");
   await page.keyboard.press("ArrowLeft");
@@ -321,13 +299,14 @@ test("a link goes to a view, and pictures are saved", async () => {
   assert.equal(new URL(page.url()).hash, "#lao=35&cranial=-10&zoom=1.5&table=20&look=surface");
   const session = await page.createCDPSession();
   await session.send("Browser.setDownloadBehavior", { behavior: "allow", downloadPath: folder });
+  rmSync(file("lao-35-cau-10.png"), { force: true });
   await page.click("#save");
   for (let i = 0; i < 50 && !existsSync(file("lao-35-cau-10.png")); ++i) await wait(100);
   assert.ok(statSync(file("lao-35-cau-10.png")).size > 5000);
   await close(opened);
 });
 
-test("a lost context comes back", async () => {
+browser_test("a lost context comes back", async () => {
   const opened = await open("page.html", "ui=0&lao=40"), { page } = opened, before = await picture_of(page), from = await pictures(page);
   await page.evaluate(() => {
     globalThis.lose = document.getElementById("picture").getContext("webgl2").getExtension("WEBGL_lose_context");
@@ -348,8 +327,8 @@ test("a lost context comes back", async () => {
   await close(opened);
 });
 
-test("without JavaScript the still picture says what it is", async () => {
-  const page = await chromium.newPage();
+browser_test("without JavaScript the still picture says what it is", async () => {
+  const page = await chromium().newPage();
   await page.setJavaScriptEnabled(false);
   await page.goto(address("page.html", ""));
   const [alt, note] = await Promise.all([page.$eval("#still", (still) => still.alt), page.$eval("#note", (note) => note.hidden)]);
@@ -357,7 +336,7 @@ test("without JavaScript the still picture says what it is", async () => {
   await page.close();
 });
 
-test("keys scroll a page that is longer than its window", async () => {
+browser_test("keys scroll a page that is longer than its window", async () => {
   const opened = await open("run.html", "lao=20", { width: 360, height: 640 }), { page } = opened;
   await page.click("#help > summary");
   const readout = await page.$eval("#readout", (readout) => readout.textContent);
@@ -368,7 +347,7 @@ test("keys scroll a page that is longer than its window", async () => {
 });
 
 test("without WebGL 2 there are a line and a still picture", async () => {
-  const browser = await launch("--disable-gpu", "--disable-3d-apis");
+  const browser = await launch_chromium("--disable-gpu", "--disable-3d-apis");
   const page = await browser.newPage();
   await page.goto(address("page.html", ""));
   await page.waitForFunction(() => document.getElementById("note").textContent.includes("still picture"));
@@ -376,7 +355,7 @@ test("without WebGL 2 there are a line and a still picture", async () => {
   await browser.close();
 });
 
-test("nothing is wider than 360 pixels", async () => {
+browser_test("nothing is wider than 360 pixels", async () => {
   for (const scheme of ["light", "dark"]) {
     const opened = await open("run.html", "lao=20", { width: 360, height: 740 }), { page } = opened;
     await page.emulateMediaFeatures([{ name: "prefers-color-scheme", value: scheme }]);
@@ -397,7 +376,7 @@ function chromium_now() {
       return []; // it has ended
     }
   }));
-  const is_ours = (pid) => pid === chromium.process().pid || (processes.has(pid) && is_ours(processes.get(pid).parent));
+  const is_ours = (pid) => pid === chromium().process().pid || (processes.has(pid) && is_ours(processes.get(pid).parent));
   const sum = (field) => [...processes].reduce((sum, [pid, process]) => sum + (is_ours(pid) ? process[field] : 0), 0);
   return { MB: sum("kB") / 1000, ms: 10 * sum("ticks") };
 }
@@ -438,7 +417,7 @@ async function turned(hash, turn_ms) {
   return { per_s, each_ms, dB: 10 * Math.log10(255 ** 2 / Math.max(squares / (3 * 640 * 480), 1e-9)) };
 }
 
-test("pictures are drawn fast enough to turn, and are nearly those at rest", async (t) => {
+browser_test("pictures are drawn fast enough to turn, and are nearly those at rest", async (t) => {
   for (const [what, hash] of [["the body", "vessels=0"], ["body and vessels", "vessels=1"], ["body, vessels and road map", "vessels=1&roadmap=1"], ["body and road map", "vessels=0&roadmap=1"]]) {
     const { per_s, each_ms, dB } = await turned(hash, 4000);
     t.diagnostic(`${what}: ${per_s.toFixed(1)} pictures/s of 8 layers at 640 x 480 while the C-arm turns, ${each_ms.toFixed(0)} ms of processor time each, ${dB.toFixed(1)} dB against the picture at rest`);
@@ -448,8 +427,8 @@ test("pictures are drawn fast enough to turn, and are nearly those at rest", asy
   }
 });
 
-test("opening a page again and again takes no more memory", async (t) => {
-  const page = await chromium.newPage(), session = await page.createCDPSession();
+browser_test("opening a page again and again takes no more memory", async (t) => {
+  const page = await chromium().newPage(), session = await page.createCDPSession();
   const used_MB = async () => {
     await session.send("HeapProfiler.collectGarbage");
     await wait(1000);
@@ -458,7 +437,7 @@ test("opening a page again and again takes no more memory", async (t) => {
   const open_again = async (count) => {
     for (let i = 0; i < count; ++i) {
       await page.goto(address("page.html", "ui=0"));
-      await page.waitForFunction(() => document.documentElement.dataset.pictures, { timeout: 120000 });
+      await page.waitForFunction(() => document.documentElement.dataset.pictures, { timeout: 60000 });
     }
   };
   await open_again(20);

@@ -1,49 +1,43 @@
-// A live session of `xraycast serve --web` in Debian's Chromium, driven by puppeteer-core, which `npm ci` has put into
-// web/node_modules. The program and the folder web/ are named by the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
+// A live session of `xraycast serve --web` in Debian's Chromium, and in Firefox. The program and the folder web/ are named by
+// the environment: XRAYCAST_WEB_TEST and XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { execFileSync, spawn } from "node:child_process";
 import { once } from "node:events";
 import { existsSync, mkdtempSync, rmSync } from "node:fs";
 import { createServer as create_http } from "node:http";
-import { createRequire } from "node:module";
 import { connect, createServer } from "node:net";
 import { tmpdir } from "node:os";
-import { join, resolve } from "node:path";
+import { join } from "node:path";
 import { after, before, test } from "node:test";
-import { pathToFileURL } from "node:url";
+import { browser_test, chromium, end_chromium, kMesa, puppeteer, require_of_web, start_chromium } from "./chromium.mjs";
 
 const { XRAYCAST_WEB_TEST: program, XRAYCAST_WEB: web } = process.env;
-const require = createRequire(pathToFileURL(join(resolve(web), "package.json")));
-const puppeteer = require("puppeteer-core");
-const { PNG } = require("pngjs");
+const { PNG } = require_of_web("pngjs");
 
 const folder = mkdtempSync(join(tmpdir(), "xraycast-web-"));
 const file = (name) => join(folder, name);
 const run = (...words) => execFileSync(program, words.map(String), { stdio: "ignore" });
 const wait = (ms) => new Promise((done) => setTimeout(done, ms));
 
-let screen, chromium;
-
 before(async () => {
   run("phantom", "thorax", "--size", "96x96x120", "-o", file("thorax.nrrd"), "--truth", file("truth"));
   run("cast", file("thorax.nrrd"), "-o", file("map.exr"), "--layers", 4);
-  screen = spawn("Xvfb", ["-displayfd", "3", "-screen", "0", "1280x1024x24", "-nolisten", "tcp"], { stdio: ["ignore", "ignore", "ignore", "pipe"] });
-  process.env.DISPLAY = `:${String((await once(screen.stdio[3], "data"))[0]).trim()}`;
-  chromium = await puppeteer.launch({
-    executablePath: "/usr/bin/chromium", headless: false, defaultViewport: null,
-    args: ["--no-sandbox", "--disable-dev-shm-usage", "--use-gl=angle", "--use-angle=gl", "--ignore-gpu-blocklist", "--host-resolver-rules=MAP rebound.example 127.0.0.1"],
-  });
+  await start_chromium(...kMesa, "--host-resolver-rules=MAP rebound.example 127.0.0.1");
 });
 
 after(async () => {
-  await chromium?.close();
-  screen?.kill();
+  await end_chromium();
+  for (const server of servers) server.kill("SIGKILL"); // of tests that failed
   rmSync(folder, { recursive: true });
 });
+
+const servers = new Set();
 
 /** A session that is served, and the address of its page. */
 async function serve(...words) {
   const server = spawn(program, ["serve", file("map.exr"), "--vessels", file("truth"), "--listen", "127.0.0.1:0", "--web", ...words], { stdio: ["ignore", "ignore", "pipe"] });
+  servers.add(server);
+  server.once("exit", () => servers.delete(server));
   let said = "";
   const address = await new Promise((done, failed) => {
     server.stderr.on("data", (text) => {
@@ -64,7 +58,7 @@ async function end({ server }) {
 
 const kPair = ["--device-model", "cobra-5f", "--device-model", "guidewire-035-j"];
 
-async function open(address, { width = 900, height = 760, browser = chromium, touch = false } = {}) {
+async function open(address, { width = 900, height = 760, browser = chromium(), touch = false } = {}) {
   const page = await browser.newPage(), failures = [];
   await page.setViewport({ width, height, hasTouch: touch });
   await page.evaluateOnNewDocument(() => {
@@ -122,7 +116,7 @@ function changed(a, b) {
   return count;
 }
 
-test("keys steer a wire in a catheter, and the picture follows while the pedal is down", async (t) => {
+browser_test("keys steer a wire in a catheter, and the picture follows while the pedal is down", async (t) => {
   const session = await serve(...kPair), opened = await open(`${session.address}#zoom=2.5&table=-200`), { page } = opened;
   await reads(page, "#live-role", /^You steer$/);
   await page.focus("#stage");
@@ -166,7 +160,7 @@ test("keys steer a wire in a catheter, and the picture follows while the pedal i
   assert.equal(await end(session), 143);
 });
 
-test("contrast agent is seen where it flows", async (t) => {
+browser_test("contrast agent is seen where it flows", async (t) => {
   const session = await serve("--device-model", "cobra-5f"), opened = await open(session.address), { page } = opened;
   await page.focus("#stage");
   await page.keyboard.down("x");
@@ -186,7 +180,7 @@ test("contrast agent is seen where it flows", async (t) => {
   await end(session);
 });
 
-test("fingers steer at 360 pixels of width", async () => {
+browser_test("fingers steer at 360 pixels of width", async () => {
   const session = await serve(...kPair), opened = await open(session.address, { width: 360, height: 740, touch: true }), { page } = opened;
   assert.equal(await page.evaluate(() => document.documentElement.scrollWidth), 360);
   const hands = await page.createCDPSession();
@@ -212,7 +206,7 @@ test("fingers steer at 360 pixels of width", async () => {
   await end(session);
 });
 
-test("of two tabs one steers, and the other when it has left", async () => {
+browser_test("of two tabs one steers, and the other when it has left", async () => {
   const session = await serve("--device-model", "cobra-5f"), first = await open(session.address);
   await first.page.waitForFunction(() => window.said.length > 0);
   assert.deepEqual(await c_arms_said(first.page), []); // who opens a page has not moved the C-arm
@@ -239,11 +233,11 @@ test("of two tabs one steers, and the other when it has left", async () => {
   await end(session);
 });
 
-test("a page of another origin and another name are refused", async () => {
+browser_test("a page of another origin and another name are refused", async () => {
   const session = await serve("--device-model", "cobra-5f"), { address, port } = session;
   const elsewhere = create_http((_, answer) => answer.setHeader("Content-Type", "text/html").end("<title>elsewhere</title>"));
   await new Promise((done) => elsewhere.listen(0, "127.0.0.1", done));
-  const page = await chromium.newPage();
+  const page = await chromium().newPage();
   await page.goto(`http://127.0.0.1:${elsewhere.address().port}/`);
   const attempt = await page.evaluate((address) => new Promise((done) => {
     const socket = new WebSocket(address);
@@ -278,7 +272,7 @@ test("Firefox steers too", { skip: !existsSync("/usr/bin/firefox-esr") && "there
   }
 });
 
-test("a lost connection is said, and comes back", async () => {
+browser_test("a lost connection is said, and comes back", async () => {
   const sockets = new Set();
   let target = 0;
   const proxy = createServer((socket) => {
@@ -307,7 +301,7 @@ test("a lost connection is said, and comes back", async () => {
   proxy.close();
 });
 
-test("a browser that does not read holds up nobody", async (t) => {
+browser_test("a browser that does not read holds up nobody", async (t) => {
   const session = await serve(...kPair), opened = await open(session.address), { page } = opened, { search } = new URL(session.address);
   const deaf = connect(session.port, "127.0.0.1");
   deaf.write(`GET /live${search} HTTP/1.1\r\nHost: 127.0.0.1:${session.port}\r\nUpgrade: websocket\r\nConnection: Upgrade\r\nSec-WebSocket-Version: 13\r\nSec-WebSocket-Key: dGhlIHNhbXBsZSBub25jZQ==\r\n\r\n`);
