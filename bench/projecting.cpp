@@ -92,7 +92,7 @@ std::vector<Row> add_projecting(Bench& bench) {
           {"project_640x480_tilt", "RTK, project_640x480_tilt", at_least, 6},
           {"project_640x480_64knots", "RTK, project_640x480_64knots", at_least, 3},
           {"project_bone_640x480", "project_bone_640x480_everywhere", at_least, 1.5},
-          {"project_bilinear_quiet_640x480", "project_bilinear_quiet_640x480_everywhere", reported, 0},
+          {"project_bilinear_quiet_640x480", "project_bilinear_quiet_640x480_everywhere", at_least, 1.5},
           {"project_bilinear_640x480", "project_bilinear_640x480_everywhere", reported, 0},
           {"project_paper_640x480", "project_paper_640x480_everywhere", reported, 0}};
 }

@@ -6,7 +6,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/printable.hpp"
+#include "xraycast/base/stderr_log.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 #include "xraycast/opencl/kernel_cache.hpp"
 
@@ -28,7 +28,7 @@ enum Status { kDone = 0, kFailed = 1, kWrongUsage = 2, kBadInput = 3, kDeviceFai
 
 /// One line, whatever the message holds.
 int report(const std::string& what, int status) {
-  std::cerr << "xraycast: " << printable_line(what) << '\n';
+  log_to_stderr(what);
   return status;
 }
 

@@ -32,16 +32,31 @@ kernel void block_ranges(SCAN voxels, const XrcScan scan, global short2* ranges)
       (short2)(least_of(low), (short)(-1 - least_of((short16)(-1) - high)));
 }
 
-/* mu of every block in which it is the same everywhere, and NaN for the others. */
-kernel void block_mu(global const short2* ranges, const int count, constant const XrcOpacity* opacity,
-                     global const float2* table, constant const XrcPlateaus* plateaus, global float* mu) {
-  const int block = (int)get_global_id(0);
-  if (block >= count) return;
-  const float low = (float)ranges[block].x, high = (float)ranges[block].y;
-  int is_constant = low == high;
-  for (int i = 0; i < plateaus->count; ++i)
-    is_constant |= low >= plateaus->from_hu[i] && high <= plateaus->to_hu[i];
-  mu[block] = is_constant ? mu_of(low, opacity, table) : NAN;
+/* Every block under an opacity, from the blocks' ranges, and in each column of blocks the number of those
+ * with one mu. A work-item takes a column, downwards. */
+kernel void blocks_under(global const short2* ranges, const XrcScan scan, constant const XrcOpacity* opacity,
+                         global const float2* table, constant const XrcPlateaus* plateaus,
+                         global XrcBlock* blocks, global int* constants) {
+  const int column = (int)get_global_id(0);
+  if (column >= blocks_of(scan.size_x) * blocks_of(scan.size_y)) return;
+  XrcBlock above = {0.0f, -1};
+  int count = 0;
+  for (int brick = scan.bricks - 1; brick >= 0; --brick) {
+    const long i = (long)column * scan.bricks + brick;
+    const float low = (float)ranges[i].x, high = (float)ranges[i].y;
+    int is_constant = low == high;
+    for (int p = 0; p < plateaus->count; ++p)
+      is_constant |= low >= plateaus->from_hu[p] && high <= plateaus->to_hu[p];
+    XrcBlock block = {0.0f, -1};
+    if (is_constant) {
+      block.mu = mu_of(low, opacity, table);
+      block.last = above.last >= 0 && above.mu == block.mu ? above.last : brick;
+      ++count;
+    }
+    blocks[i] = block;
+    above = block;
+  }
+  constants[column] = count;
 }
 
 #endif

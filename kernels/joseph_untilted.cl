@@ -1,3 +1,4 @@
+#include "constant_blocks.h"
 #include "joseph_rows.h"
 #include "scan_access.h"
 #include "xraycast/kernels/params.h"
@@ -99,55 +100,6 @@ INLINE float16 sample_column(const Column* column, const Rays* rays, const int k
   return fma(v - convert_float16(slice), above - here, here);
 }
 
-/* The blocks that a detector column crosses in planes k to k + PLANES - 1: two columns of them, or one twice.
- */
-typedef struct {
-  global const float* mu[2]; /* of the lowest, and of those above it */
-} BlockColumns;
-
-static inline BlockColumns block_columns(global const float* block_mu, const XrcScan* scan, const Rays* rays,
-                                         const int k) {
-  const int is_by_x = rays->plane_step == XRC_BRICK_SLICES;
-  const long per_x = scan->bricks, per_y = (long)blocks_of(scan->size_x) * scan->bricks;
-  global const float* plane = block_mu + k / XRC_BLOCK * (is_by_x ? per_x : per_y);
-  BlockColumns blocks;
-  for (int end = 0; end < 2; ++end) {
-    const float u = fma((float)(k + end * (PLANES - 1)), rays->du.s0, rays->u0.s0);
-    blocks.mu[end] = plane + index_at(u, rays->last_u) / XRC_BLOCK * (is_by_x ? per_y : per_x);
-  }
-  return blocks;
-}
-
-/* mu of all samples of 16 rays in planes k to k + PLANES - 1, if the blocks around them have one; else NaN.
- * Rays are in the order of their slices. */
-static inline float mu_in_blocks(const BlockColumns blocks, const Rays* rays, const int k) {
-  const float a = fma((float)k, rays->dv.s0, rays->v0.s0), b = fma((float)k, rays->dv.sf, rays->v0.sf),
-              behind = (float)(PLANES - 1), c = fma(behind, rays->dv.s0, a), d = fma(behind, rays->dv.sf, b);
-  const int lowest = index_at(fmin(fmin(a, b), fmin(c, d)), rays->last_z) / XRC_BRICK_SLICES,
-            highest = index_at(fmax(fmax(a, b), fmax(c, d)) + 1.0f, rays->last_z) / XRC_BRICK_SLICES;
-  const float mu = blocks.mu[0][lowest];
-  int is_one = 1;
-  for (int brick = lowest; brick <= highest; ++brick)
-    is_one &= blocks.mu[0][brick] == mu && blocks.mu[1][brick] == mu;
-  return is_one ? mu : NAN;
-}
-
-/* Adds planes k to k + PLANES - 1, of which the first is a multiple of PLANES, for the groups that are in
- * blocks of one mu. Says which ones are left, a bit for each. */
-static inline uint add_blocks(DetectorColumn* column, const BlockColumns blocks, const int k) {
-  uint left = 0;
-  for (int g = 0; g < column->groups; ++g) {
-    const Rays* rays = &column->rays[g];
-    const int is_core = k >= rays->first_core && k + PLANES - 1 <= rays->last_core;
-    const float mu = is_core ? mu_in_blocks(blocks, rays, k) : NAN;
-    if (mu == mu)
-      column->sum[g] += PLANES * mu;
-    else
-      left |= 1u << g;
-  }
-  return left;
-}
-
 /* Adds planes k to k + PLANES - 1 for the groups that are `left`. `columns` are room for those planes. */
 static inline void add_planes(SCAN voxels, DetectorColumn* column, const uint left, const int k,
                               Column* columns, constant const XrcOpacity* opacity,
@@ -178,51 +130,124 @@ static inline void add_planes(SCAN voxels, DetectorColumn* column, const uint le
   }
 }
 
+/* Neighbouring detector columns. */
+typedef struct {
+  DetectorColumn columns[XRC_UNTILTED_COLUMNS];
+  int count, groups;
+  int first, last; /* planes that any of their rays crosses */
+} Tile;
+
+/* 0 when the rays of a column are of different kinds. */
+static inline int prepare_tile(Tile* tile, const XrcScan* scan, const XrcDetector* detector,
+                               const int first_column, const int first_row) {
+  tile->count = min(XRC_UNTILTED_COLUMNS, detector->width - first_column);
+  tile->groups = min(GROUPS, (detector->height - first_row + ROWS - 1) / ROWS);
+  for (int c = 0; c < tile->count; ++c)
+    if (!prepare_column(&tile->columns[c], scan, detector, first_column + c, first_row, tile->groups))
+      return 0;
+  tile->first = tile->columns[0].first;
+  tile->last = tile->columns[0].last;
+  for (int c = 1; c < tile->count; ++c) {
+    tile->first = min(tile->first, tile->columns[c].first);
+    tile->last = max(tile->last, tile->columns[c].last);
+  }
+  return 1;
+}
+
+/* Whether all rays are dominated by the same axis. */
+static inline int has_one_axis(const Tile* tile) {
+  for (int c = 1; c < tile->count; ++c)
+    if (tile->columns[c].rays[0].plane_step != tile->columns[0].rays[0].plane_step) return 0;
+  return 1;
+}
+
+/* What encloses the rays of a tile, all of them and those of the same group, and what these have in common
+ * of their integrals so far, in planes: mu of the blocks that they were in together. */
+typedef struct {
+  Bundle all, by_group[GROUPS];
+  float sum_of_all, sum_by_group[GROUPS];
+} TileBundles;
+
+static inline void enclose_tile(TileBundles* bundles, const Tile* tile) {
+  const Rays *first = tile->columns[0].rays, *last = tile->columns[tile->count - 1].rays;
+  const int end = tile->groups - 1;
+  bundles->all = bundle_of(&first[0], &last[0], &first[end], &last[end]);
+  bundles->sum_of_all = 0.0f;
+  for (int g = 0; g <= end; ++g) {
+    Bundle* group = &bundles->by_group[g];
+    *group = bundle_of(&first[g], &last[g], &first[g], &last[g]);
+    bundles->sum_by_group[g] = 0.0f;
+    for (int c = 0; c < tile->count; ++c)
+      keep_to_planes(group, tile->columns[c].rays[g].first_core, tile->columns[c].rays[g].last_core);
+    keep_to_planes(&bundles->all, group->first_core, group->last_core);
+  }
+}
+
+/* Adds planes k to k + XRC_BLOCK - 1 (see mu_within) for the groups that are in blocks of one mu in all
+ * columns. Says which ones are left, a bit for each. */
+static inline uint add_blocks(TileBundles* bundles, const Blocks* blocks, const Tile* tile, const int k) {
+  const float mu = mu_within(blocks, &bundles->all, k);
+  if (mu == mu) {
+    bundles->sum_of_all += XRC_BLOCK * mu;
+    return 0;
+  }
+  uint left = 0;
+  for (int g = 0; g < tile->groups; ++g) {
+    const float mu_of_group = mu_within(blocks, &bundles->by_group[g], k);
+    if (mu_of_group == mu_of_group)
+      bundles->sum_by_group[g] += XRC_BLOCK * mu_of_group;
+    else
+      left |= 1u << g;
+  }
+  return left;
+}
+
+/* Stores the integrals of a tile, with those that are in `bundles` if there are any. */
+static inline void store_tile(const Tile* tile, const TileBundles* bundles, const int first_column,
+                              const int first_row, const XrcDetector* detector, global float* tau) {
+  for (int c = 0; c < tile->count; ++c)
+    for (int g = 0; g < tile->groups; ++g) {
+      const float skipped = bundles ? bundles->sum_of_all + bundles->sum_by_group[g] : 0.0f;
+      store_rows((tile->columns[c].sum[g] + skipped) * tile->columns[c].rays[g].plane_mm, first_column + c,
+                 first_row + ROWS * g, detector, tau);
+    }
+}
+
 #endif
 
 /* One work-item takes 128 rows of some neighbouring columns. These go through the planes side by side, so
  * that what they share of them stays in a first-level cache. */
 kernel void project_untilted(SCAN voxels, const XrcScan scan, const XrcDetector detector,
                              constant const XrcOpacity* opacity, global const float2* table,
-                             global float* tau, global const float* block_mu, const int has_blocks) {
+                             global float* tau, global const XrcBlock* first_block, const int has_blocks) {
   const int first_column = XRC_UNTILTED_COLUMNS * (int)get_global_id(0),
             first_row = XRC_UNTILTED_ROWS * (int)get_global_id(1);
   if (first_column >= detector.width || first_row >= detector.height) return;
-  const int count = min(XRC_UNTILTED_COLUMNS, detector.width - first_column);
-  const int groups = min(GROUPS, (detector.height - first_row + ROWS - 1) / ROWS);
 #ifdef HAS_PERMUTE
-  DetectorColumn detector_columns[XRC_UNTILTED_COLUMNS];
-  int alike = 1;
-  for (int c = 0; c < count; ++c)
-    alike &= prepare_column(&detector_columns[c], &scan, &detector, first_column + c, first_row, groups);
-  if (alike) {
-    int first = detector_columns[0].first, last = detector_columns[0].last;
-    for (int c = 1; c < count; ++c) {
-      first = min(first, detector_columns[c].first);
-      last = max(last, detector_columns[c].last);
-    }
-    const uint all_groups = (1u << groups) - 1;
+  Tile tile;
+  if (prepare_tile(&tile, &scan, &detector, first_column, first_row)) {
+    const int skips = has_blocks && has_one_axis(&tile);
+    const Blocks blocks = blocks_along(first_block, &scan, tile.columns[0].rays);
+    TileBundles bundles;
+    if (skips) enclose_tile(&bundles, &tile);
     /* Slices that no column reached count with weight 0, and so must be numbers. */
     Column columns[PLANES];
     for (int p = 0; p < PLANES; ++p)
       for (int b = 0; b < COLUMN_BRICKS + 2; ++b) columns[p].hu[b] = 0.0f;
-    for (int k = first / PLANES * PLANES; k <= last; k += PLANES)
-      for (int c = 0; c < count; ++c) {
-        DetectorColumn* column = &detector_columns[c];
-        const uint left =
-            has_blocks ? add_blocks(column, block_columns(block_mu, &scan, column->rays, k), k) : all_groups;
-        add_planes(voxels, column, left, k, columns, opacity, table);
-      }
-    for (int c = 0; c < count; ++c)
-      for (int g = 0; g < groups; ++g)
-        store_rows(detector_columns[c].sum[g] * detector_columns[c].rays[g].plane_mm, first_column + c,
-                   first_row + ROWS * g, &detector, tau);
+    for (int step = tile.first / XRC_BLOCK * XRC_BLOCK; step <= tile.last; step += XRC_BLOCK) {
+      const uint left = skips ? add_blocks(&bundles, &blocks, &tile, step) : (1u << tile.groups) - 1;
+      if (left == 0) continue;
+      for (int k = step; k < step + XRC_BLOCK; k += PLANES)
+        for (int c = 0; c < tile.count; ++c)
+          add_planes(voxels, &tile.columns[c], left, k, columns, opacity, table);
+    }
+    store_tile(&tile, skips ? &bundles : 0, first_column, first_row, &detector, tau);
     return;
   }
 #endif
-  for (int c = 0; c < count; ++c)
-    for (int g = 0; g < groups; ++g)
-      project_16(voxels, &scan, &detector, first_column + c, first_row + ROWS * g, opacity, table, tau);
+  for (int c = 0; c < min(XRC_UNTILTED_COLUMNS, detector.width - first_column); ++c)
+    for (int j = first_row; j < min(first_row + XRC_UNTILTED_ROWS, detector.height); j += ROWS)
+      project_16(voxels, &scan, &detector, first_column + c, j, opacity, table, tau);
 }
 
 #endif

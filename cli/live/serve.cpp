@@ -7,6 +7,7 @@
 #include "options/web_session.hpp"
 #include "pictures/run_report.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/stderr_log.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/listen_address.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -121,7 +122,7 @@ std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
   try {
     if (!options.listen.empty()) address = parse_listen_address(options.listen);
     return std::make_shared<IgtlinkDevice>(
-        address, IgtlinkDevice::log_to_stderr, options.is_steered() ? options.instrument_models.size() : 0,
+        address, log_to_stderr, options.is_steered() ? options.instrument_models.size() : 0,
         IgtlinkWatching{.is_allowed = true, .is_unasked = options.sends_unasked});
   } catch (const InputError& error) {
     throw InputError("--listen {}", error.what());
@@ -150,7 +151,7 @@ std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, const ViewSes
   std::string page = live_page(scene, camera, map, run.tree(), run.models(), has_hub);
   try {
     return std::make_unique<WebOutlet>(web, std::move(page), bounds_of(map->geometry), has_hub,
-                                       IgtlinkDevice::log_to_stderr);
+                                       log_to_stderr);
   } catch (const InputError& error) {
     throw InputError("--web {}", error.what());
   }
@@ -223,15 +224,14 @@ void serve(const ServeArguments& options, Session& session) {
                           .has_window = scene.has_window,
                           .is_fine = options.bits == 16,
                           .fluoroscopy = fluoroscopy});
-  LiveSession live(intervention, bounds, camera, screen, IgtlinkDevice::log_to_stderr);
+  LiveSession live(intervention, bounds, camera, screen, log_to_stderr);
   IgtlinkOutlet outlet(server);
   live.add(outlet);
   if (web) live.add(*web);
   live.step(0);  // what cannot be drawn ends it before a client comes
   // Also with --quiet: nobody else knows the page's token, nor a port that the system chose.
-  if (web) IgtlinkDevice::log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
-  IgtlinkDevice::log_to_stderr(
-      fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
+  if (web) log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
+  log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
   serve_frames(live, options.rate_hz, session.progress);
   report_served(session, live, intervention, *server);
   session.is_ended_by_signal = true;

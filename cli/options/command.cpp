@@ -3,6 +3,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/printable.hpp"
+#include "xraycast/base/stderr_log.hpp"
 
 #include <algorithm>
 #include <array>
@@ -66,7 +67,7 @@ void check_outputs_apart(const CLI::App& command) {
 
 void Session::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
-  for (const std::string& line : lines) std::cerr << "xraycast: " << printable_line(line) << '\n';
+  for (const std::string& line : lines) log_to_stderr(line);
 }
 
 void Session::answer(const Json& result, const std::string& text) const {

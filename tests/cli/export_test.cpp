@@ -178,7 +178,8 @@ TEST_F(Export, ShowsASessionAsItWasSaved) {
   EXPECT_EQ(header["camera"]["table_mm"], 20);
   EXPECT_EQ(header["cone"]["source_detector_mm"], 1200);
   EXPECT_EQ(header["look"], "surface");
-  EXPECT_EQ(header["window"]["gamma"], 1.2);
+  EXPECT_EQ(header["window"]["scale"], 2);
+  EXPECT_EQ(header["greys"], Json({{"gamma", 1.2}, {"inverted", true}}));
   EXPECT_EQ(header["layer_weights"], Json({1, 0}));
   EXPECT_TRUE(header["run"].is_null());  // the catheter as it stood is no film
 }

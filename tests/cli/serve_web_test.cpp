@@ -61,6 +61,26 @@ class ServeWeb : public testing::Test {
     return command_of({XRAYCAST_PROGRAM, "serve"}, line, folder_.path());
   }
 
+  /// What a page says of its session, served with `options`.
+  nlohmann::json page_header(const std::string& options) const {
+    Process process(command(
+        "--quiet @/map.exr --vessels @/vessels --listen 127.0.0.1:0 --device-model microcatheter-27f " +
+        options + " --web"));
+    process.wait_for("in a browser\n");  // also when quiet: nobody can connect without it
+    const std::string said = process.said();
+    const std::size_t at = said.find("http://");
+    const std::string address = said.substr(at, said.find(' ', at) - at);
+    WebTestSocket socket(port_of(address));
+    socket.send(fmt::format("GET /{} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n",
+                            address.substr(address.find('?')), port_of(address)));
+    const std::string page = socket.receive_all(), begin = R"(id="session">)";
+    process.send(SIGTERM);
+    EXPECT_EQ(process.finish().status, 128 + SIGTERM);
+    EXPECT_THAT(page, HasSubstr(begin));
+    const std::size_t first = page.find(begin) + begin.size();
+    return nlohmann::json::parse(page.substr(first, page.find("</script>", first) - first));
+  }
+
   TemporaryFolder folder_;
   TakenPort taken_;
 };
@@ -76,27 +96,17 @@ TEST_F(ServeWeb, PrintsTheAddressToOpenAndEndsBySignals) {
 }
 
 TEST_F(ServeWeb, ItsPageBeginsAsTheSession) {
-  Process process(
-      command("--quiet @/map.exr --vessels @/vessels --listen 127.0.0.1:0 --device-model microcatheter-27f "
-              "--angle 90 --tilt 10 --cone 780,1200 --web"));
-  process.wait_for("in a browser\n");  // also when quiet: nobody can connect without it
-  const std::string said = process.said();
-  const std::size_t at = said.find("http://");
-  const std::string address = said.substr(at, said.find(' ', at) - at);
-  WebTestSocket socket(port_of(address));
-  socket.send(fmt::format("GET /{} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n", address.substr(address.find('?')),
-                          port_of(address)));
-  const std::string page = socket.receive_all(), begin = R"(id="session">)";
-  ASSERT_THAT(page, HasSubstr(begin));
-  const auto header = nlohmann::json::parse(
-      page.substr(page.find(begin) + begin.size(),
-                  page.find("</script>", page.find(begin)) - page.find(begin) - begin.size()));
+  const auto header = page_header("--angle 90 --tilt 10 --cone 780,1200");
   EXPECT_NEAR(header["camera"]["lao_deg"].get<double>(), 90, 1e-9);
   EXPECT_NEAR(header["camera"]["cranial_deg"].get<double>(), 10, 1e-9);
   EXPECT_EQ(header["cone"]["source_axis_mm"], 780);
   EXPECT_EQ(header["cone"]["source_detector_mm"], 1200);
-  process.send(SIGTERM);
-  EXPECT_EQ(process.finish().status, 128 + SIGTERM);
+}
+
+TEST_F(ServeWeb, ItsPageHasTheGreysUnderAnAutomaticWindowToo) {
+  const auto header = page_header("--gamma 1.5 --inverted");
+  EXPECT_TRUE(header["window"].is_null());
+  EXPECT_EQ(header["greys"], nlohmann::json({{"gamma", 1.5}, {"inverted", true}}));
 }
 
 struct BadServeWeb {

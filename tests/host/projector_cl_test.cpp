@@ -200,20 +200,13 @@ TEST_P(ProjectedPicture, EqualsItsRaysOneByOne) {
   }
 }
 
-/// mu of every block of a scan, by the kernel that projections skip them with; NaN where it is not constant.
-std::vector<float> block_mu(const ResidentScan& scan, const Opacity& opacity) {
-  const DeviceOpacity on_device(device(), opacity);
-  const XrcPlateaus one_mu = plateaus_of(opacity);
-  const cl::Buffer plateaus = device().upload(std::span(&one_mu, 1));
-  std::vector<float> mu(static_cast<std::size_t>(scan.block_count()));
-  const cl::Buffer found =
-      device().buffer(CL_MEM_READ_WRITE, scan.block_count() * static_cast<std::int64_t>(sizeof(float)));
-  cl::Kernel kernel = device().kernel("blocks", "block_mu", on_device.build_options());
-  set_args(kernel, scan.block_ranges(), static_cast<cl_int>(scan.block_count()), on_device.parameters(),
-           on_device.table(), plateaus, found);
-  device().run(kernel, {scan.block_count(), 1, 1}, {64, 1, 1});
-  device().download(found, std::span(mu));
-  return mu;
+/// Every block of a scan under an opacity, those above each other one after the other.
+std::vector<XrcBlock> blocks_under(const Opacity& opacity, const ResidentScan& scan, std::size_t count) {
+  std::vector<XrcBlock> blocks(count);
+  const auto found = scan.constant_blocks(opacity);
+  EXPECT_TRUE(found.has_value()) << "enough of them have one mu";
+  if (found) device().download(*found, std::span(blocks));
+  return blocks;
 }
 
 TEST(Plateaus, AreWhereAnOpacityHasOneMu) {
@@ -239,15 +232,38 @@ TEST(ConstantBlocks, HaveOneMuEverywhere) {
     const int x = static_cast<int>(std::lround(p.x + 19.5)), y = static_cast<int>(std::lround(p.y + 3.5));
     return x < 12 ? -20 + 10 * (y % 3) : x == 12 && y == 4 ? 700 : x < 25 ? 500 : 1500 + y;
   });
-  const ResidentScan scan = upload(device(), volume);
-  ASSERT_EQ(scan.block_count(), 5);
   const Opacity bone("bone", {{-1000, 0}, {150, 0}, {1000, 0.06}});
-  const std::vector<float> mu = block_mu(scan, bone);
-  EXPECT_EQ(mu[0], 0);
-  EXPECT_TRUE(std::isnan(mu[1]));
-  EXPECT_FLOAT_EQ(mu[2], static_cast<float>(bone.mu_per_mm(500)));
-  EXPECT_TRUE(std::isnan(mu[3]));
-  EXPECT_FLOAT_EQ(mu[4], 0.06f);
+  const std::vector<XrcBlock> blocks = blocks_under(bone, upload(device(), volume), 5);
+  EXPECT_EQ(blocks[0].mu, 0);
+  EXPECT_FLOAT_EQ(blocks[2].mu, static_cast<float>(bone.mu_per_mm(500)));
+  EXPECT_FLOAT_EQ(blocks[4].mu, 0.06f);
+  std::vector<int> last;
+  for (const XrcBlock& block : blocks) last.push_back(block.last);
+  EXPECT_EQ(last, (std::vector<int>{0, -1, 0, -1, 0}));
+}
+
+TEST(ConstantBlocks, AreJoinedToThoseOfTheSameMuAboveThem) {
+  // Two bricks of soft tissue, one with bones in it, one of soft tissue and three of fat.
+  const Volume volume = make_volume({8, 8, 7 * 16}, {1, 1, 1}, [](const glm::dvec3& p) {
+    const auto z = static_cast<int>(std::lround(p.z + 55.5));
+    return z / 16 == 2 && z % 5 == 0 ? 700 : z < 64 ? 50 : -100;
+  });
+  const ResidentScan scan = upload(device(), volume);
+  for (const Opacity& opacity : {Opacity::bilinear(), Opacity::paper(), Opacity::bilinear()}) {
+    const std::vector<XrcBlock> blocks = blocks_under(opacity, scan, 7);
+    std::vector<int> last;
+    for (const XrcBlock& block : blocks) last.push_back(block.last);
+    EXPECT_EQ(last, (std::vector<int>{1, 1, -1, 3, 6, 6, 6})) << opacity.name();
+    EXPECT_FLOAT_EQ(blocks[0].mu, static_cast<float>(opacity.mu_per_mm(50)));
+    EXPECT_FLOAT_EQ(blocks[6].mu, static_cast<float>(opacity.mu_per_mm(-100)));
+  }
+}
+
+TEST(ConstantBlocks, AreNoneWhereFewHaveOneMu) {
+  const Volume volume = make_volume({40, 40, 40}, {1, 1, 1}, [](const glm::dvec3& p) {
+    return p.x < -15 && p.y < -15 ? -1000 : static_cast<int>(std::lround(p.x + 3 * p.y + 7 * p.z));
+  });
+  EXPECT_FALSE(upload(device(), volume).constant_blocks(Opacity::bilinear()).has_value());
 }
 
 /// Padding, soft tissue in which nothing is alike, and a few bones, whose edges lie anywhere in blocks.

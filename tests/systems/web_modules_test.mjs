@@ -38,7 +38,7 @@ const kRun = { pictures: 151, step_s: 1 / 15 };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
-    camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, layer_weights: [],
+    camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
     shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
   map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, ...more,
@@ -56,13 +56,23 @@ test("a link to each picture of a run opens that picture", () => {
 });
 
 test("a link says what differs from the export, also where that is a usual value", () => {
-  const window = { scale: 2, dark: 0.1, light: 0.9, gamma: 1.5, inverted: false };
-  const data = session({ header: { camera: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window } });
+  const window = { scale: 2, dark: 0.1, light: 0.9 }, greys = { gamma: 1.5, inverted: false };
+  const data = session({ header: { camera: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window, greys } });
   const { state } = opened(data);
   const changed = { ...state, camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, window: null };
   assert.deepEqual(again(changed, data), changed);
   assert.equal(hash_of(state, first_state(data)), "#lao=30");
   assert.deepEqual(again(state, data), state);
+});
+
+test("greys are those of the session under its window, an automatic one and that of a link", () => {
+  const greys = { gamma: 1.5, inverted: true };
+  for (const window of [null, { scale: 2, dark: 0.1, light: 0.9 }])
+    for (const hash of ["", "#window=3,0,1", "#window=auto"]) {
+      const { state } = opened(session({ header: { window, greys } }), hash);
+      assert.deepEqual([state.gamma, state.inverted], [1.5, true]);
+      if (state.window) assert.deepEqual([state.window.gamma, state.window.inverted], [1.5, true]);
+    }
 });
 
 test("a narrow grey window survives its link", () => {

@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <string>
 
 namespace xraycast::rectified_view_test {
 namespace {
@@ -37,6 +38,16 @@ View view_at(double angle_deg, double tilt_deg, std::optional<Cone> cone) {
 glm::dvec2 place_of_pixel(const RectifiedView& rectified, double i, double j) {
   const glm::dvec3 place = rectified.from_pixel * glm::dvec3(i + 0.5, j + 0.5, 1);
   return glm::dvec2(place) / place.z;
+}
+
+/// Why a view cannot be drawn; empty where it can.
+std::string refusal_of(const View& view) {
+  try {
+    rectified_view(view, map());
+  } catch (const InputError& error) {
+    return error.what();
+  }
+  return "";
 }
 
 /// Rise over run of a column's ray that crosses the plane at a height.
@@ -137,7 +148,25 @@ TEST(RectifiedView, OfALargePictureStaysWithinWhatOpenGlDrawsInto) {
 }
 
 TEST(RectifiedView, RefusesToLookAlongTheAxis) {
-  EXPECT_THROW(rectified_view(view_at(0, 85, {}), map()), InputError);
+  EXPECT_EQ(refusal_of(view_at(0, 85, {})),
+            "a tilt of 85 deg looks along the map's axis; rays must be at least 10 deg from it");
+}
+
+TEST(RectifiedView, SaysWhetherTiltOrConeIsToBlameForRaysAlongTheAxis) {
+  View view = view_at(0, 0, Cone{100, 200});
+  view.width = 640;
+  view.height = 480;
+  view.pixel_mm = 5;  // half a diagonal is 2 m
+  EXPECT_EQ(refusal_of(view),
+            "a picture of 3200 x 2400 mm is too large for a detector 200 mm from the source: rays to its "
+            "corners are 84 deg from the one to its middle, and must be within 80 deg; place source and "
+            "detector farther from the body, or make the picture smaller");
+  view.pixel_mm = 0.5;  // 200 mm: half a right angle
+  EXPECT_EQ(refusal_of(view), "");
+  view.tilt_rad = 50 * kRadians;
+  EXPECT_EQ(refusal_of(view),
+            "a tilt of 50 deg looks along the map's axis in the picture's corners, whose rays are 45 deg "
+            "from the one to its middle; rays must be at least 10 deg from it");
 }
 
 }  // namespace

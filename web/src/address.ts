@@ -18,7 +18,7 @@ function window_in(text: string | null, first: State, otherwise: GreyWindow | nu
   if (text === "auto") return null;
   const [scale = NaN, dark = NaN, light = NaN, ...more] = text?.split(",").map(Number) ?? [];
   const is_window = Number.isFinite(scale) && scale > 0 && dark >= 0 && light > dark && light <= 1 && more.length === 0;
-  return is_window ? { scale, dark, light, gamma: first.window?.gamma ?? 1, inverted: false } : otherwise;
+  return is_window ? { scale, dark, light, gamma: first.gamma, inverted: first.inverted } : otherwise;
 }
 
 /** `first`, but for what an address says. Fields that cannot be read are passed over. */

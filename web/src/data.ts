@@ -89,7 +89,8 @@ export interface Header {
   shows_vessels: boolean;
   shows_road_map: boolean;
   full_contrast: boolean;
-  window: GreyWindow | null; // none: automatic
+  window: Pick<GreyWindow, "scale" | "dark" | "light"> | null; // none: automatic
+  greys: Pick<GreyWindow, "gamma" | "inverted">; // under any window
   layer_weights: number[];
   parts: Record<string, [number, number]>; // first byte and their number, once inflated
 }

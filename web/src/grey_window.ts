@@ -14,14 +14,14 @@ export interface GreyWindow {
 const quantile = (sorted: Float32Array, share: number): number => sorted[Math.floor(share * (sorted.length - 1))]!;
 
 /** From slightly below a picture's darkest to its lightest value, on a scale of twice the depth of its denser parts. */
-export function automatic_window(tau: Float32Array, gamma = 1, inverted = false): GreyWindow {
+export function automatic_window(tau: Float32Array): GreyWindow {
   const kMatter = 0.05, kHeadroom = 1.15;
   const sorted = tau.slice().sort();
   let first = 0;
   while (first < sorted.length && sorted[first]! <= kMatter) ++first;
   const matter = sorted.subarray(first), typical = matter.length > 0 ? quantile(matter, 0.9) : kMatter;
   const scale = 2 * typical, light = Math.exp(-quantile(sorted, 0.001) / scale);
-  return { scale, dark: Math.min(Math.exp((-kHeadroom * quantile(sorted, 0.999)) / scale), 0.8 * light), light, gamma, inverted };
+  return { scale, dark: Math.min(Math.exp((-kHeadroom * quantile(sorted, 0.999)) / scale), 0.8 * light), light, gamma: 1, inverted: false };
 }
 
 /** Dragging across changes the window's width, down its level. */

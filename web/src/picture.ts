@@ -37,10 +37,6 @@ export class Picture {
     return gl && new Picture(gl, data);
   }
 
-  private get gamma(): number | undefined {
-    return this.data.header.window?.gamma;
-  }
-
   /** After a lost context has come back. */
   restore(): void {
     this.renderer = new Renderer(this.gl, this.data.map, this.data.tau);
@@ -63,7 +59,7 @@ export class Picture {
       detail: is_moving ? kQuick : kFull, outline_colour: this.data.header.viewer.road_map_colour,
       outlined: is_moving && state.shows_road_map ? this.data.vessels : null,
     };
-    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), inverted: state.inverted };
+    this.window = style.window = { ...(state.window ?? this.automatic_window(view, still, style, state, is_moving)), gamma: state.gamma, inverted: state.inverted };
     const surfaces = [...still, ...(this.run ? this.run.at(state.time_s) : this.live)].filter((surface) => state.look === "fluoro" || !surface.weights);
     this.renderer.draw(view, surfaces, style);
     return style.outlined !== null && this.renderer.adds_up(surfaces, style);
@@ -98,12 +94,12 @@ export class Picture {
       this.window_key = key;
       this.coming_tau?.drop();
       this.coming_tau = null;
-      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style), this.gamma));
+      return (this.automatic = automatic_window(this.renderer.coarse_tau(view, surfaces, style)));
     }
     // In motion the window follows some pictures behind, so that none waits for the graphics device.
     const tau = this.coming_tau?.take();
     if (tau) {
-      this.automatic = automatic_window(tau, this.gamma);
+      this.automatic = automatic_window(tau);
       this.coming_tau = null;
     }
     if (++this.since_coarse >= kPicturesPerWindow && !this.coming_tau) {

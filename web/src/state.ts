@@ -10,6 +10,7 @@ export interface State {
   camera: Camera;
   look: Look;
   window: GreyWindow | null; // none: automatic
+  gamma: number;
   inverted: boolean;
   hidden_layers: readonly number[]; // from 0, the innermost
   shows_vessels: boolean;
@@ -23,8 +24,8 @@ export function first_state({ header }: SessionData): State {
   return {
     camera: header.camera,
     look: header.look,
-    window: header.window,
-    inverted: header.window?.inverted ?? false,
+    window: header.window && { ...header.window, ...header.greys },
+    ...header.greys,
     hidden_layers: header.layer_weights.flatMap((weight, k) => (weight === 0 ? [k] : [])),
     shows_vessels: header.shows_vessels,
     shows_road_map: header.shows_road_map,

@@ -99,7 +99,7 @@ bool is_untilted(const XrcDetector& detector) {
 struct Projector {
   std::string file, entry;
   std::array<std::int64_t, 3> items, group;
-  bool takes_blocks = false;  ///< see find_block_mu
+  bool takes_blocks = false;  ///< see ConstantBlocks
 };
 
 /// One work-item a pixel on GPUs; on processors one for a vector of rows of a column, or of several columns
@@ -121,26 +121,6 @@ Projector projector_for(const ResidentScan& scan, const XrcDetector& detector) {
           {1, 1, 1}};
 }
 
-/// mu of every block in which it is the same everywhere, and NaN for the others; none where skipping so few
-/// blocks saves less than looking them up takes.
-std::optional<cl::Buffer> find_block_mu(const ResidentScan& scan, const Opacity& opacity,
-                                        const DeviceOpacity& on_device) {
-  ComputeDevice& device = scan.device();
-  const std::int64_t count = scan.block_count();
-  const cl::Buffer mu = device.buffer(CL_MEM_READ_WRITE, count * static_cast<std::int64_t>(sizeof(float)));
-  const XrcPlateaus one_mu = plateaus_of(opacity);
-  const cl::Buffer plateaus = device.upload(std::span(&one_mu, 1));
-  cl::Kernel kernel = device.kernel("blocks", "block_mu", on_device.build_options());
-  set_args(kernel, scan.block_ranges(), static_cast<cl_int>(count), on_device.parameters(), on_device.table(),
-           plateaus, mu);
-  device.run(kernel, {count, 1, 1}, {64, 1, 1});
-  std::vector<float> of_blocks(static_cast<std::size_t>(count));
-  device.download(mu, std::span(of_blocks));
-  constexpr std::int64_t kFewest = 20;  // one in so many
-  const auto constant = std::ranges::count_if(of_blocks, [](float one) { return !std::isnan(one); });
-  return constant * kFewest >= count ? std::optional(mu) : std::nullopt;
-}
-
 /// The optical depths that a detector sees, and the kernel's time.
 double project_onto(const XrcDetector& detector, const ResidentScan& scan, const Opacity& opacity,
                     Progress& progress, Sampling sampling, std::vector<float>& depths) {
@@ -155,11 +135,11 @@ double project_onto(const XrcDetector& detector, const ResidentScan& scan, const
       device.kernel(projector.file, projector.entry, device_opacity.build_options() + scan.build_options());
   set_args(kernel, scan.voxels(), scan.layout(), detector, device_opacity.parameters(),
            device_opacity.table(), tau);
-  std::optional<cl::Buffer> block_mu;
+  std::optional<cl::Buffer> blocks;
   if (projector.takes_blocks) {
-    if (sampling == Sampling::but_constant_blocks) block_mu = find_block_mu(scan, opacity, device_opacity);
-    kernel.setArg(6, block_mu.value_or(device_opacity.table()));
-    kernel.setArg(7, static_cast<cl_int>(block_mu.has_value()));
+    if (sampling == Sampling::but_constant_blocks) blocks = scan.constant_blocks(opacity);
+    kernel.setArg(6, blocks.value_or(device_opacity.table()));
+    kernel.setArg(7, static_cast<cl_int>(blocks.has_value()));
   }
   progress.begin("projecting", detector.height, "rows");
   const cl::Event done = device.run(kernel, projector.items, projector.group);

@@ -1,6 +1,5 @@
 #include "xraycast/opencl/resident_scan.hpp"
 
-#include "scan_layout.h"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
 
@@ -60,28 +59,18 @@ void ResidentScan::append(std::span<const std::int16_t> hu) {
   else
     device_->write_slices(voxels_, layout_.size_x, layout_.size_y, slices_done_, count, hu.data());
   slices_done_ += count;
-  block_ranges_ = {};
+  constant_blocks_ = {};
 }
 
-std::int64_t ResidentScan::block_count() const {
-  return std::int64_t{blocks_of(layout_.size_x)} * blocks_of(layout_.size_y) * layout_.bricks;
-}
-
-const cl::Buffer& ResidentScan::block_ranges() const {
-  if (block_ranges_()) return block_ranges_;
-  cl::Buffer ranges =
-      device_->buffer(CL_MEM_READ_WRITE, block_count() * static_cast<std::int64_t>(2 * sizeof(std::int16_t)));
-  cl::Kernel find = device_->kernel("blocks", "block_ranges", "-DRAMPS=1");
-  set_args(find, voxels_, layout_, ranges);
-  device_->run(find, {blocks_of(layout_.size_x), blocks_of(layout_.size_y), layout_.bricks}, {1, 1, 1});
-  return block_ranges_ = ranges;
+std::optional<cl::Buffer> ResidentScan::constant_blocks(const Opacity& opacity) const {
+  return constant_blocks_.under(opacity, *this);
 }
 
 void ResidentScan::restart(const VolumeGeometry& geometry) {
   geometry_ = geometry;
   layout_ = layout_of(geometry);
   slices_done_ = 0;
-  block_ranges_ = {};
+  constant_blocks_ = {};
 }
 
 void ResidentScan::append_bricks(std::span<const std::int16_t> hu, int count) {

@@ -2,11 +2,13 @@
 
 #include "xraycast/kernels/params.h"
 #include "xraycast/opencl/compute_device.hpp"
+#include "xraycast/opencl/constant_blocks.hpp"
 #include "xraycast/volume/body_outline.hpp"
 #include "xraycast/volume/slice_source.hpp"
 #include "xraycast/volume/volume.hpp"
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <string>
 
@@ -49,11 +51,9 @@ class ResidentScan {
   const cl::Memory& voxels() const { return voxels_; }
   std::string build_options() const { return storage_ == ScanStorage::image ? " -DSCAN_IMAGE" : ""; }
 
-  /// The least and the largest CT number of every block (kernels/blocks.cl), two 16-bit integers each. Of
-  /// bricks only; computed at the first call after the last slice, which reads the scan once. Not
-  /// thread-safe.
-  const cl::Buffer& block_ranges() const;
-  std::int64_t block_count() const;
+  /// The blocks in which an opacity gives one mu, if there are many (ConstantBlocks). Of bricks only, after
+  /// the last slice. Not thread-safe.
+  std::optional<cl::Buffer> constant_blocks(const Opacity& opacity) const;
 
   /// Number of slices per work-item of the casting kernel.
   int slices_per_item() const { return storage_ == ScanStorage::image ? 1 : XRC_BRICK_SLICES; }
@@ -67,7 +67,7 @@ class ResidentScan {
   XrcScan layout_;
   cl::Memory voxels_;
   std::int64_t slices_done_ = 0;
-  mutable cl::Buffer block_ranges_;  ///< once they are asked for
+  mutable ConstantBlocks constant_blocks_;
 };
 
 /// Wall time of the two halves of `load`.

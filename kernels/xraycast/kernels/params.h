@@ -35,6 +35,13 @@ typedef struct {
  * neighbours in memory, rows of blocks follow each other. */
 #define XRC_BLOCK 8
 
+/* A block under an opacity: mu, where that is the same everywhere in it, and the last of the blocks above it
+ * up to which it is; -1 where mu varies. */
+typedef struct {
+  XRC_FLOAT mu;
+  XRC_INT last;
+} XrcBlock;
+
 /* One shell of a ray whose samples are step_mm long: the rest of the sample that the inner edge cuts, the
  * whole samples [first, last), and the part of sample `last` inside the outer edge. */
 typedef struct {

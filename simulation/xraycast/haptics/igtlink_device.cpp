@@ -1,19 +1,13 @@
 #include "xraycast/haptics/igtlink_device.hpp"
 
-#include "xraycast/base/printable.hpp"
 #include "xraycast/haptics/igtlink_exchange.hpp"
 #include "xraycast/haptics/igtlink_server.hpp"
 #include "xraycast/haptics/tcp_listener.hpp"
 
-#include <iostream>
 #include <mutex>
 #include <utility>
 
 namespace xraycast {
-
-void IgtlinkDevice::log_to_stderr(const std::string& line) {
-  std::cerr << "xraycast: " << printable_line(line) << '\n';
-}
 
 IgtlinkDevice::IgtlinkDevice(const ListenAddress& address, Log log, std::size_t hubs,
                              IgtlinkWatching watching)

@@ -33,7 +33,6 @@ class IgtlinkDevice final : public HapticDevice {
  public:
   /// Receives one line at a time, on the server's thread: connections and invalid messages.
   using Log = std::function<void(const std::string& line)>;
-  static void log_to_stderr(const std::string& line);
 
   /// Listens from construction on, to poses of `hubs` devices, up to kMaxHubs; with none no client may move
   /// one. Throws InputError where the address is not this machine's or the port is in use.

@@ -228,11 +228,7 @@ PageJson add_live(const WebSession& session, Parts& parts) {
 }
 
 PageJson window_to_json(const GreyWindow& window) {
-  return {{"scale", window.scale},
-          {"dark", window.dark},
-          {"light", window.light},
-          {"gamma", window.gamma},
-          {"inverted", window.inverted}};
+  return {{"scale", window.scale}, {"dark", window.dark}, {"light", window.light}};
 }
 
 /// What the viewer's C-arm can do, and how it draws, so that the page does the same.
@@ -272,6 +268,7 @@ PageJson header_of(const WebSession& session, Parts& parts) {
   header["look"] = to_string(session.style.shading);
   header["full_contrast"] = session.style.full_contrast || is_steered;  // as in `simulate --cine`
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
+  header["greys"] = {{"gamma", session.style.window.gamma}, {"inverted", session.style.window.inverted}};
   header["layer_weights"] = session.style.layer_weights;
   header["parts"] = parts.index();
   return header;

@@ -31,7 +31,8 @@ struct WebSession {
   std::optional<LiveRun> live{};
   Camera camera{};
   Style style{};
-  bool has_window = false;     ///< style.window was chosen; otherwise it is automatic
+  bool has_window =
+      false;  ///< style.window was chosen; otherwise it is automatic, but for gamma and inversion
   bool is_of_session = false;  ///< the camera is one that a viewer saved; otherwise it shows the whole body
   /// As a lumen that holds contrast agent; as an outline. Over a run it is the outline alone, as in the
   /// operating room.

@@ -2,12 +2,14 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <fmt/format.h>
 #include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
 #include <limits>
 #include <numbers>
+#include <string>
 
 namespace xraycast {
 namespace {
@@ -61,15 +63,32 @@ Range body_rows_mm(const RectifiedView& rectified, const BodyBounds& bounds) {
   return range;
 }
 
+/// How far the rays to the picture's corners are from the one to its middle.
+double opening_rad(const View& view) {
+  const double corner_mm = 0.5 * std::hypot(view.width, view.height) * view.pixel_mm;
+  return view.cone ? std::atan(corner_mm / view.cone->source_detector_mm) : 0;
+}
+
+/// Names what makes the rays steep: the picture's size over its distance, the tilt, or both.
 void check_steepness(const View& view) {
-  constexpr double kSteepest_rad = 80 * std::numbers::pi / 180;
-  double steepest = std::abs(std::remainder(view.tilt_rad, 2 * std::numbers::pi));
-  if (view.cone)
-    steepest +=
-        std::atan(0.5 * std::hypot(view.width, view.height) * view.pixel_mm / view.cone->source_detector_mm);
-  if (steepest > kSteepest_rad)
-    throw InputError("a tilt of {:g} deg looks along the map's axis; rays must be at least 10 deg from it",
-                     view.tilt_rad * 180 / std::numbers::pi);
+  constexpr double kDegrees = 180 / std::numbers::pi, kSteepest_deg = 80;
+  const double tilt_deg = view.tilt_rad * kDegrees, opening_deg = opening_rad(view) * kDegrees;
+  const double steep_deg = std::abs(std::remainder(tilt_deg, 360));
+  if (steep_deg + opening_deg <= kSteepest_deg) return;
+  if (opening_deg > kSteepest_deg)
+    throw InputError(
+        "a picture of {:.0f} x {:.0f} mm is too large for a detector {:g} mm from the source: rays to its "
+        "corners are {:.0f} deg from the one to its middle, and must be within {:g} deg; place source "
+        "and detector farther from the body, or make the picture smaller",
+        view.width * view.pixel_mm, view.height * view.pixel_mm, view.cone->source_detector_mm, opening_deg,
+        kSteepest_deg);
+  const std::string where =
+      steep_deg > kSteepest_deg
+          ? ""
+          : fmt::format(" in the picture's corners, whose rays are {:.0f} deg from the one to its middle",
+                        opening_deg);
+  throw InputError("a tilt of {:g} deg looks along the map's axis{}; rays must be at least {:g} deg from it",
+                   tilt_deg, where, 90 - kSteepest_deg);
 }
 
 /// The plane through the view's centre, and the rays that cross it; without columns and rows yet.

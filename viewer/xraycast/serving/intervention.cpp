@@ -1,6 +1,7 @@
 #include "xraycast/serving/intervention.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/stderr_log.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/script_device.hpp"
 
@@ -33,8 +34,7 @@ std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) 
   if (options.haptic == "openigtlink") {
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
-    return std::make_unique<IgtlinkDevice>(address, IgtlinkDevice::log_to_stderr,
-                                           options.instrument_models.size());
+    return std::make_unique<IgtlinkDevice>(address, log_to_stderr, options.instrument_models.size());
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
