@@ -12,9 +12,7 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
   command.add_option("-o,--output", output.map, "The body map, an OpenEXR file")
       ->required()
       ->type_name("MAP.exr");
-  command
-      .add_option("--preview", output.preview,
-                  "Also write a picture of the layers, from the innermost down, in columns")
+  command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
       ->type_name("PNG");
   command
       .add_option("--preview-window", output.window,

@@ -1,7 +1,6 @@
 #include "pictures/map_preview.hpp"
 
 #include "pictures/scale_ticks.hpp"
-#include "xraycast/base/image.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
@@ -13,7 +12,6 @@
 #include <cmath>
 #include <cstdint>
 #include <limits>
-#include <span>
 #include <string>
 #include <vector>
 
@@ -22,8 +20,6 @@ namespace {
 
 constexpr int kFont = 13, kRight = 12;
 constexpr Colour kPaper{0.11, 0.11, 0.11}, kInk{0.9, 0.9, 0.9};
-
-std::uint8_t paper_grey() { return static_cast<std::uint8_t>(std::lround(255 * kPaper.red)); }
 
 /// What the rows of a layer measure, row 0 on top.
 struct RowScale {
@@ -50,16 +46,10 @@ std::string title_of(const MapGeometry& geometry, int layer) {
                      edge_mm(layer + 1), geometry.has_outline() ? " at the widest" : "");
 }
 
-/// 8-bit RGB of a size that a canvas need not have.
+/// 8-bit RGB of a height that a canvas need not have.
 struct Strip {
   int width, height;
   std::vector<std::uint8_t> rgb;
-
-  void paste(const Strip& other, int left, int top) {
-    for (int y = 0; y < other.height; ++y)
-      std::copy_n(other.rgb.begin() + std::ptrdiff_t{3} * other.width * y, std::ptrdiff_t{3} * other.width,
-                  rgb.begin() + std::ptrdiff_t{3} * (std::ptrdiff_t{width} * (top + y) + left));
-  }
 };
 
 /// The scale to the left of a layer.
@@ -107,47 +97,28 @@ int width_of(const MapGeometry& geometry) {
   return kPreviewLeft + static_cast<int>(std::ceil(width)) + kRight;
 }
 
-/// A layer's greys below its title and beside the scale.
-Strip tile_of(const MapGeometry& geometry, int layer, std::span<const std::uint8_t> greys, const Strip& scale,
-              int width) {
-  Strip tile = title(geometry, layer, width);
-  tile.height += geometry.height;
-  tile.rgb.resize(std::size_t{3} * width * tile.height, paper_grey());
-  tile.paste(scale, 0, kPreviewTitle);
-  tile.paste({geometry.width, geometry.height, rgb_of(greys)}, kPreviewLeft, kPreviewTitle);
-  return tile;
-}
-
-/// Layers in a column: all where they fit onto a screen, else so many that the picture's longer side is
-/// least.
-int rows_of_grid(int layers, int tile_width, int tile_height) {
-  constexpr int kScreen = 2000;
-  if (layers * tile_height <= kScreen) return layers;
-  const auto longer_side = [&](int rows) {
-    return std::max((layers + rows - 1) / rows * tile_width, rows * tile_height);
-  };
-  int best = layers;
-  for (int rows = layers - 1; rows > 0; --rows)
-    if (longer_side(rows) < longer_side(best)) best = rows;
-  return best;
-}
-
 }  // namespace
 
 void write_map_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path) {
   const MapGeometry& geometry = map.geometry;
   const std::vector<std::uint8_t> greys = preview_of(map, window);
   const Strip scale = scale_of(geometry);
-  const int width = width_of(geometry), height = kPreviewTitle + geometry.height, layers = geometry.layers();
-  const int rows = rows_of_grid(layers, width, height), columns = (layers + rows - 1) / rows;
-  Strip picture{columns * width, rows * height, {}};
-  picture.rgb.resize(std::size_t{3} * picture.width * picture.height, paper_grey());
+  const int width = width_of(geometry), layers = geometry.layers();
+  const auto paper = static_cast<std::uint8_t>(std::lround(255 * kPaper.red));
+  std::vector<std::uint8_t> rgb;
+  rgb.reserve(std::size_t{3} * width * layers * (kPreviewTitle + geometry.height));
+  const std::uint8_t* grey = greys.data();
   for (int k = 0; k < layers; ++k) {
-    const auto layer =
-        std::span(greys).subspan(static_cast<std::size_t>(k) * map.layer_size(), map.layer_size());
-    picture.paste(tile_of(geometry, k, layer, scale, width), k / rows * width, k % rows * height);
+    const Strip line = title(geometry, k, width);
+    rgb.insert(rgb.end(), line.rgb.begin(), line.rgb.end());
+    for (int y = 0; y < geometry.height; ++y) {
+      const auto left = scale.rgb.begin() + std::ptrdiff_t{3} * kPreviewLeft * y;
+      rgb.insert(rgb.end(), left, left + std::ptrdiff_t{3} * kPreviewLeft);
+      for (int x = 0; x < geometry.width; ++x) rgb.insert(rgb.end(), 3, *grey++);
+      rgb.insert(rgb.end(), std::size_t{3} * (width - kPreviewLeft - geometry.width), paper);
+    }
   }
-  write_png(picture.rgb, picture.width, picture.height, 3, path);
+  write_png(rgb, width, layers * (kPreviewTitle + geometry.height), 3, path);
 }
 
 }  // namespace xraycast::cli

@@ -10,9 +10,8 @@ namespace xraycast::cli {
 /// the right of a scale of its rows.
 inline constexpr int kPreviewLeft = 64, kPreviewTitle = 22;
 
-/// Writes the layers of a map as one PNG, each with its radii and with a scale of its rows: z in mm, or the
-/// polar angle of a sphere. They stand one below the other from the innermost down, and go on in further
-/// columns where one would be higher than a screen. Errors as for write_body_map.
+/// Writes the layers of a map as one PNG, from the innermost down, each with its radii and with a scale of
+/// its rows: z in mm, or the polar angle of a sphere. Errors as for write_body_map.
 void write_map_preview(const BodyMap& map, PreviewWindow window, const std::filesystem::path& path);
 
 }  // namespace xraycast::cli

@@ -3,7 +3,6 @@
 #include "support/process.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
-#include "xraycast/base/image.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/scan/scan.hpp"
 
@@ -902,30 +901,6 @@ TEST_F(Cli, PaperPreviewIsPlainTransmission) {
   }
   EXPECT_THAT(output_of("cast @/ct.nrrd -o @/map.exr --preview @/map.png"),
               HasSubstr("map.png: preview of 1 layer"));
-}
-
-TEST_F(Cli, PreviewOfManyLayersFitsOntoAScreen) {
-  output_of("phantom thorax --size 32x32x400 -o @/ct.nrrd");
-  output_of("cast @/ct.nrrd -o @/map.exr --layers 9 --angles 60 --preview @/map.png --preview-window paper");
-  const std::vector<std::uint8_t> greys = plain_transmission(read_body_map(folder_ / "map.exr").tau);
-  const Png picture = read_png(folder_ / "map.png");
-  constexpr int kScreen = 2000, kLeft = 64, kTitle = 22, kWidth = 60, kHeight = 400, kLayers = 9;
-  EXPECT_LE(picture.width, kScreen);
-  EXPECT_LE(picture.height, kScreen);
-  // From the innermost down, column by column.
-  ASSERT_EQ(picture.height % (kTitle + kHeight), 0);
-  const int rows = picture.height / (kTitle + kHeight), columns = (kLayers + rows - 1) / rows;
-  ASSERT_EQ(picture.width % columns, 0);
-  for (int k = 0; k < kLayers; ++k) {
-    const int left = k / rows * (picture.width / columns) + kLeft,
-              top = k % rows * (kTitle + kHeight) + kTitle;
-    for (int y = 0; y < kHeight; ++y)
-      for (int x = 0; x < kWidth; ++x) {
-        const auto pixel = static_cast<std::size_t>((top + y) * picture.width + left + x);
-        ASSERT_EQ(picture.values[3 * pixel], greys[static_cast<std::size_t>((k * kHeight + y) * kWidth + x)])
-            << k << " " << x << " " << y;
-      }
-  }
 }
 
 TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {
