@@ -55,7 +55,7 @@ static inline float least4(const float4 v) {
  * XRC_BLOCK, if the blocks around them have one mu; else NaN. */
 static inline float mu_within(const Blocks* blocks, const Bundle* bundle, const int k) {
   if (k < bundle->first_core || k + XRC_BLOCK - 1 > bundle->last_core) return NAN;
-  /* Rays between the four are enclosed but for rounding. */
+  /* Rays between the four are enclosed but for rounding, which is below 1e-4 voxels. */
   const float rounding = 1e-3f, behind = (float)(XRC_BLOCK - 1);
   const float4 u = fma((float4)(float)k, bundle->du, bundle->u0), u_behind = fma(behind, bundle->du, u);
   const float4 v = fma((float4)(float)k, bundle->dv, bundle->v0), v_behind = fma(behind, bundle->dv, v);

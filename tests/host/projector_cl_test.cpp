@@ -260,10 +260,30 @@ TEST(ConstantBlocks, AreJoinedToThoseOfTheSameMuAboveThem) {
 }
 
 TEST(ConstantBlocks, AreNoneWhereFewHaveOneMu) {
-  const Volume volume = make_volume({40, 40, 40}, {1, 1, 1}, [](const glm::dvec3& p) {
-    return p.x < -15 && p.y < -15 ? -1000 : static_cast<int>(std::lround(p.x + 3 * p.y + 7 * p.z));
-  });
-  EXPECT_FALSE(upload(device(), volume).constant_blocks(Opacity::bilinear()).has_value());
+  // 100 blocks, of which the first ones are air up to the voxels of the next, with which they are
+  // interpolated.
+  const auto are_found = [](int air_blocks) {
+    const Volume volume = make_volume({80, 80, 16}, {1, 1, 1}, [&](const glm::dvec3& p) {
+      return p.y < -30 && p.x < 8 * air_blocks - 39 ? -1000
+                                                    : static_cast<int>(std::lround(p.x + 3 * p.y + 7 * p.z));
+    });
+    return upload(device(), volume).constant_blocks(Opacity::bilinear()).has_value();
+  };
+  EXPECT_FALSE(are_found(4));
+  EXPECT_TRUE(are_found(5));  // one in twenty
+}
+
+TEST(ConstantBlocks, AreThoseOfTheScanThatIsLoaded) {
+  const auto uniform = [](int hu) {
+    return make_volume({8, 8, 32}, {1, 1, 1}, [=](const glm::dvec3&) { return hu; });
+  };
+  const Opacity opacity = Opacity::bilinear();
+  ResidentScan scan = upload(device(), uniform(50));
+  EXPECT_FLOAT_EQ(blocks_under(opacity, scan, 2)[0].mu, static_cast<float>(opacity.mu_per_mm(50)));
+  const Volume next = uniform(500);
+  scan.restart(next.geometry());
+  scan.append(next.hu());
+  EXPECT_FLOAT_EQ(blocks_under(opacity, scan, 2)[0].mu, static_cast<float>(opacity.mu_per_mm(500)));
 }
 
 /// Padding, soft tissue in which nothing is alike, and a few bones, whose edges lie anywhere in blocks.

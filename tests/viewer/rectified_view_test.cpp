@@ -159,13 +159,13 @@ TEST(RectifiedView, SaysWhetherTiltOrConeIsToBlameForRaysAlongTheAxis) {
   view.pixel_mm = 5;  // half a diagonal is 2 m
   EXPECT_EQ(refusal_of(view),
             "a picture of 3200 x 2400 mm is too large for a detector 200 mm from the source: rays to its "
-            "corners are 84 deg from the one to its middle, and must be within 80 deg; place source and "
+            "corners are 84.3 deg from the one to its middle, and must be within 80 deg; place source and "
             "detector farther from the body, or make the picture smaller");
   view.pixel_mm = 0.5;  // 200 mm: half a right angle
   EXPECT_EQ(refusal_of(view), "");
   view.tilt_rad = 50 * kRadians;
   EXPECT_EQ(refusal_of(view),
-            "a tilt of 50 deg looks along the map's axis in the picture's corners, whose rays are 45 deg "
+            "a tilt of 50 deg looks along the map's axis in the picture's corners, whose rays are 45.0 deg "
             "from the one to its middle; rays must be at least 10 deg from it");
 }
 

@@ -36,7 +36,7 @@ typedef struct {
 #define XRC_BLOCK 8
 
 /* A block under an opacity: mu, where that is the same everywhere in it, and the last of the blocks above it
- * up to which it is; -1 where mu varies. */
+ * up to which it is. Where mu varies, `last` is -1. */
 typedef struct {
   XRC_FLOAT mu;
   XRC_INT last;

@@ -78,14 +78,14 @@ void check_steepness(const View& view) {
   if (opening_deg > kSteepest_deg)
     throw InputError(
         "a picture of {:.0f} x {:.0f} mm is too large for a detector {:g} mm from the source: rays to its "
-        "corners are {:.0f} deg from the one to its middle, and must be within {:g} deg; place source "
+        "corners are {:.1f} deg from the one to its middle, and must be within {:g} deg; place source "
         "and detector farther from the body, or make the picture smaller",
         view.width * view.pixel_mm, view.height * view.pixel_mm, view.cone->source_detector_mm, opening_deg,
         kSteepest_deg);
   const std::string where =
       steep_deg > kSteepest_deg
           ? ""
-          : fmt::format(" in the picture's corners, whose rays are {:.0f} deg from the one to its middle",
+          : fmt::format(" in the picture's corners, whose rays are {:.1f} deg from the one to its middle",
                         opening_deg);
   throw InputError("a tilt of {:g} deg looks along the map's axis{}; rays must be at least {:g} deg from it",
                    tilt_deg, where, 90 - kSteepest_deg);
