@@ -235,6 +235,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
   Json result{{"tree", options.tree},
               {"device_model", models[0].name()},
               {"entry_branch", entry.branch},
+              {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
               {"held_s", held_s},
               {"log", options.log},
               {"rows", records.size()},
@@ -262,9 +263,10 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   session.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                                     "entry: end of branch {}; {}\n{}{}",
+                                     "entry: end of branch {} at ({:.1f}, {:.1f}, {:.1f}) mm; {}\n{}{}",
                                      options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
-                                     times_faster, entry.branch, text_of(last), held_note(held_s), pictures));
+                                     times_faster, entry.branch, entry.position_mm.x(), entry.position_mm.y(),
+                                     entry.position_mm.z(), text_of(last), held_note(held_s), pictures));
 }
 
 void simulate(const SimulateArguments& options, Session& session) {

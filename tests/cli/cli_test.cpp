@@ -1143,8 +1143,9 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   const std::string line =
       "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv --plot @/forces.png -q -o ";
   const Json json = json_of(line + "@/first.csv");
-  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "held_s", "log", "rows",
-                                         "simulated_s", "wall_s", "tip"));
+  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "held_s", "log",
+                                         "rows", "simulated_s", "wall_s", "tip"));
+  EXPECT_EQ(json["entry_mm"], Json({0, 0, 0}));  // the most inferior end
   EXPECT_EQ(json["rows"], 3);
   EXPECT_LT(json["wall_s"], json["simulated_s"]);
   // The wire went in from below by 20 mm.
