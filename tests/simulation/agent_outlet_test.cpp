@@ -1,9 +1,13 @@
 #include "xraycast/simulation/agent_outlet.hpp"
 
+#include "xraycast/haptics/virtual_coupling.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
+#include <array>
+#include <cstdint>
 #include <optional>
 #include <string>
 #include <vector>
@@ -46,6 +50,22 @@ TEST(AgentOutlet, AWireBlocksItsCatheter) {
             "guidewire-035-angled has no lumen and lies in the others; draw it back to 0 to inject");
   move(devices, {20, 0});
   EXPECT_EQ(agent_outlet(devices), 0u);
+}
+
+TEST(AgentOutlet, AWireThatIsDraggedOutOfZeroBlocksNothing) {
+  CoaxialCatheters devices = in_the_thorax({"cobra-5f", "guidewire-035-j"});
+  VirtualCoupling wire;  // a hand that rests at 0
+  double dragged_mm = 0;
+  for (std::uint64_t i = 1; i <= 1000; ++i) {
+    wire.synchronise(devices.pose(1));
+    const HubPose held = wire.step({HubPose{}, i}, devices.load(1), devices.step_s()).hub;
+    devices.step(std::array{HubPose{0.05 * static_cast<double>(i), 0}, held});
+    dragged_mm = std::max(dragged_mm, devices.pose(1).insertion_mm);
+    ASSERT_EQ(agent_outlet(devices), 0u) << dragged_mm;
+  }
+  EXPECT_GT(dragged_mm, 0.1);
+  devices.exchange(1, InstrumentModel::named("guidewire-035-angled"));
+  EXPECT_EQ(devices.pose(1).insertion_mm, 0);
 }
 
 TEST(AgentOutlet, AMicrocatheterFillsTheGuideAroundItsTip) {

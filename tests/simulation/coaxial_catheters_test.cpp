@@ -149,10 +149,10 @@ TEST(CoaxialCatheters, ExchangingOneOfThreeKeepsTheContactOfTheOthers) {
   move(devices, {{0, 0}, {60, 0}, {90, 2}}, 900);
   const auto of_the_others = [&]() -> const LumenContact& { return devices.rods().lumens()[2]; };
   ASSERT_EQ(of_the_others().outer(), 1u);
-  const double before_J = of_the_others().energy_J();
-  EXPECT_GT(before_J, 0);
+  const double before_uJ = of_the_others().energy_uJ();
+  EXPECT_GT(before_uJ, 0);
   devices.exchange(0, InstrumentModel::named("guide-6f"));
-  EXPECT_EQ(of_the_others().energy_J(), before_J);
+  EXPECT_EQ(of_the_others().energy_uJ(), before_uJ);
 }
 
 TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {

@@ -126,7 +126,7 @@ void CoaxialCatheters::copy_contacts(std::size_t device, std::vector<CatheterCon
 bool CoaxialCatheters::has_free_lumen(std::size_t device) const {
   if (rod(device).instrument().inner_radius_mm() == 0) return false;
   for (std::size_t inner = device + 1; inner < count(); ++inner)
-    if (pose(inner).insertion_mm > 0) return false;
+    if (!is_drawn_back(inner)) return false;
   return true;
 }
 
@@ -137,7 +137,7 @@ std::optional<std::size_t> CoaxialCatheters::free_lumen() const {
 }
 
 void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instrument) {
-  if (pose(device).insertion_mm > 0)
+  if (!is_drawn_back(device))
     throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",
                      rod(device).instrument().name(), pose(device).insertion_mm, instrument.name());
   std::vector<InstrumentModel> instruments;

@@ -21,6 +21,11 @@ class CoaxialCatheters {
  public:
   static constexpr std::size_t kMaxDevices = 3;
 
+  /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along, by
+  /// up to 0.45 N on a J wire, and the spring between the hand and its hub (0.5 N/mm, see CouplingSettings)
+  /// yields by up to 0.9 mm.
+  static constexpr double kDrawnBack_mm = 1;
+
   /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
   /// the outermost does not fit into the vessel at the entry, or there are more than kMaxDevices.
   CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
@@ -43,13 +48,14 @@ class CoaxialCatheters {
   HubLoad load(std::size_t device) const;
   CatheterTip tip(std::size_t device) const;
 
-  /// No other device is inserted in its lumen, so that contrast agent can be injected through it.
+  /// All devices within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be injected
+  /// through it.
   bool has_free_lumen(std::size_t device) const;
   std::optional<std::size_t> free_lumen() const;  ///< the outermost device that has one
 
-  /// Another instrument instead of a device that has been drawn back to an insertion of 0. The others do not
-  /// move. Throws InputError, and changes nothing, when it has not been drawn back, or when the instruments
-  /// that there would be do not fit (see the constructor).
+  /// Another instrument instead of a device that has been drawn back to 0 (see kDrawnBack_mm), at an
+  /// insertion of 0. The others do not move. Throws InputError, and changes nothing, when it has not been
+  /// drawn back, or when the instruments that there would be do not fit (see the constructor).
   void exchange(std::size_t device, const InstrumentModel& instrument);
 
   /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall.
@@ -66,6 +72,7 @@ class CoaxialCatheters {
  private:
   using Walls = std::vector<std::unique_ptr<WallContact>>;
 
+  bool is_drawn_back(std::size_t device) const { return pose(device).insertion_mm <= kDrawnBack_mm; }
   Rod make_rod(const InstrumentModel& instrument) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
   std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t device) const;

@@ -8,10 +8,9 @@
 namespace xraycast {
 namespace {
 
-// The length of lumen that its rim stands for.
-constexpr double kRim_mm = 1;
 // How far one tip is behind or ahead of the other while it passes it.
 constexpr double kPassing_mm = 1;
+constexpr double kJoulePer_uJ = 1e-6;
 
 }  // namespace
 
@@ -94,7 +93,12 @@ double CoaxialRods::bare_mm(std::size_t device) const {
 double CoaxialRods::energy_J() const {
   double energy = 0;
   for (const Rod& rod : rods_) energy += rod.elastic_energy_J() + rod.kinetic_energy_J();
-  for (const LumenContact& lumen : lumens_) energy += lumen.energy_J();
+  return energy + kJoulePer_uJ * lumens_uJ();
+}
+
+double CoaxialRods::lumens_uJ() const {
+  double energy = 0;
+  for (const LumenContact& lumen : lumens_) energy += lumen.energy_uJ();
   return energy;
 }
 
@@ -124,7 +128,9 @@ void CoaxialRods::find_reach(std::size_t index) {
   reach.beyond_mm = std::lerp(behind_mm, ahead_mm, is_ahead);
 }
 
-void CoaxialRods::begin_lumens() {
+/// Returns what this adds to the energy in the lumens, whose points and their lengths move along.
+double CoaxialRods::begin_lumens() {
+  const double before_uJ = lumens_uJ();
   for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
   for (std::size_t inner = 1; inner < count(); ++inner) {
     // From the next one around it on: each holds what lies beyond the tips of those before.
@@ -132,16 +138,16 @@ void CoaxialRods::begin_lumens() {
     for (std::size_t outer = inner; outer-- > 0;) {
       const std::size_t index = lumen_index(outer, inner);
       const double from_mm = std::clamp(reaches_[index].beyond_mm, 0.0, to_mm);
-      const double rim_mm = std::min({kRim_mm, std::max(0.0, reaches_[index].beyond_mm), to_mm - from_mm});
-      lumens_[index].begin_step(rods_, {from_mm, to_mm}, rim_mm);
+      lumens_[index].begin_step(rods_, {from_mm, to_mm}, reaches_[index].beyond_mm);
       to_mm = from_mm;
     }
   }
+  return lumens_uJ() - before_uJ;
 }
 
 void CoaxialRods::begin_step(double dt_s) {
   for (std::size_t d = 0; d < count(); ++d) rods_[d].begin_step(dt_s, externals_[d]);
-  begin_lumens();
+  gained_uJ_ = begin_lumens();
   system_.order(rods_);
 }
 
@@ -165,7 +171,7 @@ void CoaxialRods::step(double dt_s) {
   if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
   begin_step(dt_s);
   const double start_uJ = potential_uJ(dt_s, false);
-  double spent_uJ = 0;  // by the hubs' rotation
+  double spent_uJ = std::max(0.0, gained_uJ_);  // in the lumens, and below by the hubs' rotation
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
   const int most_iterations = rods_[0].options_.max_iterations;

@@ -45,6 +45,7 @@ class CoaxialRods {
 
  private:
   friend class CoaxialDerivatives;  // compares the assembled derivatives with differences of the potential
+  friend class CoaxialLosses;       // sums up what steps lose
   /// How far an inner rod reaches beyond an outer one's tip; negative inside.
   struct Reach {
     double beyond_mm = 0, fed_apart_mm = 0;
@@ -56,7 +57,8 @@ class CoaxialRods {
   void check_fit(std::size_t device, const InstrumentModel& instrument) const;
   void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);
-  void begin_lumens();
+  double lumens_uJ() const;
+  double begin_lumens();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
   double predict_uJ(double dt_s, double start_uJ);
@@ -71,6 +73,7 @@ class CoaxialRods {
   std::vector<LumenContact> lumens_;  ///< inner 1 in outer 0, 2 in 0, 2 in 1, ...
   std::vector<Reach> reaches_;        ///< of the same
   CoaxialSystem system_;
+  double gained_uJ_ = 0;  ///< in the lumens, as the step began
   bool is_solved_ = true;
 };
 

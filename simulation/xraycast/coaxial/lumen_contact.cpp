@@ -9,7 +9,7 @@ namespace {
 
 using Eigen::Vector2d, Eigen::Vector3d;
 
-constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
+constexpr double kNewtonPer_mN = 1e-3;
 
 // A polymer's lining, of some 0.5 GPa, hardly yields; as stiff as the introducer it gives way by a hundredth
 // of a millimetre to the forces on bends, and by up to a tenth at the end of a curved tip. Softer at first,
@@ -17,8 +17,17 @@ constexpr double kNewtonPer_mN = 1e-3, kJoulePer_uJ = 1e-6;
 constexpr double kLining_mN_mm2 = 20e3, kSoft_mm = 0.02;
 // Twice as stiff at a tenth of a millimetre, about the lining's thickness: it cannot be pressed through.
 constexpr double kStiffening_mm = 0.1;
-// A tip bears more than the little length that it ends: the end of a curved tip bears most of its moment.
-constexpr double kTip_mm = 1;
+// An end bears as much as the first of these lengths: the end of a curved tip bears most of its moment. It
+// also bears what lies within the second one, since points so near a rim lie deep where the inner leaves at a
+// slant, and half of the third one, of which samples bear a share that grows from nothing: what they bear
+// does not jump where one after the other comes near the rim.
+constexpr double kEnd_mm = 1, kNear_mm = 0.5, kFade_mm = 0.5;
+// The length beyond the rim over which that takes over from the tip: at least the first; and the second times
+// the sine of the inner's slant. The tip's force is across the lumen and the rim's across the inner, so that
+// between a sharp tip and a sharp rim the hub's force would jump, by a third of a newton for a J wire. Round
+// ones turn it over a length in proportion to the slant; 3 mm for a J, more than their radii, since long
+// devices yield as it turns, and then slide up to twice as far as they are fed.
+constexpr double kHandover_mm = 1, kHandoverOfSlant_mm = 10;
 // Of the friction springs, per length: they slip after some micrometres.
 constexpr double kTangential_mN_mm2 = 4e3;
 
@@ -41,6 +50,23 @@ double lining_stiffness_mN_mm(double depth_mm) {
   const double stiffer = depth_mm / kStiffening_mm;
   return kLining_mN_mm2 * (std::min(1.0, depth_mm / kSoft_mm) * (1 + stiffer * stiffer) +
                            spring_depth_mm(depth_mm) * 2 * stiffer / kStiffening_mm);
+}
+
+/// The length that samples bear from an end on, and its first moment.
+struct Borne {
+  double length_mm = 0, moment_mm2 = 0;
+};
+Borne borne(double from_end_mm) {
+  const double s = std::max(0.0, from_end_mm - kNear_mm), f = kFade_mm;
+  const double length_mm = s < f ? 0.5 * s * s / f : s - 0.5 * f;
+  return {length_mm, (s < f ? s * s * s / (3 * f) : 0.5 * s * s - f * f / 6) + kNear_mm * length_mm};
+}
+
+/// Over which the rim takes over from the tip, where the inner leaves the outer at a length from its tip.
+double handover_mm(const Rod& outer, const Rod& inner, double from_tip_mm) {
+  const RodWeights at = RodWeights::at(place_of(inner, from_tip_mm), inner.node_count());
+  const Vector3d along = at.of(at.slope, inner.state()).normalized();
+  return std::max(kHandover_mm, kHandoverOfSlant_mm * along.cross(outer.state().edges.back().tangent).norm());
 }
 
 /// The length of an inner rod that a sample stands for, from the tip: around a node or around a middle, half
@@ -72,11 +98,11 @@ void LumenContact::inner_nodes_changed(std::ptrdiff_t by) {
 
 // ---- a step begins --------------------------------------------------------------------------------------
 
-void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside, double rim_mm) {
+void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside, double beyond_mm) {
   const Rod &outer = rods[outer_], &inner = rods[inner_];
   resize(inner);
   for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
-  place_rim(outer, inner, inside, rim_mm);
+  place_ends(outer, inner, inside, beyond_mm);
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
   placed_outer_ = &outer.state();
   placed_inner_ = &inner.state();
@@ -91,31 +117,40 @@ bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
 void LumenContact::resize(const Rod& inner) {
   if (!touches_.empty()) return;
   touches_.reserve(2 * inner.max_nodes());
-  touches_.resize(2 * inner.node_count() - 3 + 1);
+  touches_.resize(2 * inner.node_count() - 3 + kEnds);
   touches_.back().is_rim = true;
 }
 
-/// Where the middle of the sample's length inside lies.
+/// The sample's length inside, less what the end bears of it, and that length's middle.
 void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside) {
   Touch& touch = touches_[index];
   const Range cell = cell_of(inner, index);
-  const double from_mm = std::max(cell.from_mm, inside.from_mm), to_mm = std::min(cell.to_mm, inside.to_mm);
-  touch.length_mm = std::max(0.0, to_mm - from_mm);
+  const Borne from = borne(std::max(cell.from_mm, inside.from_mm) - inside.from_mm),
+              to = borne(std::min(cell.to_mm, inside.to_mm) - inside.from_mm);
+  touch.length_mm = std::max(0.0, to.length_mm - from.length_mm);
   if (touch.length_mm == 0) return;
-  if (cell.from_mm == 0) touch.length_mm *= 1 + kTip_mm / cell.to_mm;
-  touch.from_tip_mm = 0.5 * (from_mm + to_mm);
+  touch.from_tip_mm = inside.from_mm + (to.moment_mm2 - from.moment_mm2) / touch.length_mm;
   touch.point = RodWeights::at(place_of(inner, touch.from_tip_mm), inner.node_count());
   if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
 }
 
-void LumenContact::place_rim(const Rod& outer, const Rod& inner, const Range& inside, double rim_mm) {
-  Touch& touch = touches_.back();
-  touch.length_mm = rim_mm;
-  touch.from_tip_mm = inside.from_mm;
-  if (rim_mm == 0) return;
-  const std::size_t nodes = outer.node_count();
-  touch.point = RodWeights::at({nodes - 1, 1}, nodes);
-  touch.place = place_of(inner, inside.from_mm);
+void LumenContact::place_ends(const Rod& outer, const Rod& inner, const Range& inside, double beyond_mm) {
+  Touch &end = touches_[sample_count()], &rim = touches_.back();
+  const double inside_mm = inside.to_mm - inside.from_mm,
+               length_mm = std::min(kEnd_mm, inside_mm) + inside_mm - borne(inside_mm).length_mm,
+               by_rim = std::clamp(beyond_mm / handover_mm(outer, inner, inside.from_mm), 0.0, 1.0);
+  end.length_mm = (1 - by_rim) * length_mm;
+  rim.length_mm = by_rim * length_mm;
+  end.from_tip_mm = rim.from_tip_mm = inside.from_mm;
+  if (end.length_mm > 0) {
+    end.point = RodWeights::at(place_of(inner, inside.from_mm), inner.node_count());
+    if (end.is_new) end.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + inside.from_mm);
+  }
+  if (rim.length_mm > 0) {
+    const std::size_t nodes = outer.node_count();
+    rim.point = RodWeights::at({nodes - 1, 1}, nodes);
+    rim.place = place_of(inner, inside.from_mm);
+  }
 }
 
 void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodState& inner) {
@@ -316,13 +351,13 @@ void LumenContact::end_step(const RodState& outer, const RodState& inner) {
   }
 }
 
-double LumenContact::energy_J() const {
+double LumenContact::energy_uJ() const {
   double energy = 0;
   for (const Touch& touch : touches_)
     if (touch.length_mm > 0)
       energy += touch.length_mm * lining_energy_uJ(touch.depth_mm) +
                 0.5 * touch.friction.spring_mN_mm * touch.stick_mm.squaredNorm();
-  return kJoulePer_uJ * energy;
+  return energy;
 }
 
 std::vector<LumenContact::Contact> LumenContact::contacts(const std::vector<Rod>& rods) const {

@@ -16,10 +16,11 @@ namespace xraycast {
 ///
 /// Points of the inner rod, one for the length around each node and each middle that lies inside, keep within
 /// the clearance from the outer's smooth centreline (see RodPlace); what lies beyond the outer's tip is cut
-/// off, so that a point's length, and with it its force, fades out as it leaves. The outer's tip is a rim
-/// that keeps within the clearance from the inner's centreline. The lumen's lining yields by a stiff spring,
-/// softer over its first hundredths of a millimetre. Friction acts along the outer's axis and around it (see
-/// Friction), on both.
+/// off, so that a point's length, and with it its force, fades out as it leaves. Where the inner ends, or
+/// where it leaves the outer, it bears more than that: its tip does, as one more such point, and beyond the
+/// outer's tip the rim of that, which keeps within the clearance from the inner's centreline. One takes over
+/// from the other as the inner comes out. The lumen's lining yields by a stiff spring, softer over its first
+/// hundredths of a millimetre. Friction acts along the outer's axis and around it (see Friction), on both.
 class LumenContact {
  public:
   struct Options {
@@ -46,21 +47,22 @@ class LumenContact {
   void outer_nodes_changed(std::ptrdiff_t by);
   void inner_nodes_changed(std::ptrdiff_t by);
 
-  /// `rim_mm`: the length that the rim bears, which fades in with the inner's length beyond it.
-  void begin_step(const std::vector<Rod>& rods, const Range& inside, double rim_mm);
+  /// `beyond_mm`: the inner's length beyond the outer's tip; not above zero where it ends inside.
+  void begin_step(const std::vector<Rod>& rods, const Range& inside, double beyond_mm);
   double energy_uJ(const RodState& outer, const RodState& inner);
   void couple(CoaxialSystem& system) const;
   void assemble(const RodState& outer, const RodState& inner, bool project_psd, CoaxialSystem& system) const;
   void end_step(const RodState& outer, const RodState& inner);
 
   /// In the lining and in the friction springs.
-  double energy_J() const;
+  double energy_uJ() const;
 
   std::size_t outer() const { return outer_; }
   std::size_t inner() const { return inner_; }
   std::vector<Contact> contacts(const std::vector<Rod>& rods) const;
 
  private:
+  friend class CoaxialLosses;  // sums up what steps lose
   /// A point of one rod and the other's centreline. It is the inner's point, or the outer's for the rim.
   struct Touch {
     bool is_rim = false, is_new = true;
@@ -88,11 +90,11 @@ class LumenContact {
   }
   RodPair pair(const Touch& touch, const RodWeights& curve) const;
   bool is_placed(const RodState& outer, const RodState& inner);
-  std::size_t sample_count() const { return touches_.size() - 1; }
+  std::size_t sample_count() const { return touches_.size() - kEnds; }
 
   void resize(const Rod& inner);
   void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
-  void place_rim(const Rod& outer, const Rod& inner, const Range& inside, double rim_mm);
+  void place_ends(const Rod& outer, const Rod& inner, const Range& inside, double beyond_mm);
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
   void find_depth(Touch& touch, const Sides& sides) const;
   Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
@@ -109,7 +111,8 @@ class LumenContact {
   Options options_;
   /// Of the step's start, whose depths are known, until others are asked for.
   const RodState *placed_outer_ = nullptr, *placed_inner_ = nullptr;
-  std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, then the rim
+  static constexpr std::size_t kEnds = 2;
+  std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, its end, the rim
 };
 
 }  // namespace xraycast

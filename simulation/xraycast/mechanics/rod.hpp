@@ -178,6 +178,7 @@ class Rod {
 
  private:
   friend class CoaxialDerivatives;  // as the next one, of several rods
+  friend class CoaxialLosses;       // sums up what steps of several rods lose
   friend class CoaxialRods;         // makes the steps of several rods at once
   friend class CoaxialSystem;
   friend class RodDerivatives;  // compares the assembled derivatives with differences of the potential
