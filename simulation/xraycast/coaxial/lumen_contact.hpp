@@ -94,7 +94,8 @@ class LumenContact {
   void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
   void place_rim(const Rod& outer, const Rod& inner, const Range& inside, double rim_mm);
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
-  void find_depth(Touch& touch, const Sides& sides) const;
+  void find_depths(const RodState& outer, const RodState& inner);
+  void find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const;
   Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
   std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
   double point_arm_mm(const Touch& touch) const;
@@ -109,7 +110,8 @@ class LumenContact {
   Options options_;
   /// Of the step's start, whose depths are known, until others are asked for.
   const RodState *placed_outer_ = nullptr, *placed_inner_ = nullptr;
-  std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, then the rim
+  std::vector<NearestPlace> searches_;  ///< of those touches that have a length
+  std::vector<Touch> touches_;          ///< by the inner's nodes and middles from the clamp on, then the rim
 };
 
 }  // namespace xraycast
