@@ -143,7 +143,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
 void WallContact::sample_walls(const RodState& rod) {
   queries_.clear();
   asking_.clear();
-  for (std::size_t k = first_bare_; k < contacts_.size(); ++k) {
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const Vector3d point_mm = contacts_[k].point.position_mm(rod);
     if (!needs_sample(k, point_mm)) continue;
     queries_.push_back({point_mm, states_[k].hint, &contacts_[k].sample});
@@ -161,11 +161,7 @@ Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
 // ---- a step begins --------------------------------------------------------------------------------------
 
 void WallContact::begin_step(const Rod& rod) {
-  first_bare_ = contacts_.size();
-  for (std::size_t k = 0; k < contacts_.size(); ++k) {
-    begin_contact(rod, k);
-    if (!states_[k].is_covered) first_bare_ = std::min(first_bare_, k);
-  }
+  for (std::size_t k = 0; k < contacts_.size(); ++k) begin_contact(rod, k);
 }
 
 void WallContact::begin_contact(const Rod& rod, std::size_t index) {
@@ -192,12 +188,6 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index) {
   contact.slips = false;
   state.stick_mm.setZero();
   state.friction.limit_mN = 0;
-  // The step leaves it out.
-  if (state.is_covered) {
-    state.introducer_uJ = 0;
-    for (Vector3d* force_N : {&contact.normal_N, &contact.friction_N, &contact.introducer_N})
-      force_N->setZero();
-  }
   // For as long as the next contact lasts: a wall whose stiffness changed under a load would make energy.
   state.stiffening_mm = stiffening_mm(contact.sample);
 }
@@ -268,7 +258,7 @@ Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
 double WallContact::energy_uJ(const RodState& rod) {
   sample_walls(rod);
   double energy = 0;
-  for (std::size_t k = first_bare_; k < contacts_.size(); ++k) {
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
     FrictionState& state = states_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
     state.introducer_uJ =
@@ -282,7 +272,7 @@ double WallContact::energy_uJ(const RodState& rod) {
 }
 
 void WallContact::assemble(const RodState& rod, bool project_psd, RodSystem& system) {
-  for (std::size_t k = first_bare_; k < contacts_.size(); ++k)
+  for (std::size_t k = 0; k < contacts_.size(); ++k)
     if (contacts_[k].depth_mm > 0 || states_[k].friction.is_active() || states_[k].introducer_mN_mm > 0)
       assemble_contact(rod, k, project_psd, system);
 }
@@ -334,7 +324,7 @@ void WallContact::end_step(const RodState& rod) {
   sample_wall(contacts_.size() - 1, rod.nodes_mm.back());  // the tip's location is asked for
   const double kinetic_share =
       options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
-  for (std::size_t k = first_bare_; k < contacts_.size(); ++k) {
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
     Contact& contact = contacts_[k];
     FrictionState& state = states_[k];
     contact.normal_N = wall_force_N(contact.depth_mm, k) * contact.sample.gradient;

@@ -109,7 +109,6 @@ class WallContact final : public ExternalPotential {
   double bare_mm_ = std::numeric_limits<double>::infinity();
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
-  std::size_t first_bare_ = 0;                      ///< those before it are covered
   std::vector<LumenDistanceField::Query> queries_;  ///< of a state, and the contacts that ask
   std::vector<std::size_t> asking_;
 };
