@@ -8,6 +8,7 @@
 #include <algorithm>
 #include <cmath>
 #include <random>
+#include <vector>
 
 namespace xraycast::lumen_distance_field_test {
 namespace {
@@ -93,6 +94,33 @@ TEST(LumenDistanceField, GradientAndCurvatureAreLimitsOfDifferences) {
   // Where two places of one branch are equally near, the difference may look across a kink.
   EXPECT_LT(kinks, points / 1000);
   EXPECT_LT(jumps, points / 1000);
+}
+
+TEST(LumenDistanceField, ManyPointsAreSampledAsEachAlone) {
+  for (const VesselTree& tree : {fork(), phantom_tree("thorax"), phantom_tree("head")}) {
+    const LumenDistanceField field(tree);
+    // Points of all kinds side by side: on pieces, beyond ends, where vessels meet and in bends. Not a
+    // multiple of what is worked on at once.
+    std::vector<Vector3d> points;
+    for_points_around(tree, [&](const Vector3d& point) {
+      if (points.size() < 1001) points.push_back(point);
+    });
+    std::vector<LumenDistanceField::Sample> samples(points.size());
+    std::vector<LumenDistanceField::Query> queries;
+    for (std::size_t k = 0; k < points.size(); ++k)
+      queries.push_back({points[k], field.locate(points[k]), &samples[k]});
+    field.sample(queries);
+    for (std::size_t k = 0; k < points.size(); ++k) {
+      const LumenDistanceField::Sample alone = field.at(points[k], queries[k].from);
+      // The same operations; a processor may fuse some of them in one and not in the other.
+      EXPECT_NEAR(samples[k].clearance_mm, alone.clearance_mm, 1e-9) << k;
+      EXPECT_LT((samples[k].gradient - alone.gradient).norm(), 1e-9) << k;
+      EXPECT_LT((samples[k].curvature() - alone.curvature()).norm(), 1e-9 * (1 + alone.curvature().norm()))
+          << k;
+      EXPECT_EQ(samples[k].hint.branch, alone.hint.branch) << k;
+      EXPECT_EQ(samples[k].hint.segment, alone.hint.segment) << k;
+    }
+  }
 }
 
 TEST(LumenDistanceField, IsSmoothAcrossABifurcation) {

@@ -1,29 +1,15 @@
 #include "xraycast/coaxial/block_band_matrix.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/lanes.hpp"
 
 #include <algorithm>
-#include <cmath>
 
 namespace xraycast {
 namespace {
 
 constexpr std::size_t kBlockSize = BlockBandMatrix::kBlock;
 using MatrixBlock = BlockBandMatrix::Block;
-
-/// Replaces the lower half by its Cholesky factor, with the inverse of each pivot on the diagonal.
-inline bool factorise_block(MatrixBlock& a) {
-  for (std::size_t c = 0; c < kBlockSize; ++c) {
-    double* column = &a[kBlockSize * c];
-    if (!(column[c] > 0)) return false;
-    const double inverse = 1 / std::sqrt(column[c]);
-    column[c] = inverse;
-    for (std::size_t r = c + 1; r < kBlockSize; ++r) column[r] *= inverse;
-    for (std::size_t m = c + 1; m < kBlockSize; ++m)
-      for (std::size_t r = m; r < kBlockSize; ++r) a[kBlockSize * m + r] -= column[r] * column[m];
-  }
-  return true;
-}
 
 /// A column of a block, as one vector of the processor.
 using BlockColumn __attribute__((vector_size(kBlockSize * sizeof(double)), aligned(sizeof(double)))) = double;
@@ -35,35 +21,64 @@ inline const BlockColumn& column_of(const MatrixBlock& block, std::size_t c) {
   return *reinterpret_cast<const BlockColumn*>(&block[kBlockSize * c]);
 }
 
-/// Replaces x by x factor^-T.
-inline void divide_from_right(const MatrixBlock& factor, MatrixBlock& x) {
-  for (std::size_t c = 0; c < kBlockSize; ++c) {
-    column_of(x, c) *= factor[kBlockSize * c + c];
-    for (std::size_t m = c + 1; m < kBlockSize; ++m)
-      column_of(x, m) -= column_of(x, c) * factor[kBlockSize * c + m];
-  }
+/// Replaces a symmetric block, of which the lower half counts, L D L^T, by the inverse of L (whose diagonal
+/// is one) below the diagonal and the inverse of D on it.
+[[gnu::always_inline]] inline bool factorise_block(MatrixBlock& a) {
+  const auto at = [&a](std::size_t r, std::size_t c) -> double& { return a[kBlockSize * c + r]; };
+  const double d0 = at(0, 0), by0 = 1 / d0;
+  const double l10 = at(1, 0) * by0, l20 = at(2, 0) * by0, l30 = at(3, 0) * by0;
+  const double d1 = at(1, 1) - l10 * at(1, 0), by1 = 1 / d1;
+  const double a21 = at(2, 1) - l20 * at(1, 0), a31 = at(3, 1) - l30 * at(1, 0);
+  const double l21 = a21 * by1, l31 = a31 * by1;
+  const double d2 = (at(2, 2) - l20 * at(2, 0)) - l21 * a21, by2 = 1 / d2;
+  const double a32 = (at(3, 2) - l30 * at(2, 0)) - l31 * a21, l32 = a32 * by2;
+  const double d3 = ((at(3, 3) - l30 * at(3, 0)) - l31 * a31) - l32 * a32, by3 = 1 / d3;
+  const double m20 = l21 * l10 - l20, m31 = l32 * l21 - l31;
+  at(0, 0) = by0, at(1, 1) = by1, at(2, 2) = by2, at(3, 3) = by3;
+  at(1, 0) = -l10, at(2, 1) = -l21, at(3, 2) = -l32;
+  at(2, 0) = m20, at(3, 1) = m31;
+  at(3, 0) = (l31 * l10 - l30) - l32 * m20;
+  return d0 > 0 && d1 > 0 && d2 > 0 && d3 > 0;
+}
+
+/// Of a block below the diagonal: x L^-T and, in its place, x L^-T D^-1.
+[[gnu::always_inline]] inline void divide_from_right(const MatrixBlock& factor, MatrixBlock& x,
+                                                     MatrixBlock& undivided) {
+  const auto inverse = [&factor](std::size_t r, std::size_t c) { return factor[kBlockSize * c + r]; };
+  const BlockColumn x0 = column_of(x, 0), x1 = column_of(x, 1), x2 = column_of(x, 2), x3 = column_of(x, 3);
+  const BlockColumn y1 = x1 + x0 * inverse(1, 0), y2 = x2 + x0 * inverse(2, 0) + x1 * inverse(2, 1),
+                    y3 = (x3 + x0 * inverse(3, 0)) + (x1 * inverse(3, 1) + x2 * inverse(3, 2));
+  column_of(undivided, 0) = x0, column_of(undivided, 1) = y1;
+  column_of(undivided, 2) = y2, column_of(undivided, 3) = y3;
+  column_of(x, 0) = x0 * inverse(0, 0), column_of(x, 1) = y1 * inverse(1, 1);
+  column_of(x, 2) = y2 * inverse(2, 2), column_of(x, 3) = y3 * inverse(3, 3);
 }
 
 /// Subtracts x y^T.
-inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y, MatrixBlock& from) {
+[[gnu::always_inline]] inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y,
+                                                    MatrixBlock& from) {
   const BlockColumn x0 = column_of(x, 0), x1 = column_of(x, 1), x2 = column_of(x, 2), x3 = column_of(x, 3);
   for (std::size_t c = 0; c < kBlockSize; ++c)
     column_of(from, c) -=
         (x0 * y[c] + x1 * y[kBlockSize + c]) + (x2 * y[2 * kBlockSize + c] + x3 * y[3 * kBlockSize + c]);
 }
 
-/// Of a diagonal block, which has the inverse of each pivot.
-inline void solve_lower(const MatrixBlock& factor, double* x) {
-  for (std::size_t c = 0; c < kBlockSize; ++c) {
-    x[c] *= factor[kBlockSize * c + c];
-    for (std::size_t r = c + 1; r < kBlockSize; ++r) x[r] -= factor[kBlockSize * c + r] * x[c];
-  }
+/// A diagonal block's L^-1 x.
+[[gnu::always_inline]] inline BlockColumn solved_lower(const MatrixBlock& factor, BlockColumn x) {
+  const BlockColumn by0 = column_of(factor, 0), by1 = column_of(factor, 1);
+  return (x + BlockColumn{0, by0[1], by0[2], by0[3]} * x[0]) +
+         (BlockColumn{0, 0, by1[2], by1[3]} * x[1] + BlockColumn{0, 0, 0, factor[2 * kBlockSize + 3]} * x[2]);
 }
-inline void solve_upper(const MatrixBlock& factor, double* x) {
-  for (std::size_t c = kBlockSize; c-- > 0;) {
-    for (std::size_t r = c + 1; r < kBlockSize; ++r) x[c] -= factor[kBlockSize * c + r] * x[r];
-    x[c] *= factor[kBlockSize * c + c];
-  }
+/// L^-T x.
+[[gnu::always_inline]] inline BlockColumn solved_upper(const MatrixBlock& factor, BlockColumn x) {
+  const auto inverse = [&factor](std::size_t r, std::size_t c) { return factor[kBlockSize * c + r]; };
+  return (x + BlockColumn{inverse(1, 0), 0, 0, 0} * x[1]) +
+         (BlockColumn{inverse(2, 0), inverse(2, 1), 0, 0} * x[2] +
+          BlockColumn{inverse(3, 0), inverse(3, 1), inverse(3, 2), 0} * x[3]);
+}
+[[gnu::always_inline]] inline BlockColumn inverse_pivots(const MatrixBlock& factor) {
+  return BlockColumn{factor[0], factor[kBlockSize + 1], factor[2 * kBlockSize + 2],
+                     factor[3 * kBlockSize + 3]};
 }
 
 }  // namespace
@@ -88,10 +103,14 @@ bool BlockBandMatrix::factorise() {
     Block* column = &blocks_[starts_[j]];
     if (!factorise_block(column[0])) return false;
     const std::size_t below = reaches_[j] - j;
-    for (std::size_t k = 1; k <= below; ++k) divide_from_right(column[0], column[k]);
     for (std::size_t k = 1; k <= below; ++k) {
+      Block undivided;
+      divide_from_right(column[0], column[k], undivided);
+      // Those above it in the column are divided already.
       Block* other = &blocks_[starts_[j + k]];
-      for (std::size_t m = k; m <= below; ++m) subtract_product(column[m], column[k], other[m - k]);
+      for (std::size_t m = 1; m < k; ++m)
+        subtract_product(undivided, column[m], blocks_[starts_[j + m] + k - m]);
+      subtract_product(undivided, column[k], other[0]);
     }
   }
   return true;
@@ -104,22 +123,20 @@ void BlockBandMatrix::solve(double* x) const {
   };
   for (std::size_t j = 0; j < reaches_.size(); ++j) {
     const Block* column = &blocks_[starts_[j]];
-    solve_lower(column[0], x + kBlockSize * j);
-    const BlockColumn solved = part(j);
-    for (std::size_t k = 1; k <= reaches_[j] - j; ++k) {
-      BlockColumn& other = part(j + k);
-      other -= (column_of(column[k], 0) * solved[0] + column_of(column[k], 1) * solved[1]) +
-               (column_of(column[k], 2) * solved[2] + column_of(column[k], 3) * solved[3]);
-    }
+    const BlockColumn solved = solved_lower(column[0], part(j));
+    for (std::size_t k = 1; k <= reaches_[j] - j; ++k)
+      part(j + k) -= (column_of(column[k], 0) * solved[0] + column_of(column[k], 1) * solved[1]) +
+                     (column_of(column[k], 2) * solved[2] + column_of(column[k], 3) * solved[3]);
+    part(j) = solved * inverse_pivots(column[0]);
   }
   for (std::size_t j = reaches_.size(); j-- > 0;) {
     const Block* column = &blocks_[starts_[j]];
+    // What was solved last comes last, so that the rest need not wait for it.
     BlockColumn sums[kBlockSize] = {};
-    for (std::size_t k = 1; k <= reaches_[j] - j; ++k)
+    for (std::size_t k = reaches_[j] - j; k >= 1; --k)
       for (std::size_t c = 0; c < kBlockSize; ++c) sums[c] += column_of(column[k], c) * part(j + k);
-    for (std::size_t c = 0; c < kBlockSize; ++c)
-      part(j)[c] -= (sums[c][0] + sums[c][1]) + (sums[c][2] + sums[c][3]);
-    solve_upper(column[0], x + kBlockSize * j);
+    const auto [row0, row1, row2, row3] = transposed(sums[0], sums[1], sums[2], sums[3]);
+    part(j) = solved_upper(column[0], part(j) - ((row0 + row1) + (row2 + row3)));
   }
 }
 

@@ -7,7 +7,7 @@
 namespace xraycast {
 
 /// A symmetric positive definite matrix of 4 x 4 blocks, each column of which reaches down as far as it
-/// needs, and the solution of its linear system by Cholesky's method (Golub and Van Loan, Matrix
+/// needs, and the solution of its linear system by LDL^T (Golub and Van Loan, Matrix
 /// Computations, 4th ed., 2013, sections 4.2.9 and 4.3).
 class BlockBandMatrix {
  public:

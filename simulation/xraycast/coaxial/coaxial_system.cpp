@@ -1,6 +1,7 @@
 #include "xraycast/coaxial/coaxial_system.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/lanes.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -57,6 +58,7 @@ void CoaxialSystem::couple(const RodPair& pair) {
   if (highest != kClamped) reaches_[highest] = std::max(reaches_[highest], lowest);
 }
 
+XRAYCAST_WIDE_VECTORS
 void CoaxialSystem::collect(const std::vector<Rod>& rods) {
   hessian_.reset(reaches_);
   gradient_.assign(kRows * reaches_.size(), 0.0);
@@ -65,16 +67,15 @@ void CoaxialSystem::collect(const std::vector<Rod>& rods) {
     const std::vector<std::size_t>& places = places_[d];
     for (std::size_t k = 0; k < places.size(); ++k) {
       const std::size_t first = RodSystem::theta_row(k);
-      for (std::size_t c = 0; c < kRows; ++c) {
-        gradient_[kRows * places[k] + c] = own.gradient_[first + c];
-        const double* column = own.hessian_.column(first + c);
-        // The column's entries below the diagonal, block by block.
-        for (std::size_t b = 0; b < 3 && k + b < places.size(); ++b) {
-          BlockBandMatrix::Block& block = hessian_.at(places[k + b], places[k]);
-          for (std::size_t r = b == 0 ? c : 0; r < kRows; ++r)
-            if (const std::size_t below = kRows * b + r - c; below <= BandMatrix::kBand)
-              block[kRows * c + r] = column[below];
-        }
+      store(&gradient_[kRows * places[k]], load(&own.gradient_[first]));
+      // The entries below the diagonal, block by block; a band's column is zero beyond them.
+      BlockBandMatrix::Block& diagonal = hessian_.at(places[k], places[k]);
+      for (std::size_t c = 0; c < kRows; ++c)
+        std::copy_n(own.hessian_.column(first + c), kRows - c, diagonal.begin() + kRows * c + c);
+      for (std::size_t b = 1; b < 3 && k + b < places.size(); ++b) {
+        BlockBandMatrix::Block& block = hessian_.at(places[k + b], places[k]);
+        for (std::size_t c = 0; c < kRows; ++c)
+          store(&block[kRows * c], load(own.hessian_.column(first + c) + kRows * b - c));
       }
     }
   }
@@ -164,11 +165,8 @@ void CoaxialSystem::add_gradient(const RodPair& pair, const Eigen::Vector3d& for
 
 void CoaxialSystem::add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors) {
   const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  for (std::size_t a = 0; a < kPairNodes; ++a) {
-    if (places[a] == kClamped) continue;
-    for (std::size_t r = 0; r < kRows; ++r)
-      gradient_[kRows * places[a] + r] += scale * vectors[a][static_cast<Eigen::Index>(r)];
-  }
+  for (std::size_t a = 0; a < kPairNodes; ++a)
+    if (places[a] != kClamped) add_to(&gradient_[kRows * places[a]], scale * load(vectors[a].data()));
 }
 
 double CoaxialSystem::solve(std::vector<Rod>& rods) {

@@ -103,6 +103,7 @@ void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside,
   resize(inner);
   for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
   place_ends(outer, inner, inside, beyond_mm);
+  find_depths(outer.state(), inner.state());
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
   placed_outer_ = &outer.state();
   placed_inner_ = &inner.state();
@@ -117,6 +118,7 @@ bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
 void LumenContact::resize(const Rod& inner) {
   if (!touches_.empty()) return;
   touches_.reserve(2 * inner.max_nodes());
+  searches_.reserve(2 * inner.max_nodes());
   touches_.resize(2 * inner.node_count() - 3 + kEnds);
   touches_.back().is_rim = true;
 }
@@ -161,7 +163,6 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
     return;
   }
   const Sides both = sides(touch, outer, inner);
-  find_depth(touch, both);
   touch.is_new = false;
   touch.anchor = touch.nearest;
   touch.start_mm = touch.point.position_mm(both.point) - touch.anchor.position_mm(both.curve);
@@ -182,11 +183,26 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
 
 // ---- the potential --------------------------------------------------------------------------------------
 
-void LumenContact::find_depth(Touch& touch, const Sides& sides) const {
-  const Vector3d point_mm = touch.point.position_mm(sides.point);
-  touch.place = nearest_place(sides.curve, touch.place, point_mm);
+void LumenContact::find_depths(const RodState& outer, const RodState& inner) {
+  // All points of the inner at once, and then the rim.
+  searches_.clear();
+  for (const Touch& touch : touches_)
+    if (touch.length_mm > 0) {
+      const Sides both = sides(touch, outer, inner);
+      searches_.push_back({touch.point.position_mm(both.point), touch.place});
+    }
+  const std::size_t rims = touches_.back().length_mm > 0 ? 1 : 0, samples = searches_.size() - rims;
+  find_nearest_places(outer, std::span(searches_).first(samples));
+  find_nearest_places(inner, std::span(searches_).subspan(samples));
+  std::size_t search = 0;
+  for (Touch& touch : touches_)
+    if (touch.length_mm > 0) find_depth(touch, searches_[search++], sides(touch, outer, inner));
+}
+
+void LumenContact::find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const {
+  touch.place = found.place;
   touch.nearest = RodWeights::at(touch.place, sides.curve.nodes_mm.size());
-  touch.offset_mm = point_mm - touch.nearest.position_mm(sides.curve);
+  touch.offset_mm = found.offset_mm;
   touch.distance_mm = touch.offset_mm.norm();
   touch.depth_mm = std::max(0.0, touch.distance_mm - (options_.lumen_radius_mm - options_.inner_radius_mm));
   if (touch.depth_mm > 0) touch.normal = touch.offset_mm / touch.distance_mm;
@@ -210,7 +226,8 @@ Vector2d LumenContact::slip_mm(const Touch& touch, const Sides& sides) const {
       touch.tilt.dot(touch.anchor.of(touch.anchor.slope, sides.curve) - touch.start_slope);
   const double turned_mm = point_arm_mm(touch) * touch.point.theta_rad(sides.point) -
                            curve_arm_mm(touch) * touch.anchor.theta_rad(sides.curve);
-  return touch.stick_mm + Vector2d(moved.dot(touch.along) + tilted_mm, moved.dot(touch.around) + turned_mm);
+  return {touch.stick_mm[0] + (moved.dot(touch.along) + tilted_mm),
+          touch.stick_mm[1] + (moved.dot(touch.around) + turned_mm)};
 }
 
 /// The derivatives of the slip along and around.
@@ -230,11 +247,10 @@ std::array<CoaxialSystem::NodeVectors, 2> LumenContact::slip_by_node(const Touch
 
 double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
   double energy = 0;
-  const bool is_known = is_placed(outer, inner);
+  if (!is_placed(outer, inner)) find_depths(outer, inner);
   for (Touch& touch : touches_) {
     if (touch.length_mm == 0) continue;
     const Sides both = sides(touch, outer, inner);
-    if (!is_known) find_depth(touch, both);
     if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
     if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
   }

@@ -96,7 +96,8 @@ class LumenContact {
   void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
   void place_ends(const Rod& outer, const Rod& inner, const Range& inside, double beyond_mm);
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
-  void find_depth(Touch& touch, const Sides& sides) const;
+  void find_depths(const RodState& outer, const RodState& inner);
+  void find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const;
   Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
   std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
   double point_arm_mm(const Touch& touch) const;
@@ -112,6 +113,7 @@ class LumenContact {
   /// Of the step's start, whose depths are known, until others are asked for.
   const RodState *placed_outer_ = nullptr, *placed_inner_ = nullptr;
   static constexpr std::size_t kEnds = 2;
+  std::vector<NearestPlace> searches_;  ///< of those touches that have a length
   std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, its end, the rim
 };
 

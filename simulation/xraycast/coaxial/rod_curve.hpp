@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <span>
 
 namespace xraycast {
 
@@ -48,8 +49,19 @@ RodPlace place_of(const Rod& rod, double from_tip_mm);
 /// The inverse.
 double from_tip_mm(const Rod& rod, const RodPlace& place);
 
-/// The place nearest to a point, found by Newton's method along the centreline from `place` on. What turns
-/// back and passes close by elsewhere is not found.
+/// A point, the place on a rod's centreline where the search for the nearest one starts, which replaces it,
+/// and the way from there to the point.
+struct NearestPlace {
+  Eigen::Vector3d point_mm{0, 0, 0};
+  RodPlace place;
+  Eigen::Vector3d offset_mm{0, 0, 0};
+};
+
+/// The places nearest to points, found by Newton's method along the centreline, for several at once. What
+/// turns back and passes close by elsewhere is not found.
+void find_nearest_places(const RodState& rod, std::span<NearestPlace> searches);
+
+/// The same for one point.
 RodPlace nearest_place(const RodState& rod, RodPlace place, const Eigen::Vector3d& point_mm);
 
 }  // namespace xraycast

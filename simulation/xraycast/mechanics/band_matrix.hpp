@@ -13,6 +13,8 @@ class BandMatrix {
  public:
   /// Of a rod: the strain of a node couples the positions of three nodes and the angles of two edges.
   static constexpr std::size_t kBand = 10;
+  /// From one column's diagonal to the next one's in memory: padded to whole vectors of four.
+  static constexpr std::size_t kStride = 12;
 
   /// Sets the size and all entries to zero. Allocates only when it grows beyond its largest size.
   void reset(std::size_t size);
@@ -42,8 +44,7 @@ class BandMatrix {
   void solve(double* x) const;
 
  private:
-  // Padded to an even number, for vector instructions.
-  using Column = std::array<double, kBand + 2>;
+  using Column = std::array<double, kStride>;
   std::vector<Column> columns_;  ///< kBand more than the size, so that no loop needs a bound check
   std::size_t size_ = 0;
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include <Eigen/Core>
+#include <cmath>
 
 namespace xraycast {
 
@@ -14,9 +15,9 @@ struct Friction {
   bool is_active() const { return limit_mN > 0; }
 
   double energy_uJ(const Eigen::Vector2d& displacement_mm) const {
-    const double length = displacement_mm.norm();
-    return slips(length) ? limit_mN * length - 0.5 * limit_mN * limit_mN / spring_mN_mm
-                         : 0.5 * spring_mN_mm * length * length;
+    const double squared_mm2 = squared(displacement_mm);
+    return slips(squared_mm2) ? limit_mN * std::sqrt(squared_mm2) - 0.5 * limit_mN * limit_mN / spring_mN_mm
+                              : 0.5 * spring_mN_mm * squared_mm2;
   }
 
   /// The potential's gradient and Hessian.
@@ -25,11 +26,19 @@ struct Friction {
     Eigen::Matrix2d hessian_mN_mm;
   };
   Derivatives derivatives(const Eigen::Vector2d& displacement_mm) const {
-    const double length = displacement_mm.norm();
-    if (!slips(length)) return {spring_mN_mm * displacement_mm, spring_mN_mm * Eigen::Matrix2d::Identity()};
-    const Eigen::Vector2d direction = displacement_mm / length;
-    return {limit_mN * direction,
-            limit_mN / length * (Eigen::Matrix2d::Identity() - direction * direction.transpose())};
+    const double x = displacement_mm[0], y = displacement_mm[1], squared_mm2 = squared(displacement_mm);
+    Derivatives by;
+    if (!slips(squared_mm2)) {
+      by.gradient_mN = {spring_mN_mm * x, spring_mN_mm * y};
+      by.hessian_mN_mm << spring_mN_mm, 0, 0, spring_mN_mm;
+      return by;
+    }
+    const double length = std::sqrt(squared_mm2);
+    const double along = x / length, across = y / length, turning = limit_mN / length;
+    by.gradient_mN = {limit_mN * along, limit_mN * across};
+    by.hessian_mN_mm << turning * across * across, -turning * along * across, -turning * along * across,
+        turning * along * along;
+    return by;
   }
 
   /// The state at the end of a step.
@@ -40,14 +49,23 @@ struct Friction {
   };
   /// `kinetic_share`: the fraction of the limit that remains while slipping.
   Returned return_map(const Eigen::Vector2d& displacement_mm, double kinetic_share) const {
-    const double length = displacement_mm.norm();
-    Returned returned{slips(length), -derivatives(displacement_mm).gradient_mN, displacement_mm};
-    if (returned.slips) returned.displacement_mm *= kinetic_share * limit_mN / (spring_mN_mm * length);
+    const double x = displacement_mm[0], y = displacement_mm[1], squared_mm2 = squared(displacement_mm);
+    Returned returned;
+    returned.slips = slips(squared_mm2);
+    const double length = std::sqrt(squared_mm2);
+    const double force = returned.slips ? limit_mN / length : spring_mN_mm;
+    const double kept = returned.slips ? kinetic_share * limit_mN / (spring_mN_mm * length) : 1;
+    returned.force_mN = {-force * x, -force * y};
+    returned.displacement_mm = {kept * x, kept * y};
     return returned;
   }
 
  private:
-  bool slips(double length_mm) const { return spring_mN_mm * length_mm > limit_mN; }
+  bool slips(double squared_mm2) const {
+    return spring_mN_mm * spring_mN_mm * squared_mm2 > limit_mN * limit_mN;
+  }
+  // Number by number, here and above: vectors that were just put together of two numbers are slow to load.
+  static double squared(const Eigen::Vector2d& v) { return v[0] * v[0] + v[1] * v[1]; }
 };
 
 }  // namespace xraycast

@@ -1,5 +1,7 @@
 #include "xraycast/mechanics/lumen_distance_field.hpp"
 
+#include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/lanes.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
 #include <algorithm>
@@ -193,10 +195,9 @@ double LumenDistanceField::clearance_slope(const Piece& piece, double t, const V
   return offset.dot(piece.derivative(t)) + softened_length(offset) * piece.radius_slope(t);
 }
 
-LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
-                                                           const Vector3d& point_mm) const {
-  const Branch& branch = branches_[static_cast<std::size_t>(index)];
-  // Uphill from where the search starts, to the piece on which the clearance turns round.
+/// Uphill from where the search starts, to the piece on which the clearance turns round.
+LumenDistanceField::Place LumenDistanceField::find_place(const Branch& branch, int from,
+                                                         const Vector3d& point_mm) {
   const int last = static_cast<int>(branch.stations.size()) - 1;
   int i = std::clamp(from, 0, last - 1);
   double before = clearance_slope(branch, i, point_mm), after = clearance_slope(branch, i + 1, point_mm);
@@ -210,14 +211,26 @@ LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
     after = before;
     before = clearance_slope(branch, i, point_mm);
   }
-  Projection best = before <= 0 && i == 0 ? project_onto_end(branch, false, point_mm)
-                    : after >= 0 && i + 1 == last
-                        ? project_onto_end(branch, true, point_mm)
-                        : project_onto_piece(branch, i, {0, 1, before, after}, point_mm);
-  best.hint = {index, i};
-  search_folds(branch, i, point_mm, best);
-  best.blend_mm = branch.blend_mm;
+  return {i, before <= 0 && i == 0, after >= 0 && i + 1 == last, {0, 1, before, after}};
+}
+
+LumenDistanceField::Projection LumenDistanceField::project(int index, int from,
+                                                           const Vector3d& point_mm) const {
+  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  const Place place = find_place(branch, from, point_mm);
+  Projection best = place.is_end() ? project_onto_end(branch, !place.is_first_end, point_mm)
+                                   : project_onto_piece(branch, place.piece, place.bracket, point_mm);
+  complete(index, place, point_mm, best);
   return best;
+}
+
+/// What a projection onto a place lacks.
+void LumenDistanceField::complete(int index, const Place& place, const Vector3d& point_mm,
+                                  Projection& best) const {
+  const Branch& branch = branches_[static_cast<std::size_t>(index)];
+  best.hint = {index, place.piece};
+  search_folds(branch, place.piece, point_mm, best);
+  best.blend_mm = branch.blend_mm;
 }
 
 /// On the inner side of a sharp bend the clearance has several local maxima along the branch: takes the
@@ -269,36 +282,143 @@ LumenDistanceField::Projection LumenDistanceField::project_onto_end(const Branch
   return {end.radius_mm, arc_mm, -offset / distance, {distance, Vector3d::Zero(), -1}};
 }
 
+/// The cubics of one piece or of four.
+template <typename Real>
+struct LumenDistanceField::Pieces {
+  Triple<Real> start_mm, linear, quadratic, cubic;
+  Real start_radius_mm, radius_linear, radius_quadratic, radius_cubic;
+
+  [[gnu::always_inline]] static Pieces of(const LaneSources<Real, Piece>& from) {
+    return {gathered_triple<Real, Piece>(
+                from, [](const Piece& p) -> auto& { return p.start_mm; }),
+            gathered_triple<Real, Piece>(
+                from, [](const Piece& p) -> auto& { return p.linear; }),
+            gathered_triple<Real, Piece>(
+                from, [](const Piece& p) -> auto& { return p.quadratic; }),
+            gathered_triple<Real, Piece>(
+                from, [](const Piece& p) -> auto& { return p.cubic; }),
+            gathered<Real, Piece>(from, [](const Piece& p) { return p.start_radius_mm; }),
+            gathered<Real, Piece>(from, [](const Piece& p) { return p.radius_linear; }),
+            gathered<Real, Piece>(from, [](const Piece& p) { return p.radius_quadratic; }),
+            gathered<Real, Piece>(from, [](const Piece& p) { return p.radius_cubic; })};
+  }
+};
+
+/// The maximum of the clearance over one piece or four.
+template <typename Real>
+struct LumenDistanceField::PieceProjections {
+  Real t, radius_mm, distance_mm, slope_change;
+  Triple<Real> gradient, transverse;
+
+  /// Newton's method on the clearance's slope, safeguarded by bisection. At the maximum the gradient is that
+  /// of the distance to the sphere's centre.
+  [[gnu::always_inline]] PieceProjections(const Pieces<Real>& piece, Real low, Real high, Real before,
+                                          Real after, const Triple<Real>& point_mm) {
+    constexpr double kClose = 1e-5;  // its square is the error of the clearance
+    constexpr int kMaxIterations = 12;
+    t = low + (high - low) * choose(before > after, before / (before - after), all<Real>(0.5));
+    for (int k = 0;; ++k) {
+      const Triple<Real> half_bend = piece.quadratic + (3.0 * t) * piece.cubic;
+      const Triple<Real> offset =
+          point_mm - (piece.start_mm + t * (piece.linear + t * (piece.quadratic + t * piece.cubic)));
+      const Triple<Real> derivative = piece.linear + t * (piece.quadratic + half_bend);
+      const Real radius_half_bend = piece.radius_quadratic + 3.0 * t * piece.radius_cubic;
+      const Real radius_slope = piece.radius_linear + t * (piece.radius_quadratic + radius_half_bend);
+      distance_mm = square_root(dot(offset, offset) + kSoftening_mm * kSoftening_mm);
+      const Real along = dot(offset, derivative), by_distance = 1.0 / distance_mm;
+      const Real slope = along + distance_mm * radius_slope;
+      slope_change = 2.0 * (dot(offset, half_bend) + distance_mm * radius_half_bend) -
+                     dot(derivative, derivative) - along * by_distance * radius_slope;
+      low = choose(slope > 0.0, t, low);
+      high = choose(slope > 0.0, high, t);
+      Real next = t - slope / slope_change;
+      next = choose((slope_change < 0.0) & (next >= low) & (next <= high), next, 0.5 * (low + high));
+      // What has converged stays as it is while others go on.
+      const auto is_off = magnitude(next - t) >= kClose;
+      if (any(is_off) && k < kMaxIterations) {
+        t = choose(is_off, next, t);
+        continue;
+      }
+      radius_mm = piece.start_radius_mm +
+                  t * (piece.radius_linear + t * (piece.radius_quadratic + t * piece.radius_cubic));
+      gradient = -by_distance * offset;
+      transverse = derivative - dot(gradient, derivative) * gradient;
+      return;
+    }
+  }
+
+  [[gnu::always_inline]] Projection lane_projection(const Branch& branch, int piece, std::size_t k) const {
+    return {lane(radius_mm, k),
+            branch.step_mm * (piece + lane(t, k)),
+            lane_vector<Vector3d>(gradient, k),
+            {lane(distance_mm, k), lane_vector<Vector3d>(transverse, k), lane(slope_change, k)}};
+  }
+};
+
 LumenDistanceField::Projection LumenDistanceField::project_onto_piece(const Branch& branch, int index,
                                                                       const Bracket& bracket,
                                                                       const Vector3d& point_mm) {
-  const Piece& piece = branch.pieces[static_cast<std::size_t>(index)];
-  auto [low, high, before, after] = bracket;
-  // The maximum of the clearance over the piece: Newton's method on its slope, safeguarded by bisection.
-  // There the gradient is that of the distance to the sphere's centre.
-  double t = low + (high - low) * (before > after ? before / (before - after) : 0.5);
-  for (int k = 0;; ++k) {
-    const Vector3d offset = point_mm - piece.centre_mm(t), derivative = piece.derivative(t);
-    const double distance = softened_length(offset);
-    const double along = offset.dot(derivative), radius_slope = piece.radius_slope(t);
-    const double slope_change = offset.dot(piece.second_derivative(t)) - derivative.squaredNorm() +
-                                distance * piece.radius_slope_change(t) - along / distance * radius_slope;
-    const double slope = along + distance * radius_slope;
-    (slope > 0 ? low : high) = t;
-    double next = t - slope / slope_change;
-    if (!(slope_change < 0 && next >= low && next <= high)) next = 0.5 * (low + high);
-    constexpr double kClose = 1e-5;  // its square is the error of the clearance
-    constexpr int kMaxIterations = 12;
-    if (std::abs(next - t) >= kClose && k < kMaxIterations) {
-      t = next;
+  const auto& [low, high, before, after] = bracket;
+  const PieceProjections<double> projection(
+      Pieces<double>::of({&branch.pieces[static_cast<std::size_t>(index)]}), low, high, before, after,
+      {point_mm.x(), point_mm.y(), point_mm.z()});
+  return projection.lane_projection(branch, index, 0);
+}
+
+// ---- many points ----------------------------------------------------------------------------------------
+
+/// Queries that end on a piece of their branch.
+struct LumenDistanceField::Group {
+  std::array<const Query*, kLanes> queries;
+  std::array<Place, kLanes> places;
+  std::size_t count = 0;
+};
+
+XRAYCAST_WIDE_VECTORS
+void LumenDistanceField::sample_group(const Group& group) const {
+  // The first one fills up the lanes.
+  LaneSources<Lanes, Query> queries;
+  LaneSources<Lanes, Bracket> brackets;
+  LaneSources<Lanes, Piece> pieces;
+  for (std::size_t k = 0; k < kLanes; ++k) {
+    const std::size_t from = k < group.count ? k : 0;
+    queries[k] = group.queries[from];
+    brackets[k] = &group.places[from].bracket;
+    pieces[k] = &branches_[static_cast<std::size_t>(queries[k]->from.branch)]
+                     .pieces[static_cast<std::size_t>(group.places[from].piece)];
+  }
+  const PieceProjections<Lanes> projections(
+      Pieces<Lanes>::of(pieces), gathered<Lanes, Bracket>(brackets, [](const Bracket& b) { return b.low; }),
+      gathered<Lanes, Bracket>(brackets, [](const Bracket& b) { return b.high; }),
+      gathered<Lanes, Bracket>(brackets, [](const Bracket& b) { return b.slope_low; }),
+      gathered<Lanes, Bracket>(brackets, [](const Bracket& b) { return b.slope_high; }),
+      gathered_triple<Lanes, Query>(
+          queries, [](const Query& q) -> auto& { return q.point_mm; }));
+  for (std::size_t k = 0; k < group.count; ++k) {
+    const Query& query = *group.queries[k];
+    const Branch& branch = branches_[static_cast<std::size_t>(query.from.branch)];
+    Projection own = projections.lane_projection(branch, group.places[k].piece, k);
+    complete(query.from.branch, group.places[k], query.point_mm, own);
+    *query.sample = with_neighbours(own, query.point_mm);
+  }
+}
+
+void LumenDistanceField::sample(std::span<const Query> queries) const {
+  Group group;
+  for (const Query& query : queries) {
+    const Place place = find_place(branches_[static_cast<std::size_t>(query.from.branch)], query.from.segment,
+                                   query.point_mm);
+    if (place.is_end()) {
+      *query.sample = at(query.point_mm, query.from);
       continue;
     }
-    const Vector3d gradient = -offset / distance;
-    return {piece.radius_mm(t),
-            branch.step_mm * (index + t),
-            gradient,
-            {distance, derivative - gradient.dot(derivative) * gradient, slope_change}};
+    group.queries[group.count] = &query;
+    group.places[group.count] = place;
+    if (++group.count < kLanes) continue;
+    sample_group(group);
+    group.count = 0;
   }
+  if (group.count > 0) sample_group(group);
 }
 
 // ---- several branches -----------------------------------------------------------------------------------
@@ -319,12 +439,17 @@ struct LumenDistanceField::Candidates {
 };
 
 LumenDistanceField::Sample LumenDistanceField::at(const Vector3d& point_mm, const SearchHint& from) const {
-  const Projection own = project(from.branch, from.segment, point_mm);
-  if (!near_bifurcation(branches_[static_cast<std::size_t>(from.branch)], point_mm))
-    return sample(own.clearance_mm(), own.gradient, own);
+  return with_neighbours(project(from.branch, from.segment, point_mm), point_mm);
+}
+
+LumenDistanceField::Sample LumenDistanceField::with_neighbours(const Projection& own,
+                                                               const Vector3d& point_mm) const {
+  const int branch = own.hint.branch;
+  if (!near_bifurcation(branches_[static_cast<std::size_t>(branch)], point_mm))
+    return sample_of(own.clearance_mm(), own.gradient, own);
   Candidates candidates;
   candidates.add(own, {0, Vector3d::Zero(), Matrix3d::Zero()});
-  add_neighbours(from.branch, point_mm, candidates);
+  add_neighbours(branch, point_mm, candidates);
   return blended(candidates);
 }
 
@@ -456,13 +581,13 @@ LumenDistanceField::Sample LumenDistanceField::blended(const Candidates& candida
       const Vector3d apart = gradients[c] - level_gradient;
       curvature -= apart * apart.transpose() / candidates.list[c].projection.blend_mm;
     }
-  Sample blended = sample(clearance_mm, gradient, candidates.list[best].projection);
+  Sample blended = sample_of(clearance_mm, gradient, candidates.list[best].projection);
   blended.wall = curvature;
   return blended;
 }
 
-LumenDistanceField::Sample LumenDistanceField::sample(double clearance_mm, const Vector3d& gradient,
-                                                      const Projection& projection) const {
+LumenDistanceField::Sample LumenDistanceField::sample_of(double clearance_mm, const Vector3d& gradient,
+                                                         const Projection& projection) const {
   const Branch& branch = branches_[static_cast<std::size_t>(projection.hint.branch)];
   return {clearance_mm,
           gradient,

@@ -1,11 +1,15 @@
 #include "xraycast/mechanics/rod.hpp"
 
+#include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/rod_elements.hpp"
+#include "xraycast/mechanics/rod_frames.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
 #include <cassert>
 #include <cmath>
-#include <numbers>
+#include <type_traits>
 
 namespace xraycast {
 namespace {
@@ -34,58 +38,61 @@ constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
 // too far, beyond a valley, say.
 constexpr double kArmijo = 0.2;
 
-/// A vector normal to a unit tangent `from`, rotated along the great circle to `to`.
-Vector3d parallel_transported(const Vector3d& v, const Vector3d& from, const Vector3d& to) {
-  return v - v.dot(to) / (1 + from.dot(to)) * (from + to);
+/// Of four nodes.
+[[gnu::always_inline]] inline Triple<Lanes> positions_mm(const RodState& state, const LaneIndices& at,
+                                                         std::size_t after) {
+  return gathered_triple<Lanes, Vector3d>(
+      lane_sources(state.nodes_mm, at, after), [](const Vector3d& node) -> auto& { return node; });
 }
 
+using OneEdge = EdgeFrames<double>;
+
 /// About its tangent.
-Frame rotated(const Frame& frame, double angle_rad) {
-  const double c = std::cos(angle_rad), s = std::sin(angle_rad);
-  return {frame.tangent, c * frame.m1 + s * frame.m2, c * frame.m2 - s * frame.m1, frame.length_mm};
+Frame rotated_frame(const Frame& frame, double angle_rad) {
+  return rotated(OneEdge::of({&frame}), angle_rad).lane_frame(0);
 }
 
 /// To the edge between two nodes, without twist.
-Frame transported(const Frame& frame, const Vector3d& start_mm, const Vector3d& end_mm) {
+Frame transported_frame(const Frame& frame, const Vector3d& start_mm, const Vector3d& end_mm) {
+  const OneEdge from = OneEdge::of({&frame});
   const Vector3d edge = end_mm - start_mm;
-  Frame to;
-  to.length_mm = edge.norm();
-  to.tangent = edge / to.length_mm;
-  const Vector3d m1 = parallel_transported(frame.m1, frame.tangent, to.tangent);
-  // Rounding would add up over the steps.
-  to.m1 = (m1 - m1.dot(to.tangent) * to.tangent).normalized();
-  to.m2 = to.tangent.cross(to.m1);
-  return to;
-}
-
-Strain strain_between(const Frame& e, const Frame& f, double expected_twist_rad) {
-  Strain strain;
-  strain.curvature_binormal = 2 / std::max(1e-9, 1 + e.tangent.dot(f.tangent)) * e.tangent.cross(f.tangent);
-  strain.kappa = {0.5 * strain.curvature_binormal.dot(e.m2 + f.m2),
-                  -0.5 * strain.curvature_binormal.dot(e.m1 + f.m1)};
-  const Vector3d untwisted = parallel_transported(e.m1, e.tangent, f.tangent);
-  const double angle = std::atan2(untwisted.cross(f.m1).dot(f.tangent), untwisted.dot(f.m1));
-  constexpr double kTurn = 2 * std::numbers::pi;
-  strain.twist_rad = angle + kTurn * std::round((expected_twist_rad - angle) / kTurn);
-  return strain;
+  return transported(from.tangent, from.m1, {edge.x(), edge.y(), edge.z()}).lane_frame(0);
 }
 
 }  // namespace
 
+namespace {
+
+/// Adds a symmetric block's column to the lower half: without the entries above the diagonal.
+template <int kColumn>
+[[gnu::always_inline]] inline void add_lower(double* column, Lanes entries) {
+  add_to(column, __builtin_shufflevector(entries, Lanes{}, kColumn, kColumn + 1, kColumn + 2, kColumn + 3));
+}
+
+}  // namespace
+
+XRAYCAST_WIDE_VECTORS
 void RodSystem::add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian) {
-  // From the position of the edge's first node to the angle of the next edge.
-  constexpr std::array<Eigen::Index, 8> kPart{0, 1, 2, 3, 0, 1, 2, 3};
-  const std::array<double, 8> weights{point.start_weight, point.start_weight,     point.start_weight,
-                                      point.theta_weight, point.end_weight,       point.end_weight,
-                                      point.end_weight,   point.next_theta_weight};
+  // Of the edge's first node and its angle, and of its second node and the next edge's angle.
+  const Lanes start{point.start_weight, point.start_weight, point.start_weight, point.theta_weight},
+      end{point.end_weight, point.end_weight, point.end_weight, point.next_theta_weight},
+      by_point = load(gradient.data());
   const std::size_t row = position_row(point.edge);
-  for (std::size_t c = 0; c < 8; ++c) {
-    if (weights[c] == 0) continue;
-    gradient_[row + c] += weights[c] * gradient[kPart[c]];
-    double* column = hessian_.column(row + c);
-    for (std::size_t r = c; r < 8; ++r)
-      column[r - c] += weights[c] * weights[r] * hessian(kPart[r], kPart[c]);
-  }
+  add_to(&gradient_[row], start * by_point);
+  add_to(&gradient_[row + 4], end * by_point);
+  const auto add_columns = [&]<int kColumn>(std::integral_constant<int, kColumn>)
+      __attribute__((always_inline)) {
+    const Lanes entries = load(hessian.data() + 4 * kColumn), by_start = start[kColumn] * entries,
+                by_end = end[kColumn] * entries;
+    double* first = hessian_.column(row + kColumn);
+    add_lower<kColumn>(first, start * by_start);
+    add_to(first + 4 - kColumn, end * by_start);
+    add_lower<kColumn>(hessian_.column(row + 4 + kColumn), end * by_end);
+  };
+  add_columns(std::integral_constant<int, 0>{});
+  add_columns(std::integral_constant<int, 1>{});
+  add_columns(std::integral_constant<int, 2>{});
+  add_columns(std::integral_constant<int, 3>{});
 }
 
 Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clamp& clamp, double fed_mm,
@@ -95,7 +102,7 @@ Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clam
       clamp_(clamp),
       options_(options) {
   assert(stations_mm_.size() > 2 && fed_mm > stations_mm_[1]);
-  clamp_frame_ = rotated({clamp.axis, clamp.m1, clamp.axis.cross(clamp.m1), 1}, clamp.rotation_rad);
+  clamp_frame_ = rotated_frame({clamp.axis, clamp.m1, clamp.axis.cross(clamp.m1), 1}, clamp.rotation_rad);
   const auto stands =
       static_cast<std::size_t>(std::ranges::lower_bound(stations_mm_, fed_mm - 1e-9) - stations_mm_.begin());
 
@@ -168,7 +175,7 @@ void Rod::rotate_to(double rotation_rad) {
   const double by = rotation_rad - clamp_.rotation_rad;
   clamp_.rotation_rad = rotation_rad;
   const Frame unturned{clamp_.axis, clamp_.m1, clamp_.axis.cross(clamp_.m1), 1};
-  clamp_frame_ = rotated(unturned, rotation_rad);
+  clamp_frame_ = rotated_frame(unturned, rotation_rad);
   const Strain before = state_.strains[0];
   update_strain(state_, 0, before.twist_rad - by);
   clamp_kappa_change_ += state_.strains[0].kappa - before.kappa;
@@ -215,7 +222,8 @@ void Rod::add_node() {
   const Vector3d position = state_.nodes_mm[0] + before / whole * (state_.nodes_mm[1] - state_.nodes_mm[0]);
   state_.nodes_mm.insert(state_.nodes_mm.begin() + 1, position);
   nodes_[1].start_mm = position;
-  Frame first = rotated(state_.edges[0], psi0 - twist0), second = rotated(state_.edges[0], psi1 - twist0);
+  Frame first = rotated_frame(state_.edges[0], psi0 - twist0),
+        second = rotated_frame(state_.edges[0], psi1 - twist0);
   first.length_mm *= before / whole;
   second.length_mm *= 1 - before / whole;
   state_.edges[0] = second;
@@ -236,14 +244,14 @@ void Rod::remove_node() {
                twist2 = state_.strains[2].twist_rad;
   const double psi = twist0 + twist1 * after / (before + after);
 
-  const Frame frame = rotated(state_.edges[0], psi - twist0);
+  const Frame frame = rotated_frame(state_.edges[0], psi - twist0);
   nodes_.erase(nodes_.begin() + 1);
   edges_.erase(edges_.begin());
   state_.nodes_mm.erase(state_.nodes_mm.begin() + 1);
   state_.edges.erase(state_.edges.begin());
   state_.strains.erase(state_.strains.begin() + 1);
   state_.thetas_rad.erase(state_.thetas_rad.begin());
-  state_.edges[0] = transported(frame, state_.nodes_mm[0], state_.nodes_mm[1]);
+  state_.edges[0] = transported_frame(frame, state_.nodes_mm[0], state_.nodes_mm[1]);
   update_strain(state_, 0, psi);
   if (edges_.size() > 1) update_strain(state_, 1, twist0 + twist1 + twist2 - psi);
   trial_ = state_;
@@ -258,20 +266,44 @@ void Rod::set_load_N(std::size_t from_tip, const Vector3d& force_N) {
 // ---- a state and its energy -----------------------------------------------------------------------------
 
 void Rod::update_strain(RodState& state, std::size_t node, double expected_twist_rad) const {
-  state.strains[node] = strain_between(frame_before(state, node), state.edges[node], expected_twist_rad);
+  state.strains[node] = strain_between(OneEdge::of({&frame_before(state, node)}),
+                                       OneEdge::of({&state.edges[node]}), expected_twist_rad)
+                            .lane_strain(0);
 }
 
+XRAYCAST_WIDE_VECTORS
 void Rod::displace(const RodState& from, const double* by, double scale, RodState& to) const {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     const double* move = by + RodSystem::position_row(i);
     to.nodes_mm[i] = from.nodes_mm[i] + scale * Vector3d(move[0], move[1], move[2]);
   }
-  for (std::size_t j = 0; j < edges_.size(); ++j) {
-    const double theta_rad = scale * by[RodSystem::theta_row(j)];
-    to.edges[j] = rotated(transported(from.edges[j], to.nodes_mm[j], to.nodes_mm[j + 1]), theta_rad);
-    to.thetas_rad[j] = from.thetas_rad[j] + theta_rad;
+  // The frame before the next four edges.
+  EdgeFrames<Lanes> before =
+      EdgeFrames<Lanes>::of({&clamp_frame_, &clamp_frame_, &clamp_frame_, &clamp_frame_});
+  for (std::size_t first = 0; first < edges_.size(); first += kLanes) {
+    const LaneIndices edge = lane_indices(first, edges_.size());
+    const LaneSources<Lanes, Frame> frames = lane_sources(from.edges, edge);
+    const Triple<Lanes> start_mm = positions_mm(to, edge, 0), end_mm = positions_mm(to, edge, 1);
+    Lanes theta_rad, twist_rad;
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      theta_rad[k] = scale * by[RodSystem::theta_row(edge[k])];
+      twist_rad[k] = from.strains[edge[k]].twist_rad;
+    }
+    const EdgeFrames<Lanes> here =
+        rotated(transported(gathered_triple<Lanes, Frame>(
+                                frames, [](const Frame& f) -> auto& { return f.tangent; }),
+                            gathered_triple<Lanes, Frame>(
+                                frames, [](const Frame& f) -> auto& { return f.m1; }),
+                            end_mm - start_mm),
+                theta_rad);
+    const NodeStrains<Lanes> strains = strain_between(shifted(before, here), here, twist_rad);
+    before = here;
+    for (std::size_t k = 0; k < std::min(kLanes, edges_.size() - first); ++k) {
+      to.edges[first + k] = here.lane_frame(k);
+      to.strains[first + k] = strains.lane_strain(k);
+      to.thetas_rad[first + k] = from.thetas_rad[first + k] + theta_rad[k];
+    }
   }
-  for (std::size_t i = 0; i < edges_.size(); ++i) update_strain(to, i, from.strains[i].twist_rad);
 }
 
 double Rod::elastic_uJ(const RodState& state) const {
@@ -293,22 +325,39 @@ double Rod::dissipation_uJ(const RodState& state) const {
   return damping_ratio_ * energy;
 }
 
+XRAYCAST_WIDE_VECTORS
+double Rod::own_potential_uJ(const RodState& state, double dt_s) const {
+  const double half_axial_mN = 0.5 * instrument_.axial_stiffness_N() / kMilli,
+               half_by_dt2 = 0.5 / (dt_s * dt_s);
+  Lanes energies{};
+  for (std::size_t first = 0; first < edges_.size(); first += kLanes) {
+    const LaneIndices at = lane_indices(first, edges_.size());
+    const LaneSources<Lanes, Edge> edges = lane_sources(edges_, at);
+    const LaneSources<Lanes, Frame> frames = lane_sources(state.edges, at);
+    const Lanes rest_mm = gathered<Lanes, Edge>(edges, [](const Edge&e) { return e.rest_mm; }),
+                stretch =
+                    gathered<Lanes, Frame>(frames, [](const Frame&f) { return f.length_mm; }) / rest_mm - 1.0;
+    const Lanes inertia =
+                    gathered<Lanes, Edge>(edges, [](const Edge&e) { return e.rotational_inertia_kg_mm2; }),
+                velocity_rad_s =
+                    gathered<Lanes, Edge>(edges, [](const Edge&e) { return e.angular_velocity_rad_s; }),
+                lag_rad =
+                    gathered<Lanes, double>(lane_sources(state.thetas_rad, at), [](double o) { return o; }) -
+                    dt_s * velocity_rad_s;
+    const NodeMotion<Lanes> motion(lane_sources(nodes_, at, 1), positions_mm(state, at, 1),
+                                   options_.gravity_mm_s2, dt_s);
+    const Lanes energy =
+        half_axial_mN * rest_mm * (stretch * stretch) + half_by_dt2 * inertia * (lag_rad * lag_rad) +
+        motion.energy_uJ() +
+        Springs<Lanes>::of(lane_sources(nodes_, at))
+            .energy_uJ(NodeStrains<Lanes>::of(lane_sources(state.strains, at)), damping_ratio_);
+    for (std::size_t k = 0; k < std::min(kLanes, edges_.size() - first); ++k) energies[k] += energy[k];
+  }
+  return sum(energies);
+}
+
 double Rod::potential_uJ(const RodState& state, double dt_s, ExternalPotential* external) const {
-  double energy = elastic_uJ(state) + dissipation_uJ(state);
-  for (std::size_t i = 1; i < nodes_.size(); ++i) {
-    const Node& node = nodes_[i];
-    const Vector3d moved = state.nodes_mm[i] - node.start_mm;
-    const double inertia = node.mass_kg / (dt_s * dt_s),
-                 transverse_mm2 = node.transverse(moved).squaredNorm();
-    energy += 0.5 * inertia * (moved - dt_s * node.velocity_mm_s).squaredNorm() +
-              0.5 * node.linear_drag_kg_s / dt_s * moved.squaredNorm() +
-              node.quadratic_drag_kg_mm / (3 * dt_s * dt_s) * transverse_mm2 * std::sqrt(transverse_mm2) -
-              (node.load_mN + node.mass_kg * options_.gravity_mm_s2).dot(moved);
-  }
-  for (std::size_t j = 0; j < edges_.size(); ++j) {
-    const double lag = state.thetas_rad[j] - dt_s * edges_[j].angular_velocity_rad_s;
-    energy += 0.5 * edges_[j].rotational_inertia_kg_mm2 / (dt_s * dt_s) * lag * lag;
-  }
+  const double energy = own_potential_uJ(state, dt_s);
   return external ? energy + external->energy_uJ(state) : energy;
 }
 
@@ -403,13 +452,18 @@ bool Rod::solve_newton(double dt_s, ExternalPotential* external) {
   return true;
 }
 
+XRAYCAST_WIDE_VECTORS
 void Rod::measure_direction(Direction& direction) const {
-  for (std::size_t r = RodSystem::kClampedRows; r < row_count(); ++r) {
-    direction.model_decrease_uJ -= 0.5 * system_.gradient_[r] * direction_[r];
-    const bool is_angle = (r - RodSystem::kClampedRows) % 4 == 0;
-    double& largest = is_angle ? direction.max_rotation_rad : direction.max_move_mm;
-    largest = std::max(largest, std::abs(direction_[r]));
+  // An edge's angle and a node's position.
+  Lanes work{}, largest{};
+  for (std::size_t r = RodSystem::kClampedRows; r < row_count(); r += kLanes) {
+    const Lanes by = load(&direction_[r]), size = magnitude(by);
+    work += load(&system_.gradient_[r]) * by;
+    largest = choose(size > largest, size, largest);
   }
+  direction.model_decrease_uJ -= 0.5 * sum(work);
+  direction.max_rotation_rad = std::max(direction.max_rotation_rad, largest[0]);
+  direction.max_move_mm = std::max({direction.max_move_mm, largest[1], largest[2], largest[3]});
 }
 
 double Rod::Direction::largest_scale() const {

@@ -4,6 +4,7 @@
 #include "xraycast/mechanics/instrument_model.hpp"
 
 #include <Eigen/Core>
+#include <array>
 #include <cstddef>
 #include <vector>
 
@@ -235,14 +236,13 @@ class Rod {
   void displace(const RodState& from, const double* by, double scale, RodState& to) const;
   double elastic_uJ(const RodState& state) const;
   double dissipation_uJ(const RodState& state) const;
+  double own_potential_uJ(const RodState& state, double dt_s) const;
   double potential_uJ(const RodState& state, double dt_s, ExternalPotential* external) const;
 
   // Its derivatives.
   void assemble(double dt_s, bool project_psd, ExternalPotential* external);
-  void assemble_stretching(const RodState& state, bool project_psd);
-  void assemble_bending_and_twisting(const RodState& state, bool project_psd);
-  void assemble_motion(const RodState& state, double dt_s);
-  Eigen::Vector3d moment_mN_mm(const RodState& state, std::size_t node) const;
+  void assemble_own(const RodState& state, double dt_s, bool project_psd);
+  std::array<double, 3> moments_mN_mm(const RodState& state, std::size_t node) const;
   void update_clamp_reaction();
 
   // A step.

@@ -1,236 +1,315 @@
 #include "xraycast/base/wide_vectors.hpp"
 #include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/rod_elements.hpp"
+#include "xraycast/mechanics/rod_frames.hpp"
 
-#include <Eigen/Geometry>
 #include <algorithm>
 #include <array>
-#include <cmath>
+#include <vector>
 
 // The gradient and the Hessian of a rod's incremental potential, and the forces that follow from them.
 
 namespace xraycast {
 namespace {
 
-using Eigen::Vector2d, Eigen::Vector3d;
+using Eigen::Vector3d;
 using Frame = RodState::Frame;
 using Strain = RodState::Strain;
 
 constexpr double kMilli = 1e-3, kMicro = 1e-6;
 
-/// The gradient of a node's strains over the positions and angles around it, in the rows' order: the node
-/// before, the edge before, the node, the edge after, the node after. After Bergou et al., 2010.
+Vector3d to_vector(const Triple<double>& v) { return {v.x, v.y, v.z}; }
+
+/// The gradient of nodes' strains, kappa1, kappa2 and the twist, over the vectors of the edges before (e) and
+/// after (f) the node and the edges' angles. After Bergou et al., 2010.
+template <typename Real>
 struct StrainGradient {
-  static constexpr std::size_t kSize = 11;
-  std::array<std::array<double, kSize + 1>, 3> by;
+  std::array<Triple<Real>, 3> by_e, by_f;
+  std::array<Real, 3> by_theta_e, by_theta_f;
 
-  [[gnu::always_inline]] StrainGradient(const Frame& e, const Frame& f, const Strain& strain) {
-    const double chi = 1 + e.tangent.dot(f.tangent);
-    const Vector3d tangent = (e.tangent + f.tangent) / chi;
-    const Vector3d m1 = (e.m1 + f.m1) / chi, m2 = (e.m2 + f.m2) / chi;
-    const Vector3d& kb = strain.curvature_binormal;
-    set(0, (-strain.kappa[0] * tangent + f.tangent.cross(m2)) / e.length_mm,
-        (-strain.kappa[0] * tangent - e.tangent.cross(m2)) / f.length_mm, -0.5 * kb.dot(e.m1),
-        -0.5 * kb.dot(f.m1));
-    set(1, (-strain.kappa[1] * tangent - f.tangent.cross(m1)) / e.length_mm,
-        (-strain.kappa[1] * tangent + e.tangent.cross(m1)) / f.length_mm, -0.5 * kb.dot(e.m2),
-        -0.5 * kb.dot(f.m2));
-    set(2, kb / (2 * e.length_mm), kb / (2 * f.length_mm), -1, 1);
+  [[gnu::always_inline]] StrainGradient(const EdgeFrames<Real>& e, const EdgeFrames<Real>& f,
+                                        const NodeStrains<Real>& strain) {
+    const Real by_chi = 1.0 / (1.0 + dot(e.tangent, f.tangent)), by_e_mm = 1.0 / e.length_mm,
+               by_f_mm = 1.0 / f.length_mm;
+    const Triple<Real> tangent = by_chi * (e.tangent + f.tangent), m1 = by_chi * (e.m1 + f.m1),
+                       m2 = by_chi * (e.m2 + f.m2);
+    const Triple<Real>& kb = strain.curvature_binormal;
+    by_e = {by_e_mm * (cross(f.tangent, m2) - strain.kappa1 * tangent),
+            by_e_mm * (-cross(f.tangent, m1) - strain.kappa2 * tangent), (0.5 * by_e_mm) * kb};
+    by_f = {by_f_mm * (-cross(e.tangent, m2) - strain.kappa1 * tangent),
+            by_f_mm * (cross(e.tangent, m1) - strain.kappa2 * tangent), (0.5 * by_f_mm) * kb};
+    by_theta_e = {-0.5 * dot(kb, e.m1), -0.5 * dot(kb, e.m2), all<Real>(-1)};
+    by_theta_f = {-0.5 * dot(kb, f.m1), -0.5 * dot(kb, f.m2), all<Real>(1)};
   }
 
-  /// The gradient of these moments' work, row `at`.
-  double work(const Vector3d& moment, std::size_t at) const {
-    return moment[0] * by[0][at] + moment[1] * by[1][at] + moment[2] * by[2][at];
+  /// The gradient of these moments' work.
+  [[gnu::always_inline]] static Triple<Real> work(const Moments<Real>& moments,
+                                                  const std::array<Triple<Real>, 3>& by) {
+    return moments[0] * by[0] + moments[1] * by[1] + moments[2] * by[2];
   }
-
- private:
-  [[gnu::always_inline]] void set(std::size_t k, const Vector3d& by_e, const Vector3d& by_f,
-                                  double by_theta_e, double by_theta_f) {
-    for (std::size_t c = 0; c < 3; ++c) {
-      const auto axis = static_cast<Eigen::Index>(c);
-      by[k][c] = -by_e[axis];
-      by[k][4 + c] = by_e[axis] - by_f[axis];
-      by[k][8 + c] = by_f[axis];
-    }
-    by[k][3] = by_theta_e;
-    by[k][7] = by_theta_f;
-    by[k][11] = 0;
+  [[gnu::always_inline]] static Real work(const Moments<Real>& moments, const std::array<Real, 3>& by) {
+    return moments[0] * by[0] + moments[1] * by[1] + moments[2] * by[2];
   }
 };
 
-/// Adds the moments' part of the Hessian of bending and twisting, which Gauss-Newton leaves out, to the lower
-/// half of a matrix, in the rows of a StrainGradient. After Bergou et al., 2010.
-[[gnu::always_inline]] inline void add_second_derivatives(const Frame& e, const Frame& f,
-                                                          const Strain& strain, const Vector2d& bending,
-                                                          double twisting, BandMatrix& matrix,
-                                                          std::size_t row) {
-  const Vector3d& kb = strain.curvature_binormal;
-  const double chi = 1 + e.tangent.dot(f.tangent);
-  const Vector3d tangent = (e.tangent + f.tangent) / chi;
-  // The bending moments' work is half the curvature times both edges' moment, which rotates with its edge.
-  const Vector3d moment_e = bending[0] * e.m2 - bending[1] * e.m1,
-                 moment_f = bending[0] * f.m2 - bending[1] * f.m1,
-                 turned_e = bending[0] * e.m1 + bending[1] * e.m2,
-                 turned_f = bending[0] * f.m1 + bending[1] * f.m2;
-  const Vector3d moment = (moment_e + moment_f) / chi;
-  const double work = 0.5 * kb.dot(moment_e + moment_f), part = work / chi;
-  const Vector3d from_e = work * tangent - f.tangent.cross(moment),
-                 from_f = work * tangent + e.tangent.cross(moment),
-                 arm_e = 0.25 * (moment_e - twisting * (e.tangent + tangent)),
-                 arm_f = 0.25 * (moment_f - twisting * (f.tangent + tangent)),
-                 skew = twisting / chi * e.tangent - moment;
-  const double by_e = 1 / e.length_mm, by_f = 1 / f.length_mm;
-  double ee[3][3], ff[3][3], ef[3][3];
-  for (Eigen::Index r = 0; r < 3; ++r)
-    for (Eigen::Index c = 0; c < 3; ++c) {
-      const double one = r == c ? part : 0;
-      ee[r][c] = by_e * by_e *
-                 (from_e[r] * tangent[c] + tangent[r] * from_e[c] + part * e.tangent[r] * e.tangent[c] - one +
-                  kb[r] * arm_e[c] + arm_e[r] * kb[c]);
-      ff[r][c] = by_f * by_f *
-                 (from_f[r] * tangent[c] + tangent[r] * from_f[c] + part * f.tangent[r] * f.tangent[c] - one +
-                  kb[r] * arm_f[c] + arm_f[r] * kb[c]);
-      ef[r][c] = by_e * by_f *
-                 (from_e[r] * tangent[c] + tangent[r] * from_f[c] - part * e.tangent[r] * f.tangent[c] - one -
-                  0.5 * twisting * kb[r] * tangent[c]);
-    }
-  const double skew_e[3] = {by_e * by_f * skew[0], by_e * by_f * skew[1], by_e * by_f * skew[2]};
-  ef[2][1] += skew_e[0], ef[1][2] -= skew_e[0];
-  ef[0][2] += skew_e[1], ef[2][0] -= skew_e[1];
-  ef[1][0] += skew_e[2], ef[0][1] -= skew_e[2];
+StrainGradient<double> strain_gradient(const Frame& e, const Frame& f, const Strain& strain) {
+  return {EdgeFrames<double>::of({&e}), EdgeFrames<double>::of({&f}), NodeStrains<double>::of({&strain})};
+}
 
-  const double turn_e = 0.5 * kb.dot(turned_e), turn_f = 0.5 * kb.dot(turned_f);
-  const Vector3d e_by_e = by_e * (turn_e * tangent - f.tangent.cross(turned_e) / chi),
-                 e_by_f = by_e * (turn_f * tangent - f.tangent.cross(turned_f) / chi),
-                 f_by_e = by_f * (turn_e * tangent + e.tangent.cross(turned_e) / chi),
-                 f_by_f = by_f * (turn_f * tangent + e.tangent.cross(turned_f) / chi);
-  for (std::size_t c = 0; c < 3; ++c) {
-    const auto axis = static_cast<Eigen::Index>(c);
-    double *before = matrix.column(row + c), *here = matrix.column(row + 4 + c),
-           *after = matrix.column(row + 8 + c);
-    for (std::size_t r = 0; r < 3; ++r) {
-      before[4 + r - c] += ef[c][r] - ee[r][c];
-      before[8 + r - c] -= ef[c][r];
-      here[4 + r - c] += ef[c][r] - ff[r][c];
-      if (r < c) continue;
-      before[r - c] += ee[r][c];
-      here[r - c] += ee[r][c] - ef[r][c] - ef[c][r] + ff[r][c];
-      after[r - c] += ff[r][c];
+/// A 3 x 3 matrix, [row][column].
+using Square = std::array<std::array<Lanes, 3>, 3>;
+
+/// The derivatives of a potential over the vectors (e, f) and the angles of the edges before and after nodes.
+struct EdgeDerivatives {
+  Triple<Lanes> e{}, f{};
+  Lanes theta_e{}, theta_f{};
+  Square ee{}, ff{}, ef{};                               ///< of ee and ff only the lower half counts
+  Triple<Lanes> e_by_e{}, e_by_f{}, f_by_e{}, f_by_f{};  ///< a vector's with an angle
+  Lanes angle_ee{}, angle_ef{}, angle_ff{};
+
+  /// Gauss-Newton's part.
+  [[gnu::always_inline]] void add_strains(const StrainGradient<Lanes>& d, const Moments<Lanes>& moments,
+                                          const Moments<Lanes>& stiffnesses) {
+    e += d.work(moments, d.by_e);
+    f += d.work(moments, d.by_f);
+    theta_e += d.work(moments, d.by_theta_e);
+    theta_f += d.work(moments, d.by_theta_f);
+#pragma GCC unroll 3
+    for (std::size_t k = 0; k < 3; ++k) {
+      const Triple<Lanes> e_k = stiffnesses[k] * d.by_e[k], f_k = stiffnesses[k] * d.by_f[k];
+      const Lanes angle_e = stiffnesses[k] * d.by_theta_e[k], angle_f = stiffnesses[k] * d.by_theta_f[k];
+      add_outer(e_k, d.by_e[k], ee);
+      add_outer(f_k, d.by_f[k], ff);
+      add_outer(e_k, d.by_f[k], ef);
+      e_by_e += d.by_theta_e[k] * e_k;
+      e_by_f += d.by_theta_f[k] * e_k;
+      f_by_e += d.by_theta_e[k] * f_k;
+      f_by_f += d.by_theta_f[k] * f_k;
+      angle_ee += angle_e * d.by_theta_e[k];
+      angle_ef += angle_e * d.by_theta_f[k];
+      angle_ff += angle_f * d.by_theta_f[k];
     }
-    before[3 - c] -= e_by_e[axis];
-    before[7 - c] -= e_by_f[axis];
-    matrix.at(row + 3, 1 + c) += e_by_e[axis] - f_by_e[axis];
-    matrix.at(row + 3, 5 + c) += f_by_e[axis];
-    here[3 - c] += e_by_f[axis] - f_by_f[axis];
-    matrix.at(row + 7, 1 + c) += f_by_f[axis];
   }
-  matrix.at(row + 3, 0) -= 0.5 * kb.dot(moment_e);
-  matrix.at(row + 7, 0) -= 0.5 * kb.dot(moment_f);
+
+  /// The moments' part, which Gauss-Newton leaves out. After Bergou et al., 2010.
+  [[gnu::always_inline]] void add_second_derivatives(const EdgeFrames<Lanes>& before,
+                                                     const EdgeFrames<Lanes>& after,
+                                                     const NodeStrains<Lanes>& strain,
+                                                     const Moments<Lanes>& moments) {
+    const Triple<Lanes>&kb = strain.curvature_binormal, &te = before.tangent, &tf = after.tangent;
+    const Lanes by_chi = 1.0 / (1.0 + dot(te, tf)), twisting = moments[2];
+    const Triple<Lanes> tangent = by_chi * (te + tf);
+    // The bending moments' work is half the curvature times both edges' moment, which rotates with its edge.
+    const Triple<Lanes> moment_e = moments[0] * before.m2 - moments[1] * before.m1,
+                        moment_f = moments[0] * after.m2 - moments[1] * after.m1,
+                        turned_e = moments[0] * before.m1 + moments[1] * before.m2,
+                        turned_f = moments[0] * after.m1 + moments[1] * after.m2;
+    const Triple<Lanes> moment = by_chi * (moment_e + moment_f);
+    const Lanes work = 0.5 * dot(kb, moment_e + moment_f), part = by_chi * work;
+    const Triple<Lanes> from_e = work * tangent - cross(tf, moment),
+                        from_f = work * tangent + cross(te, moment),
+                        arm_e = all<Lanes>(0.25) * (moment_e - twisting * (te + tangent)),
+                        arm_f = all<Lanes>(0.25) * (moment_f - twisting * (tf + tangent)),
+                        skew = (twisting * by_chi) * te - moment;
+    const Lanes by_e = 1.0 / before.length_mm, by_f = 1.0 / after.length_mm;
+    const Lanes by_ee = by_e * by_e, by_ff = by_f * by_f, by_ef = by_e * by_f;
+    add_outer(by_ee * from_e, tangent, ee);
+    add_outer(by_ee * tangent, from_e, ee);
+    add_outer((by_ee * part) * te, te, ee);
+    add_outer(by_ee * kb, arm_e, ee);
+    add_outer(by_ee * arm_e, kb, ee);
+    add_outer(by_ff * from_f, tangent, ff);
+    add_outer(by_ff * tangent, from_f, ff);
+    add_outer((by_ff * part) * tf, tf, ff);
+    add_outer(by_ff * kb, arm_f, ff);
+    add_outer(by_ff * arm_f, kb, ff);
+    add_outer(by_ef * (from_e - (0.5 * twisting) * kb), tangent, ef);
+    add_outer(by_ef * tangent, from_f, ef);
+    add_outer((-by_ef * part) * te, tf, ef);
+    add_diagonal(-by_ee * part, ee);
+    add_diagonal(-by_ff * part, ff);
+    add_diagonal(-by_ef * part, ef);
+    const Triple<Lanes> skewed = by_ef * skew;
+    ef[2][1] += skewed.x, ef[1][2] -= skewed.x;
+    ef[0][2] += skewed.y, ef[2][0] -= skewed.y;
+    ef[1][0] += skewed.z, ef[0][1] -= skewed.z;
+
+    const Lanes turn_e = 0.5 * dot(kb, turned_e), turn_f = 0.5 * dot(kb, turned_f);
+    e_by_e += by_e * (turn_e * tangent - by_chi * cross(tf, turned_e));
+    e_by_f += by_e * (turn_f * tangent - by_chi * cross(tf, turned_f));
+    f_by_e += by_f * (turn_e * tangent + by_chi * cross(te, turned_e));
+    f_by_f += by_f * (turn_f * tangent + by_chi * cross(te, turned_f));
+    angle_ee -= 0.5 * dot(kb, moment_e);
+    angle_ff -= 0.5 * dot(kb, moment_f);
+  }
+
+  /// Of the edges after the nodes. Compression may make the Hessian indefinite; without its part it stays an
+  /// upper bound.
+  [[gnu::always_inline]] void add_stretching(const EdgeFrames<Lanes>& after, Lanes rest_mm, double axial_mN,
+                                             bool project_psd) {
+    const Lanes tension = axial_mN * (after.length_mm / rest_mm - 1.0);
+    const Lanes bearing = project_psd ? choose(tension > 0.0, tension, Lanes{}) : tension;
+    const Lanes transverse = bearing / after.length_mm;
+    f += tension * after.tangent;
+    add_outer((axial_mN / rest_mm - transverse) * after.tangent, after.tangent, ff);
+    add_diagonal(transverse, ff);
+  }
+
+  [[gnu::always_inline]] static void add_outer(const Triple<Lanes>& column, const Triple<Lanes>& row,
+                                               Square& to) {
+    to[0][0] += column.x * row.x, to[0][1] += column.x * row.y, to[0][2] += column.x * row.z;
+    to[1][0] += column.y * row.x, to[1][1] += column.y * row.y, to[1][2] += column.y * row.z;
+    to[2][0] += column.z * row.x, to[2][1] += column.z * row.y, to[2][2] += column.z * row.z;
+  }
+  [[gnu::always_inline]] static void add_diagonal(Lanes value, Square& to) {
+    for (std::size_t c = 0; c < 3; ++c) to[c][c] += value;
+  }
+};
+
+/// The derivatives over the positions of the nodes after the edges: of inertia, drag and loads.
+struct NodeDerivatives {
+  Triple<Lanes> gradient;
+  Square hessian{};
+
+  [[gnu::always_inline]] explicit NodeDerivatives(const NodeMotion<Lanes>& motion)
+      : gradient(motion.gradient_mN()) {
+    const Lanes length = motion.transverse_length_mm, quadratic = motion.quadratic;
+    EdgeDerivatives::add_diagonal(motion.inertia + motion.drag + quadratic * length, hessian);
+    EdgeDerivatives::add_outer((-quadratic * length) * motion.tangent, motion.tangent, hessian);
+    const Lanes by_length = choose(length > 0.0, quadratic / length, Lanes{});
+    EdgeDerivatives::add_outer(by_length * motion.transverse_mm, motion.transverse_mm, hessian);
+  }
+};
+
+/// Where the rows of four nodes are: the node before, the edge before, the node, the edge after, the node
+/// after. Lanes beyond the last node write into a place of their own.
+class NodeRows {
+ public:
+  static constexpr std::size_t kSize = 11;
+
+  [[gnu::always_inline]] NodeRows(BandMatrix& matrix, double* gradient, std::size_t first_row,
+                                  std::size_t count) {
+    for (std::size_t k = 0; k < kLanes; ++k) {
+      const std::size_t row = first_row + 4 * k;
+      columns_[k] = k < count ? matrix.column(row) : surplus_.data();
+      gradients_[k] = k < count ? gradient + row : surplus_.data();
+    }
+  }
+
+  /// Adds a column's entries from the diagonal on.
+  template <std::size_t kCount>
+  [[gnu::always_inline]] void add_column(std::size_t column, const std::array<Lanes, kCount>& entries) const {
+    add(columns_, BandMatrix::kStride * column, entries);
+  }
+  [[gnu::always_inline]] void add_gradient(const std::array<Lanes, kSize>& entries) const {
+    add(gradients_, 0, entries);
+  }
+
+ private:
+  template <std::size_t kCount>
+  [[gnu::always_inline]] static void add(const std::array<double*, kLanes>& to, std::size_t offset,
+                                         const std::array<Lanes, kCount>& entries) {
+    const auto entry = [&](std::size_t n) __attribute__((always_inline)) {
+      return n < kCount ? entries[n] : Lanes{};
+    };
+#pragma GCC unroll 3
+    for (std::size_t n = 0; n < kCount; n += kLanes) {
+      const std::array<Lanes, kLanes> rows = transposed(entry(n), entry(n + 1), entry(n + 2), entry(n + 3));
+#pragma GCC unroll 4
+      for (std::size_t k = 0; k < kLanes; ++k) add_to(to[k] + offset + n, rows[k]);
+    }
+  }
+
+  std::array<double*, kLanes> columns_, gradients_;
+  std::array<double, BandMatrix::kStride*(kSize + 1)> surplus_{};
+};
+
+/// A node's vector is the end of the edge before it and the start of the one after it.
+[[gnu::always_inline]] inline void add_to_system(const EdgeDerivatives& edges, const NodeDerivatives& after,
+                                                 const NodeRows& to) {
+  const Square &ee = edges.ee, &ff = edges.ff, &ef = edges.ef;
+  const Triple<Lanes> here = edges.e - edges.f, last = edges.f + after.gradient;
+  to.add_gradient({-edges.e.x, -edges.e.y, -edges.e.z, edges.theta_e, here.x, here.y, here.z, edges.theta_f,
+                   last.x, last.y, last.z});
+  const Triple<Lanes> here_by_e = edges.e_by_e - edges.f_by_e, here_by_f = edges.e_by_f - edges.f_by_f;
+  const Triple<Lanes>&e_by_e = edges.e_by_e, &e_by_f = edges.e_by_f, &f_by_e = edges.f_by_e,
+        &f_by_f = edges.f_by_f;
+  to.add_column<11>(0, {ee[0][0], ee[1][0], ee[2][0], -e_by_e.x, ef[0][0] - ee[0][0], ef[0][1] - ee[1][0],
+                        ef[0][2] - ee[2][0], -e_by_f.x, -ef[0][0], -ef[0][1], -ef[0][2]});
+  to.add_column<10>(1, {ee[1][1], ee[2][1], -e_by_e.y, ef[1][0] - ee[1][0], ef[1][1] - ee[1][1],
+                        ef[1][2] - ee[2][1], -e_by_f.y, -ef[1][0], -ef[1][1], -ef[1][2]});
+  to.add_column<9>(2, {ee[2][2], -e_by_e.z, ef[2][0] - ee[2][0], ef[2][1] - ee[2][1], ef[2][2] - ee[2][2],
+                       -e_by_f.z, -ef[2][0], -ef[2][1], -ef[2][2]});
+  to.add_column<8>(3, {edges.angle_ee, here_by_e.x, here_by_e.y, here_by_e.z, edges.angle_ef, f_by_e.x,
+                       f_by_e.y, f_by_e.z});
+  to.add_column<7>(4, {ee[0][0] - 2.0 * ef[0][0] + ff[0][0], ee[1][0] - ef[1][0] - ef[0][1] + ff[1][0],
+                       ee[2][0] - ef[2][0] - ef[0][2] + ff[2][0], here_by_f.x, ef[0][0] - ff[0][0],
+                       ef[0][1] - ff[1][0], ef[0][2] - ff[2][0]});
+  to.add_column<6>(5, {ee[1][1] - 2.0 * ef[1][1] + ff[1][1], ee[2][1] - ef[2][1] - ef[1][2] + ff[2][1],
+                       here_by_f.y, ef[1][0] - ff[1][0], ef[1][1] - ff[1][1], ef[1][2] - ff[2][1]});
+  to.add_column<5>(6, {ee[2][2] - 2.0 * ef[2][2] + ff[2][2], here_by_f.z, ef[2][0] - ff[2][0],
+                       ef[2][1] - ff[2][1], ef[2][2] - ff[2][2]});
+  to.add_column<4>(7, {edges.angle_ff, f_by_f.x, f_by_f.y, f_by_f.z});
+  const Square& motion = after.hessian;
+  to.add_column<3>(8, {ff[0][0] + motion[0][0], ff[1][0] + motion[1][0], ff[2][0] + motion[2][0]});
+  to.add_column<2>(9, {ff[1][1] + motion[1][1], ff[2][1] + motion[2][1]});
+  to.add_column<1>(10, {ff[2][2] + motion[2][2]});
 }
 
 }  // namespace
 
-Vector3d Rod::moment_mN_mm(const RodState& state, std::size_t node) const {
-  const Node& n = nodes_[node];
-  const Strain& strain = state.strains[node];
-  const Vector2d bending = n.bending_stiffness_uJ *
-                           (strain.kappa - n.rest_kappa + damping_ratio_ * (strain.kappa - n.start_kappa));
-  return {bending[0], bending[1],
-          n.torsional_stiffness_uJ *
-              (strain.twist_rad + damping_ratio_ * (strain.twist_rad - n.start_twist_rad))};
+std::array<double, 3> Rod::moments_mN_mm(const RodState& state, std::size_t node) const {
+  return Springs<double>::of(LaneSources<double, Node>{&nodes_[node]})
+      .moments(NodeStrains<double>::of({&state.strains[node]}), damping_ratio_);
 }
 
 XRAYCAST_WIDE_VECTORS
-void Rod::assemble_stretching(const RodState& state, bool project_psd) {
-  const double axial_mN = instrument_.axial_stiffness_N() / kMilli;
-  double* gradient = system_.gradient_.data();
-  for (std::size_t j = 0; j < edges_.size(); ++j) {
-    const Frame& edge = state.edges[j];
-    const double tension = axial_mN * (edge.length_mm / edges_[j].rest_mm - 1);
-    // Compression may make the Hessian indefinite; without its part it stays an upper bound.
-    const double transverse = (project_psd ? std::max(0.0, tension) : tension) / edge.length_mm;
-    const double axial = axial_mN / edges_[j].rest_mm - transverse;
-    const std::size_t first = RodSystem::position_row(j), second = RodSystem::position_row(j + 1);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const double t = edge.tangent[static_cast<Eigen::Index>(c)];
-      gradient[first + c] -= tension * t;
-      gradient[second + c] += tension * t;
-      double *from_first = system_.hessian_.column(first + c),
-             *from_second = system_.hessian_.column(second + c);
-      for (std::size_t r = 0; r < 3; ++r) {
-        const double entry =
-            axial * t * edge.tangent[static_cast<Eigen::Index>(r)] + (r == c ? transverse : 0.0);
-        from_first[second + r - first - c] -= entry;
-        if (r < c) continue;
-        from_first[r - c] += entry;
-        from_second[r - c] += entry;
-      }
-    }
-  }
-}
+void Rod::assemble_own(const RodState& state, double dt_s, bool project_psd) {
+  const double axial_mN = instrument_.axial_stiffness_N() / kMilli, damped = 1 + damping_ratio_,
+               by_dt2 = 1 / (dt_s * dt_s);
+  EdgeFrames<Lanes> last =
+      EdgeFrames<Lanes>::of({&clamp_frame_, &clamp_frame_, &clamp_frame_, &clamp_frame_});
+  for (std::size_t first = 0; first < edges_.size(); first += kLanes) {
+    // The last edge fills up the lanes.
+    const LaneIndices at = lane_indices(first, edges_.size());
+    const auto items = [&at](const auto& of, std::size_t after) { return lane_sources(of, at, after); };
+    const EdgeFrames<Lanes> f = EdgeFrames<Lanes>::of(items(state.edges, 0)), e = shifted(last, f);
+    last = f;
+    const NodeStrains<Lanes> strain = NodeStrains<Lanes>::of(items(state.strains, 0));
+    const Springs<Lanes> springs = Springs<Lanes>::of(items(nodes_, 0));
+    const Moments<Lanes> moments = springs.moments(strain, damping_ratio_);
 
-XRAYCAST_WIDE_VECTORS
-void Rod::assemble_bending_and_twisting(const RodState& state, bool project_psd) {
-  double* gradient = system_.gradient_.data();
-  for (std::size_t i = 0; i < edges_.size(); ++i) {
-    const Node& node = nodes_[i];
-    const Strain& strain = state.strains[i];
-    const Frame &e = frame_before(state, i), &f = state.edges[i];
-    const StrainGradient d(e, f, strain);
-    const std::size_t row = RodSystem::position_row(i) - 4;
-    const double damped = 1 + damping_ratio_;
-    const double stiffness[3] = {damped * node.bending_stiffness_uJ, damped * node.bending_stiffness_uJ,
-                                 damped * node.torsional_stiffness_uJ};
-    const Vector3d moment = moment_mN_mm(state, i);
-    for (std::size_t c = 0; c < StrainGradient::kSize; ++c) {
-      gradient[row + c] += d.work(moment, c);
-      const double w0 = stiffness[0] * d.by[0][c], w1 = stiffness[1] * d.by[1][c],
-                   w2 = stiffness[2] * d.by[2][c];
-      double* column = system_.hessian_.column(row + c);
-      for (std::size_t r = c; r < StrainGradient::kSize; ++r)
-        column[r - c] += w0 * d.by[0][r] + w1 * d.by[1][r] + w2 * d.by[2][r];
-    }
-    if (project_psd) continue;
-    add_second_derivatives(e, f, strain, {moment[0], moment[1]}, moment[2], system_.hessian_, row);
-  }
-}
+    EdgeDerivatives edges;
+    edges.add_strains(
+        {e, f, strain}, moments,
+        {damped * springs.bending_uJ, damped * springs.bending_uJ, damped * springs.torsional_uJ});
+    if (!project_psd) edges.add_second_derivatives(e, f, strain, moments);
+    const LaneSources<Lanes, Edge> rest = items(edges_, 0);
+    edges.add_stretching(f, gathered<Lanes, Edge>(rest, [](const Edge& o) { return o.rest_mm; }), axial_mN,
+                         project_psd);
+    const Lanes inertia =
+        by_dt2 * gathered<Lanes, Edge>(rest, [](const Edge& o) { return o.rotational_inertia_kg_mm2; });
+    const Lanes velocity_rad_s =
+        gathered<Lanes, Edge>(rest, [](const Edge& o) { return o.angular_velocity_rad_s; });
+    const Lanes theta_rad = gathered<Lanes, double>(items(state.thetas_rad, 0), [](double o) { return o; });
+    edges.theta_f += inertia * (theta_rad - dt_s * velocity_rad_s);
+    edges.angle_ff += inertia;
 
-void Rod::assemble_motion(const RodState& state, double dt_s) {
-  for (std::size_t i = 1; i < nodes_.size(); ++i) {
-    const Node& node = nodes_[i];
-    const double inertia = node.mass_kg / (dt_s * dt_s);
-    const double drag = node.linear_drag_kg_s / dt_s, quadratic = node.quadratic_drag_kg_mm / (dt_s * dt_s);
-    const Vector3d moved = state.nodes_mm[i] - node.start_mm, transverse = node.transverse(moved);
-    const double length = transverse.norm();
-    const Vector3d gradient = inertia * (moved - dt_s * node.velocity_mm_s) + drag * moved +
-                              quadratic * length * transverse - node.load_mN -
-                              node.mass_kg * options_.gravity_mm_s2;
-    Eigen::Matrix3d hessian = (inertia + drag) * Eigen::Matrix3d::Identity();
-    if (length > 0)
-      hessian +=
-          quadratic *
-          (length * (Eigen::Matrix3d::Identity() - node.start_tangent * node.start_tangent.transpose()) +
-           transverse * transverse.transpose() / length);
-    for (std::size_t c = 0; c < 3; ++c) {
-      const auto axis = static_cast<Eigen::Index>(c);
-      system_.gradient_[RodSystem::position_row(i) + c] += gradient[axis];
-      double* column = system_.hessian_.column(RodSystem::position_row(i) + c);
-      for (std::size_t r = c; r < 3; ++r) column[r - c] += hessian(static_cast<Eigen::Index>(r), axis);
-    }
-  }
-  for (std::size_t j = 0; j < edges_.size(); ++j) {
-    const double inertia = edges_[j].rotational_inertia_kg_mm2 / (dt_s * dt_s);
-    system_.gradient_[RodSystem::theta_row(j)] +=
-        inertia * (state.thetas_rad[j] - dt_s * edges_[j].angular_velocity_rad_s);
-    system_.hessian_.at(RodSystem::theta_row(j), 0) += inertia;
+    const NodeMotion<Lanes> motion(
+        items(nodes_, 1),
+        gathered_triple<Lanes, Vector3d>(
+            items(state.nodes_mm, 1), [](const Vector3d& o) -> auto& { return o; }),
+        options_.gravity_mm_s2, dt_s);
+    add_to_system(edges, NodeDerivatives(motion),
+                  NodeRows(system_.hessian_, system_.gradient_.data(), RodSystem::position_row(first) - 4,
+                           edges_.size() - first));
   }
 }
 
 void Rod::assemble(double dt_s, bool project_psd, ExternalPotential* external) {
   system_.hessian_.reset(row_count());
   system_.gradient_.assign(row_count() + BandMatrix::kBand, 0.0);
-  assemble_stretching(state_, project_psd);
-  assemble_bending_and_twisting(state_, project_psd);
-  assemble_motion(state_, dt_s);
+  assemble_own(state_, dt_s, project_psd);
   if (external) external->assemble(state_, project_psd, system_);
   system_.hessian_.fix_first(RodSystem::kClampedRows);
 }
@@ -246,14 +325,13 @@ Vector3d Rod::elastic_force_N(std::size_t node) const {
   };
   if (node < edges_.size()) force += tension(node);
   if (node > 0) force -= tension(node - 1);
-  // The node is the last, the middle or the first of the three that a strain depends on.
-  for (std::size_t role = 0; role < 3; ++role) {
-    if (node + role < 1 || node + role - 1 >= edges_.size()) continue;
-    const std::size_t i = node + role - 1;
-    const StrainGradient d(frame_before(state_, i), state_.edges[i], state_.strains[i]);
-    const Vector3d moment = moment_mN_mm(state_, i);
-    for (std::size_t c = 0; c < 3; ++c)
-      force[static_cast<Eigen::Index>(c)] -= d.work(moment, 4 * (2 - role) + c);
+  // The strains before it, at it, and after it: it ends their edge after, and begins their edge before.
+  for (std::size_t i = std::max<std::size_t>(node, 1) - 1; i < std::min(node + 2, edges_.size()); ++i) {
+    const StrainGradient<double> d =
+        strain_gradient(frame_before(state_, i), state_.edges[i], state_.strains[i]);
+    const Moments<double> moments = moments_mN_mm(state_, i);
+    if (i <= node) force += (i < node ? -1.0 : 1.0) * to_vector(d.work(moments, d.by_f));
+    if (i >= node) force += (i > node ? 1.0 : -1.0) * to_vector(d.work(moments, d.by_e));
   }
   return kMilli * force;
 }
@@ -268,10 +346,10 @@ Vector3d Rod::drag_force_N(std::size_t node) const {
 void Rod::update_clamp_reaction() {
   // The clamp holds node 0 and, by the direction of the first edge, the ghost node before it.
   clamp_force_N_ = elastic_force_N(0);
-  const StrainGradient d(clamp_frame_, state_.edges[0], state_.strains[0]);
-  const Vector3d moment = moment_mN_mm(state_, 0);
-  clamp_force_N_ -= kMilli * Vector3d(d.work(moment, 0), d.work(moment, 1), d.work(moment, 2));
-  clamp_torque_Nm_ = -kMicro * d.work(moment, 3);
+  const StrainGradient<double> d = strain_gradient(clamp_frame_, state_.edges[0], state_.strains[0]);
+  const Moments<double> moments = moments_mN_mm(state_, 0);
+  clamp_force_N_ += kMilli * to_vector(d.work(moments, d.by_e));
+  clamp_torque_Nm_ = -kMicro * d.work(moments, d.by_theta_e);
 }
 
 }  // namespace xraycast

@@ -1,5 +1,8 @@
 #include "xraycast/mechanics/wall_contact.hpp"
 
+#include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/lanes.hpp"
+
 #include <Eigen/Eigenvalues>
 #include <Eigen/Geometry>
 #include <algorithm>
@@ -31,6 +34,14 @@ Eigen::Matrix3d projected_psd(const Eigen::Matrix3d& matrix) {
          eigen.eigenvectors().transpose();
 }
 
+[[gnu::always_inline]] inline Lanes lanes_of(const Vector3d& v, double last) {
+  return Lanes{v[0], v[1], v[2], last};
+}
+[[gnu::always_inline]] inline void add_matrix(const Eigen::Matrix3d& matrix, std::array<Lanes, kLanes>& to) {
+  for (Eigen::Index c = 0; c < 3; ++c)
+    to[static_cast<std::size_t>(c)] += Lanes{matrix(0, c), matrix(1, c), matrix(2, c), 0};
+}
+
 // Nodes, of which the clamp holds the first, and the middles between them.
 std::size_t contact_count(std::size_t nodes) { return 2 * nodes - 3; }
 RodPoint contact_point(std::size_t index, std::size_t nodes) {
@@ -55,6 +66,8 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
       radius_mm_(rod.instrument().radius_mm()) {
   contacts_.reserve(contact_count(rod.max_nodes()));
   states_.reserve(contact_count(rod.max_nodes()));
+  queries_.reserve(contact_count(rod.max_nodes()));
+  asking_.reserve(contact_count(rod.max_nodes()));
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
@@ -95,29 +108,49 @@ double WallContact::wall_energy_uJ(double depth_mm, std::size_t index) const {
 }
 
 void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
+  contacts_[index].sample = field_->at(point_mm, states_[index].hint);
+  take_sample(index, point_mm);
+}
+
+void WallContact::take_sample(std::size_t index, const Vector3d& point_mm) {
   Contact& contact = contacts_[index];
-  contact.sample = field_->at(point_mm, states_[index].hint);
   contact.depth_mm = states_[index].is_covered ? 0 : std::max(0.0, radius_mm_ - contact.sample.clearance_mm);
   states_[index].sampled_at_mm = point_mm;
 }
 
-/// Samples the wall unless the point is known to be clear of it.
-void WallContact::update_contact(std::size_t index, const Vector3d& point_mm) {
+/// False where the contact is up to date, or becomes so because the point is known to be clear of the wall.
+bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
   // Within a vessel the clearance changes by little more than the point moves.
   constexpr double kMaxSlope = 1.5;
-  const double moved_mm = (point_mm - states_[index].sampled_at_mm).norm();
+  const double moved_mm2 = (point_mm - states_[index].sampled_at_mm).squaredNorm();
   // What is in another device only needs to know its vessel.
   constexpr double kCoveredMove_mm = 0.5;
-  if (states_[index].is_covered && moved_mm < kCoveredMove_mm) {
+  if (states_[index].is_covered && moved_mm2 < squared(kCoveredMove_mm)) {
     contacts_[index].depth_mm = 0;
-    return;
+    return false;
   }
   const LumenDistanceField::Sample& sample = contacts_[index].sample;
-  if (sample.hint.branch == states_[index].hint.branch &&
-      sample.clearance_mm - kMaxSlope * moved_mm > radius_mm_)
+  const double clear_mm = sample.clearance_mm - radius_mm_;
+  if (sample.hint.branch == states_[index].hint.branch && clear_mm > 0 &&
+      squared(kMaxSlope) * moved_mm2 < squared(clear_mm)) {
     contacts_[index].depth_mm = 0;
-  else if (moved_mm > 0)
-    sample_wall(index, point_mm);
+    return false;
+  }
+  return moved_mm2 > 0;
+}
+
+/// Samples the wall at all points that need it at once.
+void WallContact::sample_walls(const RodState& rod) {
+  queries_.clear();
+  asking_.clear();
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    const Vector3d point_mm = contacts_[k].point.position_mm(rod);
+    if (!needs_sample(k, point_mm)) continue;
+    queries_.push_back({point_mm, states_[k].hint, &contacts_[k].sample});
+    asking_.push_back(k);
+  }
+  field_->sample(queries_);
+  for (std::size_t q = 0; q < asking_.size(); ++q) take_sample(asking_[q], queries_[q].point_mm);
 }
 
 Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
@@ -189,8 +222,8 @@ void WallContact::update_hint(std::size_t index) {
     state.hint = contacts_[index - 1].sample.hint;
   if (state.hint.branch != branch_before)
     sample_wall(index, state.start_mm);
-  else
-    update_contact(index, state.start_mm);
+  else if (needs_sample(index, state.start_mm))
+    sample_wall(index, state.start_mm);
 }
 
 void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index) {
@@ -199,15 +232,17 @@ void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index)
   const double coefficient = contact.slips ? options_.kinetic_friction : options_.static_friction;
   state.friction.limit_mN = coefficient / kMilli * wall_force_N(contact.depth_mm, index);
   const Vector3d normal = contact.sample.gradient.normalized();
-  state.t2 = normal.cross(rod_tangent);
-  const double sine = state.t2.norm();
+  const Vector3d across = normal.cross(rod_tangent);
+  const double sine = across.norm();
   // A tip that pushes straight into a wall, or an axis on the centreline of a vessel that is too narrow: any
   // tangent will do.
-  state.t2 = sine > 1e-6                ? Vector3d(state.t2 / sine)
-             : normal.squaredNorm() > 0 ? normal.unitOrthogonal()
-                                        : rod_tangent.unitOrthogonal();
-  state.t1 = state.t2.cross(normal);
-  state.start_slip_mm = {state.stick_mm.dot(state.t1), state.stick_mm.dot(state.t2)};
+  const Vector3d t2 = sine > 1e-6                ? Vector3d(across / sine)
+                      : normal.squaredNorm() > 0 ? normal.unitOrthogonal()
+                                                 : rod_tangent.unitOrthogonal();
+  const Vector3d t1 = t2.cross(normal), stick_mm = state.stick_mm;
+  state.t1 = t1;
+  state.t2 = t2;
+  state.start_slip_mm = {stick_mm.dot(t1), stick_mm.dot(t2)};
 }
 
 // ---- the potential --------------------------------------------------------------------------------------
@@ -216,20 +251,20 @@ Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
   const FrictionState& state = states_[index];
   const RodPoint& point = contacts_[index].point;
   const Vector3d moved = point.position_mm(rod) - state.start_mm;
-  return state.start_slip_mm +
-         Vector2d(moved.dot(state.t1), moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod));
+  return {state.start_slip_mm[0] + moved.dot(state.t1),
+          state.start_slip_mm[1] + moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod)};
 }
 
 double WallContact::energy_uJ(const RodState& rod) {
+  sample_walls(rod);
   double energy = 0;
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     FrictionState& state = states_[k];
-    const Vector3d position_mm = contacts_[k].point.position_mm(rod);
-    update_contact(k, position_mm);
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
-    state.introducer_uJ = state.introducer_mN_mm > 0
-                              ? 0.5 * state.introducer_mN_mm * off_axis_mm(position_mm).squaredNorm()
-                              : 0;
+    state.introducer_uJ =
+        state.introducer_mN_mm > 0
+            ? 0.5 * state.introducer_mN_mm * off_axis_mm(contacts_[k].point.position_mm(rod)).squaredNorm()
+            : 0;
     energy += state.introducer_uJ;
     if (state.friction.is_active()) energy += state.friction.energy_uJ(slip_mm(rod, k));
   }
@@ -237,38 +272,50 @@ double WallContact::energy_uJ(const RodState& rod) {
 }
 
 void WallContact::assemble(const RodState& rod, bool project_psd, RodSystem& system) {
-  for (std::size_t k = 0; k < contacts_.size(); ++k) {
-    const Contact& contact = contacts_[k];
-    const FrictionState& state = states_[k];
-    if (contact.depth_mm == 0 && !state.friction.is_active() && state.introducer_mN_mm == 0) continue;
-    Eigen::Vector4d gradient = Eigen::Vector4d::Zero();
-    Eigen::Matrix4d hessian = Eigen::Matrix4d::Zero();
+  for (std::size_t k = 0; k < contacts_.size(); ++k)
+    if (contacts_[k].depth_mm > 0 || states_[k].friction.is_active() || states_[k].introducer_mN_mm > 0)
+      assemble_contact(rod, k, project_psd, system);
+}
 
-    if (state.introducer_mN_mm > 0) {
-      const Vector3d& axis = introducer_->axis;
-      gradient.head<3>() += state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod));
-      hessian.topLeftCorner<3, 3>() +=
-          state.introducer_mN_mm * (Eigen::Matrix3d::Identity() - axis * axis.transpose());
-    }
-    if (contact.depth_mm > 0) {
-      const double force_mN = wall_force_N(contact.depth_mm, k) / kMilli;
-      const double stiffness = state.wall_mN_mm * (1 + 3 * squared(contact.depth_mm / state.stiffening_mm));
-      const Vector3d& inward = contact.sample.gradient;
-      gradient.head<3>() -= force_mN * inward;
-      // The normal force turns as the point moves along a curved wall.
-      const Eigen::Matrix3d wall =
-          stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
-      hessian.topLeftCorner<3, 3>() += project_psd ? projected_psd(wall) : wall;
-    }
-    if (state.friction.is_active()) {
-      const Friction::Derivatives friction = state.friction.derivatives(slip_mm(rod, k));
-      Eigen::Matrix<double, 2, 4> jacobian;
-      jacobian << state.t1.transpose(), 0, state.t2.transpose(), radius_mm_;
-      gradient += jacobian.transpose() * friction.gradient_mN;
-      hessian += jacobian.transpose() * friction.hessian_mN_mm * jacobian;
-    }
-    system.add(contact.point, gradient, hessian);
+XRAYCAST_WIDE_VECTORS
+void WallContact::assemble_contact(const RodState& rod, std::size_t index, bool project_psd,
+                                   RodSystem& system) const {
+  const Contact& contact = contacts_[index];
+  const FrictionState& state = states_[index];
+  // Over the position and the angle; the Hessian by columns.
+  Lanes gradient{};
+  std::array<Lanes, kLanes> hessian{};
+
+  if (state.introducer_mN_mm > 0) {
+    const Vector3d& axis = introducer_->axis;
+    gradient += lanes_of(state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod)), 0);
+    add_matrix(state.introducer_mN_mm * (Eigen::Matrix3d::Identity() - axis * axis.transpose()), hessian);
   }
+  if (contact.depth_mm > 0) {
+    const double force_mN = wall_force_N(contact.depth_mm, index) / kMilli;
+    const double stiffness = state.wall_mN_mm * (1 + 3 * squared(contact.depth_mm / state.stiffening_mm));
+    const Vector3d& inward = contact.sample.gradient;
+    gradient -= force_mN * lanes_of(inward, 0);
+    // The normal force turns as the point moves along a curved wall.
+    Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
+    if (project_psd) wall = projected_psd(wall);
+    add_matrix(wall, hessian);
+  }
+  if (state.friction.is_active()) {
+    const Friction::Derivatives friction = state.friction.derivatives(slip_mm(rod, index));
+    const Eigen::Matrix2d& stiffness = friction.hessian_mN_mm;
+    const Lanes along = lanes_of(state.t1, 0), around = lanes_of(state.t2, radius_mm_);
+    gradient += friction.gradient_mN[0] * along + friction.gradient_mN[1] * around;
+    const Lanes by_along = stiffness(0, 0) * along + stiffness(0, 1) * around,
+                by_around = stiffness(0, 1) * along + stiffness(1, 1) * around;
+    for (std::size_t c = 0; c < kLanes; ++c) hessian[c] += along[c] * by_along + around[c] * by_around;
+  }
+
+  Eigen::Vector4d by_point;
+  Eigen::Matrix4d of_point;
+  store(by_point.data(), gradient);
+  for (std::size_t c = 0; c < kLanes; ++c) store(of_point.data() + kLanes * c, hessian[c]);
+  system.add(contact.point, by_point, of_point);
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------

@@ -89,7 +89,10 @@ class WallContact final : public ExternalPotential {
   };
   double wall_energy_uJ(double depth_mm, std::size_t index) const;
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
-  void update_contact(std::size_t index, const Eigen::Vector3d& point_mm);
+  void take_sample(std::size_t index, const Eigen::Vector3d& point_mm);
+  bool needs_sample(std::size_t index, const Eigen::Vector3d& point_mm);
+  void sample_walls(const RodState& state);
+  void assemble_contact(const RodState& state, std::size_t index, bool project_psd, RodSystem& system) const;
   void begin_contact(const Rod& rod, std::size_t index);
   void update_hint(std::size_t index);
   void begin_friction(const Eigen::Vector3d& rod_tangent, std::size_t index);
@@ -106,6 +109,8 @@ class WallContact final : public ExternalPotential {
   double bare_mm_ = std::numeric_limits<double>::infinity();
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
+  std::vector<LumenDistanceField::Query> queries_;  ///< of a state, and the contacts that ask
+  std::vector<std::size_t> asking_;
 };
 
 }  // namespace xraycast

@@ -1,0 +1,109 @@
+// The solutions of banded systems against those of a dense one.
+#include "xraycast/coaxial/block_band_matrix.hpp"
+#include "xraycast/mechanics/band_matrix.hpp"
+
+#include <gtest/gtest.h>
+
+#include <Eigen/Cholesky>
+#include <algorithm>
+#include <cmath>
+#include <cstddef>
+#include <random>
+#include <vector>
+
+namespace xraycast::band_matrices_test {
+namespace {
+
+using Eigen::Index, Eigen::MatrixXd, Eigen::VectorXd;
+
+/// Symmetric, with its diagonal above the sum of the rest of each row, and zero where `is_zero` (row, column)
+/// says.
+template <typename IsZero>
+MatrixXd random_matrix(Index size, std::mt19937& random, const IsZero& is_zero) {
+  std::uniform_real_distribution<double> entry(-1, 1);
+  MatrixXd matrix = MatrixXd::Zero(size, size);
+  for (Index c = 0; c < size; ++c)
+    for (Index r = c + 1; r < size; ++r)
+      if (!is_zero(r, c)) matrix(r, c) = matrix(c, r) = entry(random);
+  for (Index k = 0; k < size; ++k)
+    matrix(k, k) = matrix.row(k).cwiseAbs().sum() + 0.1 + std::abs(entry(random));
+  return matrix;
+}
+
+void expect_solution(const MatrixXd& matrix, const VectorXd& right, const double* solved) {
+  const VectorXd expected = matrix.ldlt().solve(right);
+  // Rounding, times the condition of such a matrix, some hundred.
+  for (Index k = 0; k < matrix.rows(); ++k) EXPECT_NEAR(solved[k], expected[k], 1e-12) << k;
+}
+
+VectorXd counting(Index size) { return VectorXd::LinSpaced(size, -1, 1); }
+
+TEST(BandMatrices, ABandIsSolvedAsADenseMatrix) {
+  constexpr Index kBand = BandMatrix::kBand;
+  std::mt19937 random(1);
+  for (const Index size : {1, 7, 11, 90}) {
+    const MatrixXd dense = random_matrix(size, random, [](Index r, Index c) { return r - c > kBand; });
+    const auto filled = [&](const MatrixXd& from) {
+      BandMatrix band;
+      band.reset(static_cast<std::size_t>(size));
+      for (Index c = 0; c < size; ++c)
+        for (Index r = c; r < std::min(size, c + kBand + 1); ++r)
+          band.at(static_cast<std::size_t>(c), static_cast<std::size_t>(r - c)) = from(r, c);
+      return band;
+    };
+    BandMatrix band = filled(dense);
+    ASSERT_TRUE(band.factorise());
+    const VectorXd right = counting(size);
+    std::vector<double> x(right.begin(), right.end());
+    x.resize(x.size() + BandMatrix::kBand);
+    band.solve(x.data());
+    expect_solution(dense, right, x.data());
+
+    MatrixXd indefinite = dense;
+    indefinite(size - 1, size - 1) = -1;
+    EXPECT_FALSE(filled(indefinite).factorise()) << size;
+  }
+}
+
+TEST(BandMatrices, BlocksAreSolvedAsADenseMatrix) {
+  constexpr Index kBlock = BlockBandMatrix::kBlock;
+  std::mt19937 random(2);
+  for (const std::size_t columns : {1, 2, 5, 30}) {
+    // A reach that is zero here and five blocks there, and never falls below that of a column before.
+    std::vector<std::size_t> reaches;
+    for (std::size_t j = 0; j < columns; ++j) {
+      const std::size_t reach = std::max(j + random() % 6, reaches.empty() ? 0 : reaches.back());
+      reaches.push_back(std::min(columns - 1, reach));
+    }
+    const Index size = kBlock * static_cast<Index>(columns);
+    const MatrixXd dense = random_matrix(size, random, [&](Index r, Index c) {
+      return r / kBlock > static_cast<Index>(reaches[static_cast<std::size_t>(c / kBlock)]);
+    });
+    const auto filled = [&](const MatrixXd& from) {
+      BlockBandMatrix blocks;
+      blocks.reset(reaches);
+      for (std::size_t j = 0; j < columns; ++j)
+        for (std::size_t i = j; i <= reaches[j]; ++i)
+          for (Index c = 0; c < kBlock; ++c)
+            for (Index r = 0; r < kBlock; ++r)
+              blocks.at(i, j)[static_cast<std::size_t>(kBlock * c + r)] =
+                  from(kBlock * static_cast<Index>(i) + r, kBlock * static_cast<Index>(j) + c);
+      return blocks;
+    };
+    BlockBandMatrix blocks = filled(dense);
+    ASSERT_TRUE(blocks.factorise());
+    const VectorXd right = counting(size);
+    std::vector<double> x(right.begin(), right.end());
+    blocks.solve(x.data());
+    expect_solution(dense, right, x.data());
+
+    for (Index k = 0; k < kBlock; ++k) {
+      MatrixXd indefinite = dense;
+      indefinite(size - 1 - k, size - 1 - k) = -1;
+      EXPECT_FALSE(filled(indefinite).factorise()) << columns << ", " << k;
+    }
+  }
+}
+
+}  // namespace
+}  // namespace xraycast::band_matrices_test
