@@ -130,7 +130,7 @@ void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& 
   const Borne from = borne(std::max(cell.from_mm, inside.from_mm) - inside.from_mm),
               to = borne(std::min(cell.to_mm, inside.to_mm) - inside.from_mm);
   touch.length_mm = std::max(0.0, to.length_mm - from.length_mm);
-  if (touch.length_mm == 0) return;
+  if (!touch.has_length()) return;
   touch.from_tip_mm = inside.from_mm + (to.moment_mm2 - from.moment_mm2) / touch.length_mm;
   touch.point = RodWeights::at(place_of(inner, touch.from_tip_mm), inner.node_count());
   if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
@@ -144,11 +144,11 @@ void LumenContact::place_ends(const Rod& outer, const Rod& inner, const Range& i
   end.length_mm = (1 - by_rim) * length_mm;
   rim.length_mm = by_rim * length_mm;
   end.from_tip_mm = rim.from_tip_mm = inside.from_mm;
-  if (end.length_mm > 0) {
+  if (end.has_length()) {
     end.point = RodWeights::at(place_of(inner, inside.from_mm), inner.node_count());
     if (end.is_new) end.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + inside.from_mm);
   }
-  if (rim.length_mm > 0) {
+  if (rim.has_length()) {
     const std::size_t nodes = outer.node_count();
     rim.point = RodWeights::at({nodes - 1, 1}, nodes);
     rim.place = place_of(inner, inside.from_mm);
@@ -156,7 +156,7 @@ void LumenContact::place_ends(const Rod& outer, const Rod& inner, const Range& i
 }
 
 void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodState& inner) {
-  if (touch.length_mm == 0) {
+  if (!touch.has_length()) {
     const bool is_rim = touch.is_rim;
     touch = Touch{};
     touch.is_rim = is_rim;
@@ -187,16 +187,16 @@ void LumenContact::find_depths(const RodState& outer, const RodState& inner) {
   // All points of the inner at once, and then the rim.
   searches_.clear();
   for (const Touch& touch : touches_)
-    if (touch.length_mm > 0) {
+    if (touch.has_length()) {
       const Sides both = sides(touch, outer, inner);
       searches_.push_back({touch.point.position_mm(both.point), touch.place});
     }
-  const std::size_t rims = touches_.back().length_mm > 0 ? 1 : 0, samples = searches_.size() - rims;
+  const std::size_t rims = touches_.back().has_length() ? 1 : 0, samples = searches_.size() - rims;
   find_nearest_places(outer, std::span(searches_).first(samples));
   find_nearest_places(inner, std::span(searches_).subspan(samples));
   std::size_t search = 0;
   for (Touch& touch : touches_)
-    if (touch.length_mm > 0) find_depth(touch, searches_[search++], sides(touch, outer, inner));
+    if (touch.has_length()) find_depth(touch, searches_[search++], sides(touch, outer, inner));
 }
 
 void LumenContact::find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const {
@@ -249,7 +249,7 @@ double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
   double energy = 0;
   if (!is_placed(outer, inner)) find_depths(outer, inner);
   for (Touch& touch : touches_) {
-    if (touch.length_mm == 0) continue;
+    if (!touch.has_length()) continue;
     const Sides both = sides(touch, outer, inner);
     if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
     if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
@@ -350,7 +350,7 @@ void LumenContact::end_step(const RodState& outer, const RodState& inner) {
   const double kinetic_share =
       options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
   for (Touch& touch : touches_) {
-    if (touch.length_mm == 0) continue;
+    if (!touch.has_length()) continue;
     const Sides both = sides(touch, outer, inner);
     touch.normal_mN = -touch.length_mm * lining_force_mN(touch.depth_mm) * touch.normal;
     touch.friction_mN.setZero();
@@ -370,7 +370,7 @@ void LumenContact::end_step(const RodState& outer, const RodState& inner) {
 double LumenContact::energy_uJ() const {
   double energy = 0;
   for (const Touch& touch : touches_)
-    if (touch.length_mm > 0)
+    if (touch.has_length())
       energy += touch.length_mm * lining_energy_uJ(touch.depth_mm) +
                 0.5 * touch.friction.spring_mN_mm * touch.stick_mm.squaredNorm();
   return energy;
@@ -379,7 +379,7 @@ double LumenContact::energy_uJ() const {
 std::vector<LumenContact::Contact> LumenContact::contacts(const std::vector<Rod>& rods) const {
   std::vector<Contact> contacts;
   for (const Touch& touch : touches_) {
-    if (touch.length_mm == 0) continue;
+    if (!touch.has_length()) continue;
     const RodState& inner = rods[inner_].state();
     const double sign = touch.is_rim ? -kNewtonPer_mN : kNewtonPer_mN;  // of the forces on the inner
     contacts.push_back({.position_mm = (touch.is_rim ? touch.nearest : touch.point).position_mm(inner),

@@ -78,6 +78,9 @@ class LumenContact {
     Eigen::Vector2d stick_mm{0, 0};
     bool slips = false;
     Eigen::Vector3d normal_mN{0, 0, 0}, friction_mN{0, 0, 0};  ///< on the point
+
+    /// It stands for some length: its depth is looked for.
+    bool has_length() const { return length_mm > 0; }
   };
   struct Sides {
     const RodState &point, &curve;
@@ -86,7 +89,7 @@ class LumenContact {
     return touch.is_rim ? Sides{outer, inner} : Sides{inner, outer};
   }
   static bool is_active(const Touch& touch) {
-    return touch.length_mm > 0 && (touch.depth_mm > 0 || touch.friction.is_active());
+    return touch.has_length() && (touch.depth_mm > 0 || touch.friction.is_active());
   }
   RodPair pair(const Touch& touch, const RodWeights& curve) const;
   bool is_placed(const RodState& outer, const RodState& inner);
