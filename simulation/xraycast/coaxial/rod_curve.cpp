@@ -35,41 +35,6 @@ RodPlace carried_over(RodPlace place, std::size_t last_segment) {
   return place;
 }
 
-}  // namespace
-
-RodWeights RodWeights::at(const RodPlace& place, std::size_t node_count) {
-  const double t = place.t;
-  if (place.segment == 0) return {0, {1 - 0.5 * t, 0.5 * t, 0}, {-0.5, 0.5, 0}, {0, 0, 0}, {0, 1, 0}};
-  if (place.segment + 1 == node_count)
-    return {node_count - kNodes, {0, 0.5 * (1 - t), 0.5 * (1 + t)}, {0, -0.5, 0.5}, {0, 0, 0}, {0, 0, 1}};
-  return {place.segment - 1,
-          {0.5 * (1 - t) * (1 - t), 0.5 + t * (1 - t), 0.5 * t * t},
-          {t - 1, 1 - 2 * t, t},
-          {1, -2, 1},
-          {0, 1 - t, t}};
-}
-
-RodPlace place_of(const Rod& rod, double from_tip) {
-  // The first edge whose middle is nearer to the tip.
-  std::size_t low = 0, high = rod.node_count() - 1;
-  while (low < high) {
-    const std::size_t middle = (low + high) / 2;
-    if (middle_mm(rod, middle) <= from_tip)
-      high = middle;
-    else
-      low = middle + 1;
-  }
-  const auto [first_mm, last_mm] = ends_of(rod, low);
-  return {low, (first_mm - from_tip) / (first_mm - last_mm)};
-}
-
-double from_tip_mm(const Rod& rod, const RodPlace& place) {
-  const auto [first_mm, last_mm] = ends_of(rod, place.segment);
-  return first_mm + place.t * (last_mm - first_mm);
-}
-
-namespace {
-
 /// A segment by its parameter: start + t linear + t^2 quadratic.
 struct Parabola {
   Vector3d start_mm, linear, quadratic;
@@ -160,6 +125,37 @@ void find_four_places(const RodState& rod, std::span<NearestPlace> searches) {
 }
 
 }  // namespace
+
+RodWeights RodWeights::at(const RodPlace& place, std::size_t node_count) {
+  const double t = place.t;
+  if (place.segment == 0) return {0, {1 - 0.5 * t, 0.5 * t, 0}, {-0.5, 0.5, 0}, {0, 0, 0}, {0, 1, 0}};
+  if (place.segment + 1 == node_count)
+    return {node_count - kNodes, {0, 0.5 * (1 - t), 0.5 * (1 + t)}, {0, -0.5, 0.5}, {0, 0, 0}, {0, 0, 1}};
+  return {place.segment - 1,
+          {0.5 * (1 - t) * (1 - t), 0.5 + t * (1 - t), 0.5 * t * t},
+          {t - 1, 1 - 2 * t, t},
+          {1, -2, 1},
+          {0, 1 - t, t}};
+}
+
+RodPlace place_of(const Rod& rod, double from_tip) {
+  // The first edge whose middle is nearer to the tip.
+  std::size_t low = 0, high = rod.node_count() - 1;
+  while (low < high) {
+    const std::size_t middle = (low + high) / 2;
+    if (middle_mm(rod, middle) <= from_tip)
+      high = middle;
+    else
+      low = middle + 1;
+  }
+  const auto [first_mm, last_mm] = ends_of(rod, low);
+  return {low, (first_mm - from_tip) / (first_mm - last_mm)};
+}
+
+double from_tip_mm(const Rod& rod, const RodPlace& place) {
+  const auto [first_mm, last_mm] = ends_of(rod, place.segment);
+  return first_mm + place.t * (last_mm - first_mm);
+}
 
 void find_nearest_places(const RodState& rod, std::span<NearestPlace> searches) {
   for (std::size_t first = 0; first < searches.size(); first += kLanes)

@@ -8,8 +8,10 @@
 namespace xraycast {
 
 // Arithmetic on four numbers at once. What is done for many edges or points is written once, for one of them
-// (`Real` is double) or for four (`Real` is Lanes), with the same operations in the same order, so that both
-// give the same numbers. All functions are inlined, into functions that are compiled for several processors.
+// (`Real` is double) or for four (`Real` is Lanes), with the same operations in the same order. Both give the
+// same numbers, but for sines, angles and rounding to whole numbers (see rod_frames.hpp), and for compilers
+// that fuse products and sums. All functions are inlined, into functions that are compiled for several
+// processors.
 
 /// Four numbers, as one vector of the processor.
 using Lanes __attribute__((vector_size(4 * sizeof(double)))) = double;

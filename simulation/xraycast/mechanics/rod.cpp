@@ -59,10 +59,6 @@ Frame transported_frame(const Frame& frame, const Vector3d& start_mm, const Vect
   return transported(from.tangent, from.m1, {edge.x(), edge.y(), edge.z()}).lane_frame(0);
 }
 
-}  // namespace
-
-namespace {
-
 /// Adds a symmetric block's column to the lower half: without the entries above the diagonal.
 template <int kColumn>
 [[gnu::always_inline]] inline void add_lower(double* column, Lanes entries) {
@@ -296,7 +292,7 @@ void Rod::displace(const RodState& from, const double* by, double scale, RodStat
                                 frames, [](const Frame& f) -> auto& { return f.m1; }),
                             end_mm - start_mm),
                 theta_rad);
-    const NodeStrains<Lanes> strains = strain_between(shifted(before, here), here, twist_rad);
+    const NodeStrains<Lanes> strains = strain_between(preceding(before, here), here, twist_rad);
     before = here;
     for (std::size_t k = 0; k < std::min(kLanes, edges_.size() - first); ++k) {
       to.edges[first + k] = here.lane_frame(k);

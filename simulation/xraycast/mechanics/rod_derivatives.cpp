@@ -182,10 +182,14 @@ struct NodeDerivatives {
 };
 
 /// Where the rows of four nodes are: the node before, the edge before, the node, the edge after, the node
-/// after. Lanes beyond the last node write into a place of their own.
+/// after. Lanes beyond the last node repeat it, and write into a place of their own.
 class NodeRows {
  public:
   static constexpr std::size_t kSize = 11;
+
+  // It points into itself.
+  NodeRows(const NodeRows&) = delete;
+  NodeRows& operator=(const NodeRows&) = delete;
 
   [[gnu::always_inline]] NodeRows(BandMatrix& matrix, double* gradient, std::size_t first_row,
                                   std::size_t count) {
@@ -273,7 +277,7 @@ void Rod::assemble_own(const RodState& state, double dt_s, bool project_psd) {
     // The last edge fills up the lanes.
     const LaneIndices at = lane_indices(first, edges_.size());
     const auto items = [&at](const auto& of, std::size_t after) { return lane_sources(of, at, after); };
-    const EdgeFrames<Lanes> f = EdgeFrames<Lanes>::of(items(state.edges, 0)), e = shifted(last, f);
+    const EdgeFrames<Lanes> f = EdgeFrames<Lanes>::of(items(state.edges, 0)), e = preceding(last, f);
     last = f;
     const NodeStrains<Lanes> strain = NodeStrains<Lanes>::of(items(state.strains, 0));
     const Springs<Lanes> springs = Springs<Lanes>::of(items(nodes_, 0));

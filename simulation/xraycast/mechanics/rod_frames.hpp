@@ -53,20 +53,24 @@ struct NodeStrains {
   }
 };
 
-/// Of the edges before these: the last of the four before, and the first three.
-[[gnu::always_inline]] inline Lanes shifted(const Lanes& before, const Lanes& here) {
+/// What precedes four edges, each by one: the last of the four before, and the first three.
+[[gnu::always_inline]] inline Lanes preceding(const Lanes& before, const Lanes& here) {
   return __builtin_shufflevector(before, here, 3, 4, 5, 6);
 }
-[[gnu::always_inline]] inline Triple<Lanes> shifted(const Triple<Lanes>& before, const Triple<Lanes>& here) {
-  return {shifted(before.x, here.x), shifted(before.y, here.y), shifted(before.z, here.z)};
+[[gnu::always_inline]] inline Triple<Lanes> preceding(const Triple<Lanes>& before,
+                                                      const Triple<Lanes>& here) {
+  return {preceding(before.x, here.x), preceding(before.y, here.y), preceding(before.z, here.z)};
 }
-[[gnu::always_inline]] inline EdgeFrames<Lanes> shifted(const EdgeFrames<Lanes>& before,
-                                                        const EdgeFrames<Lanes>& here) {
-  return {shifted(before.tangent, here.tangent), shifted(before.m1, here.m1), shifted(before.m2, here.m2),
-          shifted(before.length_mm, here.length_mm)};
+[[gnu::always_inline]] inline EdgeFrames<Lanes> preceding(const EdgeFrames<Lanes>& before,
+                                                          const EdgeFrames<Lanes>& here) {
+  return {preceding(before.tangent, here.tangent), preceding(before.m1, here.m1),
+          preceding(before.m2, here.m2), preceding(before.length_mm, here.length_mm)};
 }
 
 // ---- angles ---------------------------------------------------------------------------------------------
+
+// Of one by the standard library, of four by series where all are small. Their last digits differ, and those
+// of a lane depend on whether its neighbours are small.
 
 template <typename Real>
 struct Turn {
