@@ -38,6 +38,15 @@ class RodDerivatives {
     return rod_.potential_uJ(rod_.trial_, kStep_s, external_);
   }
 
+  struct Energies {
+    double all_uJ, elastic_uJ, dissipated_uJ, motion_uJ;
+  };
+  /// Of the rod itself: the potential that is minimised, and the parts that energies are balanced by.
+  Energies own() const {
+    return {rod_.own_potential_uJ(rod_.state_, kStep_s), rod_.elastic_uJ(rod_.state_),
+            rod_.dissipation_uJ(rod_.state_), motion_uJ()};
+  }
+
   struct Derivatives {
     Eigen::VectorXd gradient;
     Eigen::MatrixXd hessian;
@@ -78,6 +87,26 @@ class RodDerivatives {
 
  private:
   static constexpr double kStep_s = 1e-3;
+
+  /// Of inertia, drag, weight and loads, by velocities.
+  double motion_uJ() const {
+    double energy = 0;
+    for (std::size_t i = 1; i < rod_.nodes_.size(); ++i) {
+      const auto& node = rod_.nodes_[i];
+      const Eigen::Vector3d moved_mm = rod_.state_.nodes_mm[i] - node.start_mm, velocity = moved_mm / kStep_s;
+      energy += 0.5 * node.mass_kg * (velocity - node.velocity_mm_s).squaredNorm();
+      energy += 0.5 * kStep_s * node.linear_drag_kg_s * velocity.squaredNorm();
+      energy += kStep_s / 3 * node.quadratic_drag_kg_mm * std::pow(node.transverse(velocity).norm(), 3);
+      energy -= (node.load_mN + node.mass_kg * rod_.options_.gravity_mm_s2).dot(moved_mm);
+    }
+    for (std::size_t j = 0; j < rod_.edges_.size(); ++j) {
+      const auto& edge = rod_.edges_[j];
+      const double change = rod_.state_.thetas_rad[j] / kStep_s - edge.angular_velocity_rad_s;
+      energy += 0.5 * edge.rotational_inertia_kg_mm2 * change * change;
+    }
+    return energy;
+  }
+
   Rod& rod_;
   ExternalPotential* external_;
 };
@@ -129,18 +158,49 @@ void expect_exact(RodDerivatives& rod) {
   EXPECT_GT(projected[0], -1e-12 * projected[projected.size() - 1]);
 }
 
+/// Four edges are worked on at once, and up to three are left over.
+constexpr int kFewestEdges = 4, kMostEdges = 8;
+
+Rod rod_of(const InstrumentModel& device, int edges, const Rod::Clamp& clamp, const Rod::Options& options) {
+  const double edge_mm = std::min(5.0, device.length_mm() / edges);
+  Rod rod(device, device.stations_mm(edge_mm), clamp, edges * edge_mm, options);
+  EXPECT_EQ(rod.state().edges.size(), static_cast<std::size_t>(edges));
+  return rod;
+}
+
 TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
   const InstrumentModel device = soft_device();
   RandomSteps random;
-  for (int i = 0; i < 10; ++i) {
-    Rod rod(device, device.stations_mm(5), {}, device.length_mm());
+  for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
+    for (int i = 0; i < 2; ++i) {
+      SCOPED_TRACE(edges);
+      Rod rod = rod_of(device, edges, {}, {});
+      rod.set_load_N(1, 0.1 * random.vector());
+      TipTorque torque(1e-3);
+      rod.step(1e-3, &torque);  // it moves
+      RodDerivatives derivatives(rod, &torque);
+      // Bent and twisted by a radian or so, stretched by a fifth.
+      derivatives.move(random.step(derivatives.size(), 1, 1));
+      expect_exact(derivatives);
+    }
+}
+
+TEST(Rod, PotentialOfAStepIsTheSumOfItsEnergies) {
+  const InstrumentModel device = soft_device();
+  RandomSteps random;
+  for (int edges = kFewestEdges; edges <= kMostEdges; ++edges) {
+    Rod rod = rod_of(device, edges, {}, {.gravity_mm_s2 = {1000, -9000, 3000}});
     rod.set_load_N(1, 0.1 * random.vector());
     TipTorque torque(1e-3);
     rod.step(1e-3, &torque);  // it moves
     RodDerivatives derivatives(rod, &torque);
-    // Bent and twisted by a radian or so, stretched by a fifth.
     derivatives.move(random.step(derivatives.size(), 1, 1));
-    expect_exact(derivatives);
+    const auto [all_uJ, elastic_uJ, dissipated_uJ, motion_uJ] = derivatives.own();
+    const double scale_uJ = elastic_uJ + dissipated_uJ + std::abs(motion_uJ);  // loads may gain from it
+    for (const double part_uJ : {elastic_uJ, dissipated_uJ, std::abs(motion_uJ)})
+      EXPECT_GT(part_uJ, 1e-4 * scale_uJ) << edges;
+    // Rounding of some hundred terms.
+    EXPECT_NEAR(all_uJ, elastic_uJ + dissipated_uJ + motion_uJ, 1e-13 * scale_uJ) << edges;
   }
 }
 
@@ -152,16 +212,17 @@ TEST(RodDerivatives, OfContactAreExact) {
   const auto field = std::make_shared<LumenDistanceField>(VesselTree({branch}, "tube"));
   const InstrumentModel device = soft_device();
   RandomSteps random;
-  for (int i = 0; i < 10; ++i) {
-    Rod rod(device, device.stations_mm(5), {.position_mm = {0.5, 0.5, 0}}, device.length_mm(),
-            {.max_iterations = 50});
-    WallContact wall(field, rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
-    rod.set_load_N(0, 0.2 * random.vector());
-    for (int k = 0; k < 5; ++k) rod.step(1e-3, &wall);
-    RodDerivatives derivatives(rod, &wall);
-    derivatives.move(random.step(derivatives.size(), 0.1, 0.1));  // some of it slips
-    expect_exact(derivatives);
-  }
+  for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
+    for (int i = 0; i < 2; ++i) {
+      SCOPED_TRACE(edges);
+      Rod rod = rod_of(device, edges, {.position_mm = {0.5, 0.5, 0}}, {.max_iterations = 50});
+      WallContact wall(field, rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
+      rod.set_load_N(0, 0.2 * random.vector());
+      for (int k = 0; k < 5; ++k) rod.step(1e-3, &wall);
+      RodDerivatives derivatives(rod, &wall);
+      derivatives.move(random.step(derivatives.size(), 0.1, 0.1));  // some of it slips
+      expect_exact(derivatives);
+    }
 }
 
 }  // namespace
