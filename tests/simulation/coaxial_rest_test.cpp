@@ -48,14 +48,17 @@ TEST_P(CoaxialDevicesAtRest, DoNotDriftInAMinute) {
     before_N.push_back(devices.load(d).force_N);
   }
   double largest_mm = 0, largest_N = 0;
-  for (int i = 0; i < 60'000; ++i) {
+  for (int step = 1; step <= 60'000; ++step) {
     devices.step(poses);
-    for (std::size_t d = 0; d < devices.count(); ++d)
+    for (std::size_t d = 0; d < devices.count(); ++d) {
       largest_N = std::max(largest_N, std::abs(devices.load(d).force_N - before_N[d]));
+      // Not only after the minute, which a device that swings or comes back would pass; a prime number, so
+      // that a swing of a round number of steps is met at all its phases.
+      if (step % 97 != 0 && step != 60'000) continue;
+      for (std::size_t i = 0; i < before_mm[d].size(); ++i)
+        largest_mm = std::max(largest_mm, (devices.rod(d).state().nodes_mm[i] - before_mm[d][i]).norm());
+    }
   }
-  for (std::size_t d = 0; d < devices.count(); ++d)
-    for (std::size_t i = 0; i < before_mm[d].size(); ++i)
-      largest_mm = std::max(largest_mm, (devices.rod(d).state().nodes_mm[i] - before_mm[d][i]).norm());
   // A tenth of the lining's softest part.
   EXPECT_LT(largest_mm, 2e-3);
   // The solver's tolerance.

@@ -144,6 +144,8 @@ InstrumentModel wire(double friction) {
                          "wire");
 }
 
+constexpr double kTube_mm = 90;
+
 /// A wire whose tip lies so far behind the tube's that feeding both at once keeps it inside.
 CoaxialRods pair(double friction, double tube_fed_mm, double wire_fed_mm) {
   const auto rod = [](const InstrumentModel& model, double fed_mm) {
@@ -160,9 +162,8 @@ CoaxialRods pair(double friction, double tube_fed_mm, double wire_fed_mm) {
 
 std::string text_of(const CoaxialLosses::Sums& sums) {
   return fmt::format(
-      "work {:.4g}, stored {:.4g}, friction {:.4g}, damping {:.4g}, drag {:.4g}, left {:.4g}, integrator "
-      "{:.4g} "
-      "uJ",
+      "work {:.4g}, stored {:.4g}, friction {:.4g}, damping {:.4g}, drag {:.4g}, left {:.4g}, "
+      "integrator {:.4g} uJ",
       sums.work_uJ, sums.stored_uJ, sums.friction_uJ, sums.damping_uJ, sums.drag_uJ, sums.left_uJ,
       sums.integrator_uJ);
 }
@@ -170,7 +171,7 @@ std::string text_of(const CoaxialLosses::Sums& sums) {
 /// At 10 mm/s, and back if there is friction: without, all work would come back.
 CoaxialLosses::Sums pushed(double friction, double to_mm, double turn_rad_s) {
   constexpr double kStart_mm = 80, kStep_mm = 0.01;
-  CoaxialRods rods = pair(friction, 90, kStart_mm);
+  CoaxialRods rods = pair(friction, kTube_mm, kStart_mm);
   CoaxialLosses losses(rods);
   while (rods.rod(1).fed_mm() < to_mm) losses.step(kStep_mm, 1e-3 * turn_rad_s);
   while (friction > 0 && rods.rod(1).fed_mm() > kStart_mm) losses.step(-kStep_mm, 1e-3 * turn_rad_s);
@@ -187,8 +188,41 @@ TEST(CoaxialWork, IsStoredOrLostByFrictionDampingAndDrag) {
             fmt::format("friction {}, to {} mm, {} rad/s: {}", friction, to_mm, turn_rad_s, text_of(sums)));
         // What the model promises.
         EXPECT_NEAR(sums.work_uJ, sums.stored_uJ + sums.lost_uJ(), 0.01 * sums.work_uJ);
-        EXPECT_LT(sums.integrator_uJ, 0.01 * sums.work_uJ);
+        EXPECT_LT(std::abs(sums.integrator_uJ), 0.01 * sums.work_uJ);
+        // Inside nothing leaves, but points move along the wire. Beyond, what comes out takes along the
+        // energy that it pressed into the lining, 4.7 uJ of 137 uJ without friction, in which it shows best.
+        EXPECT_LT(std::abs(sums.left_uJ), to_mm < kTube_mm ? 0.001 : 0.05 * 137);
       }
+}
+
+/// A J in a catheter, both in air, from 3 mm behind its rim to 6 mm beyond, where the rim has taken over, and
+/// back, at 10 mm/s.
+CoaxialLosses::Sums j_out_and_back() {
+  constexpr double kOuter_mm = 80, kStep_mm = 0.01, kBehind_mm = 3, kBeyond_mm = 6;
+  const auto rod = [](const char* name, double fed_mm) {
+    const InstrumentModel model = InstrumentModel::named(name);
+    return Rod(model, model.stations_mm(2.5), {}, fed_mm, {.max_iterations = 100});
+  };
+  std::vector<Rod> rods;
+  rods.push_back(rod("vertebral-5f", kOuter_mm));
+  rods.push_back(rod("guidewire-035-j", kOuter_mm - kBehind_mm));
+  CoaxialRods both(std::move(rods));
+  for (int i = 0; i < 100; ++i) both.step(10);
+  for (int i = 0; i < 200; ++i) both.step(1e-3);
+  CoaxialLosses losses(both);
+  while (both.rod(1).fed_mm() < kOuter_mm + kBeyond_mm) losses.step(kStep_mm, 0);
+  while (both.rod(1).fed_mm() > kOuter_mm - kBehind_mm) losses.step(-kStep_mm, 0);
+  return losses.sums();
+}
+
+TEST(CoaxialWork, OfAJOverARimOutAndBackIsFoundAgain) {
+  const CoaxialLosses::Sums sums = j_out_and_back();
+  SCOPED_TRACE(text_of(sums));
+  EXPECT_NEAR(sums.work_uJ, sums.stored_uJ + sums.lost_uJ(), 0.01 * sums.work_uJ);
+  EXPECT_LT(std::abs(sums.integrator_uJ), 0.01 * sums.work_uJ);
+  // 0.38 mJ leave with the J while the rim takes over from its tip, a third of the work outward, and come
+  // back with it. Where they are met is not physical; that little is won or lost in all is: 0.6 % measured.
+  EXPECT_LT(std::abs(sums.left_uJ), 0.01 * sums.work_uJ);
 }
 
 }  // namespace
