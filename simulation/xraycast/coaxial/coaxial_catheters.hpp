@@ -21,9 +21,9 @@ class CoaxialCatheters {
  public:
   static constexpr std::size_t kMaxDevices = 3;
 
-  /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along, by
-  /// up to 0.45 N on a J wire, and the spring between the hand and its hub (0.5 N/mm, see CouplingSettings)
-  /// yields by up to 0.9 mm.
+  /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along,
+  /// and the spring between the hand and its hub (see CouplingSettings) yields: by 0.55 mm to a J wire in a
+  /// Cobra that was pushed into the thorax phantom.
   static constexpr double kDrawnBack_mm = 1;
 
   /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,

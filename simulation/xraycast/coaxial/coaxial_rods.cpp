@@ -171,7 +171,8 @@ void CoaxialRods::step(double dt_s) {
   if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
   begin_step(dt_s);
   const double start_uJ = potential_uJ(dt_s, false);
-  double spent_uJ = std::max(0.0, gained_uJ_);  // in the lumens, and below by the hubs' rotation
+  // In the lumens, charged as far as the step releases energy, and below by the hubs' rotation.
+  double spent_uJ = std::max(0.0, gained_uJ_);
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
   const int most_iterations = rods_[0].options_.max_iterations;
