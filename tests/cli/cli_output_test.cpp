@@ -45,7 +45,7 @@ TEST_P(EveryWriter, KeepsTheOldFilesOnAFullDisk) {
 TEST_P(EveryWriter, IsWholeOrNotThereAfterASignal) {
   std::mt19937 random(static_cast<unsigned>(std::string(GetParam().name).size()));
   for (const int signal : {std::array{SIGTERM, SIGINT, SIGHUP, SIGPIPE}[random() % 4], SIGKILL})
-    expect_survival(signal, random);
+    expect_survival(signal, took_s_, random);
 }
 
 INSTANTIATE_TEST_SUITE_P(, EveryWriter, testing::ValuesIn(writers().begin(), writers().end()),

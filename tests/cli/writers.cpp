@@ -218,10 +218,10 @@ void EveryWriter::expect_whole_files() const {
     EXPECT_TRUE(is_whole(name, content.first)) << name << " is partial or was left behind";
 }
 
-bool EveryWriter::expect_survival(int signal, std::mt19937& random) const {
+bool EveryWriter::expect_survival(int signal, double latest_s, std::mt19937& random) const {
   put_old_files();
   Process process(command(GetParam().line));
-  std::uniform_real_distribution moment_s(0.0, took_s_);
+  std::uniform_real_distribution moment_s(0.0, latest_s);
   std::this_thread::sleep_for(std::chrono::duration<double>(moment_s(random)));
   process.send(signal);
   const Finished done = process.finish();
