@@ -1,4 +1,4 @@
-"""What pickles of objects hold: functions that make them again, and these functions' arguments."""
+"""The contents of pickled objects: functions that make the objects again, and these functions' arguments."""
 import os
 import tempfile
 import warnings
@@ -9,7 +9,7 @@ from ._errors import InputError
 
 
 def scan(self):
-    """A scan by its file and a checksum where it was read from one, else with its voxels."""
+    """The file's name and a checksum of a scan that was read from a file, else the voxels."""
     if self._file:
         return open_again, (self._file, self.hu.shape, self.spacing_mm, self.origin_mm, zlib.crc32(self.hu))
     return of_array, (self.hu, self.spacing_mm, self.origin_mm, *self._description, self.notes, self.warnings)
@@ -39,7 +39,7 @@ def tree(self):
 
 
 def body_map(self):
-    """By the bytes of its file."""
+    """The bytes of the map's file."""
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, "map.exr")
         self.write(path)

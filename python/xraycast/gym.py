@@ -53,7 +53,7 @@ class _Tree:
 
 
 def _checked_view(body, view):
-    """Throws InputError."""
+    """Raises InputError."""
     if body is None:
         for name, value in view.items():
             if not np.array_equal(value, VIEW[name]):

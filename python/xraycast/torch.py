@@ -46,9 +46,9 @@ def by_matrix(rt, motion, centre):
 def project(scan, K, RT, size, opacity="paper"):
     """Optical depths of a Scan as a tensor, (rows, columns) float32, or (poses, rows, columns) where RT is a batch.
 
-    RT: (3, 4) or (4, 4), or a batch of them, from LPS mm to the camera's mm. First gradients flow back to it along rigid
-    motions, computed on the CPU. RT must stay a rigid motion: optimise the parameters from which it is computed, not its
-    entries. K, size and opacity: as in Scan.project; no gradients.
+    RT: (3, 4) or (4, 4), or a batch of them, from LPS mm to the camera's mm. Gradients along rigid motions flow back to it,
+    computed on the CPU; there are no second derivatives. RT must stay a rigid motion: optimise the parameters from which it
+    is computed, not its entries. K, size and opacity: as in Scan.project; no gradients.
     """
     needs = RT.requires_grad and torch.is_grad_enabled()
     return _Project.apply(RT, scan, np.asarray(K, dtype=np.float64), size, opacity, needs)

@@ -22,7 +22,7 @@ WORKER_S = 60
 
 @dataclasses.dataclass(frozen=True)
 class Workers:
-    """What the command line says of them. scheduler: an address, or empty for `count` processes here."""
+    """The command line's options for workers. scheduler: an address, or empty for `count` processes on this machine."""
     scheduler: str = ""
     count: int = 0
     threads: int = 0
@@ -33,7 +33,7 @@ class Workers:
 
 @contextlib.contextmanager
 def address_of(workers):
-    """The scheduler's address: of `workers`, or of a cluster of this machine that ends with the `with`."""
+    """Context manager: the scheduler's address, that of `workers` or of a cluster on this machine, which ends with the `with`."""
     _silence_dask()
     if workers.scheduler:
         yield workers.scheduler
@@ -55,13 +55,13 @@ def address_of(workers):
 
 
 def _environment():
-    """Dask's, without the threshold by which glibc gives large memory back at once: a third of a cast's time."""
+    """Dask's environment without the threshold by which glibc returns large memory at once, which costs a third of a cast's time."""
     return {name: value for name, value in dask.config.get("distributed.nanny.pre-spawn-environ").items()
             if name != "MALLOC_TRIM_THRESHOLD_"}
 
 
 def _kill_workers(cluster):
-    """At once: a cast lasts. Outputs appear whole, so that nothing is lost but what was being made."""
+    """Does not wait for their tasks, which may take minutes. Outputs appear whole, so that only unfinished ones are lost."""
     for nanny in cluster.workers.values():
         nanny.auto_restart = False
         if nanny.pid:
@@ -70,14 +70,15 @@ def _kill_workers(cluster):
 
 
 def _silence_dask():
-    """What it warns of, such as workers that died, is in the ledger."""
+    """Drops dask's warnings, for example of workers that died: the ledger has these."""
     for name in [name for name in logging.root.manager.loggerDict if name.split(".")[0] == "distributed"]:
         logging.getLogger(name).setLevel(logging.CRITICAL)
 
 
 @contextlib.contextmanager
 def _ctrl_c_kept_from_children():
-    """A terminal sends it to all processes; this one alone ends the workers. Threads and processes inherit the mask."""
+    """Blocks SIGINT in threads and processes that start meanwhile: a terminal sends it to all of them, but only this process
+    is to end the workers."""
     resource_tracker.ensure_running()  # which would lift the mask when it starts
     signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
@@ -87,12 +88,12 @@ def _ctrl_c_kept_from_children():
 
 
 def local_threads(workers):
-    """Cores for each worker of this machine."""
+    """Threads for each worker on this machine: its share of the cores."""
     return workers.threads or max(1, len(os.sched_getaffinity(0)) // workers.count)
 
 
 def connect(address):
-    """Throws InputError."""
+    """Raises InputError."""
     try:
         return Client(address, timeout=ANSWER_S, set_as_default=False)
     except (OSError, ValueError, TypeError) as error:
@@ -101,7 +102,7 @@ def connect(address):
 
 
 def check_workers(client, out, resources):
-    """That one with the resources has joined, has this version, and sees OUT, also where all are busy. Throws Error."""
+    """Raises Error unless a worker with the resources has joined, has this version and sees OUT. Also works if all are busy."""
     worker = _joined_worker(client, resources)
     token = out / f".seen-{uuid.uuid4().hex}"
     token.touch()
@@ -120,7 +121,7 @@ def check_workers(client, out, resources):
 
 
 def _joined_worker(client, resources):
-    """The address of one with the resources, waited for. Throws Error."""
+    """Waits for a worker with the resources and returns its address. Raises Error."""
     deadline = time.monotonic() + WORKER_S
     while True:
         for address, worker in client.scheduler_info(n_workers=-1)["workers"].items():

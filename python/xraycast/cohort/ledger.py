@@ -10,7 +10,7 @@ SYNC_INTERVAL_S = 1.0
 
 
 class Ledger:
-    """Appends lines. Several processes may: each write is one, at the end, under a lock of the file."""
+    """Appends lines, also from several processes: each line is one write at the file's end, under a lock of the file."""
 
     def __init__(self, path):
         self._file = os.open(path, os.O_RDWR | os.O_APPEND | os.O_CREAT, 0o666)
@@ -41,7 +41,7 @@ class Ledger:
         return _FileLock(self._file)
 
     def _remove_torn_line(self):
-        """What a process left that died, or had no space, while it wrote."""
+        """Removes the incomplete last line of a process that died, or had no space left, while it wrote."""
         size = os.fstat(self._file).st_size
         end = size
         while end > 0:
@@ -67,7 +67,7 @@ class _FileLock:
 
 
 def read_ledger(path):
-    """The records, oldest first; none where there is no ledger. A last line without an end is left out. Throws InputError."""
+    """The records, oldest first; none if there is no ledger. An incomplete last line is left out. Raises InputError."""
     try:
         with open(path, "rb") as file:
             for number, line in enumerate(file, 1):

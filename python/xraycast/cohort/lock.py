@@ -7,7 +7,7 @@ from .._errors import InputError
 
 
 class RunLock:
-    """Holds OUT/lock, and of a part its own lock too, until close() or the process's end. Throws InputError."""
+    """Holds OUT/lock, and of a part its own lock too, until close() or the process's end. Raises InputError."""
 
     def __init__(self, out, part=None):
         self._files = []

@@ -30,7 +30,7 @@ def is_url(path):
 
 
 def read_cohort(source):
-    """The scans of a manifest (.csv) or folder, local or by URL, in order. Throws InputError."""
+    """The scans of a manifest (.csv) or folder, local or by URL, in order. Raises InputError."""
     scans = read_manifest(source) if source.lower().endswith(".csv") else find_scans(source)
     _check_unique(scans, source)
     return scans
@@ -144,7 +144,7 @@ def _check_unique(scans, source):
 
 
 def identity_of(path):
-    """What changes when a scan's files do: their names, sizes and times. Throws OSError."""
+    """What changes when a scan's files do: their names, sizes and times. Raises OSError."""
     if is_url(path):
         return _identity_by_url(path)
     if os.path.isdir(path):

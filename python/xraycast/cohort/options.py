@@ -33,7 +33,7 @@ class Options:
 
 
 def steps_of(text):
-    """Steps in the order in which they are taken. Throws InputError."""
+    """Steps in the order in which they are taken. Raises InputError."""
     names = text.split(",")
     for name in names:
         if name not in STEPS:
@@ -42,7 +42,7 @@ def steps_of(text):
 
 
 def opacity_of(name):
-    """An opacity's name or absolute path, and the digest of its file. Throws InputError."""
+    """An opacity's name or absolute path, and the digest of its file. Raises InputError."""
     if not name.endswith(".json"):
         if not name.startswith("spectrum:"):
             _core.Opacity.named(name)  # throws where there is none
@@ -57,7 +57,7 @@ def opacity_of(name):
 
 
 def poses_of(path):
-    """Pairs of angles from a CSV file with the columns lao and cranial. Throws InputError."""
+    """Pairs of angles from a CSV file with the columns lao and cranial. Raises InputError."""
     try:
         with open(path, newline="", encoding="utf-8") as file:
             poses = tuple((float(row["lao"]), float(row["cranial"])) for row in csv.DictReader(file))

@@ -34,7 +34,7 @@ def unfinished_folder(out):
 
 
 def publish(folder, out, scan, record):
-    """Gives a folder with its record its place. Returns the record of what lies there: another attempt may have been first."""
+    """Moves a folder with its record to its place. Returns the record that is there then, of another attempt if that was first."""
     target = folder_of(out, scan)
     target.parent.mkdir(parents=True, exist_ok=True)
     record["outputs"] = sorted(f"{SCANS}/{scan.folder}/{file.relative_to(folder).as_posix()}"
@@ -68,5 +68,5 @@ def _remove(target, out):
 
 
 def remove_unfinished(out):
-    """What workers left that died."""
+    """Removes the folders that dead workers left."""
     shutil.rmtree(pathlib.Path(out, UNFINISHED), ignore_errors=True)

@@ -29,7 +29,7 @@ figcaption {{ font-size: 12px; overflow-wrap: anywhere; }}
 
 
 def write_report(out):
-    """Returns the page's path. Throws InputError."""
+    """Returns the page's path. Raises InputError."""
     records = list(read_ledger(out / "ledger.jsonl"))
     if not records:
         raise InputError(f"{out}: has no ledger.jsonl with lines; give the folder of a run")

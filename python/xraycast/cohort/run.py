@@ -44,7 +44,7 @@ class Counts:
 
 
 def run_cohort(run):
-    """Returns the counts. Throws InputError, Error, OSError."""
+    """Returns the counts. Raises InputError, Error, OSError."""
     scans = read_cohort(run.source)
     if run.part:
         scans = [scan for scan in scans if _part_of(scan, run.part[1]) == run.part[0]]

@@ -25,7 +25,7 @@ exit "$status"
 
 
 def array_job(source, out, parts, run_arguments):
-    """The script, for sbatch. Throws InputError."""
+    """The script, for sbatch. Raises InputError."""
     scans = len(read_cohort(source))
     parts = min(parts, scans)
     os.makedirs(out, exist_ok=True)  # Slurm writes its logs there before the first task runs

@@ -1,4 +1,4 @@
-"""What is made of a scan, a function a step: (scan, folder, options, made), where made holds the name and what earlier steps left."""
+"""The steps, one function each: (scan, folder, options, made), where made holds the scan's name and the results of earlier steps."""
 import json
 
 import numpy as np

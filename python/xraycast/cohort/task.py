@@ -1,4 +1,4 @@
-"""One attempt at one scan, on a worker. What fails becomes the record's error; only the worker's death does not."""
+"""One attempt at one scan, on a worker. A failure becomes the record's error, unless the worker itself dies."""
 import time
 
 from .. import _core
@@ -68,6 +68,6 @@ def error_of(error, scan):
 
 
 def probe(token):
-    """What a worker tells before the run: xraycast's version, and whether it sees the client's OUT."""
+    """A worker's answer before the run: xraycast's version, and whether it sees the client's OUT."""
     import os
     return _core.__version__, os.path.exists(token)

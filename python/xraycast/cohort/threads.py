@@ -5,6 +5,7 @@ VARIABLES = ("XRAYCAST_THREADS", "POCL_MAX_PTHREAD_COUNT", "LP_NUM_THREADS", "OM
 
 
 def limit_threads(count):
-    """Of this process: xraycast's own, PoCL's, those of drawing in software, and OpenMP's. Before the first of them starts."""
+    """Limits this process's threads: xraycast's own, PoCL's, OpenMP's, and those of drawing in software. Call it before the
+    first of them starts."""
     for name in VARIABLES:
         os.environ[name] = str(count)

@@ -50,7 +50,7 @@ class Window:
         self._connect()
 
     def run(self, jobs, on_wait=lambda: None):
-        """Until all jobs have ended for good."""
+        """Returns when all jobs have ended for good."""
         jobs = iter(jobs)
         has_more = True
         while has_more or self._jobs or self._again:
@@ -64,7 +64,7 @@ class Window:
             on_wait()
 
     def close(self):
-        """Tells the scheduler to forget what has not begun."""
+        """Tells the scheduler to forget the jobs that have not begun."""
         if self.client is None:
             return
         try:
@@ -116,7 +116,7 @@ class Window:
         job.future.add_done_callback(lambda future: self._events.put(("ended", future)))
 
     def _take_events(self):
-        """All that there are, after a wait for the first: results are fetched together."""
+        """Waits for the first event and returns all that are there by then, so that results are fetched together."""
         events = []
         try:
             events.append(self._events.get(timeout=0.2))
@@ -137,7 +137,7 @@ class Window:
         return job is not None and job.future is future and future.status != "pending"
 
     def _fetch(self, futures):
-        """Records by key, of those that are still there."""
+        """The records by key, of the futures whose results still exist."""
         if not futures:
             return {}
         try:
