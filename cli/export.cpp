@@ -172,7 +172,7 @@ void add_export(CLI::App& app, Session& session) {
   add_coaxial_options(*command, options->instrument_models, options->entry);
   command
       ->add_option("--precision", options->precision,
-                   "Of the page's map: byte, of 8 bits a texel, or half, of 16")
+                   "How the page stores the map: byte (8 bits a texel) or half (16 bits)")
       ->check(CLI::IsMember({"byte", "half"}))
       ->capture_default_str()
       ->type_name("NAME");

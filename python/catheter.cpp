@@ -275,24 +275,27 @@ void add_state(nb::module_& module) {
       .def_prop_ro("time_s", [](const State& s) { return s.record.time_s; })
       .def_prop_ro(
           "insertion_mm", [](const State& s) { return s.record.pose.insertion_mm; },
-          "Length fed in. Less than was pushed where the hub is held, or cannot move as fast.")
+          "Length inserted; less than was pushed if the hub is held or cannot move as fast.")
       .def_prop_ro("rotation_deg",
                    [](const State& s) { return s.record.pose.rotation_rad / kRadiansPerDegree; })
       .def_prop_ro(
           "force_N", [](const State& s) { return s.record.load.force_N; },
-          "On the hand at the hub; positive pushes it back.")
+          "The force on the hand at the hub; a positive one pushes it back.")
       .def_prop_ro("torque_Nm", [](const State& s) { return s.record.load.torque_Nm; })
       .def_prop_ro(
           "tip_mm", [](const State& s) { return tuple_of(s.record.tip.position_mm); }, "(x, y, z), mm, LPS.")
       .def_prop_ro(
-          "tip_direction", [](const State& s) { return tuple_of(s.record.tip.direction); }, "Of length 1.")
+          "tip_direction", [](const State& s) { return tuple_of(s.record.tip.direction); },
+          "The unit vector along the device at its tip.")
       .def_prop_ro(
-          "branch", [](const State& s) { return s.record.tip.branch; }, "Of the tree, where the tip is.")
+          "branch", [](const State& s) { return s.record.tip.branch; },
+          "The number of the tree's branch in which the tip is.")
       .def_prop_ro(
           "arc_length_mm", [](const State& s) { return s.record.tip.arc_length_mm; },
-          "Of the tip, from the branch's first point.")
+          "The tip's distance from the branch's first point, along the branch.")
       .def_prop_ro(
-          "contacts", [](const State& s) { return s.record.contacts; }, "Points that touch a wall.")
+          "contacts", [](const State& s) { return s.record.contacts; },
+          "The number of points that touch a wall.")
       .def_prop_ro(
           "contact_force_N", [](const State& s) { return s.record.contact_force_N; },
           "The sum of the walls' forces.")
@@ -318,26 +321,28 @@ void exchange_device(HeldDevices& devices, int device, const nb::object& model) 
 void add_devices(nb::module_& module) {
   nb::class_<HeldDevices>(
       module, "CoaxialDevices",
-      "Up to three devices one in the other, as a guide wire in a catheter, each moved at "
-      "its own hub. Lists have an item a device, the outermost first.")
+      "Up to three devices one in the other, such as a guide wire in a catheter, each moved at "
+      "its own hub. Lists have one item for each device, the outermost first.")
       .def("__init__", make_devices, nb::arg("tree"), nb::arg("models").none(), nb::kw_only(),
            nb::arg("entry") = nb::none(),
            "models: as Catheter's, a list, the outermost first; each fits into those before it.  entry: as "
            "Catheter's.")
       .def("step", move_hubs, nb::arg("push_mm") = nb::none(), nb::arg("turn_deg") = nb::none(),
            nb::arg("ms") = 1,
-           "Moves each hub by its number of push_mm and turn_deg, evenly over so many steps of 1 ms, and "
-           "returns a CatheterState a device.")
+           "Moves each hub by its numbers in push_mm and turn_deg, evenly over `ms` steps of 1 ms, and "
+           "returns a CatheterState for each device.")
       .def_prop_ro("states", &HeldDevices::states, nb::call_guard<nb::gil_scoped_release>())
       .def("nodes_mm", nodes_of, nb::arg("device"), kShared,
            "A device from the introducer to its tip, (nodes, 3) float64, mm, LPS; a new array.")
-      .def("exchange", exchange_device, nb::arg("device"), nb::arg("model").none(),
-           "Another model instead of a device that is drawn back to an insertion of 0. The others stay.")
+      .def(
+          "exchange", exchange_device, nb::arg("device"), nb::arg("model").none(),
+          "Replaces a device that is drawn back to an insertion of at most 1 mm by another model. The others "
+          "stay.")
       .def(
           "has_free_lumen",
           [](HeldDevices& d, int device) { return d.has_free_lumen(checked_device(d, device)); },
           nb::arg("device"), nb::call_guard<nb::gil_scoped_release>(),
-          "No other device is inserted in it, so that contrast agent can be injected.")
+          "Whether it has a lumen with no other device inserted, so that contrast agent can be injected.")
       .def_prop_ro("models", names_of)
       .def_prop_ro("max_insertion_mm",
                    [](HeldDevices& d) {
@@ -359,13 +364,14 @@ void add_catheter(nb::module_& module) {
   nb::class_<HeldCatheter>(module, "Catheter", "A catheter or guide wire in a vessel tree, moved at its hub.")
       .def("__init__", make_catheter, nb::arg("tree"), nb::arg("model"), nb::kw_only(),
            nb::arg("entry") = nb::none(),
-           "model: a device's name, as cobra-5f or guidewire-035-j (others are told for a wrong one), or a "
-           "JSON file.\n"
-           "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; else the most "
-           "inferior end "
-           "that it fits into.")
+           "model: a device's name, such as cobra-5f or guidewire-035-j (the error for a wrong one lists "
+           "all), "
+           "or a JSON file.\n"
+           "entry: the number of a branch, or a point (x, y, z) in mm near a vessel's end; default: the most "
+           "inferior end that it fits into.")
       .def("step", move_hub, nb::arg("push_mm") = 0.0, nb::arg("turn_deg") = 0.0, nb::arg("ms") = 1,
-           "Moves the hub by so much, evenly over so many steps of 1 ms, and returns the CatheterState.")
+           "Moves the hub by push_mm and turn_deg, evenly over `ms` steps of 1 ms, and returns the "
+           "CatheterState.")
       .def_prop_ro(
           "state", [](HeldCatheter& c) { return c.held.states().front(); },
           nb::call_guard<nb::gil_scoped_release>())

@@ -52,7 +52,7 @@ void add_opacity(nb::module_& module) {
           nb::arg("knots"), nb::arg("name") = "custom")
       .def_static(
           "named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
-          "paper, bilinear, subtracted, or a JSON file.")
+          "The opacity `paper`, `bilinear` or `subtracted`, or that of a JSON file.")
       .def_prop_ro("name", [](const Opacity& o) { return text_object(o.name()); })
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")
       .def("__call__", &Opacity::mu_per_mm, nb::arg("hu"), "mu in 1/mm at a CT number.")

@@ -139,14 +139,13 @@ void add_tree(nb::module_& module) {
           "copy, read-only.")
       .def_prop_ro(
           "parent", [](const HeldBranch& b) { return b.branch().parent; },
-          "The branch it leaves; -1 for the root.")
+          "The number of the branch that it leaves; -1 for the root.")
       .def_prop_ro("children", [](const HeldBranch& b) { return b.branch().children; })
       .def_prop_ro("length_mm", [](const HeldBranch& b) { return b.branch().arc_length_mm.back(); });
   nb::class_<HeldTree>(module, "VesselTree", "Centrelines with radii, as a connected tree of branches.")
       .def("__init__", make_tree, nb::arg("branches"),
-           "branches: (points, parent) of each; points (n, 4): x, y, z and radius in mm, LPS, the first one "
-           "the "
-           "parent's last; parent: its number, -1 for the root.")
+           "branches: (points, parent) of each; points (n, 4): x, y, z and radius in mm, LPS, of which the "
+           "first is the parent's last; parent: its number, -1 for the root.")
       .def("__reduce__", [](nb::handle self) { return reduced("tree", self); })
       .def_static(
           "read",

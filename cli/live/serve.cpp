@@ -242,7 +242,7 @@ void serve(const ServeArguments& options, Session& session) {
 void add_serve(CLI::App& app, Session& session) {
   const auto options = std::make_shared<ServeArguments>();
   CLI::App* command = add_command(
-      app, session, "serve", "Steer a catheter for programs, over OpenIGTLink, and for browsers",
+      app, session, "serve", "Run a live session for other programs (OpenIGTLink) and for browsers",
       "  xraycast serve map.exr --vessels vessels\n"
       "  xraycast serve map.exr --vessels vessels --device-model simmons2-5f --c-arm mobile-flat-panel "
       "--size 640x480\n"
@@ -257,9 +257,10 @@ void add_serve(CLI::App& app, Session& session) {
       ->type_name("DIR|FILE");
   add_coaxial_options(*command, options->instrument_models, options->entry);
   command
-      ->add_option("--haptic", options->haptic,
-                   "What moves the hub: a client over openigtlink (default), the browser of --web that was "
-                   "first (default with --web), a script, or none")
+      ->add_option(
+          "--haptic", options->haptic,
+          "What moves the hub: openigtlink, a client (default); browser, the first one of --web (default "
+          "with --web); script; or none")
       ->check(CLI::IsMember({"openigtlink", "browser", "script", "none"}))
       ->type_name("DEVICE");
   command->add_option("--script", options->script, "A script that moves the hub (see `xraycast simulate`)")
@@ -270,18 +271,18 @@ void add_serve(CLI::App& app, Session& session) {
       ->type_name("ADDRESS:PORT");
   command
       ->add_option("--web", options->web,
-                   "Serve a web page with the live session too, on a free port of 127.0.0.1 unless an "
-                   "address is given; the one to open is printed")
+                   "Also serve the live session as a web page, by default on a free port of 127.0.0.1; the "
+                   "address to open is printed")
       ->expected(0, 1)
       ->default_str(to_string(WebServer::Options{}.address))
       ->option_text("[ADDRESS:PORT]");
   command
       ->add_option("--web-host", options->web_hosts,
-                   "One more name of --web's address, as browsers elsewhere have it; repeats")
+                   "Another host name by which browsers reach --web; repeatable")
       ->allow_extra_args(false)
       ->type_name("NAME");
   command->add_flag("--send-all", options->sends_unasked,
-                    "Send every client pictures, shapes and tips, for those that cannot ask");
+                    "Send pictures, shapes and tips to every client, also to those that do not ask");
   command->add_option("--rate", options->rate_hz, "Frames per second, 1 to 60")
       ->check(CLI::Range(1.0, 60.0))
       ->capture_default_str()

@@ -23,9 +23,10 @@ void check_amount(const char* option, double value, double most, const char* uni
 
 void add_injection_options(CLI::App& command, InjectionOptions& options) {
   command
-      .add_option("--inject", options.times,
-                  "--cine: inject contrast agent at the tip between these times in s; leave TO out where "
-                  "--injection-volume ends it, as in --inject 8 --injection-rate 6 --injection-volume 12")
+      .add_option(
+          "--inject", options.times,
+          "--cine: inject contrast agent at the tip between these times in s; with --injection-volume TO may "
+          "be left out, as in --inject 8 --injection-rate 6 --injection-volume 12")
       ->type_name("FROM_S[,TO_S]");
   command.add_option("--injection-rate", options.rate_ml_s, "--inject: flow rate of the injection")
       ->capture_default_str()

@@ -38,9 +38,10 @@ void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options) {
     return command.add_option(name, value, help)->type_name(type)->group(kFluoroscopeGroup);
   };
   add("--c-arm", options.c_arm,
-      fmt::format("Distances, detector, tube and table of {}, or of a file; sets --cone, --size and --pixel "
-                  "unless they are given",
-                  fmt::join(CArm::preset_names(), ", ")),
+      fmt::format(
+          "C-arm with its distances, detector, tube and table: {}, or a file; sets --cone, --size and "
+          "--pixel unless they are given",
+          fmt::join(CArm::preset_names(), ", ")),
       "NAME|FILE.json");
   add("--field", options.field_mm,
       "Field of view (magnification mode): its side on the detector; default: the largest", "MM");

@@ -29,9 +29,10 @@ void add_view_options(CLI::App& command, ViewOptions& options) {
                      ->capture_default_str()
                      ->type_name("DEG");
   command
-      .add_option("--isocentre", options.isocentre,
-                  "Isocentre in the scan's patient coordinates (LPS, mm), within the body: the middle of the "
-                  "picture, whose size it does not change; default: the middle of the body")
+      .add_option(
+          "--isocentre", options.isocentre,
+          "Isocentre, the middle of the picture: a point within the body in patient coordinates (LPS, mm); "
+          "the picture's size stays the same; default: the middle of the body")
       ->type_name("X,Y,Z");
   add_cone_option(command, options.cone);
   command.add_option("--size", options.size, "Picture size in pixels; default: the whole body fits")
