@@ -155,10 +155,10 @@ void check_signals() {
 }
 
 void run_job(const nb::object& listener, const std::function<void(Progress&)>& work) {
-  const nb::object told = listening(listener);
   Mailbox mailbox;
   Progress progress([&](const Progress::State& state) { mailbox.put(state); });
   const RunningCall call(progress);
+  const nb::object told = listening(listener);
   std::thread worker;
   try {
     worker = std::thread([&] { mailbox.finish(failure_of(work, progress)); });

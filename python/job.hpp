@@ -25,7 +25,8 @@ auto result_of(const nb::object& listener, const Work& work) {
   return std::move(*result);
 }
 
-/// A call that runs without the interpreter's lock, for its lifetime. Both ends with that lock.
+/// A call that releases the interpreter's lock, or runs Python code that may, as an import does; for its
+/// lifetime. It is made and destroyed with that lock.
 class RunningCall {
  public:
   /// Throws Error when the interpreter exits.

@@ -1,5 +1,6 @@
 #include "poses.hpp"
 
+#include "job.hpp"
 #include "xraycast/base/error.hpp"
 
 #include <glm/matrix.hpp>
@@ -173,6 +174,8 @@ std::optional<PinholeCamera> camera_of_pose(const Pose& pose) {
 }  // namespace
 
 Poses poses_of(const PoseArguments& arguments, const std::function<View(View, bool)>& complete) {
+  Progress progress;
+  const RunningCall call(progress);  // arrays import numpy, which the interpreter's exit must not cut off
   const bool has_matrices = !arguments.intrinsics.is_none() || !arguments.extrinsics.is_none();
   return has_matrices ? cameras_of(arguments) : views_of(arguments, complete);
 }

@@ -66,6 +66,8 @@ std::string text_of(const nb::object& object) {
 
 /// A C-ordered int16 array of three axes: the given one where it is that. Throws InputError.
 nb::object hu_array(const nb::object& hu) {
+  Progress progress;
+  const RunningCall call(progress);  // as poses_of
   const nb::object numpy = nb::module_::import_("numpy");
   nb::object array =
       numpy_array(hu, nb::none(),
