@@ -140,8 +140,13 @@ Camera camera_of(const Fields& fields) {
 }
 
 GreyWindow window_of(const Fields& fields) {
-  return {fields.number("scale", 1e-6, 1e6), fields.number("dark", 0, 1), fields.number("light", 0, 1),
-          fields.number("gamma", 0.1, 10), fields.get<bool>("inverted")};
+  const GreyWindow window{fields.number("scale", 1e-6, 1e6), fields.number("dark", 0, 1),
+                          fields.number("light", 0, 1), fields.number("gamma", 0.1, 10),
+                          fields.get<bool>("inverted")};
+  if (!(window.light > window.dark))
+    throw InputError("{}: light is {}, which is not above dark, {}", fields.name(), window.light,
+                     window.dark);
+  return window;
 }
 
 Style style_of(const Fields& fields) {
