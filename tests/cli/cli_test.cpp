@@ -416,6 +416,8 @@ const BadCall kBadCalls[] = {
      "--full-contrast does not apply to"},
     {"RenderDepthsWithAnnotations", "render @/map.exr -o @/out.exr --annotations", 3,
      "--annotations does not apply to"},
+    {"RenderWithWeightsBelowZero", "render @/map.exr -o @/out.png --layer-weights=-0.5,1", 3,
+     "--layer-weights -0.5,1: each must be 0 to 100", write_small_map},
     {"RenderWithWeightsOfOtherLayers", "render @/map.exr -o @/out.png --layer-weights 1,0,1", 3,
      "3 layer weights for the 1 layer of", write_small_map},
     {"RenderSurfacesInFullContrast", "render @/map.exr -o @/out.png --look surface --full-contrast", 3,

@@ -159,8 +159,8 @@ Style style_of(const Fields& fields) {
     style.sampling.wall_radius_mm = fields.number("wall_radius_mm", 1e-3, 1e4);
   style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
   style.layer_weights = fields.get<std::vector<float>>("strengths");
-  if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= 100; }))
-    throw InputError("{}: strengths must be 0 to 100", fields.name());
+  if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= kMaxLayerWeight; }))
+    throw InputError("{}: strengths must be 0 to {:g}", fields.name(), kMaxLayerWeight);
   return style;
 }
 
