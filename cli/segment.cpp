@@ -34,6 +34,7 @@ struct SegmentArguments {
   ScanOptions scan;
   SegmentOptions segment;
   std::size_t triangles = 50'000;
+  const CLI::App* command = nullptr;
 };
 
 std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, const std::string& option) {
@@ -47,6 +48,9 @@ std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, cons
 }
 
 SegmentOptions parsed(const SegmentArguments& options) {
+  if (!options.from_mask.empty())
+    check_not_given(*options.command, {"--not", "--window", "--max-radius"},
+                    "to --from-mask, whose voxels are the vessels; leave it out");
   SegmentOptions segment = options.segment;
   segment.markers.vessels_mm = parse_points(options.seeds, "--seed");
   segment.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
@@ -259,6 +263,7 @@ void add_segment(CLI::App& app, Session& session) {
       "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
       "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
       [options, &session] { segment(*options, session); });
+  options->command = command;
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   command
