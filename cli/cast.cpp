@@ -399,6 +399,39 @@ std::string left_out_line(const MapGeometry& geometry, const std::optional<doubl
                      : "left out: everything outside the outline; --keep-table includes the table\n";
 }
 
+void report_cast(const Casting& casting, const CastArguments& options, const std::string& opacity,
+                 double write_ms, double total_ms, const Session& session) {
+  const auto& [result, load_timings, basis, basis_ms, outline_ms, outside] = casting;
+  const MapGeometry& geometry = result.map.geometry;
+  Json json{{"input", options.input},
+            {"map", to_json(result.map)},
+            {"timings_ms",
+             {{"read", load_timings.read_ms},
+              {"upload", load_timings.upload_ms},
+              {"outline", outline_ms},
+              {"kernel", result.kernel_ms},
+              {"write", write_ms},
+              {"total", total_ms}}}};
+  std::string text = fmt::format(
+      "{}: {} of {} x {}, outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
+      "read {:.0f} ms, upload {:.0f} ms, outline {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} "
+      "ms\n",
+      options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
+      pluralize(geometry.height, "slice"), geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
+      geometry.centre_mm[0].x, geometry.centre_mm[0].y, opacity, load_timings.read_ms, load_timings.upload_ms,
+      outline_ms, result.kernel_ms, write_ms, total_ms);
+  if (outside) json["outside_share"] = *outside;
+  text += left_out_line(geometry, outside, options.keeps_table);
+  report_preview(geometry, options.output, json, text);
+  if (basis) {
+    json["basis"] = {{"file", options.basis}, {"knots_hu", basis->knots_hu}};
+    json["timings_ms"]["basis"] = basis_ms;
+    text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis,
+                        pluralize(basis->knots_hu.size(), "knot"), basis_ms);
+  }
+  session.report(json, text);
+}
+
 void cast_map(CastArguments options, Session& session) {
   const Stopwatch stopwatch;
   if (options.radii_text) options.radii = parse_radii(*options.radii_text);
@@ -415,54 +448,26 @@ void cast_map(CastArguments options, Session& session) {
   const std::int64_t limit_B = memory_limit_B(options, device);
   const VolumeGeometry& volume = scan.source->geometry();
   const bool fits = resident_bytes(volume) <= limit_B;
-  auto [result, load_timings, basis, basis_ms, outline_ms, outside] =
-      fits && !is_best_by_slabs(options, attenuation, volume)
-          ? cast_resident(options, attenuation, knots_hu, scan, device, session)
-          : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
-  result.map.source = source;
-  result.map.frame_of_reference_uid = frame_of_reference;
-  result.map.precision = parse_map_precision(options.output.precision);
-  const MapGeometry& geometry = result.map.geometry;
+  Casting casting = fits && !is_best_by_slabs(options, attenuation, volume)
+                        ? cast_resident(options, attenuation, knots_hu, scan, device, session)
+                        : cast_slabs(options, attenuation, std::move(scan), limit_B, device, session);
+  BodyMap& map = casting.result.map;
+  map.source = source;
+  map.frame_of_reference_uid = frame_of_reference;
+  map.precision = parse_map_precision(options.output.precision);
 
   const Stopwatch writing;
   OutputSet outputs;
-  write_map(result.map, options.output);
-  if (basis) {
-    basis->source = source;
-    basis->frame_of_reference_uid = frame_of_reference;
-    write_basis(*basis, options.basis);
+  write_map(map, options.output);
+  if (casting.basis) {
+    casting.basis->source = source;
+    casting.basis->frame_of_reference_uid = frame_of_reference;
+    write_basis(*casting.basis, options.basis);
   }
   outputs.commit();
-  const double write_ms = writing.ms(), total_ms = stopwatch.ms();
-
-  Json json{{"input", options.input},
-            {"map", to_json(result.map)},
-            {"timings_ms",
-             {{"read", load_timings.read_ms},
-              {"upload", load_timings.upload_ms},
-              {"outline", outline_ms},
-              {"kernel", result.kernel_ms},
-              {"write", write_ms},
-              {"total", total_ms}}}};
-  std::string text = fmt::format(
-      "{}: {} of {} x {}, outline {}, radius {:.1f} mm about ({:.1f}, {:.1f}) mm, opacity {}\n"
-      "read {:.0f} ms, upload {:.0f} ms, outline {:.0f} ms, kernel {:.0f} ms, write {:.0f} ms, total {:.0f} "
-      "ms\n",
-      options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
-      pluralize(geometry.height, "slice"), geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
-      geometry.centre_mm[0].x, geometry.centre_mm[0].y,
-      std::visit([](const auto& a) { return a.name(); }, attenuation), load_timings.read_ms,
-      load_timings.upload_ms, outline_ms, result.kernel_ms, write_ms, total_ms);
-  if (outside) json["outside_share"] = *outside;
-  text += left_out_line(geometry, outside, options.keeps_table);
-  report_preview(geometry, options.output, json, text);
-  if (basis) {
-    json["basis"] = {{"file", options.basis}, {"knots_hu", knots_hu}};
-    json["timings_ms"]["basis"] = basis_ms;
-    text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis, pluralize(knots_hu.size(), "knot"),
-                        basis_ms);
-  }
-  session.report(json, text);
+  const double write_ms = writing.ms();
+  const std::string opacity = std::visit([](const auto& one) { return one.name(); }, attenuation);
+  report_cast(casting, options, opacity, write_ms, stopwatch.ms(), session);
 }
 
 }  // namespace

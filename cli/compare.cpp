@@ -31,6 +31,7 @@ struct CompareArguments {
   ScanOptions scan;
   int views = 12;
   double tilt_deg = 0;
+  const CLI::App* command = nullptr;
 
   /// From this C-arm angle; the sizes are for `fitted`.
   View view(double angle_deg) const {
@@ -228,7 +229,10 @@ void compare_maps(const CompareArguments& options, Session& session) {
   Style style;
   style.sampling.compositing = parse_compositing(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
-  if (!options.plot.empty()) check_plot(options.plot);
+  if (options.plot.empty())
+    check_not_given(*options.command, {"--plot-of"}, "without a plot; leave it out or give --plot too");
+  else
+    check_plot(options.plot);
   if (!options.pictures.empty()) check_pictures(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
@@ -279,6 +283,7 @@ void add_compare(CLI::App& app, Session& session) {
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
       "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --tilt 20 --json",
       [options, &session] { compare_maps(*options, session); });
+  options->command = command;
   command->add_option("INPUT", options->input, "The scan that the maps were cast from")->required();
   command->add_option("MAP", options->maps, "Body maps cast from it")->required()->type_name("MAP.exr...");
   auto* views =

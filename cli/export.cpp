@@ -30,8 +30,6 @@ struct ExportArguments {
   std::vector<std::string> instrument_models{"cobra-5f"};
   SceneOptions scene;
   const CLI::App* command = nullptr;
-
-  bool gives(const char* option) const { return command->count(option) > 0; }
 };
 
 bool is_gltf(const std::string& output) { return has_extension(output, ".glb"); }
@@ -44,12 +42,12 @@ void check_output(const ExportArguments& options) {
 
 /// Rejects options that have no effect.
 void check_applies(const ExportArguments& options) {
-  if (is_gltf(options.output) && options.gives("--precision"))
-    throw InputError("--precision does not apply to {}, which holds no map; leave it out or write a .html",
-                     options.output);
-  for (const char* option : {"--device-model", "--entry"})
-    if (options.script.empty() && options.gives(option))
-      throw InputError("{} does not apply without a run; leave it out or give --script too", option);
+  if (is_gltf(options.output))
+    check_not_given(*options.command, {"--precision"},
+                    fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
+  if (options.script.empty())
+    check_not_given(*options.command, {"--device-model", "--entry"},
+                    "without a run; leave it out or give --script too");
 }
 
 ViewSession resolve_session(const ExportArguments& options) {

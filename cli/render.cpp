@@ -25,6 +25,7 @@
 #include <fmt/format.h>
 #include <glm/trigonometric.hpp>
 
+#include <algorithm>
 #include <array>
 #include <cmath>
 #include <memory>
@@ -70,6 +71,8 @@ void apply_style(const RenderArguments& options, Style& style) {
   apply_sampling(options, style.sampling);
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
+    if (!std::ranges::all_of(weights, [](double w) { return w >= 0 && w <= kMaxLayerWeight; }))
+      throw InputError("--layer-weights {}: each must be 0 to {:g}", options.layer_weights, kMaxLayerWeight);
     style.layer_weights.assign(weights.begin(), weights.end());
   }
   if (options.full_contrast) {

@@ -34,6 +34,7 @@ struct SegmentArguments {
   ScanOptions scan;
   SegmentOptions segment;
   std::size_t triangles = 50'000;
+  const CLI::App* command = nullptr;
 };
 
 std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, const std::string& option) {
@@ -47,6 +48,9 @@ std::vector<glm::dvec3> parse_points(const std::vector<std::string>& texts, cons
 }
 
 SegmentOptions parsed(const SegmentArguments& options) {
+  if (!options.from_mask.empty())
+    check_not_given(*options.command, {"--not", "--window", "--max-radius"},
+                    "to --from-mask, whose voxels are the vessels; leave it out");
   SegmentOptions segment = options.segment;
   segment.markers.vessels_mm = parse_points(options.seeds, "--seed");
   segment.markers.not_vessels_mm = parse_points(options.not_vessels, "--not");
@@ -169,67 +173,82 @@ SegmentedVessels segmented(const Volume& volume, const SegmentOptions& segmentin
   }
 }
 
-void segment(const SegmentArguments& options, Session& session) {
-  const Stopwatch stopwatch;
-  const SegmentOptions segmenting = parsed(options);
-  std::optional<glm::dvec3> root_mm;
-  if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
-  const fs::path folder = options.folder;
-  check_folder(folder,
-               {"mask.nrrd", "lumen.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl",
-                "report.png"},
-               "-o " + options.folder);
-  Progress& progress = session.progress;
-  const Scan scan = open_scan(options.input, options.scan, progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
-  const Volume volume = collect(*scan.source, progress, options.input);
-  ComputeDevice device(session.device);
-
+/// What is found in a scan.
+struct Findings {
+  SegmentedVessels vessels;
+  Centrelines centrelines;
+  Mesh surface;
   SegmentLog log;
-  const auto [mask, fill] =
-      options.from_mask.empty()
-          ? segmented(volume, segmenting, options, device, session, log)
-          : with_fill(volume, selected_components(read_mask(options.from_mask, volume.geometry(), progress),
-                                                  segmenting.markers, options.from_mask, session));
-  const Centrelines centrelines = extract_centrelines(mask, options.input, progress, root_mm, &fill);
-  if (root_mm) {
-    const VesselTree& tree = centrelines.tree;
+  double weak = 0;  ///< see weak_share
+};
+
+std::string counts_of(const Centrelines& centrelines) {
+  return pluralize(centrelines.tree.branches().size(), "branch") + ", " +
+         pluralize(centrelines.loops.size(), "loop");
+}
+
+SegmentedVessels vessels_in(const Volume& volume, const SegmentOptions& segmenting,
+                            const SegmentArguments& options, ComputeDevice& device, Session& session,
+                            SegmentLog& log) {
+  if (options.from_mask.empty()) return segmented(volume, segmenting, options, device, session, log);
+  const Mask mask = read_mask(options.from_mask, volume.geometry(), session.progress);
+  return with_fill(volume, selected_components(mask, segmenting.markers, options.from_mask, session));
+}
+
+Findings findings_in(const Volume& volume, const SegmentOptions& segmenting, const SegmentArguments& options,
+                     const std::optional<glm::dvec3>& root_mm, Session& session) {
+  Progress& progress = session.progress;
+  ComputeDevice device(session.device);
+  SegmentLog log;
+  SegmentedVessels vessels = vessels_in(volume, segmenting, options, device, session, log);
+  Centrelines centrelines =
+      extract_centrelines(vessels.mask, options.input, progress, root_mm, &vessels.fill);
+  const VesselTree& tree = centrelines.tree;
+  if (root_mm)
     check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm,
                    *root_mm, "--root " + options.root);
-  }
   progress.begin("surface", 1, "surfaces");
-  const Mesh surface =
-      options.surface == "tubes" ? tube_mesh(centrelines.tree) : surface_of(mask, fill, options.triangles);
+  Mesh surface = options.surface == "tubes" ? tube_mesh(tree)
+                                            : surface_of(vessels.mask, vessels.fill, options.triangles);
   progress.advance();
+  if (!options.from_mask.empty()) log.noise_hu = measure_noise_hu(volume);
+  const double weak = weak_share(tree, volume, log.noise_hu);
+  return {std::move(vessels), std::move(centrelines), std::move(surface), std::move(log), weak};
+}
 
+/// All files or none: a mask beside another scan's report would be misleading.
+void write_findings(const Findings& found, const ScanInfo& scan, const Volume& volume,
+                    const SegmentOptions& segmenting, const SegmentArguments& options) {
+  const fs::path folder = options.folder;
+  const auto& [mask, fill] = found.vessels;
   make_folder(folder, "-o " + options.folder);
-  OutputSet outputs;  // a mask beside another scan's report would be misleading
+  OutputSet outputs;
   write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
   write_shares(fill.geometry, fill.shares, folder / "lumen.nrrd");
-  write_dicom_mask(mask, scan.info, options, folder);
-  write_tree(centrelines.tree, folder / "tree.vtp");
-  write_tree(centrelines.tree, folder / "tree.json");
-  write_mesh(surface, folder / "surface.vtp");
-  write_mesh(surface, folder / "surface.stl");
-  const std::string found = pluralize(centrelines.tree.branches().size(), "branch") + ", " +
-                            pluralize(centrelines.loops.size(), "loop");
-  if (!options.from_mask.empty()) log.noise_hu = measure_noise_hu(volume);
-  const double weak = weak_share(centrelines.tree, volume, log.noise_hu);
-  write_vessel_report(
-      fmt::format("{}: {}", options.input, found),
-      options.from_mask.empty() ? assumptions(log, segmenting, weak) : "the mask " + options.from_mask,
-      volume, mask, centrelines.tree, folder / "report.png");
+  write_dicom_mask(mask, scan, options, folder);
+  write_tree(found.centrelines.tree, folder / "tree.vtp");
+  write_tree(found.centrelines.tree, folder / "tree.json");
+  write_mesh(found.surface, folder / "surface.vtp");
+  write_mesh(found.surface, folder / "surface.stl");
+  write_vessel_report(fmt::format("{}: {}", options.input, counts_of(found.centrelines)),
+                      options.from_mask.empty() ? assumptions(found.log, segmenting, found.weak)
+                                                : "the mask " + options.from_mask,
+                      volume, mask, found.centrelines.tree, folder / "report.png");
   outputs.commit();
-  remove_stale_seg(scan.info, folder);
-  const std::string why_none = why_no_seg(scan.info);
-  const double total_ms = stopwatch.ms();
+  remove_stale_seg(scan, folder);
+}
+
+void report_findings(const Findings& found, const ScanInfo& scan, const SegmentArguments& options,
+                     double total_ms, const Session& session) {
+  const fs::path folder = options.folder;
+  const auto& [vessels, centrelines, surface, log, weak] = found;
+  const std::string why_none = why_no_seg(scan);
   session.report({{"input", options.input},
                   {"folder", options.folder},
                   {"seg", why_none.empty() ? Json((folder / kSegName).string()) : Json()},
                   {"no_seg", why_none.empty() ? Json() : Json(why_none)},
-                  {"voxels", mask.count()},
-                  {"lumen_mm3", fill.volume_mm3()},
+                  {"voxels", vessels.mask.count()},
+                  {"lumen_mm3", vessels.fill.volume_mm3()},
                   {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
                                                 {"noise_hu", log.scale->noise_hu},
                                                 {"blur_vox", log.scale->blur_vox}}
@@ -243,9 +262,27 @@ void segment(const SegmentArguments& options, Session& session) {
                   {"parts_left_out", centrelines.parts_left_out},
                   {"triangles", surface.triangles.size()},
                   {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder, found,
-                             linked(centrelines), surface.triangles.size(), total_ms,
-                             (folder / "report.png").string(), seg_note(scan.info, why_none)));
+                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder,
+                             counts_of(centrelines), linked(centrelines), surface.triangles.size(), total_ms,
+                             (folder / "report.png").string(), seg_note(scan, why_none)));
+}
+
+void segment(const SegmentArguments& options, Session& session) {
+  const Stopwatch stopwatch;
+  const SegmentOptions segmenting = parsed(options);
+  std::optional<glm::dvec3> root_mm;
+  if (!options.root.empty()) root_mm = parse_points({options.root}, "--root").front();
+  check_folder(options.folder,
+               {"mask.nrrd", "lumen.nrrd", kSegName, "tree.vtp", "tree.json", "surface.vtp", "surface.stl",
+                "report.png"},
+               "-o " + options.folder);
+  const Scan scan = open_scan(options.input, options.scan, session.progress);
+  session.say(scan.info.warnings);
+  session.say(scan.info.notes);
+  const Volume volume = collect(*scan.source, session.progress, options.input);
+  const Findings found = findings_in(volume, segmenting, options, root_mm, session);
+  write_findings(found, scan.info, volume, segmenting, options);
+  report_findings(found, scan.info, options, stopwatch.ms(), session);
 }
 
 }  // namespace
@@ -259,6 +296,7 @@ void add_segment(CLI::App& app, Session& session) {
       "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
       "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
       [options, &session] { segment(*options, session); });
+  options->command = command;
   command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
       ->required();
   command

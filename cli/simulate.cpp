@@ -41,6 +41,7 @@ struct SimulateArguments {
   ViewOptions view;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
+  const CLI::App* command = nullptr;
 };
 
 /// Throws InputError for what is no patient, or applies to no DICOM file.
@@ -169,7 +170,11 @@ void check_cine(const SimulateArguments& options) {
   if (options.cine.empty()) {
     if (is_fluoroscopy)
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
-    return;
+    return check_not_given(*options.command,
+                           {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
+                            "--iodine", "--heart-rate", "--mask-shift", "--max-opacification", "--angle",
+                            "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
+                           "without pictures of the run; leave it out or give --cine too");
   }
   if (is_fluoroscopy) check_fluoroscopy(shading_of(options), options.dicom);
   if (options.map.empty())
@@ -307,6 +312,7 @@ void add_simulate(CLI::App& app, Session& session) {
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second device also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
       [options, &session] { simulate(*options, session); });
+  options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");

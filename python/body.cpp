@@ -48,9 +48,8 @@ MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const De
 void check_cast(const CastArguments& arguments) {
   if (arguments.outline != "body" && arguments.outline != "circle")
     throw InputError("outline {}: must be body or circle", arguments.outline);
-  constexpr int kMostLayers = 4096;
-  if (arguments.layers < 1 || arguments.layers > kMostLayers)
-    throw InputError("layers {}: must be 1 to {}", arguments.layers, kMostLayers);
+  if (arguments.layers < 1 || arguments.layers > kMaxLayers)
+    throw InputError("layers {}: must be 1 to {}", arguments.layers, kMaxLayers);
 }
 
 std::string frame_of_reference(const HeldScan& scan) {

@@ -19,6 +19,9 @@ struct ViewArguments {
   std::string entry;
   Intervention::Options simulation;
   FluoroscopeArguments fluoroscope;
+  const CLI::App* command = nullptr;
+
+  bool has_run() const { return simulate || !simulation.script.empty(); }
 };
 
 ViewSession resolve(const ViewArguments& options) {
@@ -53,9 +56,12 @@ Intervention::Options simulation_of(const ViewArguments& options, const ViewSess
 }
 
 void view(const ViewArguments& options, const Session& session) {
+  if (!options.has_run())
+    check_not_given(*options.command, {"--device-model", "--entry", "--haptic", "--listen"},
+                    "without a run; leave it out or give --simulate too");
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
-  if (options.simulate || !options.simulation.script.empty()) {
+  if (options.has_run()) {
     simulation = simulation_of(options, scene);
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
@@ -76,6 +82,7 @@ void add_view(CLI::App& app, Session& session) {
       "  xraycast view map.exr --vessels vessels --simulate --c-arm mobile-flat-panel --dose low\n"
       "  xraycast view --session operation.json",
       [options, &session] { view(*options, session); });
+  options->command = command;
   command->add_option("MAP", options->map, "The body map; without it, the scan is cast in 16 layers")
       ->type_name("MAP.exr");
   command->add_option("--scan", options->scan, "The scan, for true projections beside the map")

@@ -108,6 +108,12 @@ void add_scan_options(CLI::App& command, ScanOptions& options) {
                    "Leave damaged slices out and interpolate across them");
 }
 
+void check_not_given(const CLI::App& command, std::initializer_list<const char*> options,
+                     const std::string& why) {
+  for (const char* option : options)
+    if (command.count(option) > 0) throw InputError("{} does not apply {}", option, why);
+}
+
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option) {
   std::vector<std::int64_t> sizes;
   for (const std::string& part : split(text, 'x')) {

@@ -64,6 +64,11 @@ void add_serve(CLI::App& app, Session& session);
 void add_devices(CLI::App& app, Session& session);
 void add_demo(CLI::App& app, Session& session);
 
+/// Throws InputError for the first of `options` that is given, although it has no effect: "OPTION does not
+/// apply WHY".
+void check_not_given(const CLI::App& command, std::initializer_list<const char*> options,
+                     const std::string& why);
+
 /// `640x480` or `512x512x720`, every number 1 to 65536. Throws InputError naming `option`.
 std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count, const std::string& option);
 

@@ -24,6 +24,12 @@ Volume make(const Inside& inside) {
   return volume;
 }
 
+BodyOutline find_outline(const Volume& volume) {
+  OutlineFinder finder(volume.geometry());
+  finder.add(volume.hu());
+  return finder.finish();
+}
+
 bool in_trunk(double x, double y) { return std::hypot((x - 20) / 150, (y + 10) / 100) < 1; }
 bool in_table(double, double y) { return y > 120 && y < 124; }
 

@@ -270,6 +270,16 @@ TEST(MetaImageScan, ReadsOneFileASlice) {
   for (const char* name : {"list.mhd", "pattern.mhd"}) expect_markers(read_scan(folder / name).volume);
 }
 
+TEST(MetaImageScan, ReadsOneFileASliceOfAVolumeOfFourDimensions) {
+  const TemporaryFolder folder;
+  const std::string header =
+      "NDims = 4\nDimSize = 2 1 2 1\nElementType = MET_SHORT\nElementDataFile = LIST\n0.raw\n1.raw\n";
+  write_bytes(folder / "scan.mhd", header);
+  write_bytes(folder / "0.raw", bytes_of(std::array<std::int16_t, 2>{10, 20}));
+  write_bytes(folder / "1.raw", bytes_of(std::array<std::int16_t, 2>{30, 40}));
+  EXPECT_THAT(read_scan(folder / "scan.mhd").volume.hu(), ElementsAre(10, 20, 30, 40));
+}
+
 TEST(MetaImageScan, TakesRowsOfTheMatrixForItsAxes) {
   const TemporaryFolder folder;
   // Voxels run along y, z and x.

@@ -429,7 +429,21 @@ const BadScan kBadScans[] = {
        write_bytes(f / "0.raw", kVoxels);
        write_bytes(f / "a.mhd", meta_image_in("LIST\n0.raw"));
      },
-     "a.mhd", "lists 1 files, but there are 2 slices"},
+     "a.mhd", "lists 1 file for 2 slices"},
+    {"MetaImageOfTwoDimensionsListsNoFile",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mhd",
+                   "NDims = 2\nDimSize = 4 3\nElementType = MET_SHORT\nElementDataFile = LIST\n");
+     },
+     "a.mhd", "lists 0 files for 1 slice"},
+    {"MetaImageByAPatternBeyondAllNumbers",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mhd", meta_image_in("%d.raw 9223372036854775807")); },
+     "a.mhd", "does not name 2 files"},
+    {"MetaImageByAPatternBelowAllNumbers",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mhd", meta_image_in("%d.raw 1 -9223372036854775808 1"));
+     },
+     "a.mhd", "does not name 2 files"},
     {"MetaImageListsAFileThatIsShort",
      [](const TemporaryFolder& f) {
        write_bytes(f / "0.raw", kVoxels.substr(0, 12));

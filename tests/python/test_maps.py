@@ -52,7 +52,8 @@ def test_maps_and_bases_are_written_and_read(body, tmp_path):
 
 
 @pytest.mark.parametrize("arguments, words", [
-    (dict(layers=0), "layers"), (dict(outline="square"), "outline"), (dict(angles=0), "angles"),
+    (dict(layers=0), "layers"), (dict(layers=5000), "layers 5000: must be 1 to 256"), (dict(outline="square"), "outline"),
+    (dict(angles=0), "angles"),
     (dict(opacity="spectrum:80"), "spectrum"),
 ])
 def test_arguments_that_make_no_map_are_rejected(body, arguments, words):

@@ -4,6 +4,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -73,6 +74,20 @@ TEST(SessionFile, NamesTheFileOfAWordThatItDoesNotKnow) {
   EXPECT_THAT([&] { read_session(folder / "s.json"); },
               testing::ThrowsMessage<InputError>(testing::StartsWith(
                   (folder / "s.json").string() + ": style: look: unknown look 'blurry'")));
+}
+
+TEST(SessionFile, RefusesAGreyWindowWithoutRange) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  session.has_window = true;
+  for (const double light : {0.25, 0.125}) {
+    session.style.window = {.dark = 0.25, .light = light};
+    write_session(session, folder / "s.json");
+    EXPECT_THAT([&] { read_session(folder / "s.json"); },
+                testing::ThrowsMessage<InputError>(testing::StartsWith(fmt::format(
+                    "{}: window: light is {}, which is not above dark, 0.25; save the session again",
+                    (folder / "s.json").string(), light))));
+  }
 }
 
 TEST(SessionFile, RefusesDeepJson) {

@@ -62,19 +62,6 @@ TEST(Subtraction, AMaskOfMoreFramesAddsLessNoise) {
   }
 }
 
-TEST(Subtraction, IsRemasked) {
-  Subtraction subtraction(kWidth, kHeight);
-  subtraction.add_to_mask(picture([](double, double) { return 1.0; }));
-  subtraction.clear_mask();
-  EXPECT_EQ(subtraction.mask_frames(), 0);
-  const std::vector<float> later = picture(body);
-  subtraction.add_to_mask(later);
-  std::vector<float> difference(later.size());
-  subtraction.subtract(later, difference);
-  EXPECT_EQ(std::ranges::max(difference), 0);
-  EXPECT_EQ(std::ranges::min(difference), 0);
-}
-
 TEST(Subtraction, ShiftsTheMaskByFractionsOfAPixel) {
   for (const auto& [right, down] : {std::pair{1.0, 0.0}, {0.0, -2.0}, {0.25, 0.5}, {-3.6, 1.3}}) {
     Subtraction subtraction(kWidth, kHeight);

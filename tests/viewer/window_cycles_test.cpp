@@ -1,10 +1,12 @@
-// The viewer opened and closed many times on a virtual display.
+// The viewer opened and closed many times on a virtual display, and a command that fails in it.
+#include "support/temporary_folder.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/drawing/gl.hpp"
 #include "xraycast/window/viewer.hpp"
 #include "xraycast/window/viewer_panel.hpp"
 #include "xraycast/window/window.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <chrono>
@@ -12,6 +14,7 @@
 #include <cstdlib>
 #include <filesystem>
 #include <fstream>
+#include <functional>
 #include <stdexcept>
 #include <string>
 #include <sys/wait.h>
@@ -65,25 +68,40 @@ fs::path write_small_map() {
   return path;
 }
 
-/// Opens a window, draws until the map is there and its picture has been shown, and closes it.
-void open_and_close(const fs::path& map) {
-  Window window;
-  window.attach_gui();
+ViewSession session_of(const fs::path& map) {
   ViewSession session;
   session.map = map;
-  Viewer viewer(session, "", [] {});
+  return session;
+}
+
+/// A viewer of a map in a window.
+struct Shown {
+  Window window;
+  Viewer viewer;
   ViewerPanel panel;
-  const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
-  bool is_shown = false;
-  while (!is_shown && std::chrono::steady_clock::now() < end) {
-    is_shown = viewer.map() != nullptr;
-    const auto [width, height] = window.framebuffer();
-    viewer.draw(width, height);
-    window.begin_gui();
-    panel.draw(viewer);
-    window.end_gui();
+
+  explicit Shown(const fs::path& map) : viewer(session_of(map), "", [] {}) { window.attach_gui(); }
+
+  /// Draws until `holds`, for 20 s at most; returns whether it holds.
+  bool draw_until(const std::function<bool()>& holds) {
+    const auto end = std::chrono::steady_clock::now() + std::chrono::seconds(20);
+    bool held = false;
+    while (!held && std::chrono::steady_clock::now() < end) {
+      held = holds();
+      const auto [width, height] = window.framebuffer();
+      viewer.draw(width, height);
+      window.begin_gui();
+      panel.draw(viewer);
+      window.end_gui();
+    }
+    return held;
   }
-  ASSERT_TRUE(is_shown) << viewer.message();
+};
+
+/// Opens a window, draws until the map is there and its picture has been shown, and closes it.
+void open_and_close(const fs::path& map) {
+  Shown shown(map);
+  ASSERT_TRUE(shown.draw_until([&] { return shown.viewer.map() != nullptr; })) << shown.viewer.message();
 }
 
 /// Memory that this process holds.
@@ -109,6 +127,25 @@ TEST(Window, OpensAndClosesTwoHundredTimesAndLeavesNothing) {
   // A window's targets alone take 10 MB, a shader's machine code 50 KB: 180 windows that leaked either would
   // hold more than this. What drivers and allocators keep for themselves stays below.
   EXPECT_LT(resident_B(), before_B + std::size_t{40'000'000});
+}
+
+TEST(Window, EndsACineThatCannotBeWritten) {
+  const VirtualDisplay display;
+  const fs::path map = write_small_map(), before = fs::current_path();
+  const TemporaryFolder folder;
+  fs::current_path(folder.path());
+  {
+    Shown shown(map);
+    ASSERT_TRUE(shown.draw_until([&] { return shown.viewer.map() != nullptr; })) << shown.viewer.message();
+    shown.viewer.save_cine();
+    ASSERT_TRUE(shown.viewer.is_animating()) << shown.viewer.message();
+    fs::remove_all("xraycast-cine-001");
+    std::ofstream("xraycast-cine-001") << "a file where the folder was";
+    EXPECT_TRUE(shown.draw_until([&] { return !shown.viewer.is_animating(); }));
+    EXPECT_THAT(shown.viewer.message(), testing::HasSubstr("xraycast-cine-001"));
+  }
+  fs::current_path(before);
+  fs::remove(map);
 }
 
 }  // namespace

@@ -122,8 +122,9 @@ class Dragged:
         self.x.XSendEvent(self.display, ctypes.c_ulong(requestor), 0, ctypes.c_long(0), event.ljust(192, b"\0"))
         self.x.XFlush(self.display)
 
-    def drop(self, target, path):
-        text, selection = (path.resolve().as_uri() + "\r\n").encode(), self.atom("XdndSelection")
+    def drop(self, target, *paths):
+        text = "".join(path.resolve().as_uri() + "\r\n" for path in paths).encode()
+        selection = self.atom("XdndSelection")
         self.x.XSetSelectionOwner(self.display, ctypes.c_ulong(selection), ctypes.c_ulong(self.window), ctypes.c_ulong(0))
         self.tell(target, "XdndEnter", self.window, 5 << 24, self.atom("text/uri-list"))
         self.tell(target, "XdndPosition", self.window, 0, 600 << 16 | 400, 0, self.atom("XdndActionCopy"))
@@ -576,6 +577,13 @@ class Window(unittest.TestCase):
         self.wait_until(lambda: "vessels" in self.session()["files"], "vessels")
         self.assertTrue(self.session()["files"]["map"].endswith("map.exr"))
         self.wait_until(lambda: self.body() != before, "vessels in the picture")
+
+    def test_opens_what_is_dropped_together(self):
+        self.view()
+        self.frame()
+        Dragged(self.display).drop(self.window, FILES / "truth", FILES / "map.basis", FILES / "map.exr")
+        self.wait_until(lambda: "map" in self.session().get("files", {}), "the map")
+        self.assertEqual(sorted(self.session()["files"]), ["basis", "map", "vessels"])
 
     def test_refuses_what_is_of_another_scan(self):
         for words in (("--basis", FILES / "other.basis"), ("--scan", FILES / "other.nrrd")):

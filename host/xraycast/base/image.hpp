@@ -10,7 +10,7 @@ namespace xraycast {
 double typical_depth(std::span<const float> tau);
 
 /// The range of optical depths that is displayed: grey is 0 at `dark` and 1 at `light` of exp(-tau / scale),
-/// then raised to 1 / gamma, and inverted when `inverted`, so that bone is bright.
+/// then raised to 1 / gamma, and inverted when `inverted`, so that bone is bright. `light` is above `dark`.
 struct GreyWindow {
   double scale = 1, dark = 0, light = 1;
   double gamma = 1;

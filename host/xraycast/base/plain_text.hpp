@@ -8,6 +8,9 @@ namespace xraycast {
 /// A text without surrounding blanks, tabs and carriage returns; a view into `text` itself.
 std::string_view trimmed(std::string_view text);
 
+/// Takes the first line off `text`, without its end; the last one may lack it.
+std::string_view take_line(std::string_view& text);
+
 /// ASCII letters in lower case, in any locale.
 std::string lower_case(std::string_view text);
 

@@ -1,6 +1,7 @@
 // "VTK XML file formats", https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
 #include "xraycast/base/vtk_xml.hpp"
 
+#include "xraycast/base/base64.hpp"
 #include "xraycast/base/inflater.hpp"
 #include "xraycast/base/whole_file.hpp"
 

@@ -14,9 +14,6 @@
 
 namespace xraycast {
 
-inline constexpr std::string_view kBase64 =
-    "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-
 /// A VTK XML file of one piece, and the arrays in it: ASCII, inline base64 or appended (raw or base64),
 /// uncompressed or zlib, in either byte order.
 ///

@@ -10,7 +10,6 @@ namespace xraycast {
 namespace {
 
 constexpr int kMaxAngles = 16384;
-constexpr int kMaxLayers = 256;
 constexpr int kMaxViews = 3600;
 constexpr double kMaxRadius_mm = 1e5;
 

@@ -32,7 +32,11 @@ enum class RadiiRule {
               ///< parallel to it
 };
 
-/// The `layers` + 1 edges from 0 to `radius_mm`, innermost first.
+/// Of a map.
+inline constexpr int kMaxLayers = 256;
+
+/// The `layers` + 1 edges from 0 to `radius_mm`, innermost first. Throws InputError unless there are 1 to
+/// kMaxLayers and the radius is finite and above 0.
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm);
 
 /// The extent of a scan's data, LPS millimetres: from the first to the last voxel's centre in x and y, and by

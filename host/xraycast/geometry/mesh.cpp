@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -121,17 +122,6 @@ Mesh read_binary_stl(std::string_view bytes, const std::string& name) {
   return mesh.take();
 }
 
-/// Takes the line up to the next end of line off `text`, without the white space around it.
-std::string_view take_line(std::string_view& text) {
-  const auto end = std::min(text.find('\n'), text.size());
-  std::string_view line = text.substr(0, end);
-  text.remove_prefix(std::min(end + 1, text.size()));
-  constexpr std::string_view kSpace = " \t\r";
-  line.remove_prefix(std::min(line.find_first_not_of(kSpace), line.size()));
-  line.remove_suffix(line.size() - (line.find_last_not_of(kSpace) + 1));
-  return line;
-}
-
 glm::vec3 parse_vertex(std::string_view numbers, const std::string& name, std::size_t line) {
   glm::vec3 vertex;
   for (int axis = 0; axis < 3; ++axis) {
@@ -144,12 +134,12 @@ glm::vec3 parse_vertex(std::string_view numbers, const std::string& name, std::s
 }
 
 Mesh read_ascii_stl(std::string_view text, const std::string& name) {
-  StlMesh mesh(name, take_line(text));
+  StlMesh mesh(name, trimmed(take_line(text)));
   std::array<glm::vec3, 3> corners_mm;
   std::size_t corners = 0;
   bool ended = false;
   for (std::size_t number = 2; !text.empty(); ++number) {
-    const std::string_view line = take_line(text);
+    const std::string_view line = trimmed(take_line(text));
     if (line.starts_with("vertex")) {
       const glm::vec3 vertex = parse_vertex(line.substr(6), name, number);
       if (corners < 3) corners_mm[corners] = vertex;

@@ -25,8 +25,8 @@
 namespace xraycast {
 namespace {
 
-constexpr double kCoincident_mm =
-    1e-3;  // far below any voxel, far above the rounding of a float near 1000 mm
+// Far below any voxel, far above the rounding of a float near 1000 mm.
+constexpr double kCoincident_mm = 1e-3;
 constexpr const char* kRadius = "MaximumInscribedSphereRadius";
 
 // ---- the tree's invariants ------------------------------------------------------------------------------
@@ -273,8 +273,6 @@ VesselTree read_json(const std::filesystem::path& path) {
   }
   return VesselTree(std::move(branches), name);
 }
-
-// ---- tubes ----------------------------------------------------------------------------------------------
 
 }  // namespace
 

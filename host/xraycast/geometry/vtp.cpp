@@ -1,6 +1,7 @@
 // "VTK XML file formats", https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
 #include "xraycast/geometry/vtp.hpp"
 
+#include "xraycast/base/base64.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/vtk_xml.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -29,19 +30,6 @@ constexpr std::array<std::pair<const char*, PolyData::Cells PolyData::*>, 4> kCe
      {"Polys", &PolyData::polys}}};
 
 // ---- writing --------------------------------------------------------------------------------------------
-
-std::string to_base64(std::string_view bytes) {
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t group = 0;
-    for (std::size_t k = 0; k < 3; ++k)
-      group = group << 8 | (k < count ? static_cast<unsigned char>(bytes[i + k]) : 0u);
-    for (std::size_t k = 0; k < 4; ++k) text += k <= count ? kBase64[group >> (18 - 6 * k) & 63] : '=';
-  }
-  return text;
-}
 
 template <typename T>
 void append_bytes(std::string& bytes, T value) {

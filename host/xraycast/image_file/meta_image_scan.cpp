@@ -1,5 +1,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
 #include "xraycast/image_file/image_file_stack.hpp"
 #include "xraycast/image_file/raw_voxels.hpp"
@@ -152,9 +153,9 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
       (words.size() > 2 && !parse(words[2], last)) || (words.size() > 3 && !parse(words[3], step)))
     throw InputError("{}: ElementDataFile '{}' is not a pattern; write one such as slice%03d.raw 1 20 1",
                      path.string(), text);
-  if (words.size() == 2) last = first + slices - 1;
   constexpr std::int64_t kMost = 1'000'000;
-  if (step < 1 || first < 0 || last > kMost || (last - first) / step + 1 != slices || last < first)
+  if (words.size() == 2 && first <= kMost && slices <= kMost) last = first + slices - 1;
+  if (step < 1 || first < 0 || last < first || last > kMost || (last - first) / step + 1 != slices)
     throw InputError("{}: ElementDataFile '{}' does not name {} files; name one per slice", path.string(),
                      text, slices);
   std::vector<std::string> names;
@@ -171,15 +172,15 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
 /// The files of a LIST or pattern, one a slice, all of them there.
 PlainVoxels several_files(const fs::path& path, const TextHeader& text, const ImageHeader& header) {
   const std::string& data_file = text.get("ElementDataFile");
-  const std::int64_t slices = header.size.size() == 3 ? header.size[2] : 0;
+  const std::int64_t slices = header.size.size() < 3 ? 1 : header.size[2];
   const bool is_list = data_file.starts_with("LIST");
   if (is_list && data_file != "LIST" && data_file != "LIST 2" && data_file != "LIST 2D")
     throw InputError("{}: ElementDataFile '{}' is not supported; list one file per slice", path.string(),
                      data_file);
   const std::vector<std::string> names = is_list ? text.rest : names_by_pattern(path, data_file, slices);
   if (std::ssize(names) != slices)
-    throw InputError("{}: ElementDataFile lists {} files, but there are {} slices; list one file per slice",
-                     path.string(), names.size(), slices);
+    throw InputError("{}: ElementDataFile lists {} for {}; list one file per slice", path.string(),
+                     pluralize(std::ssize(names), "file"), pluralize(slices, "slice"));
   PlainVoxels voxels;
   for (const std::string& name : names) voxels.files.push_back(data_file_beside(path, name));
   return voxels;

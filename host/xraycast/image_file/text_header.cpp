@@ -3,7 +3,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
 
-#include <algorithm>
 #include <fstream>
 
 namespace xraycast {
@@ -17,14 +16,6 @@ std::string leading_text(const std::filesystem::path& path) {
   stream.read(text.data(), kMaxHeader_B);
   text.resize(static_cast<std::size_t>(stream.gcount()));
   return text;
-}
-
-/// Takes a line off the front of `text`; the last one may lack its end.
-std::string_view take_line(std::string_view& text) {
-  const auto end = std::min(text.find('\n'), text.size());
-  const std::string_view line = text.substr(0, end);
-  text.remove_prefix(std::min(end + 1, text.size()));
-  return line;
 }
 
 }  // namespace

@@ -50,6 +50,10 @@ DicomElements series_elements(const VolumeGeometry& geometry, const DicomPatient
   return series;
 }
 
+std::int64_t slice_bytes(const VolumeGeometry& geometry) {
+  return geometry.slice_voxels() * static_cast<std::int64_t>(sizeof(std::int16_t));
+}
+
 }  // namespace
 
 bool is_ct_series(const std::filesystem::path& path) {
@@ -63,6 +67,9 @@ void check_ct_series(const VolumeGeometry& geometry, const std::filesystem::path
   if (std::max(geometry.size.x, geometry.size.y) > kMostPixels)
     throw InputError("{}: slices of {} x {} pixels; DICOM allows at most {} per side", folder.string(),
                      geometry.size.x, geometry.size.y, kMostPixels);
+  if (slice_bytes(geometry) > kMostDicomPixels_B)
+    throw InputError("{}: slices of {} x {} pixels exceed the 4 GiB of a DICOM file; write .nrrd instead",
+                     folder.string(), geometry.size.x, geometry.size.y);
   check(patient);
   const AtomicFolder probe(folder);
 }
@@ -73,7 +80,7 @@ void write_ct_series(const Volume& volume, const std::filesystem::path& folder, 
   check_ct_series(geometry, folder, patient);
   AtomicFolder target(folder);
   DicomElements slice = series_elements(geometry, patient, source);
-  const std::int64_t slice_B = geometry.slice_voxels() * static_cast<std::int64_t>(sizeof(std::int16_t));
+  const std::int64_t slice_B = slice_bytes(geometry);
   progress.begin("writing", geometry.size.z, "slices");
   for (std::int64_t z = 0; z < geometry.size.z; ++z) {
     const glm::dvec3 first_mm = geometry.to_world_mm({0, 0, z});

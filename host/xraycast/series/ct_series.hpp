@@ -23,7 +23,8 @@ struct CtSeriesSource {
 /// `progress` counts slices.
 ///
 /// Throws InputError when the folder exists and is not empty, cannot be made, a slice has more than 65,535
-/// rows or columns, or the patient's name or ID is invalid; Error when the disk is full.
+/// rows or columns or takes more than 4 GiB, or the patient's name or ID is invalid; Error when the disk is
+/// full.
 void write_ct_series(const Volume& volume, const std::filesystem::path& folder, const DicomPatient& patient,
                      const CtSeriesSource& source, Progress& progress);
 

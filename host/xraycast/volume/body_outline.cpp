@@ -277,10 +277,4 @@ void OutlineFinder::visit_shadow_skin(const std::function<void(const glm::dvec3&
         visit(geometry_.to_world_mm(glm::dvec3(Index3(x, y, 0) * fine_stride_)));
 }
 
-BodyOutline find_outline(const Volume& volume) {
-  OutlineFinder finder(volume.geometry());
-  finder.add(volume.hu());
-  return finder.finish();
-}
-
 }  // namespace xraycast

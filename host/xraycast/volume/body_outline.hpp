@@ -72,7 +72,4 @@ class OutlineFinder {
   std::vector<std::uint64_t> fine_;  ///< a bit a voxel, 1 above the threshold; rows of whole words
 };
 
-/// The outline of a volume in memory.
-BodyOutline find_outline(const Volume& volume);
-
 }  // namespace xraycast

@@ -1,5 +1,6 @@
 #include "xraycast/export/web_page.hpp"
 
+#include "xraycast/base/base64.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
@@ -14,7 +15,6 @@
 #include <fmt/format.h>
 #include <nlohmann/json.hpp>
 
-#include <algorithm>
 #include <array>
 #include <bit>
 #include <cmath>
@@ -31,20 +31,6 @@ using PageJson = nlohmann::ordered_json;
 constexpr int kFormat = 2;
 
 // ---- text -----------------------------------------------------------------------------------------
-
-std::string base64(std::string_view bytes) {
-  constexpr std::string_view kDigits = "ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-  std::string text;
-  text.reserve((bytes.size() + 2) / 3 * 4);
-  for (std::size_t i = 0; i < bytes.size(); i += 3) {
-    const std::size_t count = std::min<std::size_t>(3, bytes.size() - i);
-    std::uint32_t group = 0;
-    for (std::size_t j = 0; j < 3; ++j)
-      group = group << 8 | (j < count ? static_cast<unsigned char>(bytes[i + j]) : 0u);
-    for (std::size_t j = 0; j < 4; ++j) text += j <= count ? kDigits[group >> (18 - 6 * j) & 63] : '=';
-  }
-  return text;
-}
 
 std::string deflated(std::string_view bytes) {
   uLongf size = compressBound(static_cast<uLong>(bytes.size()));
@@ -288,9 +274,9 @@ std::string web_page(const WebSession& session) {
       {{"title", in_html(session.title)},
        {"connects", session.live ? "; connect-src 'self'" : ""},
        {"still-label", label(pose)},
-       {"still", base64(session.still_png)},
+       {"still", to_base64(session.still_png)},
        {"header", in_script(header)},
-       {"data", base64(deflated(parts.bytes()))}}};
+       {"data", to_base64(deflated(parts.bytes()))}}};
   return filled(embedded_pages().front().source, values);
 }
 

@@ -26,8 +26,6 @@ class Subtraction {
   /// front, for a picture of another size.
   void add_to_mask(std::span<const float> frame, const std::string& name = "mask");
 
-  /// Forgets the mask; the next frame that is added begins another one.
-  void clear_mask();
   int mask_frames() const { return mask_frames_; }
 
   /// Moves the mask under the frames (pixel shift), to fractions of a pixel by cubic interpolation; beyond

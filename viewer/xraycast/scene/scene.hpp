@@ -36,11 +36,14 @@ struct Surface {
 /// number of weights that differs from that of points.
 void check(const Surface& surface);
 
+/// The largest weight of a layer.
+inline constexpr double kMaxLayerWeight = 100;
+
 /// How a scene is rendered.
 struct Style {
   ShadingMode shading = ShadingMode::fluoro;
   SampleOptions sampling{};
-  std::vector<float> layer_weights{};  ///< of the layers, 0 hides one; empty: 1 everywhere
+  std::vector<float> layer_weights{};  ///< 0, which hides a layer, to kMaxLayerWeight; empty: 1 everywhere
   GreyWindow window{};
   /// The grey window compresses the dynamic range of the body to a few to one, and with it the contrast of
   /// fine detail, which C-arms enhance again. If true, vessels and catheters are enhanced likewise in fluoro:

@@ -140,8 +140,13 @@ Camera camera_of(const Fields& fields) {
 }
 
 GreyWindow window_of(const Fields& fields) {
-  return {fields.number("scale", 1e-6, 1e6), fields.number("dark", 0, 1), fields.number("light", 0, 1),
-          fields.number("gamma", 0.1, 10), fields.get<bool>("inverted")};
+  const GreyWindow window{fields.number("scale", 1e-6, 1e6), fields.number("dark", 0, 1),
+                          fields.number("light", 0, 1), fields.number("gamma", 0.1, 10),
+                          fields.get<bool>("inverted")};
+  if (!(window.light > window.dark))
+    throw InputError("{}: light is {}, which is not above dark, {}", fields.name(), window.light,
+                     window.dark);
+  return window;
 }
 
 Style style_of(const Fields& fields) {
@@ -154,8 +159,8 @@ Style style_of(const Fields& fields) {
     style.sampling.wall_radius_mm = fields.number("wall_radius_mm", 1e-3, 1e4);
   style.full_contrast = fields.has("full_contrast") && fields.get<bool>("full_contrast");
   style.layer_weights = fields.get<std::vector<float>>("strengths");
-  if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= 100; }))
-    throw InputError("{}: strengths must be 0 to 100", fields.name());
+  if (!std::ranges::all_of(style.layer_weights, [](float s) { return s >= 0 && s <= kMaxLayerWeight; }))
+    throw InputError("{}: strengths must be 0 to {:g}", fields.name(), kMaxLayerWeight);
   return style;
 }
 

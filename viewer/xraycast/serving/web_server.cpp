@@ -1,6 +1,7 @@
 #include "xraycast/serving/web_server.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/haptics/rate_limited_log.hpp"
 
 #include <algorithm>
@@ -19,7 +20,6 @@
 #include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <boost/beast/websocket/stream.hpp>
-#include <cctype>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -49,13 +49,6 @@ constexpr auto kFull =
 constexpr int kSendBuffer_B = 64 << 10;
 
 std::string_view std_view(beast::string_view text) { return {text.data(), text.size()}; }
-
-std::string lower_case(std::string_view text) {
-  std::string lower(text);
-  std::ranges::transform(lower, lower.begin(),
-                         [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
-  return lower;
-}
 
 // ---- the token
 

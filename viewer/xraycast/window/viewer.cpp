@@ -44,26 +44,60 @@ bool is_vessels(const fs::path& path) {
          fs::exists(path / "surface.stl") || fs::exists(path / "tree.vtp");
 }
 
-/// The session with another file, or another session.
-ViewSession with_file(ViewSession session, const fs::path& path) {
+/// What a file is opened as.
+enum class Kind { session, basis, catheter, vessels, map, scan };
+
+Kind kind_of(const fs::path& path) {
   const std::string extension = extension_of(path);
-  if (extension == ".json") return read_session(path);
-  if (extension == ".basis") {
-    session.basis = path;
-  } else if (extension == ".csv") {
-    session.catheter = path;
-    session.steered.reset();
-  } else if (is_vessels(path)) {
-    session.vessels = path;
-    session.steered.reset();
-  } else {
+  if (extension == ".json") return Kind::session;
+  if (extension == ".basis") return Kind::basis;
+  if (extension == ".csv") return Kind::catheter;
+  if (is_vessels(path)) return Kind::vessels;
+  return extension == ".exr" ? Kind::map : Kind::scan;
+}
+
+/// All but what is a session.
+void set_file(ViewSession& session, const fs::path& path) {
+  switch (kind_of(path)) {
+    case Kind::session:
+      return;
+    case Kind::basis:
+      session.basis = path;
+      return;
+    case Kind::catheter:
+      session.catheter = path;
+      session.steered.reset();
+      return;
+    case Kind::vessels:
+      session.vessels = path;
+      session.steered.reset();
+      return;
+    case Kind::map:
+      session.map = path;
+      return;
+    case Kind::scan:
+      session.scan = path;
+      return;
+  }
+}
+
+/// The session with other files, in any order, or another session with them. A map or a scan takes the place
+/// of all that belonged to the last body.
+ViewSession with_files(ViewSession session, std::span<const fs::path> paths) {
+  const auto is_body = [](const fs::path& path) {
+    const Kind kind = kind_of(path);
+    return kind == Kind::map || kind == Kind::scan;
+  };
+  for (const fs::path& path : paths)
+    if (kind_of(path) == Kind::session) session = read_session(path);
+  if (std::ranges::any_of(paths, is_body)) {
     session.map.clear();
     session.basis.clear();
     session.scan.clear();
     session.opacity.reset();
     session.has_window = false;
-    (extension == ".exr" ? session.map : session.scan) = path;
   }
+  for (const fs::path& path : paths) set_file(session, path);
   return session;
 }
 
@@ -74,14 +108,16 @@ Viewer::Viewer(ViewSession session, std::string device, const std::function<void
   load(std::move(session), true);
 }
 
-void Viewer::attempt(const std::function<void()>& action) {
+bool Viewer::attempt(const std::function<void()>& action) {
   try {
     action();
+    return true;
   } catch (const std::bad_alloc&) {
     message_ = "not enough memory";
   } catch (const std::exception& error) {
     message_ = error.what();
   }
+  return false;
 }
 
 // ---- files ----------------------------------------------------------------------------------------
@@ -127,12 +163,14 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   opacity_.open(opened_.map, opened_.recast);
 }
 
-void Viewer::open(const fs::path& path) {
+void Viewer::open(std::span<const fs::path> paths) {
   attempt([&] {
-    if (!fs::exists(path)) throw InputError("{}: no such file or folder; check its name", path.string());
+    for (const fs::path& path : paths)
+      if (!fs::exists(path)) throw InputError("{}: no such file or folder; check its name", path.string());
     message_.clear();
     is_first_ = false;
-    load(with_file(session_, path), extension_of(path) == ".json");
+    load(with_files(session_, paths),
+         std::ranges::any_of(paths, [](const fs::path& path) { return kind_of(path) == Kind::session; }));
   });
 }
 
@@ -437,7 +475,7 @@ void Viewer::draw(int width, int height) {
   if (intervention_) attempt([&] { show_catheter(); });
   is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);
   since_frame_ = {};
-  if (cine_) attempt([&] { export_cine_frame(); });
+  if (cine_ && !attempt([&] { export_cine_frame(); })) cine_.reset();
   attempt([&] {
     const Pane first = panes(width, height).front();
     adapt_brightness(view_in(first.width, first.height));

@@ -35,7 +35,9 @@ class Viewer {
   Viewer(ViewSession session, std::string device, const std::function<void()>& request_redraw);
 
   // ---- files
-  void open(const std::filesystem::path& path);
+  /// Opens files that are shown together, and cancels what is still being opened.
+  void open(std::span<const std::filesystem::path> paths);
+  void open(const std::filesystem::path& path) { open(std::span(&path, 1)); }
   void cancel();
   void save_session();
   void save_picture();
@@ -118,8 +120,8 @@ class Viewer {
   /// viewer's first session cannot be opened.
   void draw(int width, int height);
 
-  /// Errors become the message.
-  void attempt(const std::function<void()>& action);
+  /// Errors become the message. Returns whether there was none.
+  bool attempt(const std::function<void()>& action);
 
  private:
   void load(ViewSession wanted, bool takes_view);

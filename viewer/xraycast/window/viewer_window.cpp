@@ -9,7 +9,9 @@
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <filesystem>
 #include <imgui.h>
+#include <vector>
 
 namespace xraycast {
 namespace {
@@ -25,7 +27,7 @@ Desk& desk_of(GLFWwindow* window) { return *static_cast<Desk*>(glfwGetWindowUser
 void set_callbacks(GLFWwindow* window, Desk& desk) {
   glfwSetWindowUserPointer(window, &desk);
   glfwSetDropCallback(window, [](GLFWwindow* w, int count, const char** paths) {
-    for (int i = 0; i < count; ++i) desk_of(w).viewer.open(paths[i]);
+    desk_of(w).viewer.open(std::vector<std::filesystem::path>(paths, paths + count));
   });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int mods) {
     if (action != GLFW_PRESS || desk_of(w).panel.takes_key(key)) return;
