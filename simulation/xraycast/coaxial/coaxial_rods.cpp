@@ -16,8 +16,9 @@ constexpr double kRounding_uJ = 1e-10;
 // A step along Newton's direction goes on where it gains so many times what the model promised: points that
 // touch lightly part from the lining, one after the other along the rod, which is softer than the model has
 // it, or a rod begins to buckle, whose projected Hessian is too stiff. Seldom is it worth the trial
-// otherwise.
-constexpr double kMoreThanPromised = 1.1;
+// otherwise. So many times as far: chosen, as is the first, by how many steps come to the bound of
+// iterations.
+constexpr double kMoreThanPromised = 1.1, kFarther = 1.5;
 
 bool goes_on(double model_decrease_uJ, double decrease_uJ) {
   return decrease_uJ > kMoreThanPromised * model_decrease_uJ;
@@ -296,8 +297,8 @@ bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& pot
 
 /// Farther along the direction, for as long as the potential falls. Returns it there.
 double CoaxialRods::go_on_uJ(double dt_s, double scale, double reach, double reached_uJ) {
-  for (; 2 * scale <= reach; scale *= 2) {
-    const double farther_uJ = trial_uJ(dt_s, 2 * scale);
+  for (; kFarther * scale <= reach; scale *= kFarther) {
+    const double farther_uJ = trial_uJ(dt_s, kFarther * scale);
     if (farther_uJ >= reached_uJ) return trial_uJ(dt_s, scale);
     reached_uJ = farther_uJ;
   }
