@@ -202,7 +202,7 @@ TEST_P(RandomScripts, BreakNothing) {
   const std::optional<VesselTree> tree = parse_tree(GetParam());
   if (!tree) GTEST_SKIP() << "XRAYCAST_TEST_DATA has no " << GetParam();
   std::vector<Outcome> runs;
-  for (unsigned seed = 0; seed < runs_a_tree(100); ++seed) {
+  for (const unsigned seed : seeds_a_tree(100)) {
     runs.push_back(RandomRun(*tree, GetParam(), seed).go());
     const Outcome& run = runs.back();
     const std::string where = fmt::format("seed {}: {} in {}", run.seed, run.device, run.tree);

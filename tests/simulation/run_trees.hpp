@@ -10,8 +10,10 @@
 #include <algorithm>
 #include <cstdlib>
 #include <filesystem>
+#include <numeric>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -48,10 +50,16 @@ inline std::optional<VesselTree> parse_tree(const std::string& name) {
   return scanned_tree(file, name == "avm" ? 150 : 1);
 }
 
-/// XRAYCAST_RUNS, or `otherwise`, over all trees.
-inline unsigned runs_a_tree(int otherwise) {
-  const char* wanted = std::getenv("XRAYCAST_RUNS");
-  return static_cast<unsigned>(std::max(1, (wanted ? std::atoi(wanted) : otherwise) / 5));
+/// The seeds of a tree's runs: XRAYCAST_RUNS of them over all trees, or `otherwise`, from XRAYCAST_FIRST_RUN
+/// on, or 0.
+inline std::vector<unsigned> seeds_a_tree(int otherwise) {
+  const auto number = [](const char* name, int default_value) {
+    const char* wanted = std::getenv(name);
+    return wanted ? std::atoi(wanted) : default_value;
+  };
+  std::vector<unsigned> seeds(static_cast<std::size_t>(std::max(1, number("XRAYCAST_RUNS", otherwise) / 5)));
+  std::iota(seeds.begin(), seeds.end(), static_cast<unsigned>(std::max(0, number("XRAYCAST_FIRST_RUN", 0))));
+  return seeds;
 }
 
 }  // namespace xraycast

@@ -259,6 +259,44 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
   EXPECT_EQ(wall.contacts().back().introducer_N.norm(), 0);
 }
 
+TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
+  const InstrumentModel wire(
+      {.name = "wire",
+       .radius_mm = kWire_mm,
+       .mass_per_length_g_mm = 2e-3,
+       .axial_stiffness_N = 500,
+       .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
+      "wire");
+  // Beside the axis of an introducer that holds all of it, and of a tube as narrow as the wire.
+  Rod rod(wire, wire.stations_mm(5), {.position_mm = {0.1, 0, 20}}, wire.length_mm(), {});
+  const WallContact::Introducer introducer{{0, 0, 150}, {0, 0, 1}};
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(200, kWire_mm)), rod, {}, introducer);
+  struct Held {
+    double by_wall_N = 0, by_introducer_N = 0;
+  };
+  const auto held = [&](double bare_mm) {
+    wall.expose(bare_mm);
+    wall.begin_step(rod);
+    wall.energy_uJ(rod.state());
+    wall.end_step(rod.state());
+    Held held;
+    for (const WallContact::Contact& contact : wall.contacts()) {
+      held.by_wall_N += contact.normal_N.norm();
+      held.by_introducer_N += contact.introducer_N.norm();
+    }
+    return held;
+  };
+  const Held bare = held(60), half = held(30), covered = held(0);
+  ASSERT_GT(bare.by_wall_N, 1);
+  ASSERT_GT(bare.by_introducer_N, 10);
+  // By their lengths: half of the edge at the clamp has no contact.
+  constexpr double kShare = 30 / (60 - 2.5);
+  EXPECT_NEAR(half.by_wall_N, kShare * bare.by_wall_N, 1e-6);
+  EXPECT_NEAR(half.by_introducer_N, kShare * bare.by_introducer_N, 1e-6);
+  EXPECT_EQ(covered.by_wall_N, 0);
+  EXPECT_EQ(covered.by_introducer_N, 0);
+}
+
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
 TEST(Catheter, CurlsUpBesideItsIntroducer) {

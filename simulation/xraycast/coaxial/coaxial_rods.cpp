@@ -11,6 +11,18 @@ namespace {
 // How far one tip is behind or ahead of the other while it passes it.
 constexpr double kPassing_mm = 1;
 constexpr double kJoulePer_uJ = 1e-6;
+// Of the energies in lumens, of up to some hundred microjoule.
+constexpr double kRounding_uJ = 1e-10;
+// A step along Newton's direction goes on where it gains so many times what the model promised: points that
+// touch lightly part from the lining, one after the other along the rod, which is softer than the model has
+// it, or a rod begins to buckle, whose projected Hessian is too stiff. Seldom is it worth the trial
+// otherwise. So many times as far: chosen, as is the first, by how many steps come to the bound of
+// iterations.
+constexpr double kMoreThanPromised = 1.1, kFarther = 1.5;
+
+bool goes_on(double model_decrease_uJ, double decrease_uJ) {
+  return decrease_uJ > kMoreThanPromised * model_decrease_uJ;
+}
 
 }  // namespace
 
@@ -69,12 +81,20 @@ void CoaxialRods::replace(std::size_t device, Rod rod) {
   rods_[device] = std::move(rod);
   for (std::size_t outer = 0; outer < device; ++outer) couple(outer, device);
   for (std::size_t inner = device + 1; inner < count(); ++inner) couple(device, inner);
+  is_moved_ = true;
+}
+
+void CoaxialRods::rotate_to(std::size_t device, double rotation_rad) {
+  is_moved_ = is_moved_ || rotation_rad != rods_[device].clamp().rotation_rad;
+  rods_[device].rotate_to(rotation_rad);
 }
 
 void CoaxialRods::feed_to(std::size_t device, double fed_mm) {
   Rod& rod = rods_[device];
   const auto before = static_cast<std::ptrdiff_t>(rod.node_count());
+  const double fed_before_mm = rod.fed_mm();
   rod.feed_to(fed_mm, externals_[device]);
+  is_moved_ = is_moved_ || rod.fed_mm() != fed_before_mm;
   const std::ptrdiff_t by = static_cast<std::ptrdiff_t>(rod.node_count()) - before;
   if (by == 0) return;
   for (LumenContact& lumen : lumens_) {
@@ -126,28 +146,31 @@ void CoaxialRods::find_reach(std::size_t index) {
     is_ahead = t * t * (3 - 2 * t);
   }
   reach.beyond_mm = std::lerp(behind_mm, ahead_mm, is_ahead);
+  reach.by_rim = share_of_rim(outer, inner, reach.beyond_mm);
 }
 
-/// Returns what this adds to the energy in the lumens, whose points and their lengths move along.
-double CoaxialRods::begin_lumens() {
-  const double before_uJ = lumens_uJ();
-  for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
+/// Places the points in the lumens by the reaches.
+void CoaxialRods::begin_lumens() {
   for (std::size_t inner = 1; inner < count(); ++inner) {
     // From the next one around it on: each holds what lies beyond the tips of those before.
     double to_mm = rods_[inner].fed_mm();
     for (std::size_t outer = inner; outer-- > 0;) {
       const std::size_t index = lumen_index(outer, inner);
       const double from_mm = std::clamp(reaches_[index].beyond_mm, 0.0, to_mm);
-      lumens_[index].begin_step(rods_, {from_mm, to_mm}, reaches_[index].beyond_mm);
+      lumens_[index].begin_step(rods_, {from_mm, to_mm}, reaches_[index].by_rim);
       to_mm = from_mm;
     }
   }
-  return lumens_uJ() - before_uJ;
 }
 
 void CoaxialRods::begin_step(double dt_s) {
   for (std::size_t d = 0; d < count(); ++d) rods_[d].begin_step(dt_s, externals_[d]);
-  gained_uJ_ = begin_lumens();
+  const double before_uJ = lumens_uJ();
+  last_reaches_ = reaches_;
+  for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
+  begin_lumens();
+  // The points and their lengths move along.
+  gained_uJ_ = lumens_uJ() - before_uJ;
   system_.order(rods_);
 }
 
@@ -170,8 +193,36 @@ void CoaxialRods::accept_trial() {
 void CoaxialRods::step(double dt_s) {
   if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
   begin_step(dt_s);
+  // Without input nothing else pays for a gain. The last step tells what this one can release.
+  if (!is_moved_ && gained_uJ_ > released_uJ_) keep_overlaps();
+  const bool may_repeat = !is_moved_ && gained_uJ_ > kRounding_uJ;
+  if (may_repeat) save_start();
+  Rod::KineticBalance balance = minimise(dt_s);
+  if (may_repeat && balance.allowed_uJ < 0) {
+    for (std::size_t d = 0; d < count(); ++d) rods_[d].state_ = starts_[d];
+    keep_overlaps();
+    balance = minimise(dt_s);
+  }
+  end_step(dt_s, balance);
+}
+
+/// What an inner rod has in a lumen stays as it was in the last step.
+void CoaxialRods::keep_overlaps() {
+  reaches_ = last_reaches_;
+  begin_lumens();
+  gained_uJ_ = 0;
+}
+
+void CoaxialRods::save_start() {
+  starts_.resize(count());
+  for (std::size_t d = 0; d < count(); ++d) starts_[d] = rods_[d].state_;
+}
+
+/// From where the step begins. What is gained in the lumens is charged on the velocities, as far as they
+/// reach.
+Rod::KineticBalance CoaxialRods::minimise(double dt_s) {
   const double start_uJ = potential_uJ(dt_s, false);
-  // In the lumens, charged as far as the step releases energy, and below by the hubs' rotation.
+  // In the lumens, and below by the hubs' rotation.
   double spent_uJ = std::max(0.0, gained_uJ_);
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
@@ -185,7 +236,10 @@ void CoaxialRods::step(double dt_s) {
     if (Rod::has_converged(model_decrease_uJ, before_uJ - potential)) break;
   }
   is_solved_ = iterations < most_iterations;
-  end_step(dt_s, start_uJ - spent_uJ - potential);
+  released_uJ_ = start_uJ - potential;
+  Rod::KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
+  for (const Rod& rod : rods_) rod.balance_velocities(dt_s, balance);
+  return balance;
 }
 
 double CoaxialRods::predict_uJ(double dt_s, double start_uJ) {
@@ -219,14 +273,20 @@ bool CoaxialRods::solve_newton(double dt_s, double& model_decrease_uJ) {
   return false;
 }
 
+double CoaxialRods::trial_uJ(double dt_s, double scale) {
+  for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
+  return potential_uJ(dt_s, true);
+}
+
 bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& potential) {
   Rod::Direction direction;
   for (const Rod& rod : rods_) rod.measure_direction(direction);
   double scale = direction.largest_scale();
   for (int backtracks = 0; backtracks < Rod::kMaxBacktracks; ++backtracks, scale *= 0.5) {
-    for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
-    const double reached_uJ = potential_uJ(dt_s, true);
+    double reached_uJ = trial_uJ(dt_s, scale);
     if (!Rod::is_low_enough(reached_uJ, potential, scale, model_decrease_uJ)) continue;
+    if (backtracks == 0 && goes_on(model_decrease_uJ, potential - reached_uJ))
+      reached_uJ = go_on_uJ(dt_s, scale, direction.reach(), reached_uJ);
     accept_trial();
     potential = reached_uJ;
     return true;
@@ -235,13 +295,22 @@ bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& pot
   return false;
 }
 
-void CoaxialRods::end_step(double dt_s, double decrease_uJ) {
-  Rod::KineticBalance balance{.allowed_uJ = decrease_uJ};
+/// Farther along the direction, for as long as the potential falls. Returns it there.
+double CoaxialRods::go_on_uJ(double dt_s, double scale, double reach, double reached_uJ) {
+  for (; kFarther * scale <= reach; scale *= kFarther) {
+    const double farther_uJ = trial_uJ(dt_s, kFarther * scale);
+    if (farther_uJ >= reached_uJ) return trial_uJ(dt_s, scale);
+    reached_uJ = farther_uJ;
+  }
+  return reached_uJ;
+}
+
+void CoaxialRods::end_step(double dt_s, const Rod::KineticBalance& balance) {
   for (Rod& rod : rods_) rod.update_velocities(dt_s, balance);
-  for (Rod& rod : rods_) rod.scale_velocities(balance);
   for (std::size_t d = 0; d < count(); ++d) rods_[d].end_step(externals_[d]);
   for (LumenContact& lumen : lumens_)
     lumen.end_step(rods_[lumen.outer()].state_, rods_[lumen.inner()].state_);
+  is_moved_ = false;
 }
 
 }  // namespace xraycast

@@ -27,7 +27,7 @@ class CoaxialRods {
   void set_load_N(std::size_t device, std::size_t from_tip, const Eigen::Vector3d& force_N) {
     rods_[device].set_load_N(from_tip, force_N);
   }
-  void rotate_to(std::size_t device, double rotation_rad) { rods_[device].rotate_to(rotation_rad); }
+  void rotate_to(std::size_t device, double rotation_rad);
   void feed_to(std::size_t device, double fed_mm);
 
   /// Another rod for one. Throws InputError, and changes nothing, where it does not fit.
@@ -46,9 +46,10 @@ class CoaxialRods {
  private:
   friend class CoaxialDerivatives;  // compares the assembled derivatives with differences of the potential
   friend class CoaxialLosses;       // sums up what steps lose
-  /// How far an inner rod reaches beyond an outer one's tip; negative inside.
+  /// How far an inner rod reaches beyond an outer one's tip, negative inside, and by how much the outer's rim
+  /// has taken over from the inner's tip.
   struct Reach {
-    double beyond_mm = 0, fed_apart_mm = 0;
+    double beyond_mm = 0, fed_apart_mm = 0, by_rim = 0;
   };
 
   std::size_t lumen_index(std::size_t outer, std::size_t inner) const {
@@ -58,7 +59,7 @@ class CoaxialRods {
   void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);
   double lumens_uJ() const;
-  double begin_lumens();
+  void begin_lumens();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
   double predict_uJ(double dt_s, double start_uJ);
@@ -66,14 +67,23 @@ class CoaxialRods {
   bool solve_newton(double dt_s, double& model_decrease_uJ);
   void accept_trial();
   bool search_line(double dt_s, double model_decrease_uJ, double& potential);
-  void end_step(double dt_s, double decrease_uJ);
+  double trial_uJ(double dt_s, double scale);
+  double go_on_uJ(double dt_s, double scale, double reach, double reached_uJ);
+  Rod::KineticBalance minimise(double dt_s);
+  void keep_overlaps();
+  void save_start();
+  void end_step(double dt_s, const Rod::KineticBalance& balance);
 
   std::vector<Rod> rods_;
   std::vector<ExternalPotential*> externals_;
   std::vector<LumenContact> lumens_;  ///< inner 1 in outer 0, 2 in 0, 2 in 1, ...
   std::vector<Reach> reaches_;        ///< of the same
+  std::vector<Reach> last_reaches_;   ///< of the last step
+  std::vector<RodState> starts_;      ///< of a step that may have to be repeated
   CoaxialSystem system_;
-  double gained_uJ_ = 0;  ///< in the lumens, as the step began
+  double gained_uJ_ = 0;    ///< in the lumens, as the step began
+  double released_uJ_ = 0;  ///< by the last step
+  bool is_moved_ = true;    ///< a hub, or another rod put in, since the last step
   bool is_solved_ = true;
 };
 

@@ -63,7 +63,8 @@ Borne borne(double from_end_mm) {
   return {length_mm, (s < f ? s * s * s / (3 * f) : 0.5 * s * s - f * f / 6) + kNear_mm * length_mm};
 }
 
-/// Over which the rim takes over from the tip, where the inner leaves the outer at a length from its tip.
+/// The length over which the rim takes over from the tip, where the inner leaves the outer at a length from
+/// its tip.
 double handover_mm(const Rod& outer, const Rod& inner, double from_tip_mm) {
   const RodWeights at = RodWeights::at(place_of(inner, from_tip_mm), inner.node_count());
   const Vector3d along = at.of(at.slope, inner.state()).normalized();
@@ -99,11 +100,15 @@ void LumenContact::inner_nodes_changed(std::ptrdiff_t by) {
 
 // ---- a step begins --------------------------------------------------------------------------------------
 
-void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside, double beyond_mm) {
+double share_of_rim(const Rod& outer, const Rod& inner, double beyond_mm) {
+  return beyond_mm > 0 ? std::min(1.0, beyond_mm / handover_mm(outer, inner, beyond_mm)) : 0;
+}
+
+void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside, double by_rim) {
   const Rod &outer = rods[outer_], &inner = rods[inner_];
   resize(inner);
   for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
-  place_ends(outer, inner, inside, beyond_mm);
+  place_ends(outer, inner, inside, by_rim);
   find_depths(outer.state(), inner.state());
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
   placed_outer_ = &outer.state();
@@ -139,11 +144,10 @@ void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& 
   if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
 }
 
-void LumenContact::place_ends(const Rod& outer, const Rod& inner, const Range& inside, double beyond_mm) {
+void LumenContact::place_ends(const Rod& outer, const Rod& inner, const Range& inside, double by_rim) {
   Touch &end = touches_[sample_count()], &rim = touches_.back();
   const double inside_mm = inside.to_mm - inside.from_mm,
-               length_mm = std::min(kEnd_mm, inside_mm) + inside_mm - borne(inside_mm).length_mm,
-               by_rim = std::clamp(beyond_mm / handover_mm(outer, inner, inside.from_mm), 0.0, 1.0);
+               length_mm = std::min(kEnd_mm, inside_mm) + inside_mm - borne(inside_mm).length_mm;
   end.length_mm = (1 - by_rim) * length_mm;
   rim.length_mm = by_rim * length_mm;
   end.from_tip_mm = rim.from_tip_mm = inside.from_mm;

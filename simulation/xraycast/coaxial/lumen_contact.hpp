@@ -47,8 +47,8 @@ class LumenContact {
   void outer_nodes_changed(std::ptrdiff_t by);
   void inner_nodes_changed(std::ptrdiff_t by);
 
-  /// `beyond_mm`: the inner's length beyond the outer's tip; not above zero where it ends inside.
-  void begin_step(const std::vector<Rod>& rods, const Range& inside, double beyond_mm);
+  /// `by_rim`: see share_of_rim.
+  void begin_step(const std::vector<Rod>& rods, const Range& inside, double by_rim);
   double energy_uJ(const RodState& outer, const RodState& inner);
   void couple(CoaxialSystem& system) const;
   void assemble(const RodState& outer, const RodState& inner, bool project_psd, CoaxialSystem& system) const;
@@ -97,7 +97,7 @@ class LumenContact {
 
   void resize(const Rod& inner);
   void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
-  void place_ends(const Rod& outer, const Rod& inner, const Range& inside, double beyond_mm);
+  void place_ends(const Rod& outer, const Rod& inner, const Range& inside, double by_rim);
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
   void find_depths(const RodState& outer, const RodState& inner);
   void find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const;
@@ -119,5 +119,9 @@ class LumenContact {
   std::vector<NearestPlace> searches_;  ///< of those touches that have a length
   std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, its end, the rim
 };
+
+/// What the outer's rim bears of the force at the end of the lumen, where the inner reaches `beyond_mm` beyond
+/// the outer's tip, 0 or less inside: from 0, all of it is the inner's tip's, to 1.
+double share_of_rim(const Rod& outer, const Rod& inner, double beyond_mm);
 
 }  // namespace xraycast

@@ -375,8 +375,8 @@ void Rod::step(double dt_s, ExternalPotential* external) {
   }
   is_solved_ = iterations < options_.max_iterations;
   KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
+  balance_velocities(dt_s, balance);
   update_velocities(dt_s, balance);
-  scale_velocities(balance);
   end_step(external);
 }
 
@@ -462,8 +462,8 @@ void Rod::measure_direction(Direction& direction) const {
   direction.max_move_mm = std::max({direction.max_move_mm, largest[1], largest[2], largest[3]});
 }
 
-double Rod::Direction::largest_scale() const {
-  return std::min({1.0, kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad});
+double Rod::Direction::reach() const {
+  return std::min(kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad);
 }
 
 bool Rod::is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ) {
@@ -488,33 +488,36 @@ bool Rod::search_line(double dt_s, ExternalPotential* external, const Direction&
   return false;
 }
 
-void Rod::update_velocities(double dt_s, KineticBalance& balance) {
+void Rod::balance_velocities(double dt_s, KineticBalance& balance) const {
   // The potential counts the change of velocity and not the velocity itself: the decrease and the change
   // bound the kinetic energy of the new velocities. A step that ends at the minimum always respects that.
   double &allowed_uJ = balance.allowed_uJ, &kinetic_uJ = balance.kinetic_uJ;
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
-    Node& node = nodes_[i];
+    const Node& node = nodes_[i];
     const Vector3d velocity = (state_.nodes_mm[i] - node.start_mm) / dt_s;
     allowed_uJ += 0.5 * node.mass_kg * (velocity - node.velocity_mm_s).squaredNorm();
     kinetic_uJ += 0.5 * node.mass_kg * velocity.squaredNorm();
-    node.velocity_mm_s = velocity;
   }
   for (std::size_t j = 0; j < edges_.size(); ++j) {
-    Edge& edge = edges_[j];
+    const Edge& edge = edges_[j];
     const double velocity = state_.thetas_rad[j] / dt_s, change = velocity - edge.angular_velocity_rad_s;
     allowed_uJ += 0.5 * edge.rotational_inertia_kg_mm2 * change * change;
     kinetic_uJ += 0.5 * edge.rotational_inertia_kg_mm2 * velocity * velocity;
-    edge.angular_velocity_rad_s = velocity;
   }
 }
 
-void Rod::scale_velocities(const KineticBalance& balance) {
+void Rod::update_velocities(double dt_s, const KineticBalance& balance) {
+  const double scale = balance.scale();
+  for (std::size_t i = 1; i < nodes_.size(); ++i)
+    nodes_[i].velocity_mm_s = scale * ((state_.nodes_mm[i] - nodes_[i].start_mm) / dt_s);
+  for (std::size_t j = 0; j < edges_.size(); ++j)
+    edges_[j].angular_velocity_rad_s = scale * (state_.thetas_rad[j] / dt_s);
+}
+
+double Rod::KineticBalance::scale() const {
   // Rods at rest stay so, also where nothing is allowed: their scale would not be a number.
-  const double allowed_uJ = std::max(0.0, balance.allowed_uJ);
-  if (balance.kinetic_uJ <= allowed_uJ) return;
-  const double scale = std::sqrt(allowed_uJ / balance.kinetic_uJ);
-  for (Node& node : nodes_) node.velocity_mm_s *= scale;
-  for (Edge& edge : edges_) edge.angular_velocity_rad_s *= scale;
+  const double reachable_uJ = std::max(0.0, allowed_uJ);
+  return kinetic_uJ <= reachable_uJ ? 1 : std::sqrt(reachable_uJ / kinetic_uJ);
 }
 
 double Rod::elastic_energy_J() const { return kMicro * elastic_uJ(state_); }

@@ -212,12 +212,17 @@ class Rod {
     double model_decrease_uJ = 0;  ///< of the potential, by its quadratic model
     double max_move_mm = 0, max_rotation_rad = 0;
 
-    /// The share of it that is within the model's reach.
-    double largest_scale() const;
+    /// How many times as long it might be within the model's reach.
+    double reach() const;
+    /// The share of it that is within.
+    double largest_scale() const { return reach() < 1 ? reach() : 1; }
   };
   /// What the kinetic energy may be after a step, and what it is.
   struct KineticBalance {
     double allowed_uJ = 0, kinetic_uJ = 0;
+
+    /// Of the velocities, so that they respect it.
+    double scale() const;
   };
 
   std::size_t row_count() const { return RodSystem::kClampedRows + 4 * edges_.size(); }
@@ -253,8 +258,8 @@ class Rod {
   bool solve_newton(double dt_s, ExternalPotential* external);
   void measure_direction(Direction& direction) const;
   bool search_line(double dt_s, ExternalPotential* external, const Direction& direction, double& potential);
-  void update_velocities(double dt_s, KineticBalance& balance);
-  void scale_velocities(const KineticBalance& balance);
+  void balance_velocities(double dt_s, KineticBalance& balance) const;
+  void update_velocities(double dt_s, const KineticBalance& balance);
   void end_step(ExternalPotential* external);
   static bool has_converged(double model_decrease_uJ, double decrease_uJ);
   static bool is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ);
