@@ -247,9 +247,10 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
   const double coefficient = touch.slips ? options_.kinetic_friction : options_.static_friction;
   touch.friction.limit_mN = coefficient * touch.length_mm * lining_force_mN(touch.depth_mm);
   touch.start_slope = touch.anchor.of(touch.anchor.slope, both.curve);
-  touch.along = touch.start_slope.normalized();
+  const double slope_length = touch.start_slope.norm();
+  touch.along = touch.start_slope / slope_length;
   touch.around = touch.along.cross(touch.normal).normalized();
-  touch.tilt = touch.distance_mm / touch.start_slope.norm() * touch.normal;
+  touch.tilt = touch.distance_mm / slope_length * touch.normal;
 }
 
 // ---- groups ---------------------------------------------------------------------------------------------
