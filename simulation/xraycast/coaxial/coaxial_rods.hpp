@@ -59,6 +59,7 @@ class CoaxialRods {
   void find_reach(std::size_t lumen);
   double lumens_uJ() const;
   double begin_lumens();
+  void measure_along();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
   double predict_uJ(double dt_s, double start_uJ);
@@ -72,6 +73,9 @@ class CoaxialRods {
   std::vector<ExternalPotential*> externals_;
   std::vector<LumenContact> lumens_;  ///< inner 1 in outer 0, 2 in 0, 2 in 1, ...
   std::vector<Reach> reaches_;        ///< of the same
+  /// Of each rod's nodes from the clamp, along the outermost one as far as that reaches: those of an inner
+  /// one, which cuts bends, fall behind it or get ahead.
+  std::vector<std::vector<double>> along_mm_;
   CoaxialSystem system_;
   double gained_uJ_ = 0;  ///< in the lumens, as the step began
   bool is_solved_ = true;

@@ -14,21 +14,21 @@ constexpr std::size_t kRows = BlockBandMatrix::kBlock;
 
 }  // namespace
 
-void CoaxialSystem::order(const std::vector<Rod>& rods) {
-  places_.resize(rods.size());
-  next_.assign(rods.size(), 1);
+void CoaxialSystem::order(const std::vector<std::vector<double>>& along_mm) {
+  places_.resize(along_mm.size());
+  next_.assign(along_mm.size(), 1);
   std::size_t count = 0;
-  for (std::size_t d = 0; d < rods.size(); ++d) {
-    places_[d].resize(rods[d].node_count() - 1);
+  for (std::size_t d = 0; d < along_mm.size(); ++d) {
+    places_[d].resize(along_mm[d].size() - 1);
     count += places_[d].size();
   }
   const auto distance_mm = [&](std::size_t rod) {
-    return next_[rod] < rods[rod].node_count() ? rods[rod].fed_mm() - rods[rod].from_tip_mm(next_[rod])
-                                               : std::numeric_limits<double>::infinity();
+    return next_[rod] < along_mm[rod].size() ? along_mm[rod][next_[rod]]
+                                             : std::numeric_limits<double>::infinity();
   };
   for (std::size_t at = 0; at < count; ++at) {
     std::size_t nearest = 0;
-    for (std::size_t d = 1; d < rods.size(); ++d)
+    for (std::size_t d = 1; d < along_mm.size(); ++d)
       if (distance_mm(d) < distance_mm(nearest)) nearest = d;
     places_[nearest][next_[nearest]++ - 1] = at;
   }

@@ -36,8 +36,8 @@ struct PairDerivatives {
 /// that what lies side by side lies near the matrix's diagonal.
 class CoaxialSystem {
  public:
-  /// Orders the nodes.
-  void order(const std::vector<Rod>& rods);
+  /// Orders the nodes by their distances along the rods, of each rod's.
+  void order(const std::vector<std::vector<double>>& along_mm);
 
   /// Announces what `add` will couple; before `collect`.
   void couple(const RodPair& pair);

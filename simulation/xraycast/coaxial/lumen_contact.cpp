@@ -173,6 +173,14 @@ void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside,
   placed_inner_ = &inner.state();
 }
 
+std::optional<double> LumenContact::ahead_mm(const std::vector<Rod>& rods, std::size_t inner_node) const {
+  if (inner_node == 0) return std::nullopt;
+  const Touch& touch = touches_[2 * (inner_node - 1)];
+  if (!touch.has_length()) return std::nullopt;
+  return (rods[outer_].fed_mm() - from_tip_mm(rods[outer_], touch.place)) -
+         (rods[inner_].fed_mm() - touch.from_tip_mm);
+}
+
 bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
   const bool is_placed = &outer == placed_outer_ && &inner == placed_inner_;
   placed_outer_ = placed_inner_ = nullptr;

@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace xraycast {
@@ -56,6 +57,10 @@ class LumenContact {
 
   /// In the lining and in the friction springs.
   double energy_uJ() const;
+
+  /// How much further the outer reaches from the clamp, along its centreline, than the inner to a node of
+  /// that; none where the node is not in the lumen. After begin_step().
+  std::optional<double> ahead_mm(const std::vector<Rod>& rods, std::size_t inner_node) const;
 
   std::size_t outer() const { return outer_; }
   std::size_t inner() const { return inner_; }
