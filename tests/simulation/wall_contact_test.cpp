@@ -279,12 +279,12 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
     wall.begin_step(rod);
     wall.energy_uJ(rod.state());
     wall.end_step(rod.state());
-    Held held;
+    Held forces;
     for (const WallContact::Contact& contact : wall.contacts()) {
-      held.by_wall_N += contact.normal_N.norm();
-      held.by_introducer_N += contact.introducer_N.norm();
+      forces.by_wall_N += contact.normal_N.norm();
+      forces.by_introducer_N += contact.introducer_N.norm();
     }
-    return held;
+    return forces;
   };
   const Held bare = held(60), half = held(30), covered = held(0);
   ASSERT_GT(bare.by_wall_N, 1);

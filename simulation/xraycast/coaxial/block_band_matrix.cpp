@@ -54,13 +54,56 @@ inline const BlockColumn& column_of(const MatrixBlock& block, std::size_t c) {
   column_of(x, 2) = y2 * inverse(2, 2), column_of(x, 3) = y3 * inverse(3, 3);
 }
 
-/// Subtracts x y^T.
-[[gnu::always_inline]] inline void subtract_product(const MatrixBlock& x, const MatrixBlock& y,
-                                                    MatrixBlock& from) {
-  const BlockColumn x0 = column_of(x, 0), x1 = column_of(x, 1), x2 = column_of(x, 2), x3 = column_of(x, 3);
-  for (std::size_t c = 0; c < kBlockSize; ++c)
-    column_of(from, c) -=
-        (x0 * y[c] + x1 * y[kBlockSize + c]) + (x2 * y[2 * kBlockSize + c] + x3 * y[3 * kBlockSize + c]);
+/// Subtracts x y^T from blocks that follow each other in a column, of as many x: they share what is read of
+/// y.
+template <std::size_t kCount>
+[[gnu::always_inline]] inline void subtract_products(const MatrixBlock* x, const MatrixBlock& y,
+                                                     MatrixBlock* from) {
+  BlockColumn sums[kCount][kBlockSize];
+#pragma GCC unroll 2
+  for (std::size_t k = 0; k < kCount; ++k)
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c < kBlockSize; ++c) sums[k][c] = column_of(from[k], c);
+      // Unrolled, this would need more registers than there are.
+#pragma GCC unroll 1
+  for (std::size_t n = 0; n < kBlockSize; ++n)
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c < kBlockSize; ++c)
+#pragma GCC unroll 2
+      for (std::size_t k = 0; k < kCount; ++k) sums[k][c] -= column_of(x[k], n) * y[kBlockSize * n + c];
+#pragma GCC unroll 2
+  for (std::size_t k = 0; k < kCount; ++k)
+#pragma GCC unroll 4
+    for (std::size_t c = 0; c < kBlockSize; ++c) column_of(from[k], c) = sums[k][c];
+}
+
+/// Divides the blocks below a column's diagonal and subtracts their products from the columns
+/// after it, which start at `starts`.
+template <std::size_t kBelow>
+[[gnu::always_inline]] inline void eliminate(MatrixBlock* column, const std::size_t* starts,
+                                             MatrixBlock* blocks) {
+  std::array<MatrixBlock, kBelow + 1> undivided;
+#pragma GCC unroll 6
+  for (std::size_t k = 1; k <= kBelow; ++k) divide_from_right(column[0], column[k], undivided[k]);
+#pragma GCC unroll 6
+  for (std::size_t m = 1; m <= kBelow; ++m) {
+    MatrixBlock* other = blocks + starts[m];
+    const std::size_t last = kBelow - m;
+#pragma GCC unroll 3
+    for (std::size_t k = 0; k < last; k += 2) subtract_products<2>(&undivided[m + k], column[m], other + k);
+    if (last % 2 == 0) subtract_products<1>(&undivided[kBelow], column[m], other + last);
+  }
+}
+/// The same for any number of blocks.
+[[gnu::always_inline]] inline void eliminate(std::size_t below, MatrixBlock* column,
+                                             const std::size_t* starts, MatrixBlock* blocks) {
+  for (std::size_t k = 1; k <= below; ++k) {
+    MatrixBlock undivided;
+    divide_from_right(column[0], column[k], undivided);
+    // Those above it in the column are divided already.
+    for (std::size_t m = 1; m <= k; ++m)
+      subtract_products<1>(&undivided, column[m], &blocks[starts[m] + k - m]);
+  }
 }
 
 /// A diagonal block's L^-1 x.
@@ -102,15 +145,20 @@ bool BlockBandMatrix::factorise() {
   for (std::size_t j = 0; j < reaches_.size(); ++j) {
     Block* column = &blocks_[starts_[j]];
     if (!factorise_block(column[0])) return false;
-    const std::size_t below = reaches_[j] - j;
-    for (std::size_t k = 1; k <= below; ++k) {
-      Block undivided;
-      divide_from_right(column[0], column[k], undivided);
-      // Those above it in the column are divided already.
-      Block* other = &blocks_[starts_[j + k]];
-      for (std::size_t m = 1; m < k; ++m)
-        subtract_product(undivided, column[m], blocks_[starts_[j + m] + k - m]);
-      subtract_product(undivided, column[k], other[0]);
+    const std::size_t* starts = &starts_[j];
+    // A pair has some five blocks below the diagonal; their loops are unrolled.
+    switch (const std::size_t below = reaches_[j] - j) {
+      case 4:
+        eliminate<4>(column, starts, blocks_.data());
+        break;
+      case 5:
+        eliminate<5>(column, starts, blocks_.data());
+        break;
+      case 6:
+        eliminate<6>(column, starts, blocks_.data());
+        break;
+      default:
+        eliminate(below, column, starts, blocks_.data());
     }
   }
   return true;

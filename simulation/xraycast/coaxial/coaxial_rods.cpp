@@ -163,6 +163,29 @@ void CoaxialRods::begin_lumens() {
   }
 }
 
+void CoaxialRods::measure_along() {
+  along_mm_.resize(count());
+  for (std::size_t d = 0; d < count(); ++d) {
+    along_mm_[d].resize(rods_[d].node_count());
+    double ahead_mm = 0;
+    for (std::size_t node = 0; node < along_mm_[d].size(); ++node) {
+      const double own_mm = rods_[d].fed_mm() - rods_[d].from_tip_mm(node);
+      for (std::size_t outer = 0; outer < d; ++outer) {
+        const Rod& around = rods_[outer];
+        const auto beside_mm = lumens_[lumen_index(outer, d)].ahead_mm(rods_, node);
+        if (!beside_mm) continue;
+        // As much as that is ahead itself, about there.
+        const auto& beyond = std::ranges::lower_bound(along_mm_[outer], own_mm + *beside_mm);
+        const auto at =
+            std::min<std::ptrdiff_t>(beyond - along_mm_[outer].begin(), std::ssize(along_mm_[outer]) - 1);
+        const auto other = static_cast<std::size_t>(at);
+        ahead_mm = *beside_mm + along_mm_[outer][other] - (around.fed_mm() - around.from_tip_mm(other));
+      }
+      along_mm_[d][node] = own_mm + ahead_mm;
+    }
+  }
+}
+
 void CoaxialRods::begin_step(double dt_s) {
   for (std::size_t d = 0; d < count(); ++d) rods_[d].begin_step(dt_s, externals_[d]);
   const double before_uJ = lumens_uJ();
@@ -171,7 +194,8 @@ void CoaxialRods::begin_step(double dt_s) {
   begin_lumens();
   // The points and their lengths move along.
   gained_uJ_ = lumens_uJ() - before_uJ;
-  system_.order(rods_);
+  measure_along();
+  system_.order(along_mm_);
 }
 
 // ---- a step ---------------------------------------------------------------------------------------------

@@ -60,6 +60,7 @@ class CoaxialRods {
   void find_reach(std::size_t lumen);
   double lumens_uJ() const;
   void begin_lumens();
+  void measure_along();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
   double predict_uJ(double dt_s, double start_uJ);
@@ -80,6 +81,9 @@ class CoaxialRods {
   std::vector<Reach> reaches_;        ///< of the same
   std::vector<Reach> last_reaches_;   ///< of the last step
   std::vector<RodState> starts_;      ///< of a step that may have to be repeated
+  /// Of each rod's nodes from the clamp, along the outermost one as far as that reaches: those of an inner
+  /// one, which cuts bends, fall behind it or get ahead.
+  std::vector<std::vector<double>> along_mm_;
   CoaxialSystem system_;
   double gained_uJ_ = 0;    ///< in the lumens, as the step began
   double released_uJ_ = 0;  ///< by the last step

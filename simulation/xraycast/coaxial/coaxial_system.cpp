@@ -1,6 +1,7 @@
 #include "xraycast/coaxial/coaxial_system.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/coaxial/lane_columns.hpp"
 #include "xraycast/mechanics/lanes.hpp"
 
 #include <algorithm>
@@ -13,21 +14,21 @@ constexpr std::size_t kRows = BlockBandMatrix::kBlock;
 
 }  // namespace
 
-void CoaxialSystem::order(const std::vector<Rod>& rods) {
-  places_.resize(rods.size());
-  next_.assign(rods.size(), 1);
+void CoaxialSystem::order(const std::vector<std::vector<double>>& along_mm) {
+  places_.resize(along_mm.size());
+  next_.assign(along_mm.size(), 1);
   std::size_t count = 0;
-  for (std::size_t d = 0; d < rods.size(); ++d) {
-    places_[d].resize(rods[d].node_count() - 1);
+  for (std::size_t d = 0; d < along_mm.size(); ++d) {
+    places_[d].resize(along_mm[d].size() - 1);
     count += places_[d].size();
   }
   const auto distance_mm = [&](std::size_t rod) {
-    return next_[rod] < rods[rod].node_count() ? rods[rod].fed_mm() - rods[rod].from_tip_mm(next_[rod])
-                                               : std::numeric_limits<double>::infinity();
+    return next_[rod] < along_mm[rod].size() ? along_mm[rod][next_[rod]]
+                                             : std::numeric_limits<double>::infinity();
   };
   for (std::size_t at = 0; at < count; ++at) {
     std::size_t nearest = 0;
-    for (std::size_t d = 1; d < rods.size(); ++d)
+    for (std::size_t d = 1; d < along_mm.size(); ++d)
       if (distance_mm(d) < distance_mm(nearest)) nearest = d;
     places_[nearest][next_[nearest]++ - 1] = at;
   }
@@ -38,11 +39,11 @@ void CoaxialSystem::order(const std::vector<Rod>& rods) {
       reaches_[places[k]] = places[std::min(k + 2, places.size() - 1)];
 }
 
-std::array<std::size_t, CoaxialSystem::kPairNodes> CoaxialSystem::places_of(const RodPair& pair) const {
-  std::array<std::size_t, kPairNodes> places{};
+CoaxialSystem::PairPlaces CoaxialSystem::places_of(const RodPair& pair) const {
+  PairPlaces places;
   for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    places[k] = place(pair.first_rod, pair.first.first_node + k);
-    places[RodWeights::kNodes + k] = place(pair.second_rod, pair.second.first_node + k);
+    places[k] = place(pair.point_rod, pair.point_node + k);
+    places[RodWeights::kNodes + k] = place(pair.curve_rod, pair.curve_node + k);
   }
   return places;
 }
@@ -83,90 +84,92 @@ void CoaxialSystem::collect(const std::vector<Rod>& rods) {
 
 namespace {
 
-/// Of the distance of the two points: minus for the second one.
-double weight_of(const RodPair& pair, std::size_t a) {
-  return a < RodWeights::kNodes ? pair.first.position[a] : -pair.second.position[a - RodWeights::kNodes];
-}
+/// What one potential's Hessian has for a node of the curve: its columns for the motion and for the slope.
+struct CurveRows {
+  LaneColumns by_motion, by_slope;
 
-/// The processor's vector of four.
-using Four __attribute__((vector_size(4 * sizeof(double)), aligned(sizeof(double)))) = double;
-
-inline const Four& four(const Eigen::Vector4d& values) {
-  return *reinterpret_cast<const Four*>(values.data());
-}
-
-/// A Hessian as columns of four: of the stiffness, and of each square's vectors.
-struct Columns {
-  static constexpr std::size_t kNodes = 2 * RodWeights::kNodes;
-  Four stiffness[3];
-  double weights[kNodes];
-};
-
-/// Adds the block of two nodes, a below b.
-template <std::size_t kSquares>
-inline void add_block(const CoaxialSystem::Hessian& hessian, const Columns& columns, std::size_t a,
-                      std::size_t b, double* block) {
-  const double weight = columns.weights[a] * columns.weights[b];
-  Four rows[kSquares + 1];
-  for (std::size_t k = 0; k < kSquares; ++k)
-    rows[k] = hessian.squares[k].scale * four(hessian.squares[k].vectors[a]);
-  for (std::size_t c = 0; c < kRows; ++c) {
-    Four& column = *reinterpret_cast<Four*>(block + kRows * c);
-    Four sum = column;
-    if (c > 0) sum += weight * columns.stiffness[c - 1];
-    for (std::size_t k = 0; k < kSquares; ++k)
-      sum += rows[k] * hessian.squares[k].vectors[b][static_cast<Eigen::Index>(c)];
-    column = sum;
+  [[gnu::always_inline]] CurveRows(const PairDerivatives& of, std::size_t k) {
+    const Lanes weights = load(of.motion_weights[RodWeights::kNodes + k].data());
+    const LaneColumns motion_slope = load_columns(of.motion_slope.data());
+    by_motion = sum(rows_scaled(load_columns(of.motion.data()), weights),
+                    rows_scaled(transposed(motion_slope), of.slope_weights[k]));
+    by_slope = sum(rows_scaled(motion_slope, weights),
+                   rows_scaled(load_columns(of.slope.data()), of.slope_weights[k]));
   }
-}
-
-template <std::size_t kSquares>
-inline void add_blocks(const CoaxialSystem::Hessian& hessian, const Columns& columns,
-                       const std::array<std::size_t, Columns::kNodes>& places, std::size_t clamped,
-                       BlockBandMatrix& matrix) {
-  for (std::size_t a = 0; a < Columns::kNodes; ++a)
-    for (std::size_t b = 0; places[a] != clamped && b < Columns::kNodes; ++b)
-      if (places[b] <= places[a])
-        add_block<kSquares>(hessian, columns, a, b, matrix.at(places[a], places[b]).data());
+  /// Its columns for another node, or the same.
+  [[gnu::always_inline]] LaneColumns block(const PairDerivatives& of, std::size_t k) const {
+    return sum(columns_scaled(by_motion, load(of.motion_weights[RodWeights::kNodes + k].data())),
+               rows_scaled(by_slope, of.slope_weights[k]));
+  }
+};
+[[gnu::always_inline]] inline Lanes curve_gradient(const PairDerivatives& of, std::size_t k) {
+  return load(of.motion_weights[RodWeights::kNodes + k].data()) * load(of.by_motion.data()) +
+         of.slope_weights[k] * load(of.by_slope.data());
 }
 
 }  // namespace
 
-XRAYCAST_WIDE_VECTORS
-void CoaxialSystem::add(const RodPair& pair, const Hessian& hessian) {
-  Columns columns;
-  for (std::size_t c = 0; c < 3; ++c) {
-    const auto at = static_cast<Eigen::Index>(c);
-    columns.stiffness[c] =
-        Four{0, hessian.stiffness(0, at), hessian.stiffness(1, at), hessian.stiffness(2, at)};
+/// Of one potential, or of two; `last` is the second one.
+template <bool kTwo>
+[[gnu::always_inline]] inline void CoaxialSystem::add_several(const PairPlaces& places,
+                                                              const PairDerivatives& first,
+                                                              const PairDerivatives& last) {
+  constexpr std::size_t kNodes = RodWeights::kNodes;
+  std::array<Lanes, kNodes> weights;
+  for (std::size_t k = 0; k < kNodes; ++k) weights[k] = load(first.motion_weights[k].data());
+  // The point's nodes with each other.
+  LaneColumns motion = load_columns(first.motion.data());
+  Lanes by_motion = load(first.by_motion.data());
+  if constexpr (kTwo) {
+    motion = sum(motion, load_columns(last.motion.data()));
+    by_motion += load(last.by_motion.data());
   }
-  for (std::size_t a = 0; a < kPairNodes; ++a) columns.weights[a] = weight_of(pair, a);
-  const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  switch (hessian.count) {
-    case 0:
-      return add_blocks<0>(hessian, columns, places, kClamped, hessian_);
-    case 1:
-      return add_blocks<1>(hessian, columns, places, kClamped, hessian_);
-    case 2:
-      return add_blocks<2>(hessian, columns, places, kClamped, hessian_);
-    default:
-      return add_blocks<3>(hessian, columns, places, kClamped, hessian_);
-  }
-}
-
-void CoaxialSystem::add_gradient(const RodPair& pair, const Eigen::Vector3d& force_mN) {
-  const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  for (std::size_t a = 0; a < kPairNodes; ++a) {
+  for (std::size_t a = 0; a < kNodes; ++a) {
     if (places[a] == kClamped) continue;
-    for (std::size_t r = 0; r < 3; ++r)
-      gradient_[kRows * places[a] + 1 + r] += weight_of(pair, a) * force_mN[static_cast<Eigen::Index>(r)];
+    add_to(&gradient_[kRows * places[a]], weights[a] * by_motion);
+    const LaneColumns rows = rows_scaled(motion, weights[a]);
+    for (std::size_t b = 0; b <= a; ++b)
+      if (places[b] != kClamped)
+        add_to_columns(hessian_.at(places[a], places[b]).data(), columns_scaled(rows, weights[b]));
+  }
+  // The curve's with the point's, and with each other.
+  for (std::size_t k = 0; k < kNodes; ++k) {
+    const std::size_t a = places[kNodes + k];
+    if (a == kClamped) continue;
+    Lanes gradient = curve_gradient(first, k);
+    const CurveRows rows_of_first(first, k), rows_of_last(last, k);
+    LaneColumns rows = rows_of_first.by_motion;
+    if constexpr (kTwo) {
+      gradient += curve_gradient(last, k);
+      rows = sum(rows, rows_of_last.by_motion);
+    }
+    add_to(&gradient_[kRows * a], gradient);
+    for (const std::size_t point : {0, 1, 2}) {
+      const std::size_t b = places[point];
+      if (b == kClamped) continue;
+      const LaneColumns block = columns_scaled(rows, weights[point]);
+      if (b < a)
+        add_to_columns(hessian_.at(a, b).data(), block);
+      else
+        add_to_columns(hessian_.at(b, a).data(), transposed(block));
+    }
+    for (std::size_t l = 0; l <= k; ++l) {
+      const std::size_t b = places[kNodes + l];
+      if (b == kClamped) continue;
+      LaneColumns block = rows_of_first.block(first, l);
+      if constexpr (kTwo) block = sum(block, rows_of_last.block(last, l));
+      add_to_columns(hessian_.at(a, b).data(), block);
+    }
   }
 }
 
-void CoaxialSystem::add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors) {
-  const std::array<std::size_t, kPairNodes> places = places_of(pair);
-  for (std::size_t a = 0; a < kPairNodes; ++a)
-    if (places[a] != kClamped) add_to(&gradient_[kRows * places[a]], scale * load(vectors[a].data()));
+XRAYCAST_WIDE_VECTORS
+void CoaxialSystem::add(const RodPair& pair, std::span<const PairDerivatives> derivatives) {
+  const PairPlaces places = places_of(pair);
+  if (derivatives.size() == 1)
+    add_several<false>(places, derivatives.front(), derivatives.front());
+  else
+    add_several<true>(places, derivatives.front(), derivatives.back());
 }
 
 double CoaxialSystem::solve(std::vector<Rod>& rods) {

@@ -7,14 +7,28 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <span>
 #include <vector>
 
 namespace xraycast {
 
-/// What acts between a point of one rod and one of another, which move with the nodes by these weights.
+/// A point of one rod and a place on another's centreline, each of which moves with three nodes: the rods and
+/// the first of the nodes.
 struct RodPair {
-  std::size_t first_rod = 0, second_rod = 0;
-  RodWeights first, second;
+  std::size_t point_rod = 0, point_node = 0, curve_rod = 0, curve_node = 0;
+};
+
+/// The derivatives of a potential between the two, over the turn and the distance of the point from the place
+/// (a vector of four) and over the slope of the centreline there (four, of which the first is zero).
+struct PairDerivatives {
+  static constexpr std::size_t kNodes = 2 * RodWeights::kNodes;
+  /// Of the nodes' changes, each the angle of the edge before and the position: the point's and the curve's
+  /// nodes.
+  std::array<Eigen::Vector4d, kNodes> motion_weights;
+  std::array<double, RodWeights::kNodes> slope_weights;  ///< of the curve's nodes
+  Eigen::Vector4d by_motion, by_slope;
+  /// The Hessian over both, motion_slope with a row for the motion and a column for the slope.
+  Eigen::Matrix4d motion, motion_slope, slope;
 };
 
 /// The linear system of one Newton iteration of several rods fed through one clamp, in mm, kg, s. The nodes
@@ -22,34 +36,8 @@ struct RodPair {
 /// that what lies side by side lies near the matrix's diagonal.
 class CoaxialSystem {
  public:
-  /// What the angle of the edge before a node and the node's position count, for each node of the first rod
-  /// and then of the second.
-  using NodeVectors = std::array<Eigen::Vector4d, 2 * RodWeights::kNodes>;
-  /// `scale` times the outer product of the vectors.
-  struct Square {
-    double scale = 0;
-    NodeVectors vectors;
-  };
-  /// A Hessian: `stiffness` over the distance of the two points, and squares. Summed up first, since writing
-  /// it into the matrix is what takes the time.
-  struct Hessian {
-    static constexpr std::size_t kMostSquares = 3;
-    Eigen::Matrix3d stiffness = Eigen::Matrix3d::Zero();
-    std::array<Square, kMostSquares> squares;
-    std::size_t count = 0;
-
-    void clear() {
-      stiffness.setZero();
-      count = 0;
-    }
-    Square& add_square(double scale) {
-      squares[count].scale = scale;
-      return squares[count++];
-    }
-  };
-
-  /// Orders the nodes.
-  void order(const std::vector<Rod>& rods);
+  /// Orders the nodes by their distances along the rods, of each rod's.
+  void order(const std::vector<std::vector<double>>& along_mm);
 
   /// Announces what `add` will couple; before `collect`.
   void couple(const RodPair& pair);
@@ -58,12 +46,9 @@ class CoaxialSystem {
   void collect(const std::vector<Rod>& rods);
 
   /// What acts on node 0 is left to the clamp, and its reaction does not count it: the introducer keeps
-  /// devices straight there, where they hardly touch.
-  void add(const RodPair& pair, const Hessian& hessian);
-  /// A force between the points, on the second one and, negative, on the first.
-  void add_gradient(const RodPair& pair, const Eigen::Vector3d& force_mN);
-  /// Adds `scale` times the vectors to the gradient.
-  void add_gradient(const RodPair& pair, double scale, const NodeVectors& vectors);
+  /// devices straight there, where they hardly touch. Several potentials of one pair, with the same weights
+  /// of the point, are written at once, since writing is what takes the time.
+  void add(const RodPair& pair, std::span<const PairDerivatives> derivatives);
 
   /// False unless the Hessian is positive definite.
   bool factorise() { return hessian_.factorise(); }
@@ -73,12 +58,15 @@ class CoaxialSystem {
   double solve(std::vector<Rod>& rods);
 
  private:
-  static constexpr std::size_t kPairNodes = 2 * RodWeights::kNodes, kClamped = static_cast<std::size_t>(-1);
+  static constexpr std::size_t kClamped = static_cast<std::size_t>(-1);
+  using PairPlaces = std::array<std::size_t, PairDerivatives::kNodes>;
   /// The place of a node in the order; kClamped for number 0.
   std::size_t place(std::size_t rod, std::size_t node) const {
     return node == 0 ? kClamped : places_[rod][node - 1];
   }
-  std::array<std::size_t, kPairNodes> places_of(const RodPair& pair) const;
+  PairPlaces places_of(const RodPair& pair) const;
+  template <bool kTwo>
+  void add_several(const PairPlaces& places, const PairDerivatives& first, const PairDerivatives& last);
 
   std::vector<std::vector<std::size_t>> places_;  ///< of each rod's nodes from number 1 on
   std::vector<std::size_t> reaches_, next_;

@@ -1,8 +1,15 @@
 #include "xraycast/coaxial/lumen_contact.hpp"
 
+#include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/coaxial/lane_columns.hpp"
+#include "xraycast/coaxial/rod_curve_lanes.hpp"
+#include "xraycast/mechanics/friction_lanes.hpp"
+#include "xraycast/mechanics/lanes.hpp"
+
 #include <Eigen/Geometry>
 #include <algorithm>
 #include <cmath>
+#include <span>
 
 namespace xraycast {
 namespace {
@@ -32,25 +39,78 @@ constexpr double kHandover_mm = 1, kHandoverOfSlant_mm = 10;
 // Of the friction springs, per length: they slip after some micrometres.
 constexpr double kTangential_mN_mm2 = 4e3;
 
-/// The lining's energy per millimetre of length, and its derivatives by depth: of a spring that is soft at
-/// first, stiffened by 1 + (depth / kStiffening_mm)^2.
-double lining_energy_uJ(double depth_mm) {
-  const double d = depth_mm, s = kSoft_mm, by = 1 / (kStiffening_mm * kStiffening_mm);
-  const auto soft = [&](double x) { return x * x * x * (1.0 / 6 + 0.1 * x * x * by) / s; };
-  const auto stiff = [&](double x) { return 0.5 * x * (x - s) + x * x * x * (0.25 * x - s / 6) * by; };
-  return kLining_mN_mm2 * (d < s ? soft(d) : soft(s) + stiff(d) - stiff(s));
+/// The lining's energy per millimetre of length, and its derivatives by depth, of one touch or of four: of a
+/// spring that is soft at first, stiffened by 1 + (depth / kStiffening_mm)^2.
+template <typename Real>
+[[gnu::always_inline]] inline Real lining_energy_uJ(Real depth_mm) {
+  constexpr double s = kSoft_mm, by = 1 / (kStiffening_mm * kStiffening_mm);
+  const auto soft = [](auto x) __attribute__((always_inline)) {
+    return x * x * x * (1.0 / 6 + 0.1 * x * x * by) / s;
+  };
+  const auto stiff = [](auto x) __attribute__((always_inline)) {
+    return 0.5 * x * (x - s) + x * x * x * (0.25 * x - s / 6) * by;
+  };
+  return kLining_mN_mm2 * choose(depth_mm < s, soft(depth_mm), soft(s) + stiff(depth_mm) - stiff(s));
 }
-double spring_depth_mm(double depth_mm) {
-  return depth_mm < kSoft_mm ? 0.5 * depth_mm * depth_mm / kSoft_mm : depth_mm - 0.5 * kSoft_mm;
+template <typename Real>
+[[gnu::always_inline]] inline Real spring_depth_mm(Real depth_mm) {
+  return choose(depth_mm < kSoft_mm, 0.5 * depth_mm * depth_mm / kSoft_mm, depth_mm - 0.5 * kSoft_mm);
 }
-double lining_force_mN(double depth_mm) {
-  const double stiffer = depth_mm / kStiffening_mm;
-  return kLining_mN_mm2 * spring_depth_mm(depth_mm) * (1 + stiffer * stiffer);
+template <typename Real>
+[[gnu::always_inline]] inline Real lining_force_mN(Real depth_mm) {
+  const Real stiffer = depth_mm / kStiffening_mm;
+  return kLining_mN_mm2 * spring_depth_mm(depth_mm) * (1.0 + stiffer * stiffer);
 }
-double lining_stiffness_mN_mm(double depth_mm) {
-  const double stiffer = depth_mm / kStiffening_mm;
-  return kLining_mN_mm2 * (std::min(1.0, depth_mm / kSoft_mm) * (1 + stiffer * stiffer) +
-                           spring_depth_mm(depth_mm) * 2 * stiffer / kStiffening_mm);
+template <typename Real>
+[[gnu::always_inline]] inline Real lining_stiffness_mN_mm(Real depth_mm) {
+  const Real stiffer = depth_mm / kStiffening_mm;
+  return kLining_mN_mm2 *
+         (choose(depth_mm < kSoft_mm, depth_mm / kSoft_mm, all<Real>(1)) * (1.0 + stiffer * stiffer) +
+          spring_depth_mm(depth_mm) * 2.0 * stiffer / kStiffening_mm);
+}
+
+// Of four touches, as they are stored.
+[[gnu::always_inline]] inline Lanes lanes_of(const std::array<double, kLanes>& numbers) {
+  return load(numbers.data());
+}
+[[gnu::always_inline]] inline Triple<Lanes> triple_of(
+    const std::array<std::array<double, kLanes>, 3>& vectors) {
+  return {lanes_of(vectors[0]), lanes_of(vectors[1]), lanes_of(vectors[2])};
+}
+[[gnu::always_inline]] inline void store_triple(std::array<std::array<double, kLanes>, 3>& to,
+                                                const Triple<Lanes>& from) {
+  store(to[0].data(), from.x);
+  store(to[1].data(), from.y);
+  store(to[2].data(), from.z);
+}
+[[gnu::always_inline]] inline Triple<Lanes> weighted(
+    const NodeTriples& nodes, const std::array<std::array<double, kLanes>, RodWeights::kNodes>& weights) {
+  return nodes.weighted({lanes_of(weights[0]), lanes_of(weights[1]), lanes_of(weights[2])});
+}
+void set_lane(const Vector3d& vector, std::size_t k, std::array<std::array<double, kLanes>, 3>& to) {
+  for (std::size_t c = 0; c < 3; ++c) to[c][k] = vector[static_cast<Eigen::Index>(c)];
+}
+template <std::size_t kSize>
+void set_lane(const RodWeights::Weights& weights, std::size_t first, std::size_t k,
+              std::array<std::array<double, kLanes>, kSize>& to) {
+  for (std::size_t n = 0; n < kSize; ++n) to[n][k] = weights[first + n];
+}
+
+/// The rotation of four points or places about their rod's axis.
+[[gnu::always_inline]] inline Lanes theta_rad(
+    const RodState& rod, const std::array<std::size_t, kLanes>& nodes,
+    const std::array<std::array<double, kLanes>, RodWeights::kNodes - 1>& weights) {
+  const LaneSources<Lanes, double> from = lane_sources(rod.thetas_rad, nodes);
+  const auto at = [&from](std::size_t after) __attribute__((always_inline)) {
+    return Lanes{from[0][after], from[1][after], from[2][after], from[3][after]};
+  };
+  return lanes_of(weights[0]) * at(0) + lanes_of(weights[1]) * at(1);
+}
+
+/// Of each lane, a number and a vector.
+[[gnu::always_inline]] inline std::array<Lanes, kLanes> by_lane(const Lanes& first,
+                                                                const Triple<Lanes>& rest) {
+  return transposed(first, rest.x, rest.y, rest.z);
 }
 
 /// The length that samples bear from an end on, and its first moment.
@@ -109,10 +169,21 @@ void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside,
   resize(inner);
   for (std::size_t k = 0; k < sample_count(); ++k) place_sample(k, outer, inner, inside);
   place_ends(outer, inner, inside, by_rim);
+  make_groups();
   find_depths(outer.state(), inner.state());
+  for (const Group& group : groups_) take_depths(group);
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
+  for (Group& group : groups_) begin_friction(group);
   placed_outer_ = &outer.state();
   placed_inner_ = &inner.state();
+}
+
+std::optional<double> LumenContact::ahead_mm(const std::vector<Rod>& rods, std::size_t inner_node) const {
+  if (inner_node == 0) return std::nullopt;
+  const Touch& touch = touches_[2 * (inner_node - 1)];
+  if (!touch.has_length()) return std::nullopt;
+  return (rods[outer_].fed_mm() - from_tip_mm(rods[outer_], touch.place)) -
+         (rods[inner_].fed_mm() - touch.from_tip_mm);
 }
 
 bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
@@ -124,7 +195,7 @@ bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
 void LumenContact::resize(const Rod& inner) {
   if (!touches_.empty()) return;
   touches_.reserve(2 * inner.max_nodes());
-  searches_.reserve(2 * inner.max_nodes());
+  groups_.reserve(2 * inner.max_nodes() / kGroup + 2);
   touches_.resize(2 * inner.node_count() - 3 + kEnds);
   touches_.back().is_rim = true;
 }
@@ -140,7 +211,12 @@ void LumenContact::place_sample(std::size_t index, const Rod& outer, const Rod& 
   // Where hardly any of the cell is inside, the quotient is mere rounding and lies anywhere.
   touch.from_tip_mm =
       std::clamp(inside.from_mm + (to.moment_mm2 - from.moment_mm2) / touch.length_mm, from_mm, to_mm);
-  touch.point = RodWeights::at(place_of(inner, touch.from_tip_mm), inner.node_count());
+  // In the segment around its node or, before the middle of an edge, in the next one.
+  const std::size_t node = 1 + index / 2;
+  const bool is_after =
+      index % 2 == 1 && touch.from_tip_mm < 0.5 * (inner.from_tip_mm(node) + inner.from_tip_mm(node + 1));
+  touch.point =
+      RodWeights::at(place_on(inner, is_after ? node + 1 : node, touch.from_tip_mm), inner.node_count());
   if (touch.is_new) touch.place = place_of(outer, outer.fed_mm() - inner.fed_mm() + touch.from_tip_mm);
 }
 
@@ -171,8 +247,8 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
   }
   const Sides both = sides(touch, outer, inner);
   touch.is_new = false;
-  touch.anchor = touch.nearest;
-  touch.start_mm = touch.point.position_mm(both.point) - touch.anchor.position_mm(both.curve);
+  touch.anchor = RodWeights::at(touch.place, both.curve.nodes_mm.size());
+  touch.start_mm = touch.offset_mm;
   touch.friction.spring_mN_mm = kTangential_mN_mm2 * touch.length_mm;
   touch.friction.limit_mN = 0;
   if (touch.depth_mm == 0) {
@@ -183,45 +259,102 @@ void LumenContact::begin_touch(Touch& touch, const RodState& outer, const RodSta
   const double coefficient = touch.slips ? options_.kinetic_friction : options_.static_friction;
   touch.friction.limit_mN = coefficient * touch.length_mm * lining_force_mN(touch.depth_mm);
   touch.start_slope = touch.anchor.of(touch.anchor.slope, both.curve);
-  touch.along = touch.start_slope.normalized();
+  const double slope_length = touch.start_slope.norm();
+  touch.along = touch.start_slope / slope_length;
   touch.around = touch.along.cross(touch.normal).normalized();
-  touch.tilt = touch.distance_mm / touch.start_slope.norm() * touch.normal;
+  touch.tilt = touch.distance_mm / slope_length * touch.normal;
+}
+
+// ---- groups ---------------------------------------------------------------------------------------------
+
+void LumenContact::make_groups() {
+  groups_.clear();
+  for (std::size_t k = 0; k < touches_.size(); ++k) {
+    if (!touches_[k].has_length()) continue;
+    if (groups_.empty() || groups_.back().count == kGroup || touches_[k].is_rim) groups_.emplace_back();
+    add_to_group(k, groups_.back());
+  }
+}
+
+void LumenContact::add_to_group(std::size_t index, Group& group) const {
+  const Touch& touch = touches_[index];
+  const std::size_t first = group.count++;
+  group.is_rim = touch.is_rim;
+  group.touches[first] = index;
+  group.length_mm[first] = touch.length_mm;
+  // The first one fills up the others.
+  for (std::size_t k = first; k < (first == 0 ? kGroup : first + 1); ++k) {
+    group.point_nodes[k] = touch.point.first_node;
+    group.segments[k] = touch.place.segment;
+    group.t[k] = touch.place.t;
+    set_lane(touch.point.position, 0, k, group.point_positions);
+    set_lane(touch.point.theta, 1, k, group.point_thetas);
+  }
+}
+
+void LumenContact::begin_friction(Group& group) const {
+  for (std::size_t k = 0; k < kGroup; ++k) {
+    const Touch& touch = touches_[group.touches[k < group.count ? k : 0]];
+    group.anchor_nodes[k] = touch.anchor.first_node;
+    if (k >= group.count || !touch.friction.is_active()) continue;
+    group.has_friction = true;
+    set_lane(touch.anchor.position, 0, k, group.anchor_positions);
+    set_lane(touch.anchor.slope, 0, k, group.anchor_slopes);
+    set_lane(touch.anchor.theta, 1, k, group.anchor_thetas);
+    group.spring_mN_mm[k] = touch.friction.spring_mN_mm;
+    group.limit_mN[k] = touch.friction.limit_mN;
+    group.stick_along_mm[k] = touch.stick_mm[0];
+    group.stick_around_mm[k] = touch.stick_mm[1];
+    set_lane(touch.along, k, group.along);
+    set_lane(touch.around, k, group.around);
+    set_lane(touch.start_mm, k, group.start_mm);
+    set_lane(touch.start_slope, k, group.start_slope);
+    set_lane(touch.tilt, k, group.tilt);
+  }
+}
+
+void LumenContact::take_depths(const Group& group) {
+  for (std::size_t k = 0; k < group.count; ++k) {
+    Touch& touch = touches_[group.touches[k]];
+    touch.place = {group.segments[k], group.t[k]};
+    touch.offset_mm = {group.offset_mm[0][k], group.offset_mm[1][k], group.offset_mm[2][k]};
+    touch.distance_mm = group.distance_mm[k];
+    touch.depth_mm = group.depth_mm[k];
+    if (touch.depth_mm > 0) touch.normal = touch.offset_mm / touch.distance_mm;
+  }
 }
 
 // ---- the potential --------------------------------------------------------------------------------------
 
+XRAYCAST_WIDE_VECTORS
 void LumenContact::find_depths(const RodState& outer, const RodState& inner) {
-  // All points of the inner at once, and then the rim.
-  searches_.clear();
-  for (const Touch& touch : touches_)
-    if (touch.has_length()) {
-      const Sides both = sides(touch, outer, inner);
-      searches_.push_back({touch.point.position_mm(both.point), touch.place});
-    }
-  const std::size_t rims = touches_.back().has_length() ? 1 : 0, samples = searches_.size() - rims;
-  find_nearest_places(outer, std::span(searches_).first(samples));
-  find_nearest_places(inner, std::span(searches_).subspan(samples));
-  std::size_t search = 0;
-  for (Touch& touch : touches_)
-    if (touch.has_length()) find_depth(touch, searches_[search++], sides(touch, outer, inner));
-}
-
-void LumenContact::find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const {
-  touch.place = found.place;
-  touch.nearest = RodWeights::at(touch.place, sides.curve.nodes_mm.size());
-  touch.offset_mm = found.offset_mm;
-  touch.distance_mm = touch.offset_mm.norm();
-  touch.depth_mm = std::max(0.0, touch.distance_mm - (options_.lumen_radius_mm - options_.inner_radius_mm));
-  if (touch.depth_mm > 0) touch.normal = touch.offset_mm / touch.distance_mm;
+  const double clearance_mm = options_.lumen_radius_mm - options_.inner_radius_mm;
+  for (Group& group : groups_) {
+    const Sides both = sides(group, outer, inner);
+    NearestPlaces search;
+    search.point_mm = weighted(NodeTriples(both.point, group.point_nodes), group.point_positions);
+    search.segments = group.segments;
+    search.t = lanes_of(group.t);
+    search.search(both.curve);
+    const Lanes distance_mm = square_root(dot(search.offset_mm, search.offset_mm)),
+                depth_mm = distance_mm - clearance_mm;
+    group.segments = search.segments;
+    for (std::size_t k = 0; k < kGroup; ++k)
+      group.nearest_nodes[k] = RodWeights::first_node_of(search.segments[k], both.curve.nodes_mm.size());
+    store(group.t.data(), search.t);
+    store_triple(group.offset_mm, search.offset_mm);
+    store(group.distance_mm.data(), distance_mm);
+    store(group.depth_mm.data(), choose(depth_mm > 0.0, depth_mm, Lanes{}));
+  }
 }
 
 /// How far a turn of the point's rod, and of the curve's, moves its surface around the other one. The rim is
 /// the outer's point, and touches the inner on the side that it has moved away from.
-double LumenContact::point_arm_mm(const Touch& touch) const {
-  return touch.is_rim ? -options_.lumen_radius_mm : options_.inner_radius_mm;
+double LumenContact::point_arm_mm(bool is_rim) const {
+  return is_rim ? -options_.lumen_radius_mm : options_.inner_radius_mm;
 }
-double LumenContact::curve_arm_mm(const Touch& touch) const {
-  return touch.is_rim ? -options_.inner_radius_mm : options_.lumen_radius_mm;
+double LumenContact::curve_arm_mm(bool is_rim) const {
+  return is_rim ? -options_.inner_radius_mm : options_.lumen_radius_mm;
 }
 
 /// Along the curve, relative to its cross-section, which tilts with it, so that nothing slips where both rods
@@ -231,124 +364,166 @@ Vector2d LumenContact::slip_mm(const Touch& touch, const Sides& sides) const {
       touch.point.position_mm(sides.point) - touch.anchor.position_mm(sides.curve) - touch.start_mm;
   const double tilted_mm =
       touch.tilt.dot(touch.anchor.of(touch.anchor.slope, sides.curve) - touch.start_slope);
-  const double turned_mm = point_arm_mm(touch) * touch.point.theta_rad(sides.point) -
-                           curve_arm_mm(touch) * touch.anchor.theta_rad(sides.curve);
+  const double turned_mm = point_arm_mm(touch.is_rim) * touch.point.theta_rad(sides.point) -
+                           curve_arm_mm(touch.is_rim) * touch.anchor.theta_rad(sides.curve);
   return {touch.stick_mm[0] + (moved.dot(touch.along) + tilted_mm),
           touch.stick_mm[1] + (moved.dot(touch.around) + turned_mm)};
 }
 
-/// The derivatives of the slip along and around.
-std::array<CoaxialSystem::NodeVectors, 2> LumenContact::slip_by_node(const Touch& touch) const {
-  std::array<CoaxialSystem::NodeVectors, 2> by_node;
-  auto& [along, around] = by_node;
-  const RodWeights &point = touch.point, &curve = touch.anchor;
-  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    const std::size_t m = RodWeights::kNodes + k;
-    along[k] << 0, point.position[k] * touch.along;
-    along[m] << 0, curve.slope[k] * touch.tilt - curve.position[k] * touch.along;
-    around[k] << point_arm_mm(touch) * point.theta[k], point.position[k] * touch.around;
-    around[m] << -curve_arm_mm(touch) * curve.theta[k], -curve.position[k] * touch.around;
-  }
-  return by_node;
-}
+/// Of a group, at a state.
+struct LumenContact::GroupFriction {
+  FrictionLanes of;
 
+  [[gnu::always_inline]] GroupFriction(const LumenContact& lumen, const Group& group, const Sides& sides) {
+    const NodeTriples point(sides.point, group.point_nodes), anchor(sides.curve, group.anchor_nodes);
+    const Triple<Lanes> moved = weighted(point, group.point_positions) -
+                                weighted(anchor, group.anchor_positions) - triple_of(group.start_mm),
+                        tilted = weighted(anchor, group.anchor_slopes) - triple_of(group.start_slope);
+    const Lanes turned_mm =
+        lumen.point_arm_mm(group.is_rim) * theta_rad(sides.point, group.point_nodes, group.point_thetas) -
+        lumen.curve_arm_mm(group.is_rim) * theta_rad(sides.curve, group.anchor_nodes, group.anchor_thetas);
+    of = {lanes_of(group.spring_mN_mm), lanes_of(group.limit_mN),
+          lanes_of(group.stick_along_mm) +
+              (dot(moved, triple_of(group.along)) + dot(triple_of(group.tilt), tilted)),
+          lanes_of(group.stick_around_mm) + (dot(moved, triple_of(group.around)) + turned_mm)};
+  }
+};
+
+XRAYCAST_WIDE_VECTORS
 double LumenContact::energy_uJ(const RodState& outer, const RodState& inner) {
-  double energy = 0;
   if (!is_placed(outer, inner)) find_depths(outer, inner);
-  for (Touch& touch : touches_) {
-    if (!touch.has_length()) continue;
-    const Sides both = sides(touch, outer, inner);
-    if (touch.depth_mm > 0) energy += touch.length_mm * lining_energy_uJ(touch.depth_mm);
-    if (touch.friction.is_active()) energy += touch.friction.energy_uJ(slip_mm(touch, both));
+  Lanes energies{};
+  for (const Group& group : groups_) {
+    energies += lanes_of(group.length_mm) * lining_energy_uJ(lanes_of(group.depth_mm));
+    if (group.has_friction)
+      energies += GroupFriction(*this, group, sides(group, outer, inner)).of.energy_uJ();
   }
-  return energy;
+  return sum(energies);
 }
 
-RodPair LumenContact::pair(const Touch& touch, const RodWeights& curve) const {
-  return touch.is_rim ? RodPair{outer_, inner_, touch.point, curve}
-                      : RodPair{inner_, outer_, touch.point, curve};
+/// By the first of the curve's nodes.
+RodPair LumenContact::pair(const Group& group, std::size_t k, std::size_t curve_node) const {
+  const std::size_t point_rod = group.is_rim ? outer_ : inner_, curve_rod = group.is_rim ? inner_ : outer_;
+  return {point_rod, group.point_nodes[k], curve_rod, curve_node};
 }
 
 void LumenContact::couple(CoaxialSystem& system) const {
-  for (const Touch& touch : touches_) {
-    if (!is_active(touch)) continue;
-    system.couple(pair(touch, touch.nearest));
-    if (touch.friction.is_active()) system.couple(pair(touch, touch.anchor));
-  }
+  for (const Group& group : groups_)
+    for (std::size_t k = 0; k < group.count; ++k) {
+      if (group.is_pressed(k) || group.rubs(k)) system.couple(pair(group, k, group.nearest_nodes[k]));
+      if (group.rubs(k)) system.couple(pair(group, k, group.anchor_nodes[k]));
+    }
 }
 
 void LumenContact::assemble(const RodState& outer, const RodState& inner, bool project_psd,
                             CoaxialSystem& system) const {
-  CoaxialSystem::Hessian hessian;
-  for (const Touch& touch : touches_) {
-    if (!is_active(touch)) continue;
-    hessian.clear();
-    const Sides both = sides(touch, outer, inner);
-    const RodPair normal = pair(touch, touch.nearest), along = pair(touch, touch.anchor);
-    if (touch.depth_mm > 0) {
-      system.add_gradient(normal, lining_mN(touch) * touch.normal);
-      add_normal(touch, both, project_psd, hessian);
+  for (const Group& group : groups_) assemble(group, sides(group, outer, inner), project_psd, system);
+}
+
+/// The lining's derivatives of a group. The nearest place minimises the distance: it moves with the nodes,
+/// which takes off the energy, in proportion to `moving`.
+struct LumenContact::Lining {
+  Lanes force_mN, stiffness, turning, moving;
+  Triple<Lanes> normal, slope, offset_mm;
+
+  [[gnu::always_inline]] Lining(const Group& group, const RodState& curve) {
+    const Lanes depth_mm = lanes_of(group.depth_mm), length_mm = lanes_of(group.length_mm),
+                distance_mm = lanes_of(group.distance_mm), t = lanes_of(group.t);
+    offset_mm = triple_of(group.offset_mm);
+    normal = offset_mm / distance_mm;
+    force_mN = length_mm * lining_force_mN(depth_mm);
+    stiffness = length_mm * lining_stiffness_mN_mm(depth_mm);
+    turning = force_mN / distance_mm;
+    const Parabolas segment(curve, group.segments);
+    slope = segment.slope(t);
+    moving = -turning / (dot(slope, slope) - 2.0 * dot(offset_mm, segment.quadratic));
+  }
+};
+
+XRAYCAST_WIDE_VECTORS
+void LumenContact::assemble(const Group& group, const Sides& sides, bool project_psd,
+                            CoaxialSystem& system) const {
+  const Lining lining(group, sides.curve);
+  const std::array<Lanes, kLanes> normals = by_lane(Lanes{}, lining.normal),
+                                  slopes = by_lane(Lanes{}, lining.slope),
+                                  offsets = by_lane(Lanes{}, lining.offset_mm);
+  FrictionLanes::Derivatives friction{};
+  std::array<Lanes, kLanes> alongs{}, arounds{}, tilts{};
+  if (group.has_friction) {
+    friction = GroupFriction(*this, group, sides).of.derivatives();
+    alongs = by_lane(Lanes{}, triple_of(group.along));
+    arounds = by_lane(all<Lanes>(1), triple_of(group.around));
+    tilts = by_lane(Lanes{}, triple_of(group.tilt));
+  }
+  std::array<PairDerivatives, 2> derivatives;
+  for (std::size_t k = 0; k < group.count; ++k) {
+    std::size_t count = 0;
+    if (group.is_pressed(k)) {
+      PairDerivatives& of = derivatives[count++];
+      set_weights(group, k, RodWeights::at({group.segments[k], group.t[k]}, sides.curve.nodes_mm.size()), of);
+      const Lanes normal = normals[k], slope = slopes[k], offset = offsets[k];
+      const double stiffness = lining.stiffness[k], turning = lining.turning[k], moving = lining.moving[k];
+      store(of.by_motion.data(), lining.force_mN[k] * normal);
+      of.by_slope.setZero();
+      if (project_psd) {
+        // Without the nearest place's motion along the centreline.
+        const Vector3d turned = lane_vector<Vector3d>(lining.slope, k)
+                                    .cross(lane_vector<Vector3d>(lining.normal, k))
+                                    .normalized();
+        const Lanes around{0, turned[0], turned[1], turned[2]};
+        store_columns(of.motion.data(), sum(outer_product(stiffness * normal, normal),
+                                            outer_product(turning * around, around)));
+        of.motion_slope.setZero();
+        of.slope.setZero();
+      } else {
+        LaneColumns motion =
+            sum(outer_product((stiffness - turning) * normal, normal), outer_product(moving * slope, slope));
+        for (std::size_t c = 1; c < kLanes; ++c) motion[c][c] += turning;
+        store_columns(of.motion.data(), motion);
+        store_columns(of.motion_slope.data(), outer_product(moving * slope, offset));
+        store_columns(of.slope.data(), outer_product(moving * offset, offset));
+      }
     }
-    // The same nodes until the touch has moved on: their Hessians are written together.
-    const bool is_one = touch.nearest.first_node == touch.anchor.first_node;
-    if (touch.depth_mm > 0 && !(is_one && touch.friction.is_active())) {
-      system.add(normal, hessian);
-      hessian.clear();
+    // The same nodes until the touch has moved on.
+    const bool is_one = group.nearest_nodes[k] == group.anchor_nodes[k];
+    if (count > 0 && !(is_one && group.rubs(k))) {
+      system.add(pair(group, k, group.nearest_nodes[k]), std::span(derivatives).first(count));
+      count = 0;
     }
-    if (!touch.friction.is_active()) continue;
-    add_friction(touch, both, along, system, hessian);
-    // The distance's weights are those of the nearest place.
-    system.add(is_one ? normal : along, hessian);
+    if (!group.rubs(k)) continue;
+    PairDerivatives& of = derivatives[count++];
+    set_weights(group, k, anchor_of(group, k), of);
+    const Lanes along = alongs[k], around = arounds[k], tilt = tilts[k];
+    store(of.by_motion.data(), friction.x_mN[k] * along + friction.y_mN[k] * around);
+    store(of.by_slope.data(), friction.x_mN[k] * tilt);
+    const Lanes by_along = friction.xx_mN_mm[k] * along + friction.xy_mN_mm[k] * around,
+                by_around = friction.xy_mN_mm[k] * along + friction.yy_mN_mm[k] * around;
+    store_columns(of.motion.data(), sum(outer_product(by_along, along), outer_product(by_around, around)));
+    store_columns(of.motion_slope.data(), outer_product(by_along, tilt));
+    store_columns(of.slope.data(), outer_product(friction.xx_mN_mm[k] * tilt, tilt));
+    system.add(pair(group, k, group.anchor_nodes[k]), std::span(derivatives).first(count));
   }
 }
 
-double LumenContact::lining_mN(const Touch& touch) const {
-  return touch.length_mm * lining_force_mN(touch.depth_mm);
+RodWeights LumenContact::anchor_of(const Group& group, std::size_t k) {
+  return {
+      .first_node = group.anchor_nodes[k],
+      .position = {group.anchor_positions[0][k], group.anchor_positions[1][k], group.anchor_positions[2][k]},
+      .slope = {group.anchor_slopes[0][k], group.anchor_slopes[1][k], group.anchor_slopes[2][k]},
+      .theta = {0, group.anchor_thetas[0][k], group.anchor_thetas[1][k]}};
 }
 
-void LumenContact::add_normal(const Touch& touch, const Sides& sides, bool project_psd,
-                              CoaxialSystem::Hessian& hessian) const {
-  const double stiffness = touch.length_mm * lining_stiffness_mN_mm(touch.depth_mm),
-               turning = lining_mN(touch) / touch.distance_mm;
-  const Vector3d slope = touch.nearest.of(touch.nearest.slope, sides.curve);
-  hessian.stiffness = stiffness * touch.normal * touch.normal.transpose();
-  if (project_psd) {
-    // Without the nearest place's motion along the centreline.
-    const Vector3d around = slope.cross(touch.normal).normalized();
-    hessian.stiffness += turning * around * around.transpose();
-    return;
+/// Of a touch, and of a place on the curve.
+void LumenContact::set_weights(const Group& group, std::size_t k, const RodWeights& curve,
+                               PairDerivatives& of) const {
+  const double point_arm = point_arm_mm(group.is_rim), curve_arm = curve_arm_mm(group.is_rim);
+  for (std::size_t n = 0; n < RodWeights::kNodes; ++n) {
+    const double point = group.point_positions[n][k], place = -curve.position[n],
+                 theta = n == 0 ? 0 : group.point_thetas[n - 1][k];
+    of.motion_weights[n] = {point_arm * theta, point, point, point};
+    of.motion_weights[RodWeights::kNodes + n] = {-curve_arm * curve.theta[n], place, place, place};
   }
-  hessian.stiffness += turning * (Eigen::Matrix3d::Identity() - touch.normal * touch.normal.transpose());
-  // The nearest place minimises the distance: it moves with the nodes, which takes off the energy.
-  const double steepness =
-      slope.squaredNorm() - touch.offset_mm.dot(touch.nearest.of(touch.nearest.bend, sides.curve));
-  CoaxialSystem::Square& moving = hessian.add_square(-turning / steepness);
-  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
-    moving.vectors[k] << 0, -touch.point.position[k] * slope;
-    moving.vectors[RodWeights::kNodes + k] << 0,
-        touch.nearest.position[k] * slope - touch.nearest.slope[k] * touch.offset_mm;
-  }
-}
-
-void LumenContact::add_friction(const Touch& touch, const Sides& sides, const RodPair& both,
-                                CoaxialSystem& system, CoaxialSystem::Hessian& hessian) const {
-  const Friction::Derivatives friction = touch.friction.derivatives(slip_mm(touch, sides));
-  const std::array<CoaxialSystem::NodeVectors, 2> slip = slip_by_node(touch);
-  for (std::size_t i : {0, 1})
-    system.add_gradient(both, friction.gradient_mN[static_cast<Eigen::Index>(i)], slip[i]);
-
-  // The Hessian as two squares, of the slip with the larger entry and what goes with it, and of the rest.
-  const Eigen::Matrix2d& entries = friction.hessian_mN_mm;
-  const Eigen::Index first = entries(0, 0) >= entries(1, 1) ? 0 : 1, second = 1 - first;
-  const double share = entries(0, 1) / entries(first, first),
-               rest = entries(second, second) - share * entries(0, 1);
-  const CoaxialSystem::NodeVectors& other = slip[static_cast<std::size_t>(second)];
-  CoaxialSystem::Square& main = hessian.add_square(entries(first, first));
-  main.vectors = slip[static_cast<std::size_t>(first)];
-  if (share != 0)
-    for (std::size_t k = 0; k < main.vectors.size(); ++k) main.vectors[k] += share * other[k];
-  // While it slips, there is none but rounding.
-  if (rest > 1e-12 * entries(first, first)) hessian.add_square(rest).vectors = other;
+  of.slope_weights = curve.slope;
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------
@@ -356,6 +531,7 @@ void LumenContact::add_friction(const Touch& touch, const Sides& sides, const Ro
 void LumenContact::end_step(const RodState& outer, const RodState& inner) {
   const double kinetic_share =
       options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
+  for (const Group& group : groups_) take_depths(group);
   for (Touch& touch : touches_) {
     if (!touch.has_length()) continue;
     const Sides both = sides(touch, outer, inner);
@@ -389,7 +565,8 @@ std::vector<LumenContact::Contact> LumenContact::contacts(const std::vector<Rod>
     if (!touch.has_length()) continue;
     const RodState& inner = rods[inner_].state();
     const double sign = touch.is_rim ? -kNewtonPer_mN : kNewtonPer_mN;  // of the forces on the inner
-    contacts.push_back({.position_mm = (touch.is_rim ? touch.nearest : touch.point).position_mm(inner),
+    const RodWeights at = touch.is_rim ? RodWeights::at(touch.place, inner.nodes_mm.size()) : touch.point;
+    contacts.push_back({.position_mm = at.position_mm(inner),
                         .from_tip_mm = touch.from_tip_mm,
                         .depth_mm = touch.depth_mm,
                         .normal_N = sign * touch.normal_mN,

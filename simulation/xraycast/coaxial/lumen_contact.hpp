@@ -8,6 +8,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <optional>
 #include <vector>
 
 namespace xraycast {
@@ -57,6 +58,10 @@ class LumenContact {
   /// In the lining and in the friction springs.
   double energy_uJ() const;
 
+  /// How much further the outer reaches from the clamp, along its centreline, than the inner to a node of
+  /// that; none where the node is not in the lumen. After begin_step().
+  std::optional<double> ahead_mm(const std::vector<Rod>& rods, std::size_t inner_node) const;
+
   std::size_t outer() const { return outer_; }
   std::size_t inner() const { return inner_; }
   std::vector<Contact> contacts(const std::vector<Rod>& rods) const;
@@ -67,9 +72,8 @@ class LumenContact {
   struct Touch {
     bool is_rim = false, is_new = true;
     double length_mm = 0, from_tip_mm = 0;
-    RodWeights point, anchor;  ///< on the other's centreline, as the step begins
-    RodPlace place;            ///< on the other's centreline, and there:
-    RodWeights nearest;
+    RodWeights point, anchor;                             ///< on the other's centreline, as the step begins
+    RodPlace place;                                       ///< on the other's centreline
     Eigen::Vector3d offset_mm{0, 0, 0}, normal{0, 0, 0};  ///< from the centreline to the point
     double distance_mm = 0, depth_mm = 0;
     Friction friction;
@@ -85,13 +89,36 @@ class LumenContact {
   struct Sides {
     const RodState &point, &curve;
   };
-  static Sides sides(const Touch& touch, const RodState& outer, const RodState& inner) {
-    return touch.is_rim ? Sides{outer, inner} : Sides{inner, outer};
+  /// Numbers and vectors of four touches.
+  static constexpr std::size_t kGroup = 4;
+  using Numbers = std::array<double, kGroup>;
+  using Vectors = std::array<Numbers, 3>;
+  using Indices = std::array<std::size_t, kGroup>;
+  /// Four touches that have a length, of the samples and the end or the rim alone, as they are evaluated
+  /// during a step: at once. Those beyond `count` repeat the first one without a length.
+  struct Group {
+    Indices touches{};
+    std::size_t count = 0;
+    bool is_rim = false, has_friction = false;
+    // As the step begins; the weights are those of RodWeights.
+    Indices point_nodes{}, anchor_nodes{};
+    std::array<Numbers, RodWeights::kNodes> point_positions{}, anchor_positions{}, anchor_slopes{};
+    std::array<Numbers, RodWeights::kNodes - 1> point_thetas{}, anchor_thetas{};  ///< the first is zero
+    Numbers length_mm{}, spring_mN_mm{}, limit_mN{}, stick_along_mm{}, stick_around_mm{};
+    Vectors along{}, around{}, start_mm{}, start_slope{}, tilt{};
+    // At the state that was looked at last.
+    Indices segments{}, nearest_nodes{};
+    Numbers t{}, distance_mm{}, depth_mm{};
+    Vectors offset_mm{};
+
+    bool is_pressed(std::size_t k) const { return depth_mm[k] > 0; }
+    bool rubs(std::size_t k) const { return limit_mN[k] > 0; }
+  };
+  /// Of a touch or a group.
+  template <typename Of>
+  static Sides sides(const Of& of, const RodState& outer, const RodState& inner) {
+    return of.is_rim ? Sides{outer, inner} : Sides{inner, outer};
   }
-  static bool is_active(const Touch& touch) {
-    return touch.has_length() && (touch.depth_mm > 0 || touch.friction.is_active());
-  }
-  RodPair pair(const Touch& touch, const RodWeights& curve) const;
   bool is_placed(const RodState& outer, const RodState& inner);
   std::size_t sample_count() const { return touches_.size() - kEnds; }
 
@@ -99,29 +126,32 @@ class LumenContact {
   void place_sample(std::size_t index, const Rod& outer, const Rod& inner, const Range& inside);
   void place_ends(const Rod& outer, const Rod& inner, const Range& inside, double by_rim);
   void begin_touch(Touch& touch, const RodState& outer, const RodState& inner);
+  void make_groups();
+  void add_to_group(std::size_t touch, Group& group) const;
+  void begin_friction(Group& group) const;
+  void take_depths(const Group& group);
   void find_depths(const RodState& outer, const RodState& inner);
-  void find_depth(Touch& touch, const NearestPlace& found, const Sides& sides) const;
   Eigen::Vector2d slip_mm(const Touch& touch, const Sides& sides) const;
-  std::array<CoaxialSystem::NodeVectors, 2> slip_by_node(const Touch& touch) const;
-  double point_arm_mm(const Touch& touch) const;
-  double curve_arm_mm(const Touch& touch) const;
-  double lining_mN(const Touch& touch) const;
-  void add_normal(const Touch& touch, const Sides& sides, bool project_psd,
-                  CoaxialSystem::Hessian& hessian) const;
-  void add_friction(const Touch& touch, const Sides& sides, const RodPair& both, CoaxialSystem& system,
-                    CoaxialSystem::Hessian& hessian) const;
+  double point_arm_mm(bool is_rim) const;
+  double curve_arm_mm(bool is_rim) const;
+  RodPair pair(const Group& group, std::size_t k, std::size_t curve_node) const;
+  struct Lining;
+  struct GroupFriction;
+  static RodWeights anchor_of(const Group& group, std::size_t k);
+  void assemble(const Group& group, const Sides& sides, bool project_psd, CoaxialSystem& system) const;
+  void set_weights(const Group& group, std::size_t k, const RodWeights& curve, PairDerivatives& of) const;
 
   std::size_t outer_, inner_;
   Options options_;
   /// Of the step's start, whose depths are known, until others are asked for.
   const RodState *placed_outer_ = nullptr, *placed_inner_ = nullptr;
   static constexpr std::size_t kEnds = 2;
-  std::vector<NearestPlace> searches_;  ///< of those touches that have a length
   std::vector<Touch> touches_;  ///< by the inner's nodes and middles from the clamp on, its end, the rim
+  std::vector<Group> groups_;
 };
 
-/// What the outer's rim bears of the force at the end of the lumen, where the inner reaches `beyond_mm` beyond
-/// the outer's tip, 0 or less inside: from 0, all of it is the inner's tip's, to 1.
+/// What the outer's rim bears of the force at the end of the lumen, where the inner reaches `beyond_mm`
+/// beyond the outer's tip, 0 or less inside: from 0, all of it is the inner's tip's, to 1.
 double share_of_rim(const Rod& outer, const Rod& inner, double beyond_mm);
 
 }  // namespace xraycast

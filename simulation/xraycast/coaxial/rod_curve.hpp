@@ -3,6 +3,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
+#include <algorithm>
 #include <array>
 #include <cstddef>
 #include <span>
@@ -29,6 +30,9 @@ struct RodWeights {
   Weights position{}, slope{}, bend{}, theta{};
 
   static RodWeights at(const RodPlace& place, std::size_t node_count);
+  static std::size_t first_node_of(std::size_t segment, std::size_t node_count) {
+    return segment == 0 ? 0 : std::min(segment - 1, node_count - kNodes);
+  }
 
   Eigen::Vector3d of(const Weights& weights, const RodState& state) const {
     return weights[0] * state.nodes_mm[first_node] + weights[1] * state.nodes_mm[first_node + 1] +
@@ -43,8 +47,19 @@ struct RodWeights {
   }
 };
 
+/// Into the next or the previous segment, if there is one. The distance overshot is that of a parameter which
+/// is about as fast there.
+inline RodPlace carried_over(RodPlace place, std::size_t last_segment) {
+  while (place.t > 1 && place.segment < last_segment) ++place.segment, place.t -= 1;
+  while (place.t < 0 && place.segment > 0) --place.segment, place.t += 1;
+  return place;
+}
+
 /// The place of a length from the tip, which is negative beyond it.
 RodPlace place_of(const Rod& rod, double from_tip_mm);
+
+/// The same where the segment is known.
+RodPlace place_on(const Rod& rod, std::size_t segment, double from_tip_mm);
 
 /// The inverse.
 double from_tip_mm(const Rod& rod, const RodPlace& place);

@@ -68,6 +68,7 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   states_.reserve(contact_count(rod.max_nodes()));
   queries_.reserve(contact_count(rod.max_nodes()));
   asking_.reserve(contact_count(rod.max_nodes()));
+  acting_.reserve(contact_count(rod.max_nodes()));
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
@@ -143,7 +144,7 @@ bool WallContact::needs_sample(std::size_t index, const Vector3d& point_mm) {
 void WallContact::sample_walls(const RodState& rod) {
   queries_.clear();
   asking_.clear();
-  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+  for (const std::size_t k : acting_) {
     const Vector3d point_mm = contacts_[k].point.position_mm(rod);
     if (!needs_sample(k, point_mm)) continue;
     queries_.push_back({point_mm, states_[k].hint, &contacts_[k].sample});
@@ -161,7 +162,11 @@ Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
 // ---- a step begins --------------------------------------------------------------------------------------
 
 void WallContact::begin_step(const Rod& rod) {
-  for (std::size_t k = 0; k < contacts_.size(); ++k) begin_contact(rod, k);
+  acting_.clear();
+  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+    begin_contact(rod, k);
+    if (!states_[k].is_covered) acting_.push_back(k);
+  }
 }
 
 void WallContact::begin_contact(const Rod& rod, std::size_t index) {
@@ -175,6 +180,9 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index) {
     state.voronoi_length_mm *= bare;
     state.is_covered = bare == 0;
   }
+  if (state.is_covered && !was_covered)
+    for (Vector3d* force_N : {&contact.normal_N, &contact.friction_N, &contact.introducer_N})
+      force_N->setZero();
   state.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * state.voronoi_length_mm;
   state.friction.spring_mN_mm = options_.tangential_N_mm2 / kMilli * state.voronoi_length_mm;
   const double inside = fraction_inside(rod, contact.point);
@@ -258,7 +266,7 @@ Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
 double WallContact::energy_uJ(const RodState& rod) {
   sample_walls(rod);
   double energy = 0;
-  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+  for (const std::size_t k : acting_) {
     FrictionState& state = states_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
     state.introducer_uJ =
@@ -272,7 +280,7 @@ double WallContact::energy_uJ(const RodState& rod) {
 }
 
 void WallContact::assemble(const RodState& rod, bool project_psd, RodSystem& system) {
-  for (std::size_t k = 0; k < contacts_.size(); ++k)
+  for (const std::size_t k : acting_)
     if (contacts_[k].depth_mm > 0 || states_[k].friction.is_active() || states_[k].introducer_mN_mm > 0)
       assemble_contact(rod, k, project_psd, system);
 }
@@ -324,7 +332,7 @@ void WallContact::end_step(const RodState& rod) {
   sample_wall(contacts_.size() - 1, rod.nodes_mm.back());  // the tip's location is asked for
   const double kinetic_share =
       options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
-  for (std::size_t k = 0; k < contacts_.size(); ++k) {
+  for (const std::size_t k : acting_) {
     Contact& contact = contacts_[k];
     FrictionState& state = states_[k];
     contact.normal_N = wall_force_N(contact.depth_mm, k) * contact.sample.gradient;

@@ -109,6 +109,7 @@ class WallContact final : public ExternalPotential {
   double bare_mm_ = std::numeric_limits<double>::infinity();
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
+  std::vector<std::size_t> acting_;                 ///< of a step: those that are not covered
   std::vector<LumenDistanceField::Query> queries_;  ///< of a state, and the contacts that ask
   std::vector<std::size_t> asking_;
 };
