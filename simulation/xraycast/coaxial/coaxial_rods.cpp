@@ -13,16 +13,6 @@ constexpr double kPassing_mm = 1;
 constexpr double kJoulePer_uJ = 1e-6;
 // Of the energies in lumens, of up to some hundred microjoule.
 constexpr double kRounding_uJ = 1e-10;
-// A step along Newton's direction goes on where it gains so many times what the model promised: points that
-// touch lightly part from the lining, one after the other along the rod, which is softer than the model has
-// it, or a rod begins to buckle, whose projected Hessian is too stiff. Seldom is it worth the trial
-// otherwise. So many times as far: chosen, as is the first, by how many steps come to the bound of
-// iterations.
-constexpr double kMoreThanPromised = 1.1, kFarther = 1.5;
-
-bool goes_on(double model_decrease_uJ, double decrease_uJ) {
-  return decrease_uJ > kMoreThanPromised * model_decrease_uJ;
-}
 
 }  // namespace
 
@@ -297,36 +287,20 @@ bool CoaxialRods::solve_newton(double dt_s, double& model_decrease_uJ) {
   return false;
 }
 
-double CoaxialRods::trial_uJ(double dt_s, double scale) {
-  for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
-  return potential_uJ(dt_s, true);
-}
-
 bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& potential) {
   Rod::Direction direction;
   for (const Rod& rod : rods_) rod.measure_direction(direction);
   double scale = direction.largest_scale();
   for (int backtracks = 0; backtracks < Rod::kMaxBacktracks; ++backtracks, scale *= 0.5) {
-    double reached_uJ = trial_uJ(dt_s, scale);
+    for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
+    const double reached_uJ = potential_uJ(dt_s, true);
     if (!Rod::is_low_enough(reached_uJ, potential, scale, model_decrease_uJ)) continue;
-    if (backtracks == 0 && goes_on(model_decrease_uJ, potential - reached_uJ))
-      reached_uJ = go_on_uJ(dt_s, scale, direction.reach(), reached_uJ);
     accept_trial();
     potential = reached_uJ;
     return true;
   }
   potential_uJ(dt_s, false);
   return false;
-}
-
-/// Farther along the direction, for as long as the potential falls. Returns it there.
-double CoaxialRods::go_on_uJ(double dt_s, double scale, double reach, double reached_uJ) {
-  for (; kFarther * scale <= reach; scale *= kFarther) {
-    const double farther_uJ = trial_uJ(dt_s, kFarther * scale);
-    if (farther_uJ >= reached_uJ) return trial_uJ(dt_s, scale);
-    reached_uJ = farther_uJ;
-  }
-  return reached_uJ;
 }
 
 void CoaxialRods::end_step(double dt_s, const Rod::KineticBalance& balance) {

@@ -68,8 +68,6 @@ class CoaxialRods {
   bool solve_newton(double dt_s, double& model_decrease_uJ);
   void accept_trial();
   bool search_line(double dt_s, double model_decrease_uJ, double& potential);
-  double trial_uJ(double dt_s, double scale);
-  double go_on_uJ(double dt_s, double scale, double reach, double reached_uJ);
   Rod::KineticBalance minimise(double dt_s);
   void keep_overlaps();
   void save_start();

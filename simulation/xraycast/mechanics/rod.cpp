@@ -462,8 +462,8 @@ void Rod::measure_direction(Direction& direction) const {
   direction.max_move_mm = std::max({direction.max_move_mm, largest[1], largest[2], largest[3]});
 }
 
-double Rod::Direction::reach() const {
-  return std::min(kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad);
+double Rod::Direction::largest_scale() const {
+  return std::min({1.0, kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad});
 }
 
 bool Rod::is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ) {

@@ -212,10 +212,8 @@ class Rod {
     double model_decrease_uJ = 0;  ///< of the potential, by its quadratic model
     double max_move_mm = 0, max_rotation_rad = 0;
 
-    /// How many times as long it might be within the model's reach.
-    double reach() const;
-    /// The share of it that is within.
-    double largest_scale() const { return reach() < 1 ? reach() : 1; }
+    /// The share of it that is within the model's reach.
+    double largest_scale() const;
   };
   /// What the kinetic energy may be after a step, and what it is.
   struct KineticBalance {
