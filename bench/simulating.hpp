@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/coaxial/coaxial_catheters.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 
 #include <array>
 #include <cstddef>

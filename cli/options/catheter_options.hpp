@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mechanics/vessel_entry.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
 
 #include <CLI/CLI.hpp>
 

@@ -1,6 +1,6 @@
 // Advances a catheter up a phantom's aorta and prints the force and torque at its hub.
 #include <iostream>
-#include <xraycast/mechanics/catheter.hpp>
+#include <xraycast/catheter/catheter.hpp>
 #include <xraycast/phantom/phantom.hpp>
 
 int main() {

@@ -2,7 +2,7 @@
 // simulation. XRAYCAST_RUNS sets how many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a
 // tree.
 #include "run_trees.hpp"
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/simulation/script.hpp"
 

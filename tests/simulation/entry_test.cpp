@@ -1,7 +1,7 @@
 // Where a device comes into a vessel tree.
 #include "xraycast/base/error.hpp"
-#include "xraycast/mechanics/catheter.hpp"
-#include "xraycast/mechanics/vessel_entry.hpp"
+#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
 
 #include <gmock/gmock.h>
 

@@ -1,7 +1,7 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/haptics/manual_device.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 
 #include <gtest/gtest.h>
 

@@ -1,9 +1,9 @@
 #include "support/igtlink_bytes.hpp"
 #include "support/igtlink_clients.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/virtual_coupling.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>

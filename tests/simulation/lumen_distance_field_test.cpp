@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/lumen_distance_field.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
 
 #include "xraycast/phantom/phantom.hpp"
 

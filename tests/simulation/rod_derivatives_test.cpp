@@ -1,8 +1,8 @@
 // The gradient and the Hessian of a step's potential against its differences.
 #include "support/tip_torque.hpp"
-#include "xraycast/mechanics/lumen_distance_field.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/wall_contact.hpp"
 
 #include <gtest/gtest.h>
 

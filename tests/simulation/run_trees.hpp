@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mechanics/vessel_entry.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/segmentation/centreline.hpp"

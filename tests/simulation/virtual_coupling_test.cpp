@@ -1,6 +1,6 @@
 #include "xraycast/haptics/virtual_coupling.hpp"
 
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>

@@ -1,7 +1,7 @@
-#include "xraycast/mechanics/wall_contact.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>

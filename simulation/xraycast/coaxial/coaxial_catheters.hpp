@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/coaxial/coaxial_rods.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 
 #include <cstddef>
 #include <memory>

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/mechanics/hub.hpp"
+#include "xraycast/catheter/hub.hpp"
 
 #include <atomic>
 #include <cstddef>

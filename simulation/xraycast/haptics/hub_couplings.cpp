@@ -1,6 +1,6 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 
 #include <algorithm>
 #include <utility>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 
 #include <glm/vec3.hpp>
 

@@ -5,7 +5,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 
 #include <fmt/ranges.h>
 

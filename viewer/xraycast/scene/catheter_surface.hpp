@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/mechanics/catheter.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 

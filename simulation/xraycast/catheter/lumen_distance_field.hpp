@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/vessel_entry.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/mechanics/vessel_entry.hpp"
 
 #include <Eigen/Core>
 #include <span>

@@ -1,6 +1,6 @@
-#include "xraycast/mechanics/catheter.hpp"
+#include "xraycast/catheter/catheter.hpp"
 
-#include "xraycast/mechanics/introducer.hpp"
+#include "xraycast/catheter/introducer.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
 #include <Eigen/Geometry>

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/lumen_distance_field.hpp"
 #include "xraycast/mechanics/friction.hpp"
-#include "xraycast/mechanics/lumen_distance_field.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>

@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/introducer.hpp"
+#include "xraycast/catheter/introducer.hpp"
 
 #include <Eigen/Geometry>
 #include <algorithm>

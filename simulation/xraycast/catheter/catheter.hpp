@@ -1,14 +1,14 @@
 #pragma once
 
+#include "xraycast/catheter/hub.hpp"
+#include "xraycast/catheter/introducer.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/geometry/nurbs_curve.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/mechanics/hub.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
-#include "xraycast/mechanics/introducer.hpp"
-#include "xraycast/mechanics/lumen_distance_field.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/vessel_entry.hpp"
-#include "xraycast/mechanics/wall_contact.hpp"
 
 #include <glm/vec3.hpp>
 

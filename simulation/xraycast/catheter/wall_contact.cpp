@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/wall_contact.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
 #include "xraycast/mechanics/lanes.hpp"

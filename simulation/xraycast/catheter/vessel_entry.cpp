@@ -1,4 +1,4 @@
-#include "xraycast/mechanics/vessel_entry.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"

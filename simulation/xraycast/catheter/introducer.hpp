@@ -1,10 +1,10 @@
 #pragma once
 
-#include "xraycast/mechanics/hub.hpp"
-#include "xraycast/mechanics/lumen_distance_field.hpp"
+#include "xraycast/catheter/hub.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/mechanics/rod.hpp"
-#include "xraycast/mechanics/vessel_entry.hpp"
-#include "xraycast/mechanics/wall_contact.hpp"
 
 #include <memory>
 
