@@ -4,6 +4,7 @@
 #include "xraycast/coaxial/lane_columns.hpp"
 #include "xraycast/coaxial/rod_curve_lanes.hpp"
 #include "xraycast/mechanics/friction_lanes.hpp"
+#include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/lanes.hpp"
 
 #include <Eigen/Geometry>
@@ -36,8 +37,10 @@ constexpr double kEnd_mm = 1, kNear_mm = 0.5, kFade_mm = 0.5;
 // the hubs' forces change by no more than 0.05 N in a tenth of a millimetre. For a J that is 3 mm, several
 // times the radii of tip and rim, and some of its work moves along the stroke (docs/simulation.md).
 constexpr double kHandover_mm = 1, kHandoverOfSlant_mm = 10;
-// Of the friction springs, per length: they slip after some micrometres.
-constexpr double kTangential_mN_mm2 = 4e3;
+// Of the friction springs, per length: as the vessel's wall has. They slip after some hundredths of a
+// millimetre, which no hand feels. Stiffer ones, which slip after less than a step's motion, take up to twice
+// as many iterations where a hub reverses.
+constexpr double kTangential_mN_mm2 = 500;
 
 /// The lining's energy per millimetre of length, and its derivatives by depth, of one touch or of four: of a
 /// spring that is soft at first, stiffened by 1 + (depth / kStiffening_mm)^2.
@@ -69,37 +72,20 @@ template <typename Real>
           spring_depth_mm(depth_mm) * 2.0 * stiffer / kStiffening_mm);
 }
 
-// Of four touches, as they are stored.
-[[gnu::always_inline]] inline Lanes lanes_of(const std::array<double, kLanes>& numbers) {
-  return load(numbers.data());
-}
-[[gnu::always_inline]] inline Triple<Lanes> triple_of(
-    const std::array<std::array<double, kLanes>, 3>& vectors) {
-  return {lanes_of(vectors[0]), lanes_of(vectors[1]), lanes_of(vectors[2])};
-}
-[[gnu::always_inline]] inline void store_triple(std::array<std::array<double, kLanes>, 3>& to,
-                                                const Triple<Lanes>& from) {
-  store(to[0].data(), from.x);
-  store(to[1].data(), from.y);
-  store(to[2].data(), from.z);
-}
 [[gnu::always_inline]] inline Triple<Lanes> weighted(
-    const NodeTriples& nodes, const std::array<std::array<double, kLanes>, RodWeights::kNodes>& weights) {
+    const NodeTriples& nodes, const std::array<LaneNumbers, RodWeights::kNodes>& weights) {
   return nodes.weighted({lanes_of(weights[0]), lanes_of(weights[1]), lanes_of(weights[2])});
-}
-void set_lane(const Vector3d& vector, std::size_t k, std::array<std::array<double, kLanes>, 3>& to) {
-  for (std::size_t c = 0; c < 3; ++c) to[c][k] = vector[static_cast<Eigen::Index>(c)];
 }
 template <std::size_t kSize>
 void set_lane(const RodWeights::Weights& weights, std::size_t first, std::size_t k,
-              std::array<std::array<double, kLanes>, kSize>& to) {
+              std::array<LaneNumbers, kSize>& to) {
   for (std::size_t n = 0; n < kSize; ++n) to[n][k] = weights[first + n];
 }
 
 /// The rotation of four points or places about their rod's axis.
 [[gnu::always_inline]] inline Lanes theta_rad(
     const RodState& rod, const std::array<std::size_t, kLanes>& nodes,
-    const std::array<std::array<double, kLanes>, RodWeights::kNodes - 1>& weights) {
+    const std::array<LaneNumbers, RodWeights::kNodes - 1>& weights) {
   const LaneSources<Lanes, double> from = lane_sources(rod.thetas_rad, nodes);
   const auto at = [&from](std::size_t after) __attribute__((always_inline)) {
     return Lanes{from[0][after], from[1][after], from[2][after], from[3][after]};
@@ -440,6 +426,23 @@ struct LumenContact::Lining {
   }
 };
 
+/// Of a touch, and of a place on the curve. Each is stored whole: what reads it then need not wait.
+[[gnu::always_inline]] inline void LumenContact::set_weights(const Group& group, std::size_t k,
+                                                             const RodWeights& curve,
+                                                             PairDerivatives& of) const {
+  const double point_arm = point_arm_mm(group.is_rim), curve_arm = curve_arm_mm(group.is_rim);
+  const auto weights = [](double of_theta, double of_position) __attribute__((always_inline)) {
+    return Lanes{of_theta, of_position, of_position, of_position};
+  };
+  for (std::size_t n = 0; n < RodWeights::kNodes; ++n) {
+    const double theta = n == 0 ? 0 : group.point_thetas[n - 1][k];
+    store(of.motion_weights[n].data(), weights(point_arm * theta, group.point_positions[n][k]));
+    store(of.motion_weights[RodWeights::kNodes + n].data(),
+          weights(-curve_arm * curve.theta[n], -curve.position[n]));
+  }
+  of.slope_weights = curve.slope;
+}
+
 XRAYCAST_WIDE_VECTORS
 void LumenContact::assemble(const Group& group, const Sides& sides, bool project_psd,
                             CoaxialSystem& system) const {
@@ -513,19 +516,6 @@ RodWeights LumenContact::anchor_of(const Group& group, std::size_t k) {
       .theta = {0, group.anchor_thetas[0][k], group.anchor_thetas[1][k]}};
 }
 
-/// Of a touch, and of a place on the curve.
-void LumenContact::set_weights(const Group& group, std::size_t k, const RodWeights& curve,
-                               PairDerivatives& of) const {
-  const double point_arm = point_arm_mm(group.is_rim), curve_arm = curve_arm_mm(group.is_rim);
-  for (std::size_t n = 0; n < RodWeights::kNodes; ++n) {
-    const double point = group.point_positions[n][k], place = -curve.position[n],
-                 theta = n == 0 ? 0 : group.point_thetas[n - 1][k];
-    of.motion_weights[n] = {point_arm * theta, point, point, point};
-    of.motion_weights[RodWeights::kNodes + n] = {-curve_arm * curve.theta[n], place, place, place};
-  }
-  of.slope_weights = curve.slope;
-}
-
 // ---- a step ends ----------------------------------------------------------------------------------------
 
 void LumenContact::end_step(const RodState& outer, const RodState& inner) {
@@ -568,6 +558,7 @@ std::vector<LumenContact::Contact> LumenContact::contacts(const std::vector<Rod>
     const RodWeights at = touch.is_rim ? RodWeights::at(touch.place, inner.nodes_mm.size()) : touch.point;
     contacts.push_back({.position_mm = at.position_mm(inner),
                         .from_tip_mm = touch.from_tip_mm,
+                        .length_mm = touch.length_mm,
                         .depth_mm = touch.depth_mm,
                         .normal_N = sign * touch.normal_mN,
                         .friction_N = sign * touch.friction_mN,

@@ -36,6 +36,7 @@ class LumenContact {
   struct Contact {
     Eigen::Vector3d position_mm{0, 0, 0};  ///< on the inner's axis
     double from_tip_mm = 0;                ///< of the inner
+    double length_mm = 0;                  ///< that it stands for; short where it comes or goes at a rim
     double depth_mm = 0;                   ///< in the lining; 0 without contact
     Eigen::Vector3d normal_N{0, 0, 0}, friction_N{0, 0, 0};
     bool slips = false;

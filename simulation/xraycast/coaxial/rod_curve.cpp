@@ -47,18 +47,6 @@ void find_four_places(const RodState& rod, std::span<NearestPlace> searches) {
 
 }  // namespace
 
-RodWeights RodWeights::at(const RodPlace& place, std::size_t node_count) {
-  const double t = place.t;
-  if (place.segment == 0) return {0, {1 - 0.5 * t, 0.5 * t, 0}, {-0.5, 0.5, 0}, {0, 0, 0}, {0, 1, 0}};
-  if (place.segment + 1 == node_count)
-    return {node_count - kNodes, {0, 0.5 * (1 - t), 0.5 * (1 + t)}, {0, -0.5, 0.5}, {0, 0, 0}, {0, 0, 1}};
-  return {place.segment - 1,
-          {0.5 * (1 - t) * (1 - t), 0.5 + t * (1 - t), 0.5 * t * t},
-          {t - 1, 1 - 2 * t, t},
-          {1, -2, 1},
-          {0, 1 - t, t}};
-}
-
 RodPlace place_of(const Rod& rod, double from_tip) {
   // The first edge whose middle is nearer to the tip.
   std::size_t low = 0, high = rod.node_count() - 1;

@@ -47,6 +47,18 @@ struct RodWeights {
   }
 };
 
+inline RodWeights RodWeights::at(const RodPlace& place, std::size_t node_count) {
+  const double t = place.t;
+  if (place.segment == 0) return {0, {1 - 0.5 * t, 0.5 * t, 0}, {-0.5, 0.5, 0}, {0, 0, 0}, {0, 1, 0}};
+  if (place.segment + 1 == node_count)
+    return {node_count - kNodes, {0, 0.5 * (1 - t), 0.5 * (1 + t)}, {0, -0.5, 0.5}, {0, 0, 0}, {0, 0, 1}};
+  return {place.segment - 1,
+          {0.5 * (1 - t) * (1 - t), 0.5 + t * (1 - t), 0.5 * t * t},
+          {t - 1, 1 - 2 * t, t},
+          {1, -2, 1},
+          {0, 1 - t, t}};
+}
+
 /// Into the next or the previous segment, if there is one. The distance overshot is that of a parameter which
 /// is about as fast there.
 inline RodPlace carried_over(RodPlace place, std::size_t last_segment) {
