@@ -158,7 +158,10 @@ class RandomRun {
     }
     for (const LumenContact& lumen : devices_.rods().lumens())
       for (const LumenContact::Contact& contact : lumen.contacts(devices_.rods().rods()))
-        run_.deepest_in_lumen_mm = std::max(run_.deepest_in_lumen_mm, contact.depth_mm);
+        // A shorter one bears little where the inner leaves at a slant, and lies as deep as its neighbours
+        // let it.
+        if (contact.length_mm > 0.1)
+          run_.deepest_in_lumen_mm = std::max(run_.deepest_in_lumen_mm, contact.depth_mm);
   }
 
   /// Pushes, pulls and turns both for as long as a script of two seconds, each for a while.
@@ -251,8 +254,8 @@ TEST_P(RandomCoaxialScripts, BreakNothing) {
     EXPECT_LT(run.beyond_static_mm, 0.1) << where;
     // A clearance's width: the lining yields under the forces on bends, most at the ends of curved tips.
     EXPECT_LT(run.deepest_in_lumen_mm, 0.15) << where;
-    // While tips snap: up to 2.4 % where thin devices fill thin vessels, with half a single one's iterations.
-    EXPECT_LT(run.unsolved, 0.05 * run.steps) << where;
+    // While tips snap; up to 0.2 % where thin devices fill thin vessels.
+    EXPECT_LT(run.unsolved, 0.01 * run.steps) << where;
     EXPECT_LT(run.real_time, 1.5) << where;
   }
   write_table(runs);

@@ -21,7 +21,8 @@ namespace xraycast {
 class RodDerivatives {
  public:
   RodDerivatives(Rod& rod, ExternalPotential* external) : rod_(rod), external_(external) {
-    rod.begin_step(kStep_s, external);
+    rod.begin_step(kStep_s);
+    if (external) external->begin_step(rod, ExternalPotential::kAllBare);
   }
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(4 * (rod_.node_count() - 1)); }

@@ -254,6 +254,44 @@ TEST(Rod, FeedingKeepsForceAndTorque) {
     }
 }
 
+TEST(Rod, FeedingStrainsTheEdgeAtTheClampAlone) {
+  // Also where a node comes or goes, so that the nodes' velocities lead to where they are in balance.
+  const InstrumentModel device = uniform();
+  Rod rod(device, device.stations_mm(5), {}, 41, {.max_iterations = 20});
+  constexpr double kFeed_mm = 0.03;
+  int changes = 0;
+  for (const double by_mm : {kFeed_mm, -kFeed_mm})
+    for (int i = 0; i < 400; ++i) {
+      settle(rod, 3);
+      const std::size_t before = rod.node_count();
+      rod.feed_to(rod.fed_mm() + by_mm);
+      changes += rod.node_count() != before;
+      const double rest_mm = rod.from_tip_mm(0) - rod.from_tip_mm(1);
+      ASSERT_NEAR(rod.state().edges[0].length_mm, rest_mm - by_mm, 1e-6) << i;
+      ASSERT_NEAR(rod.state().edges[1].length_mm, rod.from_tip_mm(1) - rod.from_tip_mm(2), 1e-6) << i;
+    }
+  EXPECT_GE(changes, 4);
+}
+
+TEST(Rod, MakesAsManyIterationsAsItsNodesAllow) {
+  const InstrumentModel device = uniform();
+  const auto bent = [&](const Rod::Options& options) {
+    Rod rod(device, device.stations_mm(5), {}, device.length_mm(), options);
+    rod.set_load_N(0, {1, 0, 0});
+    rod.step(kStill_s);
+    return rod;
+  };
+  const int nodes = static_cast<int>(bent({}).node_count());
+  const Rod twice = bent({.max_iterations = 2}),
+            by_nodes = bent({.max_iterations = 50, .max_node_iterations = 3 * nodes - 1});
+  EXPECT_FALSE(by_nodes.is_solved());
+  EXPECT_EQ(by_nodes.state().nodes_mm, twice.state().nodes_mm);
+  EXPECT_NE(bent({.max_iterations = 50, .max_node_iterations = 3 * nodes}).state().nodes_mm,
+            twice.state().nodes_mm);
+  // One is made in any case.
+  EXPECT_EQ(bent({.max_node_iterations = 1}).state().nodes_mm, bent({.max_iterations = 1}).state().nodes_mm);
+}
+
 TEST(Rod, SolvesItsOwnEquations) {
   // Forces balance at every node of a rod at rest in space: bent, twisted, stretched all at once.
   Rod rod = straight(uniform(0.03), 5);

@@ -208,12 +208,10 @@ TEST(WallContact, WhatComesOutOfAnotherDeviceFeelsTheWallAtOnce) {
   };
   const Rod central = rod_at(0), in_the_wall = rod_at(kTube_mm - kWire_mm + 0.2);
   WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(200, kTube_mm)), central, {});
-  wall.expose(0);
   // So far from where it was that its vessel is searched anew.
-  wall.begin_step(in_the_wall);
+  wall.begin_step(in_the_wall, 0);
   EXPECT_EQ(wall.contacts().back().depth_mm, 0);
-  wall.expose(60);
-  wall.begin_step(in_the_wall);
+  wall.begin_step(in_the_wall, 60);
   // The tube's centreline is smoothed.
   EXPECT_NEAR(wall.contacts().back().depth_mm, 0.2, 0.01);
 }
@@ -275,8 +273,7 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
     double by_wall_N = 0, by_introducer_N = 0;
   };
   const auto held = [&](double bare_mm) {
-    wall.expose(bare_mm);
-    wall.begin_step(rod);
+    wall.begin_step(rod, bare_mm);
     wall.energy_uJ(rod.state());
     wall.end_step(rod.state());
     Held forces;

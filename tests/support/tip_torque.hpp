@@ -11,7 +11,7 @@ class TipTorque final : public ExternalPotential {
 
   void node_added() override {}
   void node_removed() override {}
-  void begin_step(const Rod&) override {}
+  void begin_step(const Rod&, double) override {}
   double energy_uJ(const RodState& state) override { return -torque_mN_mm_ * state.thetas_rad.back(); }
   void assemble(const RodState& state, bool, RodSystem& system) override {
     const RodPoint last_edge{.edge = state.edges.size() - 1,
@@ -22,6 +22,7 @@ class TipTorque final : public ExternalPotential {
     system.add(last_edge, {0, 0, 0, -torque_mN_mm_}, Eigen::Matrix4d::Zero());
   }
   void end_step(const RodState&) override {}
+  double stored_uJ() const override { return 0; }
 
  private:
   double torque_mN_mm_;

@@ -35,7 +35,7 @@ Catheter::Catheter(const VesselTree& tree, const InstrumentModel& instrument, co
            instrument.stations_mm(options.spacing_mm > 0 ? options.spacing_mm
                                                          : node_spacing_mm(tree, instrument)),
            clamp_at(checked(tree, entry, instrument)), kIntroducer_mm,
-           {.max_iterations = options.max_iterations}),
+           {.max_iterations = options.max_iterations, .max_node_iterations = options.max_node_iterations}),
       wall_(
           walls_around(lumen_with_introducer(tree, entry), rod_, entry, options.wall_stiffness_N_mm2, true)) {
   // The rest shape of its tip relaxes in the introducer and just outside it.

@@ -1,6 +1,8 @@
 #include "xraycast/catheter/wall_contact.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/friction_lanes.hpp"
+#include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/lanes.hpp"
 
 #include <Eigen/Eigenvalues>
@@ -42,6 +44,12 @@ Eigen::Matrix3d projected_psd(const Eigen::Matrix3d& matrix) {
     to[static_cast<std::size_t>(c)] += Lanes{matrix(0, c), matrix(1, c), matrix(2, c), 0};
 }
 
+/// Of each lane, a vector and a number.
+[[gnu::always_inline]] inline std::array<Lanes, kLanes> by_lane(const Triple<Lanes>& vector,
+                                                                const Lanes& last) {
+  return transposed(vector.x, vector.y, vector.z, last);
+}
+
 // Nodes, of which the clamp holds the first, and the middles between them.
 std::size_t contact_count(std::size_t nodes) { return 2 * nodes - 3; }
 RodPoint contact_point(std::size_t index, std::size_t nodes) {
@@ -69,6 +77,7 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   queries_.reserve(contact_count(rod.max_nodes()));
   asking_.reserve(contact_count(rod.max_nodes()));
   acting_.reserve(contact_count(rod.max_nodes()));
+  groups_.reserve(contact_count(rod.max_nodes()) / kGroup + 1);
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
@@ -161,22 +170,23 @@ Vector3d WallContact::off_axis_mm(const Vector3d& point_mm) const {
 
 // ---- a step begins --------------------------------------------------------------------------------------
 
-void WallContact::begin_step(const Rod& rod) {
+void WallContact::begin_step(const Rod& rod, double bare_mm) {
   acting_.clear();
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
-    begin_contact(rod, k);
+    begin_contact(rod, k, bare_mm);
     if (!states_[k].is_covered) acting_.push_back(k);
   }
+  make_groups();
 }
 
-void WallContact::begin_contact(const Rod& rod, std::size_t index) {
+void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_mm) {
   Contact& contact = contacts_[index];
   FrictionState& state = states_[index];
   contact.point = contact_point(index, rod.node_count());
   state.voronoi_length_mm = voronoi_length_mm(rod, index, contact.point.edge + 1);
   const bool was_covered = state.is_covered;
-  if (std::isfinite(bare_mm_)) {
-    const double bare = fraction_bare(rod, index);
+  if (std::isfinite(bare_mm)) {
+    const double bare = fraction_bare(rod, index, bare_mm);
     state.voronoi_length_mm *= bare;
     state.is_covered = bare == 0;
   }
@@ -211,13 +221,13 @@ double WallContact::fraction_inside(const Rod& rod, const RodPoint& point) const
 }
 
 /// Of the length that a contact stands for, as far as the wall acts on it.
-double WallContact::fraction_bare(const Rod& rod, std::size_t index) const {
+double WallContact::fraction_bare(const Rod& rod, std::size_t index, double bare_mm) const {
   const RodPoint& point = contacts_[index].point;
   const double length_mm = states_[index].voronoi_length_mm;
   const double from_tip_mm =
       point.start_weight * rod.from_tip_mm(point.edge) + point.end_weight * rod.from_tip_mm(point.edge + 1);
   const double first_mm = std::max(0.0, from_tip_mm - 0.5 * length_mm);
-  return std::clamp((bare_mm_ - first_mm) / length_mm, 0.0, 1.0);
+  return std::clamp((bare_mm - first_mm) / length_mm, 0.0, 1.0);
 }
 
 /// The search goes on from where the last step ended or, if the preceding point is in another vessel, from
@@ -253,6 +263,37 @@ void WallContact::begin_friction(const Vector3d& rod_tangent, std::size_t index)
   state.start_slip_mm = {stick_mm.dot(t1), stick_mm.dot(t2)};
 }
 
+void WallContact::make_groups() {
+  groups_.clear();
+  for (const std::size_t k : acting_) {
+    if (!states_[k].friction.is_active()) continue;
+    if (groups_.empty() || groups_.back().count == kGroup) groups_.emplace_back();
+    add_to_group(k, groups_.back());
+  }
+}
+
+void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
+  const RodPoint& point = contacts_[index].point;
+  const FrictionState& state = states_[index];
+  const std::size_t first = group.count++;
+  group.contacts[first] = index;
+  // The first one fills up the others.
+  for (std::size_t k = first; k < (first == 0 ? kGroup : first + 1); ++k) {
+    group.edges[k] = point.edge;
+    group.start_weights[k] = point.start_weight;
+    group.end_weights[k] = point.end_weight;
+    group.theta_weights[k] = point.theta_weight;
+    group.next_theta_weights[k] = point.next_theta_weight;
+    group.spring_mN_mm[k] = state.friction.spring_mN_mm;
+    group.limit_mN[k] = state.friction.limit_mN;
+    group.start_along_mm[k] = state.start_slip_mm[0];
+    group.start_around_mm[k] = state.start_slip_mm[1];
+    set_lane(state.start_mm, k, group.start_mm);
+    set_lane(state.t1, k, group.t1);
+    set_lane(state.t2, k, group.t2);
+  }
+}
+
 // ---- the potential --------------------------------------------------------------------------------------
 
 Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
@@ -263,9 +304,43 @@ Vector2d WallContact::slip_mm(const RodState& rod, std::size_t index) const {
           state.start_slip_mm[1] + moved.dot(state.t2) + radius_mm_ * point.theta_rad(rod)};
 }
 
+/// Of a group, at a state.
+struct WallContact::GroupFriction {
+  FrictionLanes of;
+
+  [[gnu::always_inline]] GroupFriction(const RubbingGroup& group, const RodState& rod, double radius_mm) {
+    const Triple<Lanes> start_mm = positions_mm(rod, group.edges, 0),
+                        end_mm = positions_mm(rod, group.edges, 1);
+    const Triple<Lanes> moved =
+        (lanes_of(group.start_weights) * start_mm + lanes_of(group.end_weights) * end_mm) -
+        triple_of(group.start_mm);
+    Lanes theta_rad, next_theta_rad;
+    const std::size_t last = rod.thetas_rad.size() - 1;
+    for (std::size_t k = 0; k < kGroup; ++k) {
+      theta_rad[k] = rod.thetas_rad[group.edges[k]];
+      next_theta_rad[k] = rod.thetas_rad[std::min(group.edges[k] + 1, last)];  // of no weight at the tip
+    }
+    const Lanes turned_mm = radius_mm * (lanes_of(group.theta_weights) * theta_rad +
+                                         lanes_of(group.next_theta_weights) * next_theta_rad);
+    of = {lanes_of(group.spring_mN_mm), lanes_of(group.limit_mN),
+          lanes_of(group.start_along_mm) + dot(moved, triple_of(group.t1)),
+          lanes_of(group.start_around_mm) + dot(moved, triple_of(group.t2)) + turned_mm};
+  }
+};
+
+XRAYCAST_WIDE_VECTORS
+double WallContact::friction_uJ(const RodState& rod) const {
+  double energy = 0;
+  for (const RubbingGroup& group : groups_) {
+    const Lanes energies = GroupFriction(group, rod, radius_mm_).of.energy_uJ();
+    for (std::size_t k = 0; k < group.count; ++k) energy += energies[k];
+  }
+  return energy;
+}
+
 double WallContact::energy_uJ(const RodState& rod) {
   sample_walls(rod);
-  double energy = 0;
+  double energy = friction_uJ(rod);
   for (const std::size_t k : acting_) {
     FrictionState& state = states_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
@@ -274,56 +349,78 @@ double WallContact::energy_uJ(const RodState& rod) {
             ? 0.5 * state.introducer_mN_mm * off_axis_mm(contacts_[k].point.position_mm(rod)).squaredNorm()
             : 0;
     energy += state.introducer_uJ;
-    if (state.friction.is_active()) energy += state.friction.energy_uJ(slip_mm(rod, k));
   }
   return energy;
 }
 
 void WallContact::assemble(const RodState& rod, bool project_psd, RodSystem& system) {
+  for (const RubbingGroup& group : groups_) assemble_group(rod, group, project_psd, system);
   for (const std::size_t k : acting_)
-    if (contacts_[k].depth_mm > 0 || states_[k].friction.is_active() || states_[k].introducer_mN_mm > 0)
+    if (!states_[k].friction.is_active() && (contacts_[k].depth_mm > 0 || states_[k].introducer_mN_mm > 0))
       assemble_contact(rod, k, project_psd, system);
 }
 
-XRAYCAST_WIDE_VECTORS
-void WallContact::assemble_contact(const RodState& rod, std::size_t index, bool project_psd,
-                                   RodSystem& system) const {
-  const Contact& contact = contacts_[index];
-  const FrictionState& state = states_[index];
-  // Over the position and the angle; the Hessian by columns.
+/// Of one contact, over the position and the angle; the Hessian by columns.
+struct WallContact::Derivatives {
   Lanes gradient{};
   std::array<Lanes, kLanes> hessian{};
 
+  [[gnu::always_inline]] void add_to_system(const RodPoint& point, RodSystem& system) const {
+    Eigen::Vector4d by_point;
+    Eigen::Matrix4d of_point;
+    store(by_point.data(), gradient);
+    for (std::size_t c = 0; c < kLanes; ++c) store(of_point.data() + kLanes * c, hessian[c]);
+    system.add(point, by_point, of_point);
+  }
+};
+
+/// And the introducer.
+[[gnu::always_inline]] inline void WallContact::add_wall(const RodState& rod, std::size_t index,
+                                                         bool project_psd, Derivatives& of) const {
+  const Contact& contact = contacts_[index];
+  const FrictionState& state = states_[index];
   if (state.introducer_mN_mm > 0) {
     const Vector3d& axis = introducer_->axis;
-    gradient += lanes_of(state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod)), 0);
-    add_matrix(state.introducer_mN_mm * (Eigen::Matrix3d::Identity() - axis * axis.transpose()), hessian);
+    of.gradient += lanes_of(state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod)), 0);
+    add_matrix(state.introducer_mN_mm * (Eigen::Matrix3d::Identity() - axis * axis.transpose()), of.hessian);
   }
   if (contact.depth_mm > 0) {
     const double force_mN = wall_force_N(contact.depth_mm, index) / kMilli;
     const double stiffness = state.wall_mN_mm * (1 + 3 * squared(contact.depth_mm / state.stiffening_mm));
     const Vector3d& inward = contact.sample.gradient;
-    gradient -= force_mN * lanes_of(inward, 0);
+    of.gradient -= force_mN * lanes_of(inward, 0);
     // The normal force turns as the point moves along a curved wall.
     Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
     if (project_psd) wall = projected_psd(wall);
-    add_matrix(wall, hessian);
+    add_matrix(wall, of.hessian);
   }
-  if (state.friction.is_active()) {
-    const Friction::Derivatives friction = state.friction.derivatives(slip_mm(rod, index));
-    const Eigen::Matrix2d& stiffness = friction.hessian_mN_mm;
-    const Lanes along = lanes_of(state.t1, 0), around = lanes_of(state.t2, radius_mm_);
-    gradient += friction.gradient_mN[0] * along + friction.gradient_mN[1] * around;
-    const Lanes by_along = stiffness(0, 0) * along + stiffness(0, 1) * around,
-                by_around = stiffness(0, 1) * along + stiffness(1, 1) * around;
-    for (std::size_t c = 0; c < kLanes; ++c) hessian[c] += along[c] * by_along + around[c] * by_around;
-  }
+}
 
-  Eigen::Vector4d by_point;
-  Eigen::Matrix4d of_point;
-  store(by_point.data(), gradient);
-  for (std::size_t c = 0; c < kLanes; ++c) store(of_point.data() + kLanes * c, hessian[c]);
-  system.add(contact.point, by_point, of_point);
+XRAYCAST_WIDE_VECTORS
+void WallContact::assemble_group(const RodState& rod, const RubbingGroup& group, bool project_psd,
+                                 RodSystem& system) const {
+  const FrictionLanes::Derivatives friction = GroupFriction(group, rod, radius_mm_).of.derivatives();
+  const std::array<Lanes, kLanes> alongs = by_lane(triple_of(group.t1), Lanes{}),
+                                  arounds = by_lane(triple_of(group.t2), all<Lanes>(radius_mm_));
+  for (std::size_t k = 0; k < group.count; ++k) {
+    const std::size_t index = group.contacts[k];
+    const Lanes along = alongs[k], around = arounds[k];
+    Derivatives of;
+    of.gradient = friction.x_mN[k] * along + friction.y_mN[k] * around;
+    const Lanes by_along = friction.xx_mN_mm[k] * along + friction.xy_mN_mm[k] * around,
+                by_around = friction.xy_mN_mm[k] * along + friction.yy_mN_mm[k] * around;
+    for (std::size_t c = 0; c < kLanes; ++c) of.hessian[c] = along[c] * by_along + around[c] * by_around;
+    add_wall(rod, index, project_psd, of);
+    of.add_to_system(contacts_[index].point, system);
+  }
+}
+
+XRAYCAST_WIDE_VECTORS
+void WallContact::assemble_contact(const RodState& rod, std::size_t index, bool project_psd,
+                                   RodSystem& system) const {
+  Derivatives of;
+  add_wall(rod, index, project_psd, of);
+  of.add_to_system(contacts_[index].point, system);
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------
@@ -352,14 +449,16 @@ void WallContact::end_step(const RodState& rod) {
   }
 }
 
-double WallContact::energy_J() const {
+double WallContact::energy_J() const { return kMicro * stored_uJ(); }
+
+double WallContact::stored_uJ() const {
   double energy = 0;
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
     const FrictionState& state = states_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k) + state.introducer_uJ +
               0.5 * state.friction.spring_mN_mm * state.stick_mm.squaredNorm();
   }
-  return kMicro * energy;
+  return energy;
 }
 
 }  // namespace xraycast

@@ -5,7 +5,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
-#include <limits>
+#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -59,14 +59,12 @@ class WallContact final : public ExternalPotential {
 
   /// In the wall, in the friction springs, and in the introducer.
   double energy_J() const;
-
-  /// The wall acts on so much of the rod from its tip on; the rest lies in another device. Its force fades in
-  /// over the length that a contact stands for.
-  void expose(double from_tip_mm) { bare_mm_ = from_tip_mm; }
+  double stored_uJ() const override;
 
   void node_added() override;
   void node_removed() override;
-  void begin_step(const Rod& rod) override;
+  /// The wall's force fades in over the length that a contact stands for.
+  void begin_step(const Rod& rod, double bare_mm) override;
   double energy_uJ(const RodState& state) override;
   void assemble(const RodState& state, bool project_psd, RodSystem& system) override;
   void end_step(const RodState& state) override;
@@ -87,17 +85,38 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector3d sampled_at_mm{0, 0, 0};
     bool is_covered = false;  ///< by another device
   };
+  /// Numbers and vectors of four contacts.
+  static constexpr std::size_t kGroup = 4;
+  using Numbers = std::array<double, kGroup>;
+  using Vectors = std::array<Numbers, 3>;
+  /// Four contacts with friction, as that is evaluated during a step: at once. Those beyond `count` repeat
+  /// the first one.
+  struct RubbingGroup {
+    std::array<std::size_t, kGroup> contacts{}, edges{};
+    std::size_t count = 0;
+    Numbers start_weights{}, end_weights{}, theta_weights{}, next_theta_weights{};  ///< see RodPoint
+    Numbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{};
+    Vectors start_mm{}, t1{}, t2{};
+  };
+  struct GroupFriction;
   double wall_energy_uJ(double depth_mm, std::size_t index) const;
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
   void take_sample(std::size_t index, const Eigen::Vector3d& point_mm);
   bool needs_sample(std::size_t index, const Eigen::Vector3d& point_mm);
   void sample_walls(const RodState& state);
+  void make_groups();
+  void add_to_group(std::size_t index, RubbingGroup& group) const;
+  double friction_uJ(const RodState& state) const;
+  void assemble_group(const RodState& state, const RubbingGroup& group, bool project_psd,
+                      RodSystem& system) const;
   void assemble_contact(const RodState& state, std::size_t index, bool project_psd, RodSystem& system) const;
-  void begin_contact(const Rod& rod, std::size_t index);
+  struct Derivatives;
+  void add_wall(const RodState& state, std::size_t index, bool project_psd, Derivatives& of) const;
+  void begin_contact(const Rod& rod, std::size_t index, double bare_mm);
   void update_hint(std::size_t index);
   void begin_friction(const Eigen::Vector3d& rod_tangent, std::size_t index);
   double fraction_inside(const Rod& rod, const RodPoint& point) const;
-  double fraction_bare(const Rod& rod, std::size_t index) const;
+  double fraction_bare(const Rod& rod, std::size_t index, double bare_mm) const;
   Eigen::Vector2d slip_mm(const RodState& state, std::size_t index) const;
   /// From the introducer's axis to a point.
   Eigen::Vector3d off_axis_mm(const Eigen::Vector3d& point_mm) const;
@@ -106,10 +125,10 @@ class WallContact final : public ExternalPotential {
   Options options_;
   std::optional<Introducer> introducer_;
   double radius_mm_;
-  double bare_mm_ = std::numeric_limits<double>::infinity();
   std::vector<Contact> contacts_;
   std::vector<FrictionState> states_;
   std::vector<std::size_t> acting_;                 ///< of a step: those that are not covered
+  std::vector<RubbingGroup> groups_;                ///< of a step: those of them that have friction
   std::vector<LumenDistanceField::Query> queries_;  ///< of a state, and the contacts that ask
   std::vector<std::size_t> asking_;
 };

@@ -16,12 +16,6 @@ const std::vector<InstrumentModel>& checked(const VesselTree& tree, const Vessel
   return instruments;
 }
 
-/// An iteration of several rods takes as long as one of each.
-Catheter::Options shared(Catheter::Options options, std::size_t devices) {
-  options.max_iterations /= static_cast<int>(std::max<std::size_t>(1, devices));
-  return options;
-}
-
 }  // namespace
 
 void check_devices(const std::vector<InstrumentModel>& instruments) {
@@ -36,7 +30,7 @@ void check_devices(const std::vector<InstrumentModel>& instruments) {
 CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
                                    const VesselEnd& entry, const Catheter::Options& options)
     : tree_(tree),
-      options_(shared(options, instruments.size())),
+      options_(options),
       entry_(entry),
       field_(lumen_with_introducer(tree, entry)),
       rods_(make_rods(checked(tree, entry, instruments))),
@@ -46,7 +40,7 @@ CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<Ins
     walls_[d] = make_wall(rods_, d);
     rods_.set_external(d, walls_[d].get());
   }
-  settle(rods_, walls_);
+  settle(rods_);
 }
 
 Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
@@ -56,7 +50,7 @@ Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
           instrument.stations_mm(spacing_mm),
           clamp_at(entry_),
           kIntroducer_mm,
-          {.max_iterations = options_.max_iterations}};
+          {.max_iterations = options_.max_iterations, .max_node_iterations = options_.max_node_iterations}};
 }
 
 std::vector<Rod> CoaxialCatheters::make_rods(const std::vector<InstrumentModel>& instruments) const {
@@ -69,14 +63,9 @@ std::unique_ptr<WallContact> CoaxialCatheters::make_wall(const CoaxialRods& rods
   return walls_around(field_, rods.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
 }
 
-void CoaxialCatheters::step_rods(CoaxialRods& rods, const Walls& walls, double step_s) {
-  for (std::size_t d = 1; d < rods.count(); ++d) walls[d]->expose(rods.bare_mm(d));
-  rods.step(step_s);
-}
-
 /// The rest shapes of the tips relax in the introducer and just outside it.
-void CoaxialCatheters::settle(CoaxialRods& rods, const Walls& walls) {
-  for (int i = 0; i < 200; ++i) step_rods(rods, walls, 0.01);
+void CoaxialCatheters::settle(CoaxialRods& rods) {
+  for (int i = 0; i < 200; ++i) rods.step(0.01);
 }
 
 double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
@@ -91,7 +80,7 @@ void CoaxialCatheters::step(std::span<const HubPose> targets) {
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
-  step_rods(rods_, walls_, options_.step_s);
+  rods_.step(options_.step_s);
   ++steps_;
 }
 
@@ -153,7 +142,7 @@ void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instr
     walls[d] = d == device ? make_wall(rods, d) : std::make_unique<WallContact>(*walls_[d]);
     rods.set_external(d, walls[d].get());
   }
-  settle(rods, walls);
+  settle(rods);
   rods_.replace(device, rods.rod(device));
   walls_[device] = std::move(walls[device]);
   rods_.set_external(device, walls_[device].get());

@@ -76,8 +76,7 @@ class CoaxialCatheters {
   Rod make_rod(const InstrumentModel& instrument) const;
   std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
   std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t device) const;
-  static void step_rods(CoaxialRods& rods, const Walls& walls, double step_s);
-  static void settle(CoaxialRods& rods, const Walls& walls);
+  static void settle(CoaxialRods& rods);
 
   VesselTree tree_;
   Catheter::Options options_;

@@ -112,6 +112,14 @@ double CoaxialRods::lumens_uJ() const {
   return energy;
 }
 
+/// In the lumens and the external potentials.
+double CoaxialRods::contacts_uJ() const {
+  double energy = lumens_uJ();
+  for (const ExternalPotential* external : externals_)
+    if (external) energy += external->stored_uJ();
+  return energy;
+}
+
 // ---- a step begins --------------------------------------------------------------------------------------
 
 /// The inner's length beyond the outer's tip or, negative, the outer's beyond the inner's: along the
@@ -139,8 +147,10 @@ void CoaxialRods::find_reach(std::size_t index) {
   reach.by_rim = share_of_rim(outer, inner, reach.beyond_mm);
 }
 
-/// Places the points in the lumens by the reaches.
-void CoaxialRods::begin_lumens() {
+/// What lies in the lumens and what in the vessel, by the reaches.
+void CoaxialRods::begin_contacts() {
+  for (std::size_t d = 0; d < count(); ++d)
+    if (externals_[d]) externals_[d]->begin_step(rods_[d], d == 0 ? ExternalPotential::kAllBare : bare_mm(d));
   for (std::size_t inner = 1; inner < count(); ++inner) {
     // From the next one around it on: each holds what lies beyond the tips of those before.
     double to_mm = rods_[inner].fed_mm();
@@ -177,13 +187,13 @@ void CoaxialRods::measure_along() {
 }
 
 void CoaxialRods::begin_step(double dt_s) {
-  for (std::size_t d = 0; d < count(); ++d) rods_[d].begin_step(dt_s, externals_[d]);
-  const double before_uJ = lumens_uJ();
+  for (Rod& rod : rods_) rod.begin_step(dt_s);
+  const double before_uJ = contacts_uJ();
   last_reaches_ = reaches_;
   for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
-  begin_lumens();
+  begin_contacts();
   // The points and their lengths move along.
-  gained_uJ_ = lumens_uJ() - before_uJ;
+  gained_uJ_ = contacts_uJ() - before_uJ;
   measure_along();
   system_.order(along_mm_);
 }
@@ -220,10 +230,10 @@ void CoaxialRods::step(double dt_s) {
   end_step(dt_s, balance);
 }
 
-/// What an inner rod has in a lumen stays as it was in the last step.
+/// What an inner rod has in a lumen and in the vessel stays as it was in the last step.
 void CoaxialRods::keep_overlaps() {
   reaches_ = last_reaches_;
-  begin_lumens();
+  begin_contacts();
   gained_uJ_ = 0;
 }
 
@@ -232,24 +242,26 @@ void CoaxialRods::save_start() {
   for (std::size_t d = 0; d < count(); ++d) starts_[d] = rods_[d].state_;
 }
 
-/// From where the step begins. What is gained in the lumens is charged on the velocities, as far as they
+/// From where the step begins. What is gained in the contacts is charged on the velocities, as far as they
 /// reach.
 Rod::KineticBalance CoaxialRods::minimise(double dt_s) {
   const double start_uJ = potential_uJ(dt_s, false);
-  // In the lumens, and below by the hubs' rotation.
+  // In the contacts, and below by the hubs' rotation.
   double spent_uJ = std::max(0.0, gained_uJ_);
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
-  const int most_iterations = rods_[0].options_.max_iterations;
+  std::size_t nodes = 0;
+  for (const Rod& rod : rods_) nodes += rod.node_count();
+  const int most = rods_[0].most_iterations(nodes);
   int iterations = 0;
-  for (; iterations < most_iterations; ++iterations) {
+  for (; iterations < most; ++iterations) {
     double model_decrease_uJ = 0;
     if (!solve_newton(dt_s, model_decrease_uJ)) break;  // not finite: the rods stay
     const double before_uJ = potential;
     if (!search_line(dt_s, model_decrease_uJ, potential)) break;
     if (Rod::has_converged(model_decrease_uJ, before_uJ - potential)) break;
   }
-  is_solved_ = iterations < most_iterations;
+  is_solved_ = iterations < most;
   released_uJ_ = start_uJ - potential;
   Rod::KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
   for (const Rod& rod : rods_) rod.balance_velocities(dt_s, balance);

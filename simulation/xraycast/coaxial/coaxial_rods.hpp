@@ -34,7 +34,8 @@ class CoaxialRods {
   void replace(std::size_t device, Rod rod);
 
   void step(double dt_s);
-  /// The last step ended before it came to the first rod's max_iterations.
+  /// The last step ended before it came to the most iterations that the first rod's options allow for the
+  /// nodes of all.
   bool is_solved() const { return count() == 1 ? rods_[0].is_solved() : is_solved_; }
 
   /// The length of a device beyond the tips of all those around it, as the last step began.
@@ -59,7 +60,8 @@ class CoaxialRods {
   void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);
   double lumens_uJ() const;
-  void begin_lumens();
+  double contacts_uJ() const;
+  void begin_contacts();
   void measure_along();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
@@ -83,7 +85,7 @@ class CoaxialRods {
   /// one, which cuts bends, fall behind it or get ahead.
   std::vector<std::vector<double>> along_mm_;
   CoaxialSystem system_;
-  double gained_uJ_ = 0;    ///< in the lumens, as the step began
+  double gained_uJ_ = 0;    ///< in the lumens and the external potentials, as the step began
   double released_uJ_ = 0;  ///< by the last step
   bool is_moved_ = true;    ///< a hub, or another rod put in, since the last step
   bool is_solved_ = true;

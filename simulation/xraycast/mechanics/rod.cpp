@@ -1,6 +1,7 @@
 #include "xraycast/mechanics/rod.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
+#include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/rod_elements.hpp"
 #include "xraycast/mechanics/rod_frames.hpp"
 
@@ -37,13 +38,6 @@ constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
 // Armijo's condition, on the decrease by the quadratic model: less than this share of it, and the step went
 // too far, beyond a valley, say.
 constexpr double kArmijo = 0.2;
-
-/// Of four nodes.
-[[gnu::always_inline]] inline Triple<Lanes> positions_mm(const RodState& state, const LaneIndices& at,
-                                                         std::size_t after) {
-  return gathered_triple<Lanes, Vector3d>(
-      lane_sources(state.nodes_mm, at, after), [](const Vector3d& node) -> auto& { return node; });
-}
 
 using OneEdge = EdgeFrames<double>;
 
@@ -182,21 +176,26 @@ void Rod::feed_to(double fed_mm, ExternalPotential* external) {
   const auto gap_mm = [this](std::size_t station) {
     return stations_mm_[station] - stations_mm_[station - 1];
   };
-  nodes_[0].from_tip_mm = std::clamp(fed_mm, stations_mm_[1] + 0.3 * gap_mm(1), stations_mm_.back());
-  // Between the two limits lies a margin, a hysteresis, so that a hand at rest does not insert and remove
-  // nodes. Number k from the tip stands at station k; the next one to be inserted is number node_count - 1.
+  // Nodes come and go before the edge at the clamp grows or shrinks, which strains that edge alone: the
+  // nodes' velocities then lead to where they are in balance. Between the two limits lies a margin, a
+  // hysteresis, so that a hand at rest does not insert and remove nodes. Number k from the tip stands at
+  // station k; the next one to be inserted is number node_count - 1.
+  constexpr double kInserted = 0.5, kRemoved = 0.3;
   while (nodes_.size() - 1 < stations_mm_.size()) {
     const std::size_t next = nodes_.size() - 1;
-    if (fed_mm - stations_mm_[next] < 0.5 * gap_mm(next)) break;
+    if (fed_mm - stations_mm_[next] < kInserted * gap_mm(next)) break;
+    // Beyond the station already, but for a feed by more than the margin.
+    nodes_[0].from_tip_mm = std::max(nodes_[0].from_tip_mm, stations_mm_[next] + kRemoved * gap_mm(next));
     add_node();
     if (external) external->node_added();
   }
   while (nodes_.size() > 3) {
     const std::size_t last = nodes_.size() - 2;
-    if (fed_mm - stations_mm_[last] > 0.3 * gap_mm(last)) break;
+    if (fed_mm - stations_mm_[last] > kRemoved * gap_mm(last)) break;
     remove_node();
     if (external) external->node_removed();
   }
+  nodes_[0].from_tip_mm = std::clamp(fed_mm, stations_mm_[1] + kRemoved * gap_mm(1), stations_mm_.back());
   update_edge(0);
   update_node(0);
   update_node(1);
@@ -360,12 +359,14 @@ double Rod::potential_uJ(const RodState& state, double dt_s, ExternalPotential* 
 // ---- a step ---------------------------------------------------------------------------------------------
 
 void Rod::step(double dt_s, ExternalPotential* external) {
-  begin_step(dt_s, external);
+  begin_step(dt_s);
+  if (external) external->begin_step(*this, ExternalPotential::kAllBare);
   const double start_uJ = potential_uJ(state_, dt_s, external);
   const double spent_uJ = dissipation_uJ(state_);  // by the hub's rotation
   double potential = predict_uJ(dt_s, external, start_uJ);
+  const int most = most_iterations(node_count());
   int iterations = 0;
-  for (; iterations < options_.max_iterations; ++iterations) {
+  for (; iterations < most; ++iterations) {
     if (!solve_newton(dt_s, external)) break;  // not finite: the rod stays
     Direction direction;
     measure_direction(direction);
@@ -373,11 +374,16 @@ void Rod::step(double dt_s, ExternalPotential* external) {
     if (!search_line(dt_s, external, direction, potential)) break;
     if (has_converged(direction.model_decrease_uJ, before_uJ - potential)) break;
   }
-  is_solved_ = iterations < options_.max_iterations;
+  is_solved_ = iterations < most;
   KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
   balance_velocities(dt_s, balance);
   update_velocities(dt_s, balance);
   end_step(external);
+}
+
+int Rod::most_iterations(std::size_t nodes) const {
+  return std::min(options_.max_iterations,
+                  std::max(1, options_.max_node_iterations / static_cast<int>(nodes)));
 }
 
 bool Rod::has_converged(double model_decrease_uJ, double decrease_uJ) {
@@ -390,7 +396,7 @@ void Rod::end_step(ExternalPotential* external) {
   update_clamp_reaction();
 }
 
-void Rod::begin_step(double dt_s, ExternalPotential* external) {
+void Rod::begin_step(double dt_s) {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
     nodes_[i].start_mm = state_.nodes_mm[i];
     nodes_[i].start_tangent = state_.edges[i - 1].tangent;
@@ -406,7 +412,6 @@ void Rod::begin_step(double dt_s, ExternalPotential* external) {
   clamp_twist_change_rad_ = 0;
   damping_ratio_ = kRetardation_s / dt_s;
   std::ranges::fill(state_.thetas_rad, 0.0);
-  if (external) external->begin_step(*this);
 }
 
 void Rod::aim_by_inertia(double dt_s) {

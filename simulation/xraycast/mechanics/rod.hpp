@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 #include <array>
 #include <cstddef>
+#include <limits>
 #include <vector>
 
 namespace xraycast {
@@ -82,17 +83,24 @@ class Rod;
 /// end_step.
 class ExternalPotential {
  public:
+  static constexpr double kAllBare = std::numeric_limits<double>::infinity();
+
   virtual ~ExternalPotential() = default;
 
   /// A node was inserted behind the clamp, as number 1, or removed from there.
   virtual void node_added() = 0;
   virtual void node_removed() = 0;
 
-  virtual void begin_step(const Rod& rod) = 0;
+  /// `bare_mm`: the length from the rod's tip on that lies in no other rod, and that alone the potential acts
+  /// on; kAllBare for a rod that lies in none.
+  virtual void begin_step(const Rod& rod, double bare_mm) = 0;
   virtual double energy_uJ(const RodState& state) = 0;
   /// `project_psd`: the Hessian projected to a positive semidefinite one instead of the exact one.
   virtual void assemble(const RodState& state, bool project_psd, RodSystem& system) = 0;
   virtual void end_step(const RodState& state) = 0;
+
+  /// What it stores as the last step ended or, after begin_step, as this one begins.
+  virtual double stored_uJ() const = 0;
 };
 
 /// A thin elastic rod that bends, twists and (stiffly) stretches, clamped at one end and free at its tip.
@@ -124,8 +132,9 @@ class Rod {
   struct Options {
     Eigen::Vector3d gravity_mm_s2{0, 0, 0};
     double drag_mPa_s = 15;  ///< force per length and velocity: a thin cylinder across blood's 3.5 mPa s
-    double blood_density_g_cm3 = 1.06;  ///< for the quadratic drag
-    int max_iterations = 2;             ///< of Newton's method in a step
+    double blood_density_g_cm3 = 1.06;    ///< for the quadratic drag
+    int max_iterations = 2;               ///< of Newton's method in a step
+    int max_node_iterations = 1'000'000;  ///< the same, times the nodes; at least one iteration is made
   };
 
   /// The part of `instrument` from its tip to `fed_mm`, straight along the clamp's axis, with nodes at
@@ -149,7 +158,7 @@ class Rod {
   /// One step in time.
   void step(double dt_s, ExternalPotential* external = nullptr);
 
-  /// The last step ended before it came to max_iterations.
+  /// The last step ended before it came to the most iterations that there may be.
   bool is_solved() const { return is_solved_; }
 
   const RodState& state() const { return state_; }
@@ -223,6 +232,7 @@ class Rod {
     double scale() const;
   };
 
+  int most_iterations(std::size_t nodes) const;
   std::size_t row_count() const { return RodSystem::kClampedRows + 4 * edges_.size(); }
   const RodState::Frame& frame_before(const RodState& state, std::size_t node) const {
     return node > 0 ? state.edges[node - 1] : clamp_frame_;
@@ -250,7 +260,7 @@ class Rod {
 
   // A step.
   static constexpr int kMaxBacktracks = 12;  ///< halvings, after which a Newton step makes no progress
-  void begin_step(double dt_s, ExternalPotential* external);
+  void begin_step(double dt_s);
   void aim_by_inertia(double dt_s);
   double predict_uJ(double dt_s, ExternalPotential* external, double start_uJ);
   bool solve_newton(double dt_s, ExternalPotential* external);
