@@ -255,6 +255,14 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
      "--cine @/c.gif --mask-shift 1,1",
      3, "--mask-shift: applies only to --look dsa", make_run},
+    {"SubtractMoreFramesThanDicomCounts",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/run.dcm --look dsa --inject 1,2 --size 8x8 --cone 780,1200",
+     3, "run.dcm: 69996 frames; DICOM counts those of a run with a mask up to 65535: draw fewer frames",
+     [](const TemporaryFolder& f) {
+       make_run(f);
+       write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n7000,5,0\n");
+     }},
     {"RenderSubtractionOfNothing", "render @/map.exr -o @/out.png --look dsa", 3,
      "--look dsa: there are no vessels with contrast agent; give --vessels too", make_run},
     {"SimulateBackInTime",
