@@ -439,8 +439,7 @@ void cast_map(CastArguments options, Session& session) {
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open(options, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
   const std::string frame_of_reference = frame_of_reference_uid(scan.info);
 

@@ -27,8 +27,7 @@ void convert(const ConvertArguments& options, Session& session) {
   }
   const DicomPatient patient = parse_patient(options.patient, "--patient");
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   if (is_series) check_ct_series(scan.source->geometry(), options.output, patient);
 
   const Volume volume = collect(*scan.source, session.progress, options.input);

@@ -89,8 +89,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
   View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
   check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
 
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, frame_of_reference_uid(scan.info));
   ComputeDevice device(session.device);

@@ -277,8 +277,7 @@ void segment(const SegmentArguments& options, Session& session) {
                 "report.png"},
                "-o " + options.folder);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
   const Findings found = findings_in(volume, segmenting, options, root_mm, session);
   write_findings(found, scan.info, volume, segmenting, options);

@@ -43,8 +43,7 @@ void write_vesselness(const Options& options, Session& session) {
   check_volume_format(options.output);
   check_writable(options.output);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
   ComputeDevice device(session.device);
   const VolumeGeometry& g = volume.geometry();

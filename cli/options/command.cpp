@@ -70,6 +70,11 @@ void Session::say(const std::vector<std::string>& lines) const {
   for (const std::string& line : lines) log_to_stderr(line);
 }
 
+void Session::say_about(const ScanInfo& scan) const {
+  say(scan.warnings);
+  say(scan.notes);
+}
+
 void Session::answer(const Json& result, const std::string& text) const {
   // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
   std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))

@@ -32,6 +32,9 @@ struct Session {
   /// Prints each line on stderr, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
+  /// The same of a scan that was opened: its warnings, then its notes.
+  void say_about(const ScanInfo& scan) const;
+
   /// Prints a result on stdout: the JSON with --json, else the text.
   void answer(const Json& result, const std::string& text) const;
 

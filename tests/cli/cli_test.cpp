@@ -1118,9 +1118,12 @@ TEST_F(Cli, NotesGoToStderrAndQuietSilencesThem) {
   NiftiFile file = little_scan();
   file.sform[0] = 1;  // grows to the right, so it must be turned
   write_bytes(folder_ / "ct.nii", file.bytes());
+  const char* const note = "xraycast: reoriented from RPS to LPS\n";
   const Finished told = run("cast @/ct.nii -o @/map.exr --json");
-  EXPECT_EQ(told.err, "xraycast: reoriented from RPS to LPS\n");
+  EXPECT_EQ(told.err, note);
   EXPECT_EQ(Json::parse(told.out)["map"]["height"], 4);
+  EXPECT_EQ(run("project @/ct.nii -o @/p.png").err, note);
+  EXPECT_EQ(run("compare @/ct.nii @/map.exr --views 1").err, note);
   EXPECT_EQ(output_of("cast @/ct.nii -o @/map.exr --quiet"), "");
   EXPECT_EQ(output_of("-q project @/ct.nii -o @/p.png"), "");
   EXPECT_EQ(output_of("-q phantom box --size 8x8x8 -o @/box.nrrd"), "");
