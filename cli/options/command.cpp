@@ -2,13 +2,13 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/stderr_log.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -31,13 +31,6 @@ std::vector<std::string> split(const std::string& text, char separator) {
     else
       parts.back() += c;
   return parts;
-}
-
-/// Parses the whole text as a number; false if any text remains.
-template <typename Number>
-bool parse(const std::string& text, Number& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && end == text.data() + text.size();
 }
 
 bool is_one_file(const std::string& a, const std::string& b) {
@@ -123,7 +116,7 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
   std::vector<std::int64_t> sizes;
   for (const std::string& part : split(text, 'x')) {
     std::int64_t size = 0;
-    if (!parse(part, size) || size < 1 || size > 65536)
+    if (!parse_whole(part, size) || size < 1 || size > 65536)
       throw InputError("{} {}: must be {} numbers of 1 to 65536, joined by x", option, text, count);
     sizes.push_back(size);
   }
@@ -135,7 +128,7 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   std::vector<double> numbers;
   for (const std::string& part : split(text, ',')) {
     double number = 0;
-    if (!parse(part, number) || !std::isfinite(number))
+    if (!parse_whole(part, number) || !std::isfinite(number))
       throw InputError("{} {}: '{}' is not a number", option, text, part);
     numbers.push_back(number);
   }
