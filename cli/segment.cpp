@@ -296,8 +296,7 @@ void add_segment(CLI::App& app, Session& session) {
       "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
       [options, &session] { segment(*options, session); });
   options->command = command;
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   command
       ->add_option(
           "-o,--output", options->folder,

@@ -95,6 +95,10 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
   return command;
 }
 
+void add_scan_argument(CLI::App& command, std::string& input) {
+  command.add_option("INPUT", input, "The scan: a folder or a file (see `xraycast info`)")->required();
+}
+
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
       .add_option("--series", options.series,

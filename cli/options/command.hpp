@@ -46,7 +46,10 @@ struct Session {
 CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
                       const std::string& examples, std::function<void()> job);
 
-/// --series and --keep-slices.
+/// INPUT, the scan to read.
+void add_scan_argument(CLI::App& command, std::string& input);
+
+/// --series, --keep-slices and --skip-damaged.
 void add_scan_options(CLI::App& command, ScanOptions& options);
 
 // One file each.
