@@ -439,8 +439,7 @@ void cast_map(CastArguments options, Session& session) {
   check(options);
   const std::vector<double> knots_hu = resolve_knots(options, attenuation);
   Scan scan = open(options, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const std::string source = fmt::format("{} {}", scan.info.format, options.input);
   const std::string frame_of_reference = frame_of_reference_uid(scan.info);
 
@@ -482,8 +481,7 @@ void add_cast(CLI::App& app, Session& session) {
                   "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
                   "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
                   [options, &session] { cast_map(*options, session); });
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   add_map_output_options(*command, options->output);
   command
       ->add_option("--projection", options->projection,

@@ -237,7 +237,7 @@ void compare_maps(const CompareArguments& options, Session& session) {
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
+  session.say_about(scan.info);
   for (std::size_t i = 0; i < maps.size(); ++i)
     check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);

@@ -27,8 +27,7 @@ void convert(const ConvertArguments& options, Session& session) {
   }
   const DicomPatient patient = parse_patient(options.patient, "--patient");
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   if (is_series) check_ct_series(scan.source->geometry(), options.output, patient);
 
   const Volume volume = collect(*scan.source, session.progress, options.input);
@@ -57,8 +56,7 @@ void add_convert(CLI::App& app, Session& session) {
                   "  xraycast convert scans/chest/ -o chest.nii.gz\n"
                   "  xraycast convert thorax.nrrd -o thorax-dicom/ --patient Phantom,1",
                   [options, &session] { convert(*options, session); });
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   command
       ->add_option("-o,--output", options->output,
                    "A new folder for a DICOM CT series, or a file .nii, .nii.gz, .nrrd, .mha or .mhd")

@@ -51,11 +51,7 @@ void check_applies(const ExportArguments& options) {
 }
 
 ViewSession resolve_session(const ExportArguments& options) {
-  ViewSession scene;
-  if (!options.session.empty()) scene = read_session(options.session);
-  if (!options.map.empty()) scene.map = options.map;
-  apply(options.scene, scene);
-  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   if (!options.script.empty() && scene.vessels.empty())
     throw InputError("--script {}: there are no vessels to steer in; give --vessels too", options.script);
   return scene;

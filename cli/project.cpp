@@ -89,8 +89,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
   View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
   check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
 
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, frame_of_reference_uid(scan.info));
   ComputeDevice device(session.device);
@@ -150,8 +149,7 @@ void add_project(CLI::App& app, Session& session) {
       "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1\n"
       "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low",
       [options, &session] { project_scan(*options, session); });
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   command
       ->add_option("-o,--output", options->output,
                    ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; "

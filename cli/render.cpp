@@ -87,11 +87,7 @@ void apply_style(const RenderArguments& options, Style& style) {
 
 /// The session, if given, overridden by the other options.
 ViewSession resolve(const RenderArguments& options) {
-  ViewSession scene;
-  if (!options.session.empty()) scene = read_session(options.session);
-  if (!options.map.empty()) scene.map = options.map;
-  apply(options.scene, scene);
-  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
   apply_style(options, scene.style);
   if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
     throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");

@@ -277,8 +277,7 @@ void segment(const SegmentArguments& options, Session& session) {
                 "report.png"},
                "-o " + options.folder);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
   const Findings found = findings_in(volume, segmenting, options, root_mm, session);
   write_findings(found, scan.info, volume, segmenting, options);
@@ -297,8 +296,7 @@ void add_segment(CLI::App& app, Session& session) {
       "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
       [options, &session] { segment(*options, session); });
   options->command = command;
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   command
       ->add_option(
           "-o,--output", options->folder,

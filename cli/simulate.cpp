@@ -22,6 +22,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <filesystem>
 #include <memory>
@@ -132,7 +133,9 @@ class Cine {
     frame_of_reference_ = frame_of_reference_name(xa);
     check_dicom(cine.view, xa, options.cine, session);
     if (fluoroscope_) xa.code_bits = fluoroscope_->bits();
-    const auto most_frames = static_cast<std::int64_t>(std::ceil(longest_s / cine.step_s)) + 1;
+    xa.is_subtracted = cine.subtracts;
+    const double from_s = cine.subtracts ? std::max(cine.injection.from_s - RunCine::kMask_s, 0.0) : 0;
+    const auto most_frames = static_cast<std::int64_t>(std::ceil((longest_s - from_s) / cine.step_s)) + 1;
     xa_.emplace(options.cine, cine.view, most_frames, xa);
     run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
       if (fluoroscope_)

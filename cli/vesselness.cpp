@@ -43,8 +43,7 @@ void write_vesselness(const Options& options, Session& session) {
   check_volume_format(options.output);
   check_writable(options.output);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say(scan.info.warnings);
-  session.say(scan.info.notes);
+  session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
   ComputeDevice device(session.device);
   const VolumeGeometry& g = volume.geometry();
@@ -72,8 +71,7 @@ void add_vesselness(CLI::App& app, Session& session) {
                   "  xraycast vesselness cta.nii.gz -o fine.nrrd --scales 0.5,0.7,1\n"
                   "  xraycast vesselness cta.nii.gz -o frangi.nii.gz --measure frangi --contrast 400",
                   [options, &session] { write_vesselness(*options, session); });
-  command->add_option("INPUT", options->input, "The scan: a folder or a file (see `xraycast info`)")
-      ->required();
+  add_scan_argument(*command, options->input);
   command->add_option("-o,--output", options->output, "Float, 0 to 1; .nrrd, .nii, .nii.gz, .mha or .mhd")
       ->required()
       ->type_name("VOLUME");

@@ -2,13 +2,13 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/stderr_log.hpp"
 
 #include <algorithm>
 #include <array>
 #include <cerrno>
-#include <charconv>
 #include <cmath>
 #include <cstring>
 #include <filesystem>
@@ -31,13 +31,6 @@ std::vector<std::string> split(const std::string& text, char separator) {
     else
       parts.back() += c;
   return parts;
-}
-
-/// Parses the whole text as a number; false if any text remains.
-template <typename Number>
-bool parse(const std::string& text, Number& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && end == text.data() + text.size();
 }
 
 bool is_one_file(const std::string& a, const std::string& b) {
@@ -70,6 +63,11 @@ void Session::say(const std::vector<std::string>& lines) const {
   for (const std::string& line : lines) log_to_stderr(line);
 }
 
+void Session::say_about(const ScanInfo& scan) const {
+  say(scan.warnings);
+  say(scan.notes);
+}
+
 void Session::answer(const Json& result, const std::string& text) const {
   // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
   std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))
@@ -97,6 +95,10 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
   return command;
 }
 
+void add_scan_argument(CLI::App& command, std::string& input) {
+  command.add_option("INPUT", input, "The scan: a folder or a file (see `xraycast info`)")->required();
+}
+
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
       .add_option("--series", options.series,
@@ -118,7 +120,7 @@ std::vector<std::int64_t> parse_sizes(const std::string& text, std::size_t count
   std::vector<std::int64_t> sizes;
   for (const std::string& part : split(text, 'x')) {
     std::int64_t size = 0;
-    if (!parse(part, size) || size < 1 || size > 65536)
+    if (!parse_whole(part, size) || size < 1 || size > 65536)
       throw InputError("{} {}: must be {} numbers of 1 to 65536, joined by x", option, text, count);
     sizes.push_back(size);
   }
@@ -130,7 +132,7 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
   std::vector<double> numbers;
   for (const std::string& part : split(text, ',')) {
     double number = 0;
-    if (!parse(part, number) || !std::isfinite(number))
+    if (!parse_whole(part, number) || !std::isfinite(number))
       throw InputError("{} {}: '{}' is not a number", option, text, part);
     numbers.push_back(number);
   }

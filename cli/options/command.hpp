@@ -32,6 +32,9 @@ struct Session {
   /// Prints each line on stderr, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
+  /// The same of a scan that was opened: its warnings, then its notes.
+  void say_about(const ScanInfo& scan) const;
+
   /// Prints a result on stdout: the JSON with --json, else the text.
   void answer(const Json& result, const std::string& text) const;
 
@@ -43,7 +46,10 @@ struct Session {
 CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
                       const std::string& examples, std::function<void()> job);
 
-/// --series and --keep-slices.
+/// INPUT, the scan to read.
+void add_scan_argument(CLI::App& command, std::string& input);
+
+/// --series, --keep-slices and --skip-damaged.
 void add_scan_options(CLI::App& command, ScanOptions& options);
 
 // One file each.

@@ -30,6 +30,16 @@ void apply(const SceneOptions& options, ViewSession& session) {
   if (options.contrast_mg_ml) session.contrast_mg_ml = *options.contrast_mg_ml;
 }
 
+ViewSession resolve_scene(const std::string& session_file, const std::string& map,
+                          const SceneOptions& options) {
+  ViewSession scene;
+  if (!session_file.empty()) scene = read_session(session_file);
+  if (!map.empty()) scene.map = map;
+  apply(options, scene);
+  if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  return scene;
+}
+
 void replace_file(std::filesystem::path& file, const std::string& given) {
   if (given.empty()) return;
   if (!std::filesystem::exists(given)) throw InputError("{}: no such file or folder; check its name", given);

@@ -20,6 +20,11 @@ void add_scene_options(CLI::App& command, SceneOptions& options);
 /// Overrides the session's values with the given options. Throws InputError for a file that does not exist.
 void apply(const SceneOptions& options, ViewSession& session);
 
+/// The session in `session_file`, if one is named, with the given map and objects in place of its own. Throws
+/// InputError when it has no map then, and as apply().
+ViewSession resolve_scene(const std::string& session_file, const std::string& map,
+                          const SceneOptions& options);
+
 /// Replaces a file of the session if one was given. Throws InputError when it does not exist.
 void replace_file(std::filesystem::path& file, const std::string& given);
 

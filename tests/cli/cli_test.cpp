@@ -255,6 +255,14 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
      "--cine @/c.gif --mask-shift 1,1",
      3, "--mask-shift: applies only to --look dsa", make_run},
+    {"SubtractMoreFramesThanDicomCounts",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/run.dcm --look dsa --inject 1,2 --size 8x8 --cone 780,1200",
+     3, "run.dcm: 69996 frames; DICOM counts those of a run with a mask up to 65535: draw fewer frames",
+     [](const TemporaryFolder& f) {
+       make_run(f);
+       write_bytes(f / "push.csv", "time_s,insertion_mm,rotation_deg\n0,0,0\n7000,5,0\n");
+     }},
     {"RenderSubtractionOfNothing", "render @/map.exr -o @/out.png --look dsa", 3,
      "--look dsa: there are no vessels with contrast agent; give --vessels too", make_run},
     {"SimulateBackInTime",
@@ -1110,9 +1118,12 @@ TEST_F(Cli, NotesGoToStderrAndQuietSilencesThem) {
   NiftiFile file = little_scan();
   file.sform[0] = 1;  // grows to the right, so it must be turned
   write_bytes(folder_ / "ct.nii", file.bytes());
+  const char* const note = "xraycast: reoriented from RPS to LPS\n";
   const Finished told = run("cast @/ct.nii -o @/map.exr --json");
-  EXPECT_EQ(told.err, "xraycast: reoriented from RPS to LPS\n");
+  EXPECT_EQ(told.err, note);
   EXPECT_EQ(Json::parse(told.out)["map"]["height"], 4);
+  EXPECT_EQ(run("project @/ct.nii -o @/p.png").err, note);
+  EXPECT_EQ(run("compare @/ct.nii @/map.exr --views 1").err, note);
   EXPECT_EQ(output_of("cast @/ct.nii -o @/map.exr --quiet"), "");
   EXPECT_EQ(output_of("-q project @/ct.nii -o @/p.png"), "");
   EXPECT_EQ(output_of("-q phantom box --size 8x8x8 -o @/box.nrrd"), "");

@@ -1,5 +1,6 @@
 #include "xraycast/base/atomic_file.hpp"
 
+#include "support/file_size_limit.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -8,10 +9,9 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
-#include <csignal>
 #include <fcntl.h>
 #include <future>
-#include <sys/resource.h>
+#include <optional>
 #include <sys/stat.h>
 #include <sys/wait.h>
 #include <thread>
@@ -205,17 +205,12 @@ TEST_F(AtomicFiles, AreRemovedBeforeAProcessEndsAtOnce) {
 
 TEST_F(AtomicFiles, SayWhatTheyTakeWhenTheDiskIsFull) {
   write_bytes(folder_ / "tree.json", "old");
-  rlimit before{};
-  getrlimit(RLIMIT_FSIZE, &before);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit small{100'000, before.rlim_max};
-  setrlimit(RLIMIT_FSIZE, &small);
+  std::optional<FileSizeLimit> limit(100'000);
   EXPECT_THAT([&] { write_whole_file(folder_ / "tree.json", std::string(2'500'000, ' ')); },
               ThrowsMessage<Error>((folder_ / "tree.json").string() +
                                    ": could not be written completely (File too large); the disk may be "
                                    "full: make room for 2.5 MB"));
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
+  limit.reset();
   EXPECT_THAT(names(), ElementsAre("tree.json"));
   EXPECT_EQ(read_bytes(folder_ / "tree.json"), "old");
 }

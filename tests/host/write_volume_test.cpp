@@ -1,3 +1,4 @@
+#include "support/file_size_limit.hpp"
 #include "support/read_scan.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
@@ -7,8 +8,8 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <csignal>
-#include <sys/resource.h>
+#include <optional>
+#include <sys/mman.h>
 
 namespace xraycast::write_volume_test {
 namespace {
@@ -84,22 +85,47 @@ TEST(WriteField, KeepsFloatsBitForBit) {
 
 TEST_P(WriteVolume, LeavesNothingBehindWhenTheDiskIsFull) {
   const TemporaryFolder folder;
-  // A limit on the size of files stands for the full disk. The values don't compress below it.
+  // The values don't compress below the limit.
   Volume volume({{100, 100, 20}, {1, 1, 1}, {0, 0, 0}});
   std::uint32_t random = 1;
   for (std::int16_t& hu : volume.hu())
     hu = static_cast<std::int16_t>((random = random * 1664525 + 1013904223) >> 17);
-  rlimit before{};
-  getrlimit(RLIMIT_FSIZE, &before);
-  const auto handler = std::signal(SIGXFSZ, SIG_IGN);
-  const rlimit small{100'000, before.rlim_max};
-  setrlimit(RLIMIT_FSIZE, &small);
   Progress progress;
+  std::optional<FileSizeLimit> limit(100'000);
   EXPECT_THAT([&] { write_volume(volume, folder / GetParam(), progress); },
               testing::ThrowsMessage<Error>(HasSubstr("disk may be full")));
-  setrlimit(RLIMIT_FSIZE, &before);
-  std::signal(SIGXFSZ, handler);
+  limit.reset();
   EXPECT_THAT(names_in(folder / ""), IsEmpty());
+}
+
+/// Zeros that take no memory while they are only read.
+class Zeros {
+ public:
+  explicit Zeros(std::size_t size)
+      : size_(size),
+        zeros_(mmap(nullptr, size, PROT_READ, MAP_PRIVATE | MAP_ANONYMOUS | MAP_NORESERVE, -1, 0)) {}
+  ~Zeros() { munmap(zeros_, size_); }
+  Zeros(const Zeros&) = delete;
+  Zeros& operator=(const Zeros&) = delete;
+  std::span<const std::uint8_t> bytes() const { return {static_cast<const std::uint8_t*>(zeros_), size_}; }
+
+ private:
+  std::size_t size_;
+  void* zeros_;
+};
+
+TEST(WriteVolumeOfLargeSlices, FailsOnlyWhereTheDiskDoes) {
+  // The reason is the file system's. zlib refuses 2 GiB at once, and gives none.
+  const TemporaryFolder folder;
+  for (const std::int64_t rows : {32768, 65536, 65537}) {
+    const VolumeGeometry geometry{{65536, rows, 1}, {1, 1, 1}, {0, 0, 0}};
+    const Zeros slice(static_cast<std::size_t>(geometry.voxel_count()));
+    const FileSizeLimit limit(100'000);
+    EXPECT_THAT([&] { write_mask(geometry, slice.bytes(), folder / "mask.nrrd"); },
+                testing::ThrowsMessage<Error>(
+                    HasSubstr("mask.nrrd: could not be written completely (File too large)")))
+        << rows;
+  }
 }
 
 TEST_P(WriteVolume, WritesMasks) {

@@ -1,5 +1,6 @@
 #pragma once
 
+#include <charconv>
 #include <string>
 #include <string_view>
 
@@ -13,5 +14,12 @@ std::string_view take_line(std::string_view& text);
 
 /// ASCII letters in lower case, in any locale.
 std::string lower_case(std::string_view text);
+
+/// Reads a text that is one number and nothing else, in any locale; false for every other text.
+template <typename Number>
+bool parse_whole(std::string_view text, Number& number) {
+  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
+  return error == std::errc{} && end == text.data() + text.size();
+}
 
 }  // namespace xraycast

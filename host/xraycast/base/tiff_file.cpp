@@ -3,6 +3,7 @@
 
 #include "xraycast/base/tiff_file.hpp"
 
+#include "xraycast/base/deflated.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/whole_file.hpp"
 
@@ -10,7 +11,6 @@
 #include <bit>
 #include <cstdint>
 #include <limits>
-#include <zlib.h>
 
 namespace xraycast {
 namespace {
@@ -31,22 +31,13 @@ void append(std::string& bytes, T value) {
   bytes.append(reinterpret_cast<const char*>(&value), sizeof value);
 }
 
-std::string deflated(std::span<const float> values) {
-  const auto bytes = std::as_bytes(values);
-  uLongf size_B = compressBound(bytes.size());
-  std::string packed(size_B, '\0');
-  if (compress(reinterpret_cast<Bytef*>(packed.data()), &size_B, reinterpret_cast<const Bytef*>(bytes.data()),
-               bytes.size()) != Z_OK)
-    throw Error("zlib cannot deflate {} bytes", bytes.size());
-  packed.resize(size_B);
-  return packed;
-}
-
 }  // namespace
 
 void write_tiff(std::span<const float> values, int width, int height, const std::string& description,
                 const std::filesystem::path& path) {
-  const std::string strip = deflated(values);
+  const auto bytes = std::as_bytes(values);
+  constexpr int kLevel = 6;
+  const std::string strip = deflated({reinterpret_cast<const char*>(bytes.data()), bytes.size()}, kLevel);
   if (strip.size() + description.size() > std::numeric_limits<std::uint32_t>::max() - 1024)
     throw InputError("{}: a TIFF holds 4 GiB at most; choose .exr or .nrrd", path.string());
   constexpr std::uint32_t kDirectory = 8, kFields = 13, kField_B = 12;

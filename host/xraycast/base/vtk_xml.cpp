@@ -3,6 +3,7 @@
 
 #include "xraycast/base/base64.hpp"
 #include "xraycast/base/inflater.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <algorithm>
@@ -159,10 +160,8 @@ std::uint64_t VtkXmlFile::count(pugi::xml_node node, const char* attribute, std:
   if (!node.attribute(attribute)) return otherwise;
   const std::string_view text = node.attribute(attribute).value();
   std::uint64_t number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
   // 32 bits index the points of anything that fits in memory, and products of two such numbers fit in 64.
-  if (error != std::errc() || end != text.data() + text.size() ||
-      number > std::numeric_limits<std::uint32_t>::max() / 3)
+  if (!parse_whole(text, number) || number > std::numeric_limits<std::uint32_t>::max() / 3)
     fail(attribute, "\"{}\" is not a valid number", text);
   return number;
 }

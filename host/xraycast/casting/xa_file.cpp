@@ -17,6 +17,7 @@ namespace {
 constexpr double kXaDegrees = 180 / std::numbers::pi;
 constexpr int kFullIntensity = 4095;
 constexpr double kGreysPerTau = 256;  // tau 16 is black: a ten-millionth of the beam
+constexpr std::int64_t kMostMaskedFrames = 65535;
 
 /// Without the rounding of the conversion to radians and back.
 double xa_degrees(double radians) { return std::round(radians * kXaDegrees * 1e9) / 1e9; }
@@ -192,6 +193,9 @@ XaWriter::XaWriter(std::filesystem::path path, const View& view, std::int64_t fr
     throw InputError(
         "{}: {} frames of {} x {} pixels; one DICOM file holds at most {}: draw fewer or smaller frames",
         file_.target().string(), frames, view.width, view.height, most);
+  if (options_.is_subtracted && frames > kMostMaskedFrames)
+    throw InputError("{}: {} frames; DICOM counts those of a run with a mask up to {}: draw fewer frames",
+                     file_.target().string(), frames, kMostMaskedFrames);
   pixels_.reserve(static_cast<std::size_t>(pixels * frames));
 }
 
@@ -218,7 +222,7 @@ void XaWriter::finish() {
   add_acquisition(image, options_, exposure_);
   add_pose(image, views_);
   add_run(image, views_.size(), options_.frame_time_ms);
-  add_mask(image, views_.size(), mask_frames_);
+  if (options_.is_subtracted) add_mask(image, views_.size(), mask_frames_);
   write_dicom(image, std::as_bytes(std::span(pixels_)), file_);
 }
 

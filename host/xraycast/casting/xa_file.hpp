@@ -39,6 +39,7 @@ struct XaOptions {
   /// 8 to 16: the pictures are a detector's codes of so many bits, linear in the signal
   /// (XaWriter::add_codes).
   std::optional<int> code_bits{};
+  bool is_subtracted = false;  ///< the first pictures are a mask (XaWriter::set_mask_frames)
 };
 
 /// Whether a file's name has the extension of an X-Ray Angiographic Image, `.dcm`.
@@ -56,7 +57,8 @@ void check_xa(const std::filesystem::path& path, const View& view, const XaOptio
 class XaWriter {
  public:
   /// For `frames` pictures that differ from `view` only in their angles. Throws as check_xa, and InputError
-  /// when `path` cannot be written or the frames are too many for one file.
+  /// when `path` cannot be written or the frames are too many for one file: for its pixels, or, with a mask,
+  /// for DICOM's 16-bit numbers of frames.
   XaWriter(std::filesystem::path path, const View& view, std::int64_t frames, XaOptions options);
 
   /// The next picture's optical depths, W x H, row 0 on top.
@@ -68,8 +70,8 @@ class XaWriter {
   /// Before finish().
   void set_exposure(const XaExposure& exposure) { exposure_ = exposure; }
 
-  /// The mean of that many first pictures is the mask that programs subtract from the others to show them
-  /// (DICOM's Mask Module); 0: no subtraction.
+  /// Of a run that `is_subtracted`: the mean of that many first pictures is the mask that programs subtract
+  /// from the others to show them (DICOM's Mask Module); 0: no subtraction.
   void set_mask_frames(int frames) { mask_frames_ = frames; }
 
   /// Once, after the last picture; without pictures nothing is written. Throws Error when the disk is full.

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
@@ -9,10 +10,10 @@
 #include <glm/common.hpp>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <optional>
 #include <sstream>
+#include <string_view>
 
 namespace xraycast {
 namespace {
@@ -71,12 +72,8 @@ CurvedAxis CurvedAxis::from_file(const std::string& name) {
   const std::string path = name.substr(0, hash);
   const std::string extension = extension_of(path);
   std::size_t branch = 0;
-  if (hash != std::string::npos) {
-    const char *first = name.data() + hash + 1, *last = name.data() + name.size();
-    const auto [end, error] = std::from_chars(first, last, branch);
-    if (error != std::errc{} || end != last)
-      throw InputError("{}: the text after # must be the number of a branch", name);
-  }
+  if (hash != std::string::npos && !parse_whole(std::string_view(name).substr(hash + 1), branch))
+    throw InputError("{}: the text after # must be the number of a branch", name);
   return with_remedy(path, "correct the file", [&]() -> CurvedAxis {
     return {extension == ".vtp" || extension == ".json" ? read_branch(path, branch) : read_csv(path), name};
   });

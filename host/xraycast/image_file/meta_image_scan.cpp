@@ -8,7 +8,6 @@
 
 #include <algorithm>
 #include <array>
-#include <charconv>
 #include <cmath>
 #include <map>
 #include <sstream>
@@ -26,12 +25,6 @@ std::vector<std::string> words_of(const std::string& text) {
   std::vector<std::string> words;
   for (std::string word; stream >> word;) words.push_back(word);
   return words;
-}
-
-template <typename Number>
-bool parse(const std::string& text, Number& number) {
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  return error == std::errc{} && end == text.data() + text.size();
 }
 
 /// A MetaImage's header with its path, for messages.
@@ -54,7 +47,7 @@ class MetaFields {
     if (words.empty() && !otherwise.empty()) return otherwise;
     std::vector<Number> values(words.size());
     for (std::size_t i = 0; i < words.size(); ++i)
-      if (!parse(words[i], values[i]))
+      if (!parse_whole(words[i], values[i]))
         throw InputError("{}: {} holds '{}', not a number; export the file again", path_.string(), field,
                          words[i]);
     if (values.size() != count)
@@ -148,9 +141,10 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
   std::int64_t width = 0, first = 1, last = slices, step = 1;
   const bool is_plain = letter != std::string::npos && pattern[letter] == 'd' &&
                         pattern.find('%', letter) == std::string::npos &&
-                        (width_text.empty() || (parse(width_text, width) && width < 10));
-  if (!is_plain || (words.size() > 1 && !parse(words[1], first)) ||
-      (words.size() > 2 && !parse(words[2], last)) || (words.size() > 3 && !parse(words[3], step)))
+                        (width_text.empty() || (parse_whole(width_text, width) && width < 10));
+  if (!is_plain || (words.size() > 1 && !parse_whole(words[1], first)) ||
+      (words.size() > 2 && !parse_whole(words[2], last)) ||
+      (words.size() > 3 && !parse_whole(words[3], step)))
     throw InputError("{}: ElementDataFile '{}' is not a pattern; write one such as slice%03d.raw 1 20 1",
                      path.string(), text);
   constexpr std::int64_t kMost = 1'000'000;

@@ -79,8 +79,7 @@ std::int64_t nrrd_number(const fs::path& path, const TextHeader& header, const c
   const std::string& text = header.get(field);
   if (text.empty()) return 0;
   std::int64_t number = 0;
-  const auto [end, error] = std::from_chars(text.data(), text.data() + text.size(), number);
-  if (error != std::errc{} || end != text.data() + text.size())
+  if (!parse_whole(text, number))
     throw InputError("{}: {} is '{}', not a whole number; export the file again", path.string(), field, text);
   return number;
 }

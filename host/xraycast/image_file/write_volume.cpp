@@ -44,9 +44,9 @@ class OutputFile {
 
   void write(const void* bytes, std::int64_t count) {
     errno = 0;
-    // Returns the number of bytes written, and counts them with 32 bits; a slice is never that large.
-    if (count > 0 && gzwrite(file_, bytes, static_cast<unsigned>(count)) != count)
-      throw atomic_.failure(errno, needed_B_);
+    // Not gzwrite, which takes less than 2 GiB.
+    const auto size = static_cast<std::size_t>(count);
+    if (gzfwrite(bytes, 1, size, file_) != size) throw atomic_.failure(errno, needed_B_);
   }
   void write(const std::string& text) { write(text.data(), std::ssize(text)); }
 

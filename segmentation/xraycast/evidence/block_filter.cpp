@@ -170,4 +170,13 @@ std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::in
   return result;
 }
 
+std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device,
+                            const Progress* progress) {
+  const auto halo = static_cast<std::int64_t>(std::ceil(3 * sigma_vox.z));
+  return filtered(volume, device, halo, [&](BlockFilter& block, const cl::Buffer& values) {
+    if (progress != nullptr) progress->check();
+    return block.smooth(values, sigma_vox);
+  });
+}
+
 }  // namespace xraycast

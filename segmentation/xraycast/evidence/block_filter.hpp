@@ -56,4 +56,8 @@ std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::in
                             const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
                             Progress* progress = nullptr);
 
+/// A scan smoothed by a Gaussian. Throws as filtered(), and when `progress`, if given, is cancelled.
+std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device,
+                            const Progress* progress = nullptr);
+
 }  // namespace xraycast

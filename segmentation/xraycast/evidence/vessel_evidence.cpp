@@ -32,15 +32,6 @@ void for_each_index(std::size_t count, const Change& change) {
   });
 }
 
-/// A scan smoothed by a Gaussian.
-Field smoothed(const Volume& volume, double smoothing_vox, ComputeDevice& device, const Progress& progress) {
-  const auto halo = static_cast<std::int64_t>(std::ceil(3 * smoothing_vox));
-  return filtered(volume, device, halo, [&](BlockFilter& block, const cl::Buffer& hu) {
-    progress.check();
-    return block.smooth(hu, glm::dvec3(smoothing_vox));
-  });
-}
-
 /// The contrasts whose means are these values.
 Field contrasts(Field values, const ScanResponse& response) {
   for_each_index(values.size(), [&](std::size_t i) {
@@ -52,7 +43,7 @@ Field contrasts(Field values, const ScanResponse& response) {
 /// The contrast that each voxel of a scan shows when it is smoothed by a Gaussian.
 Field smoothed_contrast(const Volume& volume, const ScanResponse& response, double smoothing_vox,
                         ComputeDevice& device, const Progress& progress) {
-  return contrasts(smoothed(volume, smoothing_vox, device, progress), response);
+  return contrasts(smoothed(volume, glm::dvec3(smoothing_vox), device, &progress), response);
 }
 
 /// What a Gaussian leaves of the standard deviation of white noise.
@@ -345,7 +336,7 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
   const VolumeGeometry& grid = volume.geometry();
   require_memory_of_fields(grid);
   progress.begin("detecting ridges", 3, "passes");
-  Field contrast = smoothed(volume, kLight_vox, device, progress);
+  Field contrast = smoothed(volume, glm::dvec3(kLight_vox), device, &progress);
   const ScanResponse response(volume, std::min(noise_hu, most_noise_hu(contrast, kLight_vox)));
   contrast = contrasts(std::move(contrast), response);
   Field strength = ridge_strength(volume, device, &progress);

@@ -11,7 +11,6 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
-#include <cmath>
 
 namespace xraycast {
 namespace {
@@ -21,9 +20,7 @@ constexpr float kBrighterThanTissue_hu = 90, kDarkerThanBone_hu = 300;
 std::vector<float> local_means(const Volume& volume, ComputeDevice& device) {
   constexpr double kWidth_mm = 2.5, kWidest_vox = 4;
   const glm::dvec3 sigma_vox = glm::min(kWidth_mm / volume.geometry().spacing_mm, glm::dvec3(kWidest_vox));
-  return filtered(
-      volume, device, static_cast<std::int64_t>(std::ceil(3 * sigma_vox.z)),
-      [&](BlockFilter& block, const cl::Buffer& values) { return block.smooth(values, sigma_vox); });
+  return smoothed(volume, sigma_vox, device);
 }
 
 /// The body without bone, its marrow and what lies beside it.

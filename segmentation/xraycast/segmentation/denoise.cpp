@@ -13,10 +13,11 @@ std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device) {
   // angiography, of 250 HU. While that is two standard deviations, thresholds lose one voxel in forty.
   constexpr double kGood_hu = 0.3 * 250 / 2, kSigma_vox = 0.7;
   if (measure_noise_hu(volume) <= kGood_hu) return std::nullopt;
-  const std::vector<float> smooth =
-      filtered(volume, device, 3, [](BlockFilter& block, const cl::Buffer& values) {
-        return block.smooth(values, glm::dvec3(kSigma_vox));
-      });
+  return smoothed_scan(volume, glm::dvec3(kSigma_vox), device);
+}
+
+Volume smoothed_scan(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device) {
+  const std::vector<float> smooth = smoothed(volume, sigma_vox, device);
   Volume result(volume.geometry());
   std::ranges::transform(smooth, result.hu().begin(),
                          [](float v) { return static_cast<std::int16_t>(std::lround(v)); });

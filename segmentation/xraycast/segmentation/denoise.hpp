@@ -11,4 +11,7 @@ namespace xraycast {
 /// DeviceError.
 std::optional<Volume> denoised(const Volume& volume, ComputeDevice& device);
 
+/// A scan smoothed by a Gaussian, in whole HU again. Throws DeviceError.
+Volume smoothed_scan(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device);
+
 }  // namespace xraycast

@@ -1,10 +1,10 @@
 #include "xraycast/segmentation/seeds.hpp"
 
-#include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 #include "xraycast/mask/morphology.hpp"
 #include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/denoise.hpp"
 #include "xraycast/segmentation/lumen_completion.hpp"
 
 #include <glm/common.hpp>
@@ -162,14 +162,7 @@ std::optional<Volume> smoothed_for_seeds(const Volume& volume, ComputeDevice& de
   constexpr double kSigma_mm = 0.8, kWidest_vox = 1.5, kQuiet_hu = 5;
   if (measure_noise_hu(volume) <= kQuiet_hu) return std::nullopt;
   const glm::dvec3 sigma_vox = glm::min(kSigma_mm / volume.geometry().spacing_mm, glm::dvec3(kWidest_vox));
-  const auto halo = static_cast<std::int64_t>(std::ceil(3 * sigma_vox.z));
-  const std::vector<float> smooth =
-      filtered(volume, device, halo,
-               [&](BlockFilter& block, const cl::Buffer& values) { return block.smooth(values, sigma_vox); });
-  Volume result(volume.geometry());
-  std::ranges::transform(smooth, result.hu().begin(),
-                         [](float v) { return static_cast<std::int16_t>(std::lround(v)); });
-  return result;
+  return smoothed_scan(volume, sigma_vox, device);
 }
 
 std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers) {

@@ -1,7 +1,7 @@
 #include "xraycast/export/web_page.hpp"
 
 #include "xraycast/base/base64.hpp"
-#include "xraycast/base/error.hpp"
+#include "xraycast/base/deflated.hpp"
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
@@ -21,7 +21,6 @@
 #include <numbers>
 #include <string_view>
 #include <utility>
-#include <zlib.h>
 
 namespace xraycast {
 namespace {
@@ -31,17 +30,6 @@ using PageJson = nlohmann::ordered_json;
 constexpr int kFormat = 2;
 
 // ---- text -----------------------------------------------------------------------------------------
-
-std::string deflated(std::string_view bytes) {
-  uLongf size = compressBound(static_cast<uLong>(bytes.size()));
-  std::string packed(size, '\0');
-  const int status =
-      compress2(reinterpret_cast<Bytef*>(packed.data()), &size, reinterpret_cast<const Bytef*>(bytes.data()),
-                static_cast<uLong>(bytes.size()), Z_BEST_COMPRESSION);
-  if (status != Z_OK) throw Error("not enough memory to pack the page");
-  packed.resize(size);
-  return packed;
-}
 
 std::string in_html(std::string_view text) {
   std::string escaped;
@@ -270,13 +258,14 @@ std::string web_page(const WebSession& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
   const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
+  constexpr int kSmallest = 9;
   const std::array<std::pair<std::string_view, std::string>, 6> values{
       {{"title", in_html(session.title)},
        {"connects", session.live ? "; connect-src 'self'" : ""},
        {"still-label", label(pose)},
        {"still", to_base64(session.still_png)},
        {"header", in_script(header)},
-       {"data", to_base64(deflated(parts.bytes()))}}};
+       {"data", to_base64(deflated(parts.bytes(), kSmallest))}}};
   return filled(embedded_pages().front().source, values);
 }
 
