@@ -142,7 +142,7 @@ TEST(CoaxialCatheters, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
         before_J = devices.energy_J();
       }
       // Rounding. As the tips move apart more of the wire presses against the wall; where that is not
-      // charged, up to 8e-3 in one step.
+      // charged, up to 2e-5 in one step.
       EXPECT_LT(growth, 1e-10) << names[0] << ", " << ahead_mm << " mm ahead";
     }
 }

@@ -23,9 +23,8 @@ struct CouplingAxis {
 /// is small, because the damping that goes with it is felt as drag, 2 N s/m and 4e-5 N m s/rad; and not
 /// smaller, because the rod's load reaches the hub a step late, which is stable while the rod's stiffness at
 /// the hub is less than 13 N/mm and 0.2 N m/rad. That of the presets in the thorax phantom is at most 2 N/mm
-/// and 0.0024 N m/rad. A wire that is drawn back to the introducer and sticks in a catheter there has 12
-/// N/mm and more, and so can pass the bound: its hub then swings, by 1 to 3 micrometres, of which the hand
-/// feels 0.5 to 1.5 mN. 5 N and 0.05 N m exceed the loads of a catheter in a vessel and are within the
+/// and 0.0024 N m/rad, also that of a wire which is drawn back to the introducer and sticks in a catheter
+/// there (LumenContact). 5 N and 0.05 N m exceed the loads of a catheter in a vessel and are within the
 /// strength of two fingers. No hand feeds a catheter faster than 250 mm/s or rotates it faster than 4
 /// turns/s.
 struct CouplingSettings {
