@@ -51,7 +51,8 @@ struct Outcome {
   unsigned seed = 0;
   bool is_finite = true;
   double beyond_static_mm = 0;  ///< how much deeper a bare length was than its load would press it at rest
-  double deepest_mm = 0, deepest_in_lumen_mm = 0;
+  double deepest_mm = 0;
+  double deepest_in_lumen_mm = 0, deepest_at_rim_mm = 0;  ///< the latter within a millimetre of one
   double energy_growth = 0;     ///< with the hubs at rest, relative to the energy then
   double return_mm = 0;         ///< of the tips
   double real_time = 0;         ///< processor time over simulated time
@@ -157,11 +158,19 @@ class RandomRun {
       run_.is_finite = run_.is_finite && std::isfinite(load.force_N + load.torque_Nm);
     }
     for (const LumenContact& lumen : devices_.rods().lumens())
-      for (const LumenContact::Contact& contact : lumen.contacts(devices_.rods().rods()))
-        // A shorter one bears little where the inner leaves at a slant, and lies as deep as its neighbours
-        // let it.
-        if (contact.length_mm > 0.1)
-          run_.deepest_in_lumen_mm = std::max(run_.deepest_in_lumen_mm, contact.depth_mm);
+      measure_lining(lumen.contacts(devices_.rods().rods()));
+  }
+
+  void measure_lining(const std::vector<LumenContact::Contact>& contacts) {
+    if (contacts.empty()) return;
+    const double rim_mm = std::ranges::min(contacts, {}, &LumenContact::Contact::from_tip_mm).from_tip_mm;
+    for (const LumenContact::Contact& contact : contacts) {
+      // A shorter one bears little, and lies as deep as the slant there and its neighbours let it.
+      if (contact.length_mm < 0.1) continue;
+      double& deepest_mm =
+          contact.from_tip_mm < rim_mm + 1 ? run_.deepest_at_rim_mm : run_.deepest_in_lumen_mm;
+      deepest_mm = std::max(deepest_mm, contact.depth_mm);
+    }
   }
 
   /// Pushes, pulls and turns both for as long as a script of two seconds, each for a while.
@@ -228,14 +237,13 @@ void write_table(const std::vector<Outcome>& runs) {
   const char* folder = std::getenv("XRAYCAST_RUNS_TABLES");
   if (!folder || runs.empty()) return;
   std::ofstream table(fs::path(folder) / ("coaxial-" + runs.front().tree + ".csv"));
-  table << "seed,tree,devices,finite,beyond_static_mm,deepest_mm,deepest_in_lumen_mm,energy_growth,return_mm,"
-           "real_time,"
-           "unsolved\n";
+  table << "seed,tree,devices,finite,beyond_static_mm,deepest_mm,deepest_in_lumen_mm,deepest_at_rim_mm,"
+           "energy_growth,return_mm,real_time,unsolved\n";
   for (const Outcome& run : runs)
-    table << fmt::format("{},{},{},{},{:.5f},{:.4f},{:.4f},{:.2e},{:.4f},{:.3f},{}\n", run.seed, run.tree,
-                         run.devices, run.is_finite, run.beyond_static_mm, run.deepest_mm,
-                         run.deepest_in_lumen_mm, run.energy_growth, run.return_mm, run.real_time,
-                         run.unsolved);
+    table << fmt::format("{},{},{},{},{:.5f},{:.4f},{:.4f},{:.4f},{:.2e},{:.4f},{:.3f},{}\n", run.seed,
+                         run.tree, run.devices, run.is_finite, run.beyond_static_mm, run.deepest_mm,
+                         run.deepest_in_lumen_mm, run.deepest_at_rim_mm, run.energy_growth, run.return_mm,
+                         run.real_time, run.unsolved);
 }
 
 class RandomCoaxialScripts : public testing::TestWithParam<const char*> {};
@@ -252,8 +260,10 @@ TEST_P(RandomCoaxialScripts, BreakNothing) {
     EXPECT_LT(run.energy_growth, 1e-9) << where;  // rounding, which the line search admits
     EXPECT_LT(run.return_mm, 1) << where;         // nothing stays caught
     EXPECT_LT(run.beyond_static_mm, 0.1) << where;
-    // A clearance's width: the lining yields under the forces on bends, most at the ends of curved tips.
+    // A clearance's width: the lining yields under the forces on bends, most at the ends of curved tips;
+    // where the inner leaves at a slant, pressed by a vessel that is too narrow, by up to twice as much.
     EXPECT_LT(run.deepest_in_lumen_mm, 0.15) << where;
+    EXPECT_LT(run.deepest_at_rim_mm, 0.3) << where;
     // While tips snap; up to 0.2 % where thin devices fill thin vessels.
     EXPECT_LT(run.unsolved, 0.01 * run.steps) << where;
     EXPECT_LT(run.real_time, 1.5) << where;
