@@ -260,11 +260,11 @@ TEST_P(RandomCoaxialScripts, BreakNothing) {
     EXPECT_LT(run.energy_growth, 1e-9) << where;  // rounding, which the line search admits
     EXPECT_LT(run.return_mm, 1) << where;         // nothing stays caught
     EXPECT_LT(run.beyond_static_mm, 0.1) << where;
-    // A clearance's width: the lining yields under the forces on bends, most at the ends of curved tips;
-    // where the inner leaves at a slant, pressed by a vessel that is too narrow, by up to twice as much.
-    EXPECT_LT(run.deepest_in_lumen_mm, 0.15) << where;
+    // The lining yields under the forces on bends, in vessels that are too narrow by up to 10 N on a
+    // millimetre, and more where the inner leaves at a slant.
+    EXPECT_LT(run.deepest_in_lumen_mm, 0.2) << where;
     EXPECT_LT(run.deepest_at_rim_mm, 0.3) << where;
-    // While tips snap; up to 0.2 % where thin devices fill thin vessels.
+    // While tips snap; up to 0.4 % where thin devices fill thin vessels.
     EXPECT_LT(run.unsolved, 0.01 * run.steps) << where;
     EXPECT_LT(run.real_time, 1.5) << where;
   }

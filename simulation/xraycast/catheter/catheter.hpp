@@ -48,10 +48,11 @@ class Catheter {
     double spacing_mm = 0;  ///< of the nodes, where the instrument is straight; 0: see node_spacing_mm
     double step_s = 1e-3;
     double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
-    /// Of Newton's method in a step, and that times the nodes of all devices, at some half a microsecond
-    /// each: a step takes some 5 ms at most. While a tip snaps there would be some hundred: what is left is
-    /// solved in the next steps. Not by the clock, so that runs can be repeated.
-    int max_iterations = 50, max_node_iterations = 10'000;
+    /// Of Newton's method in a step, and that times the nodes of all devices, at half a microsecond each, or
+    /// one and a half where three devices overlap in a malformation: a step takes some 5 ms at most. While a
+    /// tip snaps there would be some hundred: what is left is solved in the next steps. Not by the clock, so
+    /// that runs can be repeated.
+    int max_iterations = 50, max_node_iterations = 5'000;
   };
 
   // The hub moves no faster than a hand; a pose further ahead is approached at these speeds.
