@@ -113,7 +113,7 @@ TEST(CoaxialCatheters, ThreeStayWhereTheyRest) {
     EXPECT_LT((devices.rod(d).state().nodes_mm.back() - tips_mm[d]).norm(), 2e-3) << d;
 }
 
-/// That winds from side to side and grows narrower than the devices, beyond a wide entry.
+/// That winds from side to side and is narrower than the catheters, beyond a wide entry.
 VesselTree narrow_vessel() {
   constexpr double kSwing_mm = 8, kPeriod_mm = 80, kNarrow_mm = 0.5, kEntry_mm = 2.5;
   VesselBranch branch;
@@ -126,7 +126,7 @@ VesselTree narrow_vessel() {
 TEST(CoaxialCatheters, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
   const VesselTree vessel = narrow_vessel();
   for (const Names& names : {Names{"guide-6f", "guidewire-035-j"}, Names{"cobra-5f", "guidewire-035-j"}})
-    for (const double ahead_mm : {2.0, 5.0}) {
+    for (const double ahead_mm : {2.0, 6.0}) {
       std::vector<InstrumentModel> models;
       for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
       CoaxialCatheters devices(vessel, models, most_inferior_end(vessel));
@@ -141,8 +141,8 @@ TEST(CoaxialCatheters, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
         growth = std::max(growth, (devices.energy_J() - before_J) / start_J);
         before_J = devices.energy_J();
       }
-      // Rounding. As the tips move apart more of the wire presses against the wall; where that is not
-      // charged, up to 2e-5 in one step.
+      // Rounding. As the tips move apart more of the wire presses against the wall. Where that is not charged
+      // energy grows by 7e-3 in a step, and where the overlap of the last step is not kept by 1e-2.
       EXPECT_LT(growth, 1e-10) << names[0] << ", " << ahead_mm << " mm ahead";
     }
 }

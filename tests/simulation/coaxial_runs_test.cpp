@@ -167,8 +167,9 @@ class RandomRun {
     for (const LumenContact::Contact& contact : contacts) {
       // A shorter one bears little, and lies as deep as the slant there and its neighbours let it.
       if (contact.length_mm < 0.1) continue;
-      double& deepest_mm =
-          contact.from_tip_mm < rim_mm + 1 ? run_.deepest_at_rim_mm : run_.deepest_in_lumen_mm;
+      // An inner that ends in the outer is at no rim.
+      const bool is_at_rim = rim_mm > 0 && contact.from_tip_mm < rim_mm + 1;
+      double& deepest_mm = is_at_rim ? run_.deepest_at_rim_mm : run_.deepest_in_lumen_mm;
       deepest_mm = std::max(deepest_mm, contact.depth_mm);
     }
   }

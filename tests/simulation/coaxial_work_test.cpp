@@ -60,8 +60,8 @@ class CoaxialLosses {
       const Rod::Node& node = after.nodes_[i];
       sums_.integrator_uJ +=
           node.strain_energy_uJ(after.state_.strains[i], node.start_kappa, node.start_twist_rad);
-      // Feeding belongs to the step, which relaxes what it compresses at the clamp: the first edge, or both
-      // parts of it where it inserts a node.
+      // Feeding belongs to the step, which relaxes what it compresses at the clamp: the first edge, and what
+      // was part of it where a node is inserted.
       const bool is_fed = i + before.nodes_.size() <= std::max(before.nodes_.size(), begun.nodes_.size());
       const double change = strain(after, i) - (is_fed ? strain(before, 0) : strain(begun, i));
       sums_.integrator_uJ += 0.5 * axial_mN * after.edges_[i].rest_mm * change * change;

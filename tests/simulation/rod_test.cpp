@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <algorithm>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -271,6 +272,23 @@ TEST(Rod, FeedingStrainsTheEdgeAtTheClampAlone) {
       ASSERT_NEAR(rod.state().edges[1].length_mm, rod.from_tip_mm(1) - rod.from_tip_mm(2), 1e-6) << i;
     }
   EXPECT_GE(changes, 4);
+}
+
+TEST(Rod, TakesAFeedAcrossManyStations) {
+  const InstrumentModel device = uniform();
+  Rod rod(device, device.stations_mm(5), {}, 21, {.max_iterations = 50});
+  const auto shortest_mm = [&] {
+    return std::ranges::min(rod.state().edges, {}, &RodState::Frame::length_mm).length_mm;
+  };
+  for (const double fed_mm : {95.0, 2 * kLength_mm, 21.0, 0.0, 60.0}) {
+    rod.feed_to(fed_mm);
+    EXPECT_LE(rod.fed_mm(), kLength_mm);
+    EXPECT_GT(shortest_mm(), 0.01) << fed_mm;  // it is compressed, but nowhere to nothing
+    settle(rod);
+    EXPECT_TRUE(std::isfinite(rod.elastic_energy_J())) << fed_mm;
+    for (std::size_t i = 0; i < rod.node_count(); ++i)
+      EXPECT_NEAR(rod.state().nodes_mm[i].z(), rod.fed_mm() - rod.from_tip_mm(i), 1e-3) << fed_mm << " " << i;
+  }
 }
 
 TEST(Rod, MakesAsManyIterationsAsItsNodesAllow) {

@@ -117,6 +117,11 @@ double WallContact::wall_energy_uJ(double depth_mm, std::size_t index) const {
   return state.wall_mN_mm * squared(depth_mm) * (0.5 + 0.25 * squared(depth_mm / state.stiffening_mm));
 }
 
+double WallContact::introducer_energy_uJ(const Vector3d& point_mm, std::size_t index) const {
+  const double stiffness_mN_mm = states_[index].introducer_mN_mm;
+  return stiffness_mN_mm > 0 ? 0.5 * stiffness_mN_mm * off_axis_mm(point_mm).squaredNorm() : 0;
+}
+
 void WallContact::sample_wall(std::size_t index, const Vector3d& point_mm) {
   contacts_[index].sample = field_->at(point_mm, states_[index].hint);
   take_sample(index, point_mm);
@@ -184,13 +189,13 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
   FrictionState& state = states_[index];
   contact.point = contact_point(index, rod.node_count());
   state.voronoi_length_mm = voronoi_length_mm(rod, index, contact.point.edge + 1);
-  const bool was_covered = state.is_covered;
+  const bool had_no_depth = state.is_covered;
   if (std::isfinite(bare_mm)) {
     const double bare = fraction_bare(rod, index, bare_mm);
     state.voronoi_length_mm *= bare;
     state.is_covered = bare == 0;
   }
-  if (state.is_covered && !was_covered)
+  if (state.is_covered && !had_no_depth)
     for (Vector3d* force_N : {&contact.normal_N, &contact.friction_N, &contact.introducer_N})
       force_N->setZero();
   state.wall_mN_mm = options_.stiffness_N_mm2 / kMilli * state.voronoi_length_mm;
@@ -199,13 +204,16 @@ void WallContact::begin_contact(const Rod& rod, std::size_t index, double bare_m
   state.introducer_mN_mm =
       kIntroducer_N_mm2 / kMilli * state.voronoi_length_mm * inside * inside * (3 - 2 * inside);
   state.start_mm = contact.point.position_mm(rod.state());
+  state.introducer_uJ = introducer_energy_uJ(state.start_mm, index);
   update_hint(index);
   // What was sampled within another device has no depth.
-  if (was_covered && !state.is_covered) sample_wall(index, state.start_mm);
+  if (had_no_depth && !state.is_covered) sample_wall(index, state.start_mm);
   if (contact.depth_mm > 0) return begin_friction(rod.state().edges[contact.point.edge].tangent, index);
+  state.friction.limit_mN = 0;
+  // The step may begin again, and uncover it.
+  if (state.is_covered && !state.was_covered) return;
   contact.slips = false;
   state.stick_mm.setZero();
-  state.friction.limit_mN = 0;
   // For as long as the next contact lasts: a wall whose stiffness changed under a load would make energy.
   state.stiffening_mm = stiffening_mm(contact.sample);
 }
@@ -344,10 +352,7 @@ double WallContact::energy_uJ(const RodState& rod) {
   for (const std::size_t k : acting_) {
     FrictionState& state = states_[k];
     energy += wall_energy_uJ(contacts_[k].depth_mm, k);
-    state.introducer_uJ =
-        state.introducer_mN_mm > 0
-            ? 0.5 * state.introducer_mN_mm * off_axis_mm(contacts_[k].point.position_mm(rod)).squaredNorm()
-            : 0;
+    state.introducer_uJ = introducer_energy_uJ(contacts_[k].point.position_mm(rod), k);
     energy += state.introducer_uJ;
   }
   return energy;
@@ -374,7 +379,7 @@ struct WallContact::Derivatives {
   }
 };
 
-/// And the introducer.
+/// And of the introducer.
 [[gnu::always_inline]] inline void WallContact::add_wall(const RodState& rod, std::size_t index,
                                                          bool project_psd, Derivatives& of) const {
   const Contact& contact = contacts_[index];
@@ -429,6 +434,7 @@ void WallContact::end_step(const RodState& rod) {
   sample_wall(contacts_.size() - 1, rod.nodes_mm.back());  // the tip's location is asked for
   const double kinetic_share =
       options_.static_friction == 0 ? 1 : options_.kinetic_friction / options_.static_friction;
+  for (FrictionState& state : states_) state.was_covered = state.is_covered;
   for (const std::size_t k : acting_) {
     Contact& contact = contacts_[k];
     FrictionState& state = states_[k];

@@ -83,14 +83,14 @@ class WallContact final : public ExternalPotential {
     Eigen::Vector2d start_slip_mm{0, 0};       ///< the same in t1, t2, as the step begins
     double introducer_mN_mm = 0, introducer_uJ = 0;
     Eigen::Vector3d sampled_at_mm{0, 0, 0};
-    bool is_covered = false;  ///< by another device
+    bool is_covered = false;   ///< by another device
+    bool was_covered = false;  ///< as the last step ended
   };
   /// Numbers and vectors of four contacts.
   static constexpr std::size_t kGroup = 4;
   using Numbers = std::array<double, kGroup>;
   using Vectors = std::array<Numbers, 3>;
-  /// Four contacts with friction, as that is evaluated during a step: at once. Those beyond `count` repeat
-  /// the first one.
+  /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.
   struct RubbingGroup {
     std::array<std::size_t, kGroup> contacts{}, edges{};
     std::size_t count = 0;
@@ -100,6 +100,7 @@ class WallContact final : public ExternalPotential {
   };
   struct GroupFriction;
   double wall_energy_uJ(double depth_mm, std::size_t index) const;
+  double introducer_energy_uJ(const Eigen::Vector3d& point_mm, std::size_t index) const;
   void sample_wall(std::size_t index, const Eigen::Vector3d& point_mm);
   void take_sample(std::size_t index, const Eigen::Vector3d& point_mm);
   bool needs_sample(std::size_t index, const Eigen::Vector3d& point_mm);

@@ -11,7 +11,7 @@ namespace {
 // How far one tip is behind or ahead of the other while it passes it.
 constexpr double kPassing_mm = 1;
 constexpr double kJoulePer_uJ = 1e-6;
-// Of the energies in lumens, of up to some hundred microjoule.
+// Of the energies in lumens and walls, of up to some hundred millijoule.
 constexpr double kRounding_uJ = 1e-10;
 
 }  // namespace

@@ -181,11 +181,12 @@ void Rod::feed_to(double fed_mm, ExternalPotential* external) {
   // hysteresis, so that a hand at rest does not insert and remove nodes. Number k from the tip stands at
   // station k; the next one to be inserted is number node_count - 1.
   constexpr double kInserted = 0.5, kRemoved = 0.3;
+  fed_mm = std::clamp(fed_mm, stations_mm_[1] + kRemoved * gap_mm(1), stations_mm_.back());
   while (nodes_.size() - 1 < stations_mm_.size()) {
     const std::size_t next = nodes_.size() - 1;
     if (fed_mm - stations_mm_[next] < kInserted * gap_mm(next)) break;
     // Beyond the station already, but for a feed by more than the margin.
-    nodes_[0].from_tip_mm = std::max(nodes_[0].from_tip_mm, stations_mm_[next] + kRemoved * gap_mm(next));
+    if (nodes_[0].from_tip_mm - stations_mm_[next] < kRemoved * gap_mm(next)) nodes_[0].from_tip_mm = fed_mm;
     add_node();
     if (external) external->node_added();
   }
@@ -195,7 +196,7 @@ void Rod::feed_to(double fed_mm, ExternalPotential* external) {
     remove_node();
     if (external) external->node_removed();
   }
-  nodes_[0].from_tip_mm = std::clamp(fed_mm, stations_mm_[1] + kRemoved * gap_mm(1), stations_mm_.back());
+  nodes_[0].from_tip_mm = fed_mm;
   update_edge(0);
   update_node(0);
   update_node(1);

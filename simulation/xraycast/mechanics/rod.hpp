@@ -134,7 +134,7 @@ class Rod {
     double drag_mPa_s = 15;  ///< force per length and velocity: a thin cylinder across blood's 3.5 mPa s
     double blood_density_g_cm3 = 1.06;    ///< for the quadratic drag
     int max_iterations = 2;               ///< of Newton's method in a step
-    int max_node_iterations = 1'000'000;  ///< the same, times the nodes; at least one iteration is made
+    int max_node_iterations = 1'000'000;  ///< that times the nodes; one is made in any case
   };
 
   /// The part of `instrument` from its tip to `fed_mm`, straight along the clamp's axis, with nodes at
