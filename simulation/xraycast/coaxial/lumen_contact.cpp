@@ -157,7 +157,11 @@ void LumenContact::begin_step(const std::vector<Rod>& rods, const Range& inside,
   place_ends(outer, inner, inside, by_rim);
   make_groups();
   find_depths(outer.state(), inner.state());
-  for (const Group& group : groups_) take_depths(group);
+  for (Group& group : groups_) {
+    take_depths(group);
+    group.start_segments = group.segments;
+    group.start_t = group.t;
+  }
   for (Touch& touch : touches_) begin_touch(touch, outer.state(), inner.state());
   for (Group& group : groups_) begin_friction(group);
   placed_outer_ = &outer.state();
@@ -271,8 +275,8 @@ void LumenContact::add_to_group(std::size_t index, Group& group) const {
   // The first one fills up the others.
   for (std::size_t k = first; k < (first == 0 ? kGroup : first + 1); ++k) {
     group.point_nodes[k] = touch.point.first_node;
-    group.segments[k] = touch.place.segment;
-    group.t[k] = touch.place.t;
+    group.start_segments[k] = touch.place.segment;
+    group.start_t[k] = touch.place.t;
     set_lane(touch.point.position, 0, k, group.point_positions);
     set_lane(touch.point.theta, 1, k, group.point_thetas);
   }
@@ -319,8 +323,8 @@ void LumenContact::find_depths(const RodState& outer, const RodState& inner) {
     const Sides both = sides(group, outer, inner);
     NearestPlaces search;
     search.point_mm = weighted(NodeTriples(both.point, group.point_nodes), group.point_positions);
-    search.segments = group.segments;
-    search.t = lanes_of(group.t);
+    search.segments = group.start_segments;
+    search.t = lanes_of(group.start_t);
     search.search(both.curve);
     const Lanes distance_mm = square_root(dot(search.offset_mm, search.offset_mm)),
                 depth_mm = distance_mm - clearance_mm;

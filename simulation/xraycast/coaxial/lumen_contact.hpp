@@ -107,6 +107,10 @@ class LumenContact {
     std::array<Numbers, RodWeights::kNodes - 1> point_thetas{}, anchor_thetas{};  ///< the first is zero
     Numbers length_mm{}, spring_mN_mm{}, limit_mN{}, stick_along_mm{}, stick_around_mm{};
     Vectors along{}, around{}, start_mm{}, start_slope{}, tilt{};
+    /// The nearest places. Each search during the step starts there, and not where the last one ended: what
+    /// is found depends on the state alone, not on states that were tried before.
+    Indices start_segments{};
+    Numbers start_t{};
     // At the state that was looked at last.
     Indices segments{}, nearest_nodes{};
     Numbers t{}, distance_mm{}, depth_mm{};
