@@ -7,6 +7,7 @@
 #include <gtest/gtest.h>
 
 #include <array>
+#include <atomic>
 #include <chrono>
 #include <cmath>
 #include <stdexcept>
@@ -71,6 +72,80 @@ TEST(SimulationLoop, GoesOnWhileNobodyReads) {
   EXPECT_GT(now.timing.mean_ms, 0);
   EXPECT_GE(now.timing.p999_ms, now.timing.mean_ms);
   EXPECT_LE(now.timing.missed, now.timing.steps);
+}
+
+/// A pair of hubs that the test moves while the loop runs.
+struct Hand {
+  std::atomic<double> inner_mm{0};
+  std::array<HubPose, 2> poses;
+
+  Hubs move() {
+    poses[1].insertion_mm = inner_mm;
+    return poses;
+  }
+};
+
+template <typename Condition>
+const CatheterSnapshot& wait_for(SimulationLoop& loop, const Condition& condition) {
+  const Stopwatch waiting;
+  while (waiting.ms() < 30e3 && !condition(loop.snapshot())) std::this_thread::sleep_for(1ms);
+  return loop.snapshot();
+}
+
+TEST(SimulationLoop, ExchangesAnInstrumentThatIsDrawnBack) {
+  Hand hand;
+  std::atomic<double> new_radius_mm{0};
+  SimulationLoop loop(
+      devices({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
+      [&new_radius_mm](std::size_t device, const InstrumentModel& instrument) {
+        EXPECT_EQ(device, 1u);
+        new_radius_mm = instrument.radius_mm();
+      });
+  const auto before = loop.snapshot().instruments;
+  const InstrumentModel microcatheter = InstrumentModel::named("microcatheter-27f");
+  EXPECT_EQ(loop.snapshot().agent_outlet, 0u);
+  loop.exchange(1, microcatheter);
+  const CatheterSnapshot& now = wait_for(loop, [](const CatheterSnapshot& at) { return at.exchanges == 1; });
+  ASSERT_EQ(now.exchanges, 1);
+  EXPECT_EQ(now.refusal, nullptr);
+  EXPECT_EQ((*now.instruments)[0].name(), "cobra-5f");
+  EXPECT_EQ((*now.instruments)[1].name(), "microcatheter-27f");
+  EXPECT_EQ(new_radius_mm, microcatheter.radius_mm());
+  EXPECT_EQ((*before)[1].name(), "guidewire-035-j") << "what an older snapshot said holds for it";
+  // The new one is steered.
+  hand.inner_mm = 30;
+  const auto is_in = [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm > 29; };
+  ASSERT_TRUE(is_in(wait_for(loop, is_in)));
+  EXPECT_EQ(loop.snapshot().agent_outlet, 1u) << "the catheter's lumen is taken, the microcatheter's is free";
+}
+
+TEST(SimulationLoop, RefusesAnExchangeInOneLineAndGoesOn) {
+  Hand hand;
+  hand.inner_mm = 20;
+  SimulationLoop loop(
+      devices({"cobra-5f", "guidewire-035-j"}), [&hand](Hubs, Loads, double) { return hand.move(); },
+      [](std::size_t, const InstrumentModel&) { ADD_FAILURE() << "an exchange"; });
+  wait_for(loop, [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm > 10; });
+  const auto instruments = loop.snapshot().instruments;
+  const auto refusal_of = [&](const std::string& name) {
+    const std::int64_t answered = loop.snapshot().exchanges;
+    loop.exchange(1, InstrumentModel::named(name));
+    return wait_for(loop, [&](const CatheterSnapshot& at) { return at.exchanges > answered; }).refusal;
+  };
+  const auto inserted = refusal_of("exchange-035-stiff");
+  ASSERT_NE(inserted, nullptr);
+  EXPECT_EQ(inserted->device, 1u);
+  EXPECT_THAT(inserted->why, testing::HasSubstr("draw it back to 0"));
+  EXPECT_THAT(inserted->why, testing::Not(testing::HasSubstr("\n")));
+  hand.inner_mm = 0;
+  wait_for(loop, [](const CatheterSnapshot& at) { return at.device(1).pose.insertion_mm == 0; });
+  const auto thick = refusal_of("guide-6f");
+  ASSERT_NE(thick, nullptr);
+  EXPECT_THAT(thick->why, testing::HasSubstr("guide-6f"));
+  EXPECT_EQ(loop.snapshot().instruments, instruments);
+  const double then_s = loop.snapshot().time_s;
+  const auto goes_on = [then_s](const CatheterSnapshot& at) { return at.time_s > then_s + 0.01; };
+  EXPECT_TRUE(goes_on(wait_for(loop, goes_on)));
 }
 
 TEST(SimulationLoop, HandsOnWhatItsThreadThrew) {

@@ -11,7 +11,9 @@
 #include <algorithm>
 #include <chrono>
 #include <filesystem>
+#include <string>
 #include <thread>
+#include <vector>
 
 namespace xraycast::intervention_test {
 namespace {
@@ -144,6 +146,56 @@ TEST_F(AtTheTable, OverANetworkTheHandChoosesWhichHubLeads) {
                              .listen = "127.0.0.1:0"});
   intervention.hold_next_hub();
   EXPECT_EQ(intervention.held_hub(), 1u);
+}
+
+TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
+  Intervention intervention({.vessels = folder_ / "", .instrument_models = {"guide-6f", "guidewire-035-j"}});
+  const InstrumentModel wire = InstrumentModel::named("guidewire-035-j");
+  const InstrumentModel microcatheter = InstrumentModel::named("microcatheter-27f");
+  const auto inner = [&] { return intervention.run().models()[1].name(); };
+  const auto exchange_for = [&](const InstrumentModel& instrument) {
+    intervention.exchange(1, instrument);
+    // A loaded machine takes its time.
+    for (int i = 0; i < 500 && inner() != instrument.name(); ++i) watch(intervention, {}, 1);
+    return inner();
+  };
+  intervention.update({}, 0.1);
+  EXPECT_EQ(intervention.surfaces().size(), 4u) << "the catheter, the wire's two parts, the contrast agent";
+  EXPECT_EQ(exchange_for(microcatheter), "microcatheter-27f");
+  EXPECT_EQ(intervention.steered().devices[1].radius_mm, wire.radius_mm()) << "the last image is held";
+  intervention.press_pedal(true);
+  watch(intervention, {}, 1);
+  EXPECT_EQ(intervention.surfaces().size(), 3u);
+  EXPECT_EQ(intervention.steered().devices[1].radius_mm, microcatheter.radius_mm());
+  EXPECT_TRUE(intervention.steered().devices[1].has_lumen);
+
+  intervention.hold_next_hub();
+  intervention.manual()->set_rates(100, 50);
+  while (intervention.run().now().device(1).pose.insertion_mm < 5) watch(intervention, {}, 1);
+  intervention.manual()->set_rates(0, 0);
+  intervention.exchange(1, wire);
+  EXPECT_EQ(intervention.note_on_exchange(1), "draw it back to 0 mm to exchange it");
+  EXPECT_EQ(intervention.note_on_exchange(0), "");
+  intervention.manual()->set_rates(-100, 0);
+  while (!intervention.note_on_exchange(1).empty()) watch(intervention, {}, 1);
+  EXPECT_EQ(inner(), "microcatheter-27f") << "what was refused is not made later";
+  intervention.run().start_recording();
+  intervention.exchange(1, wire);
+  EXPECT_EQ(intervention.note_on_exchange(1), "stop the recording to exchange it");
+  const auto file = folder_ / "run.csv";
+  write_whole_file(file, intervention.run().stop_recording());
+  const std::vector<InstrumentModel> recorded = intervention.run().models();
+  EXPECT_EQ(exchange_for(wire), "guidewire-035-j");
+  watch(intervention, {}, 2);
+  EXPECT_NEAR(intervention.run().now().device(1).pose.rotation_rad, 0, 1e-3) << "the hand begins anew";
+  intervention.exchange(1, InstrumentModel::named("guide-6f"));
+  while (intervention.note_on_exchange(1).empty()) watch(intervention, {}, 1);
+  EXPECT_NE(intervention.note_on_exchange(1).find("guide-6f"), std::string::npos) << "it is too thick";
+
+  intervention.restart();
+  EXPECT_EQ(inner(), "guidewire-035-j");
+  intervention.replay(file, recorded);
+  EXPECT_EQ(inner(), "microcatheter-27f") << "a recording is of the instruments that it was made with";
 }
 
 TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {

@@ -349,7 +349,7 @@ class Window(unittest.TestCase):
 
     def fluoroscopy(self):
         """What the panel's line says of fluoroscopy time and contrast agent, as it stands on the screen."""
-        return self.screen().region(930, 245, 330, 17)
+        return self.screen().region(930, 251, 330, 17)
 
     def recording(self, number=1):
         """The rows (time_s, insertion_mm, rotation_deg) of a run that Enter has ended."""
@@ -490,7 +490,7 @@ class Window(unittest.TestCase):
     def test_holds_the_hub_by_the_mouse(self):
         self.steer("--haptic", "mouse")
         self.do("key", "Return")
-        pose = lambda: self.screen().region(930, 99, 330, 17)  # the panel's line
+        pose = lambda: self.screen().region(930, 105, 330, 17)  # the panel's line
         self.do("keydown", "ctrl", "mousemove", 700, 400, "mousedown", 1)
         for step in (("mousemove", 720, 350), ("mousemove", 740, 300), ("mouseup", 1, "click", 4), ("click", 4)):
             before = pose()
@@ -503,6 +503,40 @@ class Window(unittest.TestCase):
         self.assertAlmostEqual(rows[-1][1], 56, delta=1)
         self.assertAlmostEqual(rows[-1][2], 40, delta=1)
         self.assertEqual(self.session()["camera"]["angle_deg"], 0, "the C-arm stays where it is")
+
+    def choose(self, choice):
+        """From the list beside the second device, which is in the hand, by the number from the top."""
+        self.do("mousemove", 1000, 206, "click", 1)
+        self.frame()
+        self.keep_screen("instruments")
+        self.do("mousemove", 1000, 230 + 17 * choice, "click", 1)
+        self.frame()
+
+    def test_exchanges_a_wire_that_is_drawn_back(self):
+        self.steer("--device-model", "guide-6f", "--device-model", "guidewire-035-j")
+        inner = lambda: self.session()["simulation"]["devices"][1]
+        self.do("key", "Tab")
+        self.do("keydown", "x")
+        self.hold("Up", 1)
+        self.frame()
+        wire = inner()
+        self.assertFalse(wire["has_lumen"])
+        self.choose(4)  # microcatheter-27f
+        self.assertFalse(inner()["has_lumen"], "it is not drawn back")
+        self.keep_screen("exchange-refused")
+
+        def is_exchanged():
+            self.hold("Down", 1)
+            self.choose(4)
+            return inner()["has_lumen"]
+
+        self.wait_until(is_exchanged, "the microcatheter")
+        self.assertGreater(inner()["radius_mm"], wire["radius_mm"])
+        # It is steered, from 0 mm on: its tip goes on.
+        tip = inner()["nodes_mm"][-1]
+        self.hold("Up", 1)
+        self.wait_until(lambda: max(abs(a - b) for a, b in zip(inner()["nodes_mm"][-1], tip)) > 5, "its way")
+        self.do("keyup", "x")
 
     def tau(self, *words):
         """The floats of what `render` makes of it."""

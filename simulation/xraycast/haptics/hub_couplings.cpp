@@ -13,6 +13,11 @@ HubCouplings::HubCouplings(HapticDevice& device, std::vector<double> max_inserti
       couplings_(max_insertions_mm_.size()),
       targets_(max_insertions_mm_.size()) {}
 
+void HubCouplings::replace(std::size_t hub, const HubPose& at, double max_insertion_mm) {
+  max_insertions_mm_[hub] = max_insertion_mm;
+  release(hub, at);
+}
+
 std::span<const HubPose> HubCouplings::step(std::span<const HubPose> hubs, std::span<const HubLoad> loads,
                                             double step_s) {
   if (device_.is_rigid()) {

@@ -25,6 +25,10 @@ class HubCouplings {
   void lock(bool is_locked) { wants_lock_.store(is_locked, std::memory_order_relaxed); }
   bool is_locked() const { return wants_lock_.load(std::memory_order_relaxed); }
 
+  /// Another instrument's hub, at a pose, instead of one; the hand goes on from there. For the thread that
+  /// steps.
+  void replace(std::size_t hub, const HubPose& at, double max_insertion_mm);
+
   /// A step from where the hubs are, with the devices' loads on them. Returns the poses to move to, valid
   /// until the next step.
   std::span<const HubPose> step(std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s);

@@ -1,5 +1,6 @@
 #include "xraycast/simulation/simulation_loop.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 
@@ -11,6 +12,7 @@
 #include <sys/resource.h>
 #include <sys/syscall.h>
 #include <unistd.h>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -49,13 +51,15 @@ void raise_priority() {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand)
+SimulationLoop::SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand, Exchanged exchanged)
     : devices_(std::move(devices)),
       hand_(std::move(hand)),
+      exchanged_(std::move(exchanged)),
       hubs_(devices_->count()),
       loads_(devices_->count()),
       histogram_(kBins, 0) {
   next_.inner.resize(devices_->count() - 1);
+  list_instruments();
   publish();
   thread_ = std::thread([this] { run(); });
 }
@@ -63,6 +67,41 @@ SimulationLoop::SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand h
 SimulationLoop::~SimulationLoop() {
   stops_ = true;
   thread_.join();
+}
+
+void SimulationLoop::exchange(std::size_t device, const InstrumentModel& instrument) {
+  const std::lock_guard lock(request_mutex_);
+  request_ = Request{device, instrument};
+  is_asked_ = true;
+}
+
+/// Returns whether there was a request.
+bool SimulationLoop::exchange_if_asked() {
+  if (!is_asked_) return false;
+  std::optional<Request> request;
+  {
+    const std::lock_guard lock(request_mutex_);
+    request = std::exchange(request_, std::nullopt);
+    is_asked_ = false;
+  }
+  if (!request) return false;
+  const auto& [device, instrument] = *request;
+  ++next_.exchanges;
+  try {
+    devices_->exchange(device, instrument);
+    next_.refusal.reset();
+    list_instruments();
+    if (exchanged_) exchanged_(device, instrument);
+  } catch (const InputError& error) {
+    next_.refusal = std::make_shared<const ExchangeRefusal>(ExchangeRefusal{device, error.what()});
+  }
+  return true;
+}
+
+void SimulationLoop::list_instruments() {
+  std::vector<InstrumentModel> instruments;
+  for (std::size_t d = 0; d < devices_->count(); ++d) instruments.push_back(devices_->rod(d).instrument());
+  next_.instruments = std::make_shared<const std::vector<InstrumentModel>>(std::move(instruments));
 }
 
 void SimulationLoop::publish() {
@@ -109,6 +148,10 @@ void SimulationLoop::step_until_stopped() {
       std::chrono::duration_cast<Clock::duration>(std::chrono::duration<double>(devices_->step_s()));
   auto begin = Clock::now();
   while (!stops_) {
+    if (exchange_if_asked()) {
+      publish();
+      begin = Clock::now();
+    }
     const Stopwatch stopwatch;
     devices_->step(hand_(hubs_, loads_, devices_->step_s()));
     publish();

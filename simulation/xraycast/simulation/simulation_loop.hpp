@@ -8,8 +8,10 @@
 #include <exception>
 #include <functional>
 #include <memory>
+#include <mutex>
 #include <optional>
 #include <span>
+#include <string>
 #include <thread>
 #include <vector>
 
@@ -33,9 +35,19 @@ struct DeviceSnapshot {
   std::vector<CatheterContact> contacts;
 };
 
+/// Why an exchange was refused, in one line that says what to do.
+struct ExchangeRefusal {
+  std::size_t device = 0;
+  std::string why;
+};
+
 /// The state of coaxial devices at one time: that of the outermost, and of those in it.
 struct CatheterSnapshot : DeviceSnapshot {
   std::vector<DeviceSnapshot> inner;  ///< from outside on
+  /// From the outermost on; another list after each exchange.
+  std::shared_ptr<const std::vector<InstrumentModel>> instruments;
+  std::shared_ptr<const ExchangeRefusal> refusal;  ///< of the last exchange; null: it was made, or none was
+  std::int64_t exchanges = 0;                      ///< answered so far, made or refused
   std::optional<std::size_t> agent_outlet;
   double time_s = 0;
   LoopTiming timing;
@@ -56,7 +68,10 @@ class SimulationLoop {
   using Hand = std::function<std::span<const HubPose>(std::span<const HubPose> hubs,
                                                       std::span<const HubLoad> loads, double step_s)>;
 
-  SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand);
+  /// Called after each exchange in the loop's thread: this device is another one, at an insertion of 0.
+  using Exchanged = std::function<void(std::size_t device, const InstrumentModel& instrument)>;
+
+  SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand, Exchanged exchanged = {});
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -68,21 +83,37 @@ class SimulationLoop {
     return snapshots_.read();
   }
 
+  /// Asks for another instrument instead of a device, for any thread. The loop makes it between two of its
+  /// steps, as CoaxialCatheters::exchange does, or refuses it; a snapshot says which. Simulated time stands
+  /// still while the instrument settles, for some 50 ms. A request takes the place of one that is not yet
+  /// answered.
+  void exchange(std::size_t device, const InstrumentModel& instrument);
+
  private:
   void run();
   void step_until_stopped();
+  bool exchange_if_asked();
+  void list_instruments();
   void publish();
   void publish(std::size_t device, DeviceSnapshot& snapshot);
   void count(double step_ms, bool is_late);
 
   std::unique_ptr<CoaxialCatheters> devices_;
   Hand hand_;
+  Exchanged exchanged_;
   std::vector<HubPose> hubs_;
   std::vector<HubLoad> loads_;
   CatheterSnapshot next_;
   TripleBuffer<CatheterSnapshot> snapshots_;
   double sum_ms_ = 0;
   std::vector<std::int64_t> histogram_;  ///< of step times, in hundredths of a millisecond
+  struct Request {
+    std::size_t device;
+    InstrumentModel instrument;
+  };
+  std::mutex request_mutex_;
+  std::optional<Request> request_;
+  std::atomic<bool> is_asked_{false};  ///< there is a request, so that a step without one takes no lock
   std::atomic<bool> stops_{false};
   std::exception_ptr failure_;  ///< written before `failed_` is set
   std::atomic<bool> failed_{false};

@@ -29,6 +29,16 @@ std::vector<InstrumentModel> models_of(const Intervention::Options& options) {
   return models;
 }
 
+/// The presets, and those of the options that come from files.
+std::vector<InstrumentModel> choices_of(const Intervention::Options& options) {
+  std::vector<std::string> names = InstrumentModel::preset_names();
+  for (const std::string& name : options.instrument_models)
+    if (std::ranges::find(names, name) == names.end()) names.push_back(name);
+  std::vector<InstrumentModel> models;
+  for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
+  return models;
+}
+
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
   if (options.make_device) return options.make_device();
   if (options.haptic == "openigtlink") {
@@ -51,11 +61,16 @@ std::vector<std::string> Intervention::haptic_names() {
 Intervention::Intervention(const Options& options)
     : options_(options), tree_(read_vessel_tree(options.vessels)), road_map_(*tree_) {
   restart();
+  choices_ = choices_of(options_);
 }
 
-void Intervention::start(const fs::path& script) {
+/// The present ones; of the options before the first run.
+std::vector<InstrumentModel> Intervention::instruments() const {
+  return run_ ? run_->models() : models_of(options_);
+}
+
+void Intervention::start(const fs::path& script, std::vector<InstrumentModel> models) {
   // Files are read first: where they are invalid the old run goes on.
-  const std::vector<InstrumentModel> models = models_of(options_);
   std::unique_ptr<HapticDevice> device;
   if (!script.empty())
     device = std::make_unique<ScriptDevice>(Script::read(script, models.size()), script.filename().string());
@@ -74,6 +89,28 @@ void Intervention::start(const fs::path& script) {
   }
   if (was_recording) run_->start_recording();
   has_picture_ = false;
+  refused_.reset();
+}
+
+void Intervention::exchange(std::size_t device, const InstrumentModel& instrument) {
+  refused_.reset();
+  if (exchange_obstacle(device).empty())
+    run_->exchange(device, instrument);
+  else
+    refused_ = device;
+}
+
+std::string Intervention::exchange_obstacle(std::size_t device) const {
+  if (run_->is_recording()) return "stop the recording to exchange it";
+  if (run_->now().device(device).pose.insertion_mm > CoaxialCatheters::kDrawnBack_mm)
+    return "draw it back to 0 mm to exchange it";
+  return {};
+}
+
+std::string Intervention::note_on_exchange(std::size_t device) const {
+  if (refused_ == device) return exchange_obstacle(device);
+  const auto& refusal = run_->now().refusal;
+  return refusal && refusal->device == device ? refusal->why : std::string();
 }
 
 void Intervention::hold_next_hub() {
@@ -86,12 +123,14 @@ void Intervention::toggle_valve() {
 
 void Intervention::update(const Camera& camera, double passed_s) {
   run_->update();
+  if (refused_ && exchange_obstacle(*refused_).empty()) refused_.reset();
   if (pedal_) fluoroscopy_s_ += passed_s;
   // The first exposure needs no pedal, so that there is a picture to hold.
   if (!pedal_ && has_picture_) return;
   camera_ = camera;
   nodes_mm_.clear();
   for (std::size_t d = 0; d < run_->now().count(); ++d) nodes_mm_.push_back(run_->now().device(d).nodes_mm);
+  exposed_ = run_->now().instruments;
   surfaces_ = run_->devices();
   surfaces_.push_back(run_->contrast());
   drums_mg_ml_ = run_->drums_mg_ml();
@@ -102,7 +141,7 @@ void Intervention::update(const Camera& camera, double passed_s) {
 SteeredDevices Intervention::steered() const {
   SteeredDevices steered{.devices = {}, .has_road_map = has_road_map};
   for (std::size_t d = 0; d < nodes_mm_.size(); ++d) {
-    const InstrumentModel& model = run_->models()[d];
+    const InstrumentModel& model = (*exposed_)[d];
     steered.devices.push_back({nodes_mm_[d], model.radius_mm(), model.inner_radius_mm() > 0});
   }
   return steered;

@@ -9,6 +9,7 @@
 #include <filesystem>
 #include <functional>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -43,6 +44,7 @@ class Intervention {
 
   /// Null where a script or a network steers.
   ManualDevice* manual() { return manual_; }
+  const ManualDevice* manual() const { return manual_; }
   const std::string& haptic() const { return options_.haptic; }
 
   void press_pedal(bool is_down) { pedal_ = is_down; }
@@ -65,6 +67,16 @@ class Intervention {
   void hold_next_hub();
   void toggle_valve();
 
+  /// Asks for another instrument instead of a device, unless a run is recorded or the device is not drawn
+  /// back (see CoaxialCatheters::exchange). Restarts keep it.
+  void exchange(std::size_t device, const InstrumentModel& instrument);
+
+  /// Where that was refused, one line that says what to do, as long as it holds; else empty.
+  std::string note_on_exchange(std::size_t device) const;
+
+  /// What a device can be exchanged for: the presets, and what the options name.
+  const std::vector<InstrumentModel>& choices() const { return choices_; }
+
   /// The devices and the road map in that picture.
   SteeredDevices steered() const;
 
@@ -79,15 +91,22 @@ class Intervention {
   /// The vessels' outline in a view, in its pixels.
   std::span<const glm::ivec2> road_map(const View& view);
 
-  /// Starts again at the entry, with the device of the options. A recording restarts. Throws as the
-  /// constructor; the run then goes on, or, if only the port is lost, a new run is steered by keys.
-  void restart() { start(options_.script); }
+  /// Starts again at the entry, with the haptic device of the options and the present instruments. A
+  /// recording restarts. Throws as the constructor; the run then goes on, or, if only the port is lost, a new
+  /// run is steered by keys.
+  void restart() { start(options_.script, instruments()); }
 
-  /// Steers by a script, once, from the entry on. Throws InputError as `restart`.
-  void replay(const std::filesystem::path& script) { start(script); }
+  /// Steers these instruments, the present ones by default, by a script, once, from the entry on. Throws
+  /// InputError as `restart`.
+  void replay(const std::filesystem::path& script) { start(script, instruments()); }
+  void replay(const std::filesystem::path& script, const std::vector<InstrumentModel>& instruments) {
+    start(script, instruments);
+  }
 
  private:
-  void start(const std::filesystem::path& script);
+  void start(const std::filesystem::path& script, std::vector<InstrumentModel> models);
+  std::vector<InstrumentModel> instruments() const;
+  std::string exchange_obstacle(std::size_t device) const;
 
   Options options_;
   std::shared_ptr<const VesselTree> tree_;
@@ -97,10 +116,13 @@ class Intervention {
   double fluoroscopy_s_ = 0;
   Camera camera_;
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each device
+  std::shared_ptr<const std::vector<InstrumentModel>> exposed_;
   std::vector<Surface> surfaces_;
   std::vector<float> drums_mg_ml_;
   long exposures_ = 0;
   RoadMap road_map_;
+  std::vector<InstrumentModel> choices_;
+  std::optional<std::size_t> refused_;  ///< the device that could not be exchanged as it is
 };
 
 }  // namespace xraycast

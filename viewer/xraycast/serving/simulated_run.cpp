@@ -10,9 +10,11 @@
 namespace xraycast {
 namespace {
 
+double max_insertion_mm(const InstrumentModel& model) { return model.length_mm() - kIntroducer_mm; }
+
 std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
   std::vector<double> insertions_mm;
-  for (const InstrumentModel& model : models) insertions_mm.push_back(model.length_mm() - kIntroducer_mm);
+  for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));
   return insertions_mm;
 }
 
@@ -21,15 +23,18 @@ std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models
 SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
                            const VesselEnd& entry, std::unique_ptr<HapticDevice> device)
     : tree_(std::move(tree)),
-      models_(models),
       device_(std::move(device)),
       couplings_(*device_, max_insertions_mm(models)),
       bolus_(*tree_),
       contrast_(*tree_),
-      loop_(std::make_unique<CoaxialCatheters>(*tree_, models, entry),
-            [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
-              return couplings_.step(hubs, loads, step_s);
-            }),
+      loop_(
+          std::make_unique<CoaxialCatheters>(*tree_, models, entry),
+          [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
+            return couplings_.step(hubs, loads, step_s);
+          },
+          [this](std::size_t hub, const InstrumentModel& instrument) {
+            couplings_.replace(hub, {}, max_insertion_mm(instrument));
+          }),
       now_(&loop_.snapshot()) {}
 
 void SimulatedRun::update() {
@@ -51,7 +56,7 @@ void SimulatedRun::update() {
 std::vector<Surface> SimulatedRun::devices() const {
   std::vector<Surface> surfaces;
   for (std::size_t d = 0; d < now_->count(); ++d)
-    for (Surface& surface : device_surfaces(now_->device(d).nodes_mm, models_[d]))
+    for (Surface& surface : device_surfaces(now_->device(d).nodes_mm, models()[d]))
       surfaces.push_back(std::move(surface));
   return surfaces;
 }
@@ -59,6 +64,9 @@ std::vector<Surface> SimulatedRun::devices() const {
 Surface SimulatedRun::contrast() const { return contrast_.filled(bolus_.iodine_mg_ml()); }
 
 void SimulatedRun::record() {
+  // An exchange that was asked for before: the recording begins with the new instrument.
+  if (recorded_of_ != now_->instruments) recorded_.clear();
+  recorded_of_ = now_->instruments;
   Poses poses{now_->time_s, {}};
   for (std::size_t d = 0; d < now_->count(); ++d) poses.hubs[d] = now_->device(d).pose;
   recorded_.push_back(poses);
@@ -75,12 +83,12 @@ std::string SimulatedRun::stop_recording() {
   update();
   is_recording_ = false;
   std::string csv = "time_s,insertion_mm,rotation_deg";
-  for (std::size_t d = 1; d < models_.size(); ++d)
+  for (std::size_t d = 1; d < now_->count(); ++d)
     csv += fmt::format(",insertion_{0}_mm,rotation_{0}_deg", d + 1);
   csv += '\n';
   for (const Poses& row : recorded_) {
     csv += fmt::format("{:.4f}", row.time_s - recorded_.front().time_s);
-    for (std::size_t d = 0; d < models_.size(); ++d)
+    for (std::size_t d = 0; d < now_->count(); ++d)
       csv += fmt::format(",{:.4f},{:.4f}", row.hubs[d].insertion_mm,
                          row.hubs[d].rotation_rad * 180 / std::numbers::pi);
     csv += '\n';

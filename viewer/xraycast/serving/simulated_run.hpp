@@ -35,10 +35,14 @@ class SimulatedRun {
   const VesselTree& tree() const { return *tree_; }
   HapticDevice& device() { return *device_; }
   std::size_t held_hub() const { return device_->held(); }
-  const std::vector<InstrumentModel>& models() const { return models_; }
+  const std::vector<InstrumentModel>& models() const { return *now_->instruments; }  ///< at that time
+
+  /// Asks for another instrument instead of a device; now() says at a later update whether it was made. See
+  /// SimulationLoop::exchange.
+  void exchange(std::size_t device, const InstrumentModel& instrument) { loop_.exchange(device, instrument); }
 
   /// Several devices are steered by a hand, not by a script.
-  bool has_valve() const { return models_.size() > 1 && !device_->is_rigid(); }
+  bool has_valve() const { return now_->count() > 1 && !device_->is_rigid(); }
   /// Clamps the devices together, or releases them; see HubCouplings.
   void lock_valve(bool is_locked) { couplings_.lock(is_locked); }
   bool is_valve_locked() const { return couplings_.is_locked(); }
@@ -61,7 +65,7 @@ class SimulatedRun {
   static constexpr double kKept_s = 10;
   const std::deque<Load>& loads() const { return loads_; }
 
-  /// Records the hubs' poses, now and at every update.
+  /// Records the hubs' poses, now and at every update. A recording is of the same instruments throughout.
   void start_recording();
   bool is_recording() const { return is_recording_; }
 
@@ -76,7 +80,6 @@ class SimulatedRun {
   void record();
 
   std::shared_ptr<const VesselTree> tree_;
-  std::vector<InstrumentModel> models_;
   std::unique_ptr<HapticDevice> device_;
   HubCouplings couplings_;
   ContrastBolus bolus_;
@@ -85,6 +88,7 @@ class SimulatedRun {
   std::deque<Load> loads_;
   bool is_recording_ = false;
   std::vector<Poses> recorded_;
+  std::shared_ptr<const std::vector<InstrumentModel>> recorded_of_;
   SimulationLoop loop_;  ///< last: its thread uses what is above
   const CatheterSnapshot* now_;
 };

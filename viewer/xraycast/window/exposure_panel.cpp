@@ -4,6 +4,7 @@
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <algorithm>
 #include <array>
 #include <cfloat>
 #include <imgui.h>
@@ -12,13 +13,9 @@
 namespace xraycast {
 
 const char* const kFluoroscopeHelp =
-    "E              fluoroscope on or off\n"
-    "X (hold)       pedal: fluoroscopy\n"
     "D              dose level: low, normal, cine\n"
     "G              subtraction (DSA) on or off\n"
-    "N              new mask\n"
-    "M              road map of the last injection\n"
-    "P              store the image";
+    "N              new mask\n";
 
 namespace {
 
@@ -123,15 +120,21 @@ bool handle_console_key(Viewer& viewer, int key) {
   }
 }
 
+float exposure_panel_top(float height) {
+  const float line = ImGui::GetFontSize();
+  constexpr float kHighest = 21.5f, kStatus = 2, kLeast = 12;  // in lines; the highest is that of DSA
+  return std::max(kLeast * line, height - (kHighest + kStatus) * line);
+}
+
 void draw_exposure_panel(Viewer& viewer) {
   FluoroscopyConsole* const console = viewer.console();
   if (!console) return;
   const float width = 27 * ImGui::GetFontSize();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  constexpr float kBelowCatheter = 26, kOnTop = 3;
-  ImGui::SetNextWindowPos(
-      {size.x - width - 8, (viewer.intervention() ? kBelowCatheter : kOnTop) * ImGui::GetFontSize()},
-      ImGuiCond_FirstUseEver);
+  // The catheter's panel is on the right.
+  ImGui::SetNextWindowPos(viewer.intervention() ? ImVec2(8, exposure_panel_top(size.y))
+                                                : ImVec2(size.x - width - 8, 3 * ImGui::GetFontSize()),
+                          ImGuiCond_FirstUseEver);
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
   ImGui::Begin("exposure", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   viewer.attempt([&] {

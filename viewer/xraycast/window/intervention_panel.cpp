@@ -10,24 +10,13 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <algorithm>
-#include <cfloat>
+#include <cmath>
 #include <imgui.h>
 #include <numbers>
+#include <string>
 #include <vector>
 
 namespace xraycast {
-
-const char* const kInterventionHelp =
-    "X (hold)       pedal: fluoroscopy\n"
-    "I (hold)       inject contrast agent\n"
-    "M              road map\n"
-    "Up, Down       advance and withdraw (with Shift: slowly)\n"
-    "Left, Right    rotate (torque)\n"
-    "Tab            hold the next device (a wire in a catheter)\n"
-    "V              valve: lock the devices together or release them\n"
-    "Enter          start or stop a recording\n"
-    "L              replay the last recording\n"
-    "Backspace      restart at the vessel entry";
 
 namespace {
 
@@ -46,34 +35,89 @@ void drag_hub(ManualDevice& hand) {
   hand.move_by(push_mm, kRadians * rotate_deg);
 }
 
+/// A value as its digits show it: what rounds to 0 has no sign.
+double rounded(double value, int digits) {
+  const double per_digit = std::pow(10, digits);
+  return std::round(value * per_digit) / per_digit + 0.0;
+}
+
+void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
+
 void strip(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
-           const char* unit) {
+           const char* unit, float width) {
   std::vector<float> values;
   for (const SimulatedRun::Load& at : run.loads())
     values.push_back(static_cast<float>(scale * (at.hubs[hub].*load)));
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
-  const std::string now = fmt::format("{} {:+.2f} {}", name, values.empty() ? 0.0f : values.back(), unit);
-  ImGui::PlotLines(fmt::format("##{}{}", name, hub).c_str(), values.data(), static_cast<int>(values.size()),
-                   0, now.c_str(), -largest, largest, {25 * ImGui::GetFontSize(), 4 * ImGui::GetFontSize()});
+  const std::string now =
+      fmt::format("{} {:+.2f} {}", name, rounded(values.empty() ? 0 : values.back(), 2), unit);
+  ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
+                   now.c_str(), -largest, largest, {width, 4 * ImGui::GetFontSize()});
 }
 
 /// Over a network every hub is moved, and one leads while the valve is locked.
-const char* note_on_hand(const SimulatedRun& run, std::size_t number, bool is_manual) {
-  if (!run.has_valve() || number != run.held_hub()) return "";
-  if (is_manual) return ", in the hand (Tab: next)";
-  return run.is_valve_locked() ? ", leads (Tab: next)" : "";
+const char* note_on_hand(const Intervention& intervention) {
+  const SimulatedRun& run = intervention.run();
+  if (!run.has_valve()) return "instrument";
+  if (intervention.manual()) return "in the hand (Tab)";
+  return run.is_valve_locked() ? "leads (Tab)" : "next: Tab";
 }
 
-void show_device(const SimulatedRun& run, std::size_t number, bool is_manual) {
+/// What the device in the hand can be exchanged for.
+void choose_instrument(Intervention& intervention, std::size_t number) {
+  const std::string present = intervention.run().models()[number].name();
+  ImGui::SetNextItemWidth(15.5f * ImGui::GetFontSize());
+  if (ImGui::BeginCombo(note_on_hand(intervention), present.c_str(), ImGuiComboFlags_HeightLargest)) {
+    for (const InstrumentModel& choice : intervention.choices()) {
+      const bool is_present = choice.name() == present;
+      if (ImGui::Selectable(choice.name().c_str(), is_present) && !is_present)
+        intervention.exchange(number, choice);
+    }
+    ImGui::EndCombo();
+  }
+  if (const std::string note = intervention.note_on_exchange(number); !note.empty()) write_wrapped(note);
+}
+
+void show_device(Intervention& intervention, std::size_t number) {
+  const SimulatedRun& run = intervention.run();
   const DeviceSnapshot& device = run.now().device(number);
-  const auto line = [](const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); };
-  line(run.models()[number].name() + note_on_hand(run, number, is_manual));
-  line(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", device.pose.insertion_mm,
-                   device.pose.rotation_rad / kRadians));
-  line(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch, device.tip.arc_length_mm));
-  strip("force", run, number, &HubLoad::force_N, 1, "N");
-  strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm");
+  ImGui::PushID(static_cast<int>(number));
+  if (number == run.held_hub() && !intervention.run().device().is_rigid()) {
+    choose_instrument(intervention, number);
+  } else {
+    ImGui::AlignTextToFramePadding();
+    write_wrapped(run.models()[number].name());
+  }
+  write_wrapped(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", rounded(device.pose.insertion_mm, 1),
+                            rounded(device.pose.rotation_rad / kRadians, 0)));
+  write_wrapped(
+      fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch, rounded(device.tip.arc_length_mm, 0)));
+  // One above the other, or side by side where there are more devices.
+  const bool is_alone = run.now().count() == 1;
+  const float row = 25 * ImGui::GetFontSize(), gap = ImGui::GetStyle().ItemSpacing.x;
+  const float width = is_alone ? row : (row - gap) / 2;
+  strip("force", run, number, &HubLoad::force_N, 1, "N", width);
+  if (!is_alone) ImGui::SameLine();
+  strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm", width);
+  ImGui::PopID();
+}
+
+/// Where a fluoroscope is on, its panel has its own fluoroscopy time, road map and pedal.
+void show_usage(const Viewer& viewer, Intervention& intervention) {
+  const SimulatedRun& run = intervention.run();
+  if (viewer.console()) {
+    write_wrapped(fmt::format("contrast agent {:.0f} ml", run.injected_ml()));
+  } else {
+    const auto minutes = static_cast<int>(intervention.fluoroscopy_s() / 60);
+    write_wrapped(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
+                              intervention.fluoroscopy_s() - 60 * minutes, run.injected_ml()));
+  }
+  if (!run.now().agent_outlet)
+    write_wrapped(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
+  if (viewer.console()) return;
+  write_wrapped(intervention.is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
+  ImGui::Checkbox("road map", &intervention.has_road_map);
 }
 
 }  // namespace
@@ -95,36 +139,52 @@ void handle_held_input(Viewer& viewer, GLFWwindow* window) {
   hand->set_rates(held.insertion_mm_s, held.rotation_rad_s);
 }
 
+std::string help_on_steering(const Intervention& intervention) {
+  std::string help =
+      "I (hold)       inject contrast agent\n"
+      "Enter          start or stop a recording\n"
+      "L              replay the last recording\n"
+      "Backspace      restart at the vessel entry\n";
+  if (intervention.manual() && intervention.haptic() != "gamepad")
+    help +=
+        "Up, Down       advance and withdraw (with Shift: slowly)\n"
+        "Left, Right    rotate (torque)\n";
+  if (intervention.manual() && intervention.haptic() == "mouse")
+    help += "Ctrl and drag  advance and rotate (Ctrl and wheel: advance)\n";
+  if (intervention.run().has_valve())
+    help +=
+        "Tab            hold the next device (a wire in a catheter)\n"
+        "V              valve: lock the devices together or release them\n";
+  return help;
+}
+
 void draw_intervention_panel(Viewer& viewer) {
   Intervention* intervention = viewer.intervention();
   if (!intervention) return;
   const SimulatedRun& run = intervention->run();
   const CatheterSnapshot& now = run.now();
-  const float width = 27 * ImGui::GetFontSize();
+  const float width = 27 * ImGui::GetFontSize(), top = 3 * ImGui::GetFontSize();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({size.x - width - 8, 3 * ImGui::GetFontSize()}, ImGuiCond_FirstUseEver);
-  ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});
+  ImGui::SetNextWindowPos({size.x - width - 8, top}, ImGuiCond_FirstUseEver);
+  ImGui::SetNextWindowSizeConstraints({width, 0},
+                                      {width, std::max(10 * ImGui::GetFontSize(), size.y - top - 8)});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
-  const auto line = [](const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); };
-  line(fmt::format("hub input: {}", intervention->run().device().status()));
-  for (std::size_t d = 0; d < now.count(); ++d) show_device(run, d, intervention->manual() != nullptr);
+  write_wrapped(fmt::format("hub input: {}", intervention->run().device().status()));
+  for (std::size_t d = 0; d < now.count(); ++d) show_device(*intervention, d);
   if (run.has_valve()) {
     bool is_locked = run.is_valve_locked();
     if (ImGui::Checkbox("valve locked", &is_locked)) intervention->run().lock_valve(is_locked);
   }
-  const auto minutes = static_cast<int>(intervention->fluoroscopy_s() / 60);
-  line(fmt::format("fluoro time {}:{:04.1f} min, contrast agent {:.0f} ml", minutes,
-                   intervention->fluoroscopy_s() - 60 * minutes, run.injected_ml()));
-  if (!now.agent_outlet) line(fmt::format("no contrast agent: {}", reason_for_no_outlet(run.models())));
-  line(intervention->is_live() ? "X-rays on" : "last image hold: hold X for fluoroscopy");
-  ImGui::Checkbox("road map", &intervention->has_road_map);
+  show_usage(viewer, *intervention);
   const LoopTiming& timing = now.timing;
-  line(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
-                   100.0 * static_cast<double>(timing.missed) /
-                       static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
+  write_wrapped(fmt::format("step {:.2f} ms, p99.9 {:.2f} ms, {:.2f} % late", timing.mean_ms, timing.p999_ms,
+                            100.0 * static_cast<double>(timing.missed) /
+                                static_cast<double>(std::max<std::int64_t>(1, timing.steps))));
   if (ImGui::Button("Restart")) viewer.restart_run();
   ImGui::SameLine();
-  if (ImGui::Button(run.is_recording() ? "Stop recording" : "Record")) viewer.toggle_recording();
+  // A restart has made another run.
+  if (ImGui::Button(intervention->run().is_recording() ? "Stop recording" : "Record"))
+    viewer.toggle_recording();
   ImGui::SameLine();
   if (ImGui::Button("Replay")) viewer.replay();
   ImGui::End();

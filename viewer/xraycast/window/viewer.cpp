@@ -16,6 +16,7 @@
 #include <cmath>
 #include <epoxy/gl.h>
 #include <iterator>
+#include <utility>
 
 namespace xraycast {
 namespace {
@@ -154,6 +155,7 @@ void Viewer::deliver(OpenedFiles opened, bool takes_view) {
     if (surface && !intervention_) surfaces.push_back(*surface);
   if (!intervention_) std::ranges::copy(opened_.steered, std::back_inserter(surfaces));
   renderer_.set_surfaces(surfaces);
+  shown_surfaces_ = 0;
   std::vector<std::string> notes = opened_.warnings;
   if (opened_.map && opened_.vessels)
     std::ranges::copy(notes_on_place(opened_.vessels->mesh.points_mm, bounds_of(opened_.map->geometry),
@@ -264,6 +266,9 @@ void Viewer::show_catheter() {
   intervention_->update(session_.camera, since_frame_.ms() / 1000);
   if (intervention_->exposures() == shown_exposures_) return;
   shown_exposures_ = intervention_->exposures();
+  // A wire has another number of surfaces than the catheter that it is exchanged for.
+  if (std::exchange(shown_surfaces_, intervention_->surfaces().size()) != intervention_->surfaces().size())
+    return renderer_.set_surfaces(intervention_->surfaces());
   for (std::size_t i = 0; i < intervention_->surfaces().size(); ++i)
     renderer_.replace_surface(i, intervention_->surfaces()[i]);
 }
@@ -273,6 +278,7 @@ void Viewer::toggle_recording() {
     SimulatedRun& run = intervention_->run();
     if (!run.is_recording()) return run.start_recording();
     recording_ = unused("xraycast-run", ".csv");
+    recorded_ = run.models();
     write_whole_file(recording_, run.stop_recording());
     message_ = "saved " + fs::absolute(recording_).string();
   });
@@ -281,7 +287,7 @@ void Viewer::toggle_recording() {
 void Viewer::replay() {
   attempt([&] {
     if (recording_.empty()) throw InputError("there is no recording yet; press Record, then Stop recording");
-    intervention_->replay(recording_);
+    intervention_->replay(recording_, recorded_);
   });
 }
 

@@ -160,10 +160,12 @@ class Viewer {
   GreyPicture held_;  ///< the fluoroscope's last image
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
+  std::size_t shown_surfaces_ = 0;  ///< of the last exposure
   std::optional<VesselTree::Location> picked_;
   std::optional<View> adapted_to_;  ///< the view that the grey window was chosen for
   std::filesystem::path recording_;
-  int width_ = 0, height_ = 0;  ///< of the last frame
+  std::vector<InstrumentModel> recorded_;  ///< the instruments of that recording
+  int width_ = 0, height_ = 0;             ///< of the last frame
   double frame_ms_ = 0;
 
   Worker opening_, writing_;

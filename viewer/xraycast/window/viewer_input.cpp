@@ -40,7 +40,6 @@ const char* const kHelp =
     "1 .. 9         show or hide a layer\n"
     "F              look: fluoro, surface\n"
     "C              compositing: path, wall, true projection\n"
-    "I              invert (with a catheter: inject)\n"
     "S              split view with the true projection\n"
     "P              save a picture\n"
     "Space          cine rotation\n"
@@ -48,7 +47,7 @@ const char* const kHelp =
     "Escape         cancel reading or casting\n"
     "Ctrl+S         save the session\n"
     "Ctrl+Z, Ctrl+Y undo, redo\n"
-    "H or ?         this help";
+    "E              fluoroscope on or off\n";
 
 bool is_dragged(int button) { return ImGui::IsMouseDragging(button, 0) && !ImGui::IsMouseClicked(button); }
 

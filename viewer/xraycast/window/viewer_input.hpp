@@ -17,7 +17,7 @@ void handle_mouse(Viewer& viewer);
 /// dialogue.
 bool handle_key(Viewer& viewer, int key, int mods);
 
-/// Help on mouse and keys, one line each.
+/// Help on mouse and keys that hold in every mode, one line each.
 extern const char* const kHelp;
 
 }  // namespace xraycast

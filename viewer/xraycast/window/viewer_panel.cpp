@@ -102,6 +102,22 @@ std::string status_line(const Viewer& viewer, const ImVec2& size) {
                      static_cast<double>(viewer.texture_B()) / 1e6);
 }
 
+/// The keys that do something now.
+std::string help_on(const Viewer& viewer) {
+  const bool steers = viewer.intervention(), exposes = viewer.console();
+  std::string help = kHelp;
+  if (!steers) help += "I              invert\n";
+  if (steers || exposes) help += "X (hold)       pedal: fluoroscopy\n";
+  if (exposes)
+    help += "M              road map of the last injection\n";
+  else if (steers)
+    help += "M              road map\n";
+  if (exposes) help += kFluoroscopeHelp;
+  if (steers) help += help_on_steering(*viewer.intervention());
+  help += "H or ?         this help";
+  return help;
+}
+
 void overlays(Viewer& viewer) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float line = ImGui::GetFontSize();
@@ -126,10 +142,14 @@ void overlays(Viewer& viewer) {
   if (!viewer.shows_help) return;
   ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
   ImGui::Begin("Help", &viewer.shows_help, ImGuiWindowFlags_AlwaysAutoResize);
-  ImGui::TextUnformatted(kHelp);
-  ImGui::TextUnformatted(kFluoroscopeHelp);
-  if (viewer.intervention()) ImGui::TextUnformatted(kInterventionHelp);
+  ImGui::TextUnformatted(help_on(viewer).c_str());
   ImGui::End();
+}
+
+/// Of the panel: above the exposure panel where that is at the lower left.
+float highest(const Viewer& viewer) {
+  const float height = ImGui::GetIO().DisplaySize.y;
+  return viewer.intervention() && viewer.console() ? exposure_panel_top(height) - 16 : FLT_MAX;
 }
 
 /// What follows the hashes identifies the header for all maps.
@@ -144,12 +164,14 @@ void ViewerPanel::draw(Viewer& viewer) {
   overlays(viewer);
   ImGui::SetNextWindowPos({8, 8}, ImGuiCond_FirstUseEver);
   const float panel_width = 27 * ImGui::GetFontSize();
-  ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, FLT_MAX});
+  ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, highest(viewer)});
   ImGui::Begin("xraycast", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   style_controls(viewer);
   if (viewer.map() && ImGui::CollapsingHeader(layers_title(viewer.map()->geometry).c_str()))
     layer_controls(viewer);
-  if (viewer.map() && ImGui::CollapsingHeader("Opacity", ImGuiTreeNodeFlags_DefaultOpen))
+  // Its room is that of the exposure panel where there are all panels.
+  const bool has_room = !viewer.intervention() || !viewer.console();
+  if (viewer.map() && ImGui::CollapsingHeader("Opacity", has_room ? ImGuiTreeNodeFlags_DefaultOpen : 0))
     opacity_controls(viewer);
   file_controls(viewer);
   ImGui::End();
