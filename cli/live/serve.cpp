@@ -214,7 +214,11 @@ void serve(const ServeArguments& options, Session& session) {
 
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, scene, server));
-  session.say(notes_on_place(points_of(intervention.run().tree()), bounds, scene.vessels.string()));
+  const SimulatedRun& run = intervention.run();
+  session.say(notes_on_place(points_of(run.tree()), bounds, scene.vessels.string()));
+  const EntryChoice entry_choice = parse_entry(options.entry);
+  session.say(notes_on_entry(run.tree(), entry_choice, find_entry(run.tree(), entry_choice, run.models()[0]),
+                             run.models()[0]));
   const Camera camera = resolve_camera(options, scene, detector);
   std::unique_ptr<WebOutlet> web;
   if (web_options) web = open_web(*web_options, scene, camera, map, intervention, options.is_browsers_hub());

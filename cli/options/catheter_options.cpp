@@ -10,6 +10,16 @@
 #include <limits>
 
 namespace xraycast::cli {
+namespace {
+
+/// What --entry takes to choose an end. A branch with two ends is chosen at its start.
+std::string choice_of(const VesselTree& tree, const VesselEnd& end) {
+  if (end.at_start || end.branch != tree.root()) return fmt::format("--entry {}", end.branch);
+  return fmt::format("--entry {:.0f},{:.0f},{:.0f}", end.position_mm.x(), end.position_mm.y(),
+                     end.position_mm.z());
+}
+
+}  // namespace
 
 void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
   CLI::Option* models = command.add_option(
@@ -38,6 +48,31 @@ EntryChoice parse_entry(const std::string& text) {
       std::abs(numbers[0]) > std::numeric_limits<int>::max())
     throw InputError("{}: must be a branch's number or X,Y,Z in mm (LPS)", name);
   return {static_cast<int>(numbers[0]), name};
+}
+
+std::string text_of(const VesselEnd& end) {
+  const std::string_view side = side_of_patient(end);
+  return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, end.position_mm.x(),
+                     end.position_mm.y(), end.position_mm.z(), side.empty() ? "" : ", on the patient's ",
+                     side);
+}
+
+std::vector<std::string> notes_on_entry(const VesselTree& tree, const EntryChoice& choice,
+                                        const VesselEnd& entry, const InstrumentModel& instrument) {
+  if (!std::holds_alternative<std::monostate>(choice.end)) return {};
+  constexpr std::size_t kMostNamed = 3;
+  std::vector<VesselEnd> others = equally_low_ends(tree, entry, instrument);
+  if (others.empty()) return {};
+  if (others.size() > kMostNamed) others.resize(kMostNamed);
+  std::string names, choices = choice_of(tree, entry);
+  for (const VesselEnd& other : others) {
+    names += fmt::format("{}{}", names.empty() ? "" : "; or ", text_of(other));
+    choices += " or " + choice_of(tree, other);
+  }
+  return {
+      fmt::format("vessel ends lie equally low, within {:g} mm: the device enters at {}, and not at {}; "
+                  "choose by {}",
+                  kEquallyLow_mm, text_of(entry), names, choices)};
 }
 
 }  // namespace xraycast::cli

@@ -1174,8 +1174,8 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   const std::string line =
       "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv --plot @/forces.png -q -o ";
   const Json json = json_of(line + "@/first.csv");
-  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "held_s", "log",
-                                         "rows", "simulated_s", "wall_s", "tip"));
+  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "entry_side",
+                                         "held_s", "log", "rows", "simulated_s", "wall_s", "tip"));
   EXPECT_EQ(json["entry_mm"], Json({0, 0, 0}));  // the most inferior end
   EXPECT_EQ(json["rows"], 3);
   EXPECT_LT(json["wall_s"], json["simulated_s"]);
@@ -1187,6 +1187,25 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   EXPECT_EQ(log, read_bytes(folder_ / "second.csv"));
   EXPECT_THAT(log, StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
   EXPECT_EQ(std::ranges::count(log, '\n'), 4);
+}
+
+TEST_F(Cli, NamesTheEndsThatLieAsLowAsTheEntry) {
+  make_push(folder_);
+  write_bytes(folder_ / "tree.json", R"({"branches": [
+    {"id": 0, "parent": -1, "points": [[0, 0, 200, 8], [0, 0, 100, 8]]},
+    {"id": 1, "parent": 0, "points": [[0, 0, 100, 4], [-80, 0, 0, 4]]},
+    {"id": 2, "parent": 0, "points": [[0, 0, 100, 4], [80, 0, 3, 4]]}]})");
+  const std::string line = "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv";
+  const Finished done = run(line);
+  EXPECT_EQ(done.status, 0);
+  expect_one_line(done.err,
+                  "vessel ends lie equally low, within 10 mm: the device enters at branch 1 at (-80.0, 0.0, "
+                  "0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
+                  "patient's left; choose by --entry 1 or --entry 2\n");
+  EXPECT_THAT(done.out,
+              HasSubstr("entry: end of branch 1 at (-80.0, 0.0, 0.0) mm, on the patient's right; "));
+  EXPECT_EQ(json_of(line + " --entry 1")["entry_side"], "right");
+  EXPECT_EQ(json_of(line + " --entry 80,0,0")["entry_side"], "left");
 }
 
 TEST_F(Cli, DrawsTwoDevicesInARunsCine) {

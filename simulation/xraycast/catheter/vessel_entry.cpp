@@ -53,6 +53,11 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 
 }  // namespace
 
+std::string_view side_of_patient(const VesselEnd& end) {
+  const double x_mm = end.position_mm.x();
+  return x_mm < 0 ? "right" : x_mm > 0 ? "left" : "";
+}
+
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree) {
   std::vector<VesselEnd> ends;
   const auto add = [&](int index, bool at_start) {
@@ -85,6 +90,17 @@ VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const In
   }
   const std::vector<VesselEnd> ends = ends_for(tree, instrument);
   return ends.empty() ? most_inferior_end(tree) : most_inferior(ends);
+}
+
+std::vector<VesselEnd> equally_low_ends(const VesselTree& tree, const VesselEnd& entry,
+                                        const InstrumentModel& instrument) {
+  std::vector<VesselEnd> ends = ends_for(tree, instrument);
+  std::erase_if(ends, [&](const VesselEnd& end) {
+    const bool is_entry = end.branch == entry.branch && end.at_start == entry.at_start;
+    return is_entry || end.position_mm.z() > entry.position_mm.z() + kEquallyLow_mm;
+  });
+  std::ranges::stable_sort(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  return ends;
 }
 
 void check_fits(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument) {
