@@ -115,8 +115,7 @@ class Cine {
  private:
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
-    writer_.emplace(options.cine, cine.view.width, cine.view.height,
-                    fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
+    writer_.emplace(options.cine, cine.view.width, cine.view.height, cine.step_s);
     if (fluoroscope_ && !cine.subtracts)
       run_.emplace(map, tree, cine,
                    [this](const std::vector<float>& tau) { writer_->add(rgb_of(pulse(tau).shown)); });

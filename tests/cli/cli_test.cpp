@@ -1230,6 +1230,20 @@ TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
   }
 }
 
+TEST_F(Cli, ShowsARunInItsOwnTime) {
+  make_run(folder_);
+  output_of(
+      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map "
+      "@/map.exr "
+      "--size 8x8 --cine @/run.gif -q");
+  std::vector<int> delays;  // in hundredths of a second
+  const std::string gif = read_bytes(folder_ / "run.gif"), control = "\x21\xF9\x04";
+  for (std::size_t at = 0; (at = gif.find(control, at)) != std::string::npos; at += control.size())
+    delays.push_back(static_cast<unsigned char>(gif[at + 4]) + 256 * static_cast<unsigned char>(gif[at + 5]));
+  EXPECT_THAT(delays, testing::AllOf(testing::SizeIs(11), testing::Each(10)))
+      << "ten a second, from 0 to 1 s";
+}
+
 TEST_F(Cli, SaysHowMuchContrastAgentDevicesHoldBack) {
   make_run(folder_);
   const std::string rows = "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,5,0,";
