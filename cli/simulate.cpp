@@ -189,7 +189,7 @@ void check_cine(const SimulateArguments& options) {
   parse_mask_shift(options.subtraction);
   check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
-  make_folder(options.cine, options.cine);
+  make_frames_folder(options.cine, "--cine " + options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 

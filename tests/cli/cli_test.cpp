@@ -223,6 +223,10 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
      "@/log.csv",
      3, "list the outermost device first", make_push_and_tree},
+    {"SimulateIntoAFilmOfAnotherFormat",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/run.mp4",
+     3, "run.mp4: must be a folder for PNGs, whose name has no ending, or end in .gif or .dcm", make_run},
     {"InjectThroughAWire",
      "simulate @/tree.json --device-model guidewire-014-angled --script @/push.csv -o @/log.csv --map "
      "@/map.exr --cine @/c.gif --inject 0.2,2",
@@ -460,6 +464,8 @@ const BadCall kBadCalls[] = {
      "--isocentre 4,4: must be X,Y,Z in mm"},
     {"IsocentreOutside", "render @/map.exr -o @/out.png --isocentre 0,0,900", 3,
      "--isocentre 0,0,900: lies outside the body, whose middle is 0,0,", write_small_map},
+    {"CineIntoAFilmOfAnotherFormat", "render @/map.exr -o @/turn.mp4 --cine 0:360:90", 3,
+     "turn.mp4: must be a folder for PNGs, whose name has no ending, or end in .gif or .dcm"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
