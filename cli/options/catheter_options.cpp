@@ -42,11 +42,17 @@ void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument
 EntryChoice parse_entry(const std::string& text) {
   if (text.empty()) return {};
   const std::string name = "--entry " + text;
-  const std::vector<double> numbers = parse_numbers(text, "--entry");
+  std::vector<double> numbers;
+  try {
+    numbers = parse_numbers(text, "--entry");
+  } catch (const InputError&) {  // a word: said below what it must be
+  }
   if (numbers.size() == 3) return {glm::dvec3(numbers[0], numbers[1], numbers[2]), name};
   if (numbers.size() != 1 || numbers[0] != std::floor(numbers[0]) ||
       std::abs(numbers[0]) > std::numeric_limits<int>::max())
-    throw InputError("{}: must be a branch's number or X,Y,Z in mm (LPS)", name);
+    throw InputError(
+        "{}: must be a branch's number, as in the report.png of `xraycast segment`, or X,Y,Z in mm (LPS)",
+        name);
   return {static_cast<int>(numbers[0]), name};
 }
 
