@@ -7,7 +7,9 @@
 #include <fmt/ranges.h>
 
 #include <cmath>
+#include <filesystem>
 #include <limits>
+#include <system_error>
 
 namespace xraycast::cli {
 namespace {
@@ -19,6 +21,16 @@ std::string choice_of(const VesselTree& tree, const VesselEnd& end) {
                      end.position_mm.z());
 }
 
+/// What is wrong with a --device-model that lists several, or nothing.
+std::string check_one_model(const std::string& name) {
+  std::error_code error;
+  if (name.find(',') == std::string::npos || std::filesystem::exists(name, error)) return "";
+  std::string each = name;
+  for (std::size_t at = 0; (at = each.find(',', at)) != std::string::npos;)
+    each.replace(at, 1, " --device-model ");
+  return fmt::format("{}: one device an option; give --device-model {}", name, each);
+}
+
 }  // namespace
 
 void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument_models, std::string& entry) {
@@ -28,7 +40,7 @@ void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument
           "The instrument: {}, or FILE.json; repeat it for a wire in a catheter, the outermost device "
           "first",
           fmt::join(InstrumentModel::preset_names(), ", ")));
-  models->type_name("NAME")->allow_extra_args(false);
+  models->type_name("NAME")->allow_extra_args(false)->check(check_one_model);
   instrument_models.empty() ? models->required()
                             : models->default_str(fmt::format("{}", fmt::join(instrument_models, ", ")));
   command

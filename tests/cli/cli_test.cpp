@@ -209,6 +209,18 @@ const BadCall kBadCalls[] = {
      "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
+    {"SimulateMisspelledCatheter",
+     "simulate @/tree.json --device-model cobra5f --script @/push.csv -o @/log.csv", 3,
+     "cobra5f: unknown device; did you mean cobra-5f? Else choose one of guidewire-035-j, ",
+     make_push_and_tree},
+    {"SimulateMisspelledWire",
+     "simulate @/tree.json --device-model guidewire-35-angled --script @/push.csv -o @/log.csv", 3,
+     "guidewire-35-angled: unknown device; did you mean guidewire-035-angled? Else", make_push_and_tree},
+    {"SimulateTwoDevicesInOneOption",
+     "simulate @/tree.json --device-model cobra-5f,guidewire-035-j --script @/push.csv -o @/log.csv", 2,
+     "cobra-5f,guidewire-035-j: one device an option; give --device-model cobra-5f --device-model "
+     "guidewire-035-j",
+     make_push_and_tree},
     {"SimulateTooThickForItsLumen",
      "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-035-j --script "
      "@/push.csv "
