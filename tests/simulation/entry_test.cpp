@@ -88,9 +88,10 @@ TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
     const Catheter catheter(tree, device, find_entry(tree, {1}, device), {});
     FAIL();
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("does not fit into branch 1"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("cobra-5f: its diameter of 1.67 mm (5 F) does not fit into "
+                                                 "branch 1, which has 1 mm at its end; "));
     EXPECT_THAT(error.what(),
-                testing::HasSubstr("such as 0,0,100 (branch 0, 4 mm) or -20,0,0 (branch 2, 3 mm)"));
+                testing::HasSubstr("such as 0,0,100 (branch 0, 8 mm wide) or -20,0,0 (branch 2, 6 mm wide)"));
   }
 }
 

@@ -110,14 +110,13 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
   std::vector<VesselEnd> ends = ends_for(tree, instrument);
   if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
   for (const VesselEnd& end : ends)
-    wide_enough +=
-        fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm)", wide_enough.empty() ? "" : " or ",
-                    end.position_mm.x(), end.position_mm.y(), end.position_mm.z(), end.branch, end.radius_mm);
-  throw InputError(
-      "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
-      instrument.name(), instrument.radius_mm(), entry.branch, entry.radius_mm,
-      wide_enough.empty() ? "nor into any other end; choose a thinner device"
-                          : "choose another entry, such as " + wide_enough);
+    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm wide)",
+                               wide_enough.empty() ? "" : " or ", end.position_mm.x(), end.position_mm.y(),
+                               end.position_mm.z(), end.branch, 2 * end.radius_mm);
+  throw InputError("{}: its diameter of {} does not fit into branch {}, which has {:.3g} mm at its end; {}",
+                   instrument.name(), diameter_text(instrument), entry.branch, 2 * entry.radius_mm,
+                   wide_enough.empty() ? "nor into any other end; choose a thinner device"
+                                       : "choose another entry, such as " + wide_enough);
 }
 
 }  // namespace xraycast
