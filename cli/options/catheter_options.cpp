@@ -2,6 +2,7 @@
 
 #include "options/command.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/negative_zero.hpp"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -17,8 +18,8 @@ namespace {
 /// What --entry takes to choose an end. A branch with two ends is chosen at its start.
 std::string choice_of(const VesselTree& tree, const VesselEnd& end) {
   if (end.at_start || end.branch != tree.root()) return fmt::format("--entry {}", end.branch);
-  return fmt::format("--entry {:.0f},{:.0f},{:.0f}", end.position_mm.x(), end.position_mm.y(),
-                     end.position_mm.z());
+  const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 0); };
+  return fmt::format("--entry {:.0f},{:.0f},{:.0f}", mm(0), mm(1), mm(2));
 }
 
 /// What is wrong with a --device-model that lists several, or nothing.
@@ -70,9 +71,9 @@ EntryChoice parse_entry(const std::string& text) {
 
 std::string text_of(const VesselEnd& end) {
   const std::string_view side = side_of_patient(end);
-  return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, end.position_mm.x(),
-                     end.position_mm.y(), end.position_mm.z(), side.empty() ? "" : ", on the patient's ",
-                     side);
+  const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 1); };
+  return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, mm(0), mm(1), mm(2),
+                     side.empty() ? "" : ", on the patient's ", side);
 }
 
 std::vector<std::string> notes_on_entry(const VesselTree& tree, const EntryChoice& choice,

@@ -57,6 +57,11 @@ void ruled(Canvas& canvas, double x1, double y1, double x2, double y2, const Col
   canvas.line(std::array{glm::dvec2(crisp(x1), crisp(y1)), glm::dvec2(crisp(x2), crisp(y2))}, colour);
 }
 
+/// Sums of steps miss zero by a rounding, from below too.
+std::string tick_label(double value, double step) {
+  return fmt::format("{:g}", std::abs(value) < 1e-6 * step ? 0 : value);
+}
+
 void text(Canvas& canvas, double x, double y, const std::string& words, const Colour& colour = kInk,
           Align align = Align::left) {
   canvas.text({x, y}, words, kFont, colour, align);
@@ -90,11 +95,11 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
   Canvas canvas(kWidth, kHeight, kPaper);
   for (double x = x_axis.low; x <= x_axis.high + 0.5 * x_axis.step; x += x_axis.step) {
     ruled(canvas, at_x(x), kTop, at_x(x), kHeight - kBottom, kGrid);
-    text(canvas, at_x(x), kHeight - kBottom + 20, fmt::format("{:g}", x), kInk, Align::centre);
+    text(canvas, at_x(x), kHeight - kBottom + 20, tick_label(x, x_axis.step), kInk, Align::centre);
   }
   for (double y = y_axis.low; y <= y_axis.high + 0.5 * y_axis.step; y += y_axis.step) {
     ruled(canvas, kLeft, at_y(y), kWidth - kRight, at_y(y), kGrid);
-    text(canvas, kLeft - 8, at_y(y) + 5, fmt::format("{:g}", std::round(y * 1e6) / 1e6), kInk, Align::right);
+    text(canvas, kLeft - 8, at_y(y) + 5, tick_label(y, y_axis.step), kInk, Align::right);
   }
   ruled(canvas, kLeft, kTop, kLeft, kHeight - kBottom, kInk);
   ruled(canvas, kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, kInk);
