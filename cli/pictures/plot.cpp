@@ -4,7 +4,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/png_file.hpp"
-#include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
 
@@ -55,6 +54,10 @@ struct Axis {
 void ruled(Canvas& canvas, double x1, double y1, double x2, double y2, const Colour& colour) {
   const auto crisp = [](double at) { return std::floor(at) + 0.5; };
   canvas.line(std::array{glm::dvec2(crisp(x1), crisp(y1)), glm::dvec2(crisp(x2), crisp(y2))}, colour);
+}
+
+Colour colour_of(const std::vector<Curve>& curves, std::size_t index) {
+  return curves[index].colour.value_or(kColours[index % kColours.size()]);
 }
 
 /// Sums of steps miss zero by a rounding, from below too.
@@ -108,7 +111,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
   text(canvas, kWidth - kRight, kHeight - 14, x_label, kInk, Align::right);
 
   for (std::size_t c = 0; c < curves.size(); ++c) {
-    const Colour& colour = kColours[c % kColours.size()];
+    const Colour colour = colour_of(curves, c);
     std::vector<glm::dvec2> points;
     for (const auto& [x, y] : curves[c].points) points.emplace_back(at_x(x), at_y(y));
     canvas.line(points, colour, 2);
@@ -126,7 +129,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     const double width = canvas.text_width(curves[c].name, kFont);
     const double left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
     canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
-    text(canvas, left, y, curves[c].name, kColours[c % kColours.size()]);
+    text(canvas, left, y, curves[c].name, colour_of(curves, c));
   }
   write_png(canvas.rgb(), kWidth, kHeight, 3, path);
 }
