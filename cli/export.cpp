@@ -80,7 +80,9 @@ RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessel
     throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
                      options.script, end_s, RecordedRun::kLongest_s);
   const VesselTree tree = read_tree(vessels);
-  CoaxialCatheters steered(tree, devices, find_entry(tree, entry_choice, devices[0]));
+  const VesselEnd entry = find_entry(tree, entry_choice, devices[0]);
+  CoaxialCatheters steered(tree, devices, entry);
+  session.say(notes_on_entry(tree, entry_choice, entry, devices[0]));
   RecordedRun run = RecordedRun::of(devices);
   run_script(steered, script, options.script, session.progress,
              [&](const CoaxialCatheters& moved, double time_s) { run.see(moved, time_s); });

@@ -114,10 +114,7 @@ void check_output(const RenderArguments& options) {
   } else if (is_animation(options.output)) {
     check_writable(options.output);
   } else {
-    if (fs::path(options.output).has_extension() && !fs::is_directory(options.output))
-      throw InputError("--cine with -o {}: must be a folder for PNGs, or end in .gif or .dcm",
-                       options.output);
-    make_folder(options.output, options.output);
+    make_frames_folder(options.output, "--cine with -o " + options.output);
     check_writable(fs::path(options.output) / "frame-000.png");
   }
 }

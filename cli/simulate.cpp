@@ -115,8 +115,7 @@ class Cine {
  private:
   void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
              const VesselTree& tree, const RunCine::Options& cine) {
-    writer_.emplace(options.cine, cine.view.width, cine.view.height,
-                    fluoroscope_ ? cine.step_s : CineWriter::kUsualFrame_s);
+    writer_.emplace(options.cine, cine.view.width, cine.view.height, cine.step_s);
     if (fluoroscope_ && !cine.subtracts)
       run_.emplace(map, tree, cine,
                    [this](const std::vector<float>& tau) { writer_->add(rgb_of(pulse(tau).shown)); });
@@ -190,7 +189,7 @@ void check_cine(const SimulateArguments& options) {
   parse_mask_shift(options.subtraction);
   check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
-  make_folder(options.cine, options.cine);
+  make_frames_folder(options.cine, "--cine " + options.cine);
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
@@ -244,6 +243,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
               {"device_model", models[0].name()},
               {"entry_branch", entry.branch},
               {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
+              {"entry_side", side_of_patient(entry)},
               {"held_s", held_s},
               {"log", options.log},
               {"rows", records.size()},
@@ -270,11 +270,11 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
   for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
-  session.report(result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                                     "entry: end of branch {} at ({:.1f}, {:.1f}, {:.1f}) mm; {}\n{}{}",
-                                     options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
-                                     times_faster, entry.branch, entry.position_mm.x(), entry.position_mm.y(),
-                                     entry.position_mm.z(), text_of(last), held_note(held_s), pictures));
+  session.report(result,
+                 fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
+                             "entry: end of {}; {}\n{}{}",
+                             options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
+                             times_faster, text_of(entry), text_of(last), held_note(held_s), pictures));
 }
 
 void simulate(const SimulateArguments& options, Session& session) {
@@ -292,6 +292,7 @@ void simulate(const SimulateArguments& options, Session& session) {
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
   CoaxialCatheters devices(tree, models, entry);
+  session.say(notes_on_entry(tree, entry_choice, entry, models[0]));
   run(devices, models, entry, tree, script, options, session);
 }
 

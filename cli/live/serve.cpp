@@ -7,6 +7,7 @@
 #include "options/web_session.hpp"
 #include "pictures/run_report.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/listen_address.hpp"
@@ -178,26 +179,31 @@ void serve_frames(LiveSession& live, double rate_hz, const Progress& progress) {
 }
 
 void report_served(const Session& session, const LiveSession& live, const Intervention& intervention,
-                   const IgtlinkDevice& server) {
+                   const IgtlinkDevice& server, const WebServer* web) {
   const LoopTiming& timing = intervention.run().now().timing;
   const IgtlinkCounts clients = server.counts();
   const double late_percent = 100.0 * static_cast<double>(timing.missed) /
                               static_cast<double>(std::max<std::int64_t>(1, timing.steps));
+  const std::size_t browsers = web ? web->most_browsers() : 0;
+  Json result{{"steps", timing.steps},
+              {"late_steps", timing.missed},
+              {"late_percent", late_percent},
+              {"mean_step_ms", timing.mean_ms},
+              {"frames", live.counts().frames},
+              {"pictures", live.counts().pictures},
+              {"fluoroscopy_s", intervention.fluoroscopy_s()},
+              {"injected_ml", intervention.run().injected_ml()},
+              {"clients", clients.clients},
+              {"most_clients", clients.most_at_once},
+              {"pictures_sent", clients.images_sent}};
+  if (web) result["most_browsers"] = browsers;
   session.report(
-      {{"steps", timing.steps},
-       {"late_steps", timing.missed},
-       {"late_percent", late_percent},
-       {"mean_step_ms", timing.mean_ms},
-       {"frames", live.counts().frames},
-       {"pictures", live.counts().pictures},
-       {"fluoroscopy_s", intervention.fluoroscopy_s()},
-       {"injected_ml", intervention.run().injected_ml()},
-       {"clients", clients.clients},
-       {"most_clients", clients.most_at_once},
-       {"pictures_sent", clients.images_sent}},
-      fmt::format("{} steps, {:.2f} % late; {} frames, {} pictures, {} of them sent to {} clients\n",
-                  timing.steps, late_percent, live.counts().frames, live.counts().pictures,
-                  clients.images_sent, clients.clients));
+      result,
+      fmt::format("{}, {:.2f} % late; {} of the session; OpenIGTLink: {} drawn, {} sent to {}{}\n",
+                  pluralize(timing.steps, "step"), late_percent, pluralize(live.counts().frames, "frame"),
+                  pluralize(live.counts().pictures, "picture"), clients.images_sent,
+                  pluralize(clients.clients, "client"),
+                  web ? fmt::format("; web page: up to {} at once", pluralize(browsers, "browser")) : ""));
 }
 
 void serve(const ServeArguments& options, Session& session) {
@@ -214,7 +220,11 @@ void serve(const ServeArguments& options, Session& session) {
 
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, scene, server));
-  session.say(notes_on_place(points_of(intervention.run().tree()), bounds, scene.vessels.string()));
+  const SimulatedRun& run = intervention.run();
+  session.say(notes_on_place(points_of(run.tree()), bounds, scene.vessels.string()));
+  const EntryChoice entry_choice = parse_entry(options.entry);
+  session.say(notes_on_entry(run.tree(), entry_choice, find_entry(run.tree(), entry_choice, run.models()[0]),
+                             run.models()[0]));
   const Camera camera = resolve_camera(options, scene, detector);
   std::unique_ptr<WebOutlet> web;
   if (web_options) web = open_web(*web_options, scene, camera, map, intervention, options.is_browsers_hub());
@@ -233,7 +243,7 @@ void serve(const ServeArguments& options, Session& session) {
   if (web) log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
   log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
   serve_frames(live, options.rate_hz, session.progress);
-  report_served(session, live, intervention, *server);
+  report_served(session, live, intervention, *server, web ? &web->server() : nullptr);
   session.is_ended_by_signal = true;
 }
 

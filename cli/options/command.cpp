@@ -145,6 +145,13 @@ void make_folder(const std::filesystem::path& folder, const std::string& name) {
   if (error) throw InputError("{}: the folder cannot be created: {}", name, error.message());
 }
 
+void make_frames_folder(const std::filesystem::path& folder, const std::string& name) {
+  std::error_code error;
+  if (folder.has_extension() && !fs::is_directory(folder, error))
+    throw InputError("{}: must be a folder for PNGs, whose name has no ending, or end in .gif or .dcm", name);
+  make_folder(folder, folder.string());
+}
+
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
                   const std::string& name) {
   std::error_code error;

@@ -84,6 +84,10 @@ std::vector<double> parse_numbers(const std::string& text, const std::string& op
 /// Creates a folder and its parents unless they exist. Throws InputError with `name` in front.
 void make_folder(const std::filesystem::path& folder, const std::string& name);
 
+/// Creates the folder for the frames of a cine, as `make_folder`. Throws InputError, with `name` in front,
+/// for one that does not exist and whose name has an ending, such as run.mp4: it means a file.
+void make_frames_folder(const std::filesystem::path& folder, const std::string& name);
+
 /// Called before long work whose results go into `folder`: throws InputError, with `name` in front, when the
 /// folder cannot be created, and as check_writable when one of the files cannot be written. Creates nothing.
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,

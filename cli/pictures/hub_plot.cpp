@@ -37,7 +37,9 @@ std::vector<std::filesystem::path> HubPlot::paths(const std::string& first, std:
 
 void write_hub_plot(const std::string& title, const std::vector<RunRecord>& records,
                     const std::filesystem::path& path) {
-  Curve force{"force, N", {}}, torque{"torque, N mm", {}};
+  // The colours of an exported page, in web/src/page.css.
+  constexpr Colour kForce{0.69, 0.16, 0.23}, kTorque{0.11, 0.42, 0.56};
+  Curve force{"force, N", {}, kForce}, torque{"torque, N mm", {}, kTorque};
   for (const RunRecord& record : records) {
     force.points.emplace_back(record.time_s, record.load.force_N);
     torque.points.emplace_back(record.time_s, 1e3 * record.load.torque_Nm);

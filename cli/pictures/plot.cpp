@@ -4,7 +4,6 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/png_file.hpp"
-#include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
 
@@ -57,6 +56,15 @@ void ruled(Canvas& canvas, double x1, double y1, double x2, double y2, const Col
   canvas.line(std::array{glm::dvec2(crisp(x1), crisp(y1)), glm::dvec2(crisp(x2), crisp(y2))}, colour);
 }
 
+Colour colour_of(const std::vector<Curve>& curves, std::size_t index) {
+  return curves[index].colour.value_or(kColours[index % kColours.size()]);
+}
+
+/// Sums of steps miss zero by a rounding, from below too.
+std::string tick_label(double value, double step) {
+  return fmt::format("{:g}", std::abs(value) < 1e-6 * step ? 0 : value);
+}
+
 void text(Canvas& canvas, double x, double y, const std::string& words, const Colour& colour = kInk,
           Align align = Align::left) {
   canvas.text({x, y}, words, kFont, colour, align);
@@ -90,11 +98,11 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
   Canvas canvas(kWidth, kHeight, kPaper);
   for (double x = x_axis.low; x <= x_axis.high + 0.5 * x_axis.step; x += x_axis.step) {
     ruled(canvas, at_x(x), kTop, at_x(x), kHeight - kBottom, kGrid);
-    text(canvas, at_x(x), kHeight - kBottom + 20, fmt::format("{:g}", x), kInk, Align::centre);
+    text(canvas, at_x(x), kHeight - kBottom + 20, tick_label(x, x_axis.step), kInk, Align::centre);
   }
   for (double y = y_axis.low; y <= y_axis.high + 0.5 * y_axis.step; y += y_axis.step) {
     ruled(canvas, kLeft, at_y(y), kWidth - kRight, at_y(y), kGrid);
-    text(canvas, kLeft - 8, at_y(y) + 5, fmt::format("{:g}", std::round(y * 1e6) / 1e6), kInk, Align::right);
+    text(canvas, kLeft - 8, at_y(y) + 5, tick_label(y, y_axis.step), kInk, Align::right);
   }
   ruled(canvas, kLeft, kTop, kLeft, kHeight - kBottom, kInk);
   ruled(canvas, kLeft, kHeight - kBottom, kWidth - kRight, kHeight - kBottom, kInk);
@@ -103,7 +111,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
   text(canvas, kWidth - kRight, kHeight - 14, x_label, kInk, Align::right);
 
   for (std::size_t c = 0; c < curves.size(); ++c) {
-    const Colour& colour = kColours[c % kColours.size()];
+    const Colour colour = colour_of(curves, c);
     std::vector<glm::dvec2> points;
     for (const auto& [x, y] : curves[c].points) points.emplace_back(at_x(x), at_y(y));
     canvas.line(points, colour, 2);
@@ -121,7 +129,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     const double width = canvas.text_width(curves[c].name, kFont);
     const double left = on_right > 0 ? kLeft + 12 : kWidth - kRight - 8 - width;
     canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
-    text(canvas, left, y, curves[c].name, kColours[c % kColours.size()]);
+    text(canvas, left, y, curves[c].name, colour_of(curves, c));
   }
   write_png(canvas.rgb(), kWidth, kHeight, 3, path);
 }

@@ -1,16 +1,21 @@
 #pragma once
 
+#include "xraycast/scene/canvas.hpp"
+
 #include <filesystem>
+#include <optional>
 #include <string>
 #include <utility>
 #include <vector>
 
 namespace xraycast::cli {
 
-/// One line of a plot: its name, and its points in the order they are joined.
+/// One line of a plot: its name, its points in the order they are joined, and its colour, where others than
+/// the plot choose it.
 struct Curve {
   std::string name;
   std::vector<std::pair<double, double>> points;
+  std::optional<Colour> colour = {};
 };
 
 /// Before long work: throws InputError when `path`, as given to --plot, does not end in .png or cannot be

@@ -194,6 +194,14 @@ const BadCall kBadCalls[] = {
     {"SimulateEntryOfTwo",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 7,8", 3,
      "--entry 7,8: must be", make_push_and_tree},
+    {"SimulateEntryOfAWord",
+     "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry femoral", 3,
+     "--entry femoral: must be a branch's number, as in the report.png of `xraycast segment`, or X,Y,Z in mm",
+     make_push_and_tree},
+    {"SimulateInNoVessels", "simulate @/vessels --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "vessels: no such file or folder; check its name", make_push},
+    {"SimulateInAScan", "simulate @/ct.nii --device-model cobra-5f --script @/push.csv -o @/log.csv", 3,
+     "ct.nii: a vessel tree is a folder, or a file that ends in .vtp or .json; give one of these", make_push},
     {"SimulateEntryFarAway",
      "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv --entry 0,0,900", 3,
      "mm away", make_push_and_tree},
@@ -201,6 +209,18 @@ const BadCall kBadCalls[] = {
      "nor into any other end; choose a thinner device", make_push_and_tree},
     {"SimulateUnknownDevice", "simulate @/tree.json --device-model asp --script @/push.csv -o @/log.csv", 3,
      "asp: unknown device; choose one of guidewire-035-j", make_push_and_tree},
+    {"SimulateMisspelledCatheter",
+     "simulate @/tree.json --device-model cobra5f --script @/push.csv -o @/log.csv", 3,
+     "cobra5f: unknown device; did you mean cobra-5f? Else choose one of guidewire-035-j, ",
+     make_push_and_tree},
+    {"SimulateMisspelledWire",
+     "simulate @/tree.json --device-model guidewire-35-angled --script @/push.csv -o @/log.csv", 3,
+     "guidewire-35-angled: unknown device; did you mean guidewire-035-angled? Else", make_push_and_tree},
+    {"SimulateTwoDevicesInOneOption",
+     "simulate @/tree.json --device-model cobra-5f,guidewire-035-j --script @/push.csv -o @/log.csv", 2,
+     "cobra-5f,guidewire-035-j: one device an option; give --device-model cobra-5f --device-model "
+     "guidewire-035-j",
+     make_push_and_tree},
     {"SimulateTooThickForItsLumen",
      "simulate @/tree.json --device-model microcatheter-27f --device-model guidewire-035-j --script "
      "@/push.csv "
@@ -223,6 +243,10 @@ const BadCall kBadCalls[] = {
      "simulate @/tree.json --device-model microcatheter-27f --device-model cobra-5f --script @/push.csv -o "
      "@/log.csv",
      3, "list the outermost device first", make_push_and_tree},
+    {"SimulateIntoAFilmOfAnotherFormat",
+     "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr "
+     "--cine @/run.mp4",
+     3, "run.mp4: must be a folder for PNGs, whose name has no ending, or end in .gif or .dcm", make_run},
     {"InjectThroughAWire",
      "simulate @/tree.json --device-model guidewire-014-angled --script @/push.csv -o @/log.csv --map "
      "@/map.exr --cine @/c.gif --inject 0.2,2",
@@ -460,6 +484,8 @@ const BadCall kBadCalls[] = {
      "--isocentre 4,4: must be X,Y,Z in mm"},
     {"IsocentreOutside", "render @/map.exr -o @/out.png --isocentre 0,0,900", 3,
      "--isocentre 0,0,900: lies outside the body, whose middle is 0,0,", write_small_map},
+    {"CineIntoAFilmOfAnotherFormat", "render @/map.exr -o @/turn.mp4 --cine 0:360:90", 3,
+     "turn.mp4: must be a folder for PNGs, whose name has no ending, or end in .gif or .dcm"},
     {"CineIntoAPicture", "render @/map.exr -o @/c.png --cine 0:360:90", 3, "must be a folder for PNGs"},
     {"RenderOfMissingVessels", "render @/map.exr -o @/out.png --vessels @/gone", 3,
      "gone: no such file or folder", write_small_map},
@@ -1174,8 +1200,8 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   const std::string line =
       "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv --plot @/forces.png -q -o ";
   const Json json = json_of(line + "@/first.csv");
-  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "held_s", "log",
-                                         "rows", "simulated_s", "wall_s", "tip"));
+  EXPECT_THAT(keys_of(json), ElementsAre("tree", "device_model", "entry_branch", "entry_mm", "entry_side",
+                                         "held_s", "log", "rows", "simulated_s", "wall_s", "tip"));
   EXPECT_EQ(json["entry_mm"], Json({0, 0, 0}));  // the most inferior end
   EXPECT_EQ(json["rows"], 3);
   EXPECT_LT(json["wall_s"], json["simulated_s"]);
@@ -1187,6 +1213,25 @@ TEST_F(Cli, SimulatesTheSameRunTwice) {
   EXPECT_EQ(log, read_bytes(folder_ / "second.csv"));
   EXPECT_THAT(log, StartsWith("time_s,insertion_mm,rotation_deg,force_N,torque_Nm,tip_x_mm,"));
   EXPECT_EQ(std::ranges::count(log, '\n'), 4);
+}
+
+TEST_F(Cli, NamesTheEndsThatLieAsLowAsTheEntry) {
+  make_push(folder_);
+  write_bytes(folder_ / "tree.json", R"({"branches": [
+    {"id": 0, "parent": -1, "points": [[0, 0, 200, 8], [0, 0, 100, 8]]},
+    {"id": 1, "parent": 0, "points": [[0, 0, 100, 4], [-80, 0, 0, 4]]},
+    {"id": 2, "parent": 0, "points": [[0, 0, 100, 4], [80, 0, 3, 4]]}]})");
+  const std::string line = "simulate @/tree.json --device-model cobra-5f --script @/push.csv -o @/log.csv";
+  const Finished done = run(line);
+  EXPECT_EQ(done.status, 0);
+  expect_one_line(done.err,
+                  "vessel ends lie equally low, within 10 mm: the device enters at branch 1 at (-80.0, 0.0, "
+                  "0.0) mm, on the patient's right, and not at branch 2 at (80.0, 0.0, 3.0) mm, on the "
+                  "patient's left; choose by --entry 1 or --entry 2\n");
+  EXPECT_THAT(done.out,
+              HasSubstr("entry: end of branch 1 at (-80.0, 0.0, 0.0) mm, on the patient's right; "));
+  EXPECT_EQ(json_of(line + " --entry 1")["entry_side"], "right");
+  EXPECT_EQ(json_of(line + " --entry 80,0,0")["entry_side"], "left");
 }
 
 TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
@@ -1209,6 +1254,20 @@ TEST_F(Cli, DrawsTwoDevicesInARunsCine) {
               read_bytes(folder_ / (look + "level/frame-004.png")))
         << look << ": the wire does not show";
   }
+}
+
+TEST_F(Cli, ShowsARunInItsOwnTime) {
+  make_run(folder_);
+  output_of(
+      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map "
+      "@/map.exr "
+      "--size 8x8 --cine @/run.gif -q");
+  std::vector<int> delays;  // in hundredths of a second
+  const std::string gif = read_bytes(folder_ / "run.gif"), control = "\x21\xF9\x04";
+  for (std::size_t at = 0; (at = gif.find(control, at)) != std::string::npos; at += control.size())
+    delays.push_back(static_cast<unsigned char>(gif[at + 4]) + 256 * static_cast<unsigned char>(gif[at + 5]));
+  EXPECT_THAT(delays, testing::AllOf(testing::SizeIs(11), testing::Each(10)))
+      << "ten a second, from 0 to 1 s";
 }
 
 TEST_F(Cli, SaysHowMuchContrastAgentDevicesHoldBack) {

@@ -95,6 +95,21 @@ TEST_F(ServeWeb, PrintsTheAddressToOpenAndEndsBySignals) {
   EXPECT_THAT(done.err, ContainsRegex("open http://127\\.0\\.0\\.1:[0-9]+/\\?token=[0-9a-f]+ in a browser"));
 }
 
+TEST_F(ServeWeb, CountsTheBrowsersThatWatched) {
+  Process process(
+      command("@/map.exr --vessels @/vessels --listen 127.0.0.1:0 --device-model microcatheter-27f --web"));
+  process.wait_for("in a browser\n");
+  const std::string said = process.said();
+  const std::size_t at = said.find("http://");
+  const WebTestTab tab(said.substr(at, said.find(' ', at) - at));
+  process.wait_for("has connected");
+  process.send(SIGTERM);
+  EXPECT_THAT(
+      process.finish().out,
+      ContainsRegex("[0-9]+ steps, [0-9.]+ % late; [0-9]+ frames of the session; OpenIGTLink: "
+                    "[0-9]+ pictures? drawn, 0 sent to 0 clients; web page: up to 1 browser at once\n"));
+}
+
 TEST_F(ServeWeb, ItsPageBeginsAsTheSession) {
   const auto header = page_header("--angle 90 --tilt 10 --cone 780,1200");
   EXPECT_NEAR(header["camera"]["lao_deg"].get<double>(), 90, 1e-9);

@@ -32,6 +32,40 @@ TEST(Entry, IsTheEndOfABranchOrTheNearestOneToAPoint) {
   EXPECT_EQ(find_entry(forked(), {glm::dvec3(-20, 10, 0)}, device).branch, 2);
 }
 
+/// Two iliac arteries with ends at these heights, and a thin branch beside them.
+VesselTree pelvis(double right_z_mm, double left_z_mm) {
+  std::vector<VesselBranch> branches(4);
+  branches[0].points = {{{0, 0, 100}, 8}, {{0, 0, 50}, 8}};
+  branches[0].children = {1, 2, 3};
+  branches[1].points = {{{0, 0, 50}, 4}, {{-80, 0, right_z_mm}, 4}};
+  branches[2].points = {{{0, 0, 50}, 4}, {{80, 0, left_z_mm}, 4}};
+  branches[3].points = {{{0, 0, 50}, 0.3}, {{20, 0, -60}, 0.3}};
+  branches[1].parent = branches[2].parent = branches[3].parent = 0;
+  return {branches, "pelvis"};
+}
+
+TEST(Entry, HasOthersAboutAsLowThatTheDeviceFitsInto) {
+  const InstrumentModel device = InstrumentModel::named("cobra-5f");
+  const auto others = [&](const VesselTree& tree) {
+    std::vector<int> branches;
+    for (const VesselEnd& end : equally_low_ends(tree, find_entry(tree, {}, device), device))
+      branches.push_back(end.branch);
+    return branches;
+  };
+  EXPECT_THAT(others(pelvis(-50, -49)), testing::ElementsAre(2));
+  EXPECT_THAT(others(pelvis(-49, -50)), testing::ElementsAre(1));
+  EXPECT_THAT(others(pelvis(-50, -50)), testing::ElementsAre(2));
+  EXPECT_THAT(others(pelvis(-50, -50 + kEquallyLow_mm)), testing::ElementsAre(2));
+  EXPECT_THAT(others(pelvis(-50, -49 + kEquallyLow_mm)), testing::IsEmpty());
+}
+
+TEST(Entry, LiesOnASideOfThePatient) {
+  const std::vector<VesselEnd> ends = vessel_ends(pelvis(-50, -50));
+  EXPECT_EQ(side_of_patient(ends[0]), "");
+  EXPECT_EQ(side_of_patient(ends[1]), "right");
+  EXPECT_EQ(side_of_patient(ends[2]), "left");
+}
+
 TEST(Entry, ThatDoesNotExistIsNamed) {
   const InstrumentModel device = InstrumentModel::named("cobra-5f");
   const auto message = [&](const EntryChoice& choice) -> std::string {
@@ -54,9 +88,10 @@ TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
     const Catheter catheter(tree, device, find_entry(tree, {1}, device), {});
     FAIL();
   } catch (const InputError& error) {
-    EXPECT_THAT(error.what(), testing::HasSubstr("does not fit into branch 1"));
+    EXPECT_THAT(error.what(), testing::HasSubstr("cobra-5f: its diameter of 1.67 mm (5 F) does not fit into "
+                                                 "branch 1, which has 1 mm at its end; "));
     EXPECT_THAT(error.what(),
-                testing::HasSubstr("such as 0,0,100 (branch 0, 4 mm) or -20,0,0 (branch 2, 3 mm)"));
+                testing::HasSubstr("such as 0,0,100 (branch 0, 8 mm wide) or -20,0,0 (branch 2, 6 mm wide)"));
   }
 }
 

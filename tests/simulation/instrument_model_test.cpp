@@ -34,6 +34,13 @@ TEST(InstrumentModel, PresetsReadBack) {
   }
 }
 
+TEST(InstrumentModel, IsAsThickAsItsPackageSays) {
+  EXPECT_EQ(diameter_text(InstrumentModel::named("cobra-5f")), "1.67 mm (5 F)");
+  EXPECT_EQ(diameter_text(InstrumentModel::named("microcatheter-24f")), "0.8 mm (2.4 F)");
+  EXPECT_EQ(diameter_text(InstrumentModel::named("guidewire-035-j")), "0.889 mm (0.035 in)");
+  EXPECT_EQ(diameter_text(InstrumentModel::named("guidewire-014-angled")), "0.356 mm (0.014 in)");
+}
+
 TEST(InstrumentModel, PresetFilesNameTheirSourcesAndThemselves) {
   for (const EmbeddedFile& file : embedded_instruments()) {
     const auto json = nlohmann::json::parse(file.source);

@@ -25,6 +25,17 @@ TEST(RunScript, RefusesAFirstRowThatADeviceDoesNotReach) {
                   "further; begin with less")));
 }
 
+TEST(RunScript, LogsNoNegativeZeros) {
+  RunRecord record;
+  record.pose = {.insertion_mm = -0.0, .rotation_rad = -0.0};
+  record.load = {.force_N = -0.0, .torque_Nm = -0.0};
+  record.tip.position_mm = {-1e-9, -0.0, -2};
+  record.tip.direction = {0, -4e-7, 1};
+  const std::string csv = to_csv({{record}});
+  EXPECT_EQ(csv.substr(csv.find('\n') + 1),
+            "0,0,0,0,0,0.000000,0.000000,-2.000000,0.000000,0.000000,1.000000,0,0.000000,0,0,0\n");
+}
+
 TEST(RunScript, OneDeviceAloneMovesAsACatheterDoes) {
   const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
   const InstrumentModel cobra = InstrumentModel::named("cobra-5f");

@@ -65,6 +65,8 @@ INSTANTIATE_TEST_SUITE_P(
     testing::Values(
         BadScript{"Empty", "", "empty"}, BadScript{"NoRows", HEAD, "no rows"},
         BadScript{"OtherColumns", "t,x,y\n0,0,0\n", "line 1: no column time_s"},
+        BadScript{"OfSemicolons", "time_s;insertion_mm;rotation_deg\n0;0,5;0\n",
+                  "line 1: semicolons; separate columns by commas, and write decimals with a point"},
         BadScript{"OneMoreColumn", "time_s,insertion_mm,rotation_deg,force_N\n0,0,0,0\n",
                   "line 1: unknown column \"force_N\"; a script has time_s,insertion_mm,rotation_deg"},
         BadScript{"SameColumnTwice", "time_s,insertion_mm,rotation_deg,time_s\n0,0,0,0\n",
@@ -96,8 +98,20 @@ INSTANTIATE_TEST_SUITE_P(
         BadScript{"SecondTooFast",
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n1,0,0,301,0\n",
                   "line 3: hub 2 would move at 301 mm/s", 2},
-        BadScript{"TooFast", HEAD "0,0,0\n1,301,0\n", "line 3: the hub would move at 301 mm/s"},
-        BadScript{"TooQuickATurn", HEAD "0,0,0\n1,0,2000\n", "line 3: the hub would turn at 2000 deg/s"}),
+        BadScript{"TooFast", HEAD "0,0,0\n1,301,0\n",
+                  "line 3: the hub would move at 301 mm/s; the maximum is 300 mm/s: give this motion at "
+                  "least 1.004 s"},
+        BadScript{
+            "MuchTooFast", HEAD "0,0,0\n0.01,400,0\n",
+            "line 3: the hub would move at 40000 mm/s; the maximum is 300 mm/s: give this motion at least "
+            "1.334 s"},
+        BadScript{
+            "TooFastAndATurnTooQuick", HEAD "0,0,0\n1,301,36000\n",
+            "line 3: the hub would move at 301 mm/s; the maximum is 300 mm/s: give this motion at least "
+            "20.944 s"},
+        BadScript{"TooQuickATurn", HEAD "0,0,0\n0.01,0,360\n",
+                  "line 3: the hub would turn at 36000 deg/s; the maximum is 1719 deg/s: give this motion "
+                  "at least 0.21 s"}),
     [](const auto& bad) { return std::string(bad.param.name); });
 #undef HEAD
 

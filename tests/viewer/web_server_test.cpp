@@ -241,6 +241,7 @@ TEST_F(WebServerTest, HasRoomForEight) {
   EXPECT_THAT(Tab(server_).answer(), StartsWith("HTTP/1.1 503"));
   tabs.pop_back();
   wait_until([&] { return server_.browsers() == WebServer::kMostBrowsers - 1; });
+  EXPECT_EQ(server_.most_browsers(), WebServer::kMostBrowsers);
   EXPECT_THAT(Tab(server_).answer(), StartsWith("HTTP/1.1 101"));
 }
 

@@ -3,6 +3,7 @@ import { Connection, Role } from "./connection";
 import { filled } from "./contrast";
 import type { Live } from "./data";
 import { surfaces_of } from "./device_shape";
+import { fixed } from "./fixed";
 import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import type { Picture } from "./picture";
@@ -136,7 +137,7 @@ export class LiveView {
     this.held_hub = held_hub;
     this.strip.show();
     element("live-readout").textContent = [
-      `${this.live.devices[held_hub]?.name ?? ""} ${held?.insertion_mm.toFixed(0)} mm, ${held?.rotation_deg.toFixed(0)}°`,
+      `${this.live.devices[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
     ].join("  ·  ");
     element("inject").setAttribute("aria-pressed", String(injects));

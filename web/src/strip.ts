@@ -1,4 +1,5 @@
 // Force and torque at a hub over some time, as a strip with a mark at the present.
+import { fixed } from "./fixed";
 
 /** Of one hub: values at even times, and which of them is of now. */
 export interface Loads {
@@ -17,7 +18,7 @@ const values_of = (loads: Loads, k: number): readonly number[] => (k === 0 ? loa
 export function strip_text(loads: Loads): string {
   const range = (k: number) => {
     const values = values_of(loads, k);
-    return values.length === 0 ? "none yet" : `${Math.min(...values).toFixed(2)} to ${Math.max(...values).toFixed(2)} ${kCurves[k]!.unit}`;
+    return values.length === 0 ? "none yet" : `${fixed(Math.min(...values), 2)} to ${fixed(Math.max(...values), 2)} ${kCurves[k]!.unit}`;
   };
   return `At the hub of the ${loads.device}: force ${range(0)}, torque ${range(1)}, over ${loads.length_s.toFixed(1)} s`;
 }
@@ -40,7 +41,7 @@ export function draw_strip(canvas: HTMLCanvasElement, loads: Loads): void {
     context.stroke();
     context.textAlign = k === 0 ? "left" : "right";
     const now = values[loads.now] ?? 0;
-    context.fillText(`${name} ${now.toFixed(2)} ${unit}`, k === 0 ? 4 * scale : width - 4 * scale, 12 * scale);
+    context.fillText(`${name} ${fixed(now, 2)} ${unit}`, k === 0 ? 4 * scale : width - 4 * scale, 12 * scale);
   });
   context.fillStyle = style.color;
   context.fillRect(x_of(loads.now) - 0.5 * scale, 0, scale, height);

@@ -1,5 +1,6 @@
 #include "xraycast/base/presets.hpp"
 
+#include "xraycast/base/closest_word.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -20,9 +21,13 @@ std::string preset_json(std::span<const EmbeddedFile> presets, const std::string
                         const char* kind) {
   const auto preset = std::ranges::find(presets, name_or_file, &EmbeddedFile::name);
   if (preset != presets.end()) return std::string(preset->source);
-  if (extension_of(name_or_file) != ".json")
-    throw InputError("{}: unknown {}; choose one of {}, or give a file that ends in .json", name_or_file,
-                     kind, fmt::join(names_of(presets), ", "));
+  if (extension_of(name_or_file) != ".json") {
+    const std::vector<std::string> names = names_of(presets);
+    const std::string meant = closest_word(names, name_or_file);
+    throw InputError("{}: unknown {}; {}choose one of {}, or give a file that ends in .json", name_or_file,
+                     kind, meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
+                     fmt::join(names, ", "));
+  }
   return read_whole_file(name_or_file);
 }
 

@@ -330,8 +330,10 @@ VesselTree read_tree(const std::filesystem::path& path) {
     const std::string extension = extension_of(path);
     if (extension == ".vtp") return read_lines(path);
     if (extension == ".json") return read_json(path);
-    throw InputError("{}: a vessel tree is read from .vtp or .json, not \"{}\"; give one of these",
-                     path.string(), extension);
+    if (!std::filesystem::exists(path, error) && !error)
+      throw InputError("{}: no such file or folder; check its name", path.string());
+    throw InputError("{}: a vessel tree is a folder, or a file that ends in .vtp or .json; give one of these",
+                     path.string());
   });
 }
 

@@ -53,6 +53,11 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 
 }  // namespace
 
+std::string_view side_of_patient(const VesselEnd& end) {
+  const double x_mm = end.position_mm.x();
+  return x_mm < 0 ? "right" : x_mm > 0 ? "left" : "";
+}
+
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree) {
   std::vector<VesselEnd> ends;
   const auto add = [&](int index, bool at_start) {
@@ -87,6 +92,17 @@ VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const In
   return ends.empty() ? most_inferior_end(tree) : most_inferior(ends);
 }
 
+std::vector<VesselEnd> equally_low_ends(const VesselTree& tree, const VesselEnd& entry,
+                                        const InstrumentModel& instrument) {
+  std::vector<VesselEnd> ends = ends_for(tree, instrument);
+  std::erase_if(ends, [&](const VesselEnd& end) {
+    const bool is_entry = end.branch == entry.branch && end.at_start == entry.at_start;
+    return is_entry || end.position_mm.z() > entry.position_mm.z() + kEquallyLow_mm;
+  });
+  std::ranges::stable_sort(ends, {}, [](const VesselEnd& end) { return end.position_mm.z(); });
+  return ends;
+}
+
 void check_fits(const VesselTree& tree, const VesselEnd& entry, const InstrumentModel& instrument) {
   if (fits(entry, instrument)) return;
   constexpr std::size_t kMaxNamed = 3;
@@ -94,14 +110,13 @@ void check_fits(const VesselTree& tree, const VesselEnd& entry, const Instrument
   std::vector<VesselEnd> ends = ends_for(tree, instrument);
   if (ends.size() > kMaxNamed) ends.resize(kMaxNamed);
   for (const VesselEnd& end : ends)
-    wide_enough +=
-        fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm)", wide_enough.empty() ? "" : " or ",
-                    end.position_mm.x(), end.position_mm.y(), end.position_mm.z(), end.branch, end.radius_mm);
-  throw InputError(
-      "{}: its radius of {:.3g} mm does not fit into branch {}, which has {:.3g} mm at its end; {}",
-      instrument.name(), instrument.radius_mm(), entry.branch, entry.radius_mm,
-      wide_enough.empty() ? "nor into any other end; choose a thinner device"
-                          : "choose another entry, such as " + wide_enough);
+    wide_enough += fmt::format("{}{:.0f},{:.0f},{:.0f} (branch {}, {:.2g} mm wide)",
+                               wide_enough.empty() ? "" : " or ", end.position_mm.x(), end.position_mm.y(),
+                               end.position_mm.z(), end.branch, 2 * end.radius_mm);
+  throw InputError("{}: its diameter of {} does not fit into branch {}, which has {:.3g} mm at its end; {}",
+                   instrument.name(), diameter_text(instrument), entry.branch, 2 * entry.radius_mm,
+                   wide_enough.empty() ? "nor into any other end; choose a thinner device"
+                                       : "choose another entry, such as " + wide_enough);
 }
 
 }  // namespace xraycast

@@ -7,6 +7,7 @@
 
 #include <Eigen/Core>
 #include <string>
+#include <string_view>
 #include <variant>
 #include <vector>
 
@@ -20,6 +21,10 @@ struct VesselEnd {
   Eigen::Vector3d outward{0, 0, 1};  ///< unit; the vessel's direction there, out of the tree
   double radius_mm = 0;
 };
+
+/// The patient's side on which an end lies in LPS: "right" where x is below zero, "left" where it is above,
+/// empty at zero.
+std::string_view side_of_patient(const VesselEnd& end);
 
 /// All ends of a tree, in the order of its branches.
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
@@ -42,6 +47,15 @@ struct EntryChoice {
 /// from all ends. Where the instrument fits nowhere the default is the most inferior end of all; see
 /// check_fits.
 VesselEnd find_entry(const VesselTree& tree, const EntryChoice& choice, const InstrumentModel& instrument);
+
+/// A vessel in the groin is some 10 mm wide, and a segmentation ends it by about its width sooner or later:
+/// ends whose heights differ by less lie equally low, and the order of their heights is that of one tree.
+inline constexpr double kEquallyLow_mm = 10;
+
+/// The ends besides `entry` that an instrument fits into and that lie at most kEquallyLow_mm higher, or
+/// lower: the lowest first. In another tree of the same patient the default entry may be one of them.
+std::vector<VesselEnd> equally_low_ends(const VesselTree& tree, const VesselEnd& entry,
+                                        const InstrumentModel& instrument);
 
 /// Throws InputError, naming up to three wider ends, when an instrument is at least as thick as the vessel at
 /// its entry.

@@ -189,6 +189,14 @@ InstrumentModel InstrumentModel::named(const std::string& name_or_file) {
   });
 }
 
+std::string diameter_text(const InstrumentModel& instrument) {
+  constexpr double kFrench_per_mm = 3, kInch_mm = 25.4;
+  const double diameter_mm = 2 * instrument.radius_mm();
+  if (instrument.inner_radius_mm() > 0)
+    return fmt::format("{:.3g} mm ({:.2g} F)", diameter_mm, kFrench_per_mm * diameter_mm);
+  return fmt::format("{:.3g} mm ({:.3f} in)", diameter_mm, diameter_mm / kInch_mm);
+}
+
 InstrumentModel::SectionPoint InstrumentModel::section_at(double from_tip_mm) const {
   const auto after = std::ranges::upper_bound(starts_mm_, from_tip_mm);
   const auto index = static_cast<std::size_t>(std::max<std::ptrdiff_t>(0, after - starts_mm_.begin() - 1));

@@ -1,6 +1,7 @@
 #include "xraycast/simulation/run_script.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/negative_zero.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -96,12 +97,15 @@ constexpr const char* kColumns =
     "contact_force{0}_N,deepest{0}_mm";
 
 std::string values_of(const RunRecord& r) {
+  constexpr int kDecimals = 6;
+  const auto part = [](double value) { return no_negative_zero(value, kDecimals); };
   const glm::dvec3 &p = r.tip.position_mm, &d = r.tip.direction;
+  // A sum with +0 is never -0.
   return fmt::format(
       "{:.6g},{:.6g},{:.6g},{:.6g},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{},{:.6f},{},{:.6g},{:.6g}",
-      r.pose.insertion_mm, r.pose.rotation_rad * 180 / std::numbers::pi, r.load.force_N, r.load.torque_Nm,
-      p.x, p.y, p.z, d.x, d.y, d.z, r.tip.branch, r.tip.arc_length_mm, r.contacts, r.contact_force_N,
-      r.deepest_mm);
+      r.pose.insertion_mm + 0.0, r.pose.rotation_rad * 180 / std::numbers::pi + 0.0, r.load.force_N + 0.0,
+      r.load.torque_Nm + 0.0, part(p.x), part(p.y), part(p.z), part(d.x), part(d.y), part(d.z), r.tip.branch,
+      part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm);
 }
 
 std::string columns_of(std::size_t device) {

@@ -72,6 +72,10 @@ std::vector<std::size_t> columns(const std::string& header, const std::vector<st
   std::string text = header;
   if (text.starts_with("\xEF\xBB\xBF")) text.erase(0, 3);  // the byte order mark that spreadsheets write
   const std::vector<std::string> names = cells(text);
+  if (names.size() == 1 && text.find(';') != std::string::npos)
+    throw InputError(
+        "{}: line 1: semicolons; separate columns by commas, and write decimals with a point, not a comma",
+        origin);
   std::vector<std::size_t> at;
   for (const std::string& name : wanted) {
     const auto found = std::ranges::find(names, name);
@@ -98,18 +102,30 @@ void check_later(const Script::Row& from, const Script::Row& to, const std::stri
                      from.line);
 }
 
+/// Without an exponent where a reader would not expect one.
+std::string plain(double value) {
+  if (value < 1e5) return fmt::format("{:.6g}", value);
+  return value < 1e9 ? fmt::format("{:.0f}", value) : fmt::format("{:.3g}", value);
+}
+
+/// Rounded up, so that what is given as the least suffices.
+double rounded_up(double time_s) { return std::ceil(1e3 * time_s) / 1e3; }
+
 /// `hub`: "the hub", or "hub 2".
 void check_pace(const HubPose& from, const HubPose& to, double time_s, const std::string& where,
                 const std::string& hub) {
   const double speed = std::abs(to.insertion_mm - from.insertion_mm) / time_s;
   const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
+  const double least_s = rounded_up(
+      time_s * std::max(speed / Catheter::kMaxSpeed_mm_s, turning / Catheter::kMaxSpeed_rad_s) / kRounding);
   if (speed > Catheter::kMaxSpeed_mm_s * kRounding)
-    throw InputError("{}: {} would move at {:.4g} mm/s; the maximum is {} mm/s", where, hub, speed,
-                     Catheter::kMaxSpeed_mm_s);
+    throw InputError("{}: {} would move at {} mm/s; the maximum is {} mm/s: give this motion at least {} s",
+                     where, hub, plain(speed), Catheter::kMaxSpeed_mm_s, plain(least_s));
   if (turning > Catheter::kMaxSpeed_rad_s * kRounding)
-    throw InputError("{}: {} would turn at {:.4g} deg/s; the maximum is {:.4g} deg/s", where, hub,
-                     turning / kRadians, Catheter::kMaxSpeed_rad_s / kRadians);
+    throw InputError(
+        "{}: {} would turn at {} deg/s; the maximum is {:.0f} deg/s: give this motion at least {} s", where,
+        hub, plain(turning / kRadians), Catheter::kMaxSpeed_rad_s / kRadians, plain(least_s));
 }
 
 }  // namespace

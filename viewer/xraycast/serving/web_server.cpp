@@ -419,6 +419,7 @@ void WebServer::Server::enter(const std::shared_ptr<Browser>& browser) {
   if (is_full()) return browser->close();  // others were quicker
   browsers_.push_back(browser);
   of_.browsers_ = browsers_.size();
+  of_.most_browsers_ = std::max(of_.most_browsers_.load(), browsers_.size());
   say("connected", browser->name() + " has connected");
   tell_roles();
 }

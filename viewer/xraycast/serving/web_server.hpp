@@ -56,6 +56,9 @@ class WebServer {
   /// How many have the page open.
   std::size_t browsers() const { return browsers_.load(std::memory_order_relaxed); }
 
+  /// How many had it open at once at most.
+  std::size_t most_browsers() const { return most_browsers_.load(std::memory_order_relaxed); }
+
   /// Throws what ended the server's thread.
   void check() const;
 
@@ -70,7 +73,7 @@ class WebServer {
 
   std::string page_address_;
   std::uint16_t port_ = 0;
-  std::atomic<std::size_t> browsers_{0};
+  std::atomic<std::size_t> browsers_{0}, most_browsers_{0};  ///< its thread alone writes them
   std::unique_ptr<Server> server_;
   std::exception_ptr failure_;  ///< written before `failed_` is set
   std::atomic<bool> failed_{false};
