@@ -145,7 +145,8 @@ PageJson add_surface(const Surface& surface, const std::string& name, Parts& par
           {"ring", mesh.ring},
           {"is_closed", is_watertight(surface.mesh)},
           {"mu_per_mm", surface.mu_per_mm},
-          {"colour", list(surface.colour)}};
+          {"colour", list(surface.colour)},
+          {"tube_sides", surface.tube_sides}};
 }
 
 PageJson add_catheters(const WebSession& session, Parts& parts) {
