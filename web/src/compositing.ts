@@ -310,8 +310,9 @@ export class Renderer {
     for (const surface of surfaces) {
       if (surface.is_closed) gl.enable(gl.CULL_FACE);
       else gl.disable(gl.CULL_FACE);
+      const { factor, thinness } = widening_of(surface, view);
       this.programs.surface.use({
-        to_clip: to_clip(view), widening: widening_of(surface, view).factor - 1, colour: surface.colour,
+        to_clip: to_clip(view), widening: factor - 1, thinness, colour: surface.colour,
         towards_detector: towards_detector(view), is_cone: view.cone !== null,
         origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
         along: [Math.sin(view.angle_rad), -Math.cos(view.angle_rad), 0],

@@ -18,6 +18,7 @@ interface Tube {
 /** How a tube is drawn in a view. */
 export interface Widening {
   factor: number; // by which its points move away from the axis
+  thinness: number; // 1 up to the least radius, 0 from twice that on
   share: number; // of the drawn tube that its matter fills
 }
 
@@ -61,11 +62,12 @@ function largest_pixel_mm(view: View, { lower_mm, upper_mm }: Tube): number {
 
 export function widening_of(surface: Surface, view: View): Widening {
   const tube = tube_of(surface);
-  if (!tube || tube.radius_mm <= 0) return { factor: 1, share: 1 };
+  if (!tube || tube.radius_mm <= 0) return { factor: 1, thinness: 0, share: 1 };
   const radii = tube.radius_mm / (kLeastRadius_pixels * largest_pixel_mm(view, tube)), factor = Math.max(1, 1 / radii);
+  const thinness = Math.min(1, Math.max(0, 2 - radii));
   // The matter is a circle's and the drawn tube's section a polygon, which lacks a part of it.
   const lacks = Math.PI / (0.5 * tube.sides * Math.sin((2 * Math.PI) / tube.sides)) - 1;
-  return { factor, share: (1 + lacks * Math.min(1, Math.max(0, 2 - radii))) / (factor * factor) };
+  return { factor, thinness, share: (1 + lacks * thinness) / (factor * factor) };
 }
 
 /** The points of a surface as they are drawn. */

@@ -111,7 +111,9 @@ void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
   shaded_.set("counted_axes", horizontal ? glm::dvec3(1, 1, 0) : glm::dvec3(1));
   for (const Part& part : parts_) {
     shaded_.set("colour", part.colour);
-    shaded_.set("widening", widening_of(part.tube, part.lower_mm, part.upper_mm, view).factor - 1);
+    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
+    shaded_.set("widening", widening.factor - 1);
+    shaded_.set("thinness", widening.thinness);
     if (part.is_closed) glEnable(GL_CULL_FACE);
     draw(part);
     glDisable(GL_CULL_FACE);

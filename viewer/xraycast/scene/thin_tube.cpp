@@ -44,11 +44,12 @@ Widening widening_of(const Tube& tube, const glm::dvec3& lower_mm, const glm::dv
   const double least_mm = kLeastRadius_pixels * largest_pixel_mm(view, lower_mm, upper_mm);
   if (tube.radius_mm <= 0) return {};
   const double radii = tube.radius_mm / least_mm, factor = std::max(1.0, 1 / radii);
+  const double thinness = std::clamp(2 - radii, 0.0, 1.0);
   // The matter is a circle's and the drawn tube's section a polygon, an octagon a tenth smaller: thin tubes
-  // get that back, and by degrees those of up to twice the least radius.
+  // get that back.
   const double polygon = 0.5 * tube.sides * std::sin(2 * std::numbers::pi / tube.sides);
-  const double density = std::lerp(1.0, std::numbers::pi / polygon, std::clamp(2 - radii, 0.0, 1.0));
-  return {factor, density / (factor * factor)};
+  const double density = std::lerp(1.0, std::numbers::pi / polygon, thinness);
+  return {factor, thinness, density / (factor * factor)};
 }
 
 std::vector<glm::vec3> widened(const std::vector<glm::vec3>& points_mm, const Tube& tube,

@@ -28,9 +28,9 @@ Tube tube_of(const Surface& surface);
 
 /// How a tube is drawn in a view.
 struct Widening {
-  double factor = 1;  ///< by which its points move away from the axis
-  double share =
-      1;  ///< of the drawn tube that its matter fills; up to 1.11 where the tube's flat sides lack it
+  double factor = 1;    ///< by which its points move away from the axis
+  double thinness = 0;  ///< 1 up to the least radius, 0 from twice that on
+  double share = 1;     ///< of the drawn tube that its matter fills; up to 1.11 where flat sides lack it
 };
 
 /// Of a tube with points within a box. Under a cone the pixels are those at the box's farthest corner from
