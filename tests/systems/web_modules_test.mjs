@@ -29,6 +29,7 @@ const { rectified_view } = await module_of("rectified.ts");
 const { drawn_bands } = await module_of("layers.ts");
 const { clustered, tube } = await module_of("mesh.ts");
 const { absorbed_by, covered_by } = await module_of("absorption.ts");
+const { widening_of } = await module_of("thin_tube.ts");
 const { message_of } = await module_of("live_message.ts");
 const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
@@ -163,6 +164,49 @@ test("drums absorb by what they hold, and the larger where they overlap", () => 
   assert.equal(filled(whole, [{ drum: 3, mg_ml: 100 }]), null); // of no such drum
 });
 
+const kWire_mm = 0.18; // the radius of a wire of 0.014 inch
+
+/** A device in the plane of the axis, 10 degrees off the vertical and so far aside. */
+function rod(radius_mm, aside_mm, mu_per_mm = 1) {
+  const along = [Math.sin(0.175), 0, Math.cos(0.175)], line = Array.from({ length: 61 }, (_, i) => [aside_mm + 10 * (i - 30) * along[0], 0, 10 * (i - 30) * along[2]]);
+  return { mesh: tube(line, radius_mm, 8), tube_sides: 8, is_closed: true, mu_per_mm, colour: [1, 1, 1] };
+}
+
+/** The optical depths of rows, each summed across, in the middle of a picture. */
+function sums_across(surfaces, view) {
+  const { y, width, height, tau } = absorbed_by(surfaces, view), middle = Math.floor(view.height / 2) - y;
+  assert.ok(middle >= 20 && middle + 20 < height);
+  return Array.from({ length: 40 }, (_, j) => tau.subarray((middle - 20 + j) * width, (middle - 19 + j) * width).reduce((sum, tau) => sum + tau, 0));
+}
+
+test("a wire thinner than a pixel is without gaps and absorbs what it holds, also in blood", () => {
+  for (const cone of [null, { source_axis_mm: 780, source_detector_mm: 1200 }])
+    for (const pixel_mm of [0.3, 0.5, 1, 2]) {
+      const view = { angle_rad: 0, tilt_rad: 0, cone, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: pixel_mm * (cone ? 1200 / 780 : 1) };
+      const blood = drums([-20, 20]);
+      let added = 0, rows = 0;
+      for (let shift = 0; shift < 8; ++shift) {
+        const wire = rod(kWire_mm, (shift / 8) * pixel_mm), closed = (Math.PI * kWire_mm ** 2) / pixel_mm / Math.cos(0.175);
+        sums_across([wire], view).forEach((sum) => assert.ok(sum > 0.7 * closed, `${pixel_mm} mm: ${sum / closed}`));
+        if (pixel_mm > 0.5) continue; // where the box of blood is not all that is seen
+        const with_wire = sums_across([blood, wire], view);
+        sums_across([blood], view).forEach((sum, j) => {
+          added += (with_wire[j] - sum) / (closed * (1 - blood.mu_per_mm));
+          ++rows;
+        });
+      }
+      // The phases of rows are not all alike, a cone's rays are longer by up to 1 %.
+      if (rows > 0) assert.ok(Math.abs(added / rows - 1) < 0.05, `${pixel_mm} mm: ${added / rows}`);
+    }
+});
+
+test("a device of several pixels' width is drawn as it is", () => {
+  const view = { angle_rad: 0, tilt_rad: 0, cone: null, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: 0.5 }, catheter = rod(1, 0.1);
+  assert.deepEqual(absorbed_by([catheter], view), absorbed_by([{ ...catheter, mesh: { ...catheter.mesh }, tube_sides: 0 }], view));
+  assert.equal(widening_of(catheter, view).factor, 1);
+  assert.ok(widening_of(rod(kWire_mm, 0), view).factor > 1);
+});
+
 /** As viewer/xraycast/serving/browser_message.cpp writes it. */
 function live_bytes() {
   const view = new DataView(new ArrayBuffer(4 + 4 * 4 + 4 * (4 + 1 + 1 + 6) + 4 * 3));
@@ -239,6 +283,7 @@ test("what the program and the page both say is the same", () => {
   const viewer = "../viewer/xraycast/scene/catheter_surface.cpp", image = "../host/xraycast/base/image.cpp";
   for (const [there, in_viewer, here, in_page] of [
     [viewer, /kRingsPerNode = (\d+)/, "device_shape.ts", /kRingsPerPoint = (\d+)/], [viewer, /kSides = (\d+)/, "device_shape.ts", /kSides = (\d+)/],
+    ["../viewer/xraycast/scene/thin_tube.hpp", /kLeastRadius_pixels = ([\d.]+)/, "thin_tube.ts", /kLeastRadius_pixels = ([\d.]+)/],
     [image, /kHeadroom = ([\d.]+)/, "grey_window.ts", /kHeadroom = ([\d.]+)/], [image, /kMatter = ([\d.]+)/, "grey_window.ts", /kMatter = ([\d.]+)/],
   ]) {
     const wanted = number(there, in_viewer);

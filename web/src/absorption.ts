@@ -1,7 +1,9 @@
 // What vessels and catheter absorb (viewer/xraycast/scene/absorbing_surfaces.hpp). At every point of a ray only the largest mu
 // counts, so that surfaces which overlap represent their union: all entries and exits of a pixel's ray are collected and
-// sorted by depth.
+// sorted by depth. A tube that is thinner than a pixel is drawn wider than it is: its matter displaces only its share of what is
+// there.
 import type { Surface } from "./data";
+import { widened, widening_of } from "./thin_tube";
 import { dot, length, minus } from "./vectors";
 import { View, pixel_on_detector_mm, source_mm, to_clip, towards_detector } from "./view";
 
@@ -35,6 +37,7 @@ class Crossings {
   depth = new Float32Array(1 << 14);
   /** Of what the ray enters there, negative where it leaves. */
   mu_per_mm = new Float32Array(1 << 14);
+  share = new Float32Array(1 << 14); // of the place that it takes up
   next = new Int32Array(1 << 14);
   count = 0;
 
@@ -42,10 +45,11 @@ class Crossings {
     this.first = new Int32Array(width * height).fill(-1);
   }
 
-  add(pixel: number, depth: number, mu_per_mm: number): void {
+  add(pixel: number, depth: number, mu_per_mm: number, share: number): void {
     if (this.count === this.depth.length) this.grow();
     this.depth[this.count] = depth;
     this.mu_per_mm[this.count] = mu_per_mm;
+    this.share[this.count] = share;
     this.next[this.count] = this.first[pixel]!;
     this.first[pixel] = this.count++;
   }
@@ -55,11 +59,12 @@ class Crossings {
     const size = 2 * this.count;
     this.depth = larger(this.depth, new Float32Array(size));
     this.mu_per_mm = larger(this.mu_per_mm, new Float32Array(size));
+    this.share = larger(this.share, new Float32Array(size));
     this.next = larger(this.next, new Int32Array(size));
   }
 
   /** A triangle (indices of its corners' coordinates), as two that share an edge see it alike. */
-  rasterise(p: Float64Array, a: number, b: number, c: number, is_cone: boolean, mu_per_mm: number): void {
+  rasterise(p: Float64Array, a: number, b: number, c: number, is_cone: boolean, mu_per_mm: number, share: number): void {
     let area = (p[b]! - p[a]!) * (p[c + 1]! - p[a + 1]!) - (p[b + 1]! - p[a + 1]!) * (p[c]! - p[a]!);
     if (area === 0 || (is_cone && Math.min(p[a + 2]!, p[b + 2]!, p[c + 2]!) < 1)) return;
     if (area < 0) {
@@ -82,7 +87,7 @@ class Crossings {
         const x = column + 0.5, y = row + 0.5;
         if (!is_left_of(p, a, b, x, y) || !is_left_of(p, b, c, x, y) || !is_left_of(p, c, a, x, y)) continue;
         const value = Math.min(high, Math.max(low, at_a + per_x * (x - p[a]!) + per_y * (y - p[a + 1]!)));
-        this.add((row - this.y) * this.width + column - this.x, is_cone ? 1 / value : value, mu_per_mm);
+        this.add((row - this.y) * this.width + column - this.x, is_cone ? 1 / value : value, mu_per_mm, share);
       }
   }
 }
@@ -111,28 +116,28 @@ function box_of(points: Float64Array[], view: View): [number, number, number, nu
   return x < right && y < top ? [x, y, right - x, top - y] : null;
 }
 
-/** What a ray is in: of every mu how often it was entered more than left. */
+/** What a ray is in, from the weakest on: of every mu, and share of its place, how often it was entered more than left. */
 class Within {
-  private readonly mu: number[] = [];
-  private readonly winding: number[] = [];
+  private readonly matter: { mu: number; share: number; winding: number }[] = [];
 
   clear(): void {
-    this.mu.length = this.winding.length = 0;
+    this.matter.length = 0;
   }
 
-  /** The largest mu beyond a crossing. */
-  cross(entered: number): number {
-    const mu = Math.abs(entered);
-    let place = this.mu.indexOf(mu);
-    if (place < 0) place = this.mu.push(mu) - 1;
-    this.winding[place] = (this.winding[place] ?? 0) + Math.sign(entered);
-    if (this.winding[place] === 0) {
-      this.mu.splice(place, 1);
-      this.winding.splice(place, 1);
+  /** The mu beyond a crossing: the largest, where the matter takes up its place whole. */
+  cross(entered: number, share: number): number {
+    const { matter } = this, mu = Math.abs(entered);
+    let place = matter.findIndex((m) => m.mu === mu && m.share === share);
+    if (place < 0) {
+      place = matter.findIndex((m) => m.mu >= mu);
+      if (place < 0) place = matter.length;
+      matter.splice(place, 0, { mu, share, winding: 0 });
     }
-    let strongest = 0;
-    for (let i = 0; i < this.mu.length; ++i) if (this.winding[i]! > 0) strongest = Math.max(strongest, this.mu[i]!);
-    return strongest;
+    matter[place]!.winding += Math.sign(entered);
+    if (matter[place]!.winding === 0) matter.splice(place, 1);
+    let sum = 0;
+    for (const m of matter) if (m.winding > 0) sum = m.share === 1 ? m.mu : sum + m.share * (m.mu - sum);
+    return sum;
   }
 }
 
@@ -150,7 +155,7 @@ function tau_of(crossings: Crossings, pixel: number, order: number[], within: Wi
     const depth = crossings.depth[i]!;
     sum += strongest * (depth - before);
     before = depth;
-    strongest = within.cross(crossings.mu_per_mm[i]!);
+    strongest = within.cross(crossings.mu_per_mm[i]!, crossings.share[i]!);
   }
   return sum;
 }
@@ -160,14 +165,15 @@ export const covered_by = (surface: Surface, view: View): Absorbed | null => abs
 
 /** What surfaces absorb in a view; none where nothing is seen of them. */
 export function absorbed_by(surfaces: readonly Surface[], view: View): Absorbed | null {
-  const points = surfaces.map((surface) => projected(surface.mesh.points_mm, view)), box = box_of(points, view);
+  const widenings = surfaces.map((surface) => widening_of(surface, view));
+  const points = surfaces.map((surface, i) => projected(widened(surface, widenings[i]!), view)), box = box_of(points, view);
   if (!box) return null;
   const [x, y, width, height] = box, crossings = new Crossings(x, y, width, height);
   surfaces.forEach(({ mesh: { triangles }, mu_per_mm, weights }, number) => {
-    const p = points[number]!;
+    const p = points[number]!, { share } = widenings[number]!;
     for (let t = 0; t < triangles.length; t += 3) {
       const mu = weights ? mu_per_mm * weights[triangles[t]!]! : mu_per_mm;
-      if (mu > 0) crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, mu);
+      if (mu > 0) crossings.rasterise(p, 3 * triangles[t]!, 3 * triangles[t + 1]!, 3 * triangles[t + 2]!, view.cone !== null, mu, share);
     }
   });
   const tau = new Float32Array(width * height), order: number[] = [], within = new Within();

@@ -17,6 +17,7 @@ import screen_vert from "./shaders/screen.vert";
 import surface_frag from "./shaders/surface.frag";
 import surface_vert from "./shaders/surface.vert";
 import thickness_frag from "./shaders/thickness.frag";
+import { tube_of, widening_of } from "./thin_tube";
 import { View, magnification_of, source_mm, to_clip, towards_detector } from "./view";
 
 export type Look = "fluoro" | "surface";
@@ -259,10 +260,11 @@ export class Renderer {
     gl.enable(gl.BLEND);
     gl.blendFunc(gl.ONE, gl.ONE);
     for (const surface of new Set(outlined ? [...absorbing, outlined] : absorbing)) {
+      const { factor, share } = widening_of(surface, view);
       this.programs.thickness.use({
-        to_clip: to_clip(view), towards_detector: towards_detector(view), is_cone: view.cone !== null,
+        to_clip: to_clip(view), widening: factor - 1, towards_detector: towards_detector(view), is_cone: view.cone !== null,
         origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
-        mu_per_mm: absorbing.includes(surface) ? surface.mu_per_mm : 0, outlined: surface === outlined ? 1 : 0,
+        mu_per_mm: absorbing.includes(surface) ? share * surface.mu_per_mm : 0, outlined: surface === outlined ? 1 : 0,
       });
       this.triangles_of(at_axis_mm > 0.5 * kCluster_mm ? this.clusters_of(surface) : surface).draw();
     }
@@ -278,7 +280,7 @@ export class Renderer {
   }
 
   private clusters_of(surface: Surface): Surface {
-    if (surface.weights || surface.mesh.triangles.length < kFewToCluster) return surface;
+    if (surface.weights || surface.tube_sides || surface.mesh.triangles.length < kFewToCluster) return surface;
     let clusters = this.clusters.get(surface);
     if (!clusters) this.clusters.set(surface, (clusters = { ...surface, mesh: clustered(surface.mesh, kCluster_mm) }));
     return clusters;
@@ -293,7 +295,8 @@ export class Renderer {
       const oldest = this.triangles.keys().next().value;
       if (this.triangles.size >= kMostMeshes && oldest) this.forget_mesh(oldest);
       triangles = new Triangles(this.gl);
-      triangles.fill(surface.mesh.points_mm, normals_of(surface.mesh), surface.mesh.triangles, surface.weights);
+      const { mesh, weights } = surface;
+      triangles.fill(mesh.points_mm, normals_of(mesh), mesh.triangles, weights, tube_of(surface)?.from_axis_mm);
       this.triangles.set(surface.mesh, triangles);
     }
     return triangles;
@@ -307,8 +310,10 @@ export class Renderer {
     for (const surface of surfaces) {
       if (surface.is_closed) gl.enable(gl.CULL_FACE);
       else gl.disable(gl.CULL_FACE);
+      const { factor, thinness } = widening_of(surface, view);
       this.programs.surface.use({
-        to_clip: to_clip(view), colour: surface.colour, towards_detector: towards_detector(view), is_cone: view.cone !== null,
+        to_clip: to_clip(view), widening: factor - 1, thinness, colour: surface.colour,
+        towards_detector: towards_detector(view), is_cone: view.cone !== null,
         origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
         along: [Math.sin(view.angle_rad), -Math.cos(view.angle_rad), 0],
       });

@@ -31,6 +31,7 @@ interface Matter {
   is_closed: boolean; // its back faces are never seen
   mu_per_mm: number;
   colour: Vec3;
+  tube_sides?: number; // of a device's tube: its points are a pole, rings of so many, and a pole; 0 or none: no such tube
 }
 
 /** A catheter has one part; a wire has two, its shaft and its tip, which is denser. */

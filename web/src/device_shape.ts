@@ -18,7 +18,7 @@ export const length_s = (run: Run): number => Math.max(0, (run.pictures - 1) * r
 export function surfaces_of({ radius_mm, parts }: DeviceHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {
   return parts.flatMap((part, p) => {
     const controls = controls_mm[p] ?? [];
-    return controls.length < 4 ? [] : [{ ...part, mesh: tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides), is_closed: true }];
+    return controls.length < 4 ? [] : [{ ...part, mesh: tube(curve_points(controls, kRingsPerPoint), radius_mm, kSides), is_closed: true, tube_sides: kSides }];
   });
 }
 

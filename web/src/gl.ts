@@ -209,17 +209,18 @@ export class Target {
 
 /** Triangles on the GPU: points, their normals, and weights, which are 1 where there are none. */
 export class Triangles {
-  private static readonly kWeight = 2; // attribute
+  private static readonly kWeight = 2; // attributes
+  private static readonly kFromAxis = 3;
   private readonly vertices: WebGLVertexArrayObject;
   private readonly buffers: WebGLBuffer[];
   private count = 0;
 
   constructor(private readonly gl: WebGL2RenderingContext) {
     this.vertices = gl.createVertexArray()!;
-    this.buffers = [gl.createBuffer()!, gl.createBuffer()!, gl.createBuffer()!, gl.createBuffer()!];
+    this.buffers = Array.from({ length: 5 }, () => gl.createBuffer()!);
   }
 
-  fill(points: Float32Array, normals: Float32Array, triangles: Uint32Array, weights?: Float32Array): void {
+  fill(points: Float32Array, normals: Float32Array, triangles: Uint32Array, weights?: Float32Array, from_axis?: Float32Array): void {
     const { gl } = this;
     gl.bindVertexArray(this.vertices);
     const give = (attribute: number, values: Float32Array, size: number) => {
@@ -231,7 +232,8 @@ export class Triangles {
     give(0, points, 3);
     give(1, normals, 3);
     if (weights) give(Triangles.kWeight, weights, 1);
-    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers[3]!);
+    if (from_axis) give(Triangles.kFromAxis, from_axis, 3);
+    gl.bindBuffer(gl.ELEMENT_ARRAY_BUFFER, this.buffers[4]!);
     gl.bufferData(gl.ELEMENT_ARRAY_BUFFER, triangles, gl.DYNAMIC_DRAW);
     gl.bindVertexArray(null);
     this.count = triangles.length;
@@ -245,6 +247,7 @@ export class Triangles {
   draw(): void {
     this.gl.bindVertexArray(this.vertices);
     this.gl.vertexAttrib1f(Triangles.kWeight, 1);
+    this.gl.vertexAttrib3f(Triangles.kFromAxis, 0, 0, 0);
     this.gl.drawElements(this.gl.TRIANGLES, this.count, this.gl.UNSIGNED_INT, 0);
     this.gl.bindVertexArray(null);
   }

@@ -9,13 +9,14 @@ namespace xraycast {
 namespace {
 
 struct Vertex {
-  glm::vec3 point_mm, normal;
+  glm::vec3 point_mm, normal, from_axis_mm;
 };
 
 /// Points with the area-weighted mean of their triangles' normals.
-std::vector<Vertex> vertices_of(const Mesh& mesh) {
+std::vector<Vertex> vertices_of(const Mesh& mesh, const Tube& tube) {
   std::vector<Vertex> vertices;
-  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0)});
+  for (const glm::vec3& point : mesh.points_mm) vertices.push_back({point, glm::vec3(0), glm::vec3(0)});
+  for (std::size_t i = 0; i < tube.from_axis_mm.size(); ++i) vertices[i].from_axis_mm = tube.from_axis_mm[i];
   for (const auto& [a, b, c] : mesh.triangles) {
     const glm::vec3 normal =
         glm::cross(mesh.points_mm[b] - mesh.points_mm[a], mesh.points_mm[c] - mesh.points_mm[a]);
@@ -39,8 +40,9 @@ void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   if (index == parts_.size()) parts_.emplace_back();
   const Mesh nothing;
   const Mesh& mesh = surface.mu_weights.empty() ? surface.mesh : nothing;
-  const std::vector<Vertex> vertices = vertices_of(mesh);
   Part& part = parts_.at(index);
+  part.tube = tube_of(surface);
+  const std::vector<Vertex> vertices = vertices_of(mesh, part.tube);
   part.colour = surface.colour;
   part.is_closed = is_watertight(mesh);
   part.front_faces = volume_mm3(mesh) < 0 ? GL_CW : GL_CCW;
@@ -60,7 +62,7 @@ void SurfaceLayer::replace(std::size_t index, const Surface& surface) {
   glBindBuffer(GL_ELEMENT_ARRAY_BUFFER, part.triangles.id());
   glBufferData(GL_ELEMENT_ARRAY_BUFFER, static_cast<GLsizeiptr>(part.indices * sizeof(std::uint32_t)),
                mesh.triangles.data(), GL_DYNAMIC_DRAW);
-  for (const GLuint attribute : {0u, 1u}) {
+  for (const GLuint attribute : {0u, 1u, 2u}) {
     glEnableVertexAttribArray(attribute);
     glVertexAttribPointer(
         attribute, 3, GL_FLOAT, GL_FALSE, sizeof(Vertex),
@@ -76,8 +78,12 @@ bool SurfaceLayer::empty() const {
 
 ScreenBox SurfaceLayer::box(const View& view) const {
   ScreenBox box;
-  for (const Part& part : parts_)
-    if (part.indices > 0) box = united(box, screen_box(view, corners_mm(part.lower_mm, part.upper_mm)));
+  for (const Part& part : parts_) {
+    if (part.indices == 0) continue;
+    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
+    const double wider_mm = (widening.factor - 1) * part.tube.radius_mm;
+    box = united(box, screen_box(view, corners_mm(part.lower_mm - wider_mm, part.upper_mm + wider_mm)));
+  }
   return box;
 }
 
@@ -105,6 +111,9 @@ void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
   shaded_.set("counted_axes", horizontal ? glm::dvec3(1, 1, 0) : glm::dvec3(1));
   for (const Part& part : parts_) {
     shaded_.set("colour", part.colour);
+    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
+    shaded_.set("widening", widening.factor - 1);
+    shaded_.set("thinness", widening.thinness);
     if (part.is_closed) glEnable(GL_CULL_FACE);
     draw(part);
     glDisable(GL_CULL_FACE);

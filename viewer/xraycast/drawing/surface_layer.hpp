@@ -4,6 +4,7 @@
 #include "xraycast/drawing/gl.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/thin_tube.hpp"
 
 #include <span>
 #include <vector>
@@ -46,6 +47,7 @@ class SurfaceLayer {
     GLenum front_faces = GL_CCW;  ///< seen from outside
     glm::dvec3 lower_mm{}, upper_mm{};
     glm::dvec3 colour{};
+    Tube tube{};
   };
 
   void draw(const Part& part) const;

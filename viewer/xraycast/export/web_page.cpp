@@ -139,13 +139,10 @@ PageJson add_surface(const Surface& surface, const std::string& name, Parts& par
   const PackedMesh mesh = pack_mesh(surface.mesh);
   parts.add(name + "_points", mesh.points);
   parts.add(name + "_triangles", mesh.triangles);
-  return {{"points", surface.mesh.points_mm.size()},
-          {"triangles", surface.mesh.triangles.size()},
-          {"unit_mm", PackedMesh::kUnit_mm},
-          {"ring", mesh.ring},
-          {"is_closed", is_watertight(surface.mesh)},
-          {"mu_per_mm", surface.mu_per_mm},
-          {"colour", list(surface.colour)}};
+  return {{"points", surface.mesh.points_mm.size()},  {"triangles", surface.mesh.triangles.size()},
+          {"unit_mm", PackedMesh::kUnit_mm},          {"ring", mesh.ring},
+          {"is_closed", is_watertight(surface.mesh)}, {"mu_per_mm", surface.mu_per_mm},
+          {"colour", list(surface.colour)},           {"tube_sides", surface.tube_sides}};
 }
 
 PageJson add_catheters(const WebSession& session, Parts& parts) {

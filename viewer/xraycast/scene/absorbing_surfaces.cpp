@@ -45,6 +45,7 @@ struct Facet {
   double at_corner, per_column, per_row;
   double lowest, highest;
   float mu_per_mm;
+  float share;  ///< of the place that its matter takes up
   int winding;  ///< 1 where rays enter, -1 where they leave
 };
 
@@ -104,7 +105,7 @@ class Edge {
 
 /// Where rays enter or leave a surface.
 struct Crossing {
-  float depth_mm, mu_per_mm;
+  float depth_mm, mu_per_mm, share;
   int winding;
   int next;  ///< of the same pixel; -1: the last
 };
@@ -134,8 +135,8 @@ class Rows {
             std::clamp(facet.at_corner + facet.per_column * (x - a.x) + facet.per_row * (y - a.y),
                        facet.lowest, facet.highest);
         int& first = first_[at(column, row)];
-        crossings_.push_back(
-            {static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm, facet.winding, first});
+        crossings_.push_back({static_cast<float>(is_cone_ ? 1 / linear : linear), facet.mu_per_mm,
+                              facet.share, facet.winding, first});
         first = static_cast<int>(crossings_.size()) - 1;
       }
     }
@@ -163,20 +164,27 @@ class Rows {
            static_cast<std::size_t>(column - part_.x);
   }
 
-  /// The largest mu beyond a crossing.
+  /// The mu beyond a crossing: the largest, where the matter takes up its place whole.
   float cross(const Crossing& crossing) {
-    auto matter = std::ranges::find(within_, crossing.mu_per_mm, &Matter::mu_per_mm);
-    if (matter == within_.end()) matter = within_.insert(matter, {crossing.mu_per_mm, 0});
+    const auto is_it = [&](const Matter& m) {
+      return m.mu_per_mm == crossing.mu_per_mm && m.share == crossing.share;
+    };
+    auto matter = std::ranges::find_if(within_, is_it);
+    if (matter == within_.end()) {
+      const auto is_less = [&](const Matter& m) { return m.mu_per_mm < crossing.mu_per_mm; };
+      matter =
+          within_.insert(std::ranges::find_if_not(within_, is_less), {crossing.mu_per_mm, crossing.share, 0});
+    }
     matter->winding += crossing.winding;
     if (matter->winding == 0) within_.erase(matter);
-    float strongest = 0;
-    for (const auto& [mu_per_mm, winding] : within_)
-      if (winding > 0) strongest = std::max(strongest, mu_per_mm);
-    return strongest;
+    float sum_per_mm = 0;
+    for (const auto& [mu_per_mm, share, winding] : within_)
+      if (winding > 0) sum_per_mm = std::lerp(sum_per_mm, mu_per_mm, share);  // a share of 1: exactly mu
+    return sum_per_mm;
   }
 
   struct Matter {
-    float mu_per_mm;
+    float mu_per_mm, share;
     int winding;  ///< entries minus exits
   };
 
@@ -184,7 +192,7 @@ class Rows {
   bool is_cone_;
   std::vector<int> first_;  ///< of every pixel, -1: none
   std::vector<Crossing> crossings_, ray_;
-  std::vector<Matter> within_;
+  std::vector<Matter> within_;  ///< from the weakest on
 };
 
 }  // namespace
@@ -207,6 +215,7 @@ void AbsorbingSurfaces::replace(std::size_t index, const Surface& surface) {
   }
   part.lower_mm = lower;
   part.upper_mm = upper;
+  part.tube = tube_of(surface);
 }
 
 bool AbsorbingSurfaces::empty() const {
@@ -215,9 +224,12 @@ bool AbsorbingSurfaces::empty() const {
 
 ScreenBox AbsorbingSurfaces::box(const View& view) const {
   ScreenBox box;
-  for (const Part& part : parts_)
-    if (!part.surface.mesh.triangles.empty())
-      box = united(box, screen_box(view, corners_mm(part.lower_mm, part.upper_mm)));
+  for (const Part& part : parts_) {
+    if (part.surface.mesh.triangles.empty()) continue;
+    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
+    const double wider_mm = (widening.factor - 1) * part.tube.radius_mm;
+    box = united(box, screen_box(view, corners_mm(part.lower_mm - wider_mm, part.upper_mm + wider_mm)));
+  }
   return box;
 }
 
@@ -227,8 +239,11 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
 
   // Binned by bands of the picture, which are then rasterised in parallel.
   std::vector<std::vector<Facet>> bands(static_cast<std::size_t>((part.height - 1) / kBand + 1));
-  for (const auto& [surface, is_inside_out, lower_mm, upper_mm] : parts_) {
-    const std::vector<Projected> projected = project_points(surface.mesh.points_mm, view);
+  for (const Part& drawn : parts_) {
+    const Surface& surface = drawn.surface;
+    const Widening widening = widening_of(drawn.tube, drawn.lower_mm, drawn.upper_mm, view);
+    const std::vector<Projected> projected =
+        project_points(widened(surface.mesh.points_mm, drawn.tube, widening), view);
     for (const auto& [a, b, c] : surface.mesh.triangles) {
       const float weight = surface.mu_weights.empty() ? 1 : surface.mu_weights[a];
       const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * weight;
@@ -236,7 +251,8 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
       auto facet = facet_of({projected[a], projected[b], projected[c]}, part, view.cone.has_value());
       if (!facet) continue;
       facet->mu_per_mm = mu_per_mm;
-      if (is_inside_out) facet->winding = -facet->winding;
+      facet->share = static_cast<float>(widening.share);
+      if (drawn.is_inside_out) facet->winding = -facet->winding;
       const int last = (facet->box.y + facet->box.height - 1 - part.y) / kBand;
       for (int band = (facet->box.y - part.y) / kBand; band <= last; ++band)
         bands[static_cast<std::size_t>(band)].push_back(*facet);

@@ -3,6 +3,7 @@
 #include "xraycast/casting/view.hpp"
 #include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/thin_tube.hpp"
 
 #include <span>
 #include <vector>
@@ -16,6 +17,9 @@ namespace xraycast {
 /// it has entered more often than left (a winding number above zero). Hence the depths of all entries and
 /// exits are collected per pixel and sorted, as in an A-buffer (Carpenter, Computer Graphics 18(3):103,
 /// 1984); sums of the exits' depths minus the entries', which need no order, would count overlaps twice.
+///
+/// A tube that is thinner than a pixel is drawn wider than it is (thin_tube.hpp): its matter displaces only
+/// its share of what is there.
 class AbsorbingSurfaces {
  public:
   /// Surfaces are as `check` accepts them.
@@ -38,6 +42,7 @@ class AbsorbingSurfaces {
     Surface surface;
     bool is_inside_out = false;  ///< its normals point inwards
     glm::dvec3 lower_mm{}, upper_mm{};
+    Tube tube{};
   };
   std::vector<Part> parts_;
 };

@@ -40,8 +40,11 @@ Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_
   if (nodes_mm.size() < kFewest) return {};
   // No smoother than is seen at a catheter's width: the mesh is rebuilt for every frame.
   constexpr int kRingsPerNode = 3, kSides = 8;
-  return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides), catheter_per_mm(),
-          kCatheterColour};
+  return {tube_mesh(curve_through(nodes_mm), radius_mm, kRingsPerNode, kSides),
+          catheter_per_mm(),
+          kCatheterColour,
+          {},
+          kSides};
 }
 
 std::vector<Surface> device_surfaces(const std::vector<glm::dvec3>& nodes_mm,

@@ -23,6 +23,12 @@ void check(const Surface& surface) {
   if (!surface.mu_weights.empty() && surface.mu_weights.size() != mesh.points_mm.size())
     throw InputError("a surface of {} points has {} weights", mesh.points_mm.size(),
                      surface.mu_weights.size());
+  if (const int sides = surface.tube_sides; sides > 0) {
+    constexpr std::size_t kPoles = 2;
+    if (mesh.points_mm.size() <= kPoles ||
+        (mesh.points_mm.size() - kPoles) % static_cast<std::size_t>(sides) != 0)
+      throw InputError("a tube of {} points has no rings of {}", mesh.points_mm.size(), sides);
+  }
   for (std::size_t i = 0; i < mesh.points_mm.size(); ++i)
     if (const glm::vec3& p = mesh.points_mm[i]; !std::isfinite(p.x + p.y + p.z))
       throw InputError("a surface's point {} is not finite", i);

@@ -30,10 +30,13 @@ struct Surface {
   /// A surface with weights consists of several closed bodies, visible only in X-rays: it is rendered only in
   /// fluoro.
   std::vector<float> mu_weights{};
+  /// Of a device's tube, which is drawn no thinner than pixels (thin_tube.hpp): its points are a pole, rings
+  /// of this many, and a pole. 0: no such tube.
+  int tube_sides = 0;
 };
 
-/// Throws InputError when a surface has points that are not finite, triangles with invalid indices, or a
-/// number of weights that differs from that of points.
+/// Throws InputError when a surface has points that are not finite, triangles with invalid indices, a number
+/// of weights that differs from that of points, or points that are not a tube's rings and poles as it says.
 void check(const Surface& surface);
 
 /// The largest weight of a layer.

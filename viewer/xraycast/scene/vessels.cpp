@@ -71,8 +71,12 @@ Surface read_catheter(const std::filesystem::path& path) {
     else if (number > 1 && line.find_first_not_of(" \t\r") != std::string::npos)
       throw InputError("{}: line {} is not x, y, z; correct it", path.string(), number);
   }
-  return {tube_mesh(NurbsCurve::cubic(points, path.string()), kCatheterRadius_mm), catheter_per_mm(),
-          kCatheterColour};
+  constexpr int kRingsPerPoint = 16, kSides = 12;
+  return {tube_mesh(NurbsCurve::cubic(points, path.string()), kCatheterRadius_mm, kRingsPerPoint, kSides),
+          catheter_per_mm(),
+          kCatheterColour,
+          {},
+          kSides};
 }
 
 Mesh tube_mesh(const NurbsCurve& curve, double radius_mm, int rings_per_point, int sides) {

@@ -1,13 +1,15 @@
 layout(location = 0) in vec3 point_mm;
 layout(location = 1) in vec3 point_normal;
 layout(location = 2) in float point_weight;
+layout(location = 3) in vec3 from_axis_mm;  // of a tube; 0 on other surfaces
 uniform mat4 to_clip;
+uniform float widening;  // of a tube that is thinner than a pixel, over its radius
 out vec3 position_mm, normal;
 out float weight;
 
 void main() {
-  position_mm = point_mm;
+  position_mm = point_mm + widening * from_axis_mm;
   normal = point_normal;
   weight = point_weight;
-  gl_Position = to_clip * vec4(point_mm, 1.0);
+  gl_Position = to_clip * vec4(position_mm, 1.0);
 }
