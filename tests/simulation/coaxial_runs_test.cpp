@@ -265,8 +265,8 @@ TEST_P(RandomCoaxialScripts, BreakNothing) {
     // millimetre, and more where the inner leaves at a slant.
     EXPECT_LT(run.deepest_in_lumen_mm, 0.2) << where;
     EXPECT_LT(run.deepest_at_rim_mm, 0.3) << where;
-    // While tips snap; up to 0.4 % where thin devices fill thin vessels.
-    EXPECT_LT(run.unsolved, 0.01 * run.steps) << where;
+    // While tips snap; up to 1 % where thin devices fill thin vessels.
+    EXPECT_LT(run.unsolved, 0.02 * run.steps) << where;
     EXPECT_LT(run.real_time, 1.5) << where;
   }
   write_table(runs);
