@@ -42,7 +42,7 @@ Catheter::Catheter(const VesselTree& tree, const InstrumentModel& instrument, co
   for (int i = 0; i < 200; ++i) rod_.step(0.01, wall_.get());
 }
 
-double Catheter::max_insertion_mm() const { return rod_.instrument().length_mm() - kIntroducer_mm; }
+double Catheter::max_insertion_mm() const { return xraycast::max_insertion_mm(rod_.instrument()); }
 
 void Catheter::step(const HubPose& target) {
   const double rotation_before_rad = hub_.pose.rotation_rad;

@@ -13,6 +13,11 @@ namespace xraycast {
 /// The straight sheath outside the tree through which devices enter: its length.
 inline constexpr double kIntroducer_mm = 20;
 
+/// How far an instrument can be inserted: its length beyond the introducer.
+inline double max_insertion_mm(const InstrumentModel& instrument) {
+  return instrument.length_mm() - kIntroducer_mm;
+}
+
 /// The hub moves no faster than a hand; a pose further ahead is approached at these speeds. Against a larger
 /// force than the last one an instrument buckles outside the introducer or slips through the fingers.
 struct HubLimits {

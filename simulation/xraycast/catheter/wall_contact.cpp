@@ -77,7 +77,7 @@ WallContact::WallContact(std::shared_ptr<const LumenDistanceField> field, const 
   queries_.reserve(contact_count(rod.max_nodes()));
   asking_.reserve(contact_count(rod.max_nodes()));
   acting_.reserve(contact_count(rod.max_nodes()));
-  groups_.reserve(contact_count(rod.max_nodes()) / kGroup + 1);
+  groups_.reserve(contact_count(rod.max_nodes()) / kContactGroup + 1);
   contacts_.resize(contact_count(rod.node_count()));
   states_.resize(contacts_.size());
   for (std::size_t k = 0; k < contacts_.size(); ++k) {
@@ -275,7 +275,7 @@ void WallContact::make_groups() {
   groups_.clear();
   for (const std::size_t k : acting_) {
     if (!states_[k].friction.is_active()) continue;
-    if (groups_.empty() || groups_.back().count == kGroup) groups_.emplace_back();
+    if (groups_.empty() || groups_.back().count == kContactGroup) groups_.emplace_back();
     add_to_group(k, groups_.back());
   }
 }
@@ -286,7 +286,7 @@ void WallContact::add_to_group(std::size_t index, RubbingGroup& group) const {
   const std::size_t first = group.count++;
   group.contacts[first] = index;
   // The first one fills up the others.
-  for (std::size_t k = first; k < (first == 0 ? kGroup : first + 1); ++k) {
+  for (std::size_t k = first; k < (first == 0 ? kContactGroup : first + 1); ++k) {
     group.edges[k] = point.edge;
     group.start_weights[k] = point.start_weight;
     group.end_weights[k] = point.end_weight;
@@ -324,7 +324,7 @@ struct WallContact::GroupFriction {
         triple_of(group.start_mm);
     Lanes theta_rad, next_theta_rad;
     const std::size_t last = rod.thetas_rad.size() - 1;
-    for (std::size_t k = 0; k < kGroup; ++k) {
+    for (std::size_t k = 0; k < kContactGroup; ++k) {
       theta_rad[k] = rod.thetas_rad[group.edges[k]];
       next_theta_rad[k] = rod.thetas_rad[std::min(group.edges[k] + 1, last)];  // of no weight at the tip
     }

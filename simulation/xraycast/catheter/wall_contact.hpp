@@ -1,11 +1,11 @@
 #pragma once
 
 #include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/mechanics/contact_groups.hpp"
 #include "xraycast/mechanics/friction.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
-#include <array>
 #include <memory>
 #include <optional>
 #include <vector>
@@ -86,17 +86,13 @@ class WallContact final : public ExternalPotential {
     bool is_covered = false;   ///< by another device
     bool was_covered = false;  ///< as the last step ended
   };
-  /// Numbers and vectors of four contacts.
-  static constexpr std::size_t kGroup = 4;
-  using Numbers = std::array<double, kGroup>;
-  using Vectors = std::array<Numbers, 3>;
   /// Four contacts whose friction is evaluated at once. Those beyond `count` repeat the first one.
   struct RubbingGroup {
-    std::array<std::size_t, kGroup> contacts{}, edges{};
+    GroupIndices contacts{}, edges{};
     std::size_t count = 0;
-    Numbers start_weights{}, end_weights{}, theta_weights{}, next_theta_weights{};  ///< see RodPoint
-    Numbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{};
-    Vectors start_mm{}, t1{}, t2{};
+    GroupNumbers start_weights{}, end_weights{}, theta_weights{}, next_theta_weights{};  ///< see RodPoint
+    GroupNumbers spring_mN_mm{}, limit_mN{}, start_along_mm{}, start_around_mm{};
+    GroupVectors start_mm{}, t1{}, t2{};
   };
   struct GroupFriction;
   double wall_energy_uJ(double depth_mm, std::size_t index) const;

@@ -69,7 +69,7 @@ void CoaxialCatheters::settle(CoaxialRods& rods) {
 }
 
 double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
-  return rod(device).instrument().length_mm() - kIntroducer_mm;
+  return xraycast::max_insertion_mm(rod(device).instrument());
 }
 
 void CoaxialCatheters::step(std::span<const HubPose> targets) {

@@ -73,19 +73,19 @@ template <typename Real>
 }
 
 [[gnu::always_inline]] inline Triple<Lanes> weighted(
-    const NodeTriples& nodes, const std::array<LaneNumbers, RodWeights::kNodes>& weights) {
+    const NodeTriples& nodes, const std::array<GroupNumbers, RodWeights::kNodes>& weights) {
   return nodes.weighted({lanes_of(weights[0]), lanes_of(weights[1]), lanes_of(weights[2])});
 }
 template <std::size_t kSize>
 void set_lane(const RodWeights::Weights& weights, std::size_t first, std::size_t k,
-              std::array<LaneNumbers, kSize>& to) {
+              std::array<GroupNumbers, kSize>& to) {
   for (std::size_t n = 0; n < kSize; ++n) to[n][k] = weights[first + n];
 }
 
 /// The rotation of four points or places about their rod's axis.
 [[gnu::always_inline]] inline Lanes theta_rad(
     const RodState& rod, const std::array<std::size_t, kLanes>& nodes,
-    const std::array<LaneNumbers, RodWeights::kNodes - 1>& weights) {
+    const std::array<GroupNumbers, RodWeights::kNodes - 1>& weights) {
   const LaneSources<Lanes, double> from = lane_sources(rod.thetas_rad, nodes);
   const auto at = [&from](std::size_t after) __attribute__((always_inline)) {
     return Lanes{from[0][after], from[1][after], from[2][after], from[3][after]};
@@ -185,7 +185,7 @@ bool LumenContact::is_placed(const RodState& outer, const RodState& inner) {
 void LumenContact::resize(const Rod& inner) {
   if (!touches_.empty()) return;
   touches_.reserve(2 * inner.max_nodes());
-  groups_.reserve(2 * inner.max_nodes() / kGroup + 2);
+  groups_.reserve(2 * inner.max_nodes() / kContactGroup + 2);
   touches_.resize(2 * inner.node_count() - 3 + kEnds);
   touches_.back().is_rim = true;
 }
@@ -261,7 +261,8 @@ void LumenContact::make_groups() {
   groups_.clear();
   for (std::size_t k = 0; k < touches_.size(); ++k) {
     if (!touches_[k].has_length()) continue;
-    if (groups_.empty() || groups_.back().count == kGroup || touches_[k].is_rim) groups_.emplace_back();
+    if (groups_.empty() || groups_.back().count == kContactGroup || touches_[k].is_rim)
+      groups_.emplace_back();
     add_to_group(k, groups_.back());
   }
 }
@@ -273,7 +274,7 @@ void LumenContact::add_to_group(std::size_t index, Group& group) const {
   group.touches[first] = index;
   group.length_mm[first] = touch.length_mm;
   // The first one fills up the others.
-  for (std::size_t k = first; k < (first == 0 ? kGroup : first + 1); ++k) {
+  for (std::size_t k = first; k < (first == 0 ? kContactGroup : first + 1); ++k) {
     group.point_nodes[k] = touch.point.first_node;
     group.start_segments[k] = touch.place.segment;
     group.start_t[k] = touch.place.t;
@@ -283,7 +284,7 @@ void LumenContact::add_to_group(std::size_t index, Group& group) const {
 }
 
 void LumenContact::begin_friction(Group& group) const {
-  for (std::size_t k = 0; k < kGroup; ++k) {
+  for (std::size_t k = 0; k < kContactGroup; ++k) {
     const Touch& touch = touches_[group.touches[k < group.count ? k : 0]];
     group.anchor_nodes[k] = touch.anchor.first_node;
     if (k >= group.count || !touch.friction.is_active()) continue;
@@ -329,7 +330,7 @@ void LumenContact::find_depths(const RodState& outer, const RodState& inner) {
     const Lanes distance_mm = square_root(dot(search.offset_mm, search.offset_mm)),
                 depth_mm = distance_mm - clearance_mm;
     group.segments = search.segments;
-    for (std::size_t k = 0; k < kGroup; ++k)
+    for (std::size_t k = 0; k < kContactGroup; ++k)
       group.nearest_nodes[k] = RodWeights::first_node_of(search.segments[k], both.curve.nodes_mm.size());
     store(group.t.data(), search.t);
     store_triple(group.offset_mm, search.offset_mm);

@@ -2,6 +2,7 @@
 
 #include "xraycast/coaxial/coaxial_system.hpp"
 #include "xraycast/coaxial/rod_curve.hpp"
+#include "xraycast/mechanics/contact_groups.hpp"
 #include "xraycast/mechanics/friction.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
@@ -90,11 +91,9 @@ class LumenContact {
   struct Sides {
     const RodState &point, &curve;
   };
-  /// Numbers and vectors of four touches.
-  static constexpr std::size_t kGroup = 4;
-  using Numbers = std::array<double, kGroup>;
-  using Vectors = std::array<Numbers, 3>;
-  using Indices = std::array<std::size_t, kGroup>;
+  using Numbers = GroupNumbers;
+  using Vectors = GroupVectors;
+  using Indices = GroupIndices;
   /// Four touches that have a length, of the samples and the end or the rim alone, as they are evaluated
   /// during a step: at once. Those beyond `count` repeat the first one without a length.
   struct Group {

@@ -1,29 +1,28 @@
 #pragma once
 
+#include "xraycast/mechanics/contact_groups.hpp"
 #include "xraycast/mechanics/lanes.hpp"
 #include "xraycast/mechanics/rod.hpp"
 
 #include <Eigen/Core>
-#include <array>
 #include <cstddef>
 
 namespace xraycast {
 
-// Numbers and vectors of four contacts, as they are kept from the begin of a step on and evaluated at once.
+// Groups of contacts as vectors of the processor.
 
-using LaneNumbers = std::array<double, kLanes>;
-using LaneVectors = std::array<LaneNumbers, 3>;
+static_assert(kContactGroup == kLanes);
 
-[[gnu::always_inline]] inline Lanes lanes_of(const LaneNumbers& numbers) { return load(numbers.data()); }
-[[gnu::always_inline]] inline Triple<Lanes> triple_of(const LaneVectors& vectors) {
+[[gnu::always_inline]] inline Lanes lanes_of(const GroupNumbers& numbers) { return load(numbers.data()); }
+[[gnu::always_inline]] inline Triple<Lanes> triple_of(const GroupVectors& vectors) {
   return {lanes_of(vectors[0]), lanes_of(vectors[1]), lanes_of(vectors[2])};
 }
-[[gnu::always_inline]] inline void store_triple(LaneVectors& to, const Triple<Lanes>& from) {
+[[gnu::always_inline]] inline void store_triple(GroupVectors& to, const Triple<Lanes>& from) {
   store(to[0].data(), from.x);
   store(to[1].data(), from.y);
   store(to[2].data(), from.z);
 }
-inline void set_lane(const Eigen::Vector3d& vector, std::size_t k, LaneVectors& to) {
+inline void set_lane(const Eigen::Vector3d& vector, std::size_t k, GroupVectors& to) {
   for (std::size_t c = 0; c < 3; ++c) to[c][k] = vector[static_cast<Eigen::Index>(c)];
 }
 

@@ -10,7 +10,6 @@
 #include <fmt/ranges.h>
 
 #include <algorithm>
-#include <charconv>
 #include <cmath>
 #include <numbers>
 #include <sstream>
@@ -90,8 +89,7 @@ std::vector<std::size_t> columns(const std::string& header, const std::vector<st
 double number(const std::string& cell, std::string_view column, const std::string& where) {
   if (cell.empty()) throw InputError("{}: {} is missing", where, column);
   double value = 0;
-  const auto [end, error] = std::from_chars(cell.data(), cell.data() + cell.size(), value);
-  if (error != std::errc() || end != cell.data() + cell.size() || !std::isfinite(value))
+  if (!parse_whole(cell, value) || !std::isfinite(value))
     throw InputError("{}: {} is \"{}\", not a finite number", where, column, cell);
   return value;
 }

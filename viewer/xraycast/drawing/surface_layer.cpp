@@ -78,12 +78,8 @@ bool SurfaceLayer::empty() const {
 
 ScreenBox SurfaceLayer::box(const View& view) const {
   ScreenBox box;
-  for (const Part& part : parts_) {
-    if (part.indices == 0) continue;
-    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
-    const double wider_mm = (widening.factor - 1) * part.tube.radius_mm;
-    box = united(box, screen_box(view, corners_mm(part.lower_mm - wider_mm, part.upper_mm + wider_mm)));
-  }
+  for (const Part& part : parts_)
+    if (part.indices > 0) box = united(box, drawn_box(part.tube, part.lower_mm, part.upper_mm, view));
   return box;
 }
 

@@ -224,12 +224,9 @@ bool AbsorbingSurfaces::empty() const {
 
 ScreenBox AbsorbingSurfaces::box(const View& view) const {
   ScreenBox box;
-  for (const Part& part : parts_) {
-    if (part.surface.mesh.triangles.empty()) continue;
-    const Widening widening = widening_of(part.tube, part.lower_mm, part.upper_mm, view);
-    const double wider_mm = (widening.factor - 1) * part.tube.radius_mm;
-    box = united(box, screen_box(view, corners_mm(part.lower_mm - wider_mm, part.upper_mm + wider_mm)));
-  }
+  for (const Part& part : parts_)
+    if (!part.surface.mesh.triangles.empty())
+      box = united(box, drawn_box(part.tube, part.lower_mm, part.upper_mm, view));
   return box;
 }
 
@@ -242,8 +239,10 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
   for (const Part& drawn : parts_) {
     const Surface& surface = drawn.surface;
     const Widening widening = widening_of(drawn.tube, drawn.lower_mm, drawn.upper_mm, view);
+    const std::vector<glm::vec3>& points_mm = surface.mesh.points_mm;
     const std::vector<Projected> projected =
-        project_points(widened(surface.mesh.points_mm, drawn.tube, widening), view);
+        widening.factor > 1 ? project_points(widened(points_mm, drawn.tube, widening), view)
+                            : project_points(points_mm, view);
     for (const auto& [a, b, c] : surface.mesh.triangles) {
       const float weight = surface.mu_weights.empty() ? 1 : surface.mu_weights[a];
       const auto mu_per_mm = static_cast<float>(surface.mu_per_mm) * weight;

@@ -1,7 +1,5 @@
 #include "xraycast/scene/thin_tube.hpp"
 
-#include "xraycast/sampling/clip_space.hpp"
-
 #include <glm/geometric.hpp>
 
 #include <algorithm>
@@ -41,8 +39,8 @@ Tube tube_of(const Surface& surface) {
 
 Widening widening_of(const Tube& tube, const glm::dvec3& lower_mm, const glm::dvec3& upper_mm,
                      const View& view) {
-  const double least_mm = kLeastRadius_pixels * largest_pixel_mm(view, lower_mm, upper_mm);
   if (tube.radius_mm <= 0) return {};
+  const double least_mm = kLeastRadius_pixels * largest_pixel_mm(view, lower_mm, upper_mm);
   const double radii = tube.radius_mm / least_mm, factor = std::max(1.0, 1 / radii);
   const double thinness = std::clamp(2 - radii, 0.0, 1.0);
   // The matter is a circle's and the drawn tube's section a polygon, an octagon a tenth smaller: thin tubes
@@ -58,6 +56,13 @@ std::vector<glm::vec3> widened(const std::vector<glm::vec3>& points_mm, const Tu
   const auto further = static_cast<float>(widening.factor - 1);
   for (std::size_t i = 0; i < tube.from_axis_mm.size(); ++i) drawn_mm[i] += further * tube.from_axis_mm[i];
   return drawn_mm;
+}
+
+ScreenBox drawn_box(const Tube& tube, const glm::dvec3& lower_mm, const glm::dvec3& upper_mm,
+                    const View& view) {
+  const Widening widening = widening_of(tube, lower_mm, upper_mm, view);
+  const double wider_mm = (widening.factor - 1) * tube.radius_mm;
+  return screen_box(view, corners_mm(lower_mm - wider_mm, upper_mm + wider_mm));
 }
 
 }  // namespace xraycast

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
+#include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <glm/vec3.hpp>
@@ -38,8 +39,12 @@ struct Widening {
 Widening widening_of(const Tube& tube, const glm::dvec3& lower_mm, const glm::dvec3& upper_mm,
                      const View& view);
 
-/// The points of a tube's mesh as they are drawn; those of other surfaces unchanged.
+/// The points of a tube's mesh as they are drawn, where it is widened.
 std::vector<glm::vec3> widened(const std::vector<glm::vec3>& points_mm, const Tube& tube,
                                const Widening& widening);
+
+/// What it covers of a picture then, with a margin (see screen_box); also for a surface that is no tube.
+ScreenBox drawn_box(const Tube& tube, const glm::dvec3& lower_mm, const glm::dvec3& upper_mm,
+                    const View& view);
 
 }  // namespace xraycast

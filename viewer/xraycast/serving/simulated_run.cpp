@@ -10,8 +10,6 @@
 namespace xraycast {
 namespace {
 
-double max_insertion_mm(const InstrumentModel& model) { return model.length_mm() - kIntroducer_mm; }
-
 std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models) {
   std::vector<double> insertions_mm;
   for (const InstrumentModel& model : models) insertions_mm.push_back(max_insertion_mm(model));

@@ -1,5 +1,6 @@
 #include "xraycast/window/intervention_panel.hpp"
 
+#include "xraycast/base/negative_zero.hpp"
 #include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/window/hub_input.hpp"
@@ -35,12 +36,6 @@ void drag_hub(ManualDevice& hand) {
   hand.move_by(push_mm, kRadians * rotate_deg);
 }
 
-/// A value as its digits show it: what rounds to 0 has no sign.
-double rounded(double value, int digits) {
-  const double per_digit = std::pow(10, digits);
-  return std::round(value * per_digit) / per_digit + 0.0;
-}
-
 void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
 
 void strip(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
@@ -51,7 +46,7 @@ void strip(const char* name, const SimulatedRun& run, std::size_t hub, double Hu
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
   const std::string now =
-      fmt::format("{} {:+.2f} {}", name, rounded(values.empty() ? 0 : values.back(), 2), unit);
+      fmt::format("{} {:+.2f} {}", name, no_negative_zero(values.empty() ? 0 : values.back(), 2), unit);
   ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
                    now.c_str(), -largest, largest, {width, 4 * ImGui::GetFontSize()});
 }
@@ -89,10 +84,11 @@ void show_device(Intervention& intervention, std::size_t number) {
     ImGui::AlignTextToFramePadding();
     write_wrapped(run.models()[number].name());
   }
-  write_wrapped(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg", rounded(device.pose.insertion_mm, 1),
-                            rounded(device.pose.rotation_rad / kRadians, 0)));
-  write_wrapped(
-      fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch, rounded(device.tip.arc_length_mm, 0)));
+  write_wrapped(fmt::format("inserted {:.1f} mm, rotated {:.0f} deg",
+                            no_negative_zero(device.pose.insertion_mm, 1),
+                            no_negative_zero(device.pose.rotation_rad / kRadians, 0)));
+  write_wrapped(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch,
+                            no_negative_zero(device.tip.arc_length_mm, 0)));
   // One above the other, or side by side where there are more devices.
   const bool is_alone = run.now().count() == 1;
   const float row = 25 * ImGui::GetFontSize(), gap = ImGui::GetStyle().ItemSpacing.x;
