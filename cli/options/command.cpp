@@ -2,6 +2,7 @@
 
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/field_names.hpp"
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/stderr_log.hpp"
@@ -56,11 +57,26 @@ void check_outputs_apart(const CLI::App& command) {
   }
 }
 
+/// The option that sets a field of a request: `radius_mm` is --radius. Empty where the command has none.
+std::string option_of(const CLI::App& command, std::string_view field) {
+  std::string name(field);
+  for (const std::string_view unit : {"_mm", "_hu", "_deg", "_mg_ml", "_ml", "_s", "_B"})
+    if (name.ends_with(unit)) name.resize(name.size() - unit.size());
+  std::ranges::replace(name, '_', '-');
+  name.insert(0, "--");
+  return command.get_option_no_throw(name) ? name : "";
+}
+
+/// A request's message, in which fields are options.
+std::string with_options(const CLI::App& command, std::string_view message) {
+  return with_names(message, [&](std::string_view field) { return option_of(command, field); });
+}
+
 }  // namespace
 
 void Session::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
-  for (const std::string& line : lines) log_to_stderr(line);
+  for (const std::string& line : lines) log_to_stderr(command ? with_options(*command, line) : line);
 }
 
 void Session::say_about(const ScanInfo& scan) const {
@@ -81,6 +97,7 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
   CLI::App* command = app.add_subcommand(name, purpose);
   command->footer("Examples:\n" + examples);
   command->parse_complete_callback([&session, command, job = std::move(job)] {
+    session.command = command;
     session.job = [command, job] {
       check_outputs_apart(*command);
       try {
@@ -89,6 +106,8 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
         const CLI::Option* const skip = command->get_option_no_throw(kSkipDamaged);
         if (skip == nullptr || !skip->empty()) throw;
         throw InputError("{}, or leave damaged slices out by {}", error.what(), kSkipDamaged);
+      } catch (const InputError& error) {
+        throw InputError("{}", with_options(*command, error.what()));
       }
     };
   });

@@ -25,11 +25,12 @@ struct Session {
   bool quiet = false;
   Progress progress;
   std::function<void()> job;
+  const CLI::App* command = nullptr;  ///< the chosen subcommand
   bool is_ended_by_signal = false;  ///< the job, as it should be: nothing was cancelled
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
-  /// Prints each line on stderr, unless --quiet.
+  /// Prints each line on stderr, unless --quiet. Fields of requests are named as options.
   void say(const std::vector<std::string>& lines) const;
 
   /// The same of a scan that was opened: its warnings, then its notes.
