@@ -77,6 +77,16 @@ TEST_F(CliEnvironment, SaysWhereKernelsFindNoRoom) {
   EXPECT_FALSE(fs::exists(folder_ / "box.nrrd"));
 }
 
+TEST_F(CliEnvironment, CompilesKernelsWithoutAWord) {
+  make_inputs();
+  for (const char* command :
+       {"cast ct.nrrd -o map.exr", "project ct.nrrd --opacity spectrum:80 -o drr.exr"}) {
+    const Finished done = run_there(fmt::format("env POCL_CACHE_DIR=@/new-kernels PROGRAM -q {}", command));
+    EXPECT_EQ(done.status, 0) << command;
+    EXPECT_EQ(done.err, "") << command;
+  }
+}
+
 // ---- another language -------------------------------------------------------------------------------
 
 TEST_F(CliEnvironment, WritesAndReadsTheSameNumbersWhereTheyHaveACommaInThem) {
