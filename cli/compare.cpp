@@ -16,6 +16,7 @@
 
 #include <algorithm>
 #include <cmath>
+#include <deque>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -61,6 +62,41 @@ Drr drr_of(const ResidentScan& scan, const View& view, const BodyMap& map, Progr
   for (std::size_t i = 0; i < parts.size(); ++i) drr.tau[parts[i].pixel] += depths[i];
   return drr;
 }
+
+/// The DRRs of the view at hand, which maps of the same opacity and extent share.
+class DrrsOfView {
+ public:
+  DrrsOfView(const ResidentScan& scan, Progress& progress) : scan_(scan), progress_(progress) {}
+
+  const Drr& of(const View& view, const BodyMap& map) {
+    const MapGeometry extent = extent_of(map.geometry);
+    if (!known_.empty() && known_.front().view != view) known_.clear();
+    const auto found = std::ranges::find_if(
+        known_, [&](const Known& known) { return known.opacity == map.opacity && known.extent == extent; });
+    if (found != known_.end()) return found->drr;
+    known_.push_back({view, map.opacity, extent, drr_of(scan_, view, map, progress_)});
+    return known_.back().drr;
+  }
+
+ private:
+  struct Known {
+    View view;
+    Opacity opacity;
+    MapGeometry extent;
+    Drr drr;
+  };
+
+  /// What of a map its DRR depends on: not how many shells there are, nor their samples.
+  static MapGeometry extent_of(MapGeometry geometry) {
+    geometry.radii_mm = {geometry.radii_mm.front(), geometry.radii_mm.back()};
+    geometry.step_mm = 1;
+    return geometry;
+  }
+
+  const ResidentScan& scan_;
+  Progress& progress_;
+  std::deque<Known> known_;
+};
 
 /// A picture's similarity to the DRR of what the map covers, and its PSNR against that of the whole scan.
 struct Similarity {
@@ -108,11 +144,6 @@ std::vector<double> resolve_angles_deg(const CompareArguments& options) {
   return angles_deg;
 }
 
-/// The content of a map, as text for the user.
-std::string contents_of(const MapGeometry& geometry) {
-  return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
-}
-
 /// Throws InputError when --pictures is not a folder or two maps' pictures would have the same names.
 void check_pictures(const CompareArguments& options) {
   namespace fs = std::filesystem;
@@ -139,35 +170,49 @@ struct Comparison {
   Curve curve;
 };
 
-/// The frame of a map at an angle, and its reference DRR.
-struct Pair {
-  View view;
-  std::vector<float> frame;
-  Drr drr;
-  Similarity similarity;
+/// A map, what draws it, and what its frames were found to be.
+struct Compared {
+  std::shared_ptr<const BodyMap> map;
+  std::string name;
+  std::unique_ptr<Renderer> renderer;
+  std::vector<Similarity> similarities;
+
+  /// The content of the map, as text for the user.
+  std::string contents() const {
+    const MapGeometry& geometry = map->geometry;
+    return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
+  }
+  std::string title() const {
+    return fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents());
+  }
 };
 
-Pair compare_view(const BodyMap& map, Renderer& renderer, const Style& style, const ResidentScan& scan,
-                  View view, Progress& progress) {
-  const BodyBounds bounds = bounds_of(map.geometry);
-  view.centre_mm = bounds.centre_mm;
-  view = fitted(view, bounds);
-  Pair pair{view, renderer.tau(view, style), drr_of(scan, view, map, progress), {}};
-  const auto similarity_to = [&](const std::vector<float>& drr) {
-    return compare(pair.frame, drr, pair.drr.counts, view.width, view.height);
-  };
-  pair.similarity = {similarity_to(pair.drr.tau), similarity_to(pair.drr.whole_tau).psnr_db};
-  return pair;
+void write_picture(const View& view, const std::vector<float>& frame, const Drr& drr,
+                   const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
+                   const CompareArguments& options) {
+  write_comparison_picture(
+      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", compared.title(), label(view), similarity.psnr_db,
+                  similarity.ssim),
+      frame, drr.tau, view.width,
+      std::filesystem::path(options.pictures) /
+          fmt::format("{}-{:03g}.png", std::filesystem::path(compared.name).stem().string(), angle_deg));
 }
 
-void write_pictures(const Pair& pair, double angle_deg, const std::string& title, const std::string& map,
-                    const CompareArguments& options) {
-  write_comparison_picture(
-      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title, label(pair.view),
-                  pair.similarity.covered.psnr_db, pair.similarity.covered.ssim),
-      pair.frame, pair.drr.tau, pair.view.width,
-      std::filesystem::path(options.pictures) /
-          fmt::format("{}-{:03g}.png", std::filesystem::path(map).stem().string(), angle_deg));
+void compare_view(Compared& compared, double angle_deg, const Style& style, DrrsOfView& drrs,
+                  const CompareArguments& options) {
+  const BodyBounds bounds = bounds_of(compared.map->geometry);
+  View view = options.view(angle_deg);
+  view.centre_mm = bounds.centre_mm;
+  view = fitted(view, bounds);
+  const std::vector<float> frame = compared.renderer->tau(view, style);
+  const Drr& drr = drrs.of(view, *compared.map);
+  const auto similarity_to = [&](const std::vector<float>& tau) {
+    return compare(frame, tau, drr.counts, view.width, view.height);
+  };
+  const Similarity similarity{similarity_to(drr.tau), similarity_to(drr.whole_tau).psnr_db};
+  if (!options.pictures.empty())
+    write_picture(view, frame, drr, similarity.covered, angle_deg, compared, options);
+  compared.similarities.push_back(similarity);
 }
 
 /// Errors of optical depth become shares of the largest in any view: shares of each view's own would weigh
@@ -191,19 +236,10 @@ Similarity mean_of(const std::vector<Similarity>& similarities) {
   return mean;
 }
 
-Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& renderer, const Style& style,
-                       const ResidentScan& scan, const CompareArguments& options, Progress& progress) {
-  const std::vector<double> angles_deg = resolve_angles_deg(options);
-  const Measure& plotted = parse_measure(options.plotted);
-  std::vector<Similarity> similarities;
-  Curve curve{fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents_of(map.geometry)),
-              {}};
-  for (const double angle_deg : angles_deg) {
-    const Pair pair = compare_view(map, renderer, style, scan, options.view(angle_deg), progress);
-    if (!options.pictures.empty()) write_pictures(pair, angle_deg, curve.name, name, options);
-    similarities.push_back(pair.similarity);
-  }
+Comparison comparison_of(Compared& compared, const std::vector<double>& angles_deg, const Measure& plotted) {
+  std::vector<Similarity>& similarities = compared.similarities;
   take_largest_of_all(similarities);
+  Curve curve{compared.title(), {}};
   Json views = Json::array();
   double lowest_db = 1e9;
   for (std::size_t i = 0; i < angles_deg.size(); ++i) {
@@ -215,16 +251,16 @@ Comparison compare_map(const BodyMap& map, const std::string& name, Renderer& re
   }
   const Similarity mean = mean_of(similarities);
   return {
-      {{"map", name}, {"mean", similarity_json(mean)}, {"views", views}},
+      {{"map", compared.name}, {"mean", similarity_json(mean)}, {"views", views}},
       fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
                   "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum; PSNR against the whole scan {:.1f} dB\n",
-                  name, pluralize(views.size(), "view"), contents_of(map.geometry), mean.covered.psnr_db,
+                  compared.name, pluralize(views.size(), "view"), compared.contents(), mean.covered.psnr_db,
                   lowest_db, mean.covered.ssim, 100 * mean.covered.rmse, mean.whole_psnr_db),
       curve};
 }
 
 void compare_maps(const CompareArguments& options, Session& session) {
-  resolve_angles_deg(options);
+  const std::vector<double> angles_deg = resolve_angles_deg(options);
   options.view(0);
   Style style;
   style.sampling.compositing = parse_compositing(options.compositing);
@@ -247,17 +283,29 @@ void compare_maps(const CompareArguments& options, Session& session) {
   const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
 
   const HeadlessContext context;
-  Renderer renderer;
+  std::vector<Compared> all_compared;
+  for (std::size_t i = 0; i < maps.size(); ++i) {
+    all_compared.push_back({maps[i], options.maps[i], std::make_unique<Renderer>(), {}});
+    all_compared.back().renderer->set_map(maps[i]);
+  }
+  // The stages of each projection are not told, only ended with the whole.
+  Progress of_each([&](const Progress::State&) { session.progress.check(); });
+  DrrsOfView drrs(resident, of_each);
+  session.progress.begin("comparing", std::ssize(angles_deg) * std::ssize(all_compared), "frames");
+  for (const double angle_deg : angles_deg)
+    for (Compared& one : all_compared) {
+      compare_view(one, angle_deg, style, drrs, options);
+      session.progress.advance();
+    }
+
   Json all = Json::array();
   std::string text;
   std::vector<Curve> curves;
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    renderer.set_map(maps[i]);
-    Comparison one =
-        compare_map(*maps[i], options.maps[i], renderer, style, resident, options, session.progress);
-    all.push_back(std::move(one.json));
-    text += one.text;
-    curves.push_back(std::move(one.curve));
+  for (Compared& one : all_compared) {
+    Comparison comparison = comparison_of(one, angles_deg, parse_measure(options.plotted));
+    all.push_back(std::move(comparison.json));
+    text += comparison.text;
+    curves.push_back(std::move(comparison.curve));
   }
   if (!options.plot.empty())
     write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),

@@ -1079,6 +1079,22 @@ TEST_F(Cli, CompareFindsMoreLayersCloser) {
   }
 }
 
+TEST_F(Cli, CompareOfSeveralMapsIsThatOfEach) {
+  output_of("-q phantom head --size 64x64x48 -o @/ct.nrrd");
+  // Two share their true projections, the others differ in extent or opacity.
+  output_of("-q cast @/ct.nrrd -o @/a.exr --layers 2");
+  output_of("-q cast @/ct.nrrd -o @/b.exr --layers 8");
+  output_of("-q cast @/ct.nrrd -o @/c.exr --layers 8 --outline circle --radius 60");
+  output_of("-q cast @/ct.nrrd -o @/d.exr --layers 8 --opacity bilinear");
+  const Json all = json_of("compare @/ct.nrrd @/a.exr @/b.exr @/c.exr @/d.exr --views 3")["maps"];
+  ASSERT_EQ(all.size(), 4u);
+  for (const Json& one : all) {
+    const Json alone = json_of("compare @/ct.nrrd " + one["map"].get<std::string>() + " --views 3");
+    EXPECT_EQ(one["mean"], alone["mean"]) << one["map"];
+    EXPECT_EQ(one["views"], alone["views"]) << one["map"];
+  }
+}
+
 TEST_F(Cli, FramesUnderAConeAndATiltAreAsCloseAsUprightParallelOnes) {
   output_of("-q phantom head --size 96x96x80 -o @/ct.nrrd");
   output_of("-q cast @/ct.nrrd -o @/map.exr --layers 16");
