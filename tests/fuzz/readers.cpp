@@ -436,6 +436,8 @@ const Reader kReaders[] = {
     {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
 };
 
+constexpr std::size_t kMostMessage_B = 500;
+
 /// What follows a semicolon, or what must be; `message` is what stands behind the file's name.
 bool says_what_to_do(std::string_view message) {
   return message.find("; ") != std::string_view::npos || message.find(" must ") != std::string_view::npos;
@@ -459,6 +461,8 @@ std::optional<Content> FileToRead::read(const std::string& bytes) const {
     std::string_view message = error.what();
     if (message.find_first_of("\n\r\x1b") != std::string_view::npos)
       throw std::logic_error(std::string("not one line, fit for a terminal: ") + error.what());
+    if (message.size() > kMostMessage_B)
+      throw std::logic_error(std::string("not a short line: ") + error.what());
     // A series is named by its folder, the voxels' file by its own name.
     if (!message.starts_with(path_.parent_path().string()))
       throw std::logic_error(std::string("not the file's name first: ") + error.what());
