@@ -501,6 +501,14 @@ TEST(MetaImageScan, ReadsEveryByteOrder) {
   }
 }
 
+TEST(MetaImageScan, TakesVoxelsOfAMicroCt) {
+  const TemporaryFolder folder;
+  std::string bytes = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL") + kLps.voxels();
+  bytes.replace(bytes.find("= 1 2 3"), 7, "= 0.005 0.005 0.005");
+  write_bytes(folder / "scan.mha", bytes);
+  EXPECT_EQ(read_scan(folder / "scan.mha").volume.geometry().spacing_mm, glm::dvec3(0.005));
+}
+
 TEST(MetaImageScan, StreamsRuns) {
   const TemporaryFolder folder;
   write_bytes(folder / "scan.mha", meta_image("1 0 0 0 1 0 0 0 -1", "10 -20 42", "LOCAL") +

@@ -445,6 +445,47 @@ const BadScan kBadScans[] = {
     {"NrrdOfGarbage", [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", "NRRD0004\ngarbage\n\n"); },
      "a.nrrd", "the header is damaged"},
 
+    // Of no body: a segmentation of such voxels grew to 23 GB, or did not end.
+    {"NiftiOfVoxelsOfAPicometre",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.sform = {1e-9F, 0, 0, 0, 0, 1e-9F, 0, 0, 0, 0, 1e-9F, 0};
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "must be 0.001 to 100 mm; check its unit"},
+    {"NrrdOfVoxelsOfANanometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1e-6,0,0) (0,1e-6,0) (0,0,1e-6)\n"));
+     },
+     "a.nrrd", "must be 0.001 to 100 mm; check its unit"},
+    {"MetaImageOfVoxelsOfTrillionsOfMetres",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha", meta_image("ElementSpacing = 9e18 9e18 9e18\n"));
+     },
+     "a.mha", "must be 0.001 to 100 mm; check its unit"},
+    {"MetaImageAtThePlaceOfNoBody",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("Offset = 0 2e20 0\n")); }, "a.mha",
+     "the origin (0, 2e+20, 0) mm must be within 100 m of 0; check its unit"},
+    {"MetaImageOfHundredsOfMetres",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha",
+                   meta_image("ElementSpacing = 100 100 100\n", "200 1 1", 3, std::string(400, 'a')));
+     },
+     "a.mha", "its extent of 20000 x 100 x 100 mm must be below 10 m; check its unit"},
+    {"VtiOfVoxelsOfAKilometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.vti", vti("0 1 0 1 0 2", R"(Spacing="1e6 1e6 1e6")"));
+     },
+     "a.vti", "must be 0.001 to 100 mm; check its unit"},
+    {"DicomOfVoxelsOfANanometre",
+     [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "1e-6\\1e-6").write(f / "a"); }, "a",
+     "must be 0.001 to 100 mm; check its unit"},
+    {"GenesisOfVoxelsOfAPicometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", genesis_bytes({.pixel_mm = 1e-9F}, std::vector<std::uint16_t>(12)));
+     },
+     "a.fro", "must be 0.001 to 100 mm; check its unit"},
+
     {"MetaImageCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mha", without_last(meta_image(""), 5)); }, "a.mha",
      "truncated, 19 of 24 bytes"},
