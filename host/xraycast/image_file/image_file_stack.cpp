@@ -168,6 +168,7 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
   info.warnings = std::move(warnings);
   if (bytes_of(header.type) == 1 && header.slope == 1 && header.intercept == 0)
     info.notes.emplace_back(kEightBitNote);
+  header.intercept += options.offset_hu;
   auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(voxels));
   return deliver(std::move(stack), std::move(info), options);
 }

@@ -199,7 +199,7 @@ class AlignedSource final : public SliceSource {
         flip_y_((transposed_ ? stack_->planes.front().i_step_mm : stack_->planes.front().j_step_mm).y < 0) {}
 
   const VolumeGeometry& geometry() const override { return geometry_; }
-  HuRange hu_range() const override { return next_ == 0 ? HuRange{} : range_; }
+  HuRange hu_range() const override { return stack_->hu_range(); }
 
   std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override {
     // Small enough for a smooth progress bar, large enough for all cores.
@@ -211,7 +211,7 @@ class AlignedSource final : public SliceSource {
       const std::int64_t batch = std::min(kBatch, count - done);
       std::vector<std::int16_t*> slices;
       for (std::int64_t i = 0; i < batch; ++i) slices.push_back(hu.data() + (done + i) * voxels);
-      include(range_, stack_->decode(next_, slices));
+      stack_->decode(next_, slices);
       if (transposed_ || flip_x_ || flip_y_)
         parallel_for(batch, [&](std::int64_t i) { reorient(slices[static_cast<std::size_t>(i)]); });
       next_ += batch;
@@ -241,7 +241,6 @@ class AlignedSource final : public SliceSource {
   VolumeGeometry geometry_;
   bool transposed_, flip_x_, flip_y_;
   std::int64_t next_ = 0;
-  HuRange range_ = kNoHu;
 };
 
 /// Why a stack must be resampled, in words.
@@ -268,15 +267,43 @@ std::string reasons(const SliceStack& stack, const Layout& layout, const ScanInf
 
 }  // namespace
 
-SliceSource::HuRange SliceStack::decode(std::int64_t first, std::span<std::int16_t* const> slices) {
+void SliceStack::decode(std::int64_t first, std::span<std::int16_t* const> slices) {
   prepare();
   std::vector<SliceSource::HuRange> ranges(slices.size());
   parallel_for(std::ssize(slices), [&](std::int64_t s) {
     const auto index = static_cast<std::size_t>(s);
     ranges[index] = decode_slice(first + s, {slices[index], static_cast<std::size_t>(columns * rows)});
   });
-  SliceSource::HuRange range = kNoHu;
-  for (const SliceSource::HuRange& one : ranges) include(range, one);
+  if (!range_) range_ = kNoHu;
+  for (const SliceSource::HuRange& one : ranges) include(*range_, one);
+  for (std::size_t s = 0; s < slices.size(); ++s) sample(first + static_cast<std::int64_t>(s), slices[s]);
+  decoded_ += std::ssize(slices);
+  if (decoded_ == std::ssize(planes)) check_values();
+}
+
+void SliceStack::sample(std::int64_t slice, const std::int16_t* hu) {
+  constexpr std::int64_t kSlices = 16, kStride = 7;
+  if (slice % std::max<std::int64_t>(1, std::ssize(planes) / kSlices) != 0) return;
+  for (std::int64_t i = 0; i < columns * rows; i += kStride) histogram_.add(hu[i]);
+}
+
+void SliceStack::check_values() const {
+  constexpr double kMostClamped = 0.05;
+  constexpr std::int64_t kFew = 1000;
+  const double share = static_cast<double>(range_->clamped) /
+                       (static_cast<double>(columns * rows) * static_cast<double>(planes.size()));
+  if (range_->lowest > range_->highest)
+    throw InputError("{}: none of its voxels is a number; export the scan again", name);
+  if (range_->clamped > kFew && share > kMostClamped)
+    throw InputError(
+        "{}: {:.0f} % of its voxels are above {} HU, up to {:g}; export the scan in Hounsfield units", name,
+        100 * share, kMaxHu, range_->highest);
+}
+
+SliceSource::HuRange SliceStack::hu_range() const {
+  if (!range_) return {};
+  SliceSource::HuRange range = *range_;
+  range.is_shifted = histogram_.is_shifted();
   return range;
 }
 
@@ -317,6 +344,8 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
   require_bodily(grid, stack->name);
   const bool exact = info.gaps.empty() && lies_on(grid, *stack, layout);
   info.keeps_grid = exact && info.orientation == "LPS";
+  if (options.offset_hu != 0)
+    info.notes.push_back(fmt::format("{:+g} HU were added to all values", options.offset_hu));
   if (!exact)
     info.notes.push_back(
         fmt::format("resampled to {} x {} x {} voxels of {:.3f} x {:.3f} x {:.3f} mm because of {}",
