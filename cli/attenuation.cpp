@@ -28,10 +28,11 @@ std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options) {
   return Opacity::named(options.opacity);
 }
 
-void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource::HuRange& hu,
-                     const Session& session) {
+void say_about_values(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource& voxels,
+                      const Session& session) {
+  session.say_about(voxels);
   const auto* opacity = std::get_if<Opacity>(&attenuation);
-  if (opacity && *opacity == Opacity::paper() && hu.is_subtracted())
+  if (opacity && *opacity == Opacity::paper() && voxels.hu_range().is_subtracted())
     session.say({"no voxel is below 0 HU; if this is a subtracted CT angiogram, use --opacity subtracted"});
 }
 

@@ -18,9 +18,10 @@ void add_attenuation_options(CLI::App& command, AttenuationOptions& options);
 /// The opacity or spectrum that the options choose. Throws InputError when they contradict each other.
 std::variant<Opacity, Spectrum> resolve(const AttenuationOptions& options);
 
-/// Suggests `subtracted` for a scan that has no voxel below water.
-void hint_at_opacity(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource::HuRange& hu,
-                     const Session& session);
+/// Says what to check in the voxels of a scan that was read, and suggests `subtracted` where none is below
+/// water.
+void say_about_values(const std::variant<Opacity, Spectrum>& attenuation, const SliceSource& voxels,
+                      const Session& session);
 
 /// Reads a scan into the device, with the iodine separated when --iodine gives a mask.
 SpectralScan load(ComputeDevice& device, const Scan& scan, const AttenuationOptions& options,

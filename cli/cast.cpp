@@ -313,7 +313,7 @@ Casting cast_resident(const CastArguments& options, const std::variant<Opacity, 
   OutlineFinder finder = finder_for(options, scan.source->geometry());
   LoadTimings timings;
   const SpectralScan resident = load(device, scan, options.attenuation, finder, timings, progress);
-  hint_at_opacity(attenuation, scan.source->hu_range(), session);
+  say_about_values(attenuation, *scan.source, session);
   const Stopwatch finding;
   const MapGeometry geometry = resolve_shells(options, resident.native.geometry(), finder, session);
   const double finding_ms = finding.ms();
@@ -371,7 +371,7 @@ Casting cast_slabs(const CastArguments& options, const std::variant<Opacity, Spe
   const MapGeometry geometry = resolve_shells(options, volume, finder, session);
   const double outline_ms = finding.ms();
   CastResult result = cast_by_slabs(device, *scan.source, geometry, *opacity, slices, timings, progress);
-  hint_at_opacity(attenuation, scan.source->hu_range(), session);
+  say_about_values(attenuation, *scan.source, session);
   return {.result = std::move(result), .timings = timings, .outline_ms = outline_ms};
 }
 

@@ -281,6 +281,7 @@ void compare_maps(const CompareArguments& options, Session& session) {
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
   const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
+  session.say_about(*scan.source);
 
   const HeadlessContext context;
   std::vector<Compared> all_compared;

@@ -31,6 +31,7 @@ void convert(const ConvertArguments& options, Session& session) {
   if (is_series) check_ct_series(scan.source->geometry(), options.output, patient);
 
   const Volume volume = collect(*scan.source, session.progress, options.input);
+  session.say_about(*scan.source);
   const std::string frame_uid = frame_of_reference_for(patient, frame_of_reference_uid(scan.info));
   if (is_series)
     write_ct_series(volume, options.output, patient, {options.input, frame_uid}, session.progress);

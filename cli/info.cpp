@@ -4,6 +4,8 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <iterator>
 #include <memory>
 
 namespace xraycast::cli {
@@ -105,8 +107,9 @@ void add_info(CLI::App& app, Session& session) {
       "  xraycast info scans/chest/\n"
       "  xraycast info head.nii.gz --json",
       [options, &session] {
-        const Scan scan = open_scan(options->input, options->scan, session.progress);
+        Scan scan = open_scan(options->input, options->scan, session.progress);
         const auto hu = read_range(*scan.source, session.progress);
+        std::ranges::copy(warnings_of(*scan.source), std::back_inserter(scan.info.warnings));
         const VolumeGeometry& geometry = scan.source->geometry();
         session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
       });

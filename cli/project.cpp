@@ -97,7 +97,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
   LoadTimings load_timings;
   const SpectralScan resident =
       load(device, scan, options.attenuation, finder, load_timings, session.progress);
-  hint_at_opacity(attenuation, scan.source->hu_range(), session);
+  say_about_values(attenuation, *scan.source, session);
   const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
   const double top_mm = volume.upper_mm().z, bottom_mm = volume.lower_mm().z;

@@ -279,6 +279,7 @@ void segment(const SegmentArguments& options, Session& session) {
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
+  session.say_about(*scan.source);
   const Findings found = findings_in(volume, segmenting, options, root_mm, session);
   write_findings(found, scan.info, volume, segmenting, options);
   report_findings(found, scan.info, options, stopwatch.ms(), session);

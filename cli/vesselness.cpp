@@ -45,6 +45,7 @@ void write_vesselness(const Options& options, Session& session) {
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say_about(scan.info);
   const Volume volume = collect(*scan.source, session.progress, options.input);
+  session.say_about(*scan.source);
   ComputeDevice device(session.device);
   const VolumeGeometry& g = volume.geometry();
   write_field(g, vesselness(volume, filter, device, session.progress), options.output, session.progress);

@@ -2,8 +2,6 @@
 find_package(Threads REQUIRED)
 find_package(OpenCL REQUIRED)
 find_package(OpenCLHeadersCpp QUIET)
-find_package(ITK 5.2 REQUIRED COMPONENTS
-  ITKCommon ITKIOImageBase ITKIONRRD)
 # GDCM's package complains of command line tools that Debian packs apart.
 find_package(GDCM REQUIRED QUIET)
 find_package(OpenEXR 3.1 REQUIRED)

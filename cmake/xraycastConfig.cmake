@@ -1,6 +1,5 @@
 # find_package(xraycast COMPONENTS host segmentation simulation viewer): those asked for, and what they stand on; host
-# where none is named. The libraries are static: whoever links one needs what it links. `project` must enable C beside
-# C++, for ITK.
+# where none is named. The libraries are static: whoever links one needs what it links.
 set(xraycast_components ${xraycast_FIND_COMPONENTS} host)
 if("viewer" IN_LIST xraycast_components)
   list(APPEND xraycast_components simulation)
@@ -19,7 +18,6 @@ find_dependency(PkgConfig)
 # host
 find_dependency(Threads)
 find_dependency(OpenCL)
-find_dependency(ITK 5.2 COMPONENTS ITKCommon ITKIOImageBase ITKIONRRD)
 find_dependency(GDCM)
 find_dependency(ZLIB)
 find_dependency(OpenEXR)

@@ -8,6 +8,7 @@
 
 #include <algorithm>
 #include <filesystem>
+#include <iterator>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
@@ -24,7 +25,9 @@ void warn(const ScanInfo& info) {
 
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
   Volume volume = collect(*scan.source, progress, name);
-  return {std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name)};
+  ScanInfo info = scan.info;
+  std::ranges::copy(scan.source->hu_range().warnings(), std::back_inserter(info.warnings));
+  return {std::move(volume), std::move(info), fmt::format("{} {}", scan.info.format, name)};
 }
 
 HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object& progress) {
@@ -177,13 +180,13 @@ nb::str scan_description(const HeldScan& scan) {
                                  g.spacing_mm.z));
 }
 
-/// (path, series, keep_slices, skip_damaged) of a scan that was read from a file, or None.
+/// (path, series, keep_slices, skip_damaged, offset_hu) of a scan that was read from a file, or None.
 nb::object file_of(const HeldScan& scan) {
   if (!scan.file()) return nb::none();
   const ScanOptions& options = scan.file()->options;
   const std::string& path = scan.file()->path;
   const nb::object name = nb::module_::import_("os").attr("fsdecode")(nb::bytes(path.data(), path.size()));
-  return nb::make_tuple(name, options.series, options.keep_slices, options.skip_damaged);
+  return nb::make_tuple(name, options.series, options.keep_slices, options.skip_damaged, options.offset_hu);
 }
 
 nb::object with_sitk(const char* function, const nb::object& argument) {
@@ -269,14 +272,15 @@ void add_scan(nb::module_& module) {
 
   module.def(
       "open",
-      [](nb::handle path, const std::string& series, bool keep_slices, bool skip_damaged,
+      [](nb::handle path, const std::string& series, bool keep_slices, bool skip_damaged, double offset_hu,
          const nb::object& progress) {
-        return open_file(path, {series, keep_slices, skip_damaged}, progress);
+        return open_file(path, {series, keep_slices, skip_damaged, offset_hu}, progress);
       },
       nb::arg("path"), nb::kw_only(), nb::arg("series") = "", nb::arg("keep_slices") = false,
-      nb::arg("skip_damaged") = false, nb::arg("progress") = nb::none(),
+      nb::arg("skip_damaged") = false, nb::arg("offset_hu") = 0.0, nb::arg("progress") = nb::none(),
       "Reads a scan: a DICOM folder, file or .zip, or a NIfTI, NRRD, MetaImage or VTK file.\n\n"
       "series: the DICOM series' number, or part of its description or UID; default: the best CT series.\n"
+      "offset_hu: added to all values; -1024 for a scan that is stored as HU + 1024.\n"
       "progress: a callable (fraction, stage), or tqdm.");
   module.def(
       "phantom",

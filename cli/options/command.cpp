@@ -22,7 +22,7 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kSkipDamaged = "--skip-damaged";
+constexpr const char *kSkipDamaged = "--skip-damaged", *kOffset = "--offset-hu";
 
 std::vector<std::string> split(const std::string& text, char separator) {
   std::vector<std::string> parts(1);
@@ -84,6 +84,8 @@ void Session::say_about(const ScanInfo& scan) const {
   say(scan.notes);
 }
 
+void Session::say_about(const SliceSource& voxels) const { say(warnings_of(voxels)); }
+
 void Session::answer(const Json& result, const std::string& text) const {
   // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
   std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))
@@ -118,6 +120,14 @@ void add_scan_argument(CLI::App& command, std::string& input) {
   command.add_option("INPUT", input, "The scan: a folder or a file (see `xraycast info`)")->required();
 }
 
+std::vector<std::string> warnings_of(const SliceSource& voxels) {
+  constexpr std::string_view kField = "offset_hu";
+  std::vector<std::string> lines = voxels.hu_range().warnings();
+  for (std::string& line : lines)
+    if (const auto at = line.find(kField); at != std::string::npos) line.replace(at, kField.size(), kOffset);
+  return lines;
+}
+
 void add_scan_options(CLI::App& command, ScanOptions& options) {
   command
       .add_option("--series", options.series,
@@ -127,6 +137,10 @@ void add_scan_options(CLI::App& command, ScanOptions& options) {
                    "Reject unevenly spaced slices instead of resampling them");
   command.add_flag(kSkipDamaged, options.skip_damaged,
                    "Leave damaged slices out and interpolate across them");
+  command
+      .add_option(kOffset, options.offset_hu,
+                  "Add this to all values: -1024 for a scan stored as HU + 1024, without negative values")
+      ->type_name("HU");
 }
 
 void check_not_given(const CLI::App& command, std::initializer_list<const char*> options,

@@ -36,6 +36,9 @@ struct Session {
   /// The same of a scan that was opened: its warnings, then its notes.
   void say_about(const ScanInfo& scan) const;
 
+  /// The same of a scan's voxels, once they are read.
+  void say_about(const SliceSource& voxels) const;
+
   /// Prints a result on stdout: the JSON with --json, else the text.
   void answer(const Json& result, const std::string& text) const;
 
@@ -50,7 +53,10 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 /// INPUT, the scan to read.
 void add_scan_argument(CLI::App& command, std::string& input);
 
-/// --series, --keep-slices and --skip-damaged.
+/// What to check in a scan's voxels, one line each, once they are read.
+std::vector<std::string> warnings_of(const SliceSource& voxels);
+
+/// --series, --keep-slices, --skip-damaged and --offset-hu.
 void add_scan_options(CLI::App& command, ScanOptions& options);
 
 // One file each.

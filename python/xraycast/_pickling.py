@@ -20,10 +20,11 @@ def of_array(hu, spacing_mm, origin_mm, *description):
 
 
 def open_again(file, shape, spacing_mm, origin_mm, checksum):
-    path, series, keep_slices, skip_damaged = file
+    path, series, keep_slices, skip_damaged, offset_hu = file
     with warnings.catch_warnings():
         warnings.simplefilter("ignore")  # they were given when it was first read
-        found = _core.open(path, series=series, keep_slices=keep_slices, skip_damaged=skip_damaged)
+        found = _core.open(path, series=series, keep_slices=keep_slices, skip_damaged=skip_damaged,
+                           offset_hu=offset_hu)
     is_same_grid = (found.hu.shape, found.spacing_mm, found.origin_mm) == (shape, spacing_mm, origin_mm)
     if not is_same_grid or zlib.crc32(found.hu) != checksum:
         raise InputError(f"{path}: is not the scan that was pickled; pickle it again")

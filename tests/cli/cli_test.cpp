@@ -28,6 +28,7 @@ using Json = nlohmann::ordered_json;
 using ::testing::ElementsAre;
 using ::testing::HasSubstr;
 using ::testing::IsEmpty;
+using ::testing::Not;
 using ::testing::StartsWith;
 
 /// A folder's files with their bytes' hash, and its folders.
@@ -728,6 +729,46 @@ TEST_F(Cli, InfoDescribesAPhantom) {
   EXPECT_EQ(info["volume"], made["volume"]);
   EXPECT_EQ(info["hu_range"], Json({-1000, 0}));
   EXPECT_THAT(output_of("info @/ct.nrrd"), HasSubstr("64 x 48 x 32, 2 x 2 x 2 mm, axes towards LPS"));
+}
+
+/// A ball of soft tissue with noise in air, stored as HU + 1024, with two voxels that are not numbers.
+std::string shifted_ball() {
+  constexpr int kSize = 32;
+  std::vector<float> values;
+  unsigned random = 1;
+  for (int z = 0; z < kSize; ++z)
+    for (int y = 0; y < kSize; ++y)
+      for (int x = 0; x < kSize; ++x) {
+        random = random * 1664525U + 1013904223U;
+        const double noise = static_cast<double>(random >> 24) / 4 - 32;
+        const int square = (x - 16) * (x - 16) + (y - 16) * (y - 16) + (z - 16) * (z - 16);
+        values.push_back(static_cast<float>(std::max(0.0, std::round((square < 169 ? 1060 : 24) + noise))));
+      }
+  values[0] = values[1] = std::nanf("");
+  return "NRRD0004\ntype: float\ndimension: 3\nspace: LPS\nsizes: 32 32 32\nspace directions: (2,0,0) "
+         "(0,2,0) "
+         "(0,0,2)\nencoding: raw\nendian: little\n\n" +
+         bytes_of(std::span<const float>(values));
+}
+
+TEST_F(Cli, EveryCommandTellsOfValuesThatAreNoHounsfieldUnits) {
+  write_bytes(folder_ / "ct.nrrd", shifted_ball());
+  for (const char* line :
+       {"convert @/ct.nrrd -o @/out.mha", "project @/ct.nrrd -o @/out.exr", "cast @/ct.nrrd -o @/out.exr",
+        "segment @/ct.nrrd -o @/vessels", "cast @/ct.nrrd -o @/out.exr --radius 30 --centre 31,31",
+        "vesselness @/ct.nrrd -o @/out.nrrd"}) {
+    SCOPED_TRACE(line);
+    const std::string err = run(line).err;
+    EXPECT_THAT(err, HasSubstr("2 voxels are not numbers and count as air\n"));
+    EXPECT_THAT(err, HasSubstr("the values seem to be HU + 1024; if they are, give --offset-hu -1024\n"));
+    EXPECT_THAT(run(std::string(line) + " --offset-hu -1024").err, Not(HasSubstr("1024;")));
+  }
+  const Json info = json_of("info @/ct.nrrd");
+  EXPECT_EQ(info["warnings"].size(), 2);
+  EXPECT_THAT(info["warnings"][1], HasSubstr("--offset-hu -1024"));
+  const Json mended = json_of("info @/ct.nrrd --offset-hu -1024");
+  EXPECT_EQ(mended["warnings"].size(), 1);
+  EXPECT_EQ(mended["hu_range"][0], -1024);
 }
 
 TEST_F(Cli, InfoListsTheSeriesOfAFolder) {

@@ -20,7 +20,7 @@ namespace fs = std::filesystem;
 
 constexpr int kDamagesPerReader = 200;
 
-/// Flips, writes, cuts, repeats or inserts bytes behind `first_B`.
+/// Flips, writes, cuts, repeats or inserts bytes behind `first_B`, also thousands of one kind.
 void damage(std::string& bytes, std::size_t first_B, std::mt19937& random) {
   const auto below = [&](std::size_t limit) {
     return static_cast<std::size_t>(random() % std::max<std::size_t>(1, limit));
@@ -28,7 +28,7 @@ void damage(std::string& bytes, std::size_t first_B, std::mt19937& random) {
   const auto somewhere = [&] { return first_B + below(bytes.size() - first_B); };
   // What changes the numbers and words of a text.
   constexpr std::string_view kText = "0123456789-+.eE%naif\\\"{}[]:=,() \n\t";
-  for (std::size_t times = 1 + below(3); times > 0 && bytes.size() > first_B; --times) switch (below(6)) {
+  for (std::size_t times = 1 + below(3); times > 0 && bytes.size() > first_B; --times) switch (below(7)) {
       case 0:
         bytes[somewhere()] ^= static_cast<char>(1 << below(8));
         break;
@@ -44,8 +44,11 @@ void damage(std::string& bytes, std::size_t first_B, std::mt19937& random) {
       case 4:
         bytes.insert(somewhere(), bytes.substr(somewhere(), 1 + below(20)));
         break;
-      default:
+      case 5:
         bytes.insert(somewhere(), 1, kText[below(kText.size())]);
+        break;
+      default:
+        bytes.insert(somewhere(), 300 + below(5000), kText[below(kText.size())]);
     }
 }
 

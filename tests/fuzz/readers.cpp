@@ -56,12 +56,27 @@ constexpr char kNrrdHeader[] =
     "NRRD0004\ntype: short\ndimension: 3\nspace: left-posterior-superior\nsizes: 8 6 4\n"
     "space directions: (1,0,0) (0,1.5,0) (0,0,2)\nencoding: gzip\nendian: little\nspace origin: "
     "(-8,-9,3)\n\n";
+/// With every field of a volume in the patient's space, or of one in none.
+constexpr char kNrrdFields[] =
+    "NRRD0005\n# as 3D Slicer writes it\ntype: short\ndimension: 4\nspace: left-anterior-superior\nsizes: 1 "
+    "8 6 4\n"
+    "space directions: none (1,0,0) (0,-1.5,0) (0,0,2)\nkinds: list domain domain domain\nencoding: raw\n"
+    "endian: little\nlabels: \"frame\" \"\" \"\" \"\"\nthicknesses: nan 1 1 2\ncontent: a scan\nbyte skip: "
+    "0\n"
+    "space units: \"mm\" \"mm\" \"mm\"\nspace origin: (-8,9,3)\nSegment0_Name:=aorta: ascending\n"
+    "measurement frame: (1,0,0) (0,1,0) (0,0,1)\n\n";
+constexpr char kNrrdFieldsWithoutSpace[] =
+    "NRRD0001\ntype: short\ndimension: 3\nsizes: 8 6 4\nspacings: 1 1.5 2\naxis mins: -8.5 -9.75 2\n"
+    "axis maxs: -0.5 -0.75 10\ncenterings: cell cell cell\nunits: \"mm\" \"mm\" \"mm\"\nencoding: raw\n"
+    "endian: little\nbyte skip: -1\n\n";
 constexpr char kMetaImageHeader[] =
     "ObjectType = Image\nNDims = 3\nBinaryData = True\nBinaryDataByteOrderMSB = False\nCompressedData = "
     "True\nTransformMatrix = 1 0 0 0 1 0 0 0 1\nOffset = -8 -9 3\nElementSpacing = 1 1.5 2\nDimSize = 8 6 4\n"
     "ElementType = MET_SHORT\nElementDataFile = LOCAL\n";
 
 void write_packed_nrrd(const fs::path& path) { write_bytes(path, kNrrdHeader + gzipped(voxels())); }
+void write_nrrd_fields(const fs::path& path) { write_bytes(path, kNrrdFields + voxels()); }
+void write_nrrd_without_space(const fs::path& path) { write_bytes(path, kNrrdFieldsWithoutSpace + voxels()); }
 void write_packed_meta_image(const fs::path& path) {
   write_bytes(path, kMetaImageHeader + deflated(voxels()));
 }
@@ -359,6 +374,8 @@ const Reader kReaders[] = {
     {"nrrd", "a.nrrd", write_scan, read_as_scan},
     {"nrrd_gzipped", "a.nrrd", write_packed_nrrd, read_as_scan, sizeof kNrrdHeader - 1},
     {"nrrd_gzipped_header", "a.nrrd", write_packed_nrrd, read_as_scan},
+    {"nrrd_fields", "a.nrrd", write_nrrd_fields, read_as_scan},
+    {"nrrd_without_space", "a.nrrd", write_nrrd_without_space, read_as_scan},
     {"meta_image", "a.mha", write_scan, read_as_scan},
     {"meta_image_of_two_files", "a.mhd", write_scan, read_as_scan},
     {"meta_image_packed", "a.mha", write_packed_meta_image, read_as_scan, sizeof kMetaImageHeader - 1},
@@ -419,6 +436,8 @@ const Reader kReaders[] = {
     {"igtlink", "messages", write_messages, read_messages, {}, set_message_checksums},
 };
 
+constexpr std::size_t kMostMessage_B = 500;
+
 /// What follows a semicolon, or what must be; `message` is what stands behind the file's name.
 bool says_what_to_do(std::string_view message) {
   return message.find("; ") != std::string_view::npos || message.find(" must ") != std::string_view::npos;
@@ -442,6 +461,8 @@ std::optional<Content> FileToRead::read(const std::string& bytes) const {
     std::string_view message = error.what();
     if (message.find_first_of("\n\r\x1b") != std::string_view::npos)
       throw std::logic_error(std::string("not one line, fit for a terminal: ") + error.what());
+    if (message.size() > kMostMessage_B)
+      throw std::logic_error(std::string("not a short line: ") + error.what());
     // A series is named by its folder, the voxels' file by its own name.
     if (!message.starts_with(path_.parent_path().string()))
       throw std::logic_error(std::string("not the file's name first: ") + error.what());

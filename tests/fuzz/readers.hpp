@@ -40,7 +40,8 @@ class FileToRead {
   const std::string& whole() const { return whole_; }
 
   /// Replaces the file and reads it. Nothing where it is refused; throws std::logic_error for any other
-  /// exception than an InputError of one line that starts with the file's path and says what to do.
+  /// exception than an InputError of one line of at most 500 bytes that starts with the file's path and says
+  /// what to do.
   std::optional<Reader::Content> read(const std::string& bytes) const;
 
  private:

@@ -1,6 +1,7 @@
 #include "support/read_scan.hpp"
 #include "support/scan_files.hpp"
 #include "support/temporary_folder.hpp"
+#include "xraycast/base/error.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -155,6 +156,195 @@ TEST(NrrdScan, KnowsLeftAnteriorAndSuperiorInItsSpaces) {
   }
 }
 
+/// A space's name, which sides its axes grow towards, and whether it is the patient's.
+struct NrrdSpaceName {
+  const char* name;
+  glm::dvec3 to_lps;
+  bool is_of_patient = true;
+};
+
+constexpr glm::dvec3 kToRas(-1, -1, 1), kToLas(1, -1, 1), kToLps(1, 1, 1);
+constexpr NrrdSpaceName kSpaces[] = {{"right-anterior-superior", kToRas},
+                                     {"RAS", kToRas},
+                                     {"left-anterior-superior", kToLas},
+                                     {"left anterior superior", kToLas},
+                                     {"Left-Anterior-Superior", kToLas},
+                                     {"LAS", kToLas},
+                                     {"left-posterior-superior", kToLps},
+                                     {"leftposteriorsuperior", kToLps},
+                                     {"LPS", kToLps},
+                                     {"scanner-xyz", kToLps, false},
+                                     {"3D-right-handed", kToLps, false},
+                                     {"3D-left-handed", kToLps, false}};
+
+std::string parenthesised(const glm::dvec3& v) { return fmt::format("({},{},{})", v.x, v.y, v.z); }
+
+TEST(NrrdScan, KnowsEverySpaceStoredAlongAnyOfItsAxes) {
+  const TemporaryFolder folder;
+  for (const NrrdSpaceName& space : kSpaces)
+    for (const glm::dvec3 sign : {glm::dvec3(1, 1, 1), {-1, -1, 1}}) {
+      SCOPED_TRACE(fmt::format("{}, {} {}", space.name, sign.x, sign.y));
+      const glm::dvec3 along = sign * space.to_lps;
+      const glm::dvec3 first_mm = sign.x > 0 ? glm::dvec3(10, -20, 30) : glm::dvec3(12, -14, 30);
+      write_bytes(folder / "scan.nrrd",
+                  nrrd(space.name, fmt::format("({},0,0) (0,{},0) (0,0,3)", along.x, 2 * along.y),
+                       parenthesised(space.to_lps * first_mm), (sign.x > 0 ? kLps : kRas).voxels()));
+      const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+      expect_markers(volume);
+      EXPECT_EQ(info.orientation, sign.x > 0 ? "LPS" : "RAS");
+      if (space.is_of_patient)
+        EXPECT_THAT(info.warnings, IsEmpty());
+      else
+        EXPECT_THAT(info.warnings,
+                    ElementsAre(testing::AllOf(HasSubstr("does not state the patient's orientation"),
+                                               HasSubstr(space.name))));
+    }
+}
+
+TEST(NrrdScan, LeavesTimeOut) {
+  const TemporaryFolder folder;
+  for (const NrrdSpaceName& space : {NrrdSpaceName{"left-anterior-superior-time", kToLas},
+                                     {"LAST", kToLas},
+                                     {"RAST", kToRas},
+                                     {"left-posterior-superior-time", kToLps},
+                                     {"scanner-xyz-time", kToLps, false}}) {
+    SCOPED_TRACE(space.name);
+    const glm::dvec3 origin_mm = space.to_lps * glm::dvec3(10, -20, 30);
+    write_bytes(
+        folder / "scan.nrrd",
+        fmt::format("NRRD0005\ntype: short\ndimension: 4\nspace: {}\nsizes: 3 4 5 1\n"
+                    "space directions: ({},0,0,0) (0,{},0,0) (0,0,3,0) (0,0,0,1)\n"
+                    "kinds: space space space time\nencoding: raw\nendian: little\n"
+                    "space origin: ({},{},{},0)\n\n",
+                    space.name, space.to_lps.x, 2 * space.to_lps.y, origin_mm.x, origin_mm.y, origin_mm.z) +
+            kLps.voxels());
+    const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+    expect_markers(volume);
+    EXPECT_EQ(info.warnings.empty(), space.is_of_patient);
+  }
+}
+
+// As 3D Slicer writes a volume, and a segmentation of one layer, whose first axis is a list.
+TEST(NrrdScan, ReadsWhatSlicerWrites) {
+  const TemporaryFolder folder;
+  const std::string start =
+      "NRRD0005\r\n# Complete NRRD file format specification at:\r\n"
+      "# http://teem.sourceforge.net/nrrd/format.html\r\ntype: short\r\n";
+  const std::string volume_header =
+      "dimension: 3\r\nspace: left-posterior-superior\r\nsizes: 3 4 5\r\n"
+      "space directions: (1.0,0,0) (0,2.0,0) (0,0,3.0)\r\nkinds: domain domain domain\r\n"
+      "endian: little\r\nencoding: raw\r\nspace units: \"mm\" \"mm\" \"mm\"\r\nspace origin: (10,-20,30)\r\n"
+      "measurement frame: (1,0,0) (0,1,0) (0,0,1)\r\n\r\n";
+  const std::string list_header =
+      "dimension: 4\r\nspace: left-posterior-superior\r\nsizes: 1 3 4 5\r\n"
+      "space directions: none (1,0,0) (0,2,0) (0,0,3)\r\nkinds: list domain domain domain\r\n"
+      "labels: \"frame\" \"\" \"\" \"\"\r\nendian: little\r\nencoding: raw\r\nspace origin: (10,-20,30)\r\n"
+      "Segment0_Name:=aorta: ascending\r\nSegment0_Color:=0.5 0.7 0.9\r\n\r\n";
+  for (const std::string& header : {volume_header, list_header}) {
+    write_bytes(folder / "scan.nrrd", start + header + kLps.voxels());
+    const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+    expect_markers(volume);
+    EXPECT_THAT(info.warnings, IsEmpty());
+  }
+}
+
+std::string nrrd_without_space(const std::string& fields) {
+  return "NRRD0001\ntype: short\ndimension: 3\nsizes: 3 4 5\nencoding: raw\nendian: little\n" + fields +
+         "\n" + kLps.voxels();
+}
+
+TEST(NrrdScan, PlacesAxesWithoutASpaceByTheirFacesOrTheirFirstNodes) {
+  const TemporaryFolder folder;
+  for (const char* fields :
+       {"spacings: 1 2 3\naxis mins: 9.5 -21 28.5\n",
+        "spacings: 1 2 3\naxismins: 10 -21 30\ncenterings: node cell node\n",
+        "axis mins: 9.5 -21 28.5\naxis maxs: 12.5 -13 43.5\n",
+        "axis mins: 10 -20 30\naxis maxs: 12 -14 42\ncenters: node node node\n",
+        "spacings: 0.1 0.2 0.3\naxis mins: .95 -2.1 2.85\nunits: \"cm\" \"cm\" \"cm\"\n"}) {
+    SCOPED_TRACE(fields);
+    write_bytes(folder / "scan.nrrd", nrrd_without_space(fields));
+    const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+    EXPECT_THAT(info.warnings, ElementsAre(HasSubstr("no `space`")));
+    const VolumeGeometry& geometry = volume.geometry();
+    // Products of decimal fractions are rounded.
+    EXPECT_LT(glm::length(geometry.spacing_mm - glm::dvec3(1, 2, 3)), 1e-12);
+    EXPECT_LT(glm::length(geometry.origin_mm - glm::dvec3(10, -20, 30)), 1e-12);
+  }
+}
+
+TEST(NrrdScan, TakesAnyUnitOfLengthAndWarnsOfOthers) {
+  const TemporaryFolder folder;
+  for (const auto& [units, scale] :
+       {std::pair(R"("mm" "mm" "mm")", 1.0), {R"("um" "um" "um")", 1e3}, {R"("m" "m" "m")", 1e-3}}) {
+    SCOPED_TRACE(units);
+    std::string bytes = nrrd("LPS", fmt::format("({},0,0) (0,{},0) (0,0,{})", scale, 2 * scale, 3 * scale),
+                             parenthesised(scale * glm::dvec3(10, -20, 30)), kLps.voxels());
+    bytes.insert(bytes.find("encoding"), fmt::format("space units: {}\n", units));
+    write_bytes(folder / "scan.nrrd", bytes);
+    const auto [info, volume, hu_range] = read_scan(folder / "scan.nrrd");
+    EXPECT_THAT(info.warnings, IsEmpty());
+    // Products of decimal fractions are rounded.
+    EXPECT_LT(glm::length(volume.geometry().origin_mm - glm::dvec3(10, -20, 30)), 1e-12);
+    EXPECT_LT(glm::length(volume.geometry().spacing_mm - glm::dvec3(1, 2, 3)), 1e-12);
+  }
+  std::string bytes = nrrd("LPS", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", kLps.voxels());
+  bytes.insert(bytes.find("encoding"), "space units: \"mm\" \"mm\" \"furlong\"\n");
+  write_bytes(folder / "scan.nrrd", bytes);
+  EXPECT_THAT(read_scan(folder / "scan.nrrd").info.warnings,
+              ElementsAre(HasSubstr("is not one unit of length; millimetres are assumed")));
+}
+
+/// Lines of a header that are as long as wanted, all of which but the last are read.
+std::vector<std::string> long_lines(std::size_t size) {
+  const std::string filler(size, 'x');
+  std::string blanks(size, ' '), words, vectors;
+  for (std::size_t i = 0; i < size; i += 8) words += "domain, ";
+  return {"# " + filler,
+          "key:=" + filler,
+          filler + ":=value",
+          "content: " + filler,
+          "labels: \"" + filler + "\" \"\" \"\"",
+          "number:" + blanks + "60",
+          "measurement frame: " + words};
+}
+
+TEST(NrrdScan, ReadsLinesOfAnyLength) {
+  const TemporaryFolder folder;
+  for (const std::size_t size : {300, 1000, 5000, 70'000, 1'000'000})
+    for (const std::string& line : long_lines(size)) {
+      SCOPED_TRACE(fmt::format("{} characters: {}", size, line.substr(0, 30)));
+      std::string bytes = nrrd("LPS", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", kLps.voxels());
+      bytes.insert(bytes.find("encoding"), line + "\n");
+      write_bytes(folder / "scan.nrrd", bytes);
+      expect_markers(read_scan(folder / "scan.nrrd").volume);
+    }
+}
+
+TEST(NrrdScan, RefusesLongLinesInAShortOne) {
+  const TemporaryFolder folder;
+  const std::string whole = nrrd("LPS", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", kLps.voxels());
+  for (const std::size_t size : {300, 1000, 5000, 70'000, 1'000'000})
+    for (const char* field :
+         {"type", "dimension", "space", "sizes", "space directions", "encoding", "endian", "space origin",
+          "kinds", "unknown", "data file", "byte skip", "units", "spacings", "space dimension", ""})
+      for (const char* with : {"x", "1 ", "(1,0,0) ", "none ", "(", "\x1b["}) {
+        std::string line = *field ? std::string(field) + ": " : "";
+        while (line.size() < size) line += with;
+        SCOPED_TRACE(fmt::format("{} characters: {}", line.size(), line.substr(0, 30)));
+        std::string bytes = whole;
+        if (const auto old = bytes.find(std::string("\n") + field + ":"); *field && old != std::string::npos)
+          bytes.erase(old, bytes.find('\n', old + 1) - old);
+        bytes.insert(bytes.find('\n') + 1, line + "\n");
+        write_bytes(folder / "scan.nrrd", bytes);
+        try {
+          read_scan(folder / "scan.nrrd");
+          ADD_FAILURE() << "was read";
+        } catch (const InputError& error) {
+          EXPECT_LT(std::string_view(error.what()).size(), 500) << error.what();
+        }
+      }
+}
+
 TEST(NrrdScan, ReadsGzip) {
   const TemporaryFolder folder;
   std::string header = nrrd("left-posterior-superior", "(1,0,0) (0,2,0) (0,0,3)", "(10,-20,30)", "");
@@ -190,7 +380,7 @@ std::string swapped(std::string shorts) {
   return shorts;
 }
 
-/// How a header spells the order of a voxel's bytes, which we or else ITK understand.
+/// How a header spells the order of a voxel's bytes.
 struct ByteOrder {
   const char* words;
   bool is_big;
@@ -309,6 +499,14 @@ TEST(MetaImageScan, ReadsEveryByteOrder) {
     write_bytes(folder / "scan.mha", header + (order.is_big ? swapped(kLps.voxels()) : kLps.voxels()));
     expect_markers(read_scan(folder / "scan.mha").volume);
   }
+}
+
+TEST(MetaImageScan, TakesVoxelsOfAMicroCt) {
+  const TemporaryFolder folder;
+  std::string bytes = meta_image("1 0 0 0 1 0 0 0 1", "10 -20 30", "LOCAL") + kLps.voxels();
+  bytes.replace(bytes.find("= 1 2 3"), 7, "= 0.005 0.005 0.005");
+  write_bytes(folder / "scan.mha", bytes);
+  EXPECT_EQ(read_scan(folder / "scan.mha").volume.geometry().spacing_mm, glm::dvec3(0.005));
 }
 
 TEST(MetaImageScan, StreamsRuns) {

@@ -30,6 +30,16 @@ TEST(Printable, SpellsOutWhatIsNoUtf8) {
   EXPECT_EQ(printable("\xF4\x90\x80\x80"), "\\xf4\\x90\\x80\\x80");  // beyond U+10FFFF
 }
 
+TEST(Excerpt, IsOneShortLine) {
+  EXPECT_EQ(excerpt("as it is"), "as it is");
+  EXPECT_EQ(excerpt(std::string(80, 'a')), std::string(80, 'a'));
+  EXPECT_EQ(excerpt(std::string(3'000'000, 'a')), std::string(80, 'a') + "…");
+  EXPECT_EQ(excerpt("a\nb\x1b"), "a b\\x1b");
+  // No character is cut, of whatever it takes to show it.
+  EXPECT_EQ(excerpt(std::string(79, 'a') + "ö"), std::string(79, 'a') + "…");
+  EXPECT_EQ(excerpt(std::string(78, 'a') + "\x1b"), std::string(78, 'a') + "…");
+}
+
 TEST(Error, IsOneLineWhateverAFileGave) {
   EXPECT_STREQ(InputError("{}: its title is {}", "scan", std::string("a\0b\r\nc\x1B[2J", 10)).what(),
                "scan: its title is a\\x00b  c\\x1b[2J");

@@ -228,7 +228,7 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.dcm", std::string("\2\0\20\0\6\0\0\21", 8) + std::string(10, '\0') + "DICM");
      },
      "a.dcm", "DICOM"},
-    // Found by the fuzzer: ITK did not come back from it.
+    // Found by the fuzzer: a library did not come back from it.
     {"NiftiWithSformBeyondFloats",
      [](const TemporaryFolder& f) {
        NiftiFile file = nifti();
@@ -398,8 +398,93 @@ const BadScan kBadScans[] = {
        write_bytes(f / "a.nrrd", nrrd("kinds: vector domain domain domain\n", 4, "3 4 1 1"));
      },
      "a.nrrd", "colours or vectors"},
+    {"NrrdOfATooNewVersion",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", "NRRD0006" + nrrd("spacings: 1 1 1\n").substr(8));
+     },
+     "a.nrrd", "'NRRD0006' is none of NRRD0001 to NRRD0005"},
+    {"NrrdOfAnUnknownSpace",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("space: left-feet-first\n")); }, "a.nrrd",
+     "space 'left-feet-first' is unknown"},
+    {"NrrdWithDirectionsInNoSpace",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space directions: (1,0,0) (0,1,0) (0,0,1)\n"));
+     },
+     "a.nrrd", "space directions needs a space"},
+    {"NrrdInASpaceOfAnotherDimension",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("space: LPST\n")); }, "a.nrrd",
+     "its space has 4 dimensions for 3 axes"},
+    {"NrrdWithSpacingsInASpace",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("space: LPS\nspacings: 1 1 1\n")); },
+     "a.nrrd", "spacings contradicts its space"},
+    {"NrrdWithTooFewDirections",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1,0,0) (0,1,0)\n"));
+     },
+     "a.nrrd", "space directions holds 2 vectors instead of 3"},
+    {"NrrdWithHalfADirection",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0\n"));
+     },
+     "a.nrrd", "space directions holds '(0,0', not a vector"},
+    {"NrrdWithADirectionThatIsNan",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1,0,0) (0,1,0) (0,0,nan)\n"));
+     },
+     "a.nrrd", "space directions holds nan"},
+    {"NrrdWithAFieldTwice",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", nrrd("spacings: 1 1 1\nsizes: 4 3 1\n")); },
+     "a.nrrd", "the line 'sizes: 4 3 1' repeats a field"},
+    {"NrrdWithoutTheEmptyLine",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd",
+                   "NRRD0004\ntype: short\ndimension: 3\nsizes: 4 3 1\nspacings: 1 1 1\n"
+                   "encoding: raw\nendian: little\nbyte skip: -1\n");
+     },
+     "a.nrrd", "truncated, 0 of 24 bytes"},
     {"NrrdOfGarbage", [](const TemporaryFolder& f) { write_bytes(f / "a.nrrd", "NRRD0004\ngarbage\n\n"); },
      "a.nrrd", "the header is damaged"},
+
+    // Of no body: a segmentation of such voxels grew to 23 GB, or did not end.
+    {"NiftiOfVoxelsOfAPicometre",
+     [](const TemporaryFolder& f) {
+       NiftiFile file = nifti();
+       file.sform = {1e-9F, 0, 0, 0, 0, 1e-9F, 0, 0, 0, 0, 1e-9F, 0};
+       write_bytes(f / "a.nii", file.bytes());
+     },
+     "a.nii", "must be 0.001 to 100 mm; check its unit"},
+    {"NrrdOfVoxelsOfANanometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.nrrd", nrrd("space: LPS\nspace directions: (1e-6,0,0) (0,1e-6,0) (0,0,1e-6)\n"));
+     },
+     "a.nrrd", "must be 0.001 to 100 mm; check its unit"},
+    {"MetaImageOfVoxelsOfTrillionsOfMetres",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha", meta_image("ElementSpacing = 9e18 9e18 9e18\n"));
+     },
+     "a.mha", "must be 0.001 to 100 mm; check its unit"},
+    {"MetaImageAtThePlaceOfNoBody",
+     [](const TemporaryFolder& f) { write_bytes(f / "a.mha", meta_image("Offset = 0 2e20 0\n")); }, "a.mha",
+     "the origin (0, 2e+20, 0) mm must be within 100 m of 0; check its unit"},
+    {"MetaImageOfHundredsOfMetres",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha",
+                   meta_image("ElementSpacing = 100 100 100\n", "200 1 1", 3, std::string(400, 'a')));
+     },
+     "a.mha", "its extent of 20000 x 100 x 100 mm must be below 10 m; check its unit"},
+    {"VtiOfVoxelsOfAKilometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.vti", vti("0 1 0 1 0 2", R"(Spacing="1e6 1e6 1e6")"));
+     },
+     "a.vti", "must be 0.001 to 100 mm; check its unit"},
+    {"DicomOfVoxelsOfANanometre",
+     [](const TemporaryFolder& f) { dicom().text(0x00280030, "DS", "1e-6\\1e-6").write(f / "a"); }, "a",
+     "must be 0.001 to 100 mm; check its unit"},
+    {"GenesisOfVoxelsOfAPicometre",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.fro", genesis_bytes({.pixel_mm = 1e-9F}, std::vector<std::uint16_t>(12)));
+     },
+     "a.fro", "must be 0.001 to 100 mm; check its unit"},
 
     {"MetaImageCut",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mha", without_last(meta_image(""), 5)); }, "a.mha",
@@ -463,6 +548,12 @@ const BadScan kBadScans[] = {
                    "NDims = 3\nDimSize = 4 3 1\nElementType = MET_STRING\nElementDataFile = LOCAL\n");
      },
      "a.mha", "ElementType 'MET_STRING' is not supported"},
+    // Its header would have served as voxels.
+    {"MetaImageCutWithVoxelsAtItsEnd",
+     [](const TemporaryFolder& f) {
+       write_bytes(f / "a.mha", without_last(meta_image("HeaderSize = -1\n"), 5));
+     },
+     "a.mha", "truncated, 19 of 24 bytes"},
     {"MetaImageThatDoesNotEnd",
      [](const TemporaryFolder& f) { write_bytes(f / "a.mha", "ObjectType = Image\nNDims = 3\n"); }, "a.mha",
      "ElementDataFile is missing"},

@@ -116,6 +116,24 @@ def test_a_scan_is_written_and_read(body, tmp_path):
         xc.open(tmp_path / "missing.nrrd")
 
 
+def test_a_scan_tells_of_its_values(body, tmp_path):
+    numbers = body.hu.astype(np.float32) + 1024 + np.random.default_rng(1).normal(0, 15, body.hu.shape).astype(np.float32)
+    numbers = np.maximum(numbers, 0)
+    numbers[0, 0, :3] = np.nan
+    size = " ".join(map(str, numbers.shape[::-1]))
+    header = f"NRRD0004\ntype: float\ndimension: 3\nspace: LPS\nsizes: {size}\n" \
+             "space directions: (4,0,0) (0,4,0) (0,0,4)\nencoding: raw\nendian: little\n\n"
+    file = tmp_path / "scan.nrrd"
+    file.write_bytes(header.encode() + numbers.tobytes())
+    with pytest.warns(UserWarning, match="3 voxels are not numbers"), pytest.warns(UserWarning, match="give offset_hu -1024"):
+        shifted = xc.open(file)
+    assert len(shifted.warnings) == 2
+    with pytest.warns(UserWarning, match="3 voxels are not numbers"):
+        scan = xc.open(file, offset_hu=-1024)
+    assert len(scan.warnings) == 1 and scan.hu.min() == -1024
+    assert np.array_equal(pickle.loads(pickle.dumps(scan)).hu, scan.hu)
+
+
 def test_simple_itk_values_are_clamped():
     sitk = pytest.importorskip("SimpleITK")
     image = sitk.GetImageFromArray(np.array([[[-40000, -2000, 50], [40000, 65536, 32767]]], np.int32))

@@ -59,7 +59,7 @@ Opacity Opacity::from_json(const std::string& text, const std::string& origin) {
   if (!json.is_object())
     throw InputError("{}: not a JSON object; an opacity holds a name, a unit and knots", origin);
   if (const auto unit = json.find("unit"); unit != json.end() && *unit != "1/mm")
-    throw InputError("{}: unit is {}, but must be \"1/mm\"", origin, unit->dump());
+    throw InputError("{}: unit is {}, but must be \"1/mm\"", origin, excerpt(unit->dump()));
   const auto knots = json.find("knots");
   if (knots == json.end() || !knots->is_array())
     throw InputError("{}: knots is missing; it is a list of [HU, mu in 1/mm] pairs", origin);
@@ -81,7 +81,7 @@ Opacity Opacity::named(const std::string& name_or_file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(name_or_file, error))
     throw InputError("{}: unknown opacity; give paper, bilinear, subtracted or a readable JSON file",
-                     name_or_file);
+                     excerpt(name_or_file));
   return with_remedy(name_or_file, "correct the file",
                      [&] { return from_json(read_whole_file(name_or_file), name_or_file); });
 }

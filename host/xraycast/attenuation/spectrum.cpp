@@ -151,7 +151,7 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
   std::error_code error;
   if (!std::filesystem::is_regular_file(kvp_or_file, error))
     throw InputError("spectrum:{}: give a tube voltage of {} kVp, or a file of energies in keV and fluences",
-                     kvp_or_file, fmt::join(kTubes_kv, ", "));
+                     excerpt(kvp_or_file), fmt::join(kTubes_kv, ", "));
   return with_remedy(kvp_or_file, "correct the file", [&] { return read_columns(kvp_or_file); });
 }
 

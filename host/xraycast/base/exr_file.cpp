@@ -230,7 +230,8 @@ void ExrReader::read(int part, std::span<const ExrTarget> targets) const {
     const auto target = std::ranges::find(targets, channel.name.str, &ExrTarget::channel);
     const bool is_sampled = channel.x_sampling == 1 && channel.y_sampling == 1;
     if (target == targets.end() || channel.pixel_type != stored_as(target->pixel) || !is_sampled)
-      throw InputError("{}: layer {} has an unexpected channel {}", file_->name, part, channel.name.str);
+      throw InputError("{}: layer {} has an unexpected channel {}", file_->name, part,
+                       excerpt(channel.name.str));
     values.push_back(target->values.data());
   }
   for (const ExrTarget& target : targets)

@@ -24,9 +24,9 @@ std::string preset_json(std::span<const EmbeddedFile> presets, const std::string
   if (extension_of(name_or_file) != ".json") {
     const std::vector<std::string> names = names_of(presets);
     const std::string meant = closest_word(names, name_or_file);
-    throw InputError("{}: unknown {}; {}choose one of {}, or give a file that ends in .json", name_or_file,
-                     kind, meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant),
-                     fmt::join(names, ", "));
+    throw InputError(
+        "{}: unknown {}; {}choose one of {}, or give a file that ends in .json", excerpt(name_or_file), kind,
+        meant.empty() ? "" : fmt::format("did you mean {}? Else ", meant), fmt::join(names, ", "));
   }
   return read_whole_file(name_or_file);
 }

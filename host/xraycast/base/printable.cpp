@@ -58,4 +58,17 @@ std::string printable_line(std::string_view text) {
   return printable(line);
 }
 
+std::string excerpt(std::string_view text) {
+  constexpr std::size_t kMost_B = 80;
+  std::string shown;
+  while (!text.empty()) {
+    const std::string_view character = text.substr(0, std::max<std::size_t>(character_size(text), 1));
+    const std::string piece = printable_line(character);
+    if (shown.size() + piece.size() > kMost_B) return shown + "…";
+    shown += piece;
+    text.remove_prefix(character.size());
+  }
+  return shown;
+}
+
 }  // namespace xraycast

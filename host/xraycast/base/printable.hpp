@@ -13,4 +13,8 @@ std::string printable(std::string_view text);
 /// The same on one line: line breaks become spaces.
 std::string printable_line(std::string_view text);
 
+/// An untrusted text as a message quotes it: printable, on one line, and cut after 80 bytes, which an
+/// ellipsis shows.
+std::string excerpt(std::string_view text);
+
 }  // namespace xraycast

@@ -125,13 +125,13 @@ VtkXmlFile::VtkXmlFile(const std::filesystem::path& path, std::string type)
   const std::string_view found = file.attribute("type").value(), order = file.attribute("byte_order").value(),
                          header = file.attribute("header_type").as_string("UInt32"),
                          compressor = file.attribute("compressor").value();
-  if (found != type_) fail("VTKFile", "the type is \"{}\", but {} is needed", found, type_);
+  if (found != type_) fail("VTKFile", "the type is \"{}\", but {} is needed", excerpt(found), type_);
   if (order != "LittleEndian" && order != "BigEndian")
-    fail("byte_order", "\"{}\" is neither LittleEndian nor BigEndian", order);
+    fail("byte_order", "\"{}\" is neither LittleEndian nor BigEndian", excerpt(order));
   if (header != "UInt32" && header != "UInt64")
-    fail("header_type", "\"{}\" is neither UInt32 nor UInt64", header);
+    fail("header_type", "\"{}\" is neither UInt32 nor UInt64", excerpt(header));
   if (!compressor.empty() && compressor != "vtkZLibDataCompressor")
-    fail("compressor", "\"{}\" is not supported; write zlib or uncompressed data", compressor);
+    fail("compressor", "\"{}\" is not supported; write zlib or uncompressed data", excerpt(compressor));
   is_big_endian_ = order == "BigEndian";
   header_size_B_ = header == "UInt32" ? 4 : 8;
   is_packed_ = !compressor.empty();
@@ -162,7 +162,7 @@ std::uint64_t VtkXmlFile::count(pugi::xml_node node, const char* attribute, std:
   std::uint64_t number = 0;
   // 32 bits index the points of anything that fits in memory, and products of two such numbers fit in 64.
   if (!parse_whole(text, number) || number > std::numeric_limits<std::uint32_t>::max() / 3)
-    fail(attribute, "\"{}\" is not a valid number", text);
+    fail(attribute, "\"{}\" is not a valid number", excerpt(text));
   return number;
 }
 
@@ -181,7 +181,7 @@ std::vector<double> VtkXmlFile::values(pugi::xml_node array, std::string_view fi
   if (!array) fail(field, "is missing");
   const std::string_view type = array.attribute("type").value();
   const auto* const stored = std::ranges::find(kStoredTypes, type, &StoredType::name);
-  if (stored == std::end(kStoredTypes)) fail(field, "the type \"{}\" is not supported", type);
+  if (stored == std::end(kStoredTypes)) fail(field, "the type \"{}\" is not supported", excerpt(type));
   const std::uint64_t most_B = expected.value_or(kMostUnexpected) * stored->size_B;
   const bool is_text = array.attribute("format").value() == std::string_view("ascii");
   std::vector<double> numbers = is_text ? parse_numbers(array.text().get(), field)
@@ -197,7 +197,8 @@ std::string VtkXmlFile::bytes(pugi::xml_node array, std::string_view field, std:
     return is_packed_ ? read_packed(stream, field, most_B) : read_plain(stream, field);
   };
   if (format == "binary") return read({array.text().get(), true});
-  if (format != "appended") fail(field, "the format \"{}\" is not ascii, binary or appended", format);
+  if (format != "appended")
+    fail(field, "the format \"{}\" is not ascii, binary or appended", excerpt(format));
   const std::uint64_t offset = array.attribute("offset").as_ullong(std::numeric_limits<std::uint64_t>::max());
   if (offset > appended_.size()) fail(field, "its offset lies beyond the appended data");
   return read({appended_.substr(offset), appended_base64_});

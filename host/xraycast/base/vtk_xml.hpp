@@ -50,7 +50,7 @@ class VtkXmlFile {
 
   template <typename... Args>
   [[noreturn]] void fail(std::string_view field, fmt::format_string<Args...> format, Args&&... args) const {
-    throw InputError("{}: {}: {}", name_, field, fmt::format(format, std::forward<Args>(args)...));
+    throw InputError("{}: {}: {}", name_, excerpt(field), fmt::format(format, std::forward<Args>(args)...));
   }
 
  private:

@@ -116,7 +116,7 @@ Basis basis_of(const HeaderReader& header, const std::string& name) {
   if (const auto projection = header.get<std::string>("projection");
       projection != to_string(Projection::cylinder))
     throw InputError("{}: header field projection is '{}', which this version does not know", name,
-                     projection);
+                     excerpt(projection));
   MapGeometry& geometry = basis.geometry;
   geometry.width = header.count("width");
   geometry.height = header.count("height");

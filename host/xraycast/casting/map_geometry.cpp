@@ -84,7 +84,7 @@ std::string to_string(Projection projection) {
 Projection parse_projection(const std::string& name) {
   for (const Projection projection : {Projection::cylinder, Projection::sphere, Projection::rectangle})
     if (to_string(projection) == name) return projection;
-  throw InputError("unknown projection '{}'; choose cylinder, sphere or rectangle", name);
+  throw InputError("unknown projection '{}'; choose cylinder, sphere or rectangle", excerpt(name));
 }
 
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm) {

@@ -22,7 +22,7 @@ std::string to_string(MapPrecision precision) {
 MapPrecision parse_map_precision(const std::string& name) {
   for (const auto precision : {MapPrecision::float32, MapPrecision::float16, MapPrecision::byte})
     if (name == to_string(precision)) return precision;
-  throw InputError("unknown precision '{}'; choose float, half or byte", name);
+  throw InputError("unknown precision '{}'; choose float, half or byte", excerpt(name));
 }
 
 std::uint8_t LayerByteRange::byte_of(float value) const {

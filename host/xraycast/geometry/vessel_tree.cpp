@@ -266,7 +266,7 @@ VesselTree read_json(const std::filesystem::path& path) {
       if (!point.is_array() || point.size() != 4 ||
           !std::ranges::all_of(point, [](const nlohmann::json& number) { return number.is_number(); }))
         throw InputError("{}: \"points\": a point is [x, y, z, radius], not {}", field,
-                         point.dump().substr(0, 60));
+                         excerpt(point.dump()));
       const auto number = [&point](std::size_t i) { return point[i].get<double>(); };
       branch.points.push_back({{number(0), number(1), number(2)}, number(3)});
     }

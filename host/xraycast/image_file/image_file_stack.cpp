@@ -110,10 +110,10 @@ void ImageFileStack::check_files() {
                        loaded->bytes.size(), needed_B);
     return;
   }
-  auto& [files, offset_B] = std::get<PlainVoxels>(voxels_);
+  auto& [files, offset_B, header_B] = std::get<PlainVoxels>(voxels_);
   const std::int64_t file_B = needed_B / std::ssize(files);
   if (offset_B == PlainVoxels::kAtTheEnd)
-    offset_B = std::max<std::int64_t>(0, static_cast<std::int64_t>(fs::file_size(files.front())) - file_B);
+    offset_B = std::max(header_B, static_cast<std::int64_t>(fs::file_size(files.front())) - file_B);
   for (const fs::path& file : files) RawVoxels(file, offset_B, file_B);
 }
 
@@ -126,7 +126,7 @@ void ImageFileStack::read_slice(std::int64_t stored, std::span<char> bytes) cons
     std::copy_n(loaded->bytes.data() + stored * slice_B(), bytes.size(), bytes.begin());
     return;
   }
-  const auto& [files, offset_B] = std::get<PlainVoxels>(voxels_);
+  const auto& [files, offset_B, header_B] = std::get<PlainVoxels>(voxels_);
   const std::int64_t slices_a_file = slices_ / std::ssize(files);
   const RawVoxels voxels(files[static_cast<std::size_t>(stored / slices_a_file)], offset_B,
                          slices_a_file * slice_B());
@@ -155,9 +155,9 @@ std::string orientation_of(const ImageHeader& header) {
   return {side(i), side(j), glm::length(k) > 0 ? side(k) : side(glm::cross(i, j))};
 }
 
-std::string unknown_orientation(const char* field, const ImageHeader& header) {
+std::string unknown_orientation(const std::string& fault, const ImageHeader& header) {
   return fmt::format("the file does not state the patient's orientation ({}); its axes are taken as {}",
-                     field, orientation_of(header));
+                     fault, orientation_of(header));
 }
 
 Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
@@ -168,6 +168,7 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
   info.warnings = std::move(warnings);
   if (bytes_of(header.type) == 1 && header.slope == 1 && header.intercept == 0)
     info.notes.emplace_back(kEightBitNote);
+  header.intercept += options.offset_hu;
   auto stack = std::make_unique<ImageFileStack>(std::move(header), std::move(voxels));
   return deliver(std::move(stack), std::move(info), options);
 }
@@ -177,7 +178,8 @@ fs::path data_file_beside(const fs::path& header, const std::string& name) {
   std::error_code error;
   // A pipe or a device could go on for ever.
   if (!fs::is_regular_file(file, error))
-    throw InputError("{}: its data file {} is missing; put it beside the header", header.string(), name);
+    throw InputError("{}: its data file {} is missing; put it beside the header", header.string(),
+                     excerpt(name));
   return file;
 }
 

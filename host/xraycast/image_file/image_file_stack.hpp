@@ -36,6 +36,7 @@ struct PlainVoxels {
   static constexpr std::int64_t kAtTheEnd = -1;  ///< the last bytes, however many lie before them
   std::vector<std::filesystem::path> files;
   std::int64_t offset_B = 0;
+  std::int64_t header_B = 0;  ///< that precede voxels at the end
 };
 
 /// Voxels that are in memory already.
@@ -74,8 +75,8 @@ Scan deliver_image(ImageHeader header, StoredVoxels voxels, const char* format,
 /// The patient's sides towards which the stored axes point, three letters.
 std::string orientation_of(const ImageHeader& header);
 
-/// A warning that the file does not state the patient's orientation, since `field` is missing.
-std::string unknown_orientation(const char* field, const ImageHeader& header);
+/// A warning that the file does not state the patient's orientation; `fault` says what is missing.
+std::string unknown_orientation(const std::string& fault, const ImageHeader& header);
 
 /// A file that a header names, beside it. Throws InputError, with the header's name in front, where there is
 /// no such regular file.

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/inflater.hpp"
+#include "xraycast/base/memory_limit.hpp"
 
 #include <algorithm>
 
@@ -22,6 +23,7 @@ std::unique_ptr<char[]> inflate_voxels(const PackedVoxels& packed, std::int64_t 
   require_packed(packed, needed_B);
   Inflater stream(packed.file, packed.start_B, Inflater::Format::zlib_or_gzip);
   stream.skip(packed.skipped_B);
+  require_memory("unpacking " + packed.file.string(), {needed_B, needed_B});
   auto voxels = std::make_unique_for_overwrite<char[]>(static_cast<std::size_t>(needed_B));
   const std::int64_t got = stream.read({voxels.get(), static_cast<std::size_t>(needed_B)});
   if (got < needed_B)

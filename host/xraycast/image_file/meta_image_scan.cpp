@@ -1,5 +1,3 @@
-#include "xraycast/base/error.hpp"
-#include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/image_file/image_file_scan.hpp"
 #include "xraycast/image_file/image_file_stack.hpp"
@@ -8,78 +6,23 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <map>
-#include <sstream>
 
-// The format is that of https://itk.org/Wiki/ITK/MetaIO/Documentation. Its header is read here and not by
-// ITK's MetaIO, which believes any number of dimensions, writes past its memory for some fields, and reads
-// files that are missing as zeros.
+// The format is that of https://itk.org/Wiki/ITK/MetaIO/Documentation.
 namespace xraycast {
 namespace {
 
 namespace fs = std::filesystem;
 
-std::vector<std::string> words_of(const std::string& text) {
-  std::istringstream stream(text);
-  std::vector<std::string> words;
-  for (std::string word; stream >> word;) words.push_back(word);
-  return words;
+bool is_true(const std::string& value) {
+  return !value.empty() && std::string_view("Tt1").find(value[0]) != std::string_view::npos;
 }
 
-/// A MetaImage's header with its path, for messages.
-class MetaFields {
- public:
-  MetaFields(const fs::path& path, const TextHeader& header) : path_(path), header_(header) {}
-
-  const std::string& text(const char* field) const { return header_.get(field); }
-
-  bool is_true(const char* field) const {
-    const std::string& value = text(field);
-    return !value.empty() && std::string_view("Tt1").find(value[0]) != std::string_view::npos;
-  }
-
-  /// `count` numbers, or `otherwise` where the field is missing.
-  template <typename Number>
-  std::vector<Number> numbers(const char* field, std::size_t count,
-                              std::vector<Number> otherwise = {}) const {
-    const std::vector<std::string> words = words_of(text(field));
-    if (words.empty() && !otherwise.empty()) return otherwise;
-    std::vector<Number> values(words.size());
-    for (std::size_t i = 0; i < words.size(); ++i)
-      if (!parse_whole(words[i], values[i]))
-        throw InputError("{}: {} holds '{}', not a number; export the file again", path_.string(), field,
-                         words[i]);
-    if (values.size() != count)
-      throw InputError("{}: {} holds {} numbers instead of {}; export the file again", path_.string(), field,
-                       values.size(), count);
-    return values;
-  }
-
-  template <typename Number>
-  Number number(const char* field, std::vector<Number> otherwise = {}) const {
-    return numbers<Number>(field, 1, std::move(otherwise))[0];
-  }
-
-  /// The first of several names that has a value.
-  const char* named(std::initializer_list<const char*> names) const {
-    const auto* const found =
-        std::ranges::find_if(names, [&](const char* name) { return !text(name).empty(); });
-    return found == names.end() ? *names.begin() : *found;
-  }
-
-  std::vector<double> finite(const char* field, std::size_t count, std::vector<double> otherwise) const {
-    std::vector<double> values = numbers(field, count, std::move(otherwise));
-    for (const double value : values)
-      if (!std::isfinite(value))
-        throw InputError("{}: {} holds {}; export the file again", path_.string(), field, value);
-    return values;
-  }
-
- private:
-  const fs::path& path_;
-  const TextHeader& header_;
-};
+/// The first of several fields that has a value.
+const char* given_one(const TextHeader& text, std::initializer_list<const char*> fields) {
+  const auto* const found = std::ranges::find_if(fields, [&](const char* field) { return text.has(field); });
+  return found == fields.end() ? *fields.begin() : *found;
+}
 
 VoxelType meta_type(const fs::path& path, const std::string& name) {
   static const std::map<std::string, VoxelType> types{
@@ -92,39 +35,41 @@ VoxelType meta_type(const fs::path& path, const std::string& name) {
   const auto found = types.find(name);
   if (found == types.end())
     throw InputError("{}: ElementType '{}' is not supported; save the scan as MET_SHORT", path.string(),
-                     name);
+                     excerpt(name));
   return found->second;
 }
 
-ImageHeader header_of(const fs::path& path, const MetaFields& fields) {
+ImageHeader meta_image_header(const TextHeader& text) {
+  const fs::path& path = text.path;
   ImageHeader header;
   header.path = path;
-  const auto dimensions = fields.number<std::int64_t>("NDims");
+  const auto dimensions = text.number<std::int64_t>("NDims");
   constexpr std::int64_t kMaxDimensions = 10;
   if (dimensions < 1 || dimensions > kMaxDimensions)
     throw InputError("{}: NDims is {}; a scan has 3: extract one volume", path.string(), dimensions);
   const auto count = static_cast<std::size_t>(dimensions);
-  header.size = fields.numbers<std::int64_t>("DimSize", count);
+  header.size = text.numbers<std::int64_t>("DimSize", count);
 
-  const char* const spacing_field = fields.named({"ElementSpacing", "ElementSize"});
+  const char* const spacing_field = given_one(text, {"ElementSpacing", "ElementSize"});
   const std::vector<double> spacing_mm =
-      fields.numbers<double>(spacing_field, count, std::vector<double>(count, 1));
+      text.numbers<double>(spacing_field, count, std::vector<double>(count, 1));
   require_spacing(path, spacing_field, spacing_mm);
   std::vector<double> identity(count * count);
   for (std::size_t d = 0; d < count; ++d) identity[d * (count + 1)] = 1;
   const std::vector<double> matrix =
-      fields.finite(fields.named({"TransformMatrix", "Rotation", "Orientation"}), count * count, identity);
+      text.finite(given_one(text, {"TransformMatrix", "Rotation", "Orientation"}), count * count, identity);
   const std::vector<double> origin_mm =
-      fields.finite(fields.named({"Offset", "Position", "Origin"}), count, std::vector<double>(count, 0));
+      text.finite(given_one(text, {"Offset", "Position", "Origin"}), count, std::vector<double>(count, 0));
   for (std::size_t axis = 0; axis < std::min<std::size_t>(3, count); ++axis) {
     for (std::size_t d = 0; d < std::min<std::size_t>(3, count); ++d)
       header.step_mm[axis][static_cast<int>(d)] = matrix[axis * count + d] * spacing_mm[axis];
     header.origin_mm[static_cast<int>(axis)] = origin_mm[axis];
   }
 
-  header.numbers_per_voxel = fields.number<std::int64_t>("ElementNumberOfChannels", {1});
-  header.type = meta_type(path, fields.text("ElementType"));
-  header.is_big_endian = fields.is_true("BinaryDataByteOrderMSB") || fields.is_true("ElementByteOrderMSB");
+  header.numbers_per_voxel = text.number<std::int64_t>("ElementNumberOfChannels", {1});
+  header.type = meta_type(path, text.get("ElementType"));
+  header.is_big_endian =
+      is_true(text.get("BinaryDataByteOrderMSB")) || is_true(text.get("ElementByteOrderMSB"));
   return header;
 }
 
@@ -146,12 +91,12 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
       (words.size() > 2 && !parse_whole(words[2], last)) ||
       (words.size() > 3 && !parse_whole(words[3], step)))
     throw InputError("{}: ElementDataFile '{}' is not a pattern; write one such as slice%03d.raw 1 20 1",
-                     path.string(), text);
+                     path.string(), excerpt(text));
   constexpr std::int64_t kMost = 1'000'000;
   if (words.size() == 2 && first <= kMost && slices <= kMost) last = first + slices - 1;
   if (step < 1 || first < 0 || last < first || last > kMost || (last - first) / step + 1 != slices)
     throw InputError("{}: ElementDataFile '{}' does not name {} files; name one per slice", path.string(),
-                     text, slices);
+                     excerpt(text), slices);
   std::vector<std::string> names;
   for (std::int64_t number = first; number <= last; number += step) {
     const std::string digits = std::to_string(number);
@@ -164,13 +109,14 @@ std::vector<std::string> names_by_pattern(const fs::path& path, const std::strin
 }
 
 /// The files of a LIST or pattern, one a slice, all of them there.
-PlainVoxels several_files(const fs::path& path, const TextHeader& text, const ImageHeader& header) {
+PlainVoxels several_files(const TextHeader& text, const ImageHeader& header) {
+  const fs::path& path = text.path;
   const std::string& data_file = text.get("ElementDataFile");
   const std::int64_t slices = header.size.size() < 3 ? 1 : header.size[2];
   const bool is_list = data_file.starts_with("LIST");
   if (is_list && data_file != "LIST" && data_file != "LIST 2" && data_file != "LIST 2D")
     throw InputError("{}: ElementDataFile '{}' is not supported; list one file per slice", path.string(),
-                     data_file);
+                     excerpt(data_file));
   const std::vector<std::string> names = is_list ? text.rest : names_by_pattern(path, data_file, slices);
   if (std::ssize(names) != slices)
     throw InputError("{}: ElementDataFile lists {} for {}; list one file per slice", path.string(),
@@ -180,14 +126,14 @@ PlainVoxels several_files(const fs::path& path, const TextHeader& text, const Im
   return voxels;
 }
 
-StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const MetaFields& fields,
-                           const ImageHeader& header) {
-  if (!fields.text("BinaryData").empty() && !fields.is_true("BinaryData"))
+StoredVoxels meta_image_voxels(const TextHeader& text, const ImageHeader& header) {
+  const fs::path& path = text.path;
+  if (text.has("BinaryData") && !is_true(text.get("BinaryData")))
     throw InputError("{}: BinaryData is False: voxels as text are not supported; save them as binary",
                      path.string());
-  const std::string& data_file = fields.text("ElementDataFile");
-  const bool is_packed = fields.is_true("CompressedData");
-  const auto header_B = fields.number<std::int64_t>("HeaderSize", {0});
+  const std::string& data_file = text.get("ElementDataFile");
+  const bool is_packed = is_true(text.get("CompressedData"));
+  const auto header_B = text.number<std::int64_t>("HeaderSize", {0});
   constexpr std::int64_t kMaxHeader_B = std::int64_t{1} << 40;
   if (header_B < -1 || header_B > kMaxHeader_B || (header_B < 0 && is_packed))
     throw InputError("{}: HeaderSize is {}; save the file again without it", path.string(), header_B);
@@ -195,8 +141,8 @@ StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const M
   if (data_file.starts_with("LIST") || data_file.find('%') != std::string::npos) {
     if (is_packed)
       throw InputError("{}: ElementDataFile '{}' names several files; save their voxels uncompressed",
-                       path.string(), data_file);
-    PlainVoxels voxels = several_files(path, text, header);
+                       path.string(), excerpt(data_file));
+    PlainVoxels voxels = several_files(text, header);
     voxels.offset_B = header_B < 0 ? PlainVoxels::kAtTheEnd : header_B;
     return voxels;
   }
@@ -204,8 +150,8 @@ StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const M
   const bool is_local = data_file == "LOCAL" || data_file == "Local" || data_file == "local";
   const fs::path file = is_local ? path : data_file_beside(path, data_file);
   const std::int64_t start_B = header_B > 0 ? header_B : is_local ? text.end_B : 0;
-  if (!is_packed) return PlainVoxels{{file}, header_B < 0 ? PlainVoxels::kAtTheEnd : start_B};
-  if (const auto packed_B = fields.number<std::int64_t>("CompressedDataSize", {0}); packed_B > 0)
+  if (!is_packed) return PlainVoxels{{file}, header_B < 0 ? PlainVoxels::kAtTheEnd : start_B, start_B};
+  if (const auto packed_B = text.number<std::int64_t>("CompressedDataSize", {0}); packed_B > 0)
     RawVoxels(file, start_B, packed_B);
   return PackedVoxels{file, start_B, 0};
 }
@@ -215,9 +161,8 @@ StoredVoxels stored_voxels(const fs::path& path, const TextHeader& text, const M
 Scan open_meta_image(const fs::path& path, const ScanOptions& options, Progress& progress) {
   progress.begin("opening", 1, "files");
   const TextHeader text = read_meta_image_header(path);
-  const MetaFields fields(path, text);
-  ImageHeader header = header_of(path, fields);
-  StoredVoxels voxels = stored_voxels(path, text, fields, header);
+  ImageHeader header = meta_image_header(text);
+  StoredVoxels voxels = meta_image_voxels(text, header);
   progress.advance();
   return deliver_image(std::move(header), std::move(voxels), "MetaImage", {}, options);
 }

@@ -14,8 +14,7 @@
 #include <memory>
 #include <zlib.h>
 
-// NIfTI-1 and -2: https://nifti.nimh.nih.gov. The header is read here and not by ITK, which knows version 1
-// only and goes by the file's name.
+// NIfTI-1 and -2: https://nifti.nimh.nih.gov
 namespace xraycast {
 namespace {
 

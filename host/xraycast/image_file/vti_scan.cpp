@@ -19,7 +19,7 @@ VoxelType vti_type(const VtkXmlFile& file, const std::string& field, const std::
       {"Int64", VoxelType::int64},    {"UInt64", VoxelType::uint64}, {"Float32", VoxelType::float32},
       {"Float64", VoxelType::float64}};
   const auto found = types.find(name);
-  if (found == types.end()) file.fail(field, "the type \"{}\" is not supported", name);
+  if (found == types.end()) file.fail(field, "the type \"{}\" is not supported", excerpt(name));
   return found->second;
 }
 

@@ -16,8 +16,6 @@
 #include <vector>
 #include <zlib.h>
 
-// Written by hand rather than by ITK, whose NIfTI writer reports success on a full disk and whose MetaImage
-// writer names the voxels after the temporary header.
 namespace xraycast {
 namespace {
 

@@ -37,7 +37,8 @@ const Kind kKinds[] = {
 const Kind& parse_kind(const std::string& name) {
   const auto kind = std::ranges::find_if(kKinds, [&](const Kind& k) { return k.name == name; });
   if (kind == std::end(kKinds))
-    throw InputError("unknown phantom '{}'; choose one of {}", name, fmt::join(phantom_names(), ", "));
+    throw InputError("unknown phantom '{}'; choose one of {}", excerpt(name),
+                     fmt::join(phantom_names(), ", "));
   return *kind;
 }
 

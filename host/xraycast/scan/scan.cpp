@@ -12,6 +12,7 @@
 #include "xraycast/series/genesis_scan.hpp"
 
 #include <algorithm>
+#include <cmath>
 #include <memory>
 #include <set>
 #include <span>
@@ -189,6 +190,10 @@ Scan open_zip(const fs::path& path, const ScanOptions& options, Progress& progre
 }  // namespace
 
 Scan open_scan(const fs::path& path, const ScanOptions& options, Progress& progress) {
+  constexpr double kMostOffset_hu = 65536;
+  if (!(std::abs(options.offset_hu) <= kMostOffset_hu))
+    throw InputError("{}: the offset of {:g} HU must be within {:g} of 0", path.string(), options.offset_hu,
+                     kMostOffset_hu);
   std::error_code error;
   const fs::file_status status = fs::status(path, error);
   if (!fs::exists(status)) throw InputError("{}: no such file or folder; check its name", path.string());

@@ -56,7 +56,7 @@ double rescale_number(const DicomItem& item, DicomTag tag, const char* field, bo
   if (number.size() != 1 || !std::isfinite(number[0]) || (tag == kRescaleSlope && number[0] == 0))
     throw DamagedSlice(
         "{}: {} ({:04x},{:04x}) is {}, so its Hounsfield units are unknown; export the series again", name,
-        field, tag >> 16, tag & 0xffff, text.empty() ? "missing" : "'" + text + "'");
+        field, tag >> 16, tag & 0xffff, text.empty() ? "missing" : "'" + excerpt(text) + "'");
   return number[0];
 }
 

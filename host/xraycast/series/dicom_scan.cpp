@@ -185,6 +185,7 @@ Scan open_dicom(const fs::path& path, const std::vector<fs::path>& files, const 
                       side(upward(glm::cross(plane.i_step_mm, plane.j_step_mm)))};
   const DicomSlice& first = slices.front();
   if (first.pixels.bits_stored <= 8 && first.slope == 1) info.notes.emplace_back(kEightBitNote);
+  for (DicomSlice& slice : slices) slice.intercept += options.offset_hu;
   auto stack = std::make_unique<DicomStack>(std::move(slices));
   stack->name = path.string();
   return deliver(std::move(stack), std::move(info), options);

@@ -57,14 +57,14 @@ std::string name_of(const DicomSeries& series) {
   name += pluralize(slice_count(series), series.is_ct ? "slice" : "image");
   if (const std::string plane = plane_of(series); !plane.empty()) name += ", " + plane;
   if (const double mm = thickness_mm(series); mm > 0) name += fmt::format(", {:.3g} mm", mm);
-  if (!file.body_part.empty()) name += ", " + file.body_part;
+  if (!file.body_part.empty()) name += ", " + excerpt(file.body_part);
   if (!file.study_date.empty()) name += ", study of " + file.study_date;
   return name;
 }
 
 std::string describe(const DicomSeries& series) {
   const std::string& uid = series.files.front().series_uid;
-  return fmt::format("{}, UID {}", name_of(series), uid.empty() ? "unknown" : uid);
+  return fmt::format("{}, UID {}", name_of(series), uid.empty() ? "unknown" : excerpt(uid));
 }
 
 std::string list_of(const std::vector<DicomSeries>& all) {

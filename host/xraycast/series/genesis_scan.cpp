@@ -116,7 +116,8 @@ GenesisSlice read_header(const fs::path& path) {
 
 class GenesisStack final : public SliceStack {
  public:
-  explicit GenesisStack(std::vector<GenesisSlice> slices) : slices_(std::move(slices)) {
+  GenesisStack(std::vector<GenesisSlice> slices, double offset_hu)
+      : slices_(std::move(slices)), offset_hu_(offset_hu) {
     columns = slices_.front().columns;
     rows = slices_.front().rows;
     thickness_mm = slices_.front().thickness_mm;
@@ -132,10 +133,11 @@ class GenesisStack final : public SliceStack {
     if (!stream) throw InputError("{}: could not be read completely; copy it again", slice.file.string());
     const std::span<std::uint16_t> words(reinterpret_cast<std::uint16_t*>(hu.data()), hu.size());
     for (std::uint16_t& word : words) word = static_cast<std::uint16_t>(word << 8 | word >> 8);
-    return rescale(std::span<const std::uint16_t>(words), 1, kGenesisIntercept, hu);
+    return rescale(std::span<const std::uint16_t>(words), 1, kGenesisIntercept + offset_hu_, hu);
   }
 
   std::vector<GenesisSlice> slices_;
+  double offset_hu_;
 };
 
 void require_equal_sizes(const std::vector<GenesisSlice>& slices) {
@@ -194,7 +196,7 @@ Scan open_genesis(const fs::path& path, const std::vector<fs::path>& files, cons
   info.orientation = "LPS";
   require_equal_sizes(slices);
   sort_by_location(slices, info);
-  auto stack = std::make_unique<GenesisStack>(std::move(slices));
+  auto stack = std::make_unique<GenesisStack>(std::move(slices), options.offset_hu);
   stack->name = path.string();
   return deliver(std::move(stack), std::move(info), options);
 }

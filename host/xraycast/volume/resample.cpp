@@ -59,7 +59,7 @@ class ResampledSource final : public SliceSource {
   }
 
   const VolumeGeometry& geometry() const override { return grid_; }
-  HuRange hu_range() const override { return window_end_ == 0 ? HuRange{} : range_; }
+  HuRange hu_range() const override { return stack_->hu_range(); }
 
   std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override {
     // As many slices at a time as there are cores: more would only widen the window.
@@ -108,7 +108,7 @@ class ResampledSource final : public SliceSource {
       window_.emplace_back(static_cast<std::size_t>(stack_->columns * stack_->rows));
       fresh.push_back(window_.back().data());
     }
-    if (!fresh.empty()) include(range_, stack_->decode(window_end_, fresh));
+    if (!fresh.empty()) stack_->decode(window_end_, fresh);
     window_end_ = std::max(window_end_, end);
     const std::int64_t begin = normal_.z > 0 ? slice_below(lowest) : 0;
     while (window_end_ - std::ssize(window_) < begin) window_.pop_front();
@@ -173,7 +173,6 @@ class ResampledSource final : public SliceSource {
   std::deque<std::vector<std::int16_t>> window_;  ///< decoded slices up to window_end_ - 1
   std::int64_t window_end_ = 0;
   std::int64_t next_ = 0;
-  HuRange range_ = kNoHu;
 };
 
 }  // namespace

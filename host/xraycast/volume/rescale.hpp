@@ -16,7 +16,10 @@ inline constexpr SliceSource::HuRange kNoHu{std::numeric_limits<double>::infinit
                                             -std::numeric_limits<double>::infinity()};
 
 inline void include(SliceSource::HuRange& range, const SliceSource::HuRange& other) {
-  range = {std::min(range.lowest, other.lowest), std::max(range.highest, other.highest)};
+  range.lowest = std::min(range.lowest, other.lowest);
+  range.highest = std::max(range.highest, other.highest);
+  range.not_numbers += other.not_numbers;
+  range.clamped += other.clamped;
 }
 
 /// HU as they are stored: rounded, and clamped to [-1024, 32767]. NaN becomes air.
@@ -25,7 +28,8 @@ inline std::int16_t to_hu(double value) {
                             : kPaddingHu;
 }
 
-/// Writes stored values as HU = value * slope + intercept, and returns their range before clamping. `stored`
+/// Writes stored values as HU = value * slope + intercept, and returns their range before clamping. Above
+/// 32767 HU they are clamped, and NaN and minus infinity become air; the range counts both. `stored`
 /// may be the memory of `hu` itself.
 template <typename T>
 SliceSource::HuRange rescale(std::span<const T> stored, double slope, double intercept,
@@ -46,17 +50,23 @@ SliceSource::HuRange rescale(std::span<const T> stored, double slope, double int
         highest = std::max(highest, value);
         hu[i] = static_cast<std::int16_t>(std::min(std::max(value, lowest_kept), highest_kept) + offset);
       }
-      return {lowest + intercept, highest + intercept};
+      const std::int64_t clamped =
+          highest > highest_kept ? std::ranges::count(hu.first(stored.size()), kMaxHu) : 0;
+      return {.lowest = lowest + intercept, .highest = highest + intercept, .clamped = clamped};
     }
   }
   SliceSource::HuRange range = kNoHu;
   for (std::size_t i = 0; i < stored.size(); ++i) {
     const double value = static_cast<double>(stored[i]) * slope + intercept;
     // Written so that a value that is not a number leaves the range alone.
-    range.lowest = std::min(range.lowest, value);
+    const bool is_number = value > -std::numeric_limits<double>::infinity();
+    range.lowest = std::min(range.lowest, is_number ? value : range.lowest);
     range.highest = std::max(range.highest, value);
+    range.not_numbers += is_number ? 0 : 1;
+    range.clamped += value >= kMaxHu ? 1 : 0;
     hu[i] = to_hu(value);
   }
+  if (range.highest <= kMaxHu) range.clamped = 0;
   return range;
 }
 

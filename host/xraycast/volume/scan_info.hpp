@@ -64,6 +64,7 @@ struct ScanOptions {
   std::string series;         ///< DICOM: its number, or part of its description or UID; empty: the best CT
   bool keep_slices = false;   ///< reject an unevenly spaced stack instead of resampling it
   bool skip_damaged = false;  ///< leave damaged slices of a series out, and interpolate across them
+  double offset_hu = 0;       ///< added to all values: -1024 for a scan that is stored as HU + 1024
 };
 
 /// Thrown for a damaged slice that ScanOptions::skip_damaged would leave out.

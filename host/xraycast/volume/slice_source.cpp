@@ -1,8 +1,29 @@
 #include "xraycast/volume/slice_source.hpp"
 
+#include "xraycast/base/pluralize.hpp"
+
+#include <fmt/format.h>
+
 #include <algorithm>
 
 namespace xraycast {
+
+std::vector<std::string> SliceSource::HuRange::warnings() const {
+  std::vector<std::string> lines;
+  if (not_numbers == 1)
+    lines.emplace_back("1 voxel is not a number and counts as air");
+  else if (not_numbers > 1)
+    lines.push_back(fmt::format("{} voxels are not numbers and count as air", not_numbers));
+  if (clamped > 0)
+    lines.push_back(fmt::format("{} reached {} HU, with values up to {:g}; all of them count as {}",
+                                pluralize(clamped, "voxel"), kMaxHu, highest, kMaxHu));
+  if (is_shifted)
+    lines.emplace_back(
+        "no value is below 0 and soft tissue lies about 1024, so the values seem to be HU + 1024; if they "
+        "are, "
+        "give offset_hu -1024");
+  return lines;
+}
 
 Volume collect(SliceSource& source, Progress& progress, const std::string& name) {
   Volume volume(source.geometry(), name);

@@ -5,6 +5,8 @@
 
 #include <cstdint>
 #include <span>
+#include <string>
+#include <vector>
 
 namespace xraycast {
 
@@ -22,11 +24,19 @@ class SliceSource {
   /// when the file is damaged.
   virtual std::int64_t read(std::span<std::int16_t> hu, Progress& progress) = 0;
 
-  /// Smallest and largest HU of the slices read so far, before clamping; {0, 0} before the first.
+  /// Smallest and largest HU of the slices read so far, before clamping; {0, 0} before the first. And what of
+  /// these slices' voxels the user should check.
   struct HuRange {
     double lowest = 0, highest = 0;
+    std::int64_t not_numbers = 0;  ///< voxels of NaN or minus infinity, which count as air
+    std::int64_t clamped = 0;      ///< voxels of 32767 HU, where `highest` is above that
+    bool is_shifted = false;       ///< by their histogram the values are HU + 1024
+
     /// Whether no value is below water, as in a subtracted angiogram.
-    bool is_subtracted() const { return lowest >= 0 && highest > lowest; }
+    bool is_subtracted() const { return lowest >= 0 && highest > lowest && !is_shifted; }
+
+    /// One line each; the remedy is named as the field of ScanOptions.
+    std::vector<std::string> warnings() const;
   };
   virtual HuRange hu_range() const = 0;
 };

@@ -144,6 +144,25 @@ VolumeGeometry covering_grid(const SliceStack& stack, const Layout& layout) {
   return grid;
 }
 
+/// Throws InputError for voxels, an extent or a place that no body has, from micro-CT to long tables: steps
+/// that follow would take any memory and time for them.
+void require_bodily(const VolumeGeometry& grid, const std::string& name) {
+  constexpr double kLeast_mm = 0.001, kMost_mm = 100, kMostExtent_mm = 10'000, kMostPlace_mm = 100'000;
+  const glm::dvec3 &voxel_mm = grid.spacing_mm, &origin_mm = grid.origin_mm;
+  const glm::dvec3 extent_mm = voxel_mm * glm::dvec3(grid.size);
+  for (int axis = 0; axis < 3; ++axis) {
+    if (voxel_mm[axis] < kLeast_mm || voxel_mm[axis] > kMost_mm)
+      throw InputError("{}: voxel spacing {:g} x {:g} x {:g} mm must be {:g} to {:g} mm; check its unit",
+                       name, voxel_mm.x, voxel_mm.y, voxel_mm.z, kLeast_mm, kMost_mm);
+    if (extent_mm[axis] > kMostExtent_mm)
+      throw InputError("{}: its extent of {:g} x {:g} x {:g} mm must be below {:g} m; check its unit", name,
+                       extent_mm.x, extent_mm.y, extent_mm.z, kMostExtent_mm / 1000);
+    if (std::abs(origin_mm[axis]) > kMostPlace_mm)
+      throw InputError("{}: the origin ({:g}, {:g}, {:g}) mm must be within {:g} m of 0; check its unit",
+                       name, origin_mm.x, origin_mm.y, origin_mm.z, kMostPlace_mm / 1000);
+  }
+}
+
 /// Whether the stack's voxels are the grid's, reversed and exchanged axes allowed.
 bool lies_on(const VolumeGeometry& grid, const SliceStack& stack, const Layout& layout) {
   const auto [i_axis, j_axis, k_axis] = layout.axes;
@@ -180,7 +199,7 @@ class AlignedSource final : public SliceSource {
         flip_y_((transposed_ ? stack_->planes.front().i_step_mm : stack_->planes.front().j_step_mm).y < 0) {}
 
   const VolumeGeometry& geometry() const override { return geometry_; }
-  HuRange hu_range() const override { return next_ == 0 ? HuRange{} : range_; }
+  HuRange hu_range() const override { return stack_->hu_range(); }
 
   std::int64_t read(std::span<std::int16_t> hu, Progress& progress) override {
     // Small enough for a smooth progress bar, large enough for all cores.
@@ -192,7 +211,7 @@ class AlignedSource final : public SliceSource {
       const std::int64_t batch = std::min(kBatch, count - done);
       std::vector<std::int16_t*> slices;
       for (std::int64_t i = 0; i < batch; ++i) slices.push_back(hu.data() + (done + i) * voxels);
-      include(range_, stack_->decode(next_, slices));
+      stack_->decode(next_, slices);
       if (transposed_ || flip_x_ || flip_y_)
         parallel_for(batch, [&](std::int64_t i) { reorient(slices[static_cast<std::size_t>(i)]); });
       next_ += batch;
@@ -222,7 +241,6 @@ class AlignedSource final : public SliceSource {
   VolumeGeometry geometry_;
   bool transposed_, flip_x_, flip_y_;
   std::int64_t next_ = 0;
-  HuRange range_ = kNoHu;
 };
 
 /// Why a stack must be resampled, in words.
@@ -249,15 +267,43 @@ std::string reasons(const SliceStack& stack, const Layout& layout, const ScanInf
 
 }  // namespace
 
-SliceSource::HuRange SliceStack::decode(std::int64_t first, std::span<std::int16_t* const> slices) {
+void SliceStack::decode(std::int64_t first, std::span<std::int16_t* const> slices) {
   prepare();
   std::vector<SliceSource::HuRange> ranges(slices.size());
   parallel_for(std::ssize(slices), [&](std::int64_t s) {
     const auto index = static_cast<std::size_t>(s);
     ranges[index] = decode_slice(first + s, {slices[index], static_cast<std::size_t>(columns * rows)});
   });
-  SliceSource::HuRange range = kNoHu;
-  for (const SliceSource::HuRange& one : ranges) include(range, one);
+  if (!range_) range_ = kNoHu;
+  for (const SliceSource::HuRange& one : ranges) include(*range_, one);
+  for (std::size_t s = 0; s < slices.size(); ++s) sample(first + static_cast<std::int64_t>(s), slices[s]);
+  decoded_ += std::ssize(slices);
+  if (decoded_ == std::ssize(planes)) check_values();
+}
+
+void SliceStack::sample(std::int64_t slice, const std::int16_t* hu) {
+  constexpr std::int64_t kSlices = 16, kStride = 7;
+  if (slice % std::max<std::int64_t>(1, std::ssize(planes) / kSlices) != 0) return;
+  for (std::int64_t i = 0; i < columns * rows; i += kStride) histogram_.add(hu[i]);
+}
+
+void SliceStack::check_values() const {
+  constexpr double kMostClamped = 0.05;
+  constexpr std::int64_t kFew = 1000;
+  const double share = static_cast<double>(range_->clamped) /
+                       (static_cast<double>(columns * rows) * static_cast<double>(planes.size()));
+  if (range_->lowest > range_->highest)
+    throw InputError("{}: none of its voxels is a number; export the scan again", name);
+  if (range_->clamped > kFew && share > kMostClamped)
+    throw InputError(
+        "{}: {:.0f} % of its voxels are above {} HU, up to {:g}; export the scan in Hounsfield units", name,
+        100 * share, kMaxHu, range_->highest);
+}
+
+SliceSource::HuRange SliceStack::hu_range() const {
+  if (!range_) return {};
+  SliceSource::HuRange range = *range_;
+  range.is_shifted = histogram_.is_shifted();
   return range;
 }
 
@@ -295,8 +341,11 @@ Scan deliver(std::unique_ptr<SliceStack> stack, ScanInfo info, const ScanOptions
 
   const VolumeGeometry grid = covering_grid(*stack, layout);
   validate(grid, stack->name);
+  require_bodily(grid, stack->name);
   const bool exact = info.gaps.empty() && lies_on(grid, *stack, layout);
   info.keeps_grid = exact && info.orientation == "LPS";
+  if (options.offset_hu != 0)
+    info.notes.push_back(fmt::format("{:+g} HU were added to all values", options.offset_hu));
   if (!exact)
     info.notes.push_back(
         fmt::format("resampled to {} x {} x {} voxels of {:.3f} x {:.3f} x {:.3f} mm because of {}",

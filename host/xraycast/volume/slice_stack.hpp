@@ -1,11 +1,13 @@
 #pragma once
 
+#include "xraycast/volume/hu_histogram.hpp"
 #include "xraycast/volume/scan_info.hpp"
 
 #include <glm/vec3.hpp>
 
 #include <cstdint>
 #include <memory>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -26,9 +28,12 @@ class SliceStack {
   virtual ~SliceStack() = default;
 
   /// Decodes slices `first` to `first + slices.size() - 1` on all cores, each to the address of its pointer,
-  /// in HU clamped to [-1024, 32767]. Returns their range before clamping. Throws InputError when a file is
-  /// damaged.
-  SliceSource::HuRange decode(std::int64_t first, std::span<std::int16_t* const> slices);
+  /// in HU clamped to [-1024, 32767]. Throws InputError when a file is damaged; and once all slices are
+  /// decoded, when no voxel is a number, or more than 5 % of them and 1,000 are above 32767 HU.
+  void decode(std::int64_t first, std::span<std::int16_t* const> slices);
+
+  /// Of all slices decoded so far.
+  SliceSource::HuRange hu_range() const;
 
   std::string name;  ///< the user's path, for messages
   std::int64_t columns = 0, rows = 0;
@@ -43,6 +48,13 @@ class SliceStack {
   /// Decodes a slice into columns x rows values, and returns their range before clamping. Called on several
   /// threads at once. Throws as decode().
   virtual SliceSource::HuRange decode_slice(std::int64_t slice, std::span<std::int16_t> hu) const = 0;
+
+  void sample(std::int64_t slice, const std::int16_t* hu);
+  void check_values() const;
+
+  std::int64_t decoded_ = 0;  ///< slices
+  std::optional<SliceSource::HuRange> range_;
+  HuHistogram histogram_;  ///< of a sample
 };
 
 /// The direction or its opposite: the one whose largest component is positive, so that slices sorted along it

@@ -59,9 +59,10 @@ void check_others(const std::vector<std::string>& names, const std::vector<std::
                      origin, devices);
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
-      throw InputError("{}: line 1: column {} twice; {}", origin, *name, wanted_columns(wanted));
+      throw InputError("{}: line 1: column {} twice; {}", origin, excerpt(*name), wanted_columns(wanted));
     if (std::ranges::find(wanted, *name) == wanted.end())
-      throw InputError("{}: line 1: unknown column \"{}\"; {}", origin, *name, wanted_columns(wanted));
+      throw InputError("{}: line 1: unknown column \"{}\"; {}", origin, excerpt(*name),
+                       wanted_columns(wanted));
   }
 }
 
@@ -90,7 +91,7 @@ double number(const std::string& cell, std::string_view column, const std::strin
   if (cell.empty()) throw InputError("{}: {} is missing", where, column);
   double value = 0;
   if (!parse_whole(cell, value) || !std::isfinite(value))
-    throw InputError("{}: {} is \"{}\", not a finite number", where, column, cell);
+    throw InputError("{}: {} is \"{}\", not a finite number", where, column, excerpt(cell));
   return value;
 }
 

@@ -46,7 +46,8 @@ class CArmFields {
   void check_keys(std::initializer_list<std::string_view> known) const {
     for (const auto& [key, value] : json_.items())
       if (std::ranges::find(known, key) == known.end())
-        throw InputError("{}: \"{}\" is no key of it; the keys are {}", where_, key, fmt::join(known, ", "));
+        throw InputError("{}: \"{}\" is no key of it; the keys are {}", where_, excerpt(key),
+                         fmt::join(known, ", "));
   }
   bool flag(const char* key) const {
     if (!has(key)) return false;

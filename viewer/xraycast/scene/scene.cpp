@@ -9,13 +9,13 @@ namespace xraycast {
 ShadingMode parse_shading_mode(const std::string& name) {
   if (name == "surface") return ShadingMode::surface;
   if (name == "fluoro") return ShadingMode::fluoro;
-  throw InputError("unknown look '{}'; choose surface or fluoro", name);
+  throw InputError("unknown look '{}'; choose surface or fluoro", excerpt(name));
 }
 
 Compositing parse_compositing(const std::string& name) {
   if (name == "wall") return Compositing::wall;
   if (name == "path") return Compositing::path;
-  throw InputError("unknown compositing '{}'; choose wall or path", name);
+  throw InputError("unknown compositing '{}'; choose wall or path", excerpt(name));
 }
 
 void check(const Surface& surface) {

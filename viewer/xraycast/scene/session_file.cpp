@@ -181,8 +181,9 @@ ViewSession read_fields(const fs::path& path) {
     for (const auto& [field, file] : files_of(session)) {
       if (!named.has(field)) continue;
       *file = (fs::absolute(path).parent_path() / named.get<std::string>(field)).lexically_normal();
-      if (!fs::exists(*file))
-        throw InputError("{}: its {} {} does not exist; put it there", name, field, file->string());
+      // A name may be too long for any file.
+      if (std::error_code error; !fs::exists(*file, error))
+        throw InputError("{}: its {} {} does not exist; put it there", name, field, excerpt(file->string()));
     }
   }
   if (fields.has("contrast_mg_ml"))

@@ -8,6 +8,9 @@
 #include "xraycast/scene/same_scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 
+#include <algorithm>
+#include <iterator>
+
 namespace xraycast {
 namespace {
 
@@ -31,6 +34,7 @@ CastParameters load_scan(OpenedFiles& opened, const std::string& device, Progres
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
   opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
+  std::ranges::copy(scan.source->hu_range().warnings(), std::back_inserter(opened.warnings));
   const bool is_subtracted = scan.source->hu_range().is_subtracted();
   return {std::move(finder), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
 }
