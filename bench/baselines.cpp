@@ -35,10 +35,11 @@ void on_all_cores(const Work& work) {
   for (int i = 0; i < cores; ++i) threads.emplace_back([&work, i, cores] { work(i, cores); });
 }
 
-Floats load(const std::int16_t* from) {
+/// Into `to`: how vectors of 64 bytes are returned depends on the processor.
+void load(const std::int16_t* from, Floats& to) {
   Shorts shorts;
   std::memcpy(&shorts, from, sizeof shorts);
-  return __builtin_convertvector(shorts, Floats);
+  to = __builtin_convertvector(shorts, Floats);
 }
 
 float take_samples(std::int64_t samples) {
@@ -56,7 +57,11 @@ float take_samples(std::int64_t samples) {
     const float fx = x - static_cast<float>(ix), fy = y - static_cast<float>(iy);
     const std::int16_t* upper = block.data() + (iy * (kSide + 1) + ix) * kSlices;
     const std::int16_t* lower = upper + (kSide + 1) * kSlices;
-    const Floats a = load(upper), b = load(upper + kSlices), c = load(lower), d = load(lower + kSlices);
+    Floats a, b, c, d;
+    load(upper, a);
+    load(upper + kSlices, b);
+    load(lower, c);
+    load(lower + kSlices, d);
     const Floats ab = a + fx * (b - a), cd = c + fx * (d - c);
     const Floats mu = 0.02f / 1024 * (ab + fy * (cd - ab)) + 0.02f;
     sum += mu > 0 ? mu : Floats{};

@@ -11,7 +11,7 @@ OPACITY = xc.Opacity([(LEAST_HU, 0), (MOST_HU, MOST_MU)], "linear")
 
 
 def without_rim(scan):
-    """The scan with air in its outermost voxels: over the rim nanodrr fades into air, and our rays end."""
+    """The scan with air in its outermost voxels: beyond its centres nanodrr fades into air, and we hold them up to their faces."""
     hu = scan.hu.copy()
     for axis in range(3):
         np.moveaxis(hu, axis, 0)[[0, -1]] = LEAST_HU

@@ -243,7 +243,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
               {"device_model", models[0].name()},
               {"entry_branch", entry.branch},
               {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
-              {"entry_side", side_of_patient(entry)},
+              {"entry_side", side_of_patient(tree, entry)},
               {"held_s", held_s},
               {"log", options.log},
               {"rows", records.size()},
@@ -274,7 +274,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
                  fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
                              "entry: end of {}; {}\n{}{}",
                              options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
-                             times_faster, text_of(entry), text_of(last), held_note(held_s), pictures));
+                             times_faster, text_of(tree, entry), text_of(last), held_note(held_s), pictures));
 }
 
 void simulate(const SimulateArguments& options, Session& session) {

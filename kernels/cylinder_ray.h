@@ -12,7 +12,7 @@
 #define SLICES 1
 typedef float Slices;
 
-/* Position (x, y), which lies within slice z, interpolated bilinearly. */
+/* Position (x, y), between voxels' centres of slice z, interpolated bilinearly. */
 static Slices sample(SCAN voxels, const XrcScan* scan, const int z, const float x, const float y) {
   const int ix = (int)x, iy = (int)y;
   const float fx = x - (float)ix, fy = y - (float)iy;
@@ -37,7 +37,7 @@ static Slices bilinear16(SCAN upper, SCAN lower, const float fx, const float fy)
   return fma((Slices)fy, cd - ab, ab);
 }
 
-/* Position (x, y) in the 16 slices of a brick, which lies within them, interpolated bilinearly. */
+/* The same in the 16 slices of a brick. */
 static Slices sample(SCAN voxels, const XrcScan* scan, const int brick, const float x, const float y) {
   const int ix = (int)x, iy = (int)y;
   SCAN upper = voxels + brick_pixel(scan, brick, ix, iy) * XRC_BRICK_SLICES;
@@ -64,14 +64,13 @@ static Ray ray_along(const float2 centre, const float2 direction, const int run,
   ray.centre = centre;
   ray.dx = direction.x * cylinder->step_x;
   ray.dy = -direction.y * cylinder->step_y;
-  ray.inside = min(samples_within(centre.x, ray.dx, 0.0f, (float)(scan->size_x - 1), samples),
-                   samples_within(centre.y, ray.dy, 0.0f, (float)(scan->size_y - 1), samples));
+  ray.inside = min(samples_within(centre.x, ray.dx, scan->size_x, samples),
+                   samples_within(centre.y, ray.dy, scan->size_y, samples));
   ray.run = run;
   return ray;
 }
 
-/* HU of sample i < inside. Rounding may carry the first or last sample a hair beyond
- * the slice; the clamp keeps its address inside. */
+/* HU of sample i < inside, held at the border voxels' centres. */
 static Slices hu_along(SCAN voxels, const XrcScan* scan, const Ray* ray, const int i) {
   const float at = (float)i + 0.5f;
   return sample(voxels, scan, ray->run,

@@ -54,11 +54,12 @@ typedef struct {
   int low_by, high_by;
 } Line;
 
-static inline void clip_line(Line* line, const int by, const float from, const float to) {
+/* To the faces of `size` voxels across an axis. */
+static inline void clip_line(Line* line, const int by, const int size) {
   const float low = line->low, high = line->high;
   const int is_own = line->axis == by;
   clip(&line->low, &line->high, is_own ? 0.0f : component(line->at_0, by),
-       is_own ? 1.0f : component(line->per_plane, by), from, to);
+       is_own ? 1.0f : component(line->per_plane, by), -0.5f, size - 0.5f);
   if (line->low != low) line->low_by = by;
   if (line->high != high) line->high_by = by;
 }
@@ -74,9 +75,9 @@ static inline int prepare_line(Line* line, const XrcScan* scan, const float3 sta
   line->low = fmin(origin, origin + planes);
   line->high = fmax(origin, origin + planes);
   line->low_by = line->high_by = RAY_ENDS;
-  clip_line(line, 0, 0.0f, (float)(scan->size_x - 1));
-  clip_line(line, 1, 0.0f, (float)(scan->size_y - 1));
-  clip_line(line, 2, -0.5f, (float)scan->size_z - 0.5f);
+  clip_line(line, 0, scan->size_x);
+  clip_line(line, 1, scan->size_y);
+  clip_line(line, 2, scan->size_z);
   return line->low < line->high;
 }
 

@@ -63,9 +63,9 @@ static inline void clip(float* low, float* high, const float start, const float 
   *high = fmin(*high, fmax(a, b));
 }
 
-/* Optical depth from `start` to `end`, both in voxels. The ray is clipped to the scan, and every plane counts
- * as far as the half-spacings around it lie on what is left. Loop bounds are integers within the scan,
- * whatever the floats are, so that no ray can hang a device. */
+/* Optical depth from `start` to `end`, both in voxels. The ray is clipped to the scan's faces, and every
+ * plane counts as far as the half-spacings around it lie on what is left. Loop bounds are integers within the
+ * scan, whatever the floats are, so that no ray can hang a device. */
 static inline float joseph(SCAN voxels, const XrcScan* scan, const float3 spacing_mm, const float3 start,
                            const float3 end, constant const XrcOpacity* opacity, global const float2* table) {
   const float3 along = end - start;
@@ -79,11 +79,9 @@ static inline float joseph(SCAN voxels, const XrcScan* scan, const float3 spacin
 
   /* Along the dominant axis the ray is its own parameter. */
   float low = fmin(origin, origin + planes), high = fmax(origin, origin + planes);
-  const float last_x = (float)(scan->size_x - 1), last_y = (float)(scan->size_y - 1);
-  clip(&low, &high, axis == 0 ? 0.0f : at_0.x, axis == 0 ? 1.0f : per_plane.x, 0.0f, last_x);
-  clip(&low, &high, axis == 1 ? 0.0f : at_0.y, axis == 1 ? 1.0f : per_plane.y, 0.0f, last_y);
-  clip(&low, &high, axis == 2 ? 0.0f : at_0.z, axis == 2 ? 1.0f : per_plane.z, -0.5f,
-       (float)scan->size_z - 0.5f);
+  clip(&low, &high, axis == 0 ? 0.0f : at_0.x, axis == 0 ? 1.0f : per_plane.x, -0.5f, scan->size_x - 0.5f);
+  clip(&low, &high, axis == 1 ? 0.0f : at_0.y, axis == 1 ? 1.0f : per_plane.y, -0.5f, scan->size_y - 0.5f);
+  clip(&low, &high, axis == 2 ? 0.0f : at_0.z, axis == 2 ? 1.0f : per_plane.z, -0.5f, scan->size_z - 0.5f);
   if (!(low < high)) return 0.0f;
 
   const int size = axis == 0 ? scan->size_x : axis == 1 ? scan->size_y : scan->size_z;

@@ -90,9 +90,9 @@ static inline void clip_rows_to_cylinder(float16* low, float16* high, const XrcD
   *high = fmin(*high, nearest + half_chord);
 }
 
-/* The planes that count as a whole for all rays, between the scan's first and last voxels' centres, where
- * the rays are in two neighbouring cells across at most, and within 30 slices. The rays lie in order, so that
- * the first and the last enclose the others. */
+/* The planes that count as a whole for all rays, between the centres of the scan's first and last slices,
+ * where the rays are in two neighbouring cells across at most, and within 30 slices. The rays lie in order,
+ * so that the first and the last enclose the others. */
 static inline void prepare_core(Rays* rays, float16 low, float16 high) {
   clip_rows(&low, &high, rays->v0, rays->dv, 0.0f, (float)rays->last_z);
   float first = greatest(low) + 0.5f, last = least(high) - 0.5f;
@@ -136,9 +136,9 @@ static inline int prepare_rows(Rays* rays, const XrcScan* scan, const XrcDetecto
 
   float16 low = fmin(across.start, across.start + across.along),
           high = fmax(across.start, across.start + across.along);
-  clip_rows(&low, &high, 0.0f, 1.0f, 0.0f, (float)rays->last_k);
-  clip_rows(&low, &high, rays->u0, rays->du, 0.0f, (float)rays->last_u);
-  clip_rows(&low, &high, rays->v0, rays->dv, -0.5f, (float)scan->size_z - 0.5f);
+  clip_rows(&low, &high, 0.0f, 1.0f, -0.5f, (float)rays->last_k + 0.5f);
+  clip_rows(&low, &high, rays->u0, rays->du, -0.5f, (float)rays->last_u + 0.5f);
+  clip_rows(&low, &high, rays->v0, rays->dv, -0.5f, (float)rays->last_z + 0.5f);
   clip_rows_to_cylinder(&low, &high, detector, by_x ? 0 : 1, rays->u0, rays->du);
   const int16 hits = low < high;
   rays->first = index_at(floor(least(select((float16)(float)rays->last_k, low, hits)) + 0.5f), rays->last_k);
@@ -224,8 +224,12 @@ static inline int16 pick_slices(SCAN even, SCAN odd, const int16 picks) {
 /* HU of 16 rays in a core plane k. Where rounding puts a ray a hair outside, what it picks is wrong, but
  * weighs no more than the hair. */
 static inline float16 sample_core(SCAN voxels, const Rays* rays, const int k, const float16 at) {
-  const float16 u = fma(at, rays->du, rays->u0), v = fma(at, rays->dv, rays->v0);
-  const int cell = index_at(fma((float)k, rays->low_du, rays->low_u0), rays->last_u);
+  float16 u = fma(at, rays->du, rays->u0);
+  const float16 v = fma(at, rays->dv, rays->v0);
+  const float lowest = fma((float)k, rays->low_du, rays->low_u0);
+  const int cell = index_at(lowest, rays->last_u);
+  /* Between the border voxels' centres and their faces. */
+  if (lowest < 0.0f || lowest > (float)(rays->last_u - 1)) u = clamp(u, 0.0f, (float)rays->last_u);
   const int brick = index_at(fma((float)k, rays->low_dv, rays->low_v0), rays->last_z) / XRC_BRICK_SLICES;
   SCAN lower = voxels + k * rays->plane_step + brick * rays->brick_step + cell * rays->column_step;
   SCAN upper = lower + (brick < rays->last_brick ? rays->brick_step : 0);

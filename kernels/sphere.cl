@@ -53,9 +53,9 @@ INLINE Ray ray_along(const float2 azimuth, const float2 polar, const float scale
   ray.centre = (float3)(sphere->centre[0], sphere->centre[1], sphere->centre[2]);
   ray.step = scale * (float3)(polar.x * azimuth.x * sphere->step[0], -polar.x * azimuth.y * sphere->step[1],
                               polar.y * sphere->step[2]);
-  ray.inside = min(min(samples_within(ray.centre.x, ray.step.x, 0.0f, (float)(scan->size_x - 1), samples),
-                       samples_within(ray.centre.y, ray.step.y, 0.0f, (float)(scan->size_y - 1), samples)),
-                   samples_within(ray.centre.z, ray.step.z, -0.5f, (float)scan->size_z - 0.5f, samples));
+  ray.inside = min(min(samples_within(ray.centre.x, ray.step.x, scan->size_x, samples),
+                       samples_within(ray.centre.y, ray.step.y, scan->size_y, samples)),
+                   samples_within(ray.centre.z, ray.step.z, scan->size_z, samples));
   return ray;
 }
 

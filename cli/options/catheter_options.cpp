@@ -69,8 +69,8 @@ EntryChoice parse_entry(const std::string& text) {
   return {static_cast<int>(numbers[0]), name};
 }
 
-std::string text_of(const VesselEnd& end) {
-  const std::string_view side = side_of_patient(end);
+std::string text_of(const VesselTree& tree, const VesselEnd& end) {
+  const std::string_view side = side_of_patient(tree, end);
   const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 1); };
   return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, mm(0), mm(1), mm(2),
                      side.empty() ? "" : ", on the patient's ", side);
@@ -85,13 +85,13 @@ std::vector<std::string> notes_on_entry(const VesselTree& tree, const EntryChoic
   if (others.size() > kMostNamed) others.resize(kMostNamed);
   std::string names, choices = choice_of(tree, entry);
   for (const VesselEnd& other : others) {
-    names += fmt::format("{}{}", names.empty() ? "" : "; or ", text_of(other));
+    names += fmt::format("{}{}", names.empty() ? "" : "; or ", text_of(tree, other));
     choices += " or " + choice_of(tree, other);
   }
   return {
       fmt::format("vessel ends lie equally low, within {:g} mm: the device enters at {}, and not at {}; "
                   "choose by {}",
-                  kEquallyLow_mm, text_of(entry), names, choices)};
+                  kEquallyLow_mm, text_of(tree, entry), names, choices)};
 }
 
 }  // namespace xraycast::cli

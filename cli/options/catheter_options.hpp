@@ -17,7 +17,7 @@ void add_coaxial_options(CLI::App& command, std::vector<std::string>& instrument
 EntryChoice parse_entry(const std::string& text);
 
 /// `branch 3 at (-89.0, -54.0, -357.0) mm, on the patient's right`.
-std::string text_of(const VesselEnd& end);
+std::string text_of(const VesselTree& tree, const VesselEnd& end);
 
 /// A note where the entry is not chosen and other ends lie about as low as the one found; or none.
 std::vector<std::string> notes_on_entry(const VesselTree& tree, const EntryChoice& choice,

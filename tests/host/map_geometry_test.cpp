@@ -66,18 +66,18 @@ struct BadMap {
 void PrintTo(const BadMap& bad, std::ostream* out) { *out << bad.name; }
 
 TEST(MapGeometry, RaysReachTheFieldsBorderInWholeSamples) {
-  // Voxels' centres from -30 to 30 mm in x and -45 to 45 mm in y, whole slices from -21 to 21 mm in z.
+  // Voxels from -30.5 to 30.5 mm in x, from -45.5 to 45.5 mm in y and from -21 to 21 mm in z.
   const VolumeGeometry volume{{61, 91, 28}, {1, 1, 1.5}, {-30, -45, -20.25}};
-  const MapGeometry cylinder = cylinder_map(volume, 360, {0, 20, 40}, {5, 0});
+  const MapGeometry cylinder = cylinder_map(volume, 360, {0, 20, 40}, {5.2, 0});
   // Columns 89 and 90 lie half a degree before and behind the patient's left.
   EXPECT_EQ(cylinder.reach_mm(89, 3), 25);
   EXPECT_EQ(cylinder.reach_mm(90, 3), 25);
-  EXPECT_EQ(cylinder.reach_mm(270, 3), 35);
+  EXPECT_EQ(cylinder.reach_mm(270, 3), 36);
   EXPECT_EQ(cylinder.reach_mm(0, 3), 40);
-  // At 125.5 deg it leaves after 25 / cos(35.5 deg) = 30.7 mm: the sample in the middle of the 31st mm is
+  // At 125.5 deg it leaves after 25.3 / cos(35.5 deg) = 31.1 mm: the sample in the middle of the 31st mm is
   // within.
   EXPECT_EQ(cylinder.reach_mm(125, 3), 31);
-  const MapGeometry sphere = sphere_map(volume, 360, {0, 20, 40}, {5, 0, 1});
+  const MapGeometry sphere = sphere_map(volume, 360, {0, 20, 40}, {5.2, 0, 1});
   EXPECT_EQ(sphere.reach_mm(0, 0), 20);
   EXPECT_EQ(sphere.reach_mm(0, 179), 22);
   EXPECT_EQ(sphere.reach_mm(90, 90), 25);

@@ -81,13 +81,15 @@ TEST(ReferenceSample, IsExactForLinearFields) {
               100 * kRounding);
 }
 
-TEST(ReferenceSample, EndsAtTheBorderVoxelsCentres) {
-  const Volume volume = make_volume({4, 4, 4}, {1, 1, 1}, [](const glm::dvec3&) { return 0; });
-  EXPECT_EQ(sample_hu(volume, 0, 0, 0), 0);
-  EXPECT_EQ(sample_hu(volume, 3, 3, 3), 0);
-  EXPECT_EQ(sample_hu(volume, -0.01, 1, 0), -1024);
-  EXPECT_EQ(sample_hu(volume, 1, 3.01, 0), -1024);
-  EXPECT_EQ(sample_hu(volume, {1, 1, 3.5}), 0);
+TEST(ReferenceSample, EndsAtTheBorderVoxelsFaces) {
+  const Volume volume = make_volume({4, 4, 4}, {1, 1, 1}, [](const glm::dvec3& p) { return 10 * p.x; });
+  EXPECT_EQ(sample_hu(volume, 0, 0, 0), -15);
+  EXPECT_EQ(sample_hu(volume, 3, 3, 3), 15);
+  EXPECT_EQ(sample_hu(volume, -0.49, 1, 0), -15);  // held from the centre to the face
+  EXPECT_EQ(sample_hu(volume, -0.51, 1, 0), -1024);
+  EXPECT_EQ(sample_hu(volume, 3.49, 3.49, 0), 15);
+  EXPECT_EQ(sample_hu(volume, 1, 3.51, 0), -1024);
+  EXPECT_EQ(sample_hu(volume, {3, 1, 3.5}), 15);
 }
 
 // ---- maps
@@ -184,8 +186,8 @@ TEST(ReferenceJoseph, IsExactInAConstantVolume) {
 
 TEST(ReferenceJoseph, SeesTheScansExtentAlongAnAxis) {
   const Volume volume = make_volume({40, 50, 60}, {2, 1.5, 1}, [](const glm::dvec3&) { return 0; });
-  EXPECT_NEAR(reference_joseph(volume, {-500, 3, 4}, {500, 3, 4}, water_is_one), 78, 100 * kRounding);
-  EXPECT_NEAR(reference_joseph(volume, {3, 500, 4}, {3, -500, 4}, water_is_one), 73.5, 100 * kRounding);
+  EXPECT_NEAR(reference_joseph(volume, {-500, 3, 4}, {500, 3, 4}, water_is_one), 80, 100 * kRounding);
+  EXPECT_NEAR(reference_joseph(volume, {3, 500, 4}, {3, -500, 4}, water_is_one), 75, 100 * kRounding);
   EXPECT_NEAR(reference_joseph(volume, {3, 4, -500}, {3, 4, 11.25}, water_is_one), 41.25, 100 * kRounding);
 }
 

@@ -60,10 +60,25 @@ TEST(Entry, HasOthersAboutAsLowThatTheDeviceFitsInto) {
 }
 
 TEST(Entry, LiesOnASideOfThePatient) {
-  const std::vector<VesselEnd> ends = vessel_ends(pelvis(-50, -50));
-  EXPECT_EQ(side_of_patient(ends[0]), "");
-  EXPECT_EQ(side_of_patient(ends[1]), "right");
-  EXPECT_EQ(side_of_patient(ends[2]), "left");
+  // Wherever the scan's zero is.
+  for (const double middle_x_mm : {0.0, 191.0, -300.0}) {
+    std::vector<VesselBranch> branches = pelvis(-50, -50).branches();
+    for (VesselBranch& branch : branches)
+      for (VesselPoint& point : branch.points) point.position_mm.x += middle_x_mm;
+    const VesselTree tree(branches, "pelvis");
+    const std::vector<VesselEnd> ends = vessel_ends(tree);
+    EXPECT_EQ(side_of_patient(tree, ends[0]), "");  // in the middle
+    EXPECT_EQ(side_of_patient(tree, ends[1]), "right");
+    EXPECT_EQ(side_of_patient(tree, ends[2]), "left");
+    EXPECT_EQ(side_of_patient(tree, ends[3]), "");  // 20 mm from it, of 160 mm
+  }
+}
+
+TEST(Entry, OfAnUprightVesselHasNoSide) {
+  std::vector<VesselBranch> branches(1);
+  branches[0].points = {{{167, 0, 100}, 4}, {{167, 0, 50}, 4}};
+  const VesselTree tree(branches, "upright");
+  for (const VesselEnd& end : vessel_ends(tree)) EXPECT_EQ(side_of_patient(tree, end), "");
 }
 
 TEST(Entry, ThatDoesNotExistIsNamed) {

@@ -111,8 +111,8 @@ std::vector<Box> random_boxes(int count, const Box& bounds, unsigned seed) {
 
 double sample_hu(const Volume& volume, double x_index, double y_index, std::int64_t z) {
   const Index3& size = volume.geometry().size;
-  const bool inside = x_index >= 0 && x_index <= static_cast<double>(size.x - 1) && y_index >= 0 &&
-                      y_index <= static_cast<double>(size.y - 1);
+  const bool inside = x_index >= -0.5 && x_index <= static_cast<double>(size.x) - 0.5 && y_index >= -0.5 &&
+                      y_index <= static_cast<double>(size.y) - 0.5;
   return inside ? sample_hu(volume, {x_index, y_index, static_cast<double>(z)}) : kPaddingHu;
 }
 
@@ -129,8 +129,7 @@ double sample_hu(const Volume& volume, const glm::dvec3& index) {
 }
 
 Box scan_extent(const VolumeGeometry& geometry) {
-  const glm::dvec3 half_slice(0, 0, 0.5), last(geometry.size - Index3(1));
-  return {geometry.to_world_mm(-half_slice), geometry.to_world_mm(last + half_slice)};
+  return {geometry.to_world_mm(glm::dvec3(-0.5)), geometry.to_world_mm(glm::dvec3(geometry.size) - 0.5)};
 }
 
 // ---- maps and projections

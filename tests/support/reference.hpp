@@ -39,15 +39,13 @@ std::vector<Box> random_boxes(int count, const Box& bounds, unsigned seed);
 
 // ---- sampling
 
-/// Bilinear in slice `z`. Within a slice the scan ends at the centres of its border voxels, and air (-1024
-/// HU) is beyond.
+/// Bilinear in slice `z`, held at the border voxels' centres up to their faces; air (-1024 HU) beyond.
 double sample_hu(const Volume& volume, double x_index, double y_index, std::int64_t z);
 
 /// Trilinear. Coordinates beyond the border voxels' centres are held at them.
 double sample_hu(const Volume& volume, const glm::dvec3& index);
 
-/// What of the world the scan fills: in x and y from the first to the last voxel's centre, in z a slice
-/// stands for its thickness.
+/// What of the world the scan fills: from face to face of its border voxels.
 Box scan_extent(const VolumeGeometry& geometry);
 
 // ---- maps and projections

@@ -14,16 +14,14 @@ constexpr int kMaxViews = 3600;
 constexpr double kMaxRadius_mm = 1e5;
 
 void check_within(const VolumeGeometry& volume, const glm::dvec3& centre_mm) {
-  const glm::dvec3 lower = volume.to_world_mm(glm::dvec3(0, 0, -0.5));
-  const glm::dvec3 upper = volume.to_world_mm(glm::dvec3(volume.size) - glm::dvec3(1, 1, 0.5));
+  const glm::dvec3 lower = volume.lower_mm(), upper = volume.upper_mm();
   const auto within = [&](int axis) {
     return centre_mm[axis] >= lower[axis] && centre_mm[axis] <= upper[axis];
   };
   if (!within(0) || !within(1) || !within(2))
     throw InputError(
         "the centre ({:g}, {:g}, {:g}) mm lies outside the scan, which spans {:.1f} to {:.1f} mm in x, "
-        "{:.1f} to "
-        "{:.1f} mm in y and {:.1f} to {:.1f} mm in z",
+        "{:.1f} to {:.1f} mm in y and {:.1f} to {:.1f} mm in z",
         centre_mm.x, centre_mm.y, centre_mm.z, lower.x, upper.x, lower.y, upper.y, lower.z, upper.z);
 }
 
@@ -62,12 +60,7 @@ void validate_outline(const MapGeometry& geometry, const std::string& name) {
 
 }  // namespace
 
-FieldOfView field_of(const VolumeGeometry& volume) {
-  FieldOfView field{volume.origin_mm, volume.to_world_mm(glm::dvec3(volume.size) - 1.0)};
-  field.lower_mm.z = volume.lower_mm().z;
-  field.upper_mm.z = volume.upper_mm().z;
-  return field;
-}
+FieldOfView field_of(const VolumeGeometry& volume) { return {volume.lower_mm(), volume.upper_mm()}; }
 
 std::string to_string(Projection projection) {
   switch (projection) {

@@ -39,8 +39,7 @@ inline constexpr int kMaxLayers = 256;
 /// kMaxLayers and the radius is finite and above 0.
 std::vector<double> shell_radii_mm(RadiiRule rule, int layers, double radius_mm);
 
-/// The extent of a scan's data, LPS millimetres: from the first to the last voxel's centre in x and y, and by
-/// whole slices in z.
+/// The extent of a scan's data, LPS millimetres: from face to face of its border voxels.
 struct FieldOfView {
   glm::dvec3 lower_mm, upper_mm;
   bool operator==(const FieldOfView&) const = default;

@@ -35,7 +35,7 @@ enum class Sampling {
 /// Projects a resident scan to a DRR by Joseph's method: the scan is sampled where the ray crosses the planes
 /// of voxels across its dominant axis, bilinearly within the plane, then classified, and every sample counts
 /// for the length of ray between planes (P. M. Joseph, IEEE Trans. Med. Imaging 1982). The ray is clipped to
-/// the scan, from the first to the last voxel's centre in x and y and by whole slices in z, and every plane
+/// the faces of the scan's border voxels, beyond whose centres it holds their CT numbers, and every plane
 /// counts for the part of the half-spacings around it that lies on the clipped ray between source and
 /// detector. Stage "projecting" of `progress`. With `within`, only the cylinder over that circle counts,
 /// which is the part that a map of that radius covers.
@@ -57,7 +57,9 @@ struct PoseGradient {
   std::vector<float> tau, gradient;
 };
 
-/// The derivatives of Joseph's sum itself: exact where no ray lies on a voxel's edge. Otherwise as `project`.
+/// The derivatives of Joseph's sum itself: exact where no ray lies on a voxel's edge. A ray that runs within
+/// one of the scan's faces has none: where the scan cuts the body off, its sum jumps there, and the
+/// derivatives on either side do not know of it. Otherwise as `project`.
 PoseGradient project_with_gradient(const ResidentScan& scan, const View& view, const Opacity& opacity,
                                    Progress& progress);
 PoseGradient project_with_gradient(const ResidentScan& scan, const PinholeCamera& camera,

@@ -22,8 +22,8 @@
  * Slices have one more column and row than the scan, and the last brick more slices, all of them air, so that
  * the neighbour behind every voxel can be read.
  *
- * Within a slice the scan ends at the centres of its border voxels: there is nothing to interpolate beyond
- * (the convention of RTK). Along z every slice stands for its thickness. */
+ * The scan ends at the faces of its border voxels, half a voxel beyond their centres. Between centre and face
+ * it holds their CT numbers; beyond is nothing. */
 #define XRC_BRICK_SLICES 16
 typedef struct {
   XRC_INT size_x, size_y, size_z; /* voxels */

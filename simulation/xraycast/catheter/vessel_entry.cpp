@@ -6,6 +6,7 @@
 #include <glm/geometric.hpp>
 
 #include <algorithm>
+#include <cmath>
 #include <functional>
 
 namespace xraycast {
@@ -53,9 +54,16 @@ VesselEnd end_of_branch(const VesselTree& tree, int branch, const std::string& n
 
 }  // namespace
 
-std::string_view side_of_patient(const VesselEnd& end) {
-  const double x_mm = end.position_mm.x();
-  return x_mm < 0 ? "right" : x_mm > 0 ? "left" : "";
+std::string_view side_of_patient(const VesselTree& tree, const VesselEnd& end) {
+  double low_mm = end.position_mm.x(), high_mm = low_mm;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points) {
+      low_mm = std::min(low_mm, point.position_mm.x);
+      high_mm = std::max(high_mm, point.position_mm.x);
+    }
+  const double from_middle_mm = end.position_mm.x() - 0.5 * (low_mm + high_mm);
+  if (std::abs(from_middle_mm) <= 0.25 * (high_mm - low_mm)) return "";
+  return from_middle_mm < 0 ? "right" : "left";
 }
 
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree) {

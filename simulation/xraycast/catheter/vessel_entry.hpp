@@ -22,9 +22,10 @@ struct VesselEnd {
   double radius_mm = 0;
 };
 
-/// The patient's side on which an end lies in LPS: "right" where x is below zero, "left" where it is above,
-/// empty at zero.
-std::string_view side_of_patient(const VesselEnd& end);
+/// The patient's side on which an end lies in LPS, as far as the tree tells: "right" or "left" of the middle
+/// of its extent along x, wherever the scan's zero is. Empty within a quarter of that extent from the middle:
+/// the body's own middle need not be that of its vessels.
+std::string_view side_of_patient(const VesselTree& tree, const VesselEnd& end);
 
 /// All ends of a tree, in the order of its branches.
 std::vector<VesselEnd> vessel_ends(const VesselTree& tree);
