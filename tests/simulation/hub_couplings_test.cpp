@@ -1,6 +1,5 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
-#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -25,8 +24,7 @@ class Pair {
       const auto targets = couplings.step(hubs, loads, kStep_s);
       for (std::size_t hub = 0; hub < 2; ++hub) {
         MovingHub moving{.pose = hubs[hub]};
-        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s,
-                        {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s);
         fastest_mm_s =
             std::max(fastest_mm_s, std::abs(moving.pose.insertion_mm - hubs[hub].insertion_mm) / kStep_s);
         hubs[hub] = moving.pose;

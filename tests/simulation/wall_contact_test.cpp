@@ -1,13 +1,14 @@
 #include "xraycast/catheter/wall_contact.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -296,34 +297,35 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
 
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
-TEST(Catheter, CurlsUpBesideItsIntroducer) {
+TEST(CoaxialCatheters, OneCurlsUpBesideItsIntroducer) {
   // In the aortic root there is room for a pigtail to curl back behind the plane that the introducer ends in.
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, InstrumentModel::named("pigtail-5f"), nearest_end(tree, {6, -16, 134}));
-  for (int i = 1; i <= 400; ++i) catheter.step({.insertion_mm = 0.05 * i});
-  const Vector3d entry = catheter.rod().clamp().position_mm + 20 * catheter.rod().clamp().axis;
-  const Vector3d tip = catheter.rod().state().nodes_mm.back() - entry;
-  ASSERT_LT(tip.dot(catheter.rod().clamp().axis), 0) << "it does not curl back";
-  EXPECT_EQ(catheter.wall().contacts().back().introducer_N.norm(), 0);
+  CoaxialCatheters catheter(tree, {InstrumentModel::named("pigtail-5f")}, nearest_end(tree, {6, -16, 134}));
+  for (int i = 1; i <= 400; ++i) catheter.step(std::array{HubPose{.insertion_mm = 0.05 * i}});
+  const Vector3d entry = catheter.rod(0).clamp().position_mm + 20 * catheter.rod(0).clamp().axis;
+  const Vector3d tip = catheter.rod(0).state().nodes_mm.back() - entry;
+  ASSERT_LT(tip.dot(catheter.rod(0).clamp().axis), 0) << "it does not curl back";
+  EXPECT_EQ(catheter.wall(0).contacts().back().introducer_N.norm(), 0);
 }
 
-TEST(Catheter, HubBearsContactAndFriction) {
+TEST(CoaxialCatheters, AHubBearsContactAndFriction) {
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
-  for (int i = 1; i <= 4000; ++i) catheter.step({.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i});
-  for (int i = 0; i < 500; ++i) catheter.step(catheter.pose());
+  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  for (int i = 1; i <= 4000; ++i)
+    catheter.step(std::array{HubPose{.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i}});
+  for (int i = 0; i < 500; ++i) catheter.step(std::array{catheter.pose(0)});
   Vector3d walls_N = Vector3d::Zero();
   double size_N = 0;
-  for (const auto& contact : catheter.wall().contacts()) {
+  for (const auto& contact : catheter.wall(0).contacts()) {
     walls_N += contact.normal_N + contact.friction_N + contact.introducer_N;
     size_N += contact.normal_N.norm();
   }
   EXPECT_GT(size_N, 0.05);
-  const Vector3d hub_N = catheter.rod().clamp_force_N();
+  const Vector3d hub_N = catheter.rod(0).clamp_force_N();
   // 2 % of what the walls bear in all.
   EXPECT_LT((hub_N - walls_N).norm(), 0.02 * size_N);
-  const Vector3d axis = catheter.rod().clamp().axis;
-  EXPECT_NEAR(catheter.load().force_N, -walls_N.dot(axis), 0.02 * std::abs(catheter.load().force_N));
+  const Vector3d axis = catheter.rod(0).clamp().axis;
+  EXPECT_NEAR(catheter.load(0).force_N, -walls_N.dot(axis), 0.02 * std::abs(catheter.load(0).force_N));
 }
 
 }  // namespace

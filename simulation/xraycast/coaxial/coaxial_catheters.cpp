@@ -3,10 +3,14 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace xraycast {
 namespace {
+
+// The straight sheath outside the tree through which devices enter: its length.
+constexpr double kIntroducer_mm = 20;
 
 /// Throws InputError.
 const std::vector<InstrumentModel>& checked(const VesselTree& tree, const VesselEnd& entry,
@@ -16,7 +20,33 @@ const std::vector<InstrumentModel>& checked(const VesselTree& tree, const Vessel
   return instruments;
 }
 
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument) {
+  constexpr double kMinSpacing_mm = 1.5, kMaxSpacing_mm = 5;
+  double min_radius_mm = kMaxSpacing_mm;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points)
+      if (point.radius_mm > instrument.radius_mm()) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
+  return std::clamp(1.5 * min_radius_mm, kMinSpacing_mm, kMaxSpacing_mm);
+}
+
+/// Where devices are fed in: the introducer's outer end.
+Rod::Clamp clamp_at(const VesselEnd& entry) {
+  const Eigen::Vector3d axis = -entry.outward;
+  return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
+          .axis = axis,
+          .m1 = axis.unitOrthogonal()};
+}
+
+/// The vessels; that of the entry goes on around the introducer and a little further.
+std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree& tree,
+                                                                const VesselEnd& entry) {
+  constexpr double kOpening_mm = kIntroducer_mm + 10;
+  return std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm);
+}
+
 }  // namespace
+
+double max_insertion_mm(const InstrumentModel& instrument) { return instrument.length_mm() - kIntroducer_mm; }
 
 void check_devices(const std::vector<InstrumentModel>& instruments) {
   if (instruments.empty() || instruments.size() > CoaxialCatheters::kMaxDevices)
@@ -28,7 +58,7 @@ void check_devices(const std::vector<InstrumentModel>& instruments) {
 }
 
 CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
-                                   const VesselEnd& entry, const Catheter::Options& options)
+                                   const VesselEnd& entry, const Options& options)
     : tree_(tree),
       options_(options),
       entry_(entry),
@@ -60,7 +90,16 @@ std::vector<Rod> CoaxialCatheters::make_rods(const std::vector<InstrumentModel>&
 }
 
 std::unique_ptr<WallContact> CoaxialCatheters::make_wall(const CoaxialRods& rods, std::size_t device) const {
-  return walls_around(field_, rods.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
+  const Rod& rod = rods.rod(device);
+  std::optional<WallContact::Introducer> introducer;
+  if (device == 0) introducer = {entry_.position_mm, -entry_.outward};
+  return std::make_unique<WallContact>(
+      field_, rod,
+      WallContact::Options{.stiffness_N_mm2 = options_.wall_stiffness_N_mm2,
+                           .tangential_N_mm2 = options_.wall_stiffness_N_mm2,
+                           .static_friction = rod.instrument().static_friction(),
+                           .kinetic_friction = rod.instrument().kinetic_friction()},
+      introducer);
 }
 
 /// The rest shapes of the tips relax in the introducer and just outside it.
@@ -75,8 +114,7 @@ double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
 void CoaxialCatheters::step(std::span<const HubPose> targets) {
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
-    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s,
-                      {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }

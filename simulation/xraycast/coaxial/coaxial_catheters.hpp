@@ -1,7 +1,14 @@
 #pragma once
 
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/catheter/hub.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
 #include "xraycast/coaxial/coaxial_rods.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+
+#include <glm/vec3.hpp>
 
 #include <cstddef>
 #include <memory>
@@ -11,14 +18,44 @@
 
 namespace xraycast {
 
-/// Catheters and guide wires one in the other, in a vessel tree, each moved at its own hub: a wire in a
-/// catheter, or a wire in a microcatheter in a catheter. One device alone moves as a Catheter does, bit for
-/// bit.
+/// How far an instrument can be inserted: its length beyond the introducer.
+double max_insertion_mm(const InstrumentModel& instrument);
+
+/// The location of a catheter's tip.
+struct CatheterTip {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 direction{0, 0, 1};  ///< unit
+  int branch = 0;                 ///< of the tree
+  double arc_length_mm = 0;       ///< from the branch's first point
+};
+
+/// A point of the rod in contact with a vessel's wall, and the wall's force on it.
+struct CatheterContact {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 force_N{0, 0, 0};  ///< friction included
+};
+
+/// A catheter or guide wire in a vessel tree, or up to three one in the other, each moved at its own hub: a
+/// wire in a catheter, or a wire in a microcatheter in a catheter.
 ///
-/// All enter through the same introducer, and all insertions are counted from there, as a Catheter's is. The
-/// introducer holds the outermost device, which holds the others.
+/// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
+/// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
+/// a tip is at the vessel's end. The introducer holds the outermost device, which holds the others.
 class CoaxialCatheters {
  public:
+  struct Options {
+    /// Of the nodes, where an instrument is straight; 0: one and a half times the radius of the narrowest
+    /// vessel that it fits into, between 1.5 and 5 mm, at which the edges still follow the vessels' bends.
+    double spacing_mm = 0;
+    double step_s = 1e-3;
+    double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
+    /// Of Newton's method in a step, and that times the nodes of all devices, at half a microsecond each, or
+    /// one and a half where three devices overlap in a malformation: a step takes some 5 ms at most. While a
+    /// tip snaps there would be some hundred: what is left is solved in the next steps. Not by the clock, so
+    /// that runs can be repeated.
+    int max_iterations = 50, max_node_iterations = 5'000;
+  };
+
   static constexpr std::size_t kMaxDevices = 3;
 
   /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along,
@@ -29,12 +66,12 @@ class CoaxialCatheters {
   /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
   /// the outermost does not fit into the vessel at the entry, or there are more than kMaxDevices.
   CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
-                   const VesselEnd& entry, const Catheter::Options& options);
+                   const VesselEnd& entry, const Options& options);
   CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
                    const VesselEnd& entry)
-      : CoaxialCatheters(tree, instruments, entry, Catheter::Options{}) {}
+      : CoaxialCatheters(tree, instruments, entry, Options{}) {}
 
-  /// One step in time towards a pose for each device.
+  /// One step in time towards a pose for each device, whose insertion is clamped to 0 to max_insertion_mm().
   void step(std::span<const HubPose> targets);
 
   std::size_t count() const { return rods_.count(); }
@@ -42,8 +79,9 @@ class CoaxialCatheters {
   double step_s() const { return options_.step_s; }
   double max_insertion_mm(std::size_t device) const;
 
-  const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }
-  bool is_held() const;  ///< one of the hubs; see Catheter::is_held
+  const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }  ///< where the hub is
+  /// The hub did not advance: the push force is MovingHub::kMaxPush_N already. Without a device, any of them.
+  bool is_held() const;
   bool is_held(std::size_t device) const { return hubs_[device].is_held; }
   HubLoad load(std::size_t device) const;
   CatheterTip tip(std::size_t device) const;
@@ -58,7 +96,8 @@ class CoaxialCatheters {
   /// drawn back, or when the instruments that there would be do not fit (see the constructor).
   void exchange(std::size_t device, const InstrumentModel& instrument);
 
-  /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall.
+  /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall. Without
+  /// allocation where there is room.
   void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
   void copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const;
 
@@ -79,7 +118,7 @@ class CoaxialCatheters {
   static void settle(CoaxialRods& rods);
 
   VesselTree tree_;
-  Catheter::Options options_;
+  Options options_;
   VesselEnd entry_;
   std::shared_ptr<const LumenDistanceField> field_;
   CoaxialRods rods_;

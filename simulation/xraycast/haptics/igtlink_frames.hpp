@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/coaxial_catheters.hpp"
 
 #include <glm/vec3.hpp>
 

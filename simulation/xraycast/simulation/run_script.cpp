@@ -81,7 +81,7 @@ class Approach {
             "{}: line {}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; "
             "begin with less",
             name, row_.line, devices.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
-            Catheter::kMaxPush_N);
+            MovingHub::kMaxPush_N);
       }
     }
   }

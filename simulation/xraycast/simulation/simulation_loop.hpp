@@ -31,7 +31,7 @@ struct DeviceSnapshot {
   HubPose pose;
   HubLoad load;
   CatheterTip tip;
-  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip; see curve_through
+  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip
   std::vector<CatheterContact> contacts;
 };
 
