@@ -22,7 +22,7 @@ VesselTree winding_vessel(double length_mm) {
   return {{branch}, "winding vessel"};
 }
 
-CoaxialCatheters in_vessel(std::size_t devices, double spacing_mm) {
+Instruments in_vessel(std::size_t devices, double spacing_mm) {
   const VesselTree vessel = winding_vessel(1500);
   std::vector<InstrumentModel> models{InstrumentModel::named("cobra-5f"),
                                       InstrumentModel::named("guidewire-035-angled")};

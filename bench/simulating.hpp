@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <cstddef>
 #include <vector>
@@ -18,7 +18,7 @@ class DeviceSteps {
   double next_ms();
 
  private:
-  CoaxialCatheters devices_;
+  Instruments devices_;
   std::vector<HubPose> poses_;
   long steps_ = 0;
 };

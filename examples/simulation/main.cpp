@@ -1,13 +1,13 @@
 // Advances a catheter up a phantom's aorta and prints the force and torque at its hub.
 #include <array>
 #include <iostream>
-#include <xraycast/coaxial/coaxial_catheters.hpp>
+#include <xraycast/coaxial/instruments.hpp>
 #include <xraycast/phantom/phantom.hpp>
 
 int main() {
   const xraycast::VesselTree tree(xraycast::make_phantom("thorax").vessel_branches(), "thorax");
   const xraycast::InstrumentModel cobra = xraycast::InstrumentModel::named("cobra-5f");
-  xraycast::CoaxialCatheters devices(tree, {cobra}, xraycast::most_inferior_end(tree));
+  xraycast::Instruments devices(tree, {cobra}, xraycast::most_inferior_end(tree));
 
   std::array<xraycast::HubPose, 1> hubs;  // one a device
   while (hubs[0].insertion_mm < 200) {

@@ -2,7 +2,7 @@
 // simulation. XRAYCAST_RUNS sets how many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a
 // tree.
 #include "run_trees.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/simulation/script.hpp"
 
@@ -180,7 +180,7 @@ class RandomRun {
 
   std::mt19937 random_;
   VesselEnd entry_;
-  CoaxialCatheters catheter_;
+  Instruments catheter_;
   std::vector<Vector3d> net_N_;
   Outcome run_;
 };
@@ -224,8 +224,8 @@ INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),
 // ---- to a target ----------------------------------------------------------------------------------------
 
 /// Where a Cobra ends that is steered from the right groin of the thorax phantom.
-CatheterTip end_of_run(const VesselTree& tree, const Script& script) {
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
+InstrumentTip end_of_run(const VesselTree& tree, const Script& script) {
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
   Progress progress;
   run_script(catheter, script, "script", progress);
   return catheter.tip(0);
@@ -237,7 +237,7 @@ TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
   std::ifstream file(XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv");
   const std::string recorded{std::istreambuf_iterator<char>(file), {}};
 
-  const CatheterTip tip =
+  const InstrumentTip tip =
       end_of_run(tree, Script::parse(recorded, XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv"));
   EXPECT_EQ(tip.branch, carotid);
   // It begins on the aorta's centreline, 13 mm from the aorta's wall, and ends 44 mm beyond that.

@@ -1,7 +1,7 @@
 #include "support/igtlink_bytes.hpp"
 #include "support/igtlink_clients.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/virtual_coupling.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -176,7 +176,7 @@ TEST(OpenIGTLink, ClientDrivesARunAndReceivesForceAndTorque) {
 
 TEST(OpenIGTLink, ClientDrivesACatheterThroughThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   RunningLoop run([&](const HubPose& hub) {
     catheter.step(std::array{hub});
     return catheter.load(0);

@@ -14,7 +14,7 @@ namespace {
 TEST(RunScript, RefusesAFirstRowThatADeviceDoesNotReach) {
   // Closed at its end, 60 mm from the entry.
   const VesselTree tube({{{{{0, 0, 0}, 2}, {{0, 0, 60}, 2}}, -1, {}, {}}}, "tube");
-  CoaxialCatheters devices(tube, {InstrumentModel::named("exchange-035-stiff")}, most_inferior_end(tube));
+  Instruments devices(tube, {InstrumentModel::named("exchange-035-stiff")}, most_inferior_end(tube));
   const Script script = Script::parse("time_s,insertion_mm,rotation_deg\n0,400,0\n1,400,0\n", "push.csv");
   Progress progress;
   EXPECT_THAT([&] { run_script(devices, script, "push.csv", progress); },

@@ -1,6 +1,6 @@
 #include "xraycast/haptics/virtual_coupling.hpp"
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
@@ -216,7 +216,7 @@ TEST(VirtualCoupling, StaysWithinItsSpeedOnRodsThatAreTooStiff) {
 TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
   for (const char* name : {"guidewire-035-j", "simmons2-5f"}) {
-    CoaxialCatheters catheter(tree, {InstrumentModel::named(name)}, most_inferior_end(tree));
+    Instruments catheter(tree, {InstrumentModel::named(name)}, most_inferior_end(tree));
     Held held([&](const HubPose& hub) {
       catheter.step(std::array{hub});
       return catheter.load(0);
@@ -234,7 +234,7 @@ TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
 
 TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   VirtualCoupling coupling;
   HandPose hand;
   VirtualCoupling::Step step;

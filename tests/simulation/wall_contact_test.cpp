@@ -2,7 +2,7 @@
 
 #include "support/lone_rod.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
@@ -304,10 +304,10 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
 
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
-TEST(CoaxialCatheters, OneCurlsUpBesideItsIntroducer) {
+TEST(WallContact, LetsAPigtailCurlUpBesideItsIntroducer) {
   // In the aortic root there is room for a pigtail to curl back behind the plane that the introducer ends in.
   const VesselTree tree = phantom_tree("thorax");
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("pigtail-5f")}, nearest_end(tree, {6, -16, 134}));
+  Instruments catheter(tree, {InstrumentModel::named("pigtail-5f")}, nearest_end(tree, {6, -16, 134}));
   for (int i = 1; i <= 400; ++i) catheter.step(std::array{HubPose{.insertion_mm = 0.05 * i}});
   const Vector3d entry = catheter.rod(0).clamp().position_mm + 20 * catheter.rod(0).clamp().axis;
   const Vector3d tip = catheter.rod(0).state().nodes_mm.back() - entry;
@@ -315,9 +315,9 @@ TEST(CoaxialCatheters, OneCurlsUpBesideItsIntroducer) {
   EXPECT_EQ(catheter.wall(0).contacts().back().introducer_N.norm(), 0);
 }
 
-TEST(CoaxialCatheters, AHubBearsContactAndFriction) {
+TEST(WallContact, IsBorneByTheHubWithItsFriction) {
   const VesselTree tree = phantom_tree("thorax");
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   for (int i = 1; i <= 4000; ++i)
     catheter.step(std::array{HubPose{.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i}});
   for (int i = 0; i < 500; ++i) catheter.step(std::array{catheter.pose(0)});

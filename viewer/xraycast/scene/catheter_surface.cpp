@@ -98,7 +98,7 @@ std::vector<Surface> steered_surfaces(const SteeredDevices& steered) {
   return surfaces;
 }
 
-VesselTree::Location place_of(const CatheterTip& tip) {
+VesselTree::Location place_of(const InstrumentTip& tip) {
   VesselTree::Location place;
   place.branch = tip.branch;
   place.arc_length_mm = tip.arc_length_mm;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/geometry/nurbs_curve.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/scene.hpp"
@@ -41,6 +41,6 @@ inline constexpr double kWireTip_mm = 30;
 std::vector<Surface> steered_surfaces(const SteeredDevices& steered);
 
 /// The place where contrast agent leaves a catheter, as a location in its vessel tree.
-VesselTree::Location place_of(const CatheterTip& tip);
+VesselTree::Location place_of(const InstrumentTip& tip);
 
 }  // namespace xraycast

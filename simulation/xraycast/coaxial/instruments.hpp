@@ -22,7 +22,7 @@ namespace xraycast {
 double max_insertion_mm(const InstrumentModel& instrument);
 
 /// The location of a catheter's tip.
-struct CatheterTip {
+struct InstrumentTip {
   glm::dvec3 position_mm{0, 0, 0};
   glm::dvec3 direction{0, 0, 1};  ///< unit
   int branch = 0;                 ///< of the tree
@@ -30,7 +30,7 @@ struct CatheterTip {
 };
 
 /// A point of the rod in contact with a vessel's wall, and the wall's force on it.
-struct CatheterContact {
+struct InstrumentContact {
   glm::dvec3 position_mm{0, 0, 0};
   glm::dvec3 force_N{0, 0, 0};  ///< friction included
 };
@@ -41,7 +41,7 @@ struct CatheterContact {
 /// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
 /// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
 /// a tip is at the vessel's end. The introducer holds the outermost device, which holds the others.
-class CoaxialCatheters {
+class Instruments {
  public:
   struct Options {
     /// Of the nodes, where an instrument is straight; 0: one and a half times the radius of the narrowest
@@ -56,7 +56,7 @@ class CoaxialCatheters {
     int max_iterations = 50, max_node_iterations = 5'000;
   };
 
-  static constexpr std::size_t kMaxDevices = 3;
+  static constexpr std::size_t kMaxCount = 3;
 
   /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along,
   /// and the spring between the hand and its hub (see CouplingSettings) yields: by 0.55 mm to a J wire in a
@@ -64,12 +64,11 @@ class CoaxialCatheters {
   static constexpr double kDrawnBack_mm = 1;
 
   /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
-  /// the outermost does not fit into the vessel at the entry, or there are more than kMaxDevices.
-  CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
-                   const VesselEnd& entry, const Options& options);
-  CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
-                   const VesselEnd& entry)
-      : CoaxialCatheters(tree, instruments, entry, Options{}) {}
+  /// the outermost does not fit into the vessel at the entry, or there are more than kMaxCount.
+  Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments, const VesselEnd& entry,
+              const Options& options);
+  Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments, const VesselEnd& entry)
+      : Instruments(tree, instruments, entry, Options{}) {}
 
   /// One step in time towards a pose for each device, whose insertion is clamped to 0 to max_insertion_mm().
   void step(std::span<const HubPose> targets);
@@ -84,7 +83,7 @@ class CoaxialCatheters {
   bool is_held() const;
   bool is_held(std::size_t device) const { return hubs_[device].is_held; }
   HubLoad load(std::size_t device) const;
-  CatheterTip tip(std::size_t device) const;
+  InstrumentTip tip(std::size_t device) const;
 
   /// All devices within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be injected
   /// through it.
@@ -99,7 +98,7 @@ class CoaxialCatheters {
   /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall. Without
   /// allocation where there is room.
   void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
-  void copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const;
+  void copy_contacts(std::size_t device, std::vector<InstrumentContact>& contacts) const;
 
   const Rod& rod(std::size_t device) const { return rods_.rod(device); }
   const CoaxialRods& rods() const { return rods_; }
@@ -127,8 +126,8 @@ class CoaxialCatheters {
   long steps_ = 0;
 };
 
-/// Throws InputError unless there are one to CoaxialCatheters::kMaxDevices, the outermost first, and each
+/// Throws InputError unless there are one to Instruments::kMaxCount, the outermost first, and each
 /// fits into those around it.
-void check_devices(const std::vector<InstrumentModel>& instruments);
+void check_instruments(const std::vector<InstrumentModel>& instruments);
 
 }  // namespace xraycast
