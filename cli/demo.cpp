@@ -279,14 +279,14 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
     if (fullest.empty() || darkness(rgb) > darkness(fullest)) fullest = std::move(rgb);
   }));
 
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
   RecordedRun run = RecordedRun::of({catheter.rod(0).instrument()});
   run.see(catheter, 0);
   const std::vector<std::vector<RunRecord>> records =
       report.timed("catheter run of 10.5 s, with its frames", [&] {
         return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
-                          [&](const CoaxialCatheters& moved, double time_s) {
+                          [&](const Instruments& moved, double time_s) {
                             for (const auto& cine : cines) cine->see(moved, time_s);
                             run.see(moved, time_s);
                             if (std::lround(1000 * time_s) % 20 == 0)
@@ -324,12 +324,12 @@ void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>&
   });
   const EmbeddedFile& script = embedded_scripts().front();
   const Script steps = Script::parse(std::string(script.source), std::string(script.name), 2);
-  CoaxialCatheters devices(
+  Instruments devices(
       tree, {InstrumentModel::named("vertebral-5f"), InstrumentModel::named("guidewire-035-angled")},
       nearest_end(tree, {-89, -54, -357}));
   report.timed("wire and catheter to the carotid artery", [&] {
     return run_script(devices, steps, std::string(script.name), progress,
-                      [&](const CoaxialCatheters& moved, double time_s) { cine.see(moved, time_s); });
+                      [&](const Instruments& moved, double time_s) { cine.see(moved, time_s); });
   });
   writer.finish();
   write_png(last_frame, options.view.width, options.view.height, 3, report.file("carotid.png"));

@@ -74,18 +74,18 @@ RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessel
   const EntryChoice entry_choice = parse_entry(options.entry);
   std::vector<InstrumentModel> devices;
   for (const std::string& name : options.instrument_models) devices.push_back(InstrumentModel::named(name));
-  check_devices(devices);
+  check_instruments(devices);
   const Script script = Script::read(options.script, devices.size());
   if (const double end_s = script.rows().back().time_s; end_s > RecordedRun::kLongest_s)
     throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
                      options.script, end_s, RecordedRun::kLongest_s);
   const VesselTree tree = read_tree(vessels);
   const VesselEnd entry = find_entry(tree, entry_choice, devices[0]);
-  CoaxialCatheters steered(tree, devices, entry);
+  Instruments steered(tree, devices, entry);
   session.say(notes_on_entry(tree, entry_choice, entry, devices[0]));
   RecordedRun run = RecordedRun::of(devices);
   run_script(steered, script, options.script, session.progress,
-             [&](const CoaxialCatheters& moved, double time_s) { run.see(moved, time_s); });
+             [&](const Instruments& moved, double time_s) { run.see(moved, time_s); });
   if (run.pictures() == 0) run.see(steered, 0);  // a script of one pose
   return run;
 }

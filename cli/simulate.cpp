@@ -96,7 +96,7 @@ class Cine {
     else
       start(options, map, tree, cine);
   }
-  void see(const CoaxialCatheters& devices, double time_s) { run_->see(devices, time_s); }
+  void see(const Instruments& devices, double time_s) { run_->see(devices, time_s); }
   void finish() {
     if (writer_) writer_->finish();
     if (!xa_) return;
@@ -193,7 +193,7 @@ void check_cine(const SimulateArguments& options) {
   check_writable(fs::path(options.cine) / "frame-000.png");
 }
 
-Json json_of(const CatheterTip& tip) {
+Json json_of(const InstrumentTip& tip) {
   return {{"branch", tip.branch},
           {"arc_length_mm", tip.arc_length_mm},
           {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
@@ -216,7 +216,7 @@ void check_lumen(const SimulateArguments& options, const std::vector<InstrumentM
 }
 
 /// Runs the script and writes what it leads to.
-void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
+void run(Instruments& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
          const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
@@ -225,7 +225,7 @@ void run(CoaxialCatheters& devices, const std::vector<InstrumentModel>& models, 
   if (!options.plot.empty()) plot.emplace(script).see(devices, 0);
   double held_s = 0;
   const auto records = run_script(devices, script, options.script, session.progress,
-                                  [&](const CoaxialCatheters& moved, double time_s) {
+                                  [&](const Instruments& moved, double time_s) {
                                     if (plot) plot->see(moved, time_s);
                                     if (moved.is_held()) held_s += moved.step_s();
                                     if (cine) cine->see(moved, time_s);
@@ -285,13 +285,13 @@ void simulate(const SimulateArguments& options, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
   std::vector<InstrumentModel> models;
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
-  check_devices(models);
+  check_instruments(models);
   check_lumen(options, models);
   const Script script = Script::read(options.script, models.size());
   check_injection_begins(options, script);
   const VesselTree tree = read_tree(options.tree);
   const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
-  CoaxialCatheters devices(tree, models, entry);
+  Instruments devices(tree, models, entry);
   session.say(notes_on_entry(tree, entry_choice, entry, models[0]));
   run(devices, models, entry, tree, script, options, session);
 }

@@ -3,7 +3,7 @@
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/ranges.h>
@@ -149,7 +149,7 @@ class HeldDevices {
   std::vector<Shown> shown_;
   std::mutex mutex_;    ///< of the devices
   Stepper stepping_{};  ///< the thread that steps
-  CoaxialCatheters devices_;
+  Instruments devices_;
 };
 
 /// One alone.
@@ -207,7 +207,7 @@ void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& 
   const nb::gil_scoped_release released;
   std::vector<InstrumentModel> of_names;
   for (const std::string& name : names) of_names.push_back(InstrumentModel::named(name));
-  check_devices(of_names);
+  check_instruments(of_names);
   new (devices) HeldDevices(tree.tree, of_names, choice);
 }
 

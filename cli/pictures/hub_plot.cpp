@@ -13,7 +13,7 @@ HubPlot::HubPlot(const Script& script) {
   interval_s_ = std::max(kFinest_s, script.rows().back().time_s / kMaxPoints);
 }
 
-void HubPlot::see(const CoaxialCatheters& devices, double time_s) {
+void HubPlot::see(const Instruments& devices, double time_s) {
   if (!records_.empty() && time_s < records_[0].back().time_s + interval_s_) return;
   const std::vector<RunRecord> now = records_of(devices, time_s);
   records_.resize(now.size());

@@ -16,7 +16,7 @@ class HubPlot {
   explicit HubPlot(const Script& script);
 
   /// Call after every step.
-  void see(const CoaxialCatheters& devices, double time_s);
+  void see(const Instruments& devices, double time_s);
 
   /// Errors as for write_plot.
   void write(const std::vector<InstrumentModel>& devices, const std::string& first) const;

@@ -21,13 +21,13 @@ std::vector<InstrumentModel> models_of(const std::vector<std::string>& names) {
   return models;
 }
 
-CoaxialCatheters in_the_thorax(const std::vector<std::string>& names) {
+Instruments in_the_thorax(const std::vector<std::string>& names) {
   const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
   return {tree, models_of(names), most_inferior_end(tree)};
 }
 
 /// Moves the hubs there, at their greatest speed.
-void move(CoaxialCatheters& devices, const std::vector<double>& insertions_mm) {
+void move(Instruments& devices, const std::vector<double>& insertions_mm) {
   std::vector<HubPose> poses;
   for (const double insertion_mm : insertions_mm) poses.push_back({insertion_mm, 0});
   for (int i = 0; i < 400; ++i) devices.step(poses);
@@ -42,7 +42,7 @@ TEST(AgentOutlet, AWireAloneHasNone) {
 }
 
 TEST(AgentOutlet, AWireBlocksItsCatheter) {
-  CoaxialCatheters devices = in_the_thorax({"cobra-5f", "guidewire-035-angled"});
+  Instruments devices = in_the_thorax({"cobra-5f", "guidewire-035-angled"});
   EXPECT_EQ(agent_outlet(devices), 0u);
   move(devices, {20, 10});
   EXPECT_EQ(agent_outlet(devices), std::nullopt);
@@ -53,7 +53,7 @@ TEST(AgentOutlet, AWireBlocksItsCatheter) {
 }
 
 TEST(AgentOutlet, AWireThatIsDraggedOutOfZeroBlocksNothing) {
-  CoaxialCatheters devices = in_the_thorax({"cobra-5f", "guidewire-035-j"});
+  Instruments devices = in_the_thorax({"cobra-5f", "guidewire-035-j"});
   VirtualCoupling wire;  // a hand that rests at 0
   double dragged_mm = 0;
   for (std::uint64_t i = 1; i <= 1000; ++i) {
@@ -69,7 +69,7 @@ TEST(AgentOutlet, AWireThatIsDraggedOutOfZeroBlocksNothing) {
 }
 
 TEST(AgentOutlet, AMicrocatheterFillsTheGuideAroundItsTip) {
-  CoaxialCatheters devices = in_the_thorax({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
+  Instruments devices = in_the_thorax({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
   move(devices, {40, 20, 30});
   EXPECT_EQ(agent_outlet(devices), std::nullopt);
   move(devices, {40, 20, 0});

@@ -1,6 +1,5 @@
-// The solutions of banded systems against those of a dense one.
-#include "xraycast/coaxial/block_band_matrix.hpp"
-#include "xraycast/mechanics/band_matrix.hpp"
+// The solutions of a banded system against those of a dense one.
+#include "xraycast/mechanics/block_band_matrix.hpp"
 
 #include <gtest/gtest.h>
 
@@ -83,38 +82,6 @@ void expect_refused(const MatrixXd& definite, const Filled& filled) {
 }
 
 VectorXd counting(Index size) { return VectorXd::LinSpaced(size, -1, 1); }
-
-TEST(BandMatrices, ABandIsSolvedAsADenseMatrix) {
-  constexpr Index kBand = BandMatrix::kBand;
-  std::mt19937 random(1);
-  for (const Index size : {1, 7, 11, 90}) {
-    const MatrixXd dense = random_matrix(size, random, [](Index r, Index c) { return r - c > kBand; });
-    const auto filled = [&](const MatrixXd& from) {
-      BandMatrix band;
-      band.reset(static_cast<std::size_t>(size));
-      for (Index c = 0; c < size; ++c)
-        for (Index r = c; r < std::min(size, c + kBand + 1); ++r)
-          band.at(static_cast<std::size_t>(c), static_cast<std::size_t>(r - c)) = from(r, c);
-      return band;
-    };
-    BandMatrix band = filled(dense);
-    ASSERT_TRUE(band.factorise());
-    const VectorXd right = counting(size);
-    std::vector<double> x(right.begin(), right.end());
-    x.resize(x.size() + BandMatrix::kBand);
-    band.solve(x.data());
-    expect_solution(dense, right, x.data());
-
-    expect_refused(dense, filled);
-    const MatrixXd scaled = badly_scaled_matrix(size, random, [](Index r, Index c) { return r - c > kBand; });
-    band = filled(scaled);
-    ASSERT_TRUE(band.factorise());
-    x.assign(right.begin(), right.end());
-    x.resize(x.size() + BandMatrix::kBand);
-    band.solve(x.data());
-    expect_small_residual(scaled, right, x.data());
-  }
-}
 
 TEST(BandMatrices, BlocksAreSolvedAsADenseMatrix) {
   constexpr Index kBlock = BlockBandMatrix::kBlock;

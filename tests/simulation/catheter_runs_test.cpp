@@ -2,7 +2,7 @@
 // simulation. XRAYCAST_RUNS sets how many there are (100); XRAYCAST_RUNS_TABLES names a folder for a table a
 // tree.
 #include "run_trees.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/simulation/script.hpp"
 
@@ -11,6 +11,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <cstdlib>
 #include <ctime>
@@ -58,19 +59,19 @@ class RandomRun {
   RandomRun(const VesselTree& tree, const std::string& name, unsigned seed)
       : random_(seed),
         entry_(widest_end(tree)),
-        catheter_(tree, fitting_device(tree, entry_, random_), entry_) {
+        catheter_(tree, {fitting_device(tree, entry_, random_)}, entry_) {
     run_.tree = name;
     run_.seed = seed;
-    run_.device = catheter_.rod().instrument().name();
+    run_.device = catheter_.rod(0).instrument().name();
   }
 
   Outcome go() {
     const std::clock_t start = std::clock();
-    const glm::dvec3 tip_mm = catheter_.tip().position_mm;
+    const glm::dvec3 tip_mm = catheter_.tip(0).position_mm;
     move_at_random(2);
     rest(0.2);
     draw_out();
-    run_.return_mm = glm::distance(catheter_.tip().position_mm, tip_mm);
+    run_.return_mm = glm::distance(catheter_.tip(0).position_mm, tip_mm);
     run_.real_time = static_cast<double>(std::clock() - start) / CLOCKS_PER_SEC / catheter_.time_s();
     return run_;
   }
@@ -80,11 +81,11 @@ class RandomRun {
 
   /// What is left of all forces on each node: what makes it faster at that moment.
   void find_net_forces() {
-    const RodState& state = catheter_.rod().state();
+    const RodState& state = catheter_.rod(0).state();
     net_N_.assign(state.nodes_mm.size(), Vector3d::Zero());
     for (std::size_t i = 1; i < net_N_.size(); ++i)
-      net_N_[i] = catheter_.rod().elastic_force_N(i) + catheter_.rod().drag_force_N(i);
-    for (const WallContact::Contact& contact : catheter_.wall().contacts()) {
+      net_N_[i] = catheter_.rod(0).elastic_force_N(i) + catheter_.rod(0).drag_force_N(i);
+    for (const WallContact::Contact& contact : catheter_.wall(0).contacts()) {
       const Vector3d force_N = contact.normal_N + contact.friction_N + contact.introducer_N;
       net_N_[contact.point.edge] += contact.point.start_weight * force_N;
       net_N_[contact.point.edge + 1] += contact.point.end_weight * force_N;
@@ -95,13 +96,13 @@ class RandomRun {
   /// How deep a point of the rod would lie in the wall at rest under what presses it there now, or in a
   /// vessel that is narrower than the device, by as much at least.
   double static_depth_mm(std::size_t index) const {
-    const WallContact::Contact& contact = catheter_.wall().contacts()[index];
+    const WallContact::Contact& contact = catheter_.wall(0).contacts()[index];
     const LumenDistanceField::Sample& sample = contact.sample;
     const RodPoint& point = contact.point;
     const Vector3d net_N =
         point.start_weight * net_N_[point.edge] + point.end_weight * net_N_[point.edge + 1];
-    const double narrower_mm = catheter_.rod().instrument().radius_mm() - sample.radius_mm;
-    const double borne_N = catheter_.wall().wall_force_N(contact.depth_mm, index);
+    const double narrower_mm = catheter_.rod(0).instrument().radius_mm() - sample.radius_mm;
+    const double borne_N = catheter_.wall(0).wall_force_N(contact.depth_mm, index);
     return std::max(narrower_mm,
                     depth_mm(borne_N - net_N.dot(sample.gradient) / sample.gradient.squaredNorm(), index));
   }
@@ -111,21 +112,21 @@ class RandomRun {
     double low = 0, high = 10;
     for (int i = 0; i < 40; ++i) {
       const double middle = 0.5 * (low + high);
-      (catheter_.wall().wall_force_N(middle, index) < force_N ? low : high) = middle;
+      (catheter_.wall(0).wall_force_N(middle, index) < force_N ? low : high) = middle;
     }
     return high;
   }
 
   void step(const HubPose& pose) {
-    catheter_.step(pose);
-    for (const Vector3d& node : catheter_.rod().state().nodes_mm)
+    catheter_.step(std::array{pose});
+    for (const Vector3d& node : catheter_.rod(0).state().nodes_mm)
       run_.is_finite = run_.is_finite && node.allFinite();
     // Between two iterations forces are not balanced: those steps are counted, and go on in the next.
-    const bool is_solved = catheter_.rod().is_solved();
+    const bool is_solved = catheter_.rods().is_solved();
     ++run_.steps;
     run_.unsolved += !is_solved;
     if (is_solved) find_net_forces();
-    const auto& contacts = catheter_.wall().contacts();
+    const auto& contacts = catheter_.wall(0).contacts();
     for (std::size_t k = 0; k < contacts.size(); ++k) {
       if (contacts[k].depth_mm <= 0) continue;
       run_.deepest_mm = std::max(run_.deepest_mm, contacts[k].depth_mm);
@@ -133,13 +134,13 @@ class RandomRun {
         run_.beyond_static_mm = std::max(run_.beyond_static_mm, contacts[k].depth_mm - static_depth_mm(k));
       ++run_.contacts;
     }
-    run_.is_finite = run_.is_finite && std::isfinite(catheter_.load().force_N + catheter_.load().torque_Nm);
+    run_.is_finite = run_.is_finite && std::isfinite(catheter_.load(0).force_N + catheter_.load(0).torque_Nm);
   }
 
   /// Pushes, pulls and turns for as long as a script of two seconds, each for a while.
   void move_at_random(double time_s) {
     HubPose pose;
-    const double longest_mm = catheter_.max_insertion_mm();
+    const double longest_mm = catheter_.max_insertion_mm(0);
     while (time_s > 0) {
       const double while_s = std::min(time_s, uniform(0.05, 0.5));
       const double speed_mm_s = uniform(-80, 200), turning_rad_s = uniform(-15, 15);
@@ -153,7 +154,7 @@ class RandomRun {
   }
 
   void rest(double time_s) {
-    const HubPose pose = catheter_.pose();
+    const HubPose pose = catheter_.pose(0);
     step(pose);
     const double start_J = catheter_.energy_J();
     double before_J = start_J;
@@ -168,8 +169,8 @@ class RandomRun {
   void draw_out() {
     constexpr int kPatience = 20'000;  // steps: what is caught behind a fork gives way in the end
     for (int i = 0; i < kPatience; ++i) {
-      if (catheter_.pose().insertion_mm == 0 && catheter_.pose().rotation_rad == 0) break;
-      HubPose pose = catheter_.pose();
+      if (catheter_.pose(0).insertion_mm == 0 && catheter_.pose(0).rotation_rad == 0) break;
+      HubPose pose = catheter_.pose(0);
       pose.insertion_mm = std::max(0.0, pose.insertion_mm - 0.1);
       pose.rotation_rad -= std::clamp(pose.rotation_rad, -0.01, 0.01);
       step(pose);
@@ -179,7 +180,7 @@ class RandomRun {
 
   std::mt19937 random_;
   VesselEnd entry_;
-  Catheter catheter_;
+  Instruments catheter_;
   std::vector<Vector3d> net_N_;
   Outcome run_;
 };
@@ -223,8 +224,8 @@ INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),
 // ---- to a target ----------------------------------------------------------------------------------------
 
 /// Where a Cobra ends that is steered from the right groin of the thorax phantom.
-CatheterTip end_of_run(const VesselTree& tree, const Script& script) {
-  CoaxialCatheters catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
+InstrumentTip end_of_run(const VesselTree& tree, const Script& script) {
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
   Progress progress;
   run_script(catheter, script, "script", progress);
   return catheter.tip(0);
@@ -236,7 +237,7 @@ TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {
   std::ifstream file(XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv");
   const std::string recorded{std::istreambuf_iterator<char>(file), {}};
 
-  const CatheterTip tip =
+  const InstrumentTip tip =
       end_of_run(tree, Script::parse(recorded, XRAYCAST_SOURCE_DIR "/docs/left-carotid.csv"));
   EXPECT_EQ(tip.branch, carotid);
   // It begins on the aorta's centreline, 13 mm from the aorta's wall, and ends 44 mm beyond that.

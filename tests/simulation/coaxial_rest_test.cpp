@@ -1,5 +1,5 @@
 // Devices one in the other with their hubs at rest, for a minute.
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
@@ -19,11 +19,11 @@ struct Devices {
 
 /// From the right groin of the thorax phantom, pushed there in as many milliseconds as the longest needs at
 /// 100 mm/s.
-CoaxialCatheters inserted(const Devices& wanted) {
+Instruments inserted(const Devices& wanted) {
   const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
   std::vector<InstrumentModel> models;
   for (const std::string& name : wanted.names) models.push_back(InstrumentModel::named(name));
-  CoaxialCatheters devices(tree, models, nearest_end(tree, {-89, -54, -357}));
+  Instruments devices(tree, models, nearest_end(tree, {-89, -54, -357}));
   const int steps = static_cast<int>(10 * std::ranges::max(wanted.insertions_mm));
   std::vector<HubPose> poses(models.size());
   for (int i = 1; i <= steps; ++i) {
@@ -37,7 +37,7 @@ CoaxialCatheters inserted(const Devices& wanted) {
 class CoaxialDevicesAtRest : public testing::TestWithParam<Devices> {};
 
 TEST_P(CoaxialDevicesAtRest, DoNotDriftInAMinute) {
-  CoaxialCatheters devices = inserted(GetParam());
+  Instruments devices = inserted(GetParam());
   std::vector<HubPose> poses;
   for (std::size_t d = 0; d < devices.count(); ++d) poses.push_back(devices.pose(d));
   for (int i = 0; i < 2000; ++i) devices.step(poses);

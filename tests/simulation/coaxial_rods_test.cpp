@@ -31,12 +31,10 @@ class CoaxialDerivatives {
   }
 
   double potential_uJ(const Eigen::VectorXd& step) {
-    std::size_t at = 0;
+    Eigen::Index at = 0;
     for (Rod& rod : rods_.rods_) {
-      std::vector<double> moves(8, 0.0);
-      for (std::size_t k = 0; k < 4 * (rod.node_count() - 1); ++k)
-        moves.push_back(step[static_cast<Eigen::Index>(at++)]);
-      rod.displace(rod.state_, moves.data(), 1, rod.trial_);
+      rod.displace(rod.state_, step.data() + at, 1, rod.trial_);
+      at += static_cast<Eigen::Index>(4 * (rod.node_count() - 1));
     }
     return rods_.potential_uJ(kStep_s, true);
   }
@@ -50,11 +48,14 @@ class CoaxialDerivatives {
     rods_.potential_uJ(kStep_s, false);
     rods_.assemble(kStep_s, project_psd);
     if (!rods_.system_.factorise()) return {};
-    rods_.system_.solve(rods_.rods_);
+    rods_.system_.solve();
     Eigen::VectorXd direction(size());
     Eigen::Index at = 0;
-    for (const Rod& rod : rods_.rods_)
-      for (std::size_t k = 0; k < 4 * (rod.node_count() - 1); ++k) direction[at++] = rod.direction_[8 + k];
+    std::vector<double> of_rod;
+    for (std::size_t d = 0; d < rods_.count(); ++d) {
+      rods_.system_.copy_direction(d, of_rod);
+      for (const double by : of_rod) direction[at++] = by;
+    }
     return direction;
   }
 

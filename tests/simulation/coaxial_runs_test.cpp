@@ -1,7 +1,7 @@
 // Random scripts of a wire in a catheter, or of that in another one, in five trees. XRAYCAST_RUNS sets how
 // many there are (20); XRAYCAST_RUNS_TABLES names a folder for a table a tree.
 #include "run_trees.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -228,7 +228,7 @@ class RandomRun {
 
   std::mt19937 random_;
   VesselEnd entry_;
-  CoaxialCatheters devices_;
+  Instruments devices_;
   std::vector<HubPose> poses_;
   std::vector<Vector3d> net_N_;
   Outcome run_;

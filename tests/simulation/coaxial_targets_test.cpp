@@ -1,7 +1,7 @@
 // The scripts of examples/steering: from the right groin of the thorax phantom, the wire first and the
 // catheter over it. XRAYCAST_RUNS sets how often each is run with deviations (2).
 #include "run_trees.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/format.h>
@@ -51,7 +51,7 @@ Script changed(const Script& script, const std::function<HubPose(HubPose)>& chan
 
 /// Whether the catheter's tip ends in the artery.
 bool arrives(const VesselTree& tree, const Target& target, const Script& script) {
-  CoaxialCatheters devices(
+  Instruments devices(
       tree, {InstrumentModel::named(target.catheter), InstrumentModel::named("guidewire-035-angled")},
       nearest_end(tree, {-89, -54, -357}));
   Progress progress;

@@ -1,7 +1,7 @@
 // Where a device comes into a vessel tree.
 #include "xraycast/base/error.hpp"
-#include "xraycast/catheter/catheter.hpp"
 #include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <gmock/gmock.h>
 
@@ -100,7 +100,7 @@ TEST(Entry, ThatIsTooNarrowNamesOthersThatAreNot) {
   const VesselTree tree = forked();
   const InstrumentModel device = InstrumentModel::named("cobra-5f");
   try {
-    const Catheter catheter(tree, device, find_entry(tree, {1}, device), {});
+    const Instruments catheter(tree, {device}, find_entry(tree, {1}, device));
     FAIL();
   } catch (const InputError& error) {
     EXPECT_THAT(error.what(), testing::HasSubstr("cobra-5f: its diameter of 1.67 mm (5 F) does not fit into "

@@ -1,7 +1,6 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
-#include "xraycast/catheter/catheter.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/haptics/manual_device.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
@@ -16,7 +15,7 @@ namespace {
 
 constexpr double kStep_s = 1e-3, kLongest_mm = 200;
 
-/// A catheter and a wire that move as they are told, as far as CoaxialCatheters let them, against these
+/// A catheter and a wire that move as they are told, as far as Instruments let them, against these
 /// loads.
 class Pair {
  public:
@@ -25,8 +24,7 @@ class Pair {
       const auto targets = couplings.step(hubs, loads, kStep_s);
       for (std::size_t hub = 0; hub < 2; ++hub) {
         MovingHub moving{.pose = hubs[hub]};
-        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s,
-                        {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+        moving.approach(targets[hub], loads[hub].force_N, kLongest_mm, kStep_s);
         fastest_mm_s =
             std::max(fastest_mm_s, std::abs(moving.pose.insertion_mm - hubs[hub].insertion_mm) / kStep_s);
         hubs[hub] = moving.pose;
@@ -159,9 +157,8 @@ TEST(HubCouplings, TheHandFeelsTheLoadsOfAllThatIsLocked) {
 TEST(HubCouplings, AWireThatIsDrawnBackRests) {
   // It sticks in the catheter that was pushed over it: stiff at its hub, whose load comes a step late.
   const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
-  CoaxialCatheters devices(tree,
-                           {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")},
-                           nearest_end(tree, {-89, -54, -357}));
+  Instruments devices(tree, {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-j")},
+                      nearest_end(tree, {-89, -54, -357}));
   ManualDevice hand{"keyboard"};
   HubCouplings couplings{hand, {devices.max_insertion_mm(0), devices.max_insertion_mm(1)}};
   const auto steps = [&](double mm_s, int count) {

@@ -153,7 +153,7 @@ TEST_F(WatchedSession, SendsShapesAndTips) {
       client.send(MessageBytes{.type = "GET_POINT"}.bytes() + MessageBytes{.type = "GET_TRANS"}.bytes()));
   ASSERT_TRUE(is_wanted(IgtlinkStream::point) && is_wanted(IgtlinkStream::transform));
   const std::vector<glm::dvec3> controls{{1, 2, 3}, {4, 5, 6}, {7, 8, 9.5}};
-  const CatheterTip tip{.position_mm = {10, 20, 30}, .direction = {0.6, 0, 0.8}};
+  const InstrumentTip tip{.position_mm = {10, 20, 30}, .direction = {0.6, 0, 0.8}};
   device_->publish(IgtlinkStream::point, pack_points(0, controls, 0.825) + pack_points(1, controls, 0.4));
   device_->publish(IgtlinkStream::transform, pack_tip(0, tip));
   const auto first = client.receive("Device"), second = client.receive("Device2");

@@ -1,7 +1,7 @@
 #include "support/igtlink_bytes.hpp"
 #include "support/igtlink_clients.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/haptics/virtual_coupling.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -10,6 +10,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <array>
 #include <atomic>
 #include <chrono>
 #include <fstream>
@@ -175,10 +176,10 @@ TEST(OpenIGTLink, ClientDrivesARunAndReceivesForceAndTorque) {
 
 TEST(OpenIGTLink, ClientDrivesACatheterThroughThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   RunningLoop run([&](const HubPose& hub) {
-    catheter.step(hub);
-    return catheter.load();
+    catheter.step(std::array{hub});
+    return catheter.load(0);
   });
   Client client(run);
   for (int i = 0; i < 1000; ++i) {  // 100 mm and half a turn in a second
@@ -188,13 +189,13 @@ TEST(OpenIGTLink, ClientDrivesACatheterThroughThePhantom) {
   }
   const HubLoad felt = load_at_rest(run, client, 100, 3, 1500);
   run.end();
-  EXPECT_GT(std::abs(catheter.load().force_N), 0.01);
-  EXPECT_GT(std::abs(catheter.load().torque_Nm), 1e-4);
+  EXPECT_GT(std::abs(catheter.load(0).force_N), 0.01);
+  EXPECT_GT(std::abs(catheter.load(0).torque_Nm), 1e-4);
   // At rest to a thousandth: the rod creeps a little, as its drag lets it.
-  EXPECT_NEAR(felt.force_N, -catheter.load().force_N, 1e-3);
-  EXPECT_NEAR(felt.torque_Nm, -catheter.load().torque_Nm, 1e-5);
+  EXPECT_NEAR(felt.force_N, -catheter.load(0).force_N, 1e-3);
+  EXPECT_NEAR(felt.torque_Nm, -catheter.load(0).torque_Nm, 1e-5);
   // The spring between hand and hub gives way to the load by some tenths of a mm.
-  EXPECT_NEAR(catheter.pose().insertion_mm, 100, 1);
+  EXPECT_NEAR(catheter.pose(0).insertion_mm, 100, 1);
 }
 
 TEST(OpenIGTLink, SensorsHaveThreeValuesAndTheirUnits) {

@@ -1,4 +1,5 @@
 // The gradient and the Hessian of a step's potential against its differences.
+#include "support/lone_rod.hpp"
 #include "support/tip_torque.hpp"
 #include "xraycast/catheter/lumen_distance_field.hpp"
 #include "xraycast/catheter/wall_contact.hpp"
@@ -20,9 +21,9 @@ namespace xraycast {
 /// position, edge 1's angle and so on.
 class RodDerivatives {
  public:
-  RodDerivatives(Rod& rod, ExternalPotential* external) : rod_(rod), external_(external) {
-    rod.begin_step(kStep_s);
-    if (external) external->begin_step(rod, ExternalPotential::kAllBare);
+  RodDerivatives(const Rod& rod, ExternalPotential* external) : rod_(rod), external_(external) {
+    rod_.begin_step(kStep_s);
+    if (external) external->begin_step(rod_, ExternalPotential::kAllBare);
   }
 
   Eigen::Index size() const { return static_cast<Eigen::Index>(4 * (rod_.node_count() - 1)); }
@@ -33,10 +34,9 @@ class RodDerivatives {
   }
 
   double potential_uJ(const Eigen::VectorXd& step) {
-    std::vector<double> moves(RodSystem::kClampedRows, 0.0);
-    moves.insert(moves.end(), step.begin(), step.end());
-    rod_.displace(rod_.state_, moves.data(), 1, rod_.trial_);
-    return rod_.potential_uJ(rod_.trial_, kStep_s, external_);
+    rod_.displace(rod_.state_, step.data(), 1, rod_.trial_);
+    const double energy = rod_.potential_uJ(rod_.trial_, kStep_s);
+    return external_ ? energy + external_->energy_uJ(rod_.trial_) : energy;
   }
 
   struct Energies {
@@ -44,7 +44,7 @@ class RodDerivatives {
   };
   /// Of the rod itself: the potential that is minimised, and the parts that energies are balanced by.
   Energies own() const {
-    return {rod_.own_potential_uJ(rod_.state_, kStep_s), rod_.elastic_uJ(rod_.state_),
+    return {rod_.potential_uJ(rod_.state_, kStep_s), rod_.elastic_uJ(rod_.state_),
             rod_.dissipation_uJ(rod_.state_), motion_uJ()};
   }
 
@@ -54,15 +54,22 @@ class RodDerivatives {
   };
   Derivatives exact(bool project_psd) {
     if (external_) external_->energy_uJ(rod_.state_);
-    rod_.assemble(kStep_s, project_psd, external_);
+    RodSystem system;
+    std::vector<double> along_mm;
+    for (std::size_t i = 0; i < rod_.node_count(); ++i)
+      along_mm.push_back(rod_.fed_mm() - rod_.from_tip_mm(i));
+    system.order({along_mm});
+    system.reset();
+    const RodRows rows = system.rows(0);
+    rod_.assemble(kStep_s, project_psd, rows);
+    if (external_) external_->assemble(rod_.state_, project_psd, rows);
     Derivatives exact{Eigen::VectorXd(size()), Eigen::MatrixXd::Zero(size(), size())};
-    for (Eigen::Index c = 0; c < size(); ++c) {
-      const std::size_t row = RodSystem::kClampedRows + static_cast<std::size_t>(c);
-      exact.gradient[c] = rod_.system_.gradient_[row];
-      for (Eigen::Index r = c; r < std::min(size(), c + 1 + static_cast<Eigen::Index>(BandMatrix::kBand));
-           ++r)
+    for (Eigen::Index r = 0; r < size(); ++r) {
+      exact.gradient[r] = rows.node(1 + r / 4)->gradient[r % 4];
+      // A strain couples three nodes.
+      for (Eigen::Index c = std::max<Eigen::Index>(0, 4 * (r / 4 - 2)); c <= r; ++c)
         exact.hessian(r, c) = exact.hessian(c, r) =
-            rod_.system_.hessian_.at(row, static_cast<std::size_t>(r - c));
+            rows.node(1 + c / 4)->blocks[static_cast<std::size_t>(r / 4 - c / 4)][4 * (c % 4) + r % 4];
     }
     return exact;
   }
@@ -108,7 +115,7 @@ class RodDerivatives {
     return energy;
   }
 
-  Rod& rod_;
+  Rod rod_;
   ExternalPotential* external_;
 };
 
@@ -162,10 +169,11 @@ void expect_exact(RodDerivatives& rod) {
 /// Four edges are worked on at once, and up to three are left over.
 constexpr int kFewestEdges = 4, kMostEdges = 8;
 
-Rod rod_of(const InstrumentModel& device, int edges, const Rod::Clamp& clamp, const Rod::Options& options) {
+LoneRod rod_of(const InstrumentModel& device, int edges, const Rod::Clamp& clamp,
+               const Rod::Options& options) {
   const double edge_mm = std::min(5.0, device.length_mm() / edges);
-  Rod rod(device, device.stations_mm(edge_mm), clamp, edges * edge_mm, options);
-  EXPECT_EQ(rod.state().edges.size(), static_cast<std::size_t>(edges));
+  LoneRod rod({device, device.stations_mm(edge_mm), clamp, edges * edge_mm, options});
+  EXPECT_EQ(rod->state().edges.size(), static_cast<std::size_t>(edges));
   return rod;
 }
 
@@ -175,11 +183,11 @@ TEST(RodDerivatives, OfElasticityAndMotionAreExact) {
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
     for (int i = 0; i < 2; ++i) {
       SCOPED_TRACE(edges);
-      Rod rod = rod_of(device, edges, {}, {});
+      LoneRod rod = rod_of(device, edges, {}, {});
       rod.set_load_N(1, 0.1 * random.vector());
       TipTorque torque(1e-3);
       rod.step(1e-3, &torque);  // it moves
-      RodDerivatives derivatives(rod, &torque);
+      RodDerivatives derivatives(*rod, &torque);
       // Bent and twisted by a radian or so, stretched by a fifth.
       derivatives.move(random.step(derivatives.size(), 1, 1));
       expect_exact(derivatives);
@@ -190,11 +198,11 @@ TEST(Rod, PotentialOfAStepIsTheSumOfItsEnergies) {
   const InstrumentModel device = soft_device();
   RandomSteps random;
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges) {
-    Rod rod = rod_of(device, edges, {}, {.gravity_mm_s2 = {1000, -9000, 3000}});
+    LoneRod rod = rod_of(device, edges, {}, {.gravity_mm_s2 = {1000, -9000, 3000}});
     rod.set_load_N(1, 0.1 * random.vector());
     TipTorque torque(1e-3);
     rod.step(1e-3, &torque);  // it moves
-    RodDerivatives derivatives(rod, &torque);
+    RodDerivatives derivatives(*rod, &torque);
     derivatives.move(random.step(derivatives.size(), 1, 1));
     const auto [all_uJ, elastic_uJ, dissipated_uJ, motion_uJ] = derivatives.own();
     const double scale_uJ = elastic_uJ + dissipated_uJ + std::abs(motion_uJ);  // loads may gain from it
@@ -216,11 +224,11 @@ TEST(RodDerivatives, OfContactAreExact) {
   for (int edges = kFewestEdges; edges <= kMostEdges; ++edges)
     for (int i = 0; i < 2; ++i) {
       SCOPED_TRACE(edges);
-      Rod rod = rod_of(device, edges, {.position_mm = {0.5, 0.5, 0}}, {.max_iterations = 50});
-      WallContact wall(field, rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
+      LoneRod rod = rod_of(device, edges, {.position_mm = {0.5, 0.5, 0}}, {.max_iterations = 50});
+      WallContact wall(field, *rod, {.static_friction = 0.3, .kinetic_friction = 0.3});
       rod.set_load_N(0, 0.2 * random.vector());
       for (int k = 0; k < 5; ++k) rod.step(1e-3, &wall);
-      RodDerivatives derivatives(rod, &wall);
+      RodDerivatives derivatives(*rod, &wall);
       derivatives.move(random.step(derivatives.size(), 0.1, 0.1));  // some of it slips
       expect_exact(derivatives);
     }

@@ -1,12 +1,10 @@
 #include "xraycast/simulation/run_script.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <array>
 #include <string>
 #include <vector>
 
@@ -16,7 +14,7 @@ namespace {
 TEST(RunScript, RefusesAFirstRowThatADeviceDoesNotReach) {
   // Closed at its end, 60 mm from the entry.
   const VesselTree tube({{{{{0, 0, 0}, 2}, {{0, 0, 60}, 2}}, -1, {}, {}}}, "tube");
-  CoaxialCatheters devices(tube, {InstrumentModel::named("exchange-035-stiff")}, most_inferior_end(tube));
+  Instruments devices(tube, {InstrumentModel::named("exchange-035-stiff")}, most_inferior_end(tube));
   const Script script = Script::parse("time_s,insertion_mm,rotation_deg\n0,400,0\n1,400,0\n", "push.csv");
   Progress progress;
   EXPECT_THAT([&] { run_script(devices, script, "push.csv", progress); },
@@ -34,22 +32,6 @@ TEST(RunScript, LogsNoNegativeZeros) {
   const std::string csv = to_csv({{record}});
   EXPECT_EQ(csv.substr(csv.find('\n') + 1),
             "0,0,0,0,0,0.000000,0.000000,-2.000000,0.000000,0.000000,1.000000,0,0.000000,0,0,0\n");
-}
-
-TEST(RunScript, OneDeviceAloneMovesAsACatheterDoes) {
-  const VesselTree tree{make_phantom("thorax").vessel_branches(), "thorax"};
-  const InstrumentModel cobra = InstrumentModel::named("cobra-5f");
-  Catheter catheter(tree, cobra, most_inferior_end(tree));
-  CoaxialCatheters devices(tree, {cobra}, most_inferior_end(tree));
-  for (int i = 1; i <= 600; ++i) {
-    const HubPose pose{0.2 * i, 0.004 * i};
-    catheter.step(pose);
-    devices.step(std::array{pose});
-  }
-  EXPECT_EQ(devices.rod(0).state().nodes_mm, catheter.rod().state().nodes_mm);
-  EXPECT_EQ(devices.load(0).force_N, catheter.load().force_N);
-  EXPECT_EQ(devices.load(0).torque_Nm, catheter.load().torque_Nm);
-  EXPECT_EQ(devices.pose(0).insertion_mm, catheter.pose().insertion_mm);
 }
 
 }  // namespace

@@ -23,11 +23,11 @@ using namespace std::chrono_literals;
 using Hubs = std::span<const HubPose>;
 using Loads = std::span<const HubLoad>;
 
-std::unique_ptr<CoaxialCatheters> devices(const std::vector<std::string>& names = {"cobra-5f"}) {
+std::unique_ptr<Instruments> devices(const std::vector<std::string>& names = {"cobra-5f"}) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
   std::vector<InstrumentModel> models;
   for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
-  return std::make_unique<CoaxialCatheters>(tree, models, most_inferior_end(tree));
+  return std::make_unique<Instruments>(tree, models, most_inferior_end(tree));
 }
 
 TEST(SimulationLoop, SnapshotsAreOfOneMoment) {

@@ -1,10 +1,11 @@
 #include "xraycast/haptics/virtual_coupling.hpp"
 
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gtest/gtest.h>
 
+#include <array>
 #include <cmath>
 #include <functional>
 #include <limits>
@@ -215,10 +216,10 @@ TEST(VirtualCoupling, StaysWithinItsSpeedOnRodsThatAreTooStiff) {
 TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
   for (const char* name : {"guidewire-035-j", "simmons2-5f"}) {
-    Catheter catheter(tree, InstrumentModel::named(name), most_inferior_end(tree));
+    Instruments catheter(tree, {InstrumentModel::named(name)}, most_inferior_end(tree));
     Held held([&](const HubPose& hub) {
-      catheter.step(hub);
-      return catheter.load();
+      catheter.step(std::array{hub});
+      return catheter.load(0);
     });
     for (int i = 0; i < 2000; ++i) held.step({.insertion_mm = 0.06 * i, .rotation_rad = 0.002 * i});
     const HubPose end{.insertion_mm = 120, .rotation_rad = 4};
@@ -227,35 +228,35 @@ TEST(VirtualCoupling, HoldsCathetersStillInThePhantom) {
     // The rod creeps as its drag lets it, by micrometres; a coupling that is not stable shakes it by more.
     EXPECT_NEAR(later.hub.insertion_mm, settled.insertion_mm, 1e-3) << name;
     EXPECT_NEAR(later.hub.rotation_rad, settled.rotation_rad, 1e-3) << name;
-    EXPECT_NEAR(later.felt.force_N, catheter.load().force_N, 1e-3) << name;
+    EXPECT_NEAR(later.felt.force_N, catheter.load(0).force_N, 1e-3) << name;
   }
 }
 
 TEST(VirtualCoupling, StopsWhereTheCatheterStops) {
   const VesselTree tree(make_phantom("thorax").vessel_branches(), "thorax");
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   VirtualCoupling coupling;
   HandPose hand;
   VirtualCoupling::Step step;
   const auto hold = [&](double insertion_mm, int steps) {
     for (int i = 0; i < steps; ++i) {
       hand = {{.insertion_mm = insertion_mm}, hand.count + 1};
-      coupling.synchronise(catheter.pose());
-      step = coupling.step(hand, catheter.load(), kStep_s);
-      catheter.step(step.hub);
+      coupling.synchronise(catheter.pose(0));
+      step = coupling.step(hand, catheter.load(0), kStep_s);
+      catheter.step(std::array{step.hub});
     }
   };
   hold(5, 500);
   hold(-100, 1000);  // further out than it goes: an end stop, felt with no more than the limit
-  EXPECT_EQ(catheter.pose().insertion_mm, 0);
+  EXPECT_EQ(catheter.pose(0).insertion_mm, 0);
   EXPECT_EQ(step.felt.force_N, -kDefaults.insertion.max_load);
   // The hand comes back: the hub is at the stop still, and moves with the hand at once.
   hold(0, 500);
   EXPECT_NEAR(step.felt.force_N, 0, 0.01);  // what is left of the rod's own load
   hold(5, 100);
   // Ten of the spring's time constants of 2 ms, of which it lags by one, and what the rod makes it yield.
-  const double yielded_mm = 1000 * catheter.load().force_N / kDefaults.insertion.stiffness;
-  EXPECT_NEAR(catheter.pose().insertion_mm, 5 - yielded_mm, 0.1);
+  const double yielded_mm = 1000 * catheter.load(0).force_N / kDefaults.insertion.stiffness;
+  EXPECT_NEAR(catheter.pose(0).insertion_mm, 5 - yielded_mm, 0.1);
 }
 
 TEST(VirtualCoupling, GivesAHandNoEnergy) {

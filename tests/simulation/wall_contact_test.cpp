@@ -1,13 +1,15 @@
 #include "xraycast/catheter/wall_contact.hpp"
 
+#include "support/lone_rod.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <Eigen/Geometry>
+#include <array>
 #include <cmath>
 #include <numbers>
 #include <random>
@@ -63,29 +65,32 @@ InstrumentModel limp_wire(double friction) {
 TEST(WallContact, CapstanHoldsByTheExponentialOfItsAngle) {
   constexpr double kFriction = 0.2, kTail_N = 0.5;
   const InstrumentModel wire = limp_wire(kFriction);
-  Rod rod(wire, wire.stations_mm(3), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
-          {.max_iterations = 20});
+  LoneRod rod({wire,
+               wire.stations_mm(3),
+               {.position_mm = {kTube_mm - kWire_mm, 0, -30}},
+               wire.length_mm(),
+               {.max_iterations = 20}});
   for (int i = 0; i < 200; ++i) rod.step(10);  // it takes its shape
   rod.set_load_N(0, {0, 0, -kTail_N});
-  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod,
+  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), *rod,
                    {.static_friction = kFriction, .kinetic_friction = kFriction});
   for (int i = 0; i < 200; ++i) rod.step(1e-3, &wall);
   for (int i = 0; i < 400; ++i) {  // drawn out at 20 mm/s
-    rod.feed_to(rod.fed_mm() - 0.02, &wall);
+    rod.feed_to(rod->fed_mm() - 0.02, &wall);
     rod.step(1e-3, &wall);
   }
-  const double held_N = rod.clamp_force_N().z();
+  const double held_N = rod->clamp_force_N().z();
   const double expected_N = kTail_N * std::exp(kFriction * kPi);
   // 5 %: the wire's bending stiffness carries a little itself, and where it lies down it is not quite
   // tangent.
   EXPECT_NEAR(held_N, expected_N, 0.05 * expected_N);
 
   for (int i = 0; i < 800; ++i) {  // let out: friction turns round
-    rod.feed_to(rod.fed_mm() + 0.02, &wall);
+    rod.feed_to(rod->fed_mm() + 0.02, &wall);
     rod.step(1e-3, &wall);
   }
   const double let_out_N = kTail_N * std::exp(-kFriction * kPi);
-  EXPECT_NEAR(rod.clamp_force_N().z(), let_out_N, 0.05 * let_out_N);
+  EXPECT_NEAR(rod->clamp_force_N().z(), let_out_N, 0.05 * let_out_N);
 }
 
 // ---- stick and slip -------------------------------------------------------------------------------------
@@ -106,14 +111,14 @@ struct LyingRod {
                            "rod");
   }
   InstrumentModel model = device();
-  Rod rod{model,
-          model.stations_mm(5),
-          // A little above the wall, into which it sinks by its weight.
-          {.position_mm = {0, -(kTube_mm - 0.8), 20}},
-          kLength_mm,
-          {.gravity_mm_s2 = {0, -9810, 0}, .max_iterations = 10}};
+  LoneRod rod{{model,
+               model.stations_mm(5),
+               // A little above the wall, into which it sinks by its weight.
+               {.position_mm = {0, -(kTube_mm - 0.8), 20}},
+               kLength_mm,
+               {.gravity_mm_s2 = {0, -9810, 0}, .max_iterations = 10}}};
   WallContact wall{std::make_shared<LumenDistanceField>(straight_tube(200, kTube_mm)),
-                   rod,
+                   *rod,
                    {.static_friction = kStatic, .kinetic_friction = kKinetic}};
 
   /// What lies on the wall: the clamp bears its own node's share.
@@ -124,7 +129,7 @@ struct LyingRod {
   }
   void push(double by_mm, int steps) {
     for (int i = 0; i < steps; ++i) {
-      rod.feed_to(rod.fed_mm() + by_mm / steps, &wall);
+      rod.feed_to(rod->fed_mm() + by_mm / steps, &wall);
       rod.step(1e-3, &wall);
     }
   }
@@ -134,18 +139,18 @@ struct LyingRod {
 TEST(WallContact, SticksBelowTheFrictionCone) {
   LyingRod lying;
   lying.rest(1000);
-  const double tip_mm = lying.rod.state().nodes_mm.back().z();
+  const double tip_mm = lying.rod->state().nodes_mm.back().z();
   // So little that the rod's first nodes hold it.
   lying.push(0.5e-3, 100);
   lying.rest(100);
-  const double held_N = -lying.rod.clamp_force_N().z();
+  const double held_N = -lying.rod->clamp_force_N().z();
   EXPECT_GT(held_N, 0.1 * LyingRod::kStatic * lying.borne_N());
   EXPECT_LT(held_N, LyingRod::kStatic * lying.borne_N());
-  const double before_mm = lying.rod.state().nodes_mm.back().z();
+  const double before_mm = lying.rod->state().nodes_mm.back().z();
   lying.rest(5000);
   // It does not creep in five seconds: neither the force nor the tip changes by more than rounding.
-  EXPECT_NEAR(-lying.rod.clamp_force_N().z(), held_N, 1e-3 * held_N);
-  EXPECT_NEAR(lying.rod.state().nodes_mm.back().z(), before_mm, 1e-6);
+  EXPECT_NEAR(-lying.rod->clamp_force_N().z(), held_N, 1e-3 * held_N);
+  EXPECT_NEAR(lying.rod->state().nodes_mm.back().z(), before_mm, 1e-6);
   EXPECT_LT(before_mm - tip_mm, 0.5e-3);
   for (const auto& contact : lying.wall.contacts()) EXPECT_FALSE(contact.slips);
 }
@@ -153,17 +158,17 @@ TEST(WallContact, SticksBelowTheFrictionCone) {
 TEST(WallContact, SlidesAboveTheFrictionCone) {
   LyingRod lying;
   lying.rest(1000);
-  const double tip_mm = lying.rod.state().nodes_mm.back().z();
+  const double tip_mm = lying.rod->state().nodes_mm.back().z();
   lying.push(10, 500);
   double most_N = 0;
   for (int i = 0; i < 500; ++i) {
     lying.push(0.02, 1);
-    most_N = std::max(most_N, -lying.rod.clamp_force_N().z());
+    most_N = std::max(most_N, -lying.rod->clamp_force_N().z());
   }
-  EXPECT_NEAR(lying.rod.state().nodes_mm.back().z() - tip_mm, 20, 0.01);
+  EXPECT_NEAR(lying.rod->state().nodes_mm.back().z() - tip_mm, 20, 0.01);
   // 2 %: drag of blood at 20 mm/s adds 0.03 mN to some 10 mN, shaking of nodes that come in the rest.
   const double kinetic_N = LyingRod::kKinetic * lying.borne_N();
-  EXPECT_NEAR(-lying.rod.clamp_force_N().z(), kinetic_N, 0.02 * kinetic_N);
+  EXPECT_NEAR(-lying.rod->clamp_force_N().z(), kinetic_N, 0.02 * kinetic_N);
   EXPECT_LT(most_N, LyingRod::kStatic * lying.borne_N());
 }
 
@@ -182,11 +187,14 @@ TEST(WallContact, MiddlesBearAsMuchAsNodes) {
 TEST(WallContact, AMiddleDoesNotSinkBetweenItsNodes) {
   // A stiff edge across a bend whose inner wall lies higher than the line between the nodes.
   const InstrumentModel wire = limp_wire(0);
-  Rod rod(wire, wire.stations_mm(12), {.position_mm = {kTube_mm - kWire_mm, 0, -30}}, wire.length_mm(),
-          {.max_iterations = 20});
+  LoneRod rod({wire,
+               wire.stations_mm(12),
+               {.position_mm = {kTube_mm - kWire_mm, 0, -30}},
+               wire.length_mm(),
+               {.max_iterations = 20}});
   for (int i = 0; i < 200; ++i) rod.step(10);
   rod.set_load_N(0, {0, 0, -0.5});
-  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), rod, {});
+  WallContact wall(std::make_shared<LumenDistanceField>(hairpin()), *rod, {});
   for (int i = 0; i < 400; ++i) rod.step(1e-3, &wall);
   double deepest_mm = 0;
   for (const auto& contact : wall.contacts()) deepest_mm = std::max(deepest_mm, contact.depth_mm);
@@ -227,9 +235,9 @@ TEST(WallContact, TurningOnTheSpotCostsFrictionTimesRadius) {
   for (const auto& contact : lying.wall.contacts()) borne_N += contact.normal_N.norm();
   const double expected_Nm = 1e-3 * LyingRod::kKinetic * borne_N * 0.8;
   // 2 %: nodes that rest against the clamp's stiffness stick for a moment now and then.
-  EXPECT_NEAR(-lying.rod.clamp_torque_Nm(), expected_Nm, 0.02 * expected_Nm);
+  EXPECT_NEAR(-lying.rod->clamp_torque_Nm(), expected_Nm, 0.02 * expected_Nm);
   // Right-handed about z its underside moves to +x, so the floor pushes it to -x, up the wall.
-  EXPECT_LT(lying.rod.state().nodes_mm.back().x(), -0.1);
+  EXPECT_LT(lying.rod->state().nodes_mm.back().x(), -0.1);
 }
 
 // ---- the introducer -------------------------------------------------------------------------------------
@@ -243,17 +251,17 @@ TEST(WallContact, IntroducerHoldsNothingThatTurnsBackBesideIt) {
                               .axial_stiffness_N = 500,
                               .sections = {limp}},
                              "wire");
-  Rod rod(wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.max_iterations = 50});
+  LoneRod rod({wire, wire.stations_mm(2), {.position_mm = {0, 0, -20}}, 60, {.max_iterations = 50}});
   const WallContact::Introducer introducer{{0, 0, 0}, {0, 0, 1}};
-  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(100, 40)), rod, {}, introducer);
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(100, 40)), *rod, {}, introducer);
   // Drawn aside and then back, so hard that it bends where the introducer's hold fades out.
   rod.set_load_N(0, {2, 0, 0});
   for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
   rod.set_load_N(0, {1, 0, -4});
   for (int i = 0; i < 200; ++i) rod.step(0.01, &wall);
-  for (const Vector3d& node : rod.state().nodes_mm)
+  for (const Vector3d& node : rod->state().nodes_mm)
     ASSERT_LT(node.z(), 0) << "it bends beyond the introducer";
-  ASSERT_LT(rod.state().nodes_mm.back().z(), -20);
+  ASSERT_LT(rod->state().nodes_mm.back().z(), -20);
   EXPECT_EQ(wall.contacts().back().introducer_N.norm(), 0);
 }
 
@@ -266,16 +274,16 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
        .sections = {{.length_mm = 60, .bending_stiffness_Nmm2 = {2, 2}, .torsional_stiffness_Nmm2 = {2, 2}}}},
       "wire");
   // Beside the axis of an introducer that holds all of it, and of a tube as narrow as the wire.
-  Rod rod(wire, wire.stations_mm(5), {.position_mm = {0.1, 0, 20}}, wire.length_mm(), {});
+  LoneRod rod({wire, wire.stations_mm(5), {.position_mm = {0.1, 0, 20}}, wire.length_mm(), {}});
   const WallContact::Introducer introducer{{0, 0, 150}, {0, 0, 1}};
-  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(200, kWire_mm)), rod, {}, introducer);
+  WallContact wall(std::make_shared<LumenDistanceField>(straight_tube(200, kWire_mm)), *rod, {}, introducer);
   struct Held {
     double by_wall_N = 0, by_introducer_N = 0;
   };
   const auto held = [&](double bare_mm) {
-    wall.begin_step(rod, bare_mm);
-    wall.energy_uJ(rod.state());
-    wall.end_step(rod.state());
+    wall.begin_step(*rod, bare_mm);
+    wall.energy_uJ(rod->state());
+    wall.end_step(rod->state());
     Held forces;
     for (const WallContact::Contact& contact : wall.contacts()) {
       forces.by_wall_N += contact.normal_N.norm();
@@ -296,34 +304,35 @@ TEST(WallContact, NeitherWallNorIntroducerHoldsWhatLiesInAnotherDevice) {
 
 // ---- in a patient's vessels -----------------------------------------------------------------------------
 
-TEST(Catheter, CurlsUpBesideItsIntroducer) {
+TEST(WallContact, LetsAPigtailCurlUpBesideItsIntroducer) {
   // In the aortic root there is room for a pigtail to curl back behind the plane that the introducer ends in.
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, InstrumentModel::named("pigtail-5f"), nearest_end(tree, {6, -16, 134}));
-  for (int i = 1; i <= 400; ++i) catheter.step({.insertion_mm = 0.05 * i});
-  const Vector3d entry = catheter.rod().clamp().position_mm + 20 * catheter.rod().clamp().axis;
-  const Vector3d tip = catheter.rod().state().nodes_mm.back() - entry;
-  ASSERT_LT(tip.dot(catheter.rod().clamp().axis), 0) << "it does not curl back";
-  EXPECT_EQ(catheter.wall().contacts().back().introducer_N.norm(), 0);
+  Instruments catheter(tree, {InstrumentModel::named("pigtail-5f")}, nearest_end(tree, {6, -16, 134}));
+  for (int i = 1; i <= 400; ++i) catheter.step(std::array{HubPose{.insertion_mm = 0.05 * i}});
+  const Vector3d entry = catheter.rod(0).clamp().position_mm + 20 * catheter.rod(0).clamp().axis;
+  const Vector3d tip = catheter.rod(0).state().nodes_mm.back() - entry;
+  ASSERT_LT(tip.dot(catheter.rod(0).clamp().axis), 0) << "it does not curl back";
+  EXPECT_EQ(catheter.wall(0).contacts().back().introducer_N.norm(), 0);
 }
 
-TEST(Catheter, HubBearsContactAndFriction) {
+TEST(WallContact, IsBorneByTheHubWithItsFriction) {
   const VesselTree tree = phantom_tree("thorax");
-  Catheter catheter(tree, InstrumentModel::named("cobra-5f"), most_inferior_end(tree));
-  for (int i = 1; i <= 4000; ++i) catheter.step({.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i});
-  for (int i = 0; i < 500; ++i) catheter.step(catheter.pose());
+  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
+  for (int i = 1; i <= 4000; ++i)
+    catheter.step(std::array{HubPose{.insertion_mm = 0.075 * i, .rotation_rad = 0.0005 * i}});
+  for (int i = 0; i < 500; ++i) catheter.step(std::array{catheter.pose(0)});
   Vector3d walls_N = Vector3d::Zero();
   double size_N = 0;
-  for (const auto& contact : catheter.wall().contacts()) {
+  for (const auto& contact : catheter.wall(0).contacts()) {
     walls_N += contact.normal_N + contact.friction_N + contact.introducer_N;
     size_N += contact.normal_N.norm();
   }
   EXPECT_GT(size_N, 0.05);
-  const Vector3d hub_N = catheter.rod().clamp_force_N();
+  const Vector3d hub_N = catheter.rod(0).clamp_force_N();
   // 2 % of what the walls bear in all.
   EXPECT_LT((hub_N - walls_N).norm(), 0.02 * size_N);
-  const Vector3d axis = catheter.rod().clamp().axis;
-  EXPECT_NEAR(catheter.load().force_N, -walls_N.dot(axis), 0.02 * std::abs(catheter.load().force_N));
+  const Vector3d axis = catheter.rod(0).clamp().axis;
+  EXPECT_NEAR(catheter.load(0).force_N, -walls_N.dot(axis), 0.02 * std::abs(catheter.load(0).force_N));
 }
 
 }  // namespace

@@ -14,4 +14,20 @@ struct HubLoad {
   double torque_Nm = 0;  ///< about the direction of insertion; positive resists a positive rotation
 };
 
+/// A hub on its way to a pose.
+struct MovingHub {
+  // It moves no faster than a hand; a pose further ahead is approached at these speeds.
+  static constexpr double kMaxSpeed_mm_s = 300, kMaxSpeed_rad_s = 30;
+
+  /// Against a larger force an instrument buckles outside the introducer or slips through the fingers: the
+  /// hub does not advance.
+  static constexpr double kMaxPush_N = 3;
+
+  HubPose pose;
+  bool is_held = false;  ///< it does not advance, because of the force
+
+  /// A step towards a pose, whose insertion is clamped to 0 to the largest.
+  void approach(const HubPose& target, double force_N, double max_insertion_mm, double step_s);
+};
+
 }  // namespace xraycast

@@ -36,18 +36,9 @@ Eigen::Matrix3d projected_psd(const Eigen::Matrix3d& matrix) {
          eigen.eigenvectors().transpose();
 }
 
-[[gnu::always_inline]] inline Lanes lanes_of(const Vector3d& v, double last) {
-  return Lanes{v[0], v[1], v[2], last};
-}
+[[gnu::always_inline]] inline Lanes lanes_of(const Vector3d& v) { return Lanes{0, v[0], v[1], v[2]}; }
 [[gnu::always_inline]] inline void add_matrix(const Eigen::Matrix3d& matrix, std::array<Lanes, kLanes>& to) {
-  for (Eigen::Index c = 0; c < 3; ++c)
-    to[static_cast<std::size_t>(c)] += Lanes{matrix(0, c), matrix(1, c), matrix(2, c), 0};
-}
-
-/// Of each lane, a vector and a number.
-[[gnu::always_inline]] inline std::array<Lanes, kLanes> by_lane(const Triple<Lanes>& vector,
-                                                                const Lanes& last) {
-  return transposed(vector.x, vector.y, vector.z, last);
+  for (Eigen::Index c = 0; c < 3; ++c) to[static_cast<std::size_t>(c) + 1] += lanes_of(matrix.col(c));
 }
 
 // Nodes, of which the clamp holds the first, and the middles between them.
@@ -358,24 +349,24 @@ double WallContact::energy_uJ(const RodState& rod) {
   return energy;
 }
 
-void WallContact::assemble(const RodState& rod, bool project_psd, RodSystem& system) {
-  for (const RubbingGroup& group : groups_) assemble_group(rod, group, project_psd, system);
+void WallContact::assemble(const RodState& rod, bool project_psd, const RodRows& rows) {
+  for (const RubbingGroup& group : groups_) assemble_group(rod, group, project_psd, rows);
   for (const std::size_t k : acting_)
     if (!states_[k].friction.is_active() && (contacts_[k].depth_mm > 0 || states_[k].introducer_mN_mm > 0))
-      assemble_contact(rod, k, project_psd, system);
+      assemble_contact(rod, k, project_psd, rows);
 }
 
-/// Of one contact, over the position and the angle; the Hessian by columns.
+/// Of one contact, over the angle and the position; the Hessian by columns.
 struct WallContact::Derivatives {
   Lanes gradient{};
   std::array<Lanes, kLanes> hessian{};
 
-  [[gnu::always_inline]] void add_to_system(const RodPoint& point, RodSystem& system) const {
+  [[gnu::always_inline]] void add_to(const RodPoint& point, const RodRows& rows) const {
     Eigen::Vector4d by_point;
     Eigen::Matrix4d of_point;
     store(by_point.data(), gradient);
     for (std::size_t c = 0; c < kLanes; ++c) store(of_point.data() + kLanes * c, hessian[c]);
-    system.add(point, by_point, of_point);
+    rows.add(point, by_point, of_point);
   }
 };
 
@@ -386,14 +377,14 @@ struct WallContact::Derivatives {
   const FrictionState& state = states_[index];
   if (state.introducer_mN_mm > 0) {
     const Vector3d& axis = introducer_->axis;
-    of.gradient += lanes_of(state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod)), 0);
+    of.gradient += lanes_of(state.introducer_mN_mm * off_axis_mm(contact.point.position_mm(rod)));
     add_matrix(state.introducer_mN_mm * (Eigen::Matrix3d::Identity() - axis * axis.transpose()), of.hessian);
   }
   if (contact.depth_mm > 0) {
     const double force_mN = wall_force_N(contact.depth_mm, index) / kMilli;
     const double stiffness = state.wall_mN_mm * (1 + 3 * squared(contact.depth_mm / state.stiffening_mm));
     const Vector3d& inward = contact.sample.gradient;
-    of.gradient -= force_mN * lanes_of(inward, 0);
+    of.gradient -= force_mN * lanes_of(inward);
     // The normal force turns as the point moves along a curved wall.
     Eigen::Matrix3d wall = stiffness * inward * inward.transpose() + force_mN * contact.sample.curvature();
     if (project_psd) wall = projected_psd(wall);
@@ -403,10 +394,10 @@ struct WallContact::Derivatives {
 
 XRAYCAST_WIDE_VECTORS
 void WallContact::assemble_group(const RodState& rod, const RubbingGroup& group, bool project_psd,
-                                 RodSystem& system) const {
+                                 const RodRows& rows) const {
   const FrictionLanes::Derivatives friction = GroupFriction(group, rod, radius_mm_).of.derivatives();
-  const std::array<Lanes, kLanes> alongs = by_lane(triple_of(group.t1), Lanes{}),
-                                  arounds = by_lane(triple_of(group.t2), all<Lanes>(radius_mm_));
+  const std::array<Lanes, kLanes> alongs = by_lane(Lanes{}, triple_of(group.t1)),
+                                  arounds = by_lane(all<Lanes>(radius_mm_), triple_of(group.t2));
   for (std::size_t k = 0; k < group.count; ++k) {
     const std::size_t index = group.contacts[k];
     const Lanes along = alongs[k], around = arounds[k];
@@ -416,16 +407,16 @@ void WallContact::assemble_group(const RodState& rod, const RubbingGroup& group,
                 by_around = friction.xy_mN_mm[k] * along + friction.yy_mN_mm[k] * around;
     for (std::size_t c = 0; c < kLanes; ++c) of.hessian[c] = along[c] * by_along + around[c] * by_around;
     add_wall(rod, index, project_psd, of);
-    of.add_to_system(contacts_[index].point, system);
+    of.add_to(contacts_[index].point, rows);
   }
 }
 
 XRAYCAST_WIDE_VECTORS
 void WallContact::assemble_contact(const RodState& rod, std::size_t index, bool project_psd,
-                                   RodSystem& system) const {
+                                   const RodRows& rows) const {
   Derivatives of;
   add_wall(rod, index, project_psd, of);
-  of.add_to_system(contacts_[index].point, system);
+  of.add_to(contacts_[index].point, rows);
 }
 
 // ---- a step ends ----------------------------------------------------------------------------------------

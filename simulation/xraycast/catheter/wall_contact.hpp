@@ -66,7 +66,7 @@ class WallContact final : public ExternalPotential {
   /// The wall's force fades in over the length that a contact stands for.
   void begin_step(const Rod& rod, double bare_mm) override;
   double energy_uJ(const RodState& state) override;
-  void assemble(const RodState& state, bool project_psd, RodSystem& system) override;
+  void assemble(const RodState& state, bool project_psd, const RodRows& rows) override;
   void end_step(const RodState& state) override;
 
  private:
@@ -105,8 +105,9 @@ class WallContact final : public ExternalPotential {
   void add_to_group(std::size_t index, RubbingGroup& group) const;
   double friction_uJ(const RodState& state) const;
   void assemble_group(const RodState& state, const RubbingGroup& group, bool project_psd,
-                      RodSystem& system) const;
-  void assemble_contact(const RodState& state, std::size_t index, bool project_psd, RodSystem& system) const;
+                      const RodRows& rows) const;
+  void assemble_contact(const RodState& state, std::size_t index, bool project_psd,
+                        const RodRows& rows) const;
   struct Derivatives;
   void add_wall(const RodState& state, std::size_t index, bool project_psd, Derivatives& of) const;
   void begin_contact(const Rod& rod, std::size_t index, double bare_mm);

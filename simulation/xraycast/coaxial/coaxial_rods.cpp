@@ -14,6 +14,25 @@ constexpr double kJoulePer_uJ = 1e-6;
 // Of the energies in lumens and walls, of up to some hundred millijoule.
 constexpr double kRounding_uJ = 1e-10;
 
+// Converged when an iteration decreases the potential by less than the first, five millinewton against 1
+// N/mm, and its quadratic model is off by less than the second. What the model is off by is left where the
+// rod is stiff, in stretching: nine millinewton against 400 N/mm.
+constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
+// Armijo's condition, on the decrease by the quadratic model: less than this share of it, and the step went
+// too far, beyond a valley, say.
+constexpr double kArmijo = 0.2;
+constexpr int kMaxBacktracks = 12;  // halvings, after which an iteration makes no progress
+
+bool has_converged(double model_decrease_uJ, double decrease_uJ) {
+  return std::max(model_decrease_uJ, decrease_uJ) < kTolerance_uJ &&
+         std::abs(decrease_uJ - model_decrease_uJ) < kModelTolerance_uJ;
+}
+
+bool is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ) {
+  const double rounding_uJ = 1e-12 * std::abs(before_uJ);
+  return reached_uJ <= before_uJ - kArmijo * scale * std::max(0.0, model_decrease_uJ) + rounding_uJ;
+}
+
 }  // namespace
 
 void check_fits_inside(const InstrumentModel& outer, const InstrumentModel& inner) {
@@ -38,6 +57,13 @@ CoaxialRods::CoaxialRods(std::vector<Rod> rods) : rods_(std::move(rods)), extern
     check_fit(inner, rods_[inner].instrument());
     for (std::size_t outer = 0; outer < inner; ++outer) couple(outer, inner);
   }
+  reserve();
+}
+
+void CoaxialRods::reserve() {
+  std::size_t nodes = 0;
+  for (const Rod& rod : rods_) nodes += rod.max_nodes();
+  system_.reserve(nodes);
 }
 
 void CoaxialRods::check_fit(std::size_t device, const InstrumentModel& instrument) const {
@@ -69,6 +95,7 @@ void CoaxialRods::couple(std::size_t outer, std::size_t inner) {
 void CoaxialRods::replace(std::size_t device, Rod rod) {
   check_fit(device, rod.instrument());
   rods_[device] = std::move(rod);
+  reserve();
   for (std::size_t outer = 0; outer < device; ++outer) couple(outer, device);
   for (std::size_t inner = device + 1; inner < count(); ++inner) couple(device, inner);
   is_moved_ = true;
@@ -163,6 +190,15 @@ void CoaxialRods::begin_contacts() {
   }
 }
 
+/// And what is gained by that: the points and their lengths move along.
+void CoaxialRods::find_overlaps() {
+  const double before_uJ = contacts_uJ();
+  last_reaches_ = reaches_;
+  for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
+  begin_contacts();
+  gained_uJ_ = contacts_uJ() - before_uJ;
+}
+
 void CoaxialRods::measure_along() {
   along_mm_.resize(count());
   for (std::size_t d = 0; d < count(); ++d) {
@@ -188,12 +224,10 @@ void CoaxialRods::measure_along() {
 
 void CoaxialRods::begin_step(double dt_s) {
   for (Rod& rod : rods_) rod.begin_step(dt_s);
-  const double before_uJ = contacts_uJ();
-  last_reaches_ = reaches_;
-  for (std::size_t k = 0; k < lumens_.size(); ++k) find_reach(k);
-  begin_contacts();
-  // The points and their lengths move along.
-  gained_uJ_ = contacts_uJ() - before_uJ;
+  if (lumens_.empty())
+    begin_contacts();
+  else
+    find_overlaps();
   measure_along();
   system_.order(along_mm_);
 }
@@ -205,7 +239,10 @@ double CoaxialRods::potential_uJ(double dt_s, bool of_trial) {
   const auto state = [&](std::size_t d) -> const RodState& {
     return of_trial ? rods_[d].trial_ : rods_[d].state_;
   };
-  for (std::size_t d = 0; d < count(); ++d) energy += rods_[d].potential_uJ(state(d), dt_s, externals_[d]);
+  for (std::size_t d = 0; d < count(); ++d) {
+    const double own_uJ = rods_[d].potential_uJ(state(d), dt_s);
+    energy += externals_[d] ? own_uJ + externals_[d]->energy_uJ(state(d)) : own_uJ;
+  }
   for (LumenContact& lumen : lumens_) energy += lumen.energy_uJ(state(lumen.outer()), state(lumen.inner()));
   return energy;
 }
@@ -215,11 +252,11 @@ void CoaxialRods::accept_trial() {
 }
 
 void CoaxialRods::step(double dt_s) {
-  if (count() == 1) return rods_[0].step(dt_s, externals_[0]);
   begin_step(dt_s);
   // Without input nothing else pays for a gain. The last step tells what this one can release.
-  if (!is_moved_ && gained_uJ_ > released_uJ_) keep_overlaps();
-  const bool may_repeat = !is_moved_ && gained_uJ_ > kRounding_uJ;
+  const bool may_gain = !is_moved_ && !lumens_.empty();
+  if (may_gain && gained_uJ_ > released_uJ_) keep_overlaps();
+  const bool may_repeat = may_gain && gained_uJ_ > kRounding_uJ;
   if (may_repeat) save_start();
   Rod::KineticBalance balance = minimise(dt_s);
   if (may_repeat && balance.allowed_uJ < 0) {
@@ -250,16 +287,14 @@ Rod::KineticBalance CoaxialRods::minimise(double dt_s) {
   double spent_uJ = std::max(0.0, gained_uJ_);
   for (const Rod& rod : rods_) spent_uJ += rod.dissipation_uJ(rod.state_);
   double potential = predict_uJ(dt_s, start_uJ);
-  std::size_t nodes = 0;
-  for (const Rod& rod : rods_) nodes += rod.node_count();
-  const int most = rods_[0].most_iterations(nodes);
+  const int most = most_iterations();
   int iterations = 0;
   for (; iterations < most; ++iterations) {
     double model_decrease_uJ = 0;
     if (!solve_newton(dt_s, model_decrease_uJ)) break;  // not finite: the rods stay
     const double before_uJ = potential;
     if (!search_line(dt_s, model_decrease_uJ, potential)) break;
-    if (Rod::has_converged(model_decrease_uJ, before_uJ - potential)) break;
+    if (has_converged(model_decrease_uJ, before_uJ - potential)) break;
   }
   is_solved_ = iterations < most;
   released_uJ_ = start_uJ - potential;
@@ -268,6 +303,15 @@ Rod::KineticBalance CoaxialRods::minimise(double dt_s) {
   return balance;
 }
 
+int CoaxialRods::most_iterations() const {
+  const Rod::Options& options = rods_[0].options_;
+  std::size_t nodes = 0;
+  for (const Rod& rod : rods_) nodes += rod.node_count();
+  return std::min(options.max_iterations, std::max(1, options.max_node_iterations / static_cast<int>(nodes)));
+}
+
+/// The first iterate: where inertia alone leads, if the potential is lower there than at the start. Returns
+/// it.
 double CoaxialRods::predict_uJ(double dt_s, double start_uJ) {
   for (Rod& rod : rods_) {
     rod.aim_by_inertia(dt_s);
@@ -282,31 +326,38 @@ double CoaxialRods::predict_uJ(double dt_s, double start_uJ) {
 }
 
 void CoaxialRods::assemble(double dt_s, bool project_psd) {
-  for (std::size_t d = 0; d < count(); ++d) rods_[d].assemble(dt_s, project_psd, externals_[d]);
   for (const LumenContact& lumen : lumens_) lumen.couple(system_);
-  system_.collect(rods_);
+  system_.reset();
+  for (std::size_t d = 0; d < count(); ++d) {
+    rods_[d].assemble(dt_s, project_psd, system_.rows(d));
+    if (externals_[d]) externals_[d]->assemble(rods_[d].state_, project_psd, system_.rows(d));
+  }
   for (const LumenContact& lumen : lumens_)
     lumen.assemble(rods_[lumen.outer()].state_, rods_[lumen.inner()].state_, project_psd, system_);
 }
 
+/// Newton's direction or, where the Hessian is indefinite, as it is while a tip snaps, that of its PSD
+/// projection, which is a descent direction too. False for numbers that are not finite.
 bool CoaxialRods::solve_newton(double dt_s, double& model_decrease_uJ) {
   for (const bool project_psd : {false, true}) {
     assemble(dt_s, project_psd);
     if (!system_.factorise()) continue;
-    model_decrease_uJ = system_.solve(rods_);
+    model_decrease_uJ = system_.solve();
+    for (std::size_t d = 0; d < count(); ++d) system_.copy_direction(d, rods_[d].direction_);
     return true;
   }
   return false;
 }
 
+/// Backtracks along the direction until Armijo's condition holds. False, and the states as they were, if it
+/// never does.
 bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& potential) {
-  Rod::Direction direction;
-  for (const Rod& rod : rods_) rod.measure_direction(direction);
-  double scale = direction.largest_scale();
-  for (int backtracks = 0; backtracks < Rod::kMaxBacktracks; ++backtracks, scale *= 0.5) {
+  double scale = 1;
+  for (const Rod& rod : rods_) scale = std::min(scale, rod.largest_scale());
+  for (int backtracks = 0; backtracks < kMaxBacktracks; ++backtracks, scale *= 0.5) {
     for (Rod& rod : rods_) rod.displace(rod.state_, rod.direction_.data(), scale, rod.trial_);
     const double reached_uJ = potential_uJ(dt_s, true);
-    if (!Rod::is_low_enough(reached_uJ, potential, scale, model_decrease_uJ)) continue;
+    if (!is_low_enough(reached_uJ, potential, scale, model_decrease_uJ)) continue;
     accept_trial();
     potential = reached_uJ;
     return true;
@@ -317,7 +368,10 @@ bool CoaxialRods::search_line(double dt_s, double model_decrease_uJ, double& pot
 
 void CoaxialRods::end_step(double dt_s, const Rod::KineticBalance& balance) {
   for (Rod& rod : rods_) rod.update_velocities(dt_s, balance);
-  for (std::size_t d = 0; d < count(); ++d) rods_[d].end_step(externals_[d]);
+  for (std::size_t d = 0; d < count(); ++d) {
+    if (externals_[d]) externals_[d]->end_step(rods_[d].state_);
+    rods_[d].update_clamp_reaction();
+  }
   for (LumenContact& lumen : lumens_)
     lumen.end_step(rods_[lumen.outer()].state_, rods_[lumen.inner()].state_);
   is_moved_ = false;

@@ -1,17 +1,22 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_system.hpp"
 #include "xraycast/coaxial/lumen_contact.hpp"
 #include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/rod_system.hpp"
 
 #include <cstddef>
 #include <vector>
 
 namespace xraycast {
 
-/// Rods one inside the other, fed through the same clamp, from the outermost on. Each has its own centreline,
-/// twist and hub; where they overlap, LumenContact couples them. A step minimises the sum of all potentials
-/// by one Newton system, as Rod::step does for one.
+/// A rod alone, or several one inside the other, fed through the same clamp, from the outermost on. Each has
+/// its own centreline, twist and hub; where they overlap, LumenContact couples them.
+///
+/// A step is implicit Euler: it minimises the sum of all incremental potentials (inertia, elasticity,
+/// dissipation, drag, external, in the lumens) by Newton's method with Armijo's line search and the exact
+/// Hessian or, where that is indefinite, its PSD projection: Gauss-Newton for bending and twisting, the
+/// positive semidefinite part of the rest. The potential falls in every step, so that without input the
+/// energy never grows. The cost of the banded solve is linear in the nodes.
 class CoaxialRods {
  public:
   /// `rods` have the same clamp. Throws InputError where one does not fit into the lumen of one around it.
@@ -36,7 +41,7 @@ class CoaxialRods {
   void step(double dt_s);
   /// The last step ended before it came to the most iterations that the first rod's options allow for the
   /// nodes of all.
-  bool is_solved() const { return count() == 1 ? rods_[0].is_solved() : is_solved_; }
+  bool is_solved() const { return is_solved_; }
 
   /// The length of a device beyond the tips of all those around it, as the last step began.
   double bare_mm(std::size_t device) const;
@@ -57,14 +62,17 @@ class CoaxialRods {
     return inner * (inner - 1) / 2 + outer;
   }
   void check_fit(std::size_t device, const InstrumentModel& instrument) const;
+  void reserve();
   void couple(std::size_t outer, std::size_t inner);
   void find_reach(std::size_t lumen);
   double lumens_uJ() const;
   double contacts_uJ() const;
   void begin_contacts();
+  void find_overlaps();
   void measure_along();
   void begin_step(double dt_s);
   double potential_uJ(double dt_s, bool of_trial);
+  int most_iterations() const;
   double predict_uJ(double dt_s, double start_uJ);
   void assemble(double dt_s, bool project_psd);
   bool solve_newton(double dt_s, double& model_decrease_uJ);
@@ -84,7 +92,7 @@ class CoaxialRods {
   /// Of each rod's nodes from the clamp, along the outermost one as far as that reaches: those of an inner
   /// one, which cuts bends, fall behind it or get ahead.
   std::vector<std::vector<double>> along_mm_;
-  CoaxialSystem system_;
+  RodSystem system_;
   double gained_uJ_ = 0;    ///< in the lumens and the external potentials, as the step began
   double released_uJ_ = 0;  ///< by the last step
   bool is_moved_ = true;    ///< a hub, or another rod put in, since the last step

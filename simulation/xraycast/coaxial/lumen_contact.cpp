@@ -1,9 +1,9 @@
 #include "xraycast/coaxial/lumen_contact.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
-#include "xraycast/coaxial/lane_columns.hpp"
 #include "xraycast/coaxial/rod_curve_lanes.hpp"
 #include "xraycast/mechanics/friction_lanes.hpp"
+#include "xraycast/mechanics/lane_columns.hpp"
 #include "xraycast/mechanics/lane_groups.hpp"
 #include "xraycast/mechanics/lanes.hpp"
 
@@ -13,6 +13,9 @@
 #include <span>
 
 namespace xraycast {
+
+static_assert(PairDerivatives::kOfEach == RodWeights::kNodes);
+
 namespace {
 
 using Eigen::Vector2d, Eigen::Vector3d;
@@ -91,12 +94,6 @@ void set_lane(const RodWeights::Weights& weights, std::size_t first, std::size_t
     return Lanes{from[0][after], from[1][after], from[2][after], from[3][after]};
   };
   return lanes_of(weights[0]) * at(0) + lanes_of(weights[1]) * at(1);
-}
-
-/// Of each lane, a number and a vector.
-[[gnu::always_inline]] inline std::array<Lanes, kLanes> by_lane(const Lanes& first,
-                                                                const Triple<Lanes>& rest) {
-  return transposed(first, rest.x, rest.y, rest.z);
 }
 
 /// The length that samples bear from an end on, and its first moment.
@@ -398,7 +395,7 @@ RodPair LumenContact::pair(const Group& group, std::size_t k, std::size_t curve_
   return {point_rod, group.point_nodes[k], curve_rod, curve_node};
 }
 
-void LumenContact::couple(CoaxialSystem& system) const {
+void LumenContact::couple(RodSystem& system) const {
   for (const Group& group : groups_)
     for (std::size_t k = 0; k < group.count; ++k) {
       if (group.is_pressed(k) || group.rubs(k)) system.couple(pair(group, k, group.nearest_nodes[k]));
@@ -407,7 +404,7 @@ void LumenContact::couple(CoaxialSystem& system) const {
 }
 
 void LumenContact::assemble(const RodState& outer, const RodState& inner, bool project_psd,
-                            CoaxialSystem& system) const {
+                            RodSystem& system) const {
   for (const Group& group : groups_) assemble(group, sides(group, outer, inner), project_psd, system);
 }
 
@@ -450,7 +447,7 @@ struct LumenContact::Lining {
 
 XRAYCAST_WIDE_VECTORS
 void LumenContact::assemble(const Group& group, const Sides& sides, bool project_psd,
-                            CoaxialSystem& system) const {
+                            RodSystem& system) const {
   const Lining lining(group, sides.curve);
   const std::array<Lanes, kLanes> normals = by_lane(Lanes{}, lining.normal),
                                   slopes = by_lane(Lanes{}, lining.slope),

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_system.hpp"
 #include "xraycast/coaxial/rod_curve.hpp"
 #include "xraycast/mechanics/contact_groups.hpp"
 #include "xraycast/mechanics/friction.hpp"
 #include "xraycast/mechanics/rod.hpp"
+#include "xraycast/mechanics/rod_system.hpp"
 
 #include <Eigen/Core>
 #include <array>
@@ -53,8 +53,8 @@ class LumenContact {
   /// `by_rim`: see share_of_rim.
   void begin_step(const std::vector<Rod>& rods, const Range& inside, double by_rim);
   double energy_uJ(const RodState& outer, const RodState& inner);
-  void couple(CoaxialSystem& system) const;
-  void assemble(const RodState& outer, const RodState& inner, bool project_psd, CoaxialSystem& system) const;
+  void couple(RodSystem& system) const;
+  void assemble(const RodState& outer, const RodState& inner, bool project_psd, RodSystem& system) const;
   void end_step(const RodState& outer, const RodState& inner);
 
   /// In the lining and in the friction springs.
@@ -142,7 +142,7 @@ class LumenContact {
   struct Lining;
   struct GroupFriction;
   static RodWeights anchor_of(const Group& group, std::size_t k);
-  void assemble(const Group& group, const Sides& sides, bool project_psd, CoaxialSystem& system) const;
+  void assemble(const Group& group, const Sides& sides, bool project_psd, RodSystem& system) const;
   void set_weights(const Group& group, std::size_t k, const RodWeights& curve, PairDerivatives& of) const;
 
   std::size_t outer_, inner_;

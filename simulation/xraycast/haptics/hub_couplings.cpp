@@ -1,6 +1,6 @@
 #include "xraycast/haptics/hub_couplings.hpp"
 
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/catheter/hub.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -52,7 +52,7 @@ double HubCouplings::common_move_mm(double wanted_mm, std::span<const HubPose> h
     sum_N += loads[hub].force_N;
     largest_N = std::max(largest_N, loads[hub].force_N);
   }
-  return std::max(sum_N, largest_N) > Catheter::kMaxPush_N ? std::min(0.0, move_mm) : move_mm;
+  return std::max(sum_N, largest_N) > MovingHub::kMaxPush_N ? std::min(0.0, move_mm) : move_mm;
 }
 
 /// Locks or unlocks it where that is wanted, and changes the leader with the hub that is held.

@@ -112,7 +112,7 @@ std::string pack_points(std::size_t device, std::span<const glm::dvec3> controls
                       std::string(bytes_of(std::span<const igtl_point_element>(points))));
 }
 
-std::string pack_tip(std::size_t device, const CatheterTip& tip) {
+std::string pack_tip(std::size_t device, const InstrumentTip& tip) {
   const glm::dvec3 z = tip.direction;
   // Rodrigues' formula for the patient's x, with the rotation's axis (-z.y, z.x, 0) and cosine z.z.
   constexpr double kOpposite = -1 + 1e-9;

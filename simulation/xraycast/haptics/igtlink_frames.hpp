@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -29,7 +29,7 @@ std::string pack_points(std::size_t device, std::span<const glm::dvec3> controls
 /// TRANSFORM `Tip`, `Tip2` and so on: the tip's place, with z forwards along the device. A rod's own rotation
 /// is not in it: x is the axis that a shortest turn from the patient's z to the tip's direction makes of the
 /// patient's x.
-std::string pack_tip(std::size_t device, const CatheterTip& tip);
+std::string pack_tip(std::size_t device, const InstrumentTip& tip);
 
 /// The present time as messages are stamped with it, and its fraction of a second in units of 2^-32 s.
 struct IgtlinkTime {

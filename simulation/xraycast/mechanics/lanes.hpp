@@ -144,4 +144,10 @@ template <typename Vector, typename Real>
   return Vector(lane(vector.x, k), lane(vector.y, k), lane(vector.z, k));
 }
 
+/// Of each lane, a number and a vector.
+[[gnu::always_inline]] inline std::array<Lanes, kLanes> by_lane(const Lanes& first,
+                                                                const Triple<Lanes>& rest) {
+  return transposed(first, rest.x, rest.y, rest.z);
+}
+
 }  // namespace xraycast

@@ -7,10 +7,8 @@
 
 #include <Eigen/Geometry>
 #include <algorithm>
-#include <array>
 #include <cassert>
 #include <cmath>
-#include <type_traits>
 
 namespace xraycast {
 namespace {
@@ -31,13 +29,6 @@ constexpr double kRetardation_s = 1e-3;
 
 // A longer Newton step is scaled down: beyond, the quadratic model is not valid.
 constexpr double kMaxMove_mm = 2, kMaxRotation_rad = 0.5;
-// Converged when an iteration decreases the potential by less than the first, five millinewton against 1
-// N/mm, and its quadratic model is off by less than the second. What the model is off by is left where the
-// rod is stiff, in stretching: nine millinewton against 400 N/mm.
-constexpr double kTolerance_uJ = 1e-2, kModelTolerance_uJ = 1e-4;
-// Armijo's condition, on the decrease by the quadratic model: less than this share of it, and the step went
-// too far, beyond a valley, say.
-constexpr double kArmijo = 0.2;
 
 using OneEdge = EdgeFrames<double>;
 
@@ -53,37 +44,7 @@ Frame transported_frame(const Frame& frame, const Vector3d& start_mm, const Vect
   return transported(from.tangent, from.m1, {edge.x(), edge.y(), edge.z()}).lane_frame(0);
 }
 
-/// Adds a symmetric block's column to the lower half: without the entries above the diagonal.
-template <int kColumn>
-[[gnu::always_inline]] inline void add_lower(double* column, Lanes entries) {
-  add_to(column, __builtin_shufflevector(entries, Lanes{}, kColumn, kColumn + 1, kColumn + 2, kColumn + 3));
-}
-
 }  // namespace
-
-XRAYCAST_WIDE_VECTORS
-void RodSystem::add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian) {
-  // Of the edge's first node and its angle, and of its second node and the next edge's angle.
-  const Lanes start{point.start_weight, point.start_weight, point.start_weight, point.theta_weight},
-      end{point.end_weight, point.end_weight, point.end_weight, point.next_theta_weight},
-      by_point = load(gradient.data());
-  const std::size_t row = position_row(point.edge);
-  add_to(&gradient_[row], start * by_point);
-  add_to(&gradient_[row + 4], end * by_point);
-  const auto add_columns = [&]<int kColumn>(std::integral_constant<int, kColumn>)
-      __attribute__((always_inline)) {
-    const Lanes entries = load(hessian.data() + 4 * kColumn), by_start = start[kColumn] * entries,
-                by_end = end[kColumn] * entries;
-    double* first = hessian_.column(row + kColumn);
-    add_lower<kColumn>(first, start * by_start);
-    add_to(first + 4 - kColumn, end * by_start);
-    add_lower<kColumn>(hessian_.column(row + 4 + kColumn), end * by_end);
-  };
-  add_columns(std::integral_constant<int, 0>{});
-  add_columns(std::integral_constant<int, 1>{});
-  add_columns(std::integral_constant<int, 2>{});
-  add_columns(std::integral_constant<int, 3>{});
-}
 
 Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clamp& clamp, double fed_mm,
          const Options& options)
@@ -96,7 +57,6 @@ Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clam
   const auto stands =
       static_cast<std::size_t>(std::ranges::lower_bound(stations_mm_, fed_mm - 1e-9) - stations_mm_.begin());
 
-  const std::size_t max_rows = RodSystem::kClampedRows + 4 * max_nodes();
   nodes_.reserve(max_nodes());
   edges_.reserve(max_nodes());
   for (RodState* state : {&state_, &trial_}) {
@@ -105,9 +65,7 @@ Rod::Rod(InstrumentModel instrument, std::vector<double> stations_mm, const Clam
     state->strains.reserve(max_nodes());
     state->thetas_rad.reserve(max_nodes());
   }
-  system_.hessian_.reserve(max_rows);
-  system_.gradient_.reserve(max_rows + BandMatrix::kBand);
-  direction_.reserve(max_rows + BandMatrix::kBand);
+  direction_.reserve(4 * max_nodes());
 
   nodes_.resize(stands + 1);
   edges_.resize(stands);
@@ -270,8 +228,8 @@ void Rod::update_strain(RodState& state, std::size_t node, double expected_twist
 XRAYCAST_WIDE_VECTORS
 void Rod::displace(const RodState& from, const double* by, double scale, RodState& to) const {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
-    const double* move = by + RodSystem::position_row(i);
-    to.nodes_mm[i] = from.nodes_mm[i] + scale * Vector3d(move[0], move[1], move[2]);
+    const double* move = by + 4 * (i - 1);
+    to.nodes_mm[i] = from.nodes_mm[i] + scale * Vector3d(move[1], move[2], move[3]);
   }
   // The frame before the next four edges.
   EdgeFrames<Lanes> before =
@@ -282,7 +240,7 @@ void Rod::displace(const RodState& from, const double* by, double scale, RodStat
     const Triple<Lanes> start_mm = positions_mm(to, edge, 0), end_mm = positions_mm(to, edge, 1);
     Lanes theta_rad, twist_rad;
     for (std::size_t k = 0; k < kLanes; ++k) {
-      theta_rad[k] = scale * by[RodSystem::theta_row(edge[k])];
+      theta_rad[k] = scale * by[4 * edge[k]];
       twist_rad[k] = from.strains[edge[k]].twist_rad;
     }
     const EdgeFrames<Lanes> here =
@@ -322,7 +280,7 @@ double Rod::dissipation_uJ(const RodState& state) const {
 }
 
 XRAYCAST_WIDE_VECTORS
-double Rod::own_potential_uJ(const RodState& state, double dt_s) const {
+double Rod::potential_uJ(const RodState& state, double dt_s) const {
   const double half_axial_mN = 0.5 * instrument_.axial_stiffness_N() / kMilli,
                half_by_dt2 = 0.5 / (dt_s * dt_s);
   Lanes energies{};
@@ -352,50 +310,7 @@ double Rod::own_potential_uJ(const RodState& state, double dt_s) const {
   return sum(energies);
 }
 
-double Rod::potential_uJ(const RodState& state, double dt_s, ExternalPotential* external) const {
-  const double energy = own_potential_uJ(state, dt_s);
-  return external ? energy + external->energy_uJ(state) : energy;
-}
-
 // ---- a step ---------------------------------------------------------------------------------------------
-
-void Rod::step(double dt_s, ExternalPotential* external) {
-  begin_step(dt_s);
-  if (external) external->begin_step(*this, ExternalPotential::kAllBare);
-  const double start_uJ = potential_uJ(state_, dt_s, external);
-  const double spent_uJ = dissipation_uJ(state_);  // by the hub's rotation
-  double potential = predict_uJ(dt_s, external, start_uJ);
-  const int most = most_iterations(node_count());
-  int iterations = 0;
-  for (; iterations < most; ++iterations) {
-    if (!solve_newton(dt_s, external)) break;  // not finite: the rod stays
-    Direction direction;
-    measure_direction(direction);
-    const double before_uJ = potential;
-    if (!search_line(dt_s, external, direction, potential)) break;
-    if (has_converged(direction.model_decrease_uJ, before_uJ - potential)) break;
-  }
-  is_solved_ = iterations < most;
-  KineticBalance balance{.allowed_uJ = start_uJ - spent_uJ - potential};
-  balance_velocities(dt_s, balance);
-  update_velocities(dt_s, balance);
-  end_step(external);
-}
-
-int Rod::most_iterations(std::size_t nodes) const {
-  return std::min(options_.max_iterations,
-                  std::max(1, options_.max_node_iterations / static_cast<int>(nodes)));
-}
-
-bool Rod::has_converged(double model_decrease_uJ, double decrease_uJ) {
-  return std::max(model_decrease_uJ, decrease_uJ) < kTolerance_uJ &&
-         std::abs(decrease_uJ - model_decrease_uJ) < kModelTolerance_uJ;
-}
-
-void Rod::end_step(ExternalPotential* external) {
-  if (external) external->end_step(state_);
-  update_clamp_reaction();
-}
 
 void Rod::begin_step(double dt_s) {
   for (std::size_t i = 1; i < nodes_.size(); ++i) {
@@ -416,82 +331,25 @@ void Rod::begin_step(double dt_s) {
 }
 
 void Rod::aim_by_inertia(double dt_s) {
-  direction_.assign(row_count() + BandMatrix::kBand, 0.0);
-  for (std::size_t i = 1; i < nodes_.size(); ++i)
-    for (std::size_t c = 0; c < 3; ++c)
-      direction_[RodSystem::position_row(i) + c] =
-          dt_s * nodes_[i].velocity_mm_s[static_cast<Eigen::Index>(c)];
-  for (std::size_t j = 0; j < edges_.size(); ++j)
-    direction_[RodSystem::theta_row(j)] = dt_s * edges_[j].angular_velocity_rad_s;
-}
-
-/// The first iterate: where inertia alone leads, if the potential is lower there than at the start. Returns
-/// it.
-double Rod::predict_uJ(double dt_s, ExternalPotential* external, double start_uJ) {
-  aim_by_inertia(dt_s);
-  displace(state_, direction_.data(), 1, trial_);
-  if (const double reached_uJ = potential_uJ(trial_, dt_s, external); reached_uJ < start_uJ) {
-    std::swap(state_, trial_);
-    return reached_uJ;
+  direction_.resize(4 * edges_.size());
+  for (std::size_t j = 0; j < edges_.size(); ++j) {
+    double* by = &direction_[4 * j];
+    by[0] = dt_s * edges_[j].angular_velocity_rad_s;
+    Eigen::Map<Vector3d>(by + 1) = dt_s * nodes_[j + 1].velocity_mm_s;
   }
-  if (external) external->energy_uJ(state_);
-  return start_uJ;
 }
 
-/// Newton's direction or, where the Hessian is indefinite, as it is while a tip snaps, that of its PSD
-/// projection, which is a descent direction too. False for numbers that are not finite.
-bool Rod::solve_newton(double dt_s, ExternalPotential* external) {
-  bool is_definite = false;
-  for (const bool project_psd : {false, true}) {
-    assemble(dt_s, project_psd, external);
-    is_definite = system_.hessian_.factorise();
-    if (is_definite) break;
-  }
-  if (!is_definite) return false;
-  direction_.assign(row_count() + BandMatrix::kBand, 0.0);
-  for (std::size_t r = RodSystem::kClampedRows; r < row_count(); ++r) direction_[r] = -system_.gradient_[r];
-  system_.hessian_.solve(direction_.data());
-  return true;
-}
-
+/// Of the direction, the share that is within the quadratic model's reach.
 XRAYCAST_WIDE_VECTORS
-void Rod::measure_direction(Direction& direction) const {
+double Rod::largest_scale() const {
   // An edge's angle and a node's position.
-  Lanes work{}, largest{};
-  for (std::size_t r = RodSystem::kClampedRows; r < row_count(); r += kLanes) {
-    const Lanes by = load(&direction_[r]), size = magnitude(by);
-    work += load(&system_.gradient_[r]) * by;
+  Lanes largest{};
+  for (std::size_t r = 0; r < direction_.size(); r += kLanes) {
+    const Lanes size = magnitude(load(&direction_[r]));
     largest = choose(size > largest, size, largest);
   }
-  direction.model_decrease_uJ -= 0.5 * sum(work);
-  direction.max_rotation_rad = std::max(direction.max_rotation_rad, largest[0]);
-  direction.max_move_mm = std::max({direction.max_move_mm, largest[1], largest[2], largest[3]});
-}
-
-double Rod::Direction::largest_scale() const {
-  return std::min({1.0, kMaxMove_mm / max_move_mm, kMaxRotation_rad / max_rotation_rad});
-}
-
-bool Rod::is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ) {
-  const double rounding_uJ = 1e-12 * std::abs(before_uJ);
-  return reached_uJ <= before_uJ - kArmijo * scale * std::max(0.0, model_decrease_uJ) + rounding_uJ;
-}
-
-/// Backtracks along the direction until Armijo's condition holds. False, and the state as it was, if it never
-/// does.
-bool Rod::search_line(double dt_s, ExternalPotential* external, const Direction& direction,
-                      double& potential) {
-  double scale = direction.largest_scale();
-  for (int backtracks = 0; backtracks < kMaxBacktracks; ++backtracks, scale *= 0.5) {
-    displace(state_, direction_.data(), scale, trial_);
-    const double reached_uJ = potential_uJ(trial_, dt_s, external);
-    if (!is_low_enough(reached_uJ, potential, scale, direction.model_decrease_uJ)) continue;
-    std::swap(state_, trial_);
-    potential = reached_uJ;
-    return true;
-  }
-  if (external) external->energy_uJ(state_);
-  return false;
+  const double max_move_mm = std::max({largest[1], largest[2], largest[3]});
+  return std::min({1.0, kMaxMove_mm / max_move_mm, kMaxRotation_rad / largest[0]});
 }
 
 void Rod::balance_velocities(double dt_s, KineticBalance& balance) const {

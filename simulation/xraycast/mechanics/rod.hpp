@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/mechanics/band_matrix.hpp"
 #include "xraycast/mechanics/instrument_model.hpp"
+#include "xraycast/mechanics/rod_system.hpp"
 
 #include <Eigen/Core>
 #include <array>
@@ -53,29 +53,6 @@ struct RodPoint {
   }
 };
 
-/// The linear system of one Newton iteration, in mm, kg, s. The unknowns are edge 0's angle, node 1's
-/// position, edge 1's angle and so on.
-class RodSystem {
- public:
-  /// Adds a potential's gradient (mN, mN mm) and Hessian over the position and, last, the angle of a point.
-  void add(const RodPoint& point, const Eigen::Vector4d& gradient, const Eigen::Matrix4d& hessian);
-
- private:
-  friend class CoaxialSystem;
-  friend class Rod;
-  friend class RodDerivatives;
-
-  /// Rows before the first unknown: position and angle of the clamped end.
-  static constexpr std::size_t kClampedRows = 8;
-  /// The row of an edge's angle; the position of the node after it follows.
-  static constexpr std::size_t theta_row(std::size_t edge) { return kClampedRows + 4 * edge; }
-  /// The row of a node's position. Those of node 0 and of the ghost node before it are the clamp's.
-  static constexpr std::size_t position_row(std::size_t node) { return kClampedRows + 4 * node - 3; }
-
-  BandMatrix hessian_;
-  std::vector<double> gradient_;
-};
-
 class Rod;
 
 /// A potential that acts on a rod from outside, in microjoule (mN mm). Calls come in the order begin_step,
@@ -96,7 +73,7 @@ class ExternalPotential {
   virtual void begin_step(const Rod& rod, double bare_mm) = 0;
   virtual double energy_uJ(const RodState& state) = 0;
   /// `project_psd`: the Hessian projected to a positive semidefinite one instead of the exact one.
-  virtual void assemble(const RodState& state, bool project_psd, RodSystem& system) = 0;
+  virtual void assemble(const RodState& state, bool project_psd, const RodRows& rows) = 0;
   virtual void end_step(const RodState& state) = 0;
 
   /// What it stores as the last step ended or, after begin_step, as this one begins.
@@ -107,16 +84,12 @@ class ExternalPotential {
 ///
 /// Discrete elastic rods (Bergou et al., Discrete Elastic Rods, SIGGRAPH 2008, and Discrete Viscous Threads,
 /// 2010): a polyline with a material frame on each edge; frames are parallel transported in time, so that a
-/// step's unknowns are 3 coordinates per node and 1 angle per edge. A step is implicit Euler: it minimises
-/// the incremental potential (inertia, elasticity, dissipation, drag, external) by Newton's method with
-/// Armijo's line search and the exact Hessian or, where that is indefinite, its PSD projection: Gauss-Newton
-/// for bending and twisting, the positive semidefinite part of the rest. Bending and twisting are damped as
-/// in a Kelvin-Voigt solid, whose moment has a part in proportion to the strain rate. Blood exerts the drag
-/// of a cylinder: viscous, linear in the velocity, and form drag, quadratic in the transverse velocity
-/// (Morison et al., The force exerted by surface waves on piles, 1950; the coefficient: White, Viscous Fluid
-/// Flow, 3rd ed., 2006, section 3-9). A snapping tip moves at metres per second, where the quadratic drag is
-/// at least a hundred times the linear one. The potential falls in every step, so that without input the
-/// energy never grows. The cost of the banded solve is linear in the nodes. A step allocates nothing.
+/// step's unknowns are 3 coordinates per node and 1 angle per edge. CoaxialRods makes the steps. Bending and
+/// twisting are damped as in a Kelvin-Voigt solid, whose moment has a part in proportion to the strain rate.
+/// Blood exerts the drag of a cylinder: viscous, linear in the velocity, and form drag, quadratic in the
+/// transverse velocity (Morison et al., The force exerted by surface waves on piles, 1950; the coefficient:
+/// White, Viscous Fluid Flow, 3rd ed., 2006, section 3-9). A snapping tip moves at metres per second, where
+/// the quadratic drag is at least a hundred times the linear one.
 ///
 /// Inside, in mm, kg and s: forces in mN, energies in uJ.
 class Rod {
@@ -155,12 +128,6 @@ class Rod {
   /// A constant force on a node, counted from the tip (0), in newton.
   void set_load_N(std::size_t from_tip, const Eigen::Vector3d& force_N);
 
-  /// One step in time.
-  void step(double dt_s, ExternalPotential* external = nullptr);
-
-  /// The last step ended before it came to the most iterations that there may be.
-  bool is_solved() const { return is_solved_; }
-
   const RodState& state() const { return state_; }
   const InstrumentModel& instrument() const { return instrument_; }
   const Clamp& clamp() const { return clamp_; }
@@ -187,11 +154,10 @@ class Rod {
   double kinetic_energy_J() const;
 
  private:
-  friend class CoaxialDerivatives;  // as the next one, of several rods
+  friend class CoaxialDerivatives;  // as the last one, of several rods
   friend class CoaxialLosses;       // sums up what steps of several rods lose
-  friend class CoaxialRods;         // makes the steps of several rods at once
-  friend class CoaxialSystem;
-  friend class RodDerivatives;  // compares the assembled derivatives with differences of the potential
+  friend class CoaxialRods;         // makes the steps
+  friend class RodDerivatives;      // compares the assembled derivatives with differences of the potential
   struct Node {
     double from_tip_mm = 0;
     double voronoi_length_mm = 0, mass_kg = 0;
@@ -216,14 +182,6 @@ class Rod {
   struct Edge {
     double rest_mm = 0, rotational_inertia_kg_mm2 = 0, angular_velocity_rad_s = 0;
   };
-  /// The solution of a Newton iteration.
-  struct Direction {
-    double model_decrease_uJ = 0;  ///< of the potential, by its quadratic model
-    double max_move_mm = 0, max_rotation_rad = 0;
-
-    /// The share of it that is within the model's reach.
-    double largest_scale() const;
-  };
   /// What the kinetic energy may be after a step, and what it is.
   struct KineticBalance {
     double allowed_uJ = 0, kinetic_uJ = 0;
@@ -232,8 +190,6 @@ class Rod {
     double scale() const;
   };
 
-  int most_iterations(std::size_t nodes) const;
-  std::size_t row_count() const { return RodSystem::kClampedRows + 4 * edges_.size(); }
   const RodState::Frame& frame_before(const RodState& state, std::size_t node) const {
     return node > 0 ? state.edges[node - 1] : clamp_frame_;
   }
@@ -249,28 +205,19 @@ class Rod {
   void displace(const RodState& from, const double* by, double scale, RodState& to) const;
   double elastic_uJ(const RodState& state) const;
   double dissipation_uJ(const RodState& state) const;
-  double own_potential_uJ(const RodState& state, double dt_s) const;
-  double potential_uJ(const RodState& state, double dt_s, ExternalPotential* external) const;
+  double potential_uJ(const RodState& state, double dt_s) const;
 
   // Its derivatives.
-  void assemble(double dt_s, bool project_psd, ExternalPotential* external);
-  void assemble_own(const RodState& state, double dt_s, bool project_psd);
+  void assemble(double dt_s, bool project_psd, const RodRows& rows) const;
   std::array<double, 3> moments_mN_mm(const RodState& state, std::size_t node) const;
   void update_clamp_reaction();
 
   // A step.
-  static constexpr int kMaxBacktracks = 12;  ///< halvings, after which a Newton step makes no progress
   void begin_step(double dt_s);
   void aim_by_inertia(double dt_s);
-  double predict_uJ(double dt_s, ExternalPotential* external, double start_uJ);
-  bool solve_newton(double dt_s, ExternalPotential* external);
-  void measure_direction(Direction& direction) const;
-  bool search_line(double dt_s, ExternalPotential* external, const Direction& direction, double& potential);
+  double largest_scale() const;
   void balance_velocities(double dt_s, KineticBalance& balance) const;
   void update_velocities(double dt_s, const KineticBalance& balance);
-  void end_step(ExternalPotential* external);
-  static bool has_converged(double model_decrease_uJ, double decrease_uJ);
-  static bool is_low_enough(double reached_uJ, double before_uJ, double scale, double model_decrease_uJ);
 
   InstrumentModel instrument_;
   std::vector<double> stations_mm_;
@@ -280,9 +227,7 @@ class Rod {
   std::vector<Node> nodes_;
   std::vector<Edge> edges_;
   RodState state_, trial_;
-  RodSystem system_;
-  std::vector<double> direction_;  ///< in the system's rows
-  bool is_solved_ = true;
+  std::vector<double> direction_;             ///< of an iteration, as RodRows
   double damping_ratio_ = 0;                  ///< the retardation time over the step's
   Eigen::Vector2d clamp_kappa_change_{0, 0};  ///< of the first strain, by the hub since the last step
   double clamp_twist_change_rad_ = 0;

@@ -181,83 +181,79 @@ struct NodeDerivatives {
   }
 };
 
-/// Where the rows of four nodes are: the node before, the edge before, the node, the edge after, the node
-/// after. Lanes beyond the last node repeat it, and write into a place of their own.
+/// The rows of four nodes, and of the nodes before and after each. Lanes beyond the last node repeat it, and
+/// have no rows.
 class NodeRows {
  public:
-  static constexpr std::size_t kSize = 11;
+  enum Of : std::size_t { kBefore, kHere, kAfter };
 
-  // It points into itself.
-  NodeRows(const NodeRows&) = delete;
-  NodeRows& operator=(const NodeRows&) = delete;
-
-  [[gnu::always_inline]] NodeRows(BandMatrix& matrix, double* gradient, std::size_t first_row,
-                                  std::size_t count) {
-    for (std::size_t k = 0; k < kLanes; ++k) {
-      const std::size_t row = first_row + 4 * k;
-      columns_[k] = k < count ? matrix.column(row) : surplus_.data();
-      gradients_[k] = k < count ? gradient + row : surplus_.data();
-    }
+  [[gnu::always_inline]] NodeRows(const RodRows& rows, std::size_t first, std::size_t count) {
+    for (std::size_t k = 0; k < kLanes; ++k)
+      nodes_[k] = k < count ? rows.node(static_cast<std::ptrdiff_t>(first + k) - 1) : rows.none();
   }
 
-  /// Adds a column's entries from the diagonal on.
-  template <std::size_t kCount>
-  [[gnu::always_inline]] void add_column(std::size_t column, const std::array<Lanes, kCount>& entries) const {
-    add(columns_, BandMatrix::kStride * column, entries);
+  /// The angle of the edge before the node, and its position.
+  [[gnu::always_inline]] void add_gradient(Of of, Lanes angle, const Triple<Lanes>& position) const {
+    const std::array<Lanes, kLanes> rows = by_lane(angle, position);
+#pragma GCC unroll 4
+    for (std::size_t k = 0; k < kLanes; ++k) add_to(nodes_[k][of].gradient, rows[k]);
   }
-  [[gnu::always_inline]] void add_gradient(const std::array<Lanes, kSize>& entries) const {
-    add(gradients_, 0, entries);
+  /// A column of a block: 0 for the angle of the edge before `by`, then its coordinates.
+  [[gnu::always_inline]] void add_column(Of of, Of by, std::size_t column, Lanes angle,
+                                         const Triple<Lanes>& position) const {
+    const std::array<Lanes, kLanes> rows = by_lane(angle, position);
+#pragma GCC unroll 4
+    for (std::size_t k = 0; k < kLanes; ++k) add_to(nodes_[k][by].blocks[of - by] + kLanes * column, rows[k]);
   }
 
  private:
-  template <std::size_t kCount>
-  [[gnu::always_inline]] static void add(const std::array<double*, kLanes>& to, std::size_t offset,
-                                         const std::array<Lanes, kCount>& entries) {
-    const auto entry = [&](std::size_t n) __attribute__((always_inline)) {
-      return n < kCount ? entries[n] : Lanes{};
-    };
-#pragma GCC unroll 3
-    for (std::size_t n = 0; n < kCount; n += kLanes) {
-      const std::array<Lanes, kLanes> rows = transposed(entry(n), entry(n + 1), entry(n + 2), entry(n + 3));
-#pragma GCC unroll 4
-      for (std::size_t k = 0; k < kLanes; ++k) add_to(to[k] + offset + n, rows[k]);
-    }
-  }
-
-  std::array<double*, kLanes> columns_, gradients_;
-  std::array<double, BandMatrix::kStride*(kSize + 1)> surplus_{};
+  std::array<const RodRows::Node*, kLanes> nodes_;
 };
 
-/// A node's vector is the end of the edge before it and the start of the one after it.
+/// A node's vector is the end of the edge before it and the start of the one after it. Of blocks on the
+/// diagonal only the lower half counts.
 [[gnu::always_inline]] inline void add_to_system(const EdgeDerivatives& edges, const NodeDerivatives& after,
                                                  const NodeRows& to) {
-  const Square &ee = edges.ee, &ff = edges.ff, &ef = edges.ef;
-  const Triple<Lanes> here = edges.e - edges.f, last = edges.f + after.gradient;
-  to.add_gradient({-edges.e.x, -edges.e.y, -edges.e.z, edges.theta_e, here.x, here.y, here.z, edges.theta_f,
-                   last.x, last.y, last.z});
-  const Triple<Lanes> here_by_e = edges.e_by_e - edges.f_by_e, here_by_f = edges.e_by_f - edges.f_by_f;
+  using enum NodeRows::Of;
+  const Square &ee = edges.ee, &ff = edges.ff, &ef = edges.ef, &motion = after.hessian;
+  constexpr Lanes kNone{};
+  to.add_gradient(kBefore, kNone, -edges.e);
+  to.add_gradient(kHere, edges.theta_e, edges.e - edges.f);
+  to.add_gradient(kAfter, edges.theta_f, edges.f + after.gradient);
   const Triple<Lanes>&e_by_e = edges.e_by_e, &e_by_f = edges.e_by_f, &f_by_e = edges.f_by_e,
         &f_by_f = edges.f_by_f;
-  to.add_column<11>(0, {ee[0][0], ee[1][0], ee[2][0], -e_by_e.x, ef[0][0] - ee[0][0], ef[0][1] - ee[1][0],
-                        ef[0][2] - ee[2][0], -e_by_f.x, -ef[0][0], -ef[0][1], -ef[0][2]});
-  to.add_column<10>(1, {ee[1][1], ee[2][1], -e_by_e.y, ef[1][0] - ee[1][0], ef[1][1] - ee[1][1],
-                        ef[1][2] - ee[2][1], -e_by_f.y, -ef[1][0], -ef[1][1], -ef[1][2]});
-  to.add_column<9>(2, {ee[2][2], -e_by_e.z, ef[2][0] - ee[2][0], ef[2][1] - ee[2][1], ef[2][2] - ee[2][2],
-                       -e_by_f.z, -ef[2][0], -ef[2][1], -ef[2][2]});
-  to.add_column<8>(3, {edges.angle_ee, here_by_e.x, here_by_e.y, here_by_e.z, edges.angle_ef, f_by_e.x,
-                       f_by_e.y, f_by_e.z});
-  to.add_column<7>(4, {ee[0][0] - 2.0 * ef[0][0] + ff[0][0], ee[1][0] - ef[1][0] - ef[0][1] + ff[1][0],
-                       ee[2][0] - ef[2][0] - ef[0][2] + ff[2][0], here_by_f.x, ef[0][0] - ff[0][0],
-                       ef[0][1] - ff[1][0], ef[0][2] - ff[2][0]});
-  to.add_column<6>(5, {ee[1][1] - 2.0 * ef[1][1] + ff[1][1], ee[2][1] - ef[2][1] - ef[1][2] + ff[2][1],
-                       here_by_f.y, ef[1][0] - ff[1][0], ef[1][1] - ff[1][1], ef[1][2] - ff[2][1]});
-  to.add_column<5>(6, {ee[2][2] - 2.0 * ef[2][2] + ff[2][2], here_by_f.z, ef[2][0] - ff[2][0],
-                       ef[2][1] - ff[2][1], ef[2][2] - ff[2][2]});
-  to.add_column<4>(7, {edges.angle_ff, f_by_f.x, f_by_f.y, f_by_f.z});
-  const Square& motion = after.hessian;
-  to.add_column<3>(8, {ff[0][0] + motion[0][0], ff[1][0] + motion[1][0], ff[2][0] + motion[2][0]});
-  to.add_column<2>(9, {ff[1][1] + motion[1][1], ff[2][1] + motion[2][1]});
-  to.add_column<1>(10, {ff[2][2] + motion[2][2]});
+  to.add_column(kBefore, kBefore, 1, kNone, {ee[0][0], ee[1][0], ee[2][0]});
+  to.add_column(kBefore, kBefore, 2, kNone, {kNone, ee[1][1], ee[2][1]});
+  to.add_column(kBefore, kBefore, 3, kNone, {kNone, kNone, ee[2][2]});
+  to.add_column(kHere, kBefore, 1, -e_by_e.x,
+                {ef[0][0] - ee[0][0], ef[0][1] - ee[1][0], ef[0][2] - ee[2][0]});
+  to.add_column(kHere, kBefore, 2, -e_by_e.y,
+                {ef[1][0] - ee[1][0], ef[1][1] - ee[1][1], ef[1][2] - ee[2][1]});
+  to.add_column(kHere, kBefore, 3, -e_by_e.z,
+                {ef[2][0] - ee[2][0], ef[2][1] - ee[2][1], ef[2][2] - ee[2][2]});
+  to.add_column(kAfter, kBefore, 1, -e_by_f.x, {-ef[0][0], -ef[0][1], -ef[0][2]});
+  to.add_column(kAfter, kBefore, 2, -e_by_f.y, {-ef[1][0], -ef[1][1], -ef[1][2]});
+  to.add_column(kAfter, kBefore, 3, -e_by_f.z, {-ef[2][0], -ef[2][1], -ef[2][2]});
+  to.add_column(kHere, kHere, 0, edges.angle_ee, e_by_e - f_by_e);
+  to.add_column(kHere, kHere, 1, kNone,
+                {ee[0][0] - 2.0 * ef[0][0] + ff[0][0], ee[1][0] - ef[1][0] - ef[0][1] + ff[1][0],
+                 ee[2][0] - ef[2][0] - ef[0][2] + ff[2][0]});
+  to.add_column(kHere, kHere, 2, kNone,
+                {kNone, ee[1][1] - 2.0 * ef[1][1] + ff[1][1], ee[2][1] - ef[2][1] - ef[1][2] + ff[2][1]});
+  to.add_column(kHere, kHere, 3, kNone, {kNone, kNone, ee[2][2] - 2.0 * ef[2][2] + ff[2][2]});
+  const Triple<Lanes> here_by_f = e_by_f - f_by_f;
+  to.add_column(kAfter, kHere, 0, edges.angle_ef, f_by_e);
+  to.add_column(kAfter, kHere, 1, here_by_f.x,
+                {ef[0][0] - ff[0][0], ef[0][1] - ff[1][0], ef[0][2] - ff[2][0]});
+  to.add_column(kAfter, kHere, 2, here_by_f.y,
+                {ef[1][0] - ff[1][0], ef[1][1] - ff[1][1], ef[1][2] - ff[2][1]});
+  to.add_column(kAfter, kHere, 3, here_by_f.z,
+                {ef[2][0] - ff[2][0], ef[2][1] - ff[2][1], ef[2][2] - ff[2][2]});
+  to.add_column(kAfter, kAfter, 0, edges.angle_ff, f_by_f);
+  to.add_column(kAfter, kAfter, 1, kNone,
+                {ff[0][0] + motion[0][0], ff[1][0] + motion[1][0], ff[2][0] + motion[2][0]});
+  to.add_column(kAfter, kAfter, 2, kNone, {kNone, ff[1][1] + motion[1][1], ff[2][1] + motion[2][1]});
+  to.add_column(kAfter, kAfter, 3, kNone, {kNone, kNone, ff[2][2] + motion[2][2]});
 }
 
 }  // namespace
@@ -268,7 +264,7 @@ std::array<double, 3> Rod::moments_mN_mm(const RodState& state, std::size_t node
 }
 
 XRAYCAST_WIDE_VECTORS
-void Rod::assemble_own(const RodState& state, double dt_s, bool project_psd) {
+void Rod::assemble(double dt_s, bool project_psd, const RodRows& rows) const {
   const double axial_mN = instrument_.axial_stiffness_N() / kMilli, damped = 1 + damping_ratio_,
                by_dt2 = 1 / (dt_s * dt_s);
   EdgeFrames<Lanes> last =
@@ -277,9 +273,9 @@ void Rod::assemble_own(const RodState& state, double dt_s, bool project_psd) {
     // The last edge fills up the lanes.
     const LaneIndices at = lane_indices(first, edges_.size());
     const auto items = [&at](const auto& of, std::size_t after) { return lane_sources(of, at, after); };
-    const EdgeFrames<Lanes> f = EdgeFrames<Lanes>::of(items(state.edges, 0)), e = preceding(last, f);
+    const EdgeFrames<Lanes> f = EdgeFrames<Lanes>::of(items(state_.edges, 0)), e = preceding(last, f);
     last = f;
-    const NodeStrains<Lanes> strain = NodeStrains<Lanes>::of(items(state.strains, 0));
+    const NodeStrains<Lanes> strain = NodeStrains<Lanes>::of(items(state_.strains, 0));
     const Springs<Lanes> springs = Springs<Lanes>::of(items(nodes_, 0));
     const Moments<Lanes> moments = springs.moments(strain, damping_ratio_);
 
@@ -295,27 +291,17 @@ void Rod::assemble_own(const RodState& state, double dt_s, bool project_psd) {
         by_dt2 * gathered<Lanes, Edge>(rest, [](const Edge& o) { return o.rotational_inertia_kg_mm2; });
     const Lanes velocity_rad_s =
         gathered<Lanes, Edge>(rest, [](const Edge& o) { return o.angular_velocity_rad_s; });
-    const Lanes theta_rad = gathered<Lanes, double>(items(state.thetas_rad, 0), [](double o) { return o; });
+    const Lanes theta_rad = gathered<Lanes, double>(items(state_.thetas_rad, 0), [](double o) { return o; });
     edges.theta_f += inertia * (theta_rad - dt_s * velocity_rad_s);
     edges.angle_ff += inertia;
 
     const NodeMotion<Lanes> motion(
         items(nodes_, 1),
         gathered_triple<Lanes, Vector3d>(
-            items(state.nodes_mm, 1), [](const Vector3d& o) -> auto& { return o; }),
+            items(state_.nodes_mm, 1), [](const Vector3d& o) -> auto& { return o; }),
         options_.gravity_mm_s2, dt_s);
-    add_to_system(edges, NodeDerivatives(motion),
-                  NodeRows(system_.hessian_, system_.gradient_.data(), RodSystem::position_row(first) - 4,
-                           edges_.size() - first));
+    add_to_system(edges, NodeDerivatives(motion), NodeRows(rows, first, edges_.size() - first));
   }
-}
-
-void Rod::assemble(double dt_s, bool project_psd, ExternalPotential* external) {
-  system_.hessian_.reset(row_count());
-  system_.gradient_.assign(row_count() + BandMatrix::kBand, 0.0);
-  assemble_own(state_, dt_s, project_psd);
-  if (external) external->assemble(state_, project_psd, system_);
-  system_.hessian_.fix_first(RodSystem::kClampedRows);
 }
 
 // ---- forces ---------------------------------------------------------------------------------------------

@@ -4,7 +4,7 @@
 
 namespace xraycast {
 
-std::optional<std::size_t> agent_outlet(const CoaxialCatheters& devices) {
+std::optional<std::size_t> agent_outlet(const Instruments& devices) {
   const std::optional<std::size_t> free = devices.free_lumen();
   if (!free || devices.rods().bare_mm(*free) > 0) return free;
   // Of the tubes around its tip the agent leaves the one that reaches furthest.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <cstddef>
 #include <optional>
@@ -12,7 +12,7 @@ namespace xraycast {
 /// The device at whose tip contrast agent leaves that is injected through the outermost free lumen; none
 /// where no lumen is free. A device whose tip lies in another one's lumen fills that, and the agent leaves
 /// at the other one's tip.
-std::optional<std::size_t> agent_outlet(const CoaxialCatheters& devices);
+std::optional<std::size_t> agent_outlet(const Instruments& devices);
 
 /// Why no agent can be injected where agent_outlet is none, and what to do, for the end of a sentence.
 std::string reason_for_no_outlet(const std::vector<InstrumentModel>& models);

@@ -12,7 +12,7 @@ namespace xraycast {
 
 namespace {
 
-RunRecord record_of(double time_s, const HubPose& pose, const HubLoad& load, const CatheterTip& tip,
+RunRecord record_of(double time_s, const HubPose& pose, const HubLoad& load, const InstrumentTip& tip,
                     const WallContact& wall) {
   RunRecord record{.time_s = time_s, .pose = pose, .load = load, .tip = tip};
   for (const WallContact::Contact& contact : wall.contacts()) {
@@ -61,14 +61,14 @@ class Approach {
   Approach(const Script::Row& row, std::size_t devices)
       : row_(row), nearest_mm_(devices, std::numeric_limits<double>::infinity()), since_s_(devices) {}
 
-  bool is_over(const CoaxialCatheters& devices) const {
+  bool is_over(const Instruments& devices) const {
     for (std::size_t d = 0; d < devices.count(); ++d)
       if (!is_at(devices.pose(d), row_.pose_of(d))) return false;
     return true;
   }
 
   /// Throws InputError when a hub has come no nearer for long.
-  void check(const CoaxialCatheters& devices, double time_s, const std::string& name) {
+  void check(const Instruments& devices, double time_s, const std::string& name) {
     constexpr double kLongest_s = 5, kNearer_mm = 0.1;
     for (std::size_t d = 0; d < devices.count(); ++d) {
       const double insertion_mm = devices.pose(d).insertion_mm;
@@ -81,7 +81,7 @@ class Approach {
             "{}: line {}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; "
             "begin with less",
             name, row_.line, devices.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
-            Catheter::kMaxPush_N);
+            MovingHub::kMaxPush_N);
       }
     }
   }
@@ -114,7 +114,7 @@ std::string columns_of(std::size_t device) {
 
 }  // namespace
 
-std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s) {
+std::vector<RunRecord> records_of(const Instruments& devices, double time_s) {
   std::vector<RunRecord> records;
   for (std::size_t d = 0; d < devices.count(); ++d)
     records.push_back(record_of(time_s, devices.pose(d), devices.load(d), devices.tip(d), devices.wall(d)));
@@ -122,8 +122,8 @@ std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s
 }
 
 std::vector<std::vector<RunRecord>> run_script(
-    CoaxialCatheters& devices, const Script& script, const std::string& name, Progress& progress,
-    const std::function<void(const CoaxialCatheters&, double)>& after_step) {
+    Instruments& devices, const Script& script, const std::string& name, Progress& progress,
+    const std::function<void(const Instruments&, double)>& after_step) {
   for (const Script::Row& row : script.rows())
     for (std::size_t d = 0; d < devices.count(); ++d)
       check_length(row, d, devices.rod(d).instrument(), devices.max_insertion_mm(d), name);

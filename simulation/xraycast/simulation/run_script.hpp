@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/base/progress.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <functional>
@@ -15,14 +15,14 @@ struct RunRecord {
   double time_s = 0;
   HubPose pose;
   HubLoad load;
-  CatheterTip tip;
+  InstrumentTip tip;
   int contacts = 0;            ///< contact points in contact with a wall
   double contact_force_N = 0;  ///< sum of the magnitudes of their forces
   double deepest_mm = 0;       ///< depth in the wall
 };
 
 /// A record of each device, from the outermost on.
-std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s);
+std::vector<RunRecord> records_of(const Instruments& devices, double time_s);
 
 /// Runs a script on coaxial devices, or on one alone, as fast as the machine can, and records each device at
 /// each row. Beforehand the hubs are moved to the first row's poses, unrecorded. Deterministic: bit for bit
@@ -30,8 +30,8 @@ std::vector<RunRecord> records_of(const CoaxialCatheters& devices, double time_s
 /// length and for a first row that a device does not reach, and Cancelled. `after_step` is called after each
 /// step with the devices and the script's time.
 std::vector<std::vector<RunRecord>> run_script(
-    CoaxialCatheters& devices, const Script& script, const std::string& name, Progress& progress,
-    const std::function<void(const CoaxialCatheters& devices, double time_s)>& after_step = {});
+    Instruments& devices, const Script& script, const std::string& name, Progress& progress,
+    const std::function<void(const Instruments& devices, double time_s)>& after_step = {});
 
 /// CSV: a header with the columns' names and units, then a line per row of the script; a group of columns a
 /// device: insertion_mm, insertion_2_mm and so on.

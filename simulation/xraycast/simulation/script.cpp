@@ -5,7 +5,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/catheter/hub.hpp"
 
 #include <fmt/ranges.h>
 
@@ -117,14 +117,14 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
   const double turning = std::abs(to.rotation_rad - from.rotation_rad) / time_s;
   constexpr double kRounding = 1 + 1e-9;
   const double least_s = rounded_up(
-      time_s * std::max(speed / Catheter::kMaxSpeed_mm_s, turning / Catheter::kMaxSpeed_rad_s) / kRounding);
-  if (speed > Catheter::kMaxSpeed_mm_s * kRounding)
+      time_s * std::max(speed / MovingHub::kMaxSpeed_mm_s, turning / MovingHub::kMaxSpeed_rad_s) / kRounding);
+  if (speed > MovingHub::kMaxSpeed_mm_s * kRounding)
     throw InputError("{}: {} would move at {} mm/s; the maximum is {} mm/s: give this motion at least {} s",
-                     where, hub, plain(speed), Catheter::kMaxSpeed_mm_s, plain(least_s));
-  if (turning > Catheter::kMaxSpeed_rad_s * kRounding)
+                     where, hub, plain(speed), MovingHub::kMaxSpeed_mm_s, plain(least_s));
+  if (turning > MovingHub::kMaxSpeed_rad_s * kRounding)
     throw InputError(
         "{}: {} would turn at {} deg/s; the maximum is {:.0f} deg/s: give this motion at least {} s", where,
-        hub, plain(turning / kRadians), Catheter::kMaxSpeed_rad_s / kRadians, plain(least_s));
+        hub, plain(turning / kRadians), MovingHub::kMaxSpeed_rad_s / kRadians, plain(least_s));
 }
 
 }  // namespace

@@ -27,8 +27,8 @@ class Script {
   /// insertion_2_mm,rotation_2_deg and so on, in any order, named in its first line; blank lines only at its
   /// end. Throws InputError, naming `origin` and the line, for a missing column or value, a wrong
   /// number of values, a value that is not a finite number, a time below zero, beyond kMaxTime_s or not after
-  /// the previous one, an insertion below zero, a hub motion faster than Catheter::kMaxSpeed_mm_s or rotation
-  /// faster than Catheter::kMaxSpeed_rad_s, and a file without rows.
+  /// the previous one, an insertion below zero, a hub motion faster than MovingHub::kMaxSpeed_mm_s or
+  /// rotation faster than MovingHub::kMaxSpeed_rad_s, and a file without rows.
   static Script parse(const std::string& text, const std::string& origin, std::size_t devices = 1);
 
   /// Throws InputError.

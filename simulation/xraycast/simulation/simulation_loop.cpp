@@ -51,7 +51,7 @@ void raise_priority() {
 
 }  // namespace
 
-SimulationLoop::SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand, Exchanged exchanged)
+SimulationLoop::SimulationLoop(std::unique_ptr<Instruments> devices, Hand hand, Exchanged exchanged)
     : devices_(std::move(devices)),
       hand_(std::move(hand)),
       exchanged_(std::move(exchanged)),

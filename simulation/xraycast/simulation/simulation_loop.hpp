@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/simulation/triple_buffer.hpp"
 
 #include <atomic>
@@ -30,9 +30,9 @@ struct LoopTiming {
 struct DeviceSnapshot {
   HubPose pose;
   HubLoad load;
-  CatheterTip tip;
-  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip; see curve_through
-  std::vector<CatheterContact> contacts;
+  InstrumentTip tip;
+  std::vector<glm::dvec3> nodes_mm;  ///< from the introducer's outer end to the tip
+  std::vector<InstrumentContact> contacts;
 };
 
 /// Why an exchange was refused, in one line that says what to do.
@@ -71,7 +71,7 @@ class SimulationLoop {
   /// Called after each exchange in the loop's thread: this device is another one, at an insertion of 0.
   using Exchanged = std::function<void(std::size_t device, const InstrumentModel& instrument)>;
 
-  SimulationLoop(std::unique_ptr<CoaxialCatheters> devices, Hand hand, Exchanged exchanged = {});
+  SimulationLoop(std::unique_ptr<Instruments> devices, Hand hand, Exchanged exchanged = {});
   ~SimulationLoop();
   SimulationLoop(const SimulationLoop&) = delete;
   SimulationLoop& operator=(const SimulationLoop&) = delete;
@@ -84,7 +84,7 @@ class SimulationLoop {
   }
 
   /// Asks for another instrument instead of a device, for any thread. The loop makes it between two of its
-  /// steps, as CoaxialCatheters::exchange does, or refuses it; a snapshot says which. Simulated time stands
+  /// steps, as Instruments::exchange does, or refuses it; a snapshot says which. Simulated time stands
   /// still while the instrument settles, for some 50 ms. A request takes the place of one that is not yet
   /// answered.
   void exchange(std::size_t device, const InstrumentModel& instrument);
@@ -98,7 +98,7 @@ class SimulationLoop {
   void publish(std::size_t device, DeviceSnapshot& snapshot);
   void count(double step_ms, bool is_late);
 
-  std::unique_ptr<CoaxialCatheters> devices_;
+  std::unique_ptr<Instruments> devices_;
   Hand hand_;
   Exchanged exchanged_;
   std::vector<HubPose> hubs_;

@@ -37,7 +37,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
   subtraction_.shift_mask(options_.mask_shift);
 }
 
-void RunCine::see(const CoaxialCatheters& devices, double time_s) {
+void RunCine::see(const Instruments& devices, double time_s) {
   if (time_s < next_s_) return;
   const std::optional<std::size_t> outlet = agent_outlet(devices);
   inject(place_of(devices.tip(outlet.value_or(0))), outlet.has_value(), time_s);

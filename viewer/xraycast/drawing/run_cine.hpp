@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/body_map.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/fluoroscope/subtraction.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
@@ -47,7 +47,7 @@ class RunCine {
 
   /// Call after every step of the simulation; draws a frame when one is due.
   /// Contrast agent is injected while one of the lumens is free; see agent_outlet.
-  void see(const CoaxialCatheters& devices, double time_s);
+  void see(const Instruments& devices, double time_s);
 
   double injected_ml() const { return injected_ml_; }
   /// What was not injected, because no lumen was free.

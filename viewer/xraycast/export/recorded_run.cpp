@@ -29,7 +29,7 @@ RecordedRun RecordedRun::of(const std::vector<InstrumentModel>& models) {
   return run;
 }
 
-void RecordedRun::see(const CoaxialCatheters& moved, double time_s) {
+void RecordedRun::see(const Instruments& moved, double time_s) {
   constexpr double kRounding_s = 1e-9;
   if (time_s < static_cast<double>(pictures()) * step_s - kRounding_s) return;
   std::vector<glm::dvec3> nodes_mm;

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -36,7 +36,7 @@ struct RecordedRun {
   std::size_t pictures() const { return devices.empty() ? 0 : devices.front().loads.size(); }
 
   /// Takes a picture when its time has come, the first at 0 s; call it after each step, as `run_script` does.
-  void see(const CoaxialCatheters& moved, double time_s);
+  void see(const Instruments& moved, double time_s);
 };
 
 /// The control points of a shape's curve; none for fewer than four nodes.

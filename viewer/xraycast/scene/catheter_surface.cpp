@@ -36,6 +36,23 @@ std::size_t tip_begin(const std::vector<glm::dvec3>& nodes_mm) {
 
 }  // namespace
 
+NurbsCurve curve_through(const std::vector<glm::dvec3>& nodes_mm) {
+  // The parameter at which each control point has most weight: its Greville abscissa, the mean of its three
+  // inner knots.
+  const NurbsCurve first = NurbsCurve::cubic(nodes_mm, "catheter");
+  std::vector<double> greville;
+  for (std::size_t i = 0; i < nodes_mm.size(); ++i)
+    greville.push_back((first.knots()[i + 1] + first.knots()[i + 2] + first.knots()[i + 3]) / 3);
+  std::vector<glm::dvec3> controls = nodes_mm;
+  // Each iteration leaves a third of the distance or less.
+  constexpr int kIterations = 8;
+  for (int iteration = 0; iteration < kIterations; ++iteration) {
+    const NurbsCurve curve = NurbsCurve::cubic(controls, "catheter");
+    for (std::size_t i = 0; i < controls.size(); ++i) controls[i] += nodes_mm[i] - curve.at_mm(greville[i]);
+  }
+  return NurbsCurve::cubic(controls, "catheter");
+}
+
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm) {
   if (nodes_mm.size() < kFewest) return {};
   // No smoother than is seen at a catheter's width: the mesh is rebuilt for every frame.
@@ -81,7 +98,7 @@ std::vector<Surface> steered_surfaces(const SteeredDevices& steered) {
   return surfaces;
 }
 
-VesselTree::Location place_of(const CatheterTip& tip) {
+VesselTree::Location place_of(const InstrumentTip& tip) {
   VesselTree::Location place;
   place.branch = tip.branch;
   place.arc_length_mm = tip.arc_length_mm;

@@ -1,6 +1,7 @@
 #pragma once
 
-#include "xraycast/catheter/catheter.hpp"
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/geometry/nurbs_curve.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
@@ -10,6 +11,10 @@
 #include <vector>
 
 namespace xraycast {
+
+/// The clamped cubic through a device's nodes (four or more; see NurbsCurve::cubic), by progressive iteration
+/// (Lin, Bao and Wang, Totally positive bases and progressive iteration approximation, 2005).
+NurbsCurve curve_through(const std::vector<glm::dvec3>& nodes_mm);
 
 /// A simulated catheter's surface, a tube about the curve through its nodes; nothing for fewer than four.
 Surface catheter_surface(const std::vector<glm::dvec3>& nodes_mm, double radius_mm);
@@ -36,6 +41,6 @@ inline constexpr double kWireTip_mm = 30;
 std::vector<Surface> steered_surfaces(const SteeredDevices& steered);
 
 /// The place where contrast agent leaves a catheter, as a location in its vessel tree.
-VesselTree::Location place_of(const CatheterTip& tip);
+VesselTree::Location place_of(const InstrumentTip& tip);
 
 }  // namespace xraycast

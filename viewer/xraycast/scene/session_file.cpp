@@ -4,7 +4,7 @@
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/remedy.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -118,8 +118,8 @@ SteeredDevices steered_of(const Fields& fields) {
     return steered;
   }
   const nlohmann::json& devices = fields.value("devices");
-  if (!devices.is_array() || devices.empty() || devices.size() > CoaxialCatheters::kMaxDevices)
-    throw InputError("{}: devices must be a list of one to {}", fields.name(), CoaxialCatheters::kMaxDevices);
+  if (!devices.is_array() || devices.empty() || devices.size() > Instruments::kMaxCount)
+    throw InputError("{}: devices must be a list of one to {}", fields.name(), Instruments::kMaxCount);
   for (std::size_t d = 0; d < devices.size(); ++d)
     steered.devices.push_back(
         steered_device_of(Fields(devices[d], fmt::format("{}: devices[{}]", fields.name(), d))));

@@ -25,7 +25,7 @@ std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
 std::vector<InstrumentModel> models_of(const Intervention::Options& options) {
   std::vector<InstrumentModel> models;
   for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
-  check_devices(models);
+  check_instruments(models);
   return models;
 }
 
@@ -102,7 +102,7 @@ void Intervention::exchange(std::size_t device, const InstrumentModel& instrumen
 
 std::string Intervention::exchange_obstacle(std::size_t device) const {
   if (run_->is_recording()) return "stop the recording to exchange it";
-  if (run_->now().device(device).pose.insertion_mm > CoaxialCatheters::kDrawnBack_mm)
+  if (run_->now().device(device).pose.insertion_mm > Instruments::kDrawnBack_mm)
     return "draw it back to 0 mm to exchange it";
   return {};
 }

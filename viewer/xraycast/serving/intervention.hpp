@@ -68,7 +68,7 @@ class Intervention {
   void toggle_valve();
 
   /// Asks for another instrument instead of a device, unless a run is recorded or the device is not drawn
-  /// back (see CoaxialCatheters::exchange). Restarts keep it.
+  /// back (see Instruments::exchange). Restarts keep it.
   void exchange(std::size_t device, const InstrumentModel& instrument);
 
   /// Where that was refused, one line that says what to do, as long as it holds; else empty.

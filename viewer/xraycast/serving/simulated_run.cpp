@@ -26,7 +26,7 @@ SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::ve
       bolus_(*tree_),
       contrast_(*tree_),
       loop_(
-          std::make_unique<CoaxialCatheters>(*tree_, models, entry),
+          std::make_unique<Instruments>(*tree_, models, entry),
           [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
             return couplings_.step(hubs, loads, step_s);
           },

@@ -1,8 +1,9 @@
-#include "xraycast/coaxial/coaxial_system.hpp"
+#include "xraycast/mechanics/rod_system.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
-#include "xraycast/coaxial/lane_columns.hpp"
+#include "xraycast/mechanics/lane_columns.hpp"
 #include "xraycast/mechanics/lanes.hpp"
+#include "xraycast/mechanics/rod.hpp"
 
 #include <algorithm>
 #include <limits>
@@ -14,7 +15,44 @@ constexpr std::size_t kRows = BlockBandMatrix::kBlock;
 
 }  // namespace
 
-void CoaxialSystem::order(const std::vector<std::vector<double>>& along_mm) {
+XRAYCAST_WIDE_VECTORS
+void RodRows::add(const RodPoint& point, const Eigen::Vector4d& gradient,
+                  const Eigen::Matrix4d& hessian) const {
+  const Node* node = this->node(static_cast<std::ptrdiff_t>(point.edge));
+  const Lanes by_point = load(gradient.data());
+  const LaneColumns of_point = load_columns(hessian.data());
+  const auto add_block = [&](double* to, const Lanes& rows, const Lanes& columns)
+      __attribute__((always_inline)) {
+    add_to_columns(to, columns_scaled(rows_scaled(of_point, rows), columns));
+  };
+  // Of the edge's second node with the edge's angle, its first one, and the next edge's angle.
+  const double by_start = point.start_weight, by_end = point.end_weight;
+  const Lanes end{point.theta_weight, by_end, by_end, by_end};
+  add_to(node[1].gradient, end * by_point);
+  add_block(node[1].blocks[0], end, end);
+  if (by_start != 0) {
+    const Lanes start{0, by_start, by_start, by_start};
+    add_to(node[0].gradient, start * by_point);
+    add_block(node[0].blocks[0], start, start);
+    add_block(node[0].blocks[1], end, start);
+  }
+  if (point.next_theta_weight != 0) {
+    const Lanes next{point.next_theta_weight, 0, 0, 0};
+    add_to(node[2].gradient, next * by_point);
+    add_block(node[1].blocks[1], next, end);
+    add_to(node[2].blocks[0], next * (next * of_point[0]));
+  }
+}
+
+void RodSystem::reserve(std::size_t nodes) {
+  constexpr std::size_t kBlocksANode = 6;  // of a pair
+  reaches_.reserve(nodes);
+  hessian_.reserve(nodes, kBlocksANode * nodes);
+  gradient_.reserve(kRows * nodes);
+  direction_.reserve(kRows * nodes);
+}
+
+void RodSystem::order(const std::vector<std::vector<double>>& along_mm) {
   places_.resize(along_mm.size());
   next_.assign(along_mm.size(), 1);
   std::size_t count = 0;
@@ -39,16 +77,16 @@ void CoaxialSystem::order(const std::vector<std::vector<double>>& along_mm) {
       reaches_[places[k]] = places[std::min(k + 2, places.size() - 1)];
 }
 
-CoaxialSystem::PairPlaces CoaxialSystem::places_of(const RodPair& pair) const {
+RodSystem::PairPlaces RodSystem::places_of(const RodPair& pair) const {
   PairPlaces places;
-  for (std::size_t k = 0; k < RodWeights::kNodes; ++k) {
+  for (std::size_t k = 0; k < PairDerivatives::kOfEach; ++k) {
     places[k] = place(pair.point_rod, pair.point_node + k);
-    places[RodWeights::kNodes + k] = place(pair.curve_rod, pair.curve_node + k);
+    places[PairDerivatives::kOfEach + k] = place(pair.curve_rod, pair.curve_node + k);
   }
   return places;
 }
 
-void CoaxialSystem::couple(const RodPair& pair) {
+void RodSystem::couple(const RodPair& pair) {
   std::size_t highest = kClamped, lowest = 0;
   for (const std::size_t place : places_of(pair)) {
     if (place == kClamped) continue;
@@ -59,25 +97,20 @@ void CoaxialSystem::couple(const RodPair& pair) {
   if (highest != kClamped) reaches_[highest] = std::max(reaches_[highest], lowest);
 }
 
-XRAYCAST_WIDE_VECTORS
-void CoaxialSystem::collect(const std::vector<Rod>& rods) {
+void RodSystem::reset() {
   hessian_.reset(reaches_);
   gradient_.assign(kRows * reaches_.size(), 0.0);
-  for (std::size_t d = 0; d < rods.size(); ++d) {
-    const RodSystem& own = rods[d].system_;
+  rows_.resize(places_.size());
+  for (std::size_t d = 0; d < places_.size(); ++d) {
     const std::vector<std::size_t>& places = places_[d];
+    // Two that are clamped, and three of none.
+    rows_[d].assign(places.size() + 5,
+                    {no_rows_.data(), {no_rows_.data(), no_rows_.data(), no_rows_.data()}});
     for (std::size_t k = 0; k < places.size(); ++k) {
-      const std::size_t first = RodSystem::theta_row(k);
-      store(&gradient_[kRows * places[k]], load(&own.gradient_[first]));
-      // The entries below the diagonal, block by block; a band's column is zero beyond them.
-      BlockBandMatrix::Block& diagonal = hessian_.at(places[k], places[k]);
-      for (std::size_t c = 0; c < kRows; ++c)
-        std::copy_n(own.hessian_.column(first + c), kRows - c, diagonal.begin() + kRows * c + c);
-      for (std::size_t b = 1; b < 3 && k + b < places.size(); ++b) {
-        BlockBandMatrix::Block& block = hessian_.at(places[k + b], places[k]);
-        for (std::size_t c = 0; c < kRows; ++c)
-          store(&block[kRows * c], load(own.hessian_.column(first + c) + kRows * b - c));
-      }
+      RodRows::Node& node = rows_[d][k + 2];
+      node.gradient = &gradient_[kRows * places[k]];
+      for (std::size_t b = 0; b < node.blocks.size() && k + b < places.size(); ++b)
+        node.blocks[b] = hessian_.at(places[k + b], places[k]).data();
     }
   }
 }
@@ -89,7 +122,7 @@ struct CurveRows {
   LaneColumns by_motion, by_slope;
 
   [[gnu::always_inline]] CurveRows(const PairDerivatives& of, std::size_t k) {
-    const Lanes weights = load(of.motion_weights[RodWeights::kNodes + k].data());
+    const Lanes weights = load(of.motion_weights[PairDerivatives::kOfEach + k].data());
     const LaneColumns motion_slope = load_columns(of.motion_slope.data());
     by_motion = sum(rows_scaled(load_columns(of.motion.data()), weights),
                     rows_scaled(transposed(motion_slope), of.slope_weights[k]));
@@ -98,12 +131,12 @@ struct CurveRows {
   }
   /// Its columns for another node, or the same.
   [[gnu::always_inline]] LaneColumns block(const PairDerivatives& of, std::size_t k) const {
-    return sum(columns_scaled(by_motion, load(of.motion_weights[RodWeights::kNodes + k].data())),
+    return sum(columns_scaled(by_motion, load(of.motion_weights[PairDerivatives::kOfEach + k].data())),
                rows_scaled(by_slope, of.slope_weights[k]));
   }
 };
 [[gnu::always_inline]] inline Lanes curve_gradient(const PairDerivatives& of, std::size_t k) {
-  return load(of.motion_weights[RodWeights::kNodes + k].data()) * load(of.by_motion.data()) +
+  return load(of.motion_weights[PairDerivatives::kOfEach + k].data()) * load(of.by_motion.data()) +
          of.slope_weights[k] * load(of.by_slope.data());
 }
 
@@ -111,10 +144,10 @@ struct CurveRows {
 
 /// Of one potential, or of two; `last` is the second one.
 template <bool kTwo>
-[[gnu::always_inline]] inline void CoaxialSystem::add_several(const PairPlaces& places,
-                                                              const PairDerivatives& first,
-                                                              const PairDerivatives& last) {
-  constexpr std::size_t kNodes = RodWeights::kNodes;
+[[gnu::always_inline]] inline void RodSystem::add_several(const PairPlaces& places,
+                                                          const PairDerivatives& first,
+                                                          const PairDerivatives& last) {
+  constexpr std::size_t kNodes = PairDerivatives::kOfEach;
   std::array<Lanes, kNodes> weights;
   for (std::size_t k = 0; k < kNodes; ++k) weights[k] = load(first.motion_weights[k].data());
   // The point's nodes with each other.
@@ -164,7 +197,7 @@ template <bool kTwo>
 }
 
 XRAYCAST_WIDE_VECTORS
-void CoaxialSystem::add(const RodPair& pair, std::span<const PairDerivatives> derivatives) {
+void RodSystem::add(const RodPair& pair, std::span<const PairDerivatives> derivatives) {
   const PairPlaces places = places_of(pair);
   if (derivatives.size() == 1)
     add_several<false>(places, derivatives.front(), derivatives.front());
@@ -172,19 +205,20 @@ void CoaxialSystem::add(const RodPair& pair, std::span<const PairDerivatives> de
     add_several<true>(places, derivatives.front(), derivatives.back());
 }
 
-double CoaxialSystem::solve(std::vector<Rod>& rods) {
+double RodSystem::solve() {
   direction_.resize(gradient_.size());
   for (std::size_t r = 0; r < gradient_.size(); ++r) direction_[r] = -gradient_[r];
   hessian_.solve(direction_.data());
   double model_decrease_uJ = 0;
   for (std::size_t r = 0; r < gradient_.size(); ++r) model_decrease_uJ -= 0.5 * gradient_[r] * direction_[r];
-  for (std::size_t d = 0; d < rods.size(); ++d) {
-    rods[d].direction_.assign(rods[d].row_count() + BandMatrix::kBand, 0.0);
-    for (std::size_t k = 0; k < places_[d].size(); ++k)
-      std::copy_n(direction_.begin() + static_cast<std::ptrdiff_t>(kRows * places_[d][k]), kRows,
-                  rods[d].direction_.begin() + static_cast<std::ptrdiff_t>(RodSystem::theta_row(k)));
-  }
   return model_decrease_uJ;
+}
+
+XRAYCAST_WIDE_VECTORS
+void RodSystem::copy_direction(std::size_t rod, std::vector<double>& to) const {
+  to.resize(kRows * places_[rod].size());
+  for (std::size_t k = 0; k < places_[rod].size(); ++k)
+    store(&to[kRows * k], load(&direction_[kRows * places_[rod][k]]));
 }
 
 }  // namespace xraycast

@@ -1,34 +1,64 @@
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/mechanics/vectors.hpp"
 
+#include <Eigen/Geometry>
 #include <algorithm>
 
 namespace xraycast {
 namespace {
 
+// The straight sheath outside the tree through which devices enter: its length.
+constexpr double kIntroducer_mm = 20;
+
 /// Throws InputError.
 const std::vector<InstrumentModel>& checked(const VesselTree& tree, const VesselEnd& entry,
                                             const std::vector<InstrumentModel>& instruments) {
-  check_devices(instruments);
+  check_instruments(instruments);
   check_fits(tree, entry, instruments.front());
   return instruments;
 }
 
+double node_spacing_mm(const VesselTree& tree, const InstrumentModel& instrument) {
+  constexpr double kMinSpacing_mm = 1.5, kMaxSpacing_mm = 5;
+  double min_radius_mm = kMaxSpacing_mm;
+  for (const VesselBranch& branch : tree.branches())
+    for (const VesselPoint& point : branch.points)
+      if (point.radius_mm > instrument.radius_mm()) min_radius_mm = std::min(min_radius_mm, point.radius_mm);
+  return std::clamp(1.5 * min_radius_mm, kMinSpacing_mm, kMaxSpacing_mm);
+}
+
+/// Where devices are fed in: the introducer's outer end.
+Rod::Clamp clamp_at(const VesselEnd& entry) {
+  const Eigen::Vector3d axis = -entry.outward;
+  return {.position_mm = entry.position_mm + kIntroducer_mm * entry.outward,
+          .axis = axis,
+          .m1 = axis.unitOrthogonal()};
+}
+
+/// The vessels; that of the entry goes on around the introducer and a little further.
+std::shared_ptr<const LumenDistanceField> lumen_with_introducer(const VesselTree& tree,
+                                                                const VesselEnd& entry) {
+  constexpr double kOpening_mm = kIntroducer_mm + 10;
+  return std::make_shared<LumenDistanceField>(tree, &entry, kOpening_mm);
+}
+
 }  // namespace
 
-void check_devices(const std::vector<InstrumentModel>& instruments) {
-  if (instruments.empty() || instruments.size() > CoaxialCatheters::kMaxDevices)
+double max_insertion_mm(const InstrumentModel& instrument) { return instrument.length_mm() - kIntroducer_mm; }
+
+void check_instruments(const std::vector<InstrumentModel>& instruments) {
+  if (instruments.empty() || instruments.size() > Instruments::kMaxCount)
     throw InputError("{} devices; give one to {}, the outermost first", instruments.size(),
-                     CoaxialCatheters::kMaxDevices);
+                     Instruments::kMaxCount);
   for (std::size_t outer = 0; outer < instruments.size(); ++outer)
     for (std::size_t inner = outer + 1; inner < instruments.size(); ++inner)
       check_fits_inside(instruments[outer], instruments[inner]);
 }
 
-CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
-                                   const VesselEnd& entry, const Catheter::Options& options)
+Instruments::Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments,
+                         const VesselEnd& entry, const Options& options)
     : tree_(tree),
       options_(options),
       entry_(entry),
@@ -43,7 +73,7 @@ CoaxialCatheters::CoaxialCatheters(const VesselTree& tree, const std::vector<Ins
   settle(rods_);
 }
 
-Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
+Rod Instruments::make_rod(const InstrumentModel& instrument) const {
   const double spacing_mm =
       options_.spacing_mm > 0 ? options_.spacing_mm : node_spacing_mm(tree_, instrument);
   return {instrument,
@@ -53,30 +83,38 @@ Rod CoaxialCatheters::make_rod(const InstrumentModel& instrument) const {
           {.max_iterations = options_.max_iterations, .max_node_iterations = options_.max_node_iterations}};
 }
 
-std::vector<Rod> CoaxialCatheters::make_rods(const std::vector<InstrumentModel>& instruments) const {
+std::vector<Rod> Instruments::make_rods(const std::vector<InstrumentModel>& instruments) const {
   std::vector<Rod> rods;
   for (const InstrumentModel& instrument : instruments) rods.push_back(make_rod(instrument));
   return rods;
 }
 
-std::unique_ptr<WallContact> CoaxialCatheters::make_wall(const CoaxialRods& rods, std::size_t device) const {
-  return walls_around(field_, rods.rod(device), entry_, options_.wall_stiffness_N_mm2, device == 0);
+std::unique_ptr<WallContact> Instruments::make_wall(const CoaxialRods& rods, std::size_t device) const {
+  const Rod& rod = rods.rod(device);
+  std::optional<WallContact::Introducer> introducer;
+  if (device == 0) introducer = {entry_.position_mm, -entry_.outward};
+  return std::make_unique<WallContact>(
+      field_, rod,
+      WallContact::Options{.stiffness_N_mm2 = options_.wall_stiffness_N_mm2,
+                           .tangential_N_mm2 = options_.wall_stiffness_N_mm2,
+                           .static_friction = rod.instrument().static_friction(),
+                           .kinetic_friction = rod.instrument().kinetic_friction()},
+      introducer);
 }
 
 /// The rest shapes of the tips relax in the introducer and just outside it.
-void CoaxialCatheters::settle(CoaxialRods& rods) {
+void Instruments::settle(CoaxialRods& rods) {
   for (int i = 0; i < 200; ++i) rods.step(0.01);
 }
 
-double CoaxialCatheters::max_insertion_mm(std::size_t device) const {
+double Instruments::max_insertion_mm(std::size_t device) const {
   return xraycast::max_insertion_mm(rod(device).instrument());
 }
 
-void CoaxialCatheters::step(std::span<const HubPose> targets) {
+void Instruments::step(std::span<const HubPose> targets) {
   for (std::size_t d = 0; d < count(); ++d) {
     const double rotation_before_rad = pose(d).rotation_rad;
-    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s,
-                      {Catheter::kMaxSpeed_mm_s, Catheter::kMaxSpeed_rad_s, Catheter::kMaxPush_N});
+    hubs_[d].approach(targets[d], load(d).force_N, max_insertion_mm(d), options_.step_s);
     if (pose(d).rotation_rad != rotation_before_rad) rods_.rotate_to(d, pose(d).rotation_rad);
     rods_.feed_to(d, kIntroducer_mm + pose(d).insertion_mm);
   }
@@ -84,14 +122,14 @@ void CoaxialCatheters::step(std::span<const HubPose> targets) {
   ++steps_;
 }
 
-bool CoaxialCatheters::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
+bool Instruments::is_held() const { return std::ranges::any_of(hubs_, &MovingHub::is_held); }
 
-HubLoad CoaxialCatheters::load(std::size_t device) const {
+HubLoad Instruments::load(std::size_t device) const {
   const Rod& of = rod(device);
   return {.force_N = -of.clamp_force_N().dot(of.clamp().axis), .torque_Nm = -of.clamp_torque_Nm()};
 }
 
-CatheterTip CoaxialCatheters::tip(std::size_t device) const {
+InstrumentTip Instruments::tip(std::size_t device) const {
   const LumenDistanceField::Sample& sample = wall(device).contacts().back().sample;
   return {.position_mm = to_glm(rod(device).state().nodes_mm.back()),
           .direction = to_glm(rod(device).state().edges.back().tangent),
@@ -99,12 +137,12 @@ CatheterTip CoaxialCatheters::tip(std::size_t device) const {
           .arc_length_mm = sample.arc_length_mm};
 }
 
-void CoaxialCatheters::copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const {
+void Instruments::copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const {
   nodes_mm.clear();
   for (const Eigen::Vector3d& node : rod(device).state().nodes_mm) nodes_mm.push_back(to_glm(node));
 }
 
-void CoaxialCatheters::copy_contacts(std::size_t device, std::vector<CatheterContact>& contacts) const {
+void Instruments::copy_contacts(std::size_t device, std::vector<InstrumentContact>& contacts) const {
   contacts.clear();
   for (const WallContact::Contact& contact : wall(device).contacts())
     if (contact.depth_mm > 0)
@@ -112,20 +150,20 @@ void CoaxialCatheters::copy_contacts(std::size_t device, std::vector<CatheterCon
                           to_glm(contact.normal_N + contact.friction_N)});
 }
 
-bool CoaxialCatheters::has_free_lumen(std::size_t device) const {
+bool Instruments::has_free_lumen(std::size_t device) const {
   if (rod(device).instrument().inner_radius_mm() == 0) return false;
   for (std::size_t inner = device + 1; inner < count(); ++inner)
     if (!is_drawn_back(inner)) return false;
   return true;
 }
 
-std::optional<std::size_t> CoaxialCatheters::free_lumen() const {
+std::optional<std::size_t> Instruments::free_lumen() const {
   for (std::size_t device = 0; device < count(); ++device)
     if (has_free_lumen(device)) return device;
   return std::nullopt;
 }
 
-void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instrument) {
+void Instruments::exchange(std::size_t device, const InstrumentModel& instrument) {
   if (!is_drawn_back(device))
     throw InputError("{}: inserted by {:.4g} mm; draw it back to 0 before {} takes its place",
                      rod(device).instrument().name(), pose(device).insertion_mm, instrument.name());
@@ -149,7 +187,7 @@ void CoaxialCatheters::exchange(std::size_t device, const InstrumentModel& instr
   hubs_[device] = {};
 }
 
-double CoaxialCatheters::energy_J() const {
+double Instruments::energy_J() const {
   double energy = rods_.energy_J();
   for (const auto& wall : walls_) energy += wall->energy_J();
   return energy;

@@ -1,5 +1,5 @@
 // A wire in a catheter in the phantom's vessels.
-#include "xraycast/coaxial/coaxial_catheters.hpp"
+#include "xraycast/coaxial/instruments.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
@@ -15,7 +15,7 @@
 #include <string>
 #include <vector>
 
-namespace xraycast::coaxial_catheters_test {
+namespace xraycast::instruments_test {
 namespace {
 
 using Names = std::vector<std::string>;
@@ -25,14 +25,14 @@ const VesselTree& thorax() {
   return tree;
 }
 
-CoaxialCatheters devices_of(const Names& names) {
+Instruments devices_of(const Names& names) {
   std::vector<InstrumentModel> models;
   for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
   return {thorax(), models, nearest_end(thorax(), {-89, -54, -357})};
 }
 
 /// Moves all hubs at constant speed.
-void move(CoaxialCatheters& devices, const std::vector<HubPose>& to, int steps) {
+void move(Instruments& devices, const std::vector<HubPose>& to, int steps) {
   std::vector<HubPose> from, poses(to.size());
   for (std::size_t d = 0; d < to.size(); ++d) from.push_back(devices.pose(d));
   for (int i = 1; i <= steps; ++i) {
@@ -54,7 +54,7 @@ std::string refusal(const Names& names) {
   return "accepted";
 }
 
-TEST(CoaxialCatheters, RefuseWhatDoesNotFit) {
+TEST(Instruments, RefuseWhatDoesNotFit) {
   EXPECT_THAT(refusal({"microcatheter-27f", "guidewire-035-j"}),
               testing::HasSubstr("guidewire-035-j: its radius of 0.445 mm does not fit into the lumen of "
                                  "microcatheter-27f, of 0.318 mm; choose a thinner one"));
@@ -67,8 +67,8 @@ TEST(CoaxialCatheters, RefuseWhatDoesNotFit) {
               testing::HasSubstr("4 devices; give one to 3"));
 }
 
-TEST(CoaxialCatheters, EitherTipGoesAhead) {
-  CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-angled"});
+TEST(Instruments, EitherTipGoesAhead) {
+  Instruments devices = devices_of({"cobra-5f", "guidewire-035-angled"});
   const auto ahead_mm = [&] { return devices.rods().lumens().empty() ? 0 : devices.rods().bare_mm(1); };
   move(devices, {{60, 0}, {120, 0}}, 1200);
   EXPECT_NEAR(ahead_mm(), 60, 2);  // both are a little compressed, and the wire winds in its lumen
@@ -82,8 +82,8 @@ TEST(CoaxialCatheters, EitherTipGoesAhead) {
     EXPECT_TRUE(contact.depth_mm == 0 || devices.rod(1).from_tip_mm(contact.point.edge + 1) < 40);
 }
 
-TEST(CoaxialCatheters, HubsBearContactAndFrictionTogether) {
-  CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-angled"});
+TEST(Instruments, HubsBearContactAndFrictionTogether) {
+  Instruments devices = devices_of({"cobra-5f", "guidewire-035-angled"});
   move(devices, {{250, 1}, {300, 0}}, 3000);
   for (int i = 0; i < 500; ++i) devices.step(std::array{devices.pose(0), devices.pose(1)});
   Eigen::Vector3d walls_N = Eigen::Vector3d::Zero(), hubs_N = Eigen::Vector3d::Zero();
@@ -100,8 +100,8 @@ TEST(CoaxialCatheters, HubsBearContactAndFrictionTogether) {
   EXPECT_LT((hubs_N - walls_N).norm(), 0.02 * size_N);
 }
 
-TEST(CoaxialCatheters, ThreeStayWhereTheyRest) {
-  CoaxialCatheters devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
+TEST(Instruments, ThreeStayWhereTheyRest) {
+  Instruments devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
   move(devices, {{100, 0}, {140, 0}, {170, 0}}, 1700);
   const std::vector<HubPose> poses{devices.pose(0), devices.pose(1), devices.pose(2)};
   for (int i = 0; i < 1000; ++i) devices.step(poses);
@@ -123,13 +123,13 @@ VesselTree narrow_vessel() {
   return {{branch}, "narrow vessel"};
 }
 
-TEST(CoaxialCatheters, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
+TEST(Instruments, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
   const VesselTree vessel = narrow_vessel();
   for (const Names& names : {Names{"guide-6f", "guidewire-035-j"}, Names{"cobra-5f", "guidewire-035-j"}})
     for (const double ahead_mm : {2.0, 6.0}) {
       std::vector<InstrumentModel> models;
       for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
-      CoaxialCatheters devices(vessel, models, most_inferior_end(vessel));
+      Instruments devices(vessel, models, most_inferior_end(vessel));
       // Fast, so that much is still to relax when they stop.
       move(devices, {{120, 8}, {120 + ahead_mm, -10}}, 800);
       const std::vector<HubPose> poses{devices.pose(0), devices.pose(1)};
@@ -147,8 +147,8 @@ TEST(CoaxialCatheters, GainNoEnergyAtRestInAVesselThatPressesTheTips) {
     }
 }
 
-TEST(CoaxialCatheters, AWireIsExchanged) {
-  CoaxialCatheters devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
+TEST(Instruments, AWireIsExchanged) {
+  Instruments devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
   move(devices, {{150, 0}, {200, 0}}, 2000);
   EXPECT_FALSE(devices.has_free_lumen(0));
   EXPECT_THROW(devices.exchange(1, InstrumentModel::named("exchange-035-stiff")), InputError);
@@ -171,16 +171,16 @@ TEST(CoaxialCatheters, AWireIsExchanged) {
   EXPECT_NEAR(devices.rods().bare_mm(1), 50, 2);
 }
 
-TEST(CoaxialCatheters, ExchangingMovesNoOtherDevice) {
-  CoaxialCatheters devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
+TEST(Instruments, ExchangingMovesNoOtherDevice) {
+  Instruments devices = devices_of({"vertebral-5f", "guidewire-035-angled"});
   move(devices, {{150, 2}, {0, 0}}, 1500);
   const std::vector<Eigen::Vector3d> before_mm = devices.rod(0).state().nodes_mm;
   devices.exchange(1, InstrumentModel::named("exchange-035-stiff"));
   EXPECT_EQ(devices.rod(0).state().nodes_mm, before_mm);
 }
 
-TEST(CoaxialCatheters, ExchangingOneOfThreeKeepsTheContactOfTheOthers) {
-  CoaxialCatheters devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
+TEST(Instruments, ExchangingOneOfThreeKeepsTheContactOfTheOthers) {
+  Instruments devices = devices_of({"guide-6f", "microcatheter-24f", "guidewire-014-angled"});
   move(devices, {{0, 0}, {60, 0}, {90, 2}}, 900);
   const auto of_the_others = [&]() -> const LumenContact& { return devices.rods().lumens()[2]; };
   ASSERT_EQ(of_the_others().outer(), 1u);
@@ -190,9 +190,9 @@ TEST(CoaxialCatheters, ExchangingOneOfThreeKeepsTheContactOfTheOthers) {
   EXPECT_EQ(of_the_others().energy_uJ(), before_uJ);
 }
 
-TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {
+TEST(Instruments, ARefusedExchangeChangesNothing) {
   const Names names{"vertebral-5f", "guidewire-035-angled"};
-  CoaxialCatheters asked = devices_of(names), unasked = devices_of(names);
+  Instruments asked = devices_of(names), unasked = devices_of(names);
   const InstrumentModel too_thick_for_the_vessel({.name = "drain",
                                                   .radius_mm = 9,
                                                   .inner_radius_mm = 8,
@@ -210,20 +210,20 @@ TEST(CoaxialCatheters, ARefusedExchangeChangesNothing) {
   EXPECT_THROW(asked.exchange(1, InstrumentModel::named("cobra-5f")), InputError);  // it is too thick
   EXPECT_EQ(asked.rod(0).instrument().name(), names[0]);
   EXPECT_EQ(asked.rod(1).instrument().name(), names[1]);
-  for (CoaxialCatheters* devices : {&asked, &unasked}) move(*devices, {{5, 0}, {10, 1}}, 100);
+  for (Instruments* devices : {&asked, &unasked}) move(*devices, {{5, 0}, {10, 1}}, 100);
   for (const std::size_t d : {0, 1}) {
     EXPECT_EQ(asked.load(d).force_N, unasked.load(d).force_N);
     EXPECT_EQ(asked.rod(d).state().nodes_mm, unasked.rod(d).state().nodes_mm);
   }
 }
 
-TEST(CoaxialCatheters, AScriptLeadsToTheSameLogTwice) {
+TEST(Instruments, AScriptLeadsToTheSameLogTwice) {
   const Script script = Script::parse(
       "time_s,insertion_2_mm,rotation_2_deg,insertion_mm,rotation_deg\n0,20,0,0,0\n1,120,90,50,0\n2,200,90,"
       "100,45\n",
       "both.csv", 2);
   const auto log = [&] {
-    CoaxialCatheters devices = devices_of({"cobra-5f", "guidewire-035-j"});
+    Instruments devices = devices_of({"cobra-5f", "guidewire-035-j"});
     Progress progress;
     return to_csv(run_script(devices, script, "both.csv", progress));
   };
@@ -236,4 +236,4 @@ TEST(CoaxialCatheters, AScriptLeadsToTheSameLogTwice) {
 }
 
 }  // namespace
-}  // namespace xraycast::coaxial_catheters_test
+}  // namespace xraycast::instruments_test

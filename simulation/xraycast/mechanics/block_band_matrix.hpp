@@ -14,6 +14,9 @@ class BlockBandMatrix {
   static constexpr std::size_t kBlock = 4;
   using Block = std::array<double, kBlock * kBlock>;  ///< entry (r, c) at 4 c + r
 
+  /// Allocates for so many columns and blocks on and below the diagonal.
+  void reserve(std::size_t columns, std::size_t blocks);
+
   /// Sets all entries to zero. `reaches` has each column's lowest block that is not zero; a column reaches as
   /// far as those before it. Allocates only when it grows beyond its largest size.
   void reset(const std::vector<std::size_t>& reaches);

@@ -1,4 +1,4 @@
-#include "xraycast/coaxial/block_band_matrix.hpp"
+#include "xraycast/mechanics/block_band_matrix.hpp"
 
 #include "xraycast/base/wide_vectors.hpp"
 #include "xraycast/mechanics/lanes.hpp"
@@ -126,6 +126,12 @@ template <std::size_t kBelow>
 
 }  // namespace
 
+void BlockBandMatrix::reserve(std::size_t columns, std::size_t blocks) {
+  reaches_.reserve(columns);
+  starts_.reserve(columns);
+  blocks_.reserve(blocks);
+}
+
 void BlockBandMatrix::reset(const std::vector<std::size_t>& reaches) {
   reaches_.assign(reaches.begin(), reaches.end());
   starts_.resize(reaches_.size());
@@ -146,8 +152,11 @@ bool BlockBandMatrix::factorise() {
     Block* column = &blocks_[starts_[j]];
     if (!factorise_block(column[0])) return false;
     const std::size_t* starts = &starts_[j];
-    // A pair has some five blocks below the diagonal; their loops are unrolled.
+    // A rod alone has two blocks below the diagonal, a pair some five; their loops are unrolled.
     switch (const std::size_t below = reaches_[j] - j) {
+      case 2:
+        eliminate<2>(column, starts, blocks_.data());
+        break;
       case 4:
         eliminate<4>(column, starts, blocks_.data());
         break;

@@ -1,0 +1,133 @@
+#pragma once
+
+#include "xraycast/catheter/hub.hpp"
+#include "xraycast/catheter/lumen_distance_field.hpp"
+#include "xraycast/catheter/vessel_entry.hpp"
+#include "xraycast/catheter/wall_contact.hpp"
+#include "xraycast/coaxial/coaxial_rods.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
+#include "xraycast/mechanics/instrument_model.hpp"
+
+#include <glm/vec3.hpp>
+
+#include <cstddef>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace xraycast {
+
+/// How far an instrument can be inserted: its length beyond the introducer.
+double max_insertion_mm(const InstrumentModel& instrument);
+
+/// The location of a catheter's tip.
+struct InstrumentTip {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 direction{0, 0, 1};  ///< unit
+  int branch = 0;                 ///< of the tree
+  double arc_length_mm = 0;       ///< from the branch's first point
+};
+
+/// A point of the rod in contact with a vessel's wall, and the wall's force on it.
+struct InstrumentContact {
+  glm::dvec3 position_mm{0, 0, 0};
+  glm::dvec3 force_N{0, 0, 0};  ///< friction included
+};
+
+/// A catheter or guide wire in a vessel tree, or up to three one in the other, each moved at its own hub: a
+/// wire in a catheter, or a wire in a microcatheter in a catheter.
+///
+/// All enter at a vessel's end through an introducer, a straight sheath of 20 mm outside the tree; the rods
+/// are simulated from the introducer's outer end to their tips and fed in and out there. At an insertion of 0
+/// a tip is at the vessel's end. The introducer holds the outermost device, which holds the others.
+class Instruments {
+ public:
+  struct Options {
+    /// Of the nodes, where an instrument is straight; 0: one and a half times the radius of the narrowest
+    /// vessel that it fits into, between 1.5 and 5 mm, at which the edges still follow the vessels' bends.
+    double spacing_mm = 0;
+    double step_s = 1e-3;
+    double wall_stiffness_N_mm2 = 0.5;  ///< see WallContact
+    /// Of Newton's method in a step, and that times the nodes of all devices, at half a microsecond each, or
+    /// one and a half where three devices overlap in a malformation: a step takes some 5 ms at most. While a
+    /// tip snaps there would be some hundred: what is left is solved in the next steps. Not by the clock, so
+    /// that runs can be repeated.
+    int max_iterations = 50, max_node_iterations = 5'000;
+  };
+
+  static constexpr std::size_t kMaxCount = 3;
+
+  /// A device counts as drawn back up to this insertion. A catheter that is pushed over it drags it along,
+  /// and the spring between the hand and its hub (see CouplingSettings) yields: by 0.55 mm to a J wire in a
+  /// Cobra that was pushed into the thorax phantom.
+  static constexpr double kDrawnBack_mm = 1;
+
+  /// `instruments` from the outermost on. Throws InputError where one does not fit into the one around it,
+  /// the outermost does not fit into the vessel at the entry, or there are more than kMaxCount.
+  Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments, const VesselEnd& entry,
+              const Options& options);
+  Instruments(const VesselTree& tree, const std::vector<InstrumentModel>& instruments, const VesselEnd& entry)
+      : Instruments(tree, instruments, entry, Options{}) {}
+
+  /// One step in time towards a pose for each device, whose insertion is clamped to 0 to max_insertion_mm().
+  void step(std::span<const HubPose> targets);
+
+  std::size_t count() const { return rods_.count(); }
+  double time_s() const { return static_cast<double>(steps_) * options_.step_s; }
+  double step_s() const { return options_.step_s; }
+  double max_insertion_mm(std::size_t device) const;
+
+  const HubPose& pose(std::size_t device) const { return hubs_[device].pose; }  ///< where the hub is
+  /// The hub did not advance: the push force is MovingHub::kMaxPush_N already. Without a device, any of them.
+  bool is_held() const;
+  bool is_held(std::size_t device) const { return hubs_[device].is_held; }
+  HubLoad load(std::size_t device) const;
+  InstrumentTip tip(std::size_t device) const;
+
+  /// All devices within it are drawn back to 0 (see kDrawnBack_mm), so that contrast agent can be injected
+  /// through it.
+  bool has_free_lumen(std::size_t device) const;
+  std::optional<std::size_t> free_lumen() const;  ///< the outermost device that has one
+
+  /// Another instrument instead of a device that has been drawn back to 0 (see kDrawnBack_mm), at an
+  /// insertion of 0. The others do not move. Throws InputError, and changes nothing, when it has not been
+  /// drawn back, or when the instruments that there would be do not fit (see the constructor).
+  void exchange(std::size_t device, const InstrumentModel& instrument);
+
+  /// A device's nodes from the introducer's outer end to its tip, and what touches the vessel's wall. Without
+  /// allocation where there is room.
+  void copy_nodes(std::size_t device, std::vector<glm::dvec3>& nodes_mm) const;
+  void copy_contacts(std::size_t device, std::vector<InstrumentContact>& contacts) const;
+
+  const Rod& rod(std::size_t device) const { return rods_.rod(device); }
+  const CoaxialRods& rods() const { return rods_; }
+  const WallContact& wall(std::size_t device) const { return *walls_[device]; }
+
+  /// Elastic, kinetic, in the lumens, and in the walls.
+  double energy_J() const;
+
+ private:
+  using Walls = std::vector<std::unique_ptr<WallContact>>;
+
+  bool is_drawn_back(std::size_t device) const { return pose(device).insertion_mm <= kDrawnBack_mm; }
+  Rod make_rod(const InstrumentModel& instrument) const;
+  std::vector<Rod> make_rods(const std::vector<InstrumentModel>& instruments) const;
+  std::unique_ptr<WallContact> make_wall(const CoaxialRods& rods, std::size_t device) const;
+  static void settle(CoaxialRods& rods);
+
+  VesselTree tree_;
+  Options options_;
+  VesselEnd entry_;
+  std::shared_ptr<const LumenDistanceField> field_;
+  CoaxialRods rods_;
+  Walls walls_;
+  std::vector<MovingHub> hubs_;
+  long steps_ = 0;
+};
+
+/// Throws InputError unless there are one to Instruments::kMaxCount, the outermost first, and each
+/// fits into those around it.
+void check_instruments(const std::vector<InstrumentModel>& instruments);
+
+}  // namespace xraycast
