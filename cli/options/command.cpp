@@ -74,9 +74,13 @@ std::string with_options(const CLI::App& command, std::string_view message) {
 
 }  // namespace
 
+std::string Session::spelled(const std::string& message) const {
+  return command ? with_options(*command, message) : message;
+}
+
 void Session::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
-  for (const std::string& line : lines) log_to_stderr(command ? with_options(*command, line) : line);
+  for (const std::string& line : lines) log_to_stderr(spelled(line));
 }
 
 void Session::say_about(const ScanInfo& scan) const {
@@ -186,10 +190,6 @@ void check_folder(const std::filesystem::path& folder, std::initializer_list<con
   if (access(above.c_str(), W_OK | X_OK) != 0)
     throw InputError("{}: the folder cannot be created in {}: {}", name, above.string(),
                      std::strerror(errno));
-}
-
-std::string frame_of_reference_uid(const ScanInfo& scan) {
-  return scan.dicom ? scan.dicom->study.frame_of_reference_uid : "";
 }
 
 Json to_json(const VolumeGeometry& geometry) {
