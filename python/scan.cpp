@@ -24,7 +24,9 @@ void warn(const ScanInfo& info) {
 
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
   Volume volume = collect(*scan.source, progress, name);
-  return {std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name)};
+  HeldScan held(std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name));
+  held.set_hu_range(scan.source->hu_range());
+  return held;
 }
 
 HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object& progress) {
@@ -197,13 +199,14 @@ const SpectralScan& HeldScan::resident(const DeviceUse& device) {
   return *resident_;
 }
 
-const OutlineFinder& HeldScan::outline(const DeviceUse&) {
-  if (!outline_) {
-    OutlineFinder finder(geometry(), {.finds_skin = true});
+const OutlineFinder& HeldScan::outline(const DeviceUse&, bool keeps_table) {
+  std::optional<OutlineFinder>& outline = outlines_[keeps_table ? 1 : 0];
+  if (!outline) {
+    OutlineFinder finder(geometry(), {.finds_skin = true, .keeps_table = keeps_table});
     finder.add(std::as_const(*volume_).hu());
-    outline_.emplace(std::move(finder));
+    outline.emplace(std::move(finder));
   }
-  return *outline_;
+  return *outline;
 }
 
 const BodyOutline& HeldScan::body(const DeviceUse& device) {
