@@ -39,7 +39,7 @@ std::vector<double> parse_centre(const std::string& text, Projection projection)
   const std::string vessels = "vessels:";
   if (text.starts_with(vessels))
     return centre_of(read_tree(std::filesystem::path(text.substr(vessels.size())) / "tree.vtp"), projection);
-  const std::vector<double> centre = parse_numbers(text, "--centre");
+  std::vector<double> centre = parse_numbers(text, "--centre");
   if (centre.size() != 2 && (centre.size() != 3 || projection != Projection::sphere))
     throw InputError("--centre {}: must be auto, vessels:DIR or X,Y in mm, and for a sphere also X,Y,Z",
                      text);

@@ -179,7 +179,7 @@ MapGeometry resolve_geometry(const CastRequest& request, const VolumeGeometry& v
 MapGeometry resolve_shells(const CastRequest& request, const VolumeGeometry& volume,
                            const OutlineFinder& finder, std::vector<std::string>& notes) {
   const BodyOutline outline = resolve_outline(request, finder, notes);
-  const MapGeometry circles = resolve_geometry(request, volume, outline);
+  MapGeometry circles = resolve_geometry(request, volume, outline);
   if (!request.has_body_outline()) return circles;
   try {
     return fit_to_body(circles, finder);

@@ -29,7 +29,7 @@ SeenScan load_scan(OpenedFiles& opened, const std::string& device, Progress& pro
   OutlineFinder finder(scan.source->geometry(), {.finds_skin = true});
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
-  opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
+  opened.scan->scan = SpectralScan{load(opened.scan->device, *scan.source, finder, timings, progress), {}};
   return {std::move(finder), scan.source->hu_range()};
 }
 
