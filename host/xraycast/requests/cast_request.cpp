@@ -222,6 +222,11 @@ std::string left_out_of(const MapGeometry& geometry, const std::optional<double>
                      : "left out: everything outside the outline; `keep_table` includes the table";
 }
 
+void put(CastResult result, Casting& casting) {
+  casting.map = std::move(result.map);
+  casting.kernel_ms = result.kernel_ms;
+}
+
 /// The scan, without the vessels that are to be removed.
 Scan open_scan_of(const CastRequest& request, const ScanOpener& open, Progress& progress) {
   Scan scan = open(progress);
@@ -257,7 +262,7 @@ Casting cast_slabs(const CastRequest& request, const ScanOpener& open, Scan scan
   const Stopwatch finding;
   const MapGeometry geometry = resolve_shells(request, volume, finder, casting.notes);
   casting.outline_ms = finding.ms();
-  casting.take(cast_by_slabs(device, *scan.source, geometry, *opacity, slices, casting.load, progress));
+  put(cast_by_slabs(device, *scan.source, geometry, *opacity, slices, casting.load, progress), casting);
   std::ranges::move(opacity_hints(*opacity, scan.source->hu_range()), std::back_inserter(casting.notes));
   casting.left_out = left_out_of(geometry, {}, request.keep_table);
   return casting;
@@ -291,11 +296,6 @@ std::vector<double> centre_of(const VesselTree& tree, Projection projection) {
   std::vector<double> numbers{centre_mm.x, centre_mm.y};
   if (projection == Projection::sphere) numbers.push_back(centre_mm.z);
   return numbers;
-}
-
-void Casting::take(CastResult result) {
-  map = std::move(result.map);
-  kernel_ms = result.kernel_ms;
 }
 
 void Casting::describe(const std::string& source, const std::string& frame_of_reference_uid) {
@@ -341,8 +341,9 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
   casting.outline_ms = finding.ms();
   const auto* opacity = std::get_if<Opacity>(&request.opacity);
   if (request.makes_map)
-    casting.take(opacity ? cast(scan.native, geometry, *opacity, progress)
-                         : cast(scan, geometry, std::get<Spectrum>(request.opacity), progress));
+    put(opacity ? cast(scan.native, geometry, *opacity, progress)
+                : cast(scan, geometry, std::get<Spectrum>(request.opacity), progress),
+        casting);
   if (request.knots_hu) {
     const Stopwatch making;
     casting.basis = make_basis(scan.native, geometry, resolve_knots(request), progress);

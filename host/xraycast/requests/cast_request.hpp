@@ -43,10 +43,10 @@ struct CastRequest {
   Attenuation opacity = Opacity::paper();
   std::filesystem::path iodine{};                ///< with a spectrum: a mask of vessels, on the scan's grid
   std::filesystem::path without_vessels{};       ///< a folder of `mask.nrrd`: see WithoutVessels
-  std::optional<std::int64_t> memory_limit_B{};  ///< of larger scans slabs are cast; the device's buffers
+  std::optional<std::int64_t> memory_limit_B{};  ///< beyond it, slabs are cast; the device's largest buffer
 
   bool makes_map = true;
-  std::optional<std::vector<double>> knots_hu{};  ///< of a basis; if there are none, useful_knots_hu()
+  std::optional<std::vector<double>> knots_hu{};  ///< makes a basis; of useful_knots_hu() where empty
   bool measures_outside = false;                  ///< see Casting::outside_share
 
   bool has_body_outline() const {
@@ -71,8 +71,6 @@ struct Casting {
   LoadTimings load{};
   double outline_ms = 0;  ///< to find the outline, and the share outside of it
   double kernel_ms = 0, basis_ms = 0;
-
-  void take(CastResult result);
 
   /// What the files of map and basis say of the scan.
   void describe(const std::string& source, const std::string& frame_of_reference_uid);
