@@ -4,14 +4,11 @@
 #include "pictures/hub_plot.hpp"
 #include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
-#include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/casting/body_fit.hpp"
-#include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/drawing/cine_writer.hpp"
@@ -22,6 +19,7 @@
 #include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
@@ -96,18 +94,15 @@ constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
 // Frames are placed below the true projections of the same angles.
 constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
-constexpr int kMapAngles = 360;
-
-BodyMap make_map(const ResidentScan& scan, const OutlineFinder& body, int layers, Report& report,
+BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, int layers, Report& report,
                  Progress& progress) {
-  CastResult result = report.timed(fmt::format("cast of {}, 360 angles", pluralize(layers, "layer")), [&] {
-    return cast(scan, body_map(scan.geometry(), kMapAngles, layers, body), Opacity::paper(), progress);
-  });
-  result.map.source = "thorax phantom";
+  BodyMap map = report.timed(fmt::format("cast of {}, 360 angles", pluralize(layers, "layer")),
+                             [&] { return cast({.layers = layers}, scan, body, {}, progress).map; });
+  map.source = "thorax phantom";
   const std::string name = fmt::format("map-{}", layers);
-  write_body_map(result.map, report.file(name + ".exr"));
-  write_map_preview(result.map, PreviewWindow::automatic, report.file(name + ".png"));
-  return std::move(result.map);
+  write_body_map(map, report.file(name + ".exr"));
+  write_map_preview(map, PreviewWindow::automatic, report.file(name + ".png"));
+  return map;
 }
 
 void show_inner_layers(const BodyMap& map, Report& report) {
@@ -193,17 +188,12 @@ VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& rep
 }
 
 /// A body map without the vessels, in which a catheter's run is drawn.
-std::shared_ptr<const BodyMap> make_map_without_vessels(const OutlineFinder& body, ComputeDevice& device,
-                                                        Report& report, Progress& progress) {
+std::shared_ptr<const BodyMap> make_map_without_vessels(ComputeDevice& device, Report& report,
+                                                        Progress& progress) {
   return report.timed("body map without the vessels", [&] {
-    const Scan vessels = open_scan(report.file("vessels/mask.nrrd"), {}, progress);
-    WithoutVessels source(std::move(open_scan(report.file("thorax.nrrd"), {}, progress).source),
-                          collect(*vessels.source, progress));
-    OutlineFinder finder(source.geometry());
-    LoadTimings timings;
-    const ResidentScan scan = load(device, source, finder, timings, progress);
-    const MapGeometry geometry = body_map(scan.geometry(), kMapAngles, kFrameLayers, body);
-    auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map);
+    const auto open = [&](Progress& opening) { return open_scan(report.file("thorax.nrrd"), {}, opening); };
+    const CastRequest request{.layers = kFrameLayers, .without_vessels = report.file("vessels")};
+    auto map = std::make_shared<BodyMap>(cast(request, open, device, progress).map);
     map->source = "thorax phantom without vessels";
     write_body_map(*map, report.file("map-without-vessels.exr"));
     return std::shared_ptr<const BodyMap>(map);
@@ -352,17 +342,17 @@ void run_demo(const std::string& folder, Session& session) {
   });
   OutlineFinder body(volume.geometry(), {.finds_skin = true});
   body.add(volume.hu());
-  const ResidentScan scan =
-      report.timed("scan uploaded to the device", [&] { return upload(device, volume); });
+  const SpectralScan scan{report.timed("scan uploaded to the device", [&] { return upload(device, volume); }),
+                          {}};
   make_map(scan, body, 1, report, progress);
   report.picture("map-1.png", "Body map, one layer");
   show_inner_layers(make_map(scan, body, 8, report, progress), report);
   const auto layered = std::make_shared<const BodyMap>(make_map(scan, body, kFrameLayers, report, progress));
   for (const double angle_deg : kAngles_deg)
-    make_projection(scan, body.finish(), angle_deg, report, progress);
+    make_projection(scan.native, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
   const VesselTree tree = find_vessels(volume, device, report, progress);
-  const auto without_vessels = make_map_without_vessels(body, device, report, progress);
+  const auto without_vessels = make_map_without_vessels(device, report, progress);
   make_run(tree, without_vessels, report, progress);
   make_steering(tree, without_vessels, report, progress);
   report.finish();

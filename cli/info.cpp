@@ -109,7 +109,8 @@ void add_info(CLI::App& app, Session& session) {
       [options, &session] {
         Scan scan = open_scan(options->input, options->scan, session.progress);
         const auto hu = read_range(*scan.source, session.progress);
-        std::ranges::copy(warnings_of(*scan.source), std::back_inserter(scan.info.warnings));
+        for (const std::string& warning : hu.warnings())
+          scan.info.warnings.push_back(session.spelled(warning));
         const VolumeGeometry& geometry = scan.source->geometry();
         session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
       });

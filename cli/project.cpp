@@ -6,6 +6,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/projection_file.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -41,8 +42,8 @@ struct ProjectedPicture {
   FluoroscopyFrame frame;
 };
 
-ProjectedPicture project_drr(const SpectralScan& scan, const View& view,
-                             const std::variant<Opacity, Spectrum>& attenuation, Progress& progress) {
+ProjectedPicture project_drr(const SpectralScan& scan, const View& view, const Attenuation& attenuation,
+                             Progress& progress) {
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
   ProjectedPicture picture;
   picture.drr = spectrum ? project(scan, view, *spectrum, progress)
@@ -55,9 +56,8 @@ ProjectedPicture project_drr(const SpectralScan& scan, const View& view,
 }
 
 ProjectedPicture project_fluoroscopy(const SpectralScan& scan, const View& view,
-                                     const std::variant<Opacity, Spectrum>& attenuation,
-                                     const FluoroscopyOptions& options, const Session& session,
-                                     Progress& progress) {
+                                     const Attenuation& attenuation, const FluoroscopyOptions& options,
+                                     const Session& session, Progress& progress) {
   const auto expose = [&](const auto& rays, const WaterPath& path, double kernel_ms) {
     ProjectedPicture picture{view, kernel_ms, {}, Fluoroscope(options, view, path), {}};
     picture.fluoroscope->settle(rays);
@@ -76,7 +76,8 @@ ProjectedPicture project_fluoroscopy(const SpectralScan& scan, const View& view,
 
 void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
-  const auto attenuation = resolve(options.attenuation);
+  const Attenuation attenuation = attenuation_named(options.attenuation.opacity);
+  check_iodine(options.attenuation.iodine, attenuation);
   check_projection_format(options.output);
   check_shown(options.grey, options.output);
   auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
@@ -96,8 +97,9 @@ void project_scan(const ProjectArguments& options, Session& session) {
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
   const SpectralScan resident =
-      load(device, scan, options.attenuation, finder, load_timings, session.progress);
-  say_about_values(attenuation, *scan.source, session);
+      load(device, *scan.source, options.attenuation.iodine, finder, load_timings, session.progress);
+  session.say_about(*scan.source);
+  session.say(opacity_hints(attenuation, scan.source->hu_range()));
   const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
   const double top_mm = volume.upper_mm().z, bottom_mm = volume.lower_mm().z;

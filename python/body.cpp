@@ -3,95 +3,74 @@
 #include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
+#include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
-#include "xraycast/casting/body_fit.hpp"
-#include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/recast.hpp"
+#include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/camera.hpp"
 
-#include <algorithm>
+#include <filesystem>
+#include <nanobind/stl/filesystem.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/shared_ptr.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/variant.h>
 #include <nanobind/stl/vector.h>
 
 namespace xraycast::python {
 namespace {
 
-struct HeldBody {
-  std::shared_ptr<const BodyMap> map;
-};
-
 /// A basis, and its weights on the device once a map was made from them.
 struct HeldBasis {
   std::shared_ptr<const Basis> basis;
-  std::optional<RecastSession> session;
+  std::optional<RecastSession> session{};
 };
 
-struct CastArguments {
-  int layers, angles;
-  std::string outline;
+struct HeldBody {
+  std::shared_ptr<const BodyMap> map;
+  std::shared_ptr<HeldBasis> basis{};
+  std::vector<std::string> notes{};
 };
 
-/// The shells about the body, as on the command line by default; circles where they are asked for.
-MapGeometry geometry_of(const CastArguments& arguments, HeldScan& scan, const DeviceUse& device) {
-  const OutlineFinder& finder = scan.outline(device);
-  if (arguments.outline == "body")
-    return body_map(scan.geometry(), arguments.angles, arguments.layers, finder);
-  const BodyOutline& body = scan.body(device);
-  return cylinder_map(scan.geometry(), arguments.angles,
-                      shell_radii_mm(RadiiRule::equal_area, arguments.layers, body.radius_mm),
-                      body.centre_mm);
+std::shared_ptr<HeldBasis> held(Basis basis) {
+  return std::make_shared<HeldBasis>(HeldBasis{std::make_shared<const Basis>(std::move(basis))});
 }
 
-void check_cast(const CastArguments& arguments) {
-  if (arguments.outline != "body" && arguments.outline != "circle")
-    throw InputError("outline {}: must be body or circle", arguments.outline);
-  if (arguments.layers < 1 || arguments.layers > kMaxLayers)
-    throw InputError("layers {}: must be 1 to {}", arguments.layers, kMaxLayers);
+/// From the scan as it is on the device where that serves, else from its slices.
+Casting cast_held(HeldScan& scan, const CastRequest& request, Progress& progress) {
+  const DeviceUse device;
+  const auto open = [&](Progress&) {
+    return Scan{scan.info(), std::make_unique<VolumeSource>(*scan.volume())};
+  };
+  Casting casting = takes_resident(request, scan.geometry(), *device)
+                        ? cast(request, scan.resident(device), scan.outline(device, request.keep_table),
+                               scan.hu_range(), progress)
+                        : cast(request, open, *device, progress);
+  casting.describe(scan.source(), frame_of_reference_uid(scan.info()));
+  return casting;
 }
 
-std::string frame_of_reference(const HeldScan& scan) {
-  return scan.info().dicom ? scan.info().dicom->study.frame_of_reference_uid : "";
-}
-
-HeldBody cast_scan(HeldScan& scan, const CastArguments& arguments, const nb::object& opacity,
-                   const nb::object& progress) {
-  check_cast(arguments);
-  const Opacity chosen = opacity_of(opacity, "cast");
+HeldBody cast_scan(HeldScan& scan, const CastRequest& request, const nb::object& progress) {
   return result_of(progress, [&](Progress& reported) {
-    const DeviceUse device;
-    BodyMap map =
-        cast(scan.resident(device).native, geometry_of(arguments, scan, device), chosen, reported).map;
-    map.source = scan.source();
-    map.frame_of_reference_uid = frame_of_reference(scan);
-    return HeldBody{std::make_shared<const BodyMap>(std::move(map))};
+    Casting casting = cast_held(scan, request, reported);
+    if (!casting.left_out.empty()) casting.notes.push_back(casting.left_out);
+    for (std::string& note : casting.notes) note = with_arguments(note);
+    return HeldBody{std::make_shared<const BodyMap>(std::move(casting.map)),
+                    casting.basis ? held(std::move(*casting.basis)) : nullptr, std::move(casting.notes)};
   });
 }
 
-std::vector<double> basis_knots(const nb::object& knots, const nb::object& opacity) {
-  if (knots.is_none()) return useful_knots_hu(opacity_of(opacity, "cast_basis"));
-  std::vector<double> knots_hu = numbers_of(knots, "knots_hu").values;
-  validate_knots(knots_hu, "knots_hu");
-  return knots_hu;
+std::shared_ptr<HeldBasis> cast_basis(HeldScan& scan, CastRequest request, const nb::object& progress) {
+  request.makes_map = false;
+  if (!request.knots_hu) request.knots_hu.emplace();
+  check(request);
+  return result_of(progress,
+                   [&](Progress& reported) { return held(*cast_held(scan, request, reported).basis); });
 }
 
-HeldBasis cast_basis(HeldScan& scan, const CastArguments& arguments, const nb::object& knots,
-                     const nb::object& opacity, const nb::object& progress) {
-  check_cast(arguments);
-  const std::vector<double> knots_hu = basis_knots(knots, opacity);
-  return result_of(progress, [&](Progress& reported) {
-    const DeviceUse device;
-    Basis basis =
-        make_basis(scan.resident(device).native, geometry_of(arguments, scan, device), knots_hu, reported);
-    basis.source = scan.source();
-    basis.frame_of_reference_uid = frame_of_reference(scan);
-    return HeldBasis{std::make_shared<const Basis>(std::move(basis)), {}};
-  });
-}
-
-HeldBody recast(HeldBasis& basis, const nb::object& opacity, const nb::object& progress) {
+HeldBody recast(HeldBasis& basis, const OpacityArgument& opacity, const nb::object& progress) {
   const Opacity chosen = opacity_of(opacity, "recast");
   return result_of(progress, [&](Progress&) {
     const DeviceUse device;
@@ -100,14 +79,27 @@ HeldBody recast(HeldBasis& basis, const nb::object& opacity, const nb::object& p
   });
 }
 
-auto map_tau(const HeldBody& body) {
+/// (layers, rows, angles) of values of a map.
+auto map_array(const HeldBody& body, const std::vector<float>& values) {
   const MapGeometry& geometry = body.map->geometry;
-  if (body.map->spectrum) throw InputError("tau: this map holds the masses of materials, by a spectrum");
   return array_over<const float, 3>(
-      body.map->tau.data(),
+      values.data(),
       {static_cast<std::size_t>(geometry.layers()), static_cast<std::size_t>(geometry.height),
        static_cast<std::size_t>(geometry.width)},
       body.map);
+}
+
+auto map_tau(const HeldBody& body) {
+  if (body.map->spectrum)
+    throw InputError("tau: this map holds the masses of materials, by a spectrum; see masses_g_cm2");
+  return map_array(body, body.map->tau);
+}
+
+nb::dict map_masses(const HeldBody& body) {
+  nb::dict masses;
+  for (std::size_t i = 0; body.map->spectrum && i < kMaterials.size(); ++i)
+    masses[kMaterials[i].name] = nb::cast(map_array(body, body.map->depths[i]), kShared);
+  return masses;
 }
 
 FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const nb::object& progress) {
@@ -153,12 +145,10 @@ HeldBody read_map(nb::handle path, const nb::object& progress) {
   });
 }
 
-HeldBasis read_basis_file(nb::handle path, const nb::object& progress) {
+std::shared_ptr<HeldBasis> read_basis_file(nb::handle path, const nb::object& progress) {
   const std::string file = path_of(path);
   return result_of(progress, [&](Progress& reported) {
-    return whole(reported, "reading", [&] {
-      return HeldBasis{std::make_shared<const Basis>(read_basis(file)), {}};
-    });
+    return whole(reported, "reading", [&] { return held(read_basis(file)); });
   });
 }
 
@@ -195,7 +185,19 @@ void add_body(nb::module_& module) {
       .def_prop_ro(
           "radii_mm", [](const HeldBody& b) { return b.map->geometry.radii_mm; },
           "The shells' edges, innermost first, mm; layers + 1 of them.")
-      .def_prop_ro("opacity", [](const HeldBody& b) { return b.map->opacity; })
+      .def_prop_ro("masses_g_cm2", map_masses,
+                   "Of a map by a spectrum, which has no tau: what the rays meet in each shell, of `water`, "
+                   "`bone` and "
+                   "`iodine`, g/cm2, arrays as tau; empty for other maps.")
+      .def_prop_ro(
+          "opacity",
+          [](const HeldBody& b) { return b.map->spectrum ? std::nullopt : std::optional(b.map->opacity); },
+          "None of a map by a spectrum.")
+      .def_prop_ro(
+          "basis", [](const HeldBody& b) { return b.basis; }, "The Basis, where cast() was given knots_hu.")
+      .def_prop_ro(
+          "notes", [](const HeldBody& b) { return text_objects(b.notes); },
+          "What cast() chose, left out or advises.")
       .def(
           "render",
           [](const HeldBody& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
@@ -236,33 +238,81 @@ void add_basis(nb::module_& module) {
       });
 }
 
+using Radii = std::variant<std::string, std::vector<double>>;
+using Centre = std::variant<HeldTree, std::vector<double>>;
+using Path = std::filesystem::path;
+
+/// Adds a method of Scan that makes something of a request, by all of its arguments.
+template <typename Make>
+void def_cast(nb::class_<HeldScan>& scan, const char* name, Make make, const std::string& purpose) {
+  const auto call =
+      [make](HeldScan& self, std::optional<int> layers, std::optional<int> angles,
+             const OpacityArgument& opacity, const std::optional<std::string>& outline,
+             const std::string& projection, std::optional<int> views, const std::optional<Radii>& radii,
+             std::optional<double> radius_mm, const std::optional<Centre>& centre_mm,
+             const std::optional<Path>& centre_line, bool keep_table, const std::optional<Path>& iodine,
+             const std::optional<Path>& without_vessels, std::optional<std::int64_t> memory_limit_B,
+             const std::optional<std::vector<double>>& knots_hu, const nb::object& progress) {
+        CastRequest request{.projection = parse_projection(projection),
+                            .layers = layers,
+                            .angles = angles,
+                            .views = views,
+                            .radius_mm = radius_mm,
+                            .centre_line = centre_line.value_or("").string(),
+                            .keep_table = keep_table,
+                            .opacity = attenuation_of(opacity),
+                            .iodine = iodine.value_or(""),
+                            .without_vessels = without_vessels.value_or(""),
+                            .memory_limit_B = memory_limit_B,
+                            .knots_hu = knots_hu};
+        if (outline) request.outline = parse_shell_outline(*outline);
+        if (const auto* rule = radii ? std::get_if<std::string>(&*radii) : nullptr)
+          request.radii = parse_radii_rule(*rule);
+        else if (radii)
+          request.radii = std::get<std::vector<double>>(*radii);
+        if (const auto* vessels = centre_mm ? std::get_if<HeldTree>(&*centre_mm) : nullptr)
+          request.centre_mm = centre_of(*vessels->tree, request.projection);
+        else if (centre_mm)
+          request.centre_mm = std::get<std::vector<double>>(*centre_mm);
+        check(request);
+        return make(self, std::move(request), progress);
+      };
+  const std::string doc = purpose +
+                          R"(
+
+layers: concentric shells; default 1.  angles: rays per turn; default 360.
+projection: `cylinder`, rays outwards from an axis; `sphere`, from a point; `rectangle`, parallel, with as many
+pictures over 180 deg as `views`; default 36.
+radii: `near-skin` (default), `equal-area` (default for circles), `equal-thickness`, or all edges in mm, innermost
+first; with a body's outline, numbers up to 1 are fractions of it.
+radius_mm: the outermost radius, which also limits the outline; default: encloses the body.
+centre_mm: of the axis (x, y) or sphere (x, y, z), LPS, or the VesselTree whose centroid it is; default: the body's.
+centre_line: a file of x,y,z in mm, or of a vessel tree, which the axis follows.
+outline: `body`: the shells follow the body's outline, without the table; `circle`: they are circles; default: the
+body's, or circles if no body is found.  keep_table: the outline encloses everything, including the table.
+opacity: as in project; a map by a spectrum holds masses_g_cm2.  iodine: with a spectrum, a file with a mask of
+vessels, in which voxels brighter than blood count as iodine.
+without_vessels: the folder of `xraycast segment`; the contrast agent is removed from its vessels.
+memory_limit_B: larger scans are cast slab by slab; default: the device's largest buffer.
+knots_hu: CT numbers at which the slope of other opacities may change, at most 64, for a basis; [] are the knots of
+`opacity` and a standard set.)";
+  scan.def(name, call, nb::arg("layers") = nb::none(), nb::arg("angles") = nb::none(), nb::kw_only(),
+           nb::arg("opacity") = "paper", nb::arg("outline") = nb::none(), nb::arg("projection") = "cylinder",
+           nb::arg("views") = nb::none(), nb::arg("radii") = nb::none(), nb::arg("radius_mm") = nb::none(),
+           nb::arg("centre_mm") = nb::none(), nb::arg("centre_line") = nb::none(),
+           nb::arg("keep_table") = false, nb::arg("iodine") = nb::none(),
+           nb::arg("without_vessels") = nb::none(), nb::arg("memory_limit_B") = nb::none(),
+           nb::arg("knots_hu") = nb::none(), nb::arg("progress") = nb::none(), doc.c_str());
+}
+
 }  // namespace
 
 void add_casting(nb::module_& module, nb::class_<HeldScan>& scan) {
-  add_body(module);
   add_basis(module);
-  scan.def(
-          "cast",
-          [](HeldScan& self, int layers, int angles, const nb::object& opacity, const std::string& outline,
-             const nb::object& progress) {
-            return cast_scan(self, {layers, angles, outline}, opacity, progress);
-          },
-          nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("opacity") = "paper",
-          nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
-          "Casts the scan into a BodyMap of concentric layers.\n\n"
-          "angles: rays per turn.  outline: `body`: the shells follow the body's outline, without the "
-          "table; `circle`: they are circles.")
-      .def(
-          "cast_basis",
-          [](HeldScan& self, int layers, int angles, const nb::object& knots_hu, const nb::object& opacity,
-             const std::string& outline, const nb::object& progress) {
-            return cast_basis(self, {layers, angles, outline}, knots_hu, opacity, progress);
-          },
-          nb::arg("layers") = 1, nb::arg("angles") = 360, nb::kw_only(), nb::arg("knots_hu") = nb::none(),
-          nb::arg("opacity") = "paper", nb::arg("outline") = "body", nb::arg("progress") = nb::none(),
-          "The Basis from which maps with other opacities are recast.\n\n"
-          "knots_hu: CT numbers at which their slope may change, at most 64; default: those of `opacity` "
-          "and a standard set.");
+  add_body(module);
+  def_cast(scan, "cast", cast_scan,
+           "Casts the scan into a BodyMap of concentric layers, with a basis where knots_hu is given.");
+  def_cast(scan, "cast_basis", cast_basis, "The Basis from which maps with other opacities are recast.");
 }
 
 }  // namespace xraycast::python

@@ -7,7 +7,6 @@
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/field_names.hpp"
 #include "xraycast/base/printable.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 
@@ -21,10 +20,7 @@ namespace {
 
 void set_error(const char* name, const std::exception& error) {
   const nb::object type = nb::module_::import_("xraycast._errors").attr(name);
-  // Arguments have the names of the requests' fields.
-  const std::string message =
-      with_names(error.what(), [](std::string_view field) { return std::string(field); });
-  PyErr_SetObject(type.ptr(), text_object(printable_line(message)).ptr());
+  PyErr_SetObject(type.ptr(), text_object(printable_line(with_arguments(error.what()))).ptr());
 }
 
 /// The one place where the library's errors become Python's.

@@ -3,7 +3,9 @@
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 
+#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/variant.h>
 
 namespace xraycast::python {
 namespace {
@@ -26,17 +28,15 @@ nb::list knots_of(const Opacity& opacity) {
 
 }  // namespace
 
-Attenuation attenuation_of(const nb::object& opacity) {
-  if (nb::isinstance<Opacity>(opacity)) return nb::cast<Opacity>(opacity);
-  const std::string name = path_of(opacity), prefix = "spectrum:";
-  if (name.starts_with(prefix)) return Spectrum::named(name.substr(prefix.size()));
-  return Opacity::named(name);
+Attenuation attenuation_of(const OpacityArgument& opacity) {
+  if (const auto* given = std::get_if<Opacity>(&opacity)) return *given;
+  return attenuation_named(std::get<std::filesystem::path>(opacity).string());
 }
 
-Opacity opacity_of(const nb::object& opacity, const char* call) {
+Opacity opacity_of(const OpacityArgument& opacity, const char* call) {
   const Attenuation attenuation = attenuation_of(opacity);
   if (const auto* chosen = std::get_if<Opacity>(&attenuation)) return *chosen;
-  throw InputError("opacity {}: {} takes no spectrum; the command `xraycast cast` does",
+  throw InputError("opacity {}: {} takes no spectrum; give an opacity",
                    std::get<Spectrum>(attenuation).name(), call);
 }
 
@@ -51,7 +51,7 @@ void add_opacity(nb::module_& module) {
           },
           nb::arg("knots"), nb::arg("name") = "custom")
       .def_static(
-          "named", [](const nb::object& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
+          "named", [](const OpacityArgument& name) { return opacity_of(name, "Opacity"); }, nb::arg("name"),
           "The opacity `paper`, `bilinear` or `subtracted`, or that of a JSON file.")
       .def_prop_ro("name", [](const Opacity& o) { return text_object(o.name()); })
       .def_prop_ro("knots", knots_of, "[(HU, mu in 1/mm), ...]")

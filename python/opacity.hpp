@@ -1,8 +1,8 @@
 #pragma once
 
-#include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
 
+#include <filesystem>
 #include <nanobind/nanobind.h>
 #include <variant>
 
@@ -10,13 +10,14 @@ namespace xraycast::python {
 
 namespace nb = nanobind;
 
-using Attenuation = std::variant<Opacity, Spectrum>;
+/// An Opacity, or the name or file of one, or `spectrum:KVP`.
+using OpacityArgument = std::variant<Opacity, std::filesystem::path>;
 
-/// An Opacity, or the name or file of one, or `spectrum:KVP`. Throws InputError.
-Attenuation attenuation_of(const nb::object& opacity);
+/// Throws InputError.
+Attenuation attenuation_of(const OpacityArgument& opacity);
 
 /// The same without spectra, for what `call` makes.
-Opacity opacity_of(const nb::object& opacity, const char* call);
+Opacity opacity_of(const OpacityArgument& opacity, const char* call);
 
 void add_opacity(nb::module_& module);
 

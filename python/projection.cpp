@@ -5,7 +5,9 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
 
+#include <nanobind/stl/filesystem.h>
 #include <nanobind/stl/string.h>
+#include <nanobind/stl/variant.h>
 #include <variant>
 
 namespace xraycast::python {
@@ -65,7 +67,7 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
   return depths;
 }
 
-FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const nb::object& opacity,
+FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const OpacityArgument& opacity,
                            bool has_gradient, const nb::object& progress) {
   const Attenuation attenuation = attenuation_of(opacity);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
@@ -84,8 +86,8 @@ void add_projection(nb::class_<HeldScan>& scan) {
   scan.def(
       "project",
       [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-         nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt, const nb::object& opacity,
-         bool gradient, const nb::object& progress) {
+         nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt,
+         const OpacityArgument& opacity, bool gradient, const nb::object& progress) {
         return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
                             gradient, progress);
       },

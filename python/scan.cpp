@@ -3,6 +3,7 @@
 #include "job.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
@@ -26,8 +27,11 @@ void warn(const ScanInfo& info) {
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
   Volume volume = collect(*scan.source, progress, name);
   ScanInfo info = scan.info;
-  std::ranges::copy(scan.source->hu_range().warnings(), std::back_inserter(info.warnings));
-  return {std::move(volume), std::move(info), fmt::format("{} {}", scan.info.format, name)};
+  for (const std::string& warning : scan.source->hu_range().warnings())
+    info.warnings.push_back(with_names(warning, [](std::string_view field) { return std::string(field); }));
+  HeldScan held(std::move(volume), std::move(info), fmt::format("{} {}", scan.info.format, name));
+  held.set_hu_range(scan.source->hu_range());
+  return held;
 }
 
 HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object& progress) {
@@ -200,13 +204,14 @@ const SpectralScan& HeldScan::resident(const DeviceUse& device) {
   return *resident_;
 }
 
-const OutlineFinder& HeldScan::outline(const DeviceUse&) {
-  if (!outline_) {
-    OutlineFinder finder(geometry(), {.finds_skin = true});
+const OutlineFinder& HeldScan::outline(const DeviceUse&, bool keeps_table) {
+  std::optional<OutlineFinder>& outline = outlines_[keeps_table ? 1 : 0];
+  if (!outline) {
+    OutlineFinder finder(geometry(), {.finds_skin = true, .keeps_table = keeps_table});
     finder.add(std::as_const(*volume_).hu());
-    outline_.emplace(std::move(finder));
+    outline.emplace(std::move(finder));
   }
-  return *outline_;
+  return *outline;
 }
 
 const BodyOutline& HeldScan::body(const DeviceUse& device) {

@@ -39,6 +39,10 @@ class HeldScan {
     source_ = std::move(source);
   }
 
+  /// Of its voxels before clamping; {0, 0} where that is unknown.
+  const SliceSource::HuRange& hu_range() const { return hu_range_; }
+  void set_hu_range(const SliceSource::HuRange& range) { hu_range_ = range; }
+
   /// For pickles; none for a scan that was not read from a file.
   const std::optional<ScanFile>& file() const { return file_; }
   void set_file(ScanFile file) { file_ = std::move(file); }
@@ -46,17 +50,18 @@ class HeldScan {
   /// Throws DeviceError when the device has not enough memory.
   const SpectralScan& resident(const DeviceUse& device);
 
-  /// Of the body, with its skin.
-  const OutlineFinder& outline(const DeviceUse& device);
+  /// Of the body, with its skin, or of everything.
+  const OutlineFinder& outline(const DeviceUse& device, bool keeps_table = false);
   const BodyOutline& body(const DeviceUse& device);
 
  private:
   std::shared_ptr<Volume> volume_;
   ScanInfo info_;
   std::string source_;
+  SliceSource::HuRange hu_range_;
   std::optional<ScanFile> file_;
   std::optional<SpectralScan> resident_;
-  std::optional<OutlineFinder> outline_;
+  std::optional<OutlineFinder> outlines_[2];  ///< without and with the table
   std::optional<BodyOutline> body_;
 };
 

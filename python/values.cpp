@@ -1,6 +1,7 @@
 #include "values.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/field_names.hpp"
 
 #include <cmath>
 
@@ -73,6 +74,10 @@ nb::typed<nb::list, nb::str> text_objects(const std::vector<std::string>& lines)
   nb::typed<nb::list, nb::str> list;
   for (const std::string& line : lines) list.append(text_object(line));
   return list;
+}
+
+std::string with_arguments(std::string_view message) {
+  return with_names(message, [](std::string_view field) { return std::string(field); });
 }
 
 nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message) {

@@ -43,6 +43,9 @@ std::string path_of(nb::handle object);
 nb::str text_object(std::string_view text);
 nb::typed<nb::list, nb::str> text_objects(const std::vector<std::string>& lines);
 
+/// A request's message as Python names it: arguments have the names of the fields.
+std::string with_arguments(std::string_view message);
+
 /// numpy.asarray(object, dtype, "C"). Throws InputError with `message` for what NumPy takes for no array.
 nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message);
 

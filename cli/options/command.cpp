@@ -57,13 +57,15 @@ void check_outputs_apart(const CLI::App& command) {
   }
 }
 
-/// The option that sets a field of a request: `radius_mm` is --radius. Empty where the command has none.
+/// The option that sets a field of a request: `offset_hu` is --offset-hu, `radius_mm` is --radius. Empty
+/// where the command has none.
 std::string option_of(const CLI::App& command, std::string_view field) {
   std::string name(field);
-  for (const std::string_view unit : {"_mm", "_hu", "_deg", "_mg_ml", "_ml", "_s", "_B"})
-    if (name.ends_with(unit)) name.resize(name.size() - unit.size());
   std::ranges::replace(name, '_', '-');
   name.insert(0, "--");
+  if (command.get_option_no_throw(name)) return name;
+  for (const std::string_view unit : {"-mm", "-hu", "-deg", "-mg-ml", "-ml", "-s", "-B"})
+    if (name.ends_with(unit)) name.resize(name.size() - unit.size());
   return command.get_option_no_throw(name) ? name : "";
 }
 
@@ -74,9 +76,13 @@ std::string with_options(const CLI::App& command, std::string_view message) {
 
 }  // namespace
 
+std::string Session::spelled(const std::string& message) const {
+  return command ? with_options(*command, message) : message;
+}
+
 void Session::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
-  for (const std::string& line : lines) log_to_stderr(command ? with_options(*command, line) : line);
+  for (const std::string& line : lines) log_to_stderr(spelled(line));
 }
 
 void Session::say_about(const ScanInfo& scan) const {
@@ -84,7 +90,7 @@ void Session::say_about(const ScanInfo& scan) const {
   say(scan.notes);
 }
 
-void Session::say_about(const SliceSource& voxels) const { say(warnings_of(voxels)); }
+void Session::say_about(const SliceSource& voxels) const { say(voxels.hu_range().warnings()); }
 
 void Session::answer(const Json& result, const std::string& text) const {
   // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
@@ -118,14 +124,6 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 
 void add_scan_argument(CLI::App& command, std::string& input) {
   command.add_option("INPUT", input, "The scan: a folder or a file (see `xraycast info`)")->required();
-}
-
-std::vector<std::string> warnings_of(const SliceSource& voxels) {
-  constexpr std::string_view kField = "offset_hu";
-  std::vector<std::string> lines = voxels.hu_range().warnings();
-  for (std::string& line : lines)
-    if (const auto at = line.find(kField); at != std::string::npos) line.replace(at, kField.size(), kOffset);
-  return lines;
 }
 
 void add_scan_options(CLI::App& command, ScanOptions& options) {
@@ -200,10 +198,6 @@ void check_folder(const std::filesystem::path& folder, std::initializer_list<con
   if (access(above.c_str(), W_OK | X_OK) != 0)
     throw InputError("{}: the folder cannot be created in {}: {}", name, above.string(),
                      std::strerror(errno));
-}
-
-std::string frame_of_reference_uid(const ScanInfo& scan) {
-  return scan.dicom ? scan.dicom->study.frame_of_reference_uid : "";
 }
 
 Json to_json(const VolumeGeometry& geometry) {

@@ -26,11 +26,14 @@ struct Session {
   Progress progress;
   std::function<void()> job;
   const CLI::App* command = nullptr;  ///< the chosen subcommand
-  bool is_ended_by_signal = false;  ///< the job, as it should be: nothing was cancelled
+  bool is_ended_by_signal = false;    ///< the job, as it should be: nothing was cancelled
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
-  /// Prints each line on stderr, unless --quiet. Fields of requests are named as options.
+  /// A request's message, in which fields are named as options.
+  std::string spelled(const std::string& message) const;
+
+  /// Prints each line, spelled, on stderr, unless --quiet.
   void say(const std::vector<std::string>& lines) const;
 
   /// The same of a scan that was opened: its warnings, then its notes.
@@ -52,9 +55,6 @@ CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, 
 
 /// INPUT, the scan to read.
 void add_scan_argument(CLI::App& command, std::string& input);
-
-/// What to check in a scan's voxels, one line each, once they are read.
-std::vector<std::string> warnings_of(const SliceSource& voxels);
 
 /// --series, --keep-slices, --skip-damaged and --offset-hu.
 void add_scan_options(CLI::App& command, ScanOptions& options);
@@ -99,9 +99,6 @@ void make_frames_folder(const std::filesystem::path& folder, const std::string& 
 /// folder cannot be created, and as check_writable when one of the files cannot be written. Creates nothing.
 void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
                   const std::string& name);
-
-/// Of a DICOM series; empty where it is unknown.
-std::string frame_of_reference_uid(const ScanInfo& scan);
 
 /// {"size", "spacing_mm", "origin_mm"}.
 Json to_json(const VolumeGeometry& geometry);

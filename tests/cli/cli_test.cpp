@@ -403,7 +403,7 @@ const BadCall kBadCalls[] = {
      [](const TemporaryFolder& f) { write_bytes(f / "mu.json", R"({"knots": [[0, -1]]})"); }},
 
     // The map.
-    {"LayersZero", "cast @/ct.nii -o @/out.exr --layers 0", 3, "layers is 0, but must be 1 to 256"},
+    {"LayersZero", "cast @/ct.nii -o @/out.exr --layers 0", 3, "--layers 0: must be 1 to 256"},
     {"RadiusZero", "cast @/ct.nii -o @/out.exr --radius 0", 3, "radius is 0 mm"},
     {"RadiusOfTwoNumbers", "cast @/ct.nii -o @/out.exr --radius 3,4", 3, "one number in mm"},
     {"AnglesBelowZero", "cast @/ct.nii -o @/out.exr --angles -5", 3, "-5 angles"},

@@ -127,7 +127,7 @@ TEST(BodyFit, OfASphereEnclosesTheBodyInEveryDirection) {
 TEST(BodyFit, OfABodyThatTouchesTheFieldOnAllSidesIsTheField) {
   const Volume volume = make([](const glm::dvec3&) { return true; });
   const OutlineFinder finder = seen(volume);
-  const MapGeometry map = body_map(volume.geometry(), 360, 4, finder);
+  const MapGeometry map = fit_to_body(circles(volume, finder), finder);
   const double half_mm = 100 * kSpacing_mm;  // to the last voxels' faces, where the scan ends
   for (const glm::dvec3& border :
        {glm::dvec3(half_mm, 0, 40), glm::dvec3(-half_mm, 20, 40), glm::dvec3(60, half_mm, 0),

@@ -180,7 +180,7 @@ TEST(ScanValues, ThatAreHuAnd1024AreRecognisedByTheirHistogram) {
         write_shorts(folder / "a.mha", values, 1024, 0);
         const ReadScan stored = read_scan(folder / "a.mha");
         EXPECT_THAT(stored.hu_range.warnings(),
-                    ElementsAre(HasSubstr("seem to be HU + 1024; if they are, give offset_hu -1024")));
+                    ElementsAre(HasSubstr("seem to be HU + 1024; if they are, give `offset_hu` -1024")));
         EXPECT_FALSE(stored.hu_range.is_subtracted());
 
         const ReadScan mended = read_scan(folder / "a.mha", {.series = "", .offset_hu = -1024});

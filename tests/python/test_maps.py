@@ -54,11 +54,61 @@ def test_maps_and_bases_are_written_and_read(body, tmp_path):
 @pytest.mark.parametrize("arguments, words", [
     (dict(layers=0), "layers"), (dict(layers=5000), "layers 5000: must be 1 to 256"), (dict(outline="square"), "outline"),
     (dict(angles=0), "angles"),
-    (dict(opacity="spectrum:80"), "spectrum"),
 ])
 def test_arguments_that_make_no_map_are_rejected(body, arguments, words):
     with pytest.raises(xc.InputError, match=words):
         body.cast(**arguments)
+
+
+def test_a_cast_takes_every_choice_of_the_command_line(body, tmp_path):
+    sphere = body.cast(layers=2, angles=60, projection="sphere", centre_mm=body.centre_mm, radius_mm=150)
+    assert sphere.tau.shape == (2, 30, 60)
+    rectangle = body.cast(projection="rectangle", views=3, radius_mm=np.float32(150))
+    assert rectangle.tau.shape[0] == 3
+    circles = body.cast(outline="circle", radii=np.array([0, 20, 30.5]), centre_mm=[-3.5, 2])
+    assert circles.radii_mm == [0, 20, 30.5] and circles.notes == []
+    assert body.cast(layers=4, radii="equal-thickness", outline="circle", radius_mm=100).radii_mm == [0, 25, 50, 75, 100]
+    assert body.cast(keep_table=True).radii_mm[-1] >= body.cast().radii_mm[-1]
+    (tmp_path / "line.csv").write_text("0,0,-400\n5,0,400\n")
+    assert body.cast(centre_line=tmp_path / "line.csv").tau.shape == body.cast().tau.shape
+    tree = xc.VesselTree([([(10, 20, 0, 2), (10, 20, 30, 2)], -1)])
+    assert np.array_equal(body.cast(centre_mm=tree).tau, body.cast(centre_mm=(10, 20)).tau)
+    with pytest.raises(TypeError):
+        body.cast(layers="many")
+
+
+def test_a_cast_by_slabs_is_the_same_map(body):
+    slabs = body.cast(layers=2, memory_limit_B=1_500_000)
+    assert np.array_equal(slabs.tau, body.cast(layers=2).tau)
+    with pytest.raises(xc.InputError, match="raise memory_limit_B"):
+        body.cast_basis(memory_limit_B=1_500_000)
+
+
+def test_a_cast_says_what_its_outline_leaves_out(body):
+    assert body.cast().notes == ["left out: everything outside the outline; keep_table includes the table"]
+
+
+def test_a_map_has_its_basis_where_knots_are_given(body):
+    assert body.cast().basis is None
+    map_ = body.cast(layers=2, knots_hu=[])
+    assert map_.basis.knots_hu == body.cast_basis(layers=2).knots_hu
+    assert map_.basis.recast("bilinear").opacity.name == "bilinear"
+
+
+def test_a_map_by_a_spectrum_holds_masses_and_is_drawn(body):
+    map_ = body.cast(layers=16, opacity="spectrum:80")
+    masses = map_.masses_g_cm2
+    assert list(masses) == ["water", "bone", "iodine"] and map_.opacity is None
+    assert masses["water"].shape == (16, body.hu.shape[0], 360) and masses["water"].dtype == np.float32
+    assert masses["water"].max() > 1 and masses["bone"].max() > 0.1 and not masses["iodine"].any()
+    with pytest.raises(xc.InputError, match="masses_g_cm2"):
+        map_.tau
+    view = dict(lao=30, size=(120, 90), pixel_mm=4, centre_mm=body.centre_mm)
+    frame, drr = np.asarray(map_.render(**view)), np.asarray(body.project(opacity="spectrum:80", **view))
+    assert np.corrcoef(frame.ravel(), drr.ravel())[0, 1] > 0.98  # as of an opacity
+    assert map_._repr_png_().startswith(b"\x89PNG")
+    assert pickle.loads(pickle.dumps(map_)).masses_g_cm2["bone"].max() == masses["bone"].max()
+    assert body.cast().masses_g_cm2 == {}
 
 
 def test_opacities():

@@ -25,7 +25,7 @@ bool wait_for_drr(DrrComparison& drrs, std::chrono::seconds limit = std::chrono:
 
 TEST(DrrComparison, ProjectsWhatWasRequestedAndComparesFramesToIt) {
   const auto scan = std::make_shared<OpenedFiles::ScanOnDevice>("");
-  scan->scan.emplace(upload(scan->device, textured_volume({30, 30, 20}, {1, 1, 1})));
+  scan->scan = SpectralScan{upload(scan->device, textured_volume({30, 30, 20}, {1, 1, 1})), {}};
   DrrComparison drrs([] {});
   EXPECT_EQ(drrs.latest(), nullptr);
 

@@ -155,6 +155,12 @@ Spectrum Spectrum::named(const std::string& kvp_or_file) {
   return with_remedy(kvp_or_file, "correct the file", [&] { return read_columns(kvp_or_file); });
 }
 
+Attenuation attenuation_named(const std::string& name_or_file) {
+  const std::string prefix = "spectrum:";
+  if (name_or_file.starts_with(prefix)) return Spectrum::named(name_or_file.substr(prefix.size()));
+  return Opacity::named(name_or_file);
+}
+
 Spectrum tube_spectrum(int tube_kv, const BeamFilter& added) {
   if (tube_kv < kLowestTube_kv || tube_kv > kHighestTube_kv)
     throw InputError("{} kVp: the tube model is valid from {} to {} kVp; choose a voltage in this range",

@@ -1,10 +1,12 @@
 #pragma once
 
 #include "xraycast/attenuation/materials.hpp"
+#include "xraycast/attenuation/opacity.hpp"
 
 #include <array>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace xraycast {
@@ -50,6 +52,12 @@ class Spectrum {
   std::string name_;
   std::vector<Bin> bins_;
 };
+
+/// What a scan's voxels do to X-rays.
+using Attenuation = std::variant<Opacity, Spectrum>;
+
+/// Opacity::named, or Spectrum::named after `spectrum:`.
+Attenuation attenuation_named(const std::string& name_or_file);
 
 /// The attenuation of a spectrum as measured by a detector that absorbs the whole energy of every photon,
 /// which fluoroscopy detectors approximate: they integrate energy and do not count photons. Without scatter.

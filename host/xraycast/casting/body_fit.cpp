@@ -169,10 +169,4 @@ MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder)
   return with_outline(circles, std::move(extents).mm());
 }
 
-MapGeometry body_map(const VolumeGeometry& volume, int angles, int layers, const OutlineFinder& finder) {
-  const BodyOutline body = finder.finish();
-  const auto radii_mm = shell_radii_mm(RadiiRule::near_skin, layers, body.radius_mm);
-  return fit_to_body(cylinder_map(volume, angles, radii_mm, body.centre_mm), finder);
-}
-
 }  // namespace xraycast

@@ -13,8 +13,4 @@ namespace xraycast {
 /// Throws InputError when nothing lies within the circle.
 MapGeometry fit_to_body(const MapGeometry& circles, const OutlineFinder& finder);
 
-/// The cylinder map of a scan's body about its centroid, in shells that follow it (RadiiRule::near_skin).
-/// Throws InputError as OutlineFinder::finish and cylinder_map do.
-MapGeometry body_map(const VolumeGeometry& volume, int angles, int layers, const OutlineFinder& finder);
-
 }  // namespace xraycast

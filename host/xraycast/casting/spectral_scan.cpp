@@ -1,6 +1,8 @@
 #include "xraycast/casting/spectral_scan.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
+#include "xraycast/scan/scan.hpp"
 
 #include <algorithm>
 
@@ -35,6 +37,25 @@ SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels
   SpectralScan resident{upload(device, native), upload(device, enhancement)};
   timings.upload_ms = uploading.ms();
   return resident;
+}
+
+SpectralScan load(ComputeDevice& device, SliceSource& scan, const std::filesystem::path& iodine,
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress) {
+  if (iodine.empty()) return {load(device, scan, finder, timings, progress), {}};
+  const Scan vessels = open_scan(iodine, {}, progress);
+  check_mask_grid(vessels.source->geometry(), scan.geometry(), "`iodine` " + iodine.string());
+  return load(device, scan, *vessels.source, finder, timings, progress);
+}
+
+void check_iodine(const std::filesystem::path& iodine, const Attenuation& attenuation) {
+  if (!iodine.empty() && !std::holds_alternative<Spectrum>(attenuation))
+    throw InputError("`iodine` {}: needs a spectrum; add `opacity` spectrum:KVP", iodine.string());
+}
+
+std::vector<std::string> opacity_hints(const Attenuation& attenuation, const SliceSource::HuRange& hu) {
+  const auto* opacity = std::get_if<Opacity>(&attenuation);
+  if (!opacity || *opacity != Opacity::paper() || !hu.is_subtracted()) return {};
+  return {"no voxel is below 0 HU; if this is a subtracted CT angiogram, use `opacity` subtracted"};
 }
 
 CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spectrum& spectrum,

@@ -5,7 +5,9 @@
 #include "xraycast/casting/projector.hpp"
 #include "xraycast/opencl/resident_scan.hpp"
 
+#include <filesystem>
 #include <optional>
+#include <string>
 
 namespace xraycast {
 
@@ -21,6 +23,17 @@ struct SpectralScan {
 /// grid.
 SpectralScan load(ComputeDevice& device, SliceSource& scan, SliceSource& vessels, OutlineFinder& finder,
                   LoadTimings& timings, Progress& progress);
+
+/// The same of a mask in a file, or of none where `iodine` is empty: the scan is then not held in the host's
+/// memory.
+SpectralScan load(ComputeDevice& device, SliceSource& scan, const std::filesystem::path& iodine,
+                  OutlineFinder& finder, LoadTimings& timings, Progress& progress);
+
+/// Throws InputError where a mask of iodine goes with an opacity.
+void check_iodine(const std::filesystem::path& iodine, const Attenuation& attenuation);
+
+/// Suggests the opacity `subtracted` for a scan that has no voxel below water; empty otherwise.
+std::vector<std::string> opacity_hints(const Attenuation& attenuation, const SliceSource::HuRange& hu);
 
 /// A spectrum map: the masses of kMaterials along the rays of `geometry`. Otherwise as `cast` of an opacity,
 /// with a stage "casting" for each material.

@@ -59,6 +59,11 @@ struct ScanInfo {
   }
 };
 
+/// Of a DICOM series; empty where it is unknown.
+inline std::string frame_of_reference_uid(const ScanInfo& scan) {
+  return scan.dicom ? scan.dicom->study.frame_of_reference_uid : "";
+}
+
 /// How to open a scan.
 struct ScanOptions {
   std::string series;         ///< DICOM: its number, or part of its description or UID; empty: the best CT

@@ -20,8 +20,7 @@ std::vector<std::string> SliceSource::HuRange::warnings() const {
   if (is_shifted)
     lines.emplace_back(
         "no value is below 0 and soft tissue lies about 1024, so the values seem to be HU + 1024; if they "
-        "are, "
-        "give offset_hu -1024");
+        "are, give `offset_hu` -1024");
   return lines;
 }
 

@@ -12,7 +12,7 @@ DrrComparison::DrrComparison(const std::function<void()>& request_redraw)
           [](const Projection& wanted) {
             Progress progress;
             return std::make_shared<const ProjectionImage>(
-                project(*wanted.scan->scan, wanted.view, wanted.opacity, progress));
+                project(wanted.scan->scan->native, wanted.view, wanted.opacity, progress));
           },
           request_redraw),
       comparing_(

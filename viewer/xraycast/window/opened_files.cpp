@@ -1,8 +1,7 @@
 #include "xraycast/window/opened_files.hpp"
 
 #include "xraycast/casting/basis_file.hpp"
-#include "xraycast/casting/body_fit.hpp"
-#include "xraycast/casting/caster.hpp"
+#include "xraycast/requests/cast_request.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/same_scan.hpp"
@@ -19,35 +18,32 @@ void check_scan(const OpenedFiles& opened, const VolumeGeometry& scan) {
     check_same_scan(opened.map->geometry, opened.session.map.string(), scan, opened.session.scan.string());
 }
 
-/// The parameters of a map of a scan.
-struct CastParameters {
+/// What was seen of a scan on its way to the device.
+struct SeenScan {
   OutlineFinder body;
-  Opacity opacity;
+  SliceSource::HuRange hu;
 };
 
 /// Uploads the scan to a device.
-CastParameters load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
+SeenScan load_scan(OpenedFiles& opened, const std::string& device, Progress& progress) {
   const Scan scan = open_scan(opened.session.scan, {}, progress);
   opened.warnings = scan.info.warnings;
   check_scan(opened, scan.source->geometry());
   OutlineFinder finder(scan.source->geometry(), {.finds_skin = true});
   LoadTimings timings;
   opened.scan = std::make_shared<OpenedFiles::ScanOnDevice>(device);
-  opened.scan->scan.emplace(load(opened.scan->device, *scan.source, finder, timings, progress));
+  opened.scan->scan = SpectralScan{load(opened.scan->device, *scan.source, finder, timings, progress), {}};
   std::ranges::copy(scan.source->hu_range().warnings(), std::back_inserter(opened.warnings));
-  const bool is_subtracted = scan.source->hu_range().is_subtracted();
-  return {std::move(finder), is_subtracted ? Opacity::subtracted() : Opacity::paper()};
+  return {std::move(finder), scan.source->hu_range()};
 }
 
-void cast_scan(OpenedFiles& opened, const CastParameters& parameters, const std::string& device,
-               Progress& progress) {
-  constexpr int kLayers = 16, kAngles = 360;  // ribs show, and a frame takes a quarter longer than one of 8
-  const ResidentScan& scan = *opened.scan->scan;
-  const auto& [body, opacity] = parameters;
-  const MapGeometry geometry = body_map(scan.geometry(), kAngles, kLayers, body);
-  opened.map = std::make_shared<BodyMap>(cast(scan, geometry, opacity, progress).map);
-  opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(
-      device, make_basis(scan, geometry, useful_knots_hu(opacity), progress));
+void cast_scan(OpenedFiles& opened, const SeenScan& seen, const std::string& device, Progress& progress) {
+  CastRequest request{.outline = ShellOutline::body, .knots_hu = std::vector<double>()};
+  request.layers = 16;  // ribs show, and a frame takes a quarter longer than one of 8
+  if (seen.hu.is_subtracted()) request.opacity = Opacity::subtracted();
+  Casting casting = cast(request, *opened.scan->scan, seen.body, seen.hu, progress);
+  opened.map = std::make_shared<BodyMap>(std::move(casting.map));
+  opened.recast = std::make_shared<OpenedFiles::RecastOnDevice>(device, std::move(*casting.basis));
 }
 
 void open_vessels(OpenedFiles& opened, const OpenedFiles& before) {
@@ -102,11 +98,11 @@ OpenedFiles open_files(const ViewSession& session, const OpenedFiles& before, co
   open_catheter(opened, before);
   open_map_and_basis(opened, before, is_same_scan, device);
   if (is_same_scan && opened.map) {
-    check_scan(opened, before.scan->scan->geometry());
+    check_scan(opened, before.scan->scan->native.geometry());
     opened.scan = before.scan;
   } else if (!session.scan.empty()) {
-    const CastParameters parameters = load_scan(opened, device, progress);
-    if (!opened.map) cast_scan(opened, parameters, device, progress);
+    const SeenScan seen = load_scan(opened, device, progress);
+    if (!opened.map) cast_scan(opened, seen, device, progress);
   }
   return opened;
 }

@@ -4,8 +4,8 @@
 #include "xraycast/casting/basis.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/recast.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/opencl/resident_scan.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/scene/session_file.hpp"
 
@@ -21,7 +21,7 @@ struct OpenedFiles {
   /// The scan, and the device that projects it.
   struct ScanOnDevice {
     ComputeDevice device;
-    std::optional<ResidentScan> scan;
+    std::optional<SpectralScan> scan;
     explicit ScanOnDevice(const std::string& choice) : device(choice) {}
   };
   /// The basis that the map is recast from, on a queue of its own, so that recasting never waits for a
