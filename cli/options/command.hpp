@@ -26,7 +26,7 @@ struct Session {
   Progress progress;
   std::function<void()> job;
   const CLI::App* command = nullptr;  ///< the chosen subcommand
-  bool is_ended_by_signal = false;  ///< the job, as it should be: nothing was cancelled
+  bool is_ended_by_signal = false;    ///< the job, as it should be: nothing was cancelled
 
   explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
 
@@ -91,7 +91,7 @@ void make_frames_folder(const std::filesystem::path& folder, const std::string& 
 
 /// Called before long work whose results go into `folder`: throws InputError, with `name` in front, when the
 /// folder cannot be created, and as check_writable when one of the files cannot be written. Creates nothing.
-void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
+void check_folder(const std::filesystem::path& folder, const std::vector<const char*>& files,
                   const std::string& name);
 
 /// Of a DICOM series; empty where it is unknown.
