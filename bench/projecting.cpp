@@ -59,7 +59,7 @@ Opacity bone() { return {"bone", {{-1000, 0}, {150, 0}, {1000, 0.06}}}; }
 /// A picture with constant blocks skipped, and `NAME_everywhere` without.
 void add_skipping(Bench& bench, const std::shared_ptr<const ResidentScan>& scan, const std::string& name,
                   const Opacity& opacity) {
-  for (const Sampling sampling : {Sampling::but_constant_blocks, Sampling::everywhere})
+  for (const Sampling sampling : {Sampling::skipping_constant_blocks, Sampling::everywhere})
     add(name + (sampling == Sampling::everywhere ? "_everywhere" : ""),
         [&bench, scan, opacity, sampling, angle_deg = 0.0]() mutable {
           const View view = c_arm(angle_deg += 35, 0);

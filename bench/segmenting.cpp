@@ -1,10 +1,8 @@
 // Segmenting: the whole way from a scan to its vessels' tree and surface, and vesselness against ITK's.
 #include "baselines.hpp"
 #include "suite.hpp"
-#include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/segment.hpp"
-#include "xraycast/segmentation/surface.hpp"
 #include "xraycast/segmentation/vesselness.hpp"
+#include "xraycast/segmentation/vessels.hpp"
 
 #include <algorithm>
 #include <memory>
@@ -13,9 +11,7 @@ namespace xraycast::bench {
 namespace {
 
 void segment(Bench& bench) {
-  const auto [mask, fill] = segment_vessels(bench.volume, {}, "thorax", bench.device, bench.progress);
-  benchmark::DoNotOptimize(extract_centrelines(mask, "thorax", bench.progress, {}, &fill));
-  benchmark::DoNotOptimize(surface_of(mask, fill, 50'000));
+  benchmark::DoNotOptimize(find_vessels(bench.volume, {}, "thorax", bench.device, bench.progress));
 }
 
 }  // namespace

@@ -23,8 +23,7 @@
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
-#include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/segmentation/vessels.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/volume/body_outline.hpp"
 
@@ -166,25 +165,16 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
 }
 
 /// The phantom's vessels as segmentation finds them, in `vessels`.
-VesselTree find_vessels(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
-  SegmentLog log;
-  const SegmentedVessels vessels = report.timed("vessels segmented", [&] {
-    return segment_vessels(volume, {}, "thorax phantom", device, progress, &log);
-  });
-  const Mask& mask = vessels.mask;
-  const Centrelines centrelines = report.timed("centrelines", [&] {
-    return extract_centrelines(mask, "thorax phantom", progress, {}, &vessels.fill);
-  });
-  fs::create_directories(report.file("vessels"));
-  write_mask(mask.geometry, mask.voxels, report.file("vessels/mask.nrrd"));
-  write_shares(vessels.fill.geometry, vessels.fill.shares, report.file("vessels/lumen.nrrd"));
-  write_tree(centrelines.tree, report.file("vessels/tree.vtp"));
-  write_mesh(tube_mesh(centrelines.tree), report.file("vessels/surface.vtp"));
-  write_vessel_report("thorax phantom: " + pluralize(centrelines.tree.branches().size(), "branch"),
-                      assumptions(log, {}, weak_share(centrelines.tree, volume, log.noise_hu)), volume, mask,
-                      centrelines.tree, report.file("vessels/report.png"));
+VesselTree segment_phantom(const Volume& volume, ComputeDevice& device, Report& report, Progress& progress) {
+  const std::string name = "thorax phantom";
+  SegmentRequest request;
+  request.surface = SurfaceKind::tubes;
+  const Vessels vessels = report.timed("vessels segmented",
+                                       [&] { return find_vessels(volume, request, name, device, progress); });
+  write_vessels(vessels, {}, request.is_automatic(), report.file("vessels"), progress);
+  write_vessel_report(name, vessels, request, volume, report.file("vessels/report.png"));
   report.picture("vessels/report.png", "Vessels: mask and tree over the scan");
-  return centrelines.tree;
+  return vessels.centrelines.tree;
 }
 
 /// A body map without the vessels, in which a catheter's run is drawn.
@@ -351,7 +341,7 @@ void run_demo(const std::string& folder, Session& session) {
   for (const double angle_deg : kAngles_deg)
     make_projection(scan.native, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
-  const VesselTree tree = find_vessels(volume, device, report, progress);
+  const VesselTree tree = segment_phantom(volume, device, report, progress);
   const auto without_vessels = make_map_without_vessels(device, report, progress);
   make_run(tree, without_vessels, report, progress);
   make_steering(tree, without_vessels, report, progress);

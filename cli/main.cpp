@@ -2,10 +2,8 @@
 #include "progress_bar.hpp"
 #include "signals.hpp"
 #include "usage_hint.hpp"
-#include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/memory_limit.hpp"
-#include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
 #include "xraycast/opencl/failure_in_words.hpp"
 #include "xraycast/opencl/kernel_cache.hpp"
@@ -33,10 +31,7 @@ int report(const std::string& what, int status) {
 }
 
 int report_cancelled() {
-  const int files = files_written();
-  return report(files == 0 ? "cancelled; no output was written"
-                           : "cancelled after " + pluralize(files, "file") + " had been written",
-                cli::kSignalStatus + cli::SignalWatch::caught());
+  return report(cli::cancelled_in_words(), cli::kSignalStatus + cli::SignalWatch::caught());
 }
 
 /// Reports the exception that is being handled.

@@ -1,8 +1,11 @@
 #include "signals.hpp"
 
 #include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/stderr_log.hpp"
 
 #include <atomic>
+#include <cerrno>
 #include <csignal>
 #include <mutex>
 #include <thread>
@@ -37,16 +40,20 @@ bool is_ignored(int signal) {
 }
 
 void watch(sigset_t set) {
+  // What other libraries do cannot be cancelled, such as meshing and the compiling of kernels.
+  constexpr timespec kPatience{1, 500'000'000};
   for (;;) {
-    int signal = 0;
-    if (sigwait(&set, &signal) != 0) continue;
-    int none = 0;
+    const bool is_first = first_signal == 0;
+    const int signal = is_first ? sigwaitinfo(&set, nullptr) : sigtimedwait(&set, nullptr, &kPatience);
     const std::lock_guard lock(job_mutex);
-    if (!first_signal.compare_exchange_strong(none, signal)) {
+    if (is_first && signal > 0) {
+      first_signal = signal;
+      if (job) job->cancel();
+    } else if (signal > 0 || (errno == EAGAIN && job)) {
+      if (signal < 0) log_to_stderr(cancelled_in_words());
       remove_temporary_files();
-      _exit(kSignalStatus + signal);
+      _exit(kSignalStatus + (signal > 0 ? signal : first_signal.load()));
     }
-    if (job) job->cancel();
   }
 }
 
@@ -67,5 +74,11 @@ SignalWatch::~SignalWatch() {
 }
 
 int SignalWatch::caught() { return first_signal; }
+
+std::string cancelled_in_words() {
+  const int files = files_written();
+  return files == 0 ? "cancelled; no output was written"
+                    : "cancelled after " + pluralize(files, "file") + " had been written";
+}
 
 }  // namespace xraycast::cli

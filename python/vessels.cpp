@@ -5,12 +5,15 @@
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/geometry/mesh.hpp"
-#include "xraycast/segmentation/centreline.hpp"
-#include "xraycast/segmentation/seeds.hpp"
-#include "xraycast/segmentation/segment.hpp"
-#include "xraycast/segmentation/surface.hpp"
+#include "xraycast/segmentation/vessels.hpp"
 
+#include <algorithm>
 #include <cmath>
+#include <filesystem>
+#include <map>
+#include <nanobind/stl/map.h>
+#include <nanobind/stl/optional.h>
+#include <nanobind/stl/pair.h>
 #include <nanobind/stl/string.h>
 #include <nanobind/stl/vector.h>
 
@@ -21,11 +24,25 @@ struct HeldMesh {
   std::shared_ptr<const Mesh> mesh;
 };
 
+/// Vessels, and of what and how: for files.
 struct HeldVessels {
-  std::shared_ptr<const Mask> mask;
-  HeldTree tree;
-  HeldMesh surface;
+  std::shared_ptr<const Vessels> found;
+  ScanInfo scan;
+  bool is_automatic;
+
+  /// A part that keeps the whole alive.
+  template <typename Part>
+  std::shared_ptr<const Part> part(const Part& of_found) const {
+    return {found, &of_found};
+  }
+  std::shared_ptr<const Mask> mask() const { return part(found->mask); }
 };
+
+/// A property: a value in a part of the vessels.
+template <typename Part, typename Value>
+auto value_of(Part Vessels::*part, Value Part::*value) {
+  return [=](const HeldVessels& vessels) { return (*vessels.found).*part.*value; };
+}
 
 struct HeldBranch {
   std::shared_ptr<const VesselTree> tree;
@@ -33,72 +50,82 @@ struct HeldBranch {
   const VesselBranch& branch() const { return tree->branches()[index]; }
 };
 
-/// What would make a segmentation accept a seed.
-const char* remedy(LostSeed::Cause cause, bool has_window) {
-  switch (cause) {
-    case LostSeed::Cause::window:
-      return has_window ? "; give a window_hu that includes it, or leave window_hu out"
-                        : "; give a window_hu that includes it";
-    case LostSeed::Cause::chamber:
-      return ", and counts as a heart chamber; raise max_radius_mm";
-    default:
-      return "; give seeds in a vessel";
+/// An array over the voxels of a grid.
+auto array_of_voxels(const VolumeGeometry& grid, const std::uint8_t* voxels, const auto& keeper) {
+  const Index3& size = grid.size;
+  return array_over<const std::uint8_t, 3>(
+      voxels,
+      {static_cast<std::size_t>(size.z), static_cast<std::size_t>(size.y), static_cast<std::size_t>(size.x)},
+      keeper);
+}
+
+auto array_of_mask(const std::shared_ptr<const Mask>& mask) {
+  return array_of_voxels(mask->geometry, mask->voxels.data(), mask);
+}
+
+/// A mask from an array in which vessels are other than zero.
+std::shared_ptr<const Mask> mask_of(const nb::object& given, const VolumeGeometry& grid) {
+  const nb::object array = numpy_array(given, nb::str("bool"), "from_mask: must be numbers");
+  const auto inside = nb::cast<nb::ndarray<const bool, nb::c_contig, nb::device::cpu>>(array);
+  const auto is_along = [&](std::size_t axis, std::int64_t voxels) {
+    return inside.shape(axis) == static_cast<std::size_t>(voxels);
+  };
+  if (inside.ndim() != 3 || !is_along(0, grid.size.z) || !is_along(1, grid.size.y) ||
+      !is_along(2, grid.size.x))
+    throw InputError("from_mask: must be of the scan's shape (z, y, x), {} x {} x {}", grid.size.z,
+                     grid.size.y, grid.size.x);
+  const auto mask = std::make_shared<Mask>(grid);
+  std::copy_n(inside.data(), inside.size(), mask->voxels.begin());
+  return mask;
+}
+
+GivenMask given_mask_of(const nb::object& given, const VolumeGeometry& grid) {
+  if (given.is_none()) return {};
+  if (nb::isinstance<HeldVessels>(given)) return nb::cast<const HeldVessels&>(given).mask();
+  if (nb::isinstance<nb::str>(given) || nb::hasattr(given, "__fspath__"))
+    return std::filesystem::path(path_of(given));
+  return mask_of(given, grid);
+}
+
+/// A function of Python that is called from the thread of a job.
+auto explaining(const nb::object& explain) {
+  return [&explain](const std::string& step, const Mask& mask) {
+    const nb::gil_scoped_acquire held;
+    explain(text_object(step), array_of_mask(std::make_shared<const Mask>(mask)));
+  };
+}
+
+HeldVessels segmented(const HeldScan& scan, const nb::object& seeds, const nb::object& not_vessels,
+                      const nb::object& window_hu, double max_radius_mm, const nb::object& from_mask,
+                      const nb::object& root_mm, const std::string& surface, std::int64_t triangles,
+                      const nb::object& explain, const nb::object& progress) {
+  SegmentRequest request;
+  request.markers = {points_of(seeds, "seeds"), points_of(not_vessels, "not_vessels"), max_radius_mm};
+  if (!window_hu.is_none()) {
+    const Numbers limits = numbers_of(window_hu, "window_hu");
+    if (limits.shape != std::vector<std::size_t>{2})
+      throw InputError("window_hu: must be (lowest, highest) in HU");
+    request.window_hu = {limits.values[0], limits.values[1]};
   }
-}
-
-SegmentedVessels vessels_of(const HeldScan& scan, const SegmentOptions& options, Progress& progress) {
-  const DeviceUse device;
-  try {
-    return segment_vessels(*scan.volume(), options, scan.source(), *device, progress);
-  } catch (const LostSeed& error) {
-    throw InputError("{}{}", error.what(), remedy(error.cause(), options.window_hu.has_value()));
-  } catch (const NoContrast& error) {
-    throw InputError("{}; check in the scan which are vessels, and give one by seeds=[(x, y, z)]",
-                     error.what());
-  }
-}
-
-SegmentOptions options_of(const nb::object& seeds, const nb::object& not_vessels, const nb::object& window,
-                          double max_radius_mm) {
-  SegmentOptions options;
-  options.markers.vessels_mm = points_of(seeds, "seeds");
-  options.markers.not_vessels_mm = points_of(not_vessels, "not_vessels");
-  if (!(max_radius_mm > 0)) throw InputError("max_radius_mm {}: must be above zero", max_radius_mm);
-  options.markers.max_radius_mm = max_radius_mm;
-  if (window.is_none()) return options;
-  const Numbers limits = numbers_of(window, "window_hu");
-  if (limits.shape != std::vector<std::size_t>{2} || limits.values[0] >= limits.values[1])
-    throw InputError("window_hu: must be (lowest, highest) in HU");
-  options.window_hu = {limits.values[0], limits.values[1]};
-  return options;
-}
-
-HeldVessels segmented(const HeldScan& scan, const SegmentOptions& options, const nb::object& root,
-                      std::size_t triangles, const nb::object& progress) {
-  if (triangles < 100) throw InputError("triangles {}: must be 100 or more", triangles);
-  std::optional<glm::dvec3> root_mm;
-  if (!root.is_none()) root_mm = point_of(root, "root_mm");
+  request.from_mask = given_mask_of(from_mask, scan.geometry());
+  if (!root_mm.is_none()) request.root_mm = point_of(root_mm, "root_mm");
+  request.surface = surface_kind(surface);
+  request.triangles = static_cast<std::size_t>(std::max<std::int64_t>(triangles, 0));
+  if (!explain.is_none()) request.explain = explaining(explain);
+  check(request);
   return result_of(progress, [&](Progress& reported) {
-    auto [voxels, fill] = vessels_of(scan, options, reported);
-    auto mask = std::make_shared<const Mask>(std::move(voxels));
-    Centrelines found = extract_centrelines(*mask, scan.source(), reported, root_mm, &fill);
-    auto tree = std::make_shared<const VesselTree>(std::move(found.tree));
-    if (root_mm)
-      check_near_end(tree->branches()[static_cast<std::size_t>(tree->root())].points.front().position_mm,
-                     *root_mm, "root_mm");
-    reported.begin("surface", 1, "surfaces");
-    auto surface = std::make_shared<const Mesh>(surface_of(*mask, fill, triangles));
-    reported.advance();
-    return HeldVessels{mask, {tree}, {surface}};
+    const DeviceUse device;
+    return HeldVessels{std::make_shared<const Vessels>(
+                           find_vessels(*scan.volume(), request, scan.source(), *device, reported)),
+                       scan.info(), request.is_automatic()};
   });
 }
 
-auto voxels_of(const HeldVessels& vessels) {
-  const Index3& size = vessels.mask->geometry.size;
-  return array_over<const std::uint8_t, 3>(
-      vessels.mask->voxels.data(),
-      {static_cast<std::size_t>(size.z), static_cast<std::size_t>(size.y), static_cast<std::size_t>(size.x)},
-      vessels.mask);
+void write_files(const HeldVessels& vessels, nb::handle folder, const nb::object& progress) {
+  const std::filesystem::path path = path_of(folder);
+  run_job(progress, [&](Progress& reported) {
+    write_vessels(*vessels.found, vessels.scan, vessels.is_automatic, path, reported);
+  });
 }
 
 static_assert(sizeof(VesselPoint) == 4 * sizeof(double) && sizeof(glm::vec3) == 3 * sizeof(float));
@@ -203,37 +230,93 @@ void add_mesh(nb::module_& module) {
 void add_vessels(nb::module_& module) {
   add_tree(module);
   add_mesh(module);
-  nb::class_<HeldVessels>(module, "Vessels", "The vessels of a scan.")
-      .def_prop_ro("mask", voxels_of, kShared,
-                   "1 in vessels, (z, y, x) uint8, on the scan's grid; no copy, read-only.")
+  nb::class_<HeldVessels>(module, "Vessels", "The vessels of a scan, and how they were found.")
       .def_prop_ro(
-          "tree", [](const HeldVessels& v) { return v.tree; }, "The VesselTree.")
+          "mask", [](const HeldVessels& v) { return array_of_mask(v.mask()); }, kShared,
+          "1 in vessels, (z, y, x) uint8, on the scan's grid; no copy, read-only.")
       .def_prop_ro(
-          "surface", [](const HeldVessels& v) { return v.surface; }, "The Mesh of the mask's surface.")
+          "lumen",
+          [](const HeldVessels& v) {
+            const LumenFill& fill = v.found->fill;
+            return array_of_voxels(fill.geometry, fill.fractions.data(), v.found);
+          },
+          kShared, "How full of lumen voxels are, 255 for full, (z, y, x) uint8; no copy, read-only.")
+      .def_prop_ro(
+          "tree", [](const HeldVessels& v) { return HeldTree{v.part(v.found->centrelines.tree)}; },
+          "The VesselTree.")
+      .def_prop_ro(
+          "surface", [](const HeldVessels& v) { return HeldMesh{v.part(v.found->surface)}; }, "The Mesh.")
+      .def_prop_ro(
+          "lumen_mm3", [](const HeldVessels& v) { return v.found->fill.volume_mm3(); },
+          "The volume of the lumen.")
+      .def_prop_ro("noise_hu", value_of(&Vessels::log, &SegmentLog::noise_hu),
+                   "The noise of the scan, a standard deviation.")
+      .def_prop_ro(
+          "window_hu",
+          [](const HeldVessels& v) -> std::optional<std::pair<double, double>> {
+            if (const auto& window = v.found->log.window) return std::pair(window->low_hu, window->high_hu);
+            return std::nullopt;
+          },
+          "The lowest and highest CT number of vessels; None where they were found by other evidence.")
+      .def_prop_ro(
+          "evidence",
+          [](const HeldVessels& v) -> std::optional<std::map<std::string, double>> {
+            const auto& scale = v.found->log.scale;
+            if (!scale) return std::nullopt;
+            return std::map<std::string, double>{
+                {"lumen_hu", scale->lumen_hu}, {"noise_hu", scale->noise_hu}, {"blur_vox", scale->blur_vox}};
+          },
+          "The lumen's contrast, the noise and the blur by which vessels were found without a window, or "
+          "None.")
+      .def_prop_ro(
+          "weak_fraction", [](const HeldVessels& v) { return v.found->weak_fraction; },
+          "The fraction of the tree's length that hardly stands out of the noise.")
+      .def_prop_ro("loops", value_of(&Vessels::centrelines, &Centrelines::loops),
+                   "The branches that closed a cycle, and were cut open there.")
+      .def_prop_ro("gaps_mm", value_of(&Vessels::centrelines, &Centrelines::gaps_mm),
+                   "The lengths of the lines that link components of the mask.")
+      .def_prop_ro("parts_left_out", value_of(&Vessels::centrelines, &Centrelines::parts_left_out),
+                   "How many components of the mask are too far from the others to be in the tree.")
+      .def_prop_ro(
+          "notes", [](const HeldVessels& v) { return text_objects(v.found->notes); },
+          "What was left out of a given mask.")
+      .def("write", write_files, nb::arg("folder"), nb::kw_only(), nb::arg("progress") = nb::none(),
+           nb::sig("def write(self, folder: str | os.PathLike[str], *, progress: object = None) -> None"),
+           "Writes mask.nrrd, lumen.nrrd, tree.vtp, tree.json, surface.vtp, surface.stl and, for a DICOM "
+           "series, "
+           "mask.seg.dcm into a folder: all of them or none.")
       .def("__repr__", [](const HeldVessels& v) {
-        return fmt::format("<xraycast.Vessels: {} branches>", v.tree.tree->branches().size());
+        return fmt::format("<xraycast.Vessels: {} branches>", v.found->centrelines.tree.branches().size());
       });
 }
 
 void add_segmentation(nb::module_& module, nb::class_<HeldScan>& scan) {
   add_vessels(module);
-  scan.def(
-      "segment",
-      [](const HeldScan& self, const nb::object& seeds, const nb::object& not_vessels,
-         const nb::object& window_hu, double max_radius_mm, const nb::object& root_mm, std::size_t triangles,
-         const nb::object& progress) {
-        return segmented(self, options_of(seeds, not_vessels, window_hu, max_radius_mm), root_mm, triangles,
-                         progress);
-      },
-      nb::arg("seeds") = nb::tuple(), nb::kw_only(), nb::arg("not_vessels") = nb::tuple(),
-      nb::arg("window_hu") = nb::none(), nb::arg("max_radius_mm") = Markers{}.max_radius_mm,
-      nb::arg("root_mm") = nb::none(), nb::arg("triangles") = 50'000, nb::arg("progress") = nb::none(),
-      "The Vessels of a CT angiography: mask, tree of centrelines, and surface.\n\n"
-      "seeds: points (x, y, z) in vessels, mm, LPS; default: the largest vessels.\n"
-      "not_vessels: points in structures to exclude, such as a vein that touches an artery.\n"
-      "window_hu: (lowest, highest) CT number of the vessels; default: from the histogram.\n"
-      "max_radius_mm: wider structures count as heart chambers.  root_mm: the tree begins at the end nearest "
-      "to it.");
+  const SegmentRequest usual;
+  const std::string signature = fmt::format(
+      "def segment(self, seeds: numpy.typing.ArrayLike = (), *, not_vessels: numpy.typing.ArrayLike = (), "
+      "window_hu: tuple[float, float] | None = None, max_radius_mm: float = {:.1f}, "
+      "from_mask: Vessels | numpy.typing.ArrayLike | str | os.PathLike[str] | None = None, "
+      "root_mm: numpy.typing.ArrayLike | None = None, surface: str = 'isosurface', triangles: int = {}, "
+      "explain: collections.abc.Callable[[str, numpy.ndarray], object] | None = None, "
+      "progress: object = None) -> Vessels",
+      usual.markers.max_radius_mm, usual.triangles);
+  scan.def("segment", segmented, nb::arg("seeds") = nb::tuple(), nb::kw_only(),
+           nb::arg("not_vessels") = nb::tuple(), nb::arg("window_hu") = nb::none(),
+           nb::arg("max_radius_mm") = usual.markers.max_radius_mm, nb::arg("from_mask") = nb::none(),
+           nb::arg("root_mm") = nb::none(), nb::arg("surface") = "isosurface",
+           nb::arg("triangles") = usual.triangles, nb::arg("explain") = nb::none(),
+           nb::arg("progress") = nb::none(), nb::sig(signature.c_str()),
+           "The Vessels of a CT angiography: mask, tree of centrelines, and surface.\n\n"
+           "seeds: points (x, y, z) in vessels, mm, LPS; default: the largest vessels.\n"
+           "not_vessels: points in structures to exclude, such as a vein that touches an artery.\n"
+           "window_hu: (lowest, highest) CT number of the vessels; default: from the histogram.\n"
+           "max_radius_mm: wider structures count as heart chambers.\n"
+           "from_mask: the vessels, instead of finding them: an array (z, y, x), Vessels, or a file.\n"
+           "root_mm: the tree begins at the vessel end nearest to it; default: at the widest.\n"
+           "surface: 'isosurface' of the smoothed mask, or 'tubes' along the centrelines; triangles: about "
+           "how many.\n"
+           "explain: a callable (step, mask), called after each step with the mask that it leaves.");
 }
 
 }  // namespace xraycast::python

@@ -16,6 +16,7 @@
 #include <iostream>
 #include <string_view>
 #include <unistd.h>
+#include <utility>
 
 namespace xraycast::cli {
 namespace {
@@ -57,10 +58,16 @@ void check_outputs_apart(const CLI::App& command) {
   }
 }
 
+/// Lists that repeated options fill.
+constexpr std::array<std::pair<std::string_view, const char*>, 2> kRepeated{
+    {{"seeds", "seed"}, {"not_vessels", "not"}}};
+
 /// The option that sets a field of a request: `offset_hu` is --offset-hu, `radius_mm` is --radius. Empty
 /// where the command has none.
 std::string option_of(const CLI::App& command, std::string_view field) {
-  std::string name(field);
+  const auto* const repeated =
+      std::ranges::find(kRepeated, field, &std::pair<std::string_view, const char*>::first);
+  std::string name(repeated == kRepeated.end() ? field : repeated->second);
   std::ranges::replace(name, '_', '-');
   name.insert(0, "--");
   if (command.get_option_no_throw(name)) return name;
@@ -183,7 +190,7 @@ void make_frames_folder(const std::filesystem::path& folder, const std::string& 
   make_folder(folder, folder.string());
 }
 
-void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
+void check_folder(const std::filesystem::path& folder, const std::vector<const char*>& files,
                   const std::string& name) {
   std::error_code error;
   if (fs::is_directory(folder, error)) {

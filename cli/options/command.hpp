@@ -97,7 +97,7 @@ void make_frames_folder(const std::filesystem::path& folder, const std::string& 
 
 /// Called before long work whose results go into `folder`: throws InputError, with `name` in front, when the
 /// folder cannot be created, and as check_writable when one of the files cannot be written. Creates nothing.
-void check_folder(const std::filesystem::path& folder, std::initializer_list<const char*> files,
+void check_folder(const std::filesystem::path& folder, const std::vector<const char*>& files,
                   const std::string& name);
 
 /// {"size", "spacing_mm", "origin_mm"}.

@@ -93,6 +93,29 @@ void draw(Canvas& sheet, int left, const ScanProjection& picture, const VolumeGe
        kFaint);
 }
 
+/// Measurements of a branch.
+struct BranchFacts {
+  double length_mm, mean_radius_mm;
+  double mean_hu;  ///< of the scan along the centreline
+};
+
+std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume) {
+  const VolumeGeometry& g = volume.geometry();
+  std::vector<BranchFacts> facts;
+  for (const VesselBranch& branch : tree.branches()) {
+    double radius_mm = 0, hu = 0;
+    for (const VesselPoint& point : branch.points) {
+      const Index3 voxel =
+          glm::clamp(Index3(glm::round(g.to_index(point.position_mm))), Index3(0), g.size - Index3(1));
+      radius_mm += point.radius_mm;
+      hu += volume.at(voxel.x, voxel.y, voxel.z);
+    }
+    const auto count = static_cast<double>(branch.points.size());
+    facts.push_back({branch.arc_length_mm.back(), radius_mm / count, hu / count});
+  }
+  return facts;
+}
+
 void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchFacts>& facts) {
   const auto row = [&](int line, const std::array<std::string, 5>& cells, const Colour& colour) {
     constexpr std::array kRight{60, 130, 230, 335, 400};
@@ -115,65 +138,12 @@ void draw_table(Canvas& sheet, const VesselTree& tree, const std::vector<BranchF
          fmt::format("and {}, see tree.json", pluralize(facts.size() - kRows, "shorter one")), kFaint);
 }
 
-}  // namespace
-
-std::vector<BranchFacts> branch_facts(const VesselTree& tree, const Volume& volume) {
-  const VolumeGeometry& g = volume.geometry();
-  std::vector<BranchFacts> facts;
-  for (const VesselBranch& branch : tree.branches()) {
-    double radius_mm = 0, hu = 0;
-    for (const VesselPoint& point : branch.points) {
-      const Index3 voxel =
-          glm::clamp(Index3(glm::round(g.to_index(point.position_mm))), Index3(0), g.size - Index3(1));
-      radius_mm += point.radius_mm;
-      hu += volume.at(voxel.x, voxel.y, voxel.z);
-    }
-    const auto count = static_cast<double>(branch.points.size());
-    facts.push_back({branch.arc_length_mm.back(), radius_mm / count, hu / count});
-  }
-  return facts;
-}
-
-double weak_share(const VesselTree& tree, const Volume& volume, double noise_hu) {
-  constexpr int kAlong = 5;  // points, of which the mean counts
-  constexpr double kDeviations = 3;
-  const VolumeGeometry& g = volume.geometry();
-  const auto hu_at = [&](const glm::dvec3& p) {
-    const Index3 voxel = glm::clamp(Index3(glm::round(g.to_index(p))), Index3(0), g.size - Index3(1));
-    return static_cast<double>(volume.at(voxel.x, voxel.y, voxel.z));
-  };
-  const double voxel_mm = std::max({g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z}),
-               least_hu = kDeviations * noise_hu / std::sqrt(static_cast<double>(kAlong));
-  double all_mm = 0, weak_mm = 0;
-  for (const VesselBranch& branch : tree.branches()) {
-    std::vector<double> contrast_hu;
-    for (const VesselPoint& point : branch.points) {
-      std::vector<double> around_hu;
-      for (const Index3& step : kNeighbours)
-        around_hu.push_back(
-            hu_at(point.position_mm + (2 * point.radius_mm + voxel_mm) * glm::normalize(glm::dvec3(step))));
-      const auto middle = around_hu.begin() + static_cast<std::ptrdiff_t>(around_hu.size() / 2);
-      std::ranges::nth_element(around_hu, middle);
-      contrast_hu.push_back(hu_at(point.position_mm) - *middle);
-    }
-    const auto count = static_cast<int>(contrast_hu.size());
-    for (int i = 1; i < count; ++i) {
-      const int first = std::clamp(i - kAlong / 2, 0, std::max(0, count - kAlong)),
-                last = std::min(count, first + kAlong);
-      const double mean_hu =
-          std::accumulate(contrast_hu.begin() + first, contrast_hu.begin() + last, 0.0) / (last - first);
-      const auto at = static_cast<std::size_t>(i);
-      const double mm = branch.arc_length_mm[at] - branch.arc_length_mm[at - 1];
-      all_mm += mm;
-      if (mean_hu < least_hu) weak_mm += mm;
-    }
-  }
-  return all_mm > 0 ? weak_mm / all_mm : 0;
-}
-
-std::string assumptions(const SegmentLog& log, const SegmentOptions& options, double weak_share) {
-  const std::size_t seeds = options.markers.vessels_mm.size();
-  const char* const source = options.window_hu        ? "as given"
+/// What a segmentation took for granted, and how sure it is, in a line.
+std::string assumptions(const SegmentLog& log, const SegmentRequest& request, double weak_fraction) {
+  if (const auto* mask = std::get_if<std::filesystem::path>(&request.from_mask))
+    return "the mask " + mask->string();
+  const std::size_t seeds = request.markers.vessels_mm.size();
+  const char* const source = request.window_hu        ? "as given"
                              : log.is_window_of_seeds ? "around the seeds"
                                                       : "from the histogram";
   std::string window = "no window";
@@ -183,18 +153,26 @@ std::string assumptions(const SegmentLog& log, const SegmentOptions& options, do
     window = fmt::format("by evidence: lumen of {:.0f} HU above the background, blur {:.1f} voxels",
                          log.scale->lumen_hu, log.scale->blur_vox);
   return fmt::format("{}; noise {:.0f} HU; {}; weak evidence along {:.0f} % of the tree", window,
-                     log.noise_hu, seeds == 0 ? "no seeds" : pluralize(seeds, "seed"), 100 * weak_share);
+                     log.noise_hu, seeds == 0 ? "no seeds" : pluralize(seeds, "seed"), 100 * weak_fraction);
 }
 
-void write_vessel_report(const std::string& title, const std::string& assumed, const Volume& volume,
-                         const Mask& mask, const VesselTree& tree, const std::filesystem::path& path) {
+}  // namespace
+
+std::string counts_of(const Centrelines& centrelines) {
+  return pluralize(centrelines.tree.branches().size(), "branch") + ", " +
+         pluralize(centrelines.loops.size(), "loop");
+}
+
+void write_vessel_report(const std::string& name, const Vessels& vessels, const SegmentRequest& request,
+                         const Volume& volume, const std::filesystem::path& path) {
   constexpr std::array kRed{Colour{0.95, 0.18, 0.15}};
+  const VesselTree& tree = vessels.centrelines.tree;
+  const std::vector<std::uint8_t>& mask = vessels.mask.voxels;
   Canvas sheet(kWidth, kHeight, kPaper);
-  text(sheet, kMargin, 22, title);
-  text(sheet, kMargin, 42, assumed, kFaint);
-  draw(sheet, kMargin, project_scan(volume, mask.voxels, kRed, 1), volume.geometry(), tree);
-  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask.voxels, kRed, 0), volume.geometry(),
-       tree);
+  text(sheet, kMargin, 22, fmt::format("{}: {}", name, counts_of(vessels.centrelines)));
+  text(sheet, kMargin, 42, assumptions(vessels.log, request, vessels.weak_fraction), kFaint);
+  draw(sheet, kMargin, project_scan(volume, mask, kRed, 1), volume.geometry(), tree);
+  draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask, kRed, 0), volume.geometry(), tree);
   draw_table(sheet, tree, branch_facts(tree, volume));
   write_png(sheet.rgb(), kWidth, kHeight, 3, path);
 }

@@ -1,8 +1,7 @@
 // Finds the vessels of a phantom and writes their tree for ParaView or 3D Slicer.
 #include <iostream>
 #include <xraycast/phantom/phantom.hpp>
-#include <xraycast/segmentation/centreline.hpp>
-#include <xraycast/segmentation/segment.hpp>
+#include <xraycast/segmentation/vessels.hpp>
 
 int main() {
   xraycast::ComputeDevice device;
@@ -11,8 +10,8 @@ int main() {
       xraycast::make_phantom("thorax", {.size = xraycast::Index3(192, 192, 160)});
   const xraycast::Volume volume = xraycast::generate(thorax, device, progress);
 
-  const auto [mask, fill] = xraycast::segment_vessels(volume, {}, "thorax", device, progress);
-  const xraycast::VesselTree tree = xraycast::extract_centrelines(mask, "thorax", progress, {}, &fill).tree;
+  const xraycast::Vessels vessels = xraycast::find_vessels(volume, {}, "thorax", device, progress);
+  const xraycast::VesselTree& tree = vessels.centrelines.tree;
   xraycast::write_tree(tree, "tree.vtp");
   std::cout << "found " << tree.branches().size() << " branches\n";
 }

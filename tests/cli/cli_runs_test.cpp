@@ -3,6 +3,8 @@
 #include "support/leftover.hpp"
 #include "support/scan_files.hpp"
 #include "xraycast/casting/body_map.hpp"
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/scan/scan.hpp"
 
 #include <fmt/format.h>
@@ -90,6 +92,10 @@ class KilledDemo : public CliOutput {
       EXPECT_NO_THROW(read_body_map(file)) << file;
     else if (extension == ".nrrd")
       EXPECT_NO_THROW(open_scan(file, {}, unheard)) << file;
+    else if (extension == ".stl")
+      EXPECT_NO_THROW(read_mesh(file)) << file;
+    else if (extension == ".json")
+      EXPECT_NO_THROW(read_tree(file)) << file;
     else
       EXPECT_TRUE(read_bytes(file).ends_with(end_of(extension))) << file << " is partial";
   }

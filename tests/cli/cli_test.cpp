@@ -1428,7 +1428,7 @@ TEST_F(Cli, SegmentExplainsItsStepsInNoise) {
 TEST_F(Cli, SegmentAcceptsTheSeedsThatItNames) {
   output_of("phantom abdomen -o @/abdomen.nrrd --spacing 2.5 -q");
   const std::string message = run("segment @/abdomen.nrrd -o @/vessels -q").err;
-  expect_one_line(message, "by --seed X,Y,Z");
+  expect_one_line(message, "by --seed, or a mask by --from-mask");
   const std::regex point("\\((-?[0-9]+), (-?[0-9]+), (-?[0-9]+)\\) mm with");
   std::vector<std::string> seeds;
   for (std::sregex_iterator i(message.begin(), message.end(), point); i != std::sregex_iterator(); ++i)

@@ -305,7 +305,7 @@ TEST_P(ProjectedPicture, IsTheSameWithConstantBlocksSkipped) {
   const Opacity bone("bone", {{-1000, 0}, {150, 0}, {1000, 0.06}}),
       plateaus("plateaus", {{-900, 0.003}, {150, 0.003}, {400, 0.04}, {600, 0.04}});
   for (const Opacity& opacity : {bone, plateaus, Opacity::bilinear(), Opacity::paper()}) {
-    const auto skipped = project(scan, view, opacity, progress, {}, Sampling::but_constant_blocks),
+    const auto skipped = project(scan, view, opacity, progress, {}, Sampling::skipping_constant_blocks),
                sampled = project(scan, view, opacity, progress, {}, Sampling::everywhere);
     const float largest = std::ranges::max(sampled.tau);
     for (std::size_t i = 0; i < sampled.tau.size(); ++i)

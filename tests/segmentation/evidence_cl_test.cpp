@@ -43,7 +43,7 @@ TEST(QuietScan, ShowsAllThatItsLumenTouches) {
   const GrownTree tree = grow_tree({.seed = 43, .noise = 0});
   ComputeDevice device;
   Progress progress;
-  const VesselEvidence found = find_vessels(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
+  const VesselEvidence found = vessel_evidence(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
   double both = 0;
   for (std::size_t i = 0; i < tree.lumen.voxels.size(); ++i)
     both += found.vessels.voxels[i] & tree.lumen.voxels[i];
@@ -63,7 +63,7 @@ TEST_P(ScaleOfATree, IsMeasuredOnItsVessels) {
   const GrownTree tree = grow_tree({.seed = 41, .noise = noise, .blur = blur});
   ComputeDevice device;
   Progress progress;
-  const VesselEvidence found = find_vessels(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
+  const VesselEvidence found = vessel_evidence(tree.noisy, measure_noise_hu(tree.noisy), device, progress);
   // Of the trees by which the model was tried, one in ten was 6 % off at these noises.
   EXPECT_NEAR(found.scale.lumen_hu, 255, 0.08 * 255);
   EXPECT_NEAR(found.scale.blur_vox, blur, blur > 0 ? 0.1 : 0.25);
@@ -86,9 +86,10 @@ TEST(Steps, EndWhenTheyAreCancelled) {
   ComputeDevice device;
   Progress progress;
   progress.cancel();
-  EXPECT_THROW(ridge_strength(volume, device, &progress), Cancelled);
-  EXPECT_THROW(contrast_to_noise(volume, 0.7, device, 0, &progress), Cancelled);
-  EXPECT_THROW(pruned_skeleton(mask, std::vector<float>(mask.voxels.size()), &progress), Cancelled);
+  const CancelScope scope(progress);
+  EXPECT_THROW(ridge_strength(volume, device), Cancelled);
+  EXPECT_THROW(contrast_to_noise(volume, 0.7, device), Cancelled);
+  EXPECT_THROW(pruned_skeleton(mask, std::vector<float>(mask.voxels.size())), Cancelled);
 }
 
 TEST(Block, OfMoreVoxelsThanIntCountsIsRefused) {
@@ -146,7 +147,7 @@ TEST_P(ScaleOfAShortVessel, DoesNotDependOnTheShareThatItFills) {
   const VesselScan scan = scan_of(GetParam());
   ComputeDevice device;
   Progress progress;
-  const VesselEvidence found = find_vessels(scan.volume, measure_noise_hu(scan.volume), device, progress);
+  const VesselEvidence found = vessel_evidence(scan.volume, measure_noise_hu(scan.volume), device, progress);
   const double contrast_hu = GetParam().lumen_hu - GetParam().background_hu;
   // One vessel of one radius hardly tells its blur, and its middles are where noise is high: measured up to
   // 13 % too bright and up to 0.8 of the volume. A guess from noise is off by a factor of two to six.
@@ -201,8 +202,8 @@ TEST(Fill, LeavesOutWhatIsBrightBesideTheMask) {
     return std::hypot(p.x - 14.3, p.y - 15.1) < 3 && p.x < 18;
   });
   const LumenFill fill = fill_of(volume, mask);
-  EXPECT_EQ(fill.shares[mask.offset({18, 15, 20})], 0);
-  EXPECT_EQ(fill.shares[mask.offset({14, 15, 20})], LumenFill::kFull);
+  EXPECT_EQ(fill.fractions[mask.offset({18, 15, 20})], 0);
+  EXPECT_EQ(fill.fractions[mask.offset({14, 15, 20})], LumenFill::kFull);
 }
 
 TEST(Radii, OfAThinVesselAreThoseOfItsLumen) {
@@ -213,7 +214,7 @@ TEST(Radii, OfAThinVesselAreThoseOfItsLumen) {
     });
     LumenFill fill(volume.geometry());
     for (std::size_t i = 0; i < mask.voxels.size(); ++i)
-      if (mask.voxels[i] != 0) fill.shares[i] = static_cast<std::uint8_t>(volume.hu()[i]);
+      if (mask.voxels[i] != 0) fill.fractions[i] = static_cast<std::uint8_t>(volume.hu()[i]);
     fill.is_of_touched_voxels = true;
     Progress progress;
     const Centrelines found = extract_centrelines(mask, "tube", progress, {}, &fill);

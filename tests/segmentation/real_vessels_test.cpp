@@ -20,7 +20,7 @@ class RealVessels : public testing::Test {
   void SetUp() override {
     if (!std::filesystem::exists(kData)) GTEST_SKIP() << "no real scans in " << kData;
   }
-  Mask found(const Volume& volume, const SegmentOptions& options) {
+  Mask found(const Volume& volume, const SegmentRequest& options) {
     return segment_vessels(volume, options, "scan", device_, progress_).mask;
   }
   const std::filesystem::path kData = XRAYCAST_TEST_DATA;
@@ -66,7 +66,7 @@ class ThoraxCta : public RealVessels {
 
 TEST_F(ThoraxCta, ASeedFindsTheTrueLumenOfADissectedAorta) {
   const Mask lumen = mask("aorta_true_lumen"), spine = mask("bone_sample");
-  SegmentOptions options;
+  SegmentRequest options;
   options.markers.vessels_mm = {inside_mm(lumen)};
   const Mask result = found(scan(), options);
 
@@ -101,7 +101,7 @@ TEST_F(ThoraxCta, ASmallerRadiusTakesOffMoreAndLeavesNothingWider) {
   const Volume volume = scan();
   std::int64_t before = 0;
   for (const double radius_mm : {12.0, 14.0, 16.0, 17.0, 20.0, 25.0, 30.0}) {
-    SegmentOptions options;
+    SegmentRequest options;
     options.markers.max_radius_mm = radius_mm;
     const Mask result = found(volume, options);
     EXPECT_GE(result.count(), before) << radius_mm;

@@ -125,7 +125,7 @@ TEST(NoiseAlone, SeldomLeadsOnFromAnEnd) {
   });
   ComputeDevice device;
   Progress progress;
-  const Components ways(track_ridges(contrast_to_noise(volume, 0.7, device), lines, progress));
+  const Components ways(track_ridges(contrast_to_noise(volume, 0.7, device), lines));
   // Of 800 ends one in fifty, and three standard deviations of that number more.
   EXPECT_LE(ways.count(), 16 + 3 * 4);
 }
@@ -137,7 +137,7 @@ TEST(LineEnds, AreFollowedWhereTheVesselGoesOn) {
       volume.geometry(), [](const glm::dvec3& p) { return p.x >= 5 && p.x < 15 && p.y == 20 && p.z == 20; });
   ComputeDevice device;
   Progress progress;
-  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start, progress);
+  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start);
   for (std::int64_t x = 15; x < 44; ++x) EXPECT_TRUE(ways.at({x, 20, 20})) << x;
   EXPECT_FALSE(ways.at({48, 20, 20}));
 }
@@ -156,7 +156,7 @@ TEST(LineEnds, AreFollowedOnceRoundARing) {
   });
   ComputeDevice device;
   Progress progress;
-  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start, progress);
+  const Mask ways = track_ridges(contrast_to_noise(volume, 0.7, device), start);
   std::int64_t opposite = 0;
   for (std::int64_t x = 13; x < 18; ++x) opposite += ways.at({x, 30, 15}) ? 1 : 0;
   EXPECT_GT(opposite, 0);

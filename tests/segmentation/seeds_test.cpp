@@ -75,17 +75,17 @@ class Abdomen {
 
   glm::dvec3 place(const glm::dvec3& p) const { return variant_.is_turned ? glm::dvec3(p.y, p.x, p.z) : p; }
 
-  Mask found(const SegmentOptions& options) {
+  Mask found(const SegmentRequest& options) {
     return segment_vessels(scan_, options, "abdomen", device_, progress_).mask;
   }
   Mask found_from(const glm::dvec3& seed) {
-    SegmentOptions options;
+    SegmentRequest options;
     options.markers.vessels_mm = {place(seed)};
     return found(options);
   }
 
   /// The message for options that find nothing.
-  std::string message(const SegmentOptions& options) {
+  std::string message(const SegmentRequest& options) {
     try {
       found(options);
     } catch (const InputError& error) {
@@ -94,7 +94,7 @@ class Abdomen {
     return "";
   }
   std::string message_for(const glm::dvec3& seed) {
-    SegmentOptions options;
+    SegmentRequest options;
     options.markers.vessels_mm = {seed};
     return message(options);
   }
@@ -168,7 +168,7 @@ TEST(SeedsInAnAbdomen, AreToldWhatTheyLieIn) {
   };
   for (const auto& [seed, message] : cases)
     EXPECT_THAT(abdomen.message_for(seed), HasSubstr(message)) << seed.x << ' ' << seed.y << ' ' << seed.z;
-  SegmentOptions options;
+  SegmentRequest options;
   options.markers.vessels_mm = {kAorta};
   options.window_hu = {250, 400};
   EXPECT_THAT(abdomen.message(options), HasSubstr("lies outside the window of CT numbers (1"));
@@ -182,7 +182,7 @@ TEST(SeedsInAnAbdomen, AreFoundInAnyWindowThatHoldsThemAndWithAnyRadius) {
   for (const double radius_mm : {17.0, 60.0}) {
     std::int64_t before = 0;
     for (const double low_hu : {120, 110, 100}) {
-      SegmentOptions options;
+      SegmentRequest options;
       options.markers.vessels_mm = {kAorta};
       options.markers.max_radius_mm = radius_mm;
       options.window_hu = {low_hu, 400};
@@ -198,7 +198,7 @@ TEST(SeedsInAnAbdomen, AreFoundInAnyWindowThatHoldsThemAndWithAnyRadius) {
 
 TEST(SeedsInAnAbdomen, MoreOfThemFindMoreAndPointsToExcludeWin) {
   Abdomen abdomen;
-  SegmentOptions options;
+  SegmentRequest options;
   options.markers.vessels_mm = {kCava};
   const Mask veins = abdomen.found(options);
   options.markers.vessels_mm = {kCava, kAorta};
@@ -221,12 +221,12 @@ TEST(SeedsInAnAbdomen, TheLogTellsWhatWasAssumedAndWhatEachStepLeft) {
   Abdomen abdomen;
   ComputeDevice device;
   Progress progress;
-  SegmentOptions options;
+  SegmentRequest options;
   options.markers.vessels_mm = {kAorta};
   SegmentLog log;
   std::vector<std::string> steps;
   std::int64_t selected = 0;
-  log.on_step = [&](const std::string& step, const Mask& mask) {
+  options.explain = [&](const std::string& step, const Mask& mask) {
     steps.push_back(step);
     selected = mask.count();
   };
@@ -251,7 +251,7 @@ TEST(SeedsInAThorax, OnTheRimOfAVesselFindWhatItsMiddleFinds) {
   Mask vessels(phantom.geometry());
   vessels.voxels = vessel_mask(phantom);
   const auto found_from = [&](std::int64_t voxel) {
-    SegmentOptions options;
+    SegmentRequest options;
     options.markers.vessels_mm = {
         vessels.geometry.to_world_mm(glm::dvec3(voxel_at(vessels.geometry, voxel)))};
     return segment_vessels(scan, options, "thorax", device, progress).mask.count();
@@ -278,7 +278,7 @@ TEST(SeedsInAnAbdomen, InArteriesDenserThanBoneAreFoundInAWindowThatHoldsThem) {
   for (std::size_t i = 0; i < aorta.voxels.size(); ++i)
     if (aorta.voxels[i] != 0)
       abdomen.scan().hu()[i] = static_cast<std::int16_t>(abdomen.scan().hu()[i] + 650);
-  SegmentOptions options;
+  SegmentRequest options;
   options.markers.vessels_mm = {kAorta};
   options.window_hu = {500, 1200};
   // All but voxels of the rim, which half-filled lie below the window.

@@ -1,15 +1,20 @@
 #include "xraycast/base/parallel.hpp"
 
+#include "xraycast/base/progress.hpp"
+
 #include <algorithm>
 #include <atomic>
 #include <cstdlib>
 #include <exception>
 #include <mutex>
 #include <thread>
+#include <utility>
 #include <vector>
 
 namespace xraycast {
 namespace {
+
+thread_local const Progress* cancelling = nullptr;
 
 /// All cores, or what XRAYCAST_THREADS says, where several processes share a machine.
 std::int64_t most_threads() {
@@ -20,13 +25,27 @@ std::int64_t most_threads() {
 
 }  // namespace
 
+CancelScope::CancelScope(const Progress* progress) : outer_(std::exchange(cancelling, progress)) {}
+
+CancelScope::~CancelScope() { cancelling = outer_; }
+
+const Progress* CancelScope::current() { return cancelling; }
+
+void check_cancelled() {
+  if (cancelling != nullptr) cancelling->check();
+}
+
 void parallel_for(std::int64_t count, const std::function<void(std::int64_t)>& work) {
   std::atomic<std::int64_t> next{0};
   std::exception_ptr failure;
   std::mutex failure_mutex;
-  const auto run = [&] {
+  const auto run = [&, progress = CancelScope::current()] {
+    const CancelScope scope(progress);
     try {
-      for (std::int64_t i; (i = next++) < count;) work(i);
+      for (std::int64_t i; (i = next++) < count;) {
+        check_cancelled();
+        work(i);
+      }
     } catch (...) {
       next = count;
       const std::lock_guard lock(failure_mutex);

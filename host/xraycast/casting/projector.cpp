@@ -137,7 +137,7 @@ double project_onto(const XrcDetector& detector, const ResidentScan& scan, const
            device_opacity.table(), tau);
   std::optional<cl::Buffer> blocks;
   if (projector.takes_blocks) {
-    if (sampling == Sampling::but_constant_blocks) blocks = scan.constant_blocks(opacity);
+    if (sampling == Sampling::skipping_constant_blocks) blocks = scan.constant_blocks(opacity);
     kernel.setArg(6, blocks.value_or(device_opacity.table()));
     kernel.setArg(7, static_cast<cl_int>(blocks.has_value()));
   }

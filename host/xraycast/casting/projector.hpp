@@ -28,8 +28,8 @@ struct ProjectionImage {
 
 /// Which voxels a projection samples; the picture is the same, but for the rounding of sums.
 enum class Sampling {
-  but_constant_blocks,  ///< blocks of voxels in which mu is the same everywhere count as mu times length
-  everywhere,           ///< all that rays meet
+  skipping_constant_blocks,  ///< blocks of voxels in which mu is the same everywhere count as mu times length
+  everywhere,                ///< all that rays meet
 };
 
 /// Projects a resident scan to a DRR by Joseph's method: the scan is sampled where the ray crosses the planes
@@ -43,12 +43,12 @@ enum class Sampling {
 /// `view` must be complete (see `fitted`). Throws DeviceError when the device fails.
 ProjectionImage project(const ResidentScan& scan, const View& view, const Opacity& opacity,
                         Progress& progress, const std::optional<BodyOutline>& within = {},
-                        Sampling sampling = Sampling::but_constant_blocks);
+                        Sampling sampling = Sampling::skipping_constant_blocks);
 
 /// The same for a camera: H x W optical depths, row 0 on top, of the lines from the source through the whole
 /// scan. Throws InputError, with "RT" in front, when the whole scan lies behind the camera.
 std::vector<float> project(const ResidentScan& scan, const PinholeCamera& camera, const Opacity& opacity,
-                           Progress& progress, Sampling sampling = Sampling::but_constant_blocks);
+                           Progress& progress, Sampling sampling = Sampling::skipping_constant_blocks);
 
 /// Optical depths with their derivatives by the pose of source and detector, which move like a rigid body:
 /// six numbers a pixel, by their translation in mm along x, y and z, and by their rotation in rad about x, y

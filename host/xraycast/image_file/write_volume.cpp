@@ -3,6 +3,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <algorithm>
@@ -169,6 +170,7 @@ void write(const VolumeGeometry& geometry, std::span<const T> voxels, const fs::
   OutputFile voxel_file(voxel_path, has_extension(path, ".gz"), header_B + slice_B * geometry.size.z);
   if (!is_in_two_files) voxel_file.write(header);
   for (std::int64_t z = 0; z < geometry.size.z; ++z) {
+    check_cancelled();
     voxel_file.write(voxels.data() + z * geometry.slice_voxels(), slice_B);
     progress.advance();
   }
@@ -202,8 +204,8 @@ void write_field(const VolumeGeometry& geometry, std::span<const float> field, c
   write(geometry, field, path, progress);
 }
 
-void write_shares(const VolumeGeometry& geometry, std::span<const std::uint8_t> shares,
-                  const fs::path& path) {
+void write_fractions(const VolumeGeometry& geometry, std::span<const std::uint8_t> fractions,
+                     const fs::path& path) {
   const std::string header = nrrd_header(geometry, kVoxelType<float>, "gzip");
   OutputFile file(path, false, std::ssize(header) + geometry.voxel_count() / 64);  // mostly zeros
   file.write(header);
@@ -211,8 +213,9 @@ void write_shares(const VolumeGeometry& geometry, std::span<const std::uint8_t> 
   const auto slice = static_cast<std::size_t>(geometry.slice_voxels());
   std::vector<float> values(slice);
   for (std::int64_t z = 0; z < geometry.size.z; ++z) {
-    std::ranges::transform(shares.subspan(static_cast<std::size_t>(z) * slice, slice), values.begin(),
-                           [](std::uint8_t share) { return static_cast<float>(share) / 255.0F; });
+    check_cancelled();
+    std::ranges::transform(fractions.subspan(static_cast<std::size_t>(z) * slice, slice), values.begin(),
+                           [](std::uint8_t fraction) { return static_cast<float>(fraction) / 255.0F; });
     file.write(values.data(), static_cast<std::int64_t>(slice * sizeof(float)));
   }
   file.commit();

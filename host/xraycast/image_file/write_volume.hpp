@@ -22,8 +22,8 @@ void write_field(const VolumeGeometry& geometry, std::span<const float> field,
 
 /// Fractions on a volume's grid, 255 for 1, x fastest. Written as 32-bit floats from 0 to 1, as NRRD with
 /// gzipped voxels, because most are 0. The path must end in `.nrrd`.
-void write_shares(const VolumeGeometry& geometry, std::span<const std::uint8_t> shares,
-                  const std::filesystem::path& path);
+void write_fractions(const VolumeGeometry& geometry, std::span<const std::uint8_t> fractions,
+                     const std::filesystem::path& path);
 
 /// A mask on a volume's grid: 1 inside, 0 outside, x fastest. Written like a volume, one byte per voxel.
 void write_mask(const VolumeGeometry& geometry, std::span<const std::uint8_t> mask,

@@ -231,13 +231,13 @@ void ComputeDevice::guarded(const char* doing, const Call& call) const {
 }
 
 cl::Event ComputeDevice::run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global,
-                             std::array<std::int64_t, 3> local) {
+                             std::array<std::int64_t, 3> local, std::array<std::int64_t, 3> first) {
   if (local[0] > 0)
     for (int i = 0; i < 3; ++i) global[i] = (global[i] + local[i] - 1) / local[i] * local[i];
   const auto range = [](const std::array<std::int64_t, 3>& n) { return cl::NDRange(n[0], n[1], n[2]); };
   cl::Event done;
   guarded("running a kernel", [&] {
-    queue_.enqueueNDRangeKernel(kernel, cl::NullRange, range(global),
+    queue_.enqueueNDRangeKernel(kernel, range(first), range(global),
                                 local[0] > 0 ? range(local) : cl::NullRange, nullptr, &done);
   });
   return done;

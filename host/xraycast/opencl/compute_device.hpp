@@ -62,9 +62,10 @@ class ComputeDevice {
                     std::int64_t count, const void* values);
 
   /// Enqueues a kernel over a global size, in work-groups of `local` where that is given; the global size is
-  /// then rounded up, so kernels check their bounds. Throws DeviceError.
+  /// then rounded up, so kernels check their bounds. Work items are counted from `first` on. Throws
+  /// DeviceError.
   cl::Event run(const cl::Kernel& kernel, std::array<std::int64_t, 3> global,
-                std::array<std::int64_t, 3> local = {});
+                std::array<std::int64_t, 3> local = {}, std::array<std::int64_t, 3> first = {});
 
   /// Blocking copies of whole spans. Throw DeviceError.
   template <typename T>

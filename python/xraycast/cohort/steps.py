@@ -1,10 +1,6 @@
 """The steps, one function each: (scan, folder, options, made), where made holds the scan's name and the results of earlier steps."""
 import json
 
-import numpy as np
-
-from .. import _core
-
 
 def info(scan, folder, options, made):
     hu = scan.hu
@@ -21,12 +17,7 @@ def cast(scan, folder, options, made):
 
 def segment(scan, folder, options, made):
     made["vessels"] = vessels = scan.segment()
-    inside = folder / "vessels"
-    inside.mkdir()
-    mask = _core.Scan.from_array(vessels.mask.astype(np.int16), scan.spacing_mm, scan.origin_mm)
-    mask.write(inside / "mask.nrrd")
-    vessels.tree.write(inside / "tree.vtp")
-    vessels.surface.write(inside / "surface.vtp")
+    vessels.write(folder / "vessels")
 
 
 def frames(scan, folder, options, made):

@@ -1,6 +1,7 @@
 #include "xraycast/evidence/block_filter.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
 
 #include <glm/common.hpp>
 
@@ -97,8 +98,13 @@ void BlockFilter::run(const char* name, const Index3& items, const cl::Buffer& s
                       const cl::Buffer& target, const Arguments&... arguments) {
   cl::Kernel kernel = device_.kernel("vesselness", name);
   set_args(kernel, source, target, int4_of(size_), arguments...);
-  device_.run(kernel, {items.x, items.y, items.z});
-  device_.finish();
+  constexpr std::int64_t kSlices =
+      4;  // of 512 x 512 voxels, less than a second each: they cannot be cancelled
+  for (std::int64_t first = 0; first < items.z; first += kSlices) {
+    check_cancelled();
+    device_.run(kernel, {items.x, items.y, std::min(kSlices, items.z - first)}, {}, {0, 0, first});
+    device_.finish();
+  }
 }
 
 Index3 BlockFilter::eight_a_work_item() const { return {(size_.x + 7) / 8, size_.y, size_.z}; }
@@ -170,11 +176,9 @@ std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::in
   return result;
 }
 
-std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device,
-                            const Progress* progress) {
+std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device) {
   const auto halo = static_cast<std::int64_t>(std::ceil(3 * sigma_vox.z));
   return filtered(volume, device, halo, [&](BlockFilter& block, const cl::Buffer& values) {
-    if (progress != nullptr) progress->check();
     return block.smooth(values, sigma_vox);
   });
 }

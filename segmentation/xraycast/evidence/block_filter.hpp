@@ -39,8 +39,8 @@ class BlockFilter {
  private:
   cl::Buffer block();
 
-  /// Runs a kernel of vesselness.cl with so many work items. Its first arguments are input, output and the
-  /// block's size; `arguments` are the rest.
+  /// Runs a kernel of vesselness.cl with so many work items, until the current CancelScope ends. Its first
+  /// arguments are input, output and the block's size; `arguments` are the rest.
   template <typename... Arguments>
   void run(const char* name, const Index3& items, const cl::Buffer& source, const cl::Buffer& target,
            const Arguments&... arguments);
@@ -56,8 +56,7 @@ std::vector<float> filtered(const Volume& volume, ComputeDevice& device, std::in
                             const std::function<cl::Buffer(BlockFilter&, const cl::Buffer&)>& filter,
                             Progress* progress = nullptr);
 
-/// A scan smoothed by a Gaussian. Throws as filtered(), and when `progress`, if given, is cancelled.
-std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device,
-                            const Progress* progress = nullptr);
+/// A scan smoothed by a Gaussian. Throws as filtered().
+std::vector<float> smoothed(const Volume& volume, const glm::dvec3& sigma_vox, ComputeDevice& device);
 
 }  // namespace xraycast

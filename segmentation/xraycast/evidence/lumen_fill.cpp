@@ -14,9 +14,10 @@
 namespace xraycast {
 namespace {
 
-/// The CT number below which a share of the scan's voxels lie that `counts` accepts; nothing without any.
+/// The CT number below which a fraction of the scan's voxels lie that `counts` accepts; nothing without any.
 template <typename Counts>
-std::optional<double> quantile_hu(const Volume& volume, const Box& box, double share, const Counts& counts) {
+std::optional<double> quantile_hu(const Volume& volume, const Box& box, double fraction,
+                                  const Counts& counts) {
   std::vector<std::int64_t> histogram(65536);
   std::mutex mutex;
   parallel_for(box.upper.z - box.lower.z, [&](std::int64_t i) {
@@ -31,7 +32,7 @@ std::optional<double> quantile_hu(const Volume& volume, const Box& box, double s
   const auto all = static_cast<double>(std::reduce(histogram.begin(), histogram.end()));
   if (all == 0) return std::nullopt;
   std::size_t bin = 0;
-  for (double sum = static_cast<double>(histogram[0]); sum <= share * all && bin + 1 < histogram.size();)
+  for (double sum = static_cast<double>(histogram[0]); sum <= fraction * all && bin + 1 < histogram.size();)
     sum += static_cast<double>(histogram[++bin]);
   return static_cast<double>(bin) - 32768;
 }
@@ -55,11 +56,11 @@ std::optional<double> lumen_near_hu(const Volume& volume, const Mask& full, cons
 
 double LumenFill::volume_mm3() const {
   const glm::dvec3 s = geometry.spacing_mm;
-  return std::accumulate(shares.begin(), shares.end(), 0.0) * s.x * s.y * s.z / kFull;
+  return std::accumulate(fractions.begin(), fractions.end(), 0.0) * s.x * s.y * s.z / kFull;
 }
 
-std::uint8_t quantised_share(double share) {
-  return static_cast<std::uint8_t>(std::lround(std::clamp(share, 0.0, 1.0) * LumenFill::kFull));
+std::uint8_t quantised_fraction(double fraction) {
+  return static_cast<std::uint8_t>(std::lround(std::clamp(fraction, 0.0, 1.0) * LumenFill::kFull));
 }
 
 LumenFill fill_of(const Volume& volume, const Mask& mask) {
@@ -79,15 +80,15 @@ LumenFill fill_of(const Volume& volume, const Mask& mask) {
   const bool shows_vessels = tissue_hu && *lumen_hu - *tissue_hu > kLeast_hu;
   for_each_voxel(box, [&](const Index3& voxel) {
     if (wall[voxel] == 0) return;
-    double share = mask[voxel];
+    double fraction = mask[voxel];
     if (full[voxel] == 0 && shows_vessels) {
       const double here_hu = volume.at(voxel.x, voxel.y, voxel.z),
                    rise_hu =
                        std::max(lumen_near_hu(volume, full, voxel).value_or(*lumen_hu) - *tissue_hu, 1.0);
-      share = (here_hu - *tissue_hu) / rise_hu;
-      if (mask[voxel] == 0 && share > 0.5) share = 0;
+      fraction = (here_hu - *tissue_hu) / rise_hu;
+      if (mask[voxel] == 0 && fraction > 0.5) fraction = 0;
     }
-    fill.shares[mask.offset(voxel)] = quantised_share(share);
+    fill.fractions[mask.offset(voxel)] = quantised_fraction(fraction);
   });
   return fill;
 }

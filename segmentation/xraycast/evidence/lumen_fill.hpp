@@ -13,19 +13,19 @@ struct LumenFill {
   static constexpr std::uint8_t kFull = 255;
 
   VolumeGeometry geometry;
-  std::vector<std::uint8_t> shares;  ///< from 0 to kFull
+  std::vector<std::uint8_t> fractions;  ///< from 0 to kFull
   bool is_of_touched_voxels =
       false;  ///< its mask holds all voxels that lumen touches, not the half full ones
 
   /// No lumen, on a grid.
   explicit LumenFill(const VolumeGeometry& grid)
-      : geometry(grid), shares(static_cast<std::size_t>(grid.voxel_count())) {}
+      : geometry(grid), fractions(static_cast<std::size_t>(grid.voxel_count())) {}
 
   double volume_mm3() const;
 };
 
-/// A share from 0 to 1 as a LumenFill holds it.
-std::uint8_t quantised_share(double share);
+/// A fraction from 0 to 1 as a LumenFill holds it.
+std::uint8_t quantised_fraction(double fraction);
 
 /// The fill of a mask whose wall lies where voxels are half full. Voxels in it that touch none outside are
 /// full. Of those at its wall, on both sides, the CT number says how full they are, between that of the

@@ -9,9 +9,9 @@
 namespace xraycast {
 namespace {
 
-double quantile(std::vector<double> values, double share) {
+double quantile(std::vector<double> values, double fraction) {
   const auto at =
-      values.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(values.size() - 1));
+      values.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(values.size() - 1));
   std::ranges::nth_element(values, at);
   return *at;
 }
@@ -66,9 +66,9 @@ double measure_blur2(const std::vector<MiddleOfVessel>& middles, double lumen_hu
 double measure_lumen_hu(const std::vector<MiddleOfVessel>& middles, double blur2) {
   std::vector<double> narrow_hu, of_wide_hu, quotients;
   for (const MiddleOfVessel& m : middles) narrow_hu.push_back(m.narrow_hu);
-  const double share =
+  const double fraction =
       static_cast<double>(count_of_brightest(middles.size())) / static_cast<double>(middles.size());
-  const double least_hu = quantile(narrow_hu, 1 - share);
+  const double least_hu = quantile(narrow_hu, 1 - fraction);
   for (const MiddleOfVessel& m : middles)
     if (m.narrow_hu >= least_hu) {
       of_wide_hu.push_back(m.narrow_hu);
@@ -81,8 +81,8 @@ double measure_lumen_hu(const std::vector<MiddleOfVessel>& middles, double blur2
   return std::clamp(lumen_hu, quantile(narrow_hu, 0.95), 1.6 * quantile(narrow_hu, 0.98));
 }
 
-/// A first guess of the lumen's contrast: the brightest middles are almost full, whatever share of the scan
-/// vessels fill.
+/// A first guess of the lumen's contrast: the brightest middles are almost full, whatever fraction of the
+/// scan vessels fill.
 double bright_hu(const std::vector<MiddleOfVessel>& middles) {
   constexpr std::size_t kOfMany = 20;
   std::vector<double> narrow_hu;

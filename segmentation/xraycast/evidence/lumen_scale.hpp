@@ -31,8 +31,8 @@ inline constexpr double kNarrow_vox = 0.5, kWide_vox = 1;
 LumenScale measure_lumen_scale(const std::vector<MiddleOfVessel>& middles, const ScanResponse& response,
                                double least_strength);
 
-/// The least ridge strength of a vessel, as a share of the lumen's contrast: that of a vessel of half a voxel
-/// under a blur of one. Weaker ridges lie between vessels.
+/// The least ridge strength of a vessel, as a fraction of the lumen's contrast: that of a vessel of half a
+/// voxel under a blur of one. Weaker ridges lie between vessels.
 inline constexpr double kLeastRidge = 0.03;
 
 }  // namespace xraycast

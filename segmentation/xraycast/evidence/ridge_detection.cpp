@@ -1,7 +1,7 @@
 #include "xraycast/evidence/ridge_detection.hpp"
 
 #include "xraycast/evidence/block_filter.hpp"
-#include "xraycast/evidence/spread.hpp"
+#include "xraycast/evidence/robust_statistics.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/thinning.hpp"
 
@@ -16,10 +16,6 @@ constexpr int kReach_vox = 7;  ///< of a line integral to either side
 constexpr double kSurround_vox = 3;
 constexpr double kStrong = 4.25;  ///< standard deviations of a ridge that is no noise
 constexpr auto kHalo = static_cast<std::int64_t>(3 * kSurround_vox);  ///< the reach of the widest Gaussian
-
-void check(const Progress* progress) {
-  if (progress != nullptr) progress->check();
-}
 
 /// Gaussians of `across_vox` and of the surround, subtracted.
 cl::Buffer difference_of_gaussians(BlockFilter& block, const cl::Buffer& values, double across_vox) {
@@ -61,11 +57,10 @@ std::vector<Index3> spur_at(const Mask& skeleton, Index3 here) {
 }
 
 /// Prunes the spurs of a skeleton whose mean contrast is below `min_contrast`, and returns them.
-Mask prune_dark_spurs(Mask& skeleton, const std::vector<float>& contrast, double min_contrast,
-                      const Progress* progress) {
+Mask prune_dark_spurs(Mask& skeleton, const std::vector<float>& contrast, double min_contrast) {
   Mask pruned(skeleton.geometry);
   while (true) {
-    check(progress);
+    check_cancelled();
     std::vector<Index3> found;  // all of them, before a bifurcation becomes an end
     for (std::size_t i = 0; i < skeleton.voxels.size(); ++i) {
       if (skeleton.voxels[i] == 0) continue;
@@ -117,38 +112,38 @@ Mask with_weak_links(const Mask& strong, const Mask& weak) {
   return result;
 }
 
-std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device, const Progress* progress) {
+std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device) {
   constexpr double kAcross_vox = 0.5, kAlong_vox = 3.5;
   constexpr int kDirections = 64;
   const auto [lowest, highest] = std::ranges::minmax(volume.hu());
   const double least_hu = 0.01 * (highest - lowest);
   return filtered(volume, device, kHalo + kReach_vox, [=](BlockFilter& block, const cl::Buffer& values) {
-    check(progress);
     return block.ridge_strength(difference_of_gaussians(block, values, kAcross_vox), kAlong_vox, kReach_vox,
                                 kDirections, least_hu);
   });
 }
 
 std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, ComputeDevice& device,
-                                     double least_unit_hu, const Progress* progress) {
+                                     double least_unit_hu) {
   std::vector<float> contrast =
       filtered(volume, device, kHalo, [&](BlockFilter& block, const cl::Buffer& values) {
-        check(progress);
         return difference_of_gaussians(block, values, across_vox);
       });
-  const Spread noise = spread_of(contrast);
+  const RobustStatistics noise = statistics_of(contrast);
   const double unit = std::max(noise.standard_deviation, least_unit_hu);
   for (float& v : contrast)
     v = unit > 0 ? static_cast<float>((static_cast<double>(v) - noise.median) / unit) : 0;  // mostly padding
   return contrast;
 }
 
-double strong_ridge(const std::vector<float>& strength) { return spread_of_nonzero(strength).above(kStrong); }
+double strong_ridge(const std::vector<float>& strength) {
+  return statistics_of_nonzero(strength).above(kStrong);
+}
 
 Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& grid, double least) {
   constexpr double kWeak = 3, kWeakOfLeast = 0.7;
   constexpr std::int64_t kMinVoxels = 5, kCertainVoxels = 2 * kReach_vox;
-  const Spread noise = spread_of_nonzero(strength);
+  const RobustStatistics noise = statistics_of_nonzero(strength);
   const double strong_limit = std::max(noise.above(kStrong), least),
                weak_limit = std::max(noise.above(kWeak), kWeakOfLeast * least);
   const Mask strong = large_components(above(strength, grid, strong_limit), kMinVoxels);
@@ -158,11 +153,10 @@ Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& gri
   return components_with(with_weak_links(strong, weak), large_components(strong, kCertainVoxels));
 }
 
-PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast,
-                               const Progress* progress) {
+PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast) {
   constexpr double kMinOfASpur = 2.5;
   Mask kept = thin(vessels);
-  Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur, progress);
+  Mask pruned = prune_dark_spurs(kept, contrast, kMinOfASpur);
   return {std::move(kept), std::move(pruned)};
 }
 

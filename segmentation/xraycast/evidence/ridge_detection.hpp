@@ -1,6 +1,5 @@
 #pragma once
 
-#include "xraycast/base/progress.hpp"
 #include "xraycast/mask/mask.hpp"
 #include "xraycast/opencl/compute_device.hpp"
 #include "xraycast/volume/volume.hpp"
@@ -12,10 +11,9 @@ namespace xraycast {
 /// Ridge strength of each voxel, in the scan's unit, by oriented line integrals: a difference of Gaussians of
 /// 0.5 and 3 voxels, averaged along seven voxels to both sides, of which the weaker counts; the largest over
 /// 64 directions. A structure bright on one side only is not a ridge, so that vessels have no halo and are
-/// not prolonged. It is 0 where nothing around rises by a hundredth of the scan's range. `progress`, if
-/// given, can cancel it, slab by slab. Throws DeviceError.
-std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device,
-                                  const Progress* progress = nullptr);
+/// not prolonged. It is 0 where nothing around rises by a hundredth of the scan's range. Throws
+/// DeviceError.
+std::vector<float> ridge_strength(const Volume& volume, ComputeDevice& device);
 
 /// The least strength of a certain ridge in a scan's noise: 4.25 standard deviations above the median, of the
 /// voxels where lines were tried. In a scan that was masked those lie around what the mask has left.
@@ -33,10 +31,9 @@ Mask detect_ridges(const std::vector<float>& strength, const VolumeGeometry& gri
 inline double least_unit_hu(double lumen_hu) { return 0.02 * lumen_hu; }
 
 /// The local contrast-to-noise ratio of each voxel: a difference of Gaussians of `across_vox` and 3 voxels,
-/// in standard deviations of the background, of `least_unit_hu` or more. `progress`, if given, can cancel it,
-/// slab by slab. Throws DeviceError.
+/// in standard deviations of the background, of `least_unit_hu` or more. Throws DeviceError.
 std::vector<float> contrast_to_noise(const Volume& volume, double across_vox, ComputeDevice& device,
-                                     double least_unit_hu = 0, const Progress* progress = nullptr);
+                                     double least_unit_hu = 0);
 
 /// The components of a mask that have so many voxels.
 Mask large_components(const Mask& mask, std::int64_t min_voxels);
@@ -50,9 +47,7 @@ struct PrunedSkeleton {
 };
 
 /// The skeleton of vessels without the spurs whose mean `contrast` (contrast_to_noise, of 0.8 voxels) is less
-/// than 2.5: in noise of 75 the last of these follow vessels as often as noise. `progress`, if given, can
-/// cancel it.
-PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast,
-                               const Progress* progress = nullptr);
+/// than 2.5: in noise of 75 the last of these follow vessels as often as noise.
+PrunedSkeleton pruned_skeleton(const Mask& vessels, const std::vector<float>& contrast);
 
 }  // namespace xraycast

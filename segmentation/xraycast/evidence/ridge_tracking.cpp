@@ -66,10 +66,10 @@ class RidgeTracker {
   RidgeTracker(const std::vector<float>& contrast, const Mask& vessels)
       : contrast_(contrast), vessels_(vessels), tracked_(vessels.geometry) {}
 
-  Mask run(std::vector<LineEnd> ends, Progress& progress) {
+  Mask run(std::vector<LineEnd> ends) {
     constexpr double kMinGain = 2.2;
     while (!ends.empty()) {
-      progress.check();
+      check_cancelled();
       const LineEnd end = ends.back();
       ends.pop_back();
       const Segment segment = best_segment(end);
@@ -121,8 +121,8 @@ class RidgeTracker {
 
 }  // namespace
 
-Mask track_ridges(const std::vector<float>& contrast, const Mask& vessels, Progress& progress) {
-  return RidgeTracker(contrast, vessels).run(free_ends(thin(vessels)), progress);
+Mask track_ridges(const std::vector<float>& contrast, const Mask& vessels) {
+  return RidgeTracker(contrast, vessels).run(free_ends(thin(vessels)));
 }
 
 }  // namespace xraycast

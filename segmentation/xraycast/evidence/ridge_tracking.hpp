@@ -1,6 +1,5 @@
 #pragma once
 
-#include "xraycast/base/progress.hpp"
 #include "xraycast/mask/mask.hpp"
 
 #include <vector>
@@ -14,6 +13,6 @@ namespace xraycast {
 /// or more, and tracking continues from its end. In noise alone one end in fifty is continued.
 ///
 /// Returns the segments, a voxel thick, without `vessels`.
-Mask track_ridges(const std::vector<float>& contrast, const Mask& vessels, Progress& progress);
+Mask track_ridges(const std::vector<float>& contrast, const Mask& vessels);
 
 }  // namespace xraycast

@@ -6,8 +6,8 @@
 #include "xraycast/evidence/block_filter.hpp"
 #include "xraycast/evidence/ridge_detection.hpp"
 #include "xraycast/evidence/ridge_tracking.hpp"
+#include "xraycast/evidence/robust_statistics.hpp"
 #include "xraycast/evidence/scan_response.hpp"
-#include "xraycast/evidence/spread.hpp"
 #include "xraycast/mask/components.hpp"
 #include "xraycast/mask/distance_transform.hpp"
 
@@ -42,8 +42,8 @@ Field contrasts(Field values, const ScanResponse& response) {
 
 /// The contrast that each voxel of a scan shows when it is smoothed by a Gaussian.
 Field smoothed_contrast(const Volume& volume, const ScanResponse& response, double smoothing_vox,
-                        ComputeDevice& device, const Progress& progress) {
-  return contrasts(smoothed(volume, glm::dvec3(smoothing_vox), device, &progress), response);
+                        ComputeDevice& device) {
+  return contrasts(smoothed(volume, glm::dvec3(smoothing_vox), device), response);
 }
 
 /// What a Gaussian leaves of the standard deviation of white noise.
@@ -57,7 +57,7 @@ double left_of_noise(double smoothing_vox) {
 /// less.
 double most_noise_hu(const Field& smooth, double smoothing_vox) {
   constexpr double kCutOff = 3;
-  return kCutOff * spread_of(smooth).standard_deviation / left_of_noise(smoothing_vox);
+  return kCutOff * statistics_of(smooth).standard_deviation / left_of_noise(smoothing_vox);
 }
 
 bool is_local_maximum(const Mask& grid, const Field& values, const Index3& voxel) {
@@ -80,9 +80,9 @@ std::vector<MiddleOfVessel> middles_of_vessels(const Mask& ridges, const Field& 
 }
 
 LumenScale measure_scale(const Volume& volume, const ScanResponse& response, const Field& strength,
-                         ComputeDevice& device, const Progress& progress) {
-  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device, progress),
-              wide = smoothed_contrast(volume, response, kWide_vox, device, progress);
+                         ComputeDevice& device) {
+  const Field narrow = smoothed_contrast(volume, response, kNarrow_vox, device),
+              wide = smoothed_contrast(volume, response, kWide_vox, device);
   const double least_strength = strong_ridge(strength);
   const Mask ridges = detect_ridges(strength, volume.geometry(), least_strength);
   return measure_lumen_scale(middles_of_vessels(ridges, narrow, wide, strength, least_strength), response,
@@ -136,93 +136,90 @@ class Smoother {
   BlockFilter block_;
 };
 
-/// Shares deblurred by Richardson and Lucy's iteration, which keeps their sum, up to full.
-Field deblurred(const Field& shares, double blur_vox, int steps, Smoother& smooth, const Progress& progress) {
+/// Fractions deblurred by Richardson and Lucy's iteration, which keeps their sum, up to full.
+Field deblurred(const Field& fractions, double blur_vox, int steps, Smoother& smooth) {
   constexpr float kLeast = 1e-4F;
   constexpr double kSharp_vox = 0.15;
-  Field result = shares;
+  Field result = fractions;
   for (int step = 0; step < steps && blur_vox > kSharp_vox; ++step) {
-    progress.check();
     Field ratio = smooth(result, blur_vox);
-    for_each_index(ratio.size(), [&](std::size_t i) { ratio[i] = shares[i] / (ratio[i] + kLeast); });
+    for_each_index(ratio.size(), [&](std::size_t i) { ratio[i] = fractions[i] / (ratio[i] + kLeast); });
     ratio = smooth(ratio, blur_vox);
     for_each_index(ratio.size(), [&](std::size_t i) { result[i] = std::min(result[i] * ratio[i], 1.0F); });
   }
   return result;
 }
 
-/// Gives what the vessels' light outside of `mask` holds to the voxels in it, so that shares add up to the
+/// Gives what the vessels' light outside of `mask` holds to the voxels in it, so that fractions add up to the
 /// volume. Twice: what a full voxel cannot take goes to others nearby.
-Field conserved(Field shares, const Mask& mask, const Field& light, Smoother& smooth,
-                const Progress& progress) {
+Field conserved(Field fractions, const Mask& mask, const Field& light, Smoother& smooth) {
   constexpr double kAround_vox = 2;
   constexpr float kMost = 2, kLeast = 1e-3F;
   const Field near_light = smooth(light, kAround_vox);
-  for_each_index(shares.size(), [&](std::size_t i) {
-    if (mask.voxels[i] == 0) shares[i] = 0;
+  for_each_index(fractions.size(), [&](std::size_t i) {
+    if (mask.voxels[i] == 0) fractions[i] = 0;
   });
   for (int pass = 0; pass < 2; ++pass) {
-    progress.check();
-    const Field held = smooth(shares, kAround_vox);
-    for_each_index(shares.size(), [&](std::size_t i) {
+    const Field held = smooth(fractions, kAround_vox);
+    for_each_index(fractions.size(), [&](std::size_t i) {
       const float ratio = std::clamp(near_light[i] / std::max(held[i], kLeast), 1.0F, kMost);
-      shares[i] = std::min(shares[i] * ratio, 1.0F);
+      fractions[i] = std::min(fractions[i] * ratio, 1.0F);
     });
   }
-  return shares;
+  return fractions;
 }
 
 /// The voxels of vessels wider than four voxels' radius, with those at their wall.
-Mask wide_vessels(const Mask& candidates, const Field& shares) {
+Mask wide_vessels(const Mask& candidates, const Field& fractions) {
   constexpr double kWideRadius_vox = 4, kWall_vox = 1.5;
   Mask core(candidates.geometry);
   core.geometry.spacing_mm = glm::dvec3(1);
-  for_each_index(shares.size(),
-                 [&](std::size_t i) { core.voxels[i] = static_cast<std::uint8_t>(shares[i] >= 0.5F); });
+  for_each_index(fractions.size(),
+                 [&](std::size_t i) { core.voxels[i] = static_cast<std::uint8_t>(fractions[i] >= 0.5F); });
   const Field depth = distance_to_background_mm(core);
-  for_each_index(shares.size(), [&](std::size_t i) {
+  for_each_index(fractions.size(), [&](std::size_t i) {
     core.voxels[i] = static_cast<std::uint8_t>(static_cast<double>(depth[i]) >= kWideRadius_vox);
   });
   return core.count() == 0 ? Mask(candidates.geometry) : near(core, kWideRadius_vox + kWall_vox);
 }
 
-/// Judges voxels by their shares.
-class ShareJudge {
+/// Judges voxels by their fractions.
+class FractionJudge {
  public:
-  ShareJudge(const Mask& candidates, const Field& shares, const LumenScale& scale)
+  FractionJudge(const Mask& candidates, const Field& fractions, const LumenScale& scale)
       : candidates_(candidates),
-        wide_(wide_vessels(candidates, shares)),
-        shares_(shares),
-        least_(least_share(scale)),
-        certain_(certain_share(scale)) {}
+        wide_(wide_vessels(candidates, fractions)),
+        fractions_(fractions),
+        least_(least_fraction(scale)),
+        certain_(certain_fraction(scale)) {}
 
-  bool is_certain(std::size_t i) const { return share(i) >= certain_; }
+  bool is_certain(std::size_t i) const { return fraction(i) >= certain_; }
 
   /// Whether a voxel of a skeleton holds almost as much as is needed.
   bool is_bright(std::size_t i) const {
     constexpr double kAlmost = 0.8;
-    return share(i) >= kAlmost * least_;
+    return fraction(i) >= kAlmost * least_;
   }
 
   /// Whether a voxel on a candidate or beside one holds enough. A neighbour of a half full one needs less, as
-  /// its share is less likely to be noise.
+  /// its fraction is less likely to be noise.
   bool is_lumen(std::size_t i) const {
     constexpr double kLess = 0.95, kMore = 1.05;
-    if (share(i) < kLess * least_) return false;
+    if (fraction(i) < kLess * least_) return false;
     const Index3 voxel = voxel_at(candidates_.geometry, static_cast<std::int64_t>(i));
     if (!is_by_a_candidate(i, voxel)) return false;
-    if (wide_.voxels[i] != 0) return share(i) >= kHalf;
-    return share(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * least_;
+    if (wide_.voxels[i] != 0) return fraction(i) >= kHalf;
+    return fraction(i) >= (has_half_full_neighbour(voxel) ? kLess : kMore) * least_;
   }
 
  private:
   static constexpr double kHalf = 0.5;
 
-  double share(std::size_t i) const { return static_cast<double>(shares_[i]); }
+  double fraction(std::size_t i) const { return static_cast<double>(fractions_[i]); }
 
   bool has_half_full_neighbour(const Index3& voxel) const {
     return std::any_of(kNeighbours.begin(), kNeighbours.begin() + 6, [&](const Index3& step) {
-      return candidates_.contains(voxel + step) && share(candidates_.offset(voxel + step)) >= kHalf;
+      return candidates_.contains(voxel + step) && fraction(candidates_.offset(voxel + step)) >= kHalf;
     });
   }
 
@@ -234,19 +231,19 @@ class ShareJudge {
 
   const Mask& candidates_;
   Mask wide_;
-  const Field& shares_;
+  const Field& fractions_;
   double least_, certain_;
 };
 
 /// The voxels beside candidates that hold enough lumen, but not those of pruned spurs unless they are
 /// certain; and the skeleton: what is bright of it, and of the rest what joins such parts.
-Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Field& shares,
+Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Field& fractions,
                 const LumenScale& scale) {
-  const ShareJudge judge(candidates, shares, scale);
+  const FractionJudge judge(candidates, fractions, scale);
   const Field to_kept_mm = distance_to_foreground_mm(skeleton.kept),
               to_pruned_mm = distance_to_foreground_mm(skeleton.pruned);
   Mask vessels(candidates.geometry), faint(candidates.geometry);
-  for_each_index(shares.size(), [&](std::size_t i) {
+  for_each_index(fractions.size(), [&](std::size_t i) {
     (judge.is_bright(i) ? vessels : faint).voxels[i] = skeleton.kept.voxels[i];
     if ((judge.is_certain(i) || to_pruned_mm[i] >= to_kept_mm[i]) && judge.is_lumen(i)) vessels.voxels[i] = 1;
   });
@@ -254,8 +251,8 @@ Mask lumen_mask(const PrunedSkeleton& skeleton, const Mask& candidates, const Fi
   return with_weak_links(vessels, faint);
 }
 
-/// Shares from 0 to 1 of what a contrast is of the lumen's, and nothing beyond `reach`.
-Field shares_within(Field contrast, const Mask& reach, double lumen_hu) {
+/// Fractions from 0 to 1 of what a contrast is of the lumen's, and nothing beyond `reach`.
+Field fractions_within(Field contrast, const Mask& reach, double lumen_hu) {
   for_each_index(contrast.size(), [&](std::size_t i) {
     contrast[i] = reach.voxels[i] == 0
                       ? 0
@@ -266,36 +263,34 @@ Field shares_within(Field contrast, const Mask& reach, double lumen_hu) {
 
 /// Ridges and half full voxels.
 Mask find_candidates(const Volume& volume, const LumenScale& scale, const Field& strength,
-                     const Field& contrast, ComputeDevice& device, Progress& progress) {
+                     const Field& contrast, ComputeDevice& device) {
   constexpr double kTracking_vox = 0.7;
   Mask ridges = detect_ridges(strength, volume.geometry(), kLeastRidge * scale.lumen_hu);
   const Mask tracks =
-      track_ridges(contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu), &progress),
-                   ridges, progress);
+      track_ridges(contrast_to_noise(volume, kTracking_vox, device, least_unit_hu(scale.lumen_hu)), ridges);
   const Mask full = half_full(contrast, scale, volume.geometry());
   unite(ridges, tracks);
   unite(ridges, full);
   return ridges;
 }
 
-/// The shares of a box of the scan, smoothed by as much as its noise asks for, and deblurred.
-Field estimated_shares(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
-                       const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device,
-                       const Progress& progress) {
+/// The fractions of a box of the scan, smoothed by as much as its noise asks for, and deblurred.
+Field estimated_fractions(const Volume& volume, const ScanResponse& response, const LumenScale& scale,
+                          const Box& box, const Mask& reach, Smoother& smooth, ComputeDevice& device) {
   const double smoothing = smoothing_vox(scale);
   const int steps = 3 + static_cast<int>(std::lround(3 * std::min(scale.blur_vox, 1.0)));
-  const Field shares = shares_within(
-      cropped(smoothed_contrast(volume, response, smoothing, device, progress), volume.geometry(), box),
-      reach, scale.lumen_hu);
-  return deblurred(shares, std::hypot(smoothing, scale.blur_vox), steps, smooth, progress);
+  const Field fractions = fractions_within(
+      cropped(smoothed_contrast(volume, response, smoothing, device), volume.geometry(), box), reach,
+      scale.lumen_hu);
+  return deblurred(fractions, std::hypot(smoothing, scale.blur_vox), steps, smooth);
 }
 
-/// Writes the shares of the vessels in a box.
-void set_shares(const Field& shares, const Mask& vessels, const Box& box, LumenFill& fill) {
-  for (std::size_t i = 0; i < shares.size(); ++i) {
+/// Writes the fractions of the vessels in a box.
+void set_fractions(const Field& fractions, const Mask& vessels, const Box& box, LumenFill& fill) {
+  for (std::size_t i = 0; i < fractions.size(); ++i) {
     if (vessels.voxels[i] == 0) continue;
     const Index3 voxel = voxel_at(vessels.geometry, static_cast<std::int64_t>(i)) + box.lower;
-    fill.shares[offset_of(fill.geometry, voxel)] = quantised_share(static_cast<double>(shares[i]));
+    fill.fractions[offset_of(fill.geometry, voxel)] = quantised_fraction(static_cast<double>(fractions[i]));
   }
 }
 
@@ -320,30 +315,30 @@ double smoothing_vox(const LumenScale& scale) {
   return std::max(kMost_vox * noise2 / (noise2 + kHalfway * kHalfway), kLeast_vox);
 }
 
-double least_share(const LumenScale& scale) {
+double least_fraction(const LumenScale& scale) {
   const double blur3 = std::pow(std::hypot(smoothing_vox(scale), scale.blur_vox), 3);
   return 0.042 + 0.13 * blur3 / (blur3 + 0.25) + 0.22 * std::min(scale.noise(), 0.2);
 }
 
-double certain_share(const LumenScale& scale) {
+double certain_fraction(const LumenScale& scale) {
   constexpr double kDeviations = 2;
-  return least_share(scale) + kDeviations * scale.noise() * left_of_noise(smoothing_vox(scale));
+  return least_fraction(scale) + kDeviations * scale.noise() * left_of_noise(smoothing_vox(scale));
 }
 
-VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device,
-                            Progress& progress) {
+VesselEvidence vessel_evidence(const Volume& volume, double noise_hu, ComputeDevice& device,
+                               Progress& progress) {
   constexpr double kLight_vox = 0.8, kNear_vox = 3.5;
   const VolumeGeometry& grid = volume.geometry();
   require_memory_of_fields(grid);
   progress.begin("detecting ridges", 3, "passes");
-  Field contrast = smoothed(volume, glm::dvec3(kLight_vox), device, &progress);
+  Field contrast = smoothed(volume, glm::dvec3(kLight_vox), device);
   const ScanResponse response(volume, std::min(noise_hu, most_noise_hu(contrast, kLight_vox)));
   contrast = contrasts(std::move(contrast), response);
-  Field strength = ridge_strength(volume, device, &progress);
+  Field strength = ridge_strength(volume, device);
   progress.advance();
-  const LumenScale scale = measure_scale(volume, response, strength, device, progress);
+  const LumenScale scale = measure_scale(volume, response, strength, device);
   progress.advance();
-  const Mask candidates = find_candidates(volume, scale, strength, contrast, device, progress);
+  const Mask candidates = find_candidates(volume, scale, strength, contrast, device);
   strength = {};
   progress.advance();
   VesselEvidence found{Mask(grid), LumenFill(grid), scale};
@@ -353,20 +348,19 @@ VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice
 
   progress.begin("estimating the lumen", 3, "passes");
   const PrunedSkeleton skeleton = pruned_skeleton(
-      candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu), &progress),
-      &progress);
+      candidates, contrast_to_noise(volume, kLight_vox, device, least_unit_hu(scale.lumen_hu)));
   progress.advance();
   const Mask part = crop(candidates, box), reach = near(part, kNear_vox);
   Smoother smooth(device, part.geometry.size);
-  const Field light = shares_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
+  const Field light = fractions_within(cropped(contrast, grid, box), reach, scale.lumen_hu);
   contrast = {};
-  Field shares = estimated_shares(volume, response, scale, box, reach, smooth, device, progress);
+  Field fractions = estimated_fractions(volume, response, scale, box, reach, smooth, device);
   progress.advance();
   const Mask vessels =
-      lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, shares, scale);
-  shares = conserved(std::move(shares), vessels, light, smooth, progress);
+      lumen_mask({crop(skeleton.kept, box), crop(skeleton.pruned, box)}, part, fractions, scale);
+  fractions = conserved(std::move(fractions), vessels, light, smooth);
   paste(vessels, box, found.vessels);
-  set_shares(shares, vessels, box, found.fill);
+  set_fractions(fractions, vessels, box, found.fill);
   progress.advance();
   return found;
 }

@@ -14,25 +14,26 @@ struct VesselEvidence {
   LumenScale scale;
 };
 
-/// Finds vessels by one measure in all noise: the share of lumen in a voxel. The scan's blur and the lumen's
-/// contrast are measured on the vessels themselves (lumen_scale). Ridges that rise above the noise and above
-/// kLeastRidge of the lumen's contrast, and what is half full, are candidates. The scan, smoothed the more
-/// the more noise there is, is deblurred within 3.5 voxels of them (Richardson 1972, Lucy 1974); voxels
-/// beside a candidate are in the mask when their share exceeds `least_share`, in vessels whose radius exceeds
-/// four voxels when it exceeds one half. `noise_hu` is the noise's standard deviation; where the background
-/// varies less than that, what the background shows counts. Two stages of `progress`, which can cancel each
-/// slab and pass. Throws InputError where a block has too many voxels, Error without memory, DeviceError.
-VesselEvidence find_vessels(const Volume& volume, double noise_hu, ComputeDevice& device, Progress& progress);
+/// Finds vessels by one measure in all noise: the fraction of lumen in a voxel. The scan's blur and the
+/// lumen's contrast are measured on the vessels themselves (lumen_scale). Ridges that rise above the noise
+/// and above kLeastRidge of the lumen's contrast, and what is half full, are candidates. The scan, smoothed
+/// the more the more noise there is, is deblurred within 3.5 voxels of them (Richardson 1972, Lucy 1974);
+/// voxels beside a candidate are in the mask when their fraction exceeds `least_fraction`, in vessels whose
+/// radius exceeds four voxels when it exceeds one half. `noise_hu` is the noise's standard deviation; where
+/// the background varies less than that, what the background shows counts. Two stages of `progress`. Throws
+/// InputError where a block has too many voxels, Error without memory, DeviceError.
+VesselEvidence vessel_evidence(const Volume& volume, double noise_hu, ComputeDevice& device,
+                               Progress& progress);
 
-/// By how much a scan is smoothed before its voxels' shares are estimated, in voxels.
+/// By how much a scan is smoothed before its voxels' fractions are estimated, in voxels.
 double smoothing_vox(const LumenScale& scale);
 
-/// The share of lumen that a voxel of a thin vessel must exceed. In a sharp and quiet scan one that is
+/// The fraction of lumen that a voxel of a thin vessel must exceed. In a sharp and quiet scan one that is
 /// touched by a fourteenth exceeds it; smoothing and blur, which deblurring undoes in part, raise it. Chosen
 /// so that in grown trees as many voxels are wrong as are missing.
-double least_share(const LumenScale& scale);
+double least_fraction(const LumenScale& scale);
 
-/// The share that noise does not reach in a spur that has little contrast.
-double certain_share(const LumenScale& scale);
+/// The fraction that noise does not reach in a spur that has little contrast.
+double certain_fraction(const LumenScale& scale);
 
 }  // namespace xraycast

@@ -135,7 +135,8 @@ RankedLink cheapest_link(const std::vector<LinkPoint>& from, const std::vector<L
                          const glm::dvec3& spacing_mm) {
   const double longest_mm = std::max(extent_mm(from, spacing_mm), extent_mm(to, spacing_mm));
   RankedLink best;
-  for (const LinkPoint& a : from)
+  for (const LinkPoint& a : from) {
+    check_cancelled();
     for (const LinkPoint& b : to) {
       const double mm = glm::length(spacing_mm * glm::dvec3(b.voxel - a.voxel));
       const bool is_beyond_scan = a.face >= 0 && a.face == b.face;
@@ -145,6 +146,7 @@ RankedLink cheapest_link(const std::vector<LinkPoint>& from, const std::vector<L
           is_beyond_scan ? 0 : 1, is_beyond_scan ? mm : mm * sides, {a.voxel, b.voxel, mm, is_beyond_scan}};
       if (ranked < best) best = ranked;
     }
+  }
   return best;
 }
 

@@ -106,6 +106,7 @@ class Thinning {
   /// Deletes the simple points on the border of one direction; all candidates are found before the first is
   /// deleted. Returns how many there were.
   std::int64_t delete_border_voxels(std::size_t direction) {
+    check_cancelled();
     candidates_.clear();
     for (const std::int64_t at : remaining_)
       if (inside_[static_cast<std::size_t>(at)] != 0 &&

@@ -10,9 +10,9 @@ namespace xraycast {
 namespace {
 
 constexpr double kMetal_hu = 2000, kBlooming_mm = 5, kPlaque_mm3 = 100;
-constexpr double kClosing_mm = 2;     ///< closes cracks in cortical bone, less than the smallest canal
-constexpr double kMarrow_mm2 = 1500;  ///< a vertebral body's section, and far less than a skull's
-constexpr double kVesselShare = 0.3;  ///< of a hole, from which on it is a canal
+constexpr double kClosing_mm = 2;        ///< closes cracks in cortical bone, less than the smallest canal
+constexpr double kMarrow_mm2 = 1500;     ///< a vertebral body's section, and far less than a skull's
+constexpr double kVesselFraction = 0.3;  ///< of a hole, from which on it is a canal
 
 /// Dense voxels in components too large for plaques, without metal and its blooming. As many units of
 /// progress as there are slices.
@@ -51,7 +51,7 @@ Mask find_bone(const Volume& volume, const HuWindow& window, const Mask& vessels
       const auto area = static_cast<double>(hole.size());
       if (area * pixel_mm2 > kMarrow_mm2) return;
       const auto bright = std::ranges::count_if(hole, [&](int offset) { return vessel[offset] != 0; });
-      if (static_cast<double>(bright) >= kVesselShare * area) return;
+      if (static_cast<double>(bright) >= kVesselFraction * area) return;
       for (const int offset : hole) slice.voxels[offset] = 1;
     });
     morphology.dilate(slice, rim);

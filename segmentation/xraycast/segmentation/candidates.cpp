@@ -84,7 +84,7 @@ std::vector<Candidate> brightest_candidates(const Volume& volume, ComputeDevice&
       const Mask lumen = lumen_at_seeds(scan, seeds, window_of_seeds(seeds, ""), body, markers, "");
       unite(known, lumen);
       (is_slender(lumen) ? slender : others).push_back({p, seeds.front().hu});
-    } catch (const LostSeed&) {  // in bone, or in an organ
+    } catch (const InputError&) {  // in bone, or in an organ
     }
   }
   if (!slender.empty()) return slender;

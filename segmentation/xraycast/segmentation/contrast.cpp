@@ -120,16 +120,16 @@ std::pair<double, double> median_and_spread_hu(const Histogram& histogram, int l
   return {median, 1.4826 * reach};
 }
 
-/// The standard deviation of what is left of a normal distribution, whose own is 1, once its lowest share is
-/// cut off (Johnson, Kotz and Balakrishnan, Continuous univariate distributions, 1994, section 13.10.1).
-double spread_above(double share) {
+/// The standard deviation of what is left of a normal distribution, whose own is 1, once its lowest fraction
+/// is cut off (Johnson, Kotz and Balakrishnan, Continuous univariate distributions, 1994, section 13.10.1).
+double spread_above(double fraction) {
   double low = -8, high = 8;  // the cut; what lies beyond is less than one in 10^15
   for (int pass = 0; pass < 40; ++pass) {
     const double middle = 0.5 * (low + high);
-    (std::erfc(-middle / std::numbers::sqrt2) < 2 * share ? low : high) = middle;
+    (std::erfc(-middle / std::numbers::sqrt2) < 2 * fraction ? low : high) = middle;
   }
   const double density = std::exp(-0.5 * low * low) / std::sqrt(2 * std::numbers::pi),
-               mean = density / (1 - share);
+               mean = density / (1 - fraction);
   return std::sqrt(1 + low * mean - mean * mean);
 }
 

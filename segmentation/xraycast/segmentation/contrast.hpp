@@ -34,7 +34,7 @@ inline Contrast measure_contrast(const Volume& volume, const std::string& name) 
 /// The standard deviation of the noise, from the median absolute second difference along x of voxels that are
 /// neither air nor at an end of the scan's range of values. In a scan whose values are clipped, such as at
 /// its background's level, only the noise above that is visible, and spreads less. The correction follows
-/// from the share of voxels at the lowest value between neighbours above it: zero in padding, one half in
+/// from the fraction of voxels at the lowest value between neighbours above it: zero in padding, one half in
 /// noise that is clipped at its mean.
 double measure_noise_hu(const Volume& volume);
 

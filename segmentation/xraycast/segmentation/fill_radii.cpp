@@ -50,7 +50,7 @@ class LumenOwners {
       if (owner_[i] < 0) continue;
       const Index3 voxel = voxel_at(part_.geometry, static_cast<std::int64_t>(i)) + box_.lower;
       sums[static_cast<std::size_t>(owner_[i])] +=
-          fill_.shares[offset_of(fill_.geometry, voxel)] * s.x * s.y * s.z / LumenFill::kFull;
+          fill_.fractions[offset_of(fill_.geometry, voxel)] * s.x * s.y * s.z / LumenFill::kFull;
     }
     return sums;
   }
@@ -58,8 +58,8 @@ class LumenOwners {
  private:
   static Mask filled_voxels(const LumenFill& fill) {
     Mask mask(fill.geometry);
-    std::ranges::transform(fill.shares, mask.voxels.begin(),
-                           [](std::uint8_t share) { return static_cast<std::uint8_t>(share > 0); });
+    std::ranges::transform(fill.fractions, mask.voxels.begin(),
+                           [](std::uint8_t fraction) { return static_cast<std::uint8_t>(fraction > 0); });
     return mask;
   }
 
@@ -111,11 +111,13 @@ void set_radii(const std::vector<double>& lumen_mm3, double voxel_mm, double wid
 }  // namespace
 
 void radii_from_fill(const LumenFill& fill, std::vector<VesselBranch>& branches) {
-  if (std::ranges::all_of(fill.shares, [](std::uint8_t share) { return share == 0; })) return;
+  if (std::ranges::all_of(fill.fractions, [](std::uint8_t fraction) { return fraction == 0; })) return;
   LumenOwners owners(fill);
   std::int32_t count = 0;
-  for (const VesselBranch& branch : branches)
+  for (const VesselBranch& branch : branches) {
+    check_cancelled();
     for (const VesselPoint& point : branch.points) owners.add(count++, point);
+  }
   const std::vector<double> lumen_mm3 = owners.lumen_mm3(static_cast<std::size_t>(count));
   const double widest_vox = fill.is_of_touched_voxels ? 4.5 : 1;
   const glm::dvec3 s = fill.geometry.spacing_mm;

@@ -57,6 +57,7 @@ class Fronts {
   std::map<std::pair<int, int>, Path> meet() {
     std::map<std::pair<int, int>, Path> paths;
     while (!queue_.empty()) {
+      check_cancelled();
       const auto [mm, at] = queue_.top();
       queue_.pop();
       const Visited here = *visited(at);

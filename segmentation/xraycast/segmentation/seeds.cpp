@@ -22,16 +22,19 @@ constexpr double kSoftTissue_hu = 50, kBrightTissue_hu = 70;  // muscle; beyond 
 constexpr double kReach_mm = 5;                               ///< of a seed that was set beside its vessel
 constexpr double kAirBelow_hu = -300, kDensestContrast_hu = 700, kMetalFrom_hu = 2000;
 
-LostSeed lost(LostSeed::Cause cause, const Seed& seed, const std::string& name, const std::string& where) {
+constexpr const char* kElsewhere = "; give `seeds` in a vessel";
+constexpr const char* kWiderRadius = ", and counts as a heart chamber; raise `max_radius_mm`";
+
+InputError lost(const Seed& seed, const std::string& name, const std::string& where,
+                const char* remedy = kElsewhere) {
   const glm::dvec3& p = seed.point_mm;
-  return {cause, fmt::format("{}: the seed ({:.1f}, {:.1f}, {:.1f}) mm lies {} ({:.0f} HU)", name, p.x, p.y,
-                             p.z, where, seed.hu)};
+  return InputError("{}: the seed ({:.1f}, {:.1f}, {:.1f}) mm lies {} ({:.0f} HU){}", name, p.x, p.y, p.z,
+                    where, seed.hu, remedy);
 }
 
 void check_brighter_than_tissue(const Seed& seed, const std::string& name) {
-  if (seed.hu < kAirBelow_hu) throw lost(LostSeed::Cause::air, seed, name, "in air");
-  if (seed.hu < kBrightTissue_hu)
-    throw lost(LostSeed::Cause::tissue, seed, name, "in tissue without contrast agent");
+  if (seed.hu < kAirBelow_hu) throw lost(seed, name, "in air");
+  if (seed.hu < kBrightTissue_hu) throw lost(seed, name, "in tissue without contrast agent");
 }
 
 /// The voxels within a distance of a point.
@@ -59,9 +62,9 @@ Seed look_at(const Volume& scan, const glm::dvec3& point_mm, double noise_hu) {
     if (std::abs(hu - own_hu) <= std::max(3 * noise_hu, 10.0)) alike.push_back(hu);
   });
   if (alike.empty()) alike = {own_hu};
-  const auto quantile = [&](double share) {
+  const auto quantile = [&](double fraction) {
     const auto at =
-        alike.begin() + static_cast<std::ptrdiff_t>(share * static_cast<double>(alike.size() - 1));
+        alike.begin() + static_cast<std::ptrdiff_t>(fraction * static_cast<double>(alike.size() - 1));
     std::ranges::nth_element(alike, at);
     return *at;
   };
@@ -142,13 +145,13 @@ Mask lumen_at(const Volume& scan, const Seed& seed, const HuWindow& window, cons
   Mask part = crop(lumen, box);
   add_partial_volume_rim(crop(alike, box), part);
   if (is_enclosed_by_denser(part, scan, box.lower, seed.hu + seed.tolerance_hu))
-    throw lost(LostSeed::Cause::bone, seed, name, "in bone, which encloses it");
+    throw lost(seed, name, "in bone, which encloses it");
   const Mask wide = wider_than(part, markers.max_radius_mm);
   const Index3 here = glm::clamp(Index3(glm::round(part.geometry.to_index(seed.point_mm))), Index3(0),
                                  part.geometry.size - Index3(1));
   if (wide[here] != 0)
-    throw lost(LostSeed::Cause::chamber, seed, name,
-               fmt::format("in a structure wider than {:g} mm in radius", markers.max_radius_mm));
+    throw lost(seed, name, fmt::format("in a structure wider than {:g} mm in radius", markers.max_radius_mm),
+               kWiderRadius);
   subtract(part, wide);
   part = component_at(part, seed.point_mm, kReach_mm);
   std::ranges::fill(lumen.voxels, 0);
@@ -179,7 +182,7 @@ bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask
   if (seed.hu >= window.low_hu) return false;
   // On the rim of a vessel a quarter and more of the sphere is vessel; voxels that noise alone has raised are
   // fewer than a tenth.
-  constexpr double kBeside_mm = 2.5, kLeastShare = 0.1;
+  constexpr double kBeside_mm = 2.5, kLeastFraction = 0.1;
   const glm::dvec3& s = mask.geometry.spacing_mm;
   double all = 0, inside = 0;
   for_each_within(mask.geometry, seed.point_mm, std::max(kBeside_mm, 1.5 * std::max({s.x, s.y, s.z})),
@@ -187,14 +190,14 @@ bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask
                     ++all;
                     inside += mask[v];
                   });
-  return inside == 0 || inside < kLeastShare * all;
+  return inside == 0 || inside < kLeastFraction * all;
 }
 
 HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name) {
   for (const Seed& seed : seeds) {
     check_brighter_than_tissue(seed, name);
-    if (seed.hu >= kMetalFrom_hu) throw lost(LostSeed::Cause::metal, seed, name, "in metal");
-    if (seed.hu > kDensestContrast_hu) throw lost(LostSeed::Cause::bone, seed, name, "in bone");
+    if (seed.hu >= kMetalFrom_hu) throw lost(seed, name, "in metal");
+    if (seed.hu > kDensestContrast_hu) throw lost(seed, name, "in bone");
   }
   double low_hu = kMaxHu, high_hu = kPaddingHu;
   for (const Seed& seed : seeds) {
@@ -211,16 +214,23 @@ bool is_near(const Mask& mask, const glm::dvec3& point_mm) {
   return found;
 }
 
-void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
-                 const std::string& name) {
-  using Cause = LostSeed::Cause;
+void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, Removal removal, const std::string& name) {
   for (const Seed& seed : seeds) {
     if (is_near(mask, seed.point_mm)) continue;
     check_brighter_than_tissue(seed, name);
-    if (cause == Cause::window) throw lost(cause, seed, name, "outside the window of CT numbers");
-    if (cause == Cause::body) throw lost(cause, seed, name, "outside the body");
-    throw lost(cause, seed, name,
-               cause == Cause::bone ? "in bone" : "in a structure wider than the largest radius");
+    switch (removal) {
+      case Removal::given_window:
+        throw lost(seed, name, "outside the window of CT numbers",
+                   "; give a `window_hu` that includes it, or leave `window_hu` out");
+      case Removal::window:
+        throw lost(seed, name, "outside the window of CT numbers", "; give a `window_hu` that includes it");
+      case Removal::body:
+        throw lost(seed, name, "outside the body", "; to use it all the same, give a mask by `from_mask`");
+      case Removal::bone:
+        throw lost(seed, name, "in bone");
+      case Removal::chamber:
+        throw lost(seed, name, "in a structure wider than the largest radius", kWiderRadius);
+    }
   }
 }
 

@@ -12,24 +12,13 @@
 
 namespace xraycast {
 
-/// A seed that lies in no vessel. The message names the structure that it lies in; `cause` says which option
-/// would change that.
-class LostSeed : public InputError {
- public:
-  enum class Cause {
-    air,
-    tissue,
-    bone,
-    metal,
-    window,   ///< outside the CT numbers asked for
-    body,     ///< outside the body
-    chamber,  ///< in a structure wider than the largest radius
-  };
-  LostSeed(Cause cause, const std::string& message) : InputError("{}", message), cause_(cause) {}
-  Cause cause() const { return cause_; }
-
- private:
-  Cause cause_;
+/// What removes a seed's structure, which says what would keep it.
+enum class Removal {
+  given_window,  ///< the CT numbers that the user asked for
+  window,        ///< those that were chosen
+  body,          ///< all but the body
+  bone,
+  chamber,  ///< structures wider than the largest radius
 };
 
 /// What a scan shows at a seed.
@@ -52,23 +41,22 @@ std::vector<Seed> look_at_seeds(const Volume& scan, const Markers& markers);
 /// whether it lies farther than 5 mm from the mask.
 bool needs_own_window(const Seed& seed, const HuWindow& window, const Mask& mask);
 
-/// The CT numbers of the seeds, with their tolerances. Throws LostSeed, with `name` in front, for a seed in
+/// The CT numbers of the seeds, with their tolerances. Throws InputError, with `name` in front, for a seed in
 /// air, in tissue without contrast agent, in metal, or in bone denser than any contrast agent.
 HuWindow window_of_seeds(const std::vector<Seed>& seeds, const std::string& name);
 
 /// Whether a point lies within 5 mm of a mask, as nearest_voxel accepts it.
 bool is_near(const Mask& mask, const glm::dvec3& point_mm);
 
-/// Throws LostSeed of that cause for a seed farther than 5 mm from a mask, or of the cause tissue or air if
-/// the seed is no brighter than that.
-void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, LostSeed::Cause cause,
-                 const std::string& name);
+/// Throws InputError for a seed farther than 5 mm from the mask that a removal has left: the message says
+/// what the seed lies in, and which field of the request would keep it.
+void check_seeds(const std::vector<Seed>& seeds, const Mask& mask, Removal removal, const std::string& name);
 
 /// Lumen of the seeds' own brightness that is connected to them and narrower than the largest radius: no step
 /// removes it. Grows through voxels of the body within the window and a seed's tolerance whose six neighbours
 /// fulfil the same, so that it does not pass through the rim of bone, where every brightness occurs;
-/// structures that hold a point to exclude are left out. Throws LostSeed if a seed lies in a wider structure,
-/// or within bone.
+/// structures that hold a point to exclude are left out. Throws InputError if a seed lies in a wider
+/// structure, or within bone.
 Mask lumen_at_seeds(const Volume& scan, const std::vector<Seed>& seeds, const HuWindow& window,
                     const Mask& body, const Markers& markers, const std::string& name);
 

@@ -41,12 +41,12 @@ void remove_thin_components(Mask& mask) {
   mask = components.select(keep);
 }
 
-void check(const Volume& volume, const SegmentOptions& options, const std::string& name) {
+void check(const Volume& volume, const SegmentRequest& request, const std::string& name) {
   const VolumeGeometry& g = volume.geometry();
   if (g.size.z < kMinSlices)
     throw InputError("{}: {}, too few to follow vessels; at least {} are needed", name,
                      pluralize(g.size.z, "slice"), kMinSlices);
-  for (const auto* points : {&options.markers.vessels_mm, &options.markers.not_vessels_mm})
+  for (const auto* points : {&request.markers.vessels_mm, &request.markers.not_vessels_mm})
     for (const glm::dvec3& p : *points) {
       const glm::dvec3 lower = g.lower_mm(), upper = g.upper_mm();
       for (int axis = 0; axis < 3; ++axis)
@@ -56,6 +56,10 @@ void check(const Volume& volume, const SegmentOptions& options, const std::strin
               "{:.1f}, {:.1f}) to ({:.1f}, {:.1f}, {:.1f}) mm",
               name, p.x, p.y, p.z, lower.x, lower.y, lower.z, upper.x, upper.y, upper.z);
     }
+}
+
+void explain(const SegmentRequest& request, const std::string& step, const Mask& mask) {
+  if (request.explain) request.explain(step, mask);
 }
 
 /// The window of CT numbers, and whether it is that of the seeds.
@@ -70,20 +74,19 @@ struct ChosenWindow {
   for (const Candidate& c : brightest_candidates(volume, device))
     places += fmt::format("{}({:.0f}, {:.0f}, {:.0f}) mm with {:.0f} HU", places.empty() ? "" : ", ",
                           c.point_mm.x, c.point_mm.y, c.point_mm.z, c.hu);
-  throw NoContrast(
-      "{}: no vessel: the scan seems to hold no contrast agent; give a seed, a point in a vessel{}{}", name,
-      places.empty() ? "" : "; the brightest candidates are ", places);
+  throw InputError(
+      "{}: no vessel: the scan seems to hold no contrast agent; give a seed, a point in a vessel{}{}; check "
+      "in "
+      "the scan which are vessels, and give one by `seeds`, or a mask by `from_mask`",
+      name, places.empty() ? "" : "; the brightest candidates are ", places);
 }
 
 /// `scan` is denoised, `volume` is not.
 ChosenWindow choose_window(const Volume& scan, const Volume& volume, const std::vector<Seed>& seeds,
-                           const SegmentOptions& options, const std::string& name, ComputeDevice& device,
+                           const SegmentRequest& request, const std::string& name, ComputeDevice& device,
                            Progress& progress) {
-  if (options.window_hu) {
-    const auto [low, high] = *options.window_hu;
-    if (low >= high)
-      throw InputError("{}: the window's lower limit, {} HU, is not below its upper one, {} HU", name, low,
-                       high);
+  if (request.window_hu) {
+    const auto [low, high] = *request.window_hu;
     return {{low, low, high}, false};
   }
   const std::optional<Contrast> contrast = find_contrast(scan, name, progress);
@@ -103,12 +106,14 @@ bool has_air(const Volume& volume) {
 }
 
 /// Vessels of a scan that shows nothing else bright, however thin, by the evidence of lumen in its voxels.
-SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& markers, const std::string& name,
-                                     ComputeDevice& device, Progress& progress, SegmentLog& log) {
-  auto [mask, fill, scale] = find_vessels(volume, log.noise_hu, device, progress);
+SegmentedVessels segment_by_evidence(const Volume& volume, const SegmentRequest& request,
+                                     const std::string& name, ComputeDevice& device, Progress& progress,
+                                     SegmentLog& log) {
+  const Markers& markers = request.markers;
+  auto [mask, fill, scale] = vessel_evidence(volume, log.noise_hu, device, progress);
   log.scale = scale;
   log.noise_hu = scale.noise_hu;
-  log.on_step("evidence", mask);
+  explain(request, "evidence", mask);
   if (mask.count() == 0) {
     constexpr int kAlike_hu = 10;
     const auto [lowest, highest] = std::ranges::minmax(volume.hu());
@@ -116,20 +121,20 @@ SegmentedVessels segment_by_evidence(const Volume& volume, const Markers& marker
       throw InputError("{}: no vessel: all voxels have about {} HU; give a scan that shows vessels", name,
                        lowest);
     throw InputError(
-        "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or the "
-        "window of the vessels' CT numbers",
+        "{}: no vessel: no bright structure stands out from the noise; give a scan with less noise, or by "
+        "`window_hu` the window of the vessels' CT numbers",
         name);
   }
   if (markers.vessels_mm.empty() && markers.not_vessels_mm.empty()) {
     mask = without_small_components(mask);
   } else {
     separate_chambers(mask, markers, name, progress);
-    log.on_step("chambers", mask);
+    explain(request, "chambers", mask);
     mask = select_vessels(mask, markers, name, progress);
   }
-  log.on_step("selection", mask);
+  explain(request, "selection", mask);
   for (std::size_t i = 0; i < mask.voxels.size(); ++i)
-    if (mask.voxels[i] == 0) fill.shares[i] = 0;
+    if (mask.voxels[i] == 0) fill.fractions[i] = 0;
   return {std::move(mask), std::move(fill)};
 }
 
@@ -182,7 +187,7 @@ Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const std::st
   if (2 * mask.count() > scan.geometry().voxel_count())
     throw InputError(
         "{}: no vessel: more than half of the scan lies above {:.0f} HU; give the window of the vessels' CT "
-        "numbers",
+        "numbers by `window_hu`",
         name, window.hu.low_hu);
   return mask;
 }
@@ -191,9 +196,9 @@ Mask bright_voxels(const Volume& scan, const ChosenWindow& window, const std::st
 class ThresholdSteps {
  public:
   /// `quiet` is the denoised scan, if it needs that.
-  ThresholdSteps(const Volume& volume, std::optional<Volume> quiet, const SegmentOptions& options,
+  ThresholdSteps(const Volume& volume, std::optional<Volume> quiet, const SegmentRequest& request,
                  const std::string& name, ComputeDevice& device, Progress& progress, SegmentLog& log)
-      : options_(options),
+      : request_(request),
         name_(name),
         device_(device),
         progress_(progress),
@@ -209,7 +214,7 @@ class ThresholdSteps {
     threshold_body();
     if (is_subtracted_ && markers().vessels_mm.empty() && markers().not_vessels_mm.empty()) {
       mask_ = without_small_components(mask_);  // only vessels remain in a subtracted scan
-      log_.on_step("selection", mask_);
+      explain(request_, "selection", mask_);
       return std::move(mask_);
     }
     find_lumen_at_seeds();
@@ -220,7 +225,7 @@ class ThresholdSteps {
   }
 
  private:
-  const Markers& markers() const { return options_.markers; }
+  const Markers& markers() const { return request_.markers; }
   const Volume& denoised_scan() const { return quiet_ ? *quiet_ : volume_; }
   const Volume& at_seeds() const { return smooth_ ? *smooth_ : denoised_scan(); }
   const Volume& scan() const { return window_.is_of_seeds ? at_seeds() : denoised_scan(); }
@@ -229,14 +234,14 @@ class ThresholdSteps {
     if (!seeds_.empty()) unite(mask_, lumen_);
   }
 
-  void finish_step(const std::string& step, LostSeed::Cause cause) {
-    check_seeds(seeds_, mask_, cause, name_);
-    log_.on_step(step, mask_);
+  void finish_step(const std::string& step, Removal removal) {
+    check_seeds(seeds_, mask_, removal, name_);
+    explain(request_, step, mask_);
   }
 
   void choose_scan_and_window() {
     if (!is_subtracted_) seeds_ = look_at_seeds(at_seeds(), markers());
-    window_ = choose_window(denoised_scan(), volume_, seeds_, options_, name_, device_, progress_);
+    window_ = choose_window(denoised_scan(), volume_, seeds_, request_, name_, device_, progress_);
     log_.window = window_.hu;
     log_.is_window_of_seeds = window_.is_of_seeds;
   }
@@ -244,11 +249,11 @@ class ThresholdSteps {
   void threshold_body() {
     progress_.begin("thresholding", 1, "scans");
     mask_ = bright_voxels(scan(), window_, name_);
-    finish_step("window", LostSeed::Cause::window);
+    finish_step("window", request_.window_hu ? Removal::given_window : Removal::window);
     if (!is_subtracted_) {
       body_ = find_body_mask(scan());
       intersect(mask_, body_);
-      finish_step("body", LostSeed::Cause::body);
+      finish_step("body", Removal::body);
     }
     progress_.advance();
   }
@@ -264,13 +269,13 @@ class ThresholdSteps {
     bone_ = is_subtracted_ ? Mask(mask_.geometry) : find_bone(scan(), window_.hu, bright_, progress_);
     subtract(mask_, bone_);
     give_lumen_back();
-    finish_step("bone", LostSeed::Cause::bone);
+    finish_step("bone", Removal::bone);
   }
 
   void remove_chambers() {
     separate_chambers(mask_, live(markers(), bright_, mask_, name_), name_, progress_);
     give_lumen_back();
-    finish_step("chambers", LostSeed::Cause::chamber);
+    finish_step("chambers", Removal::chamber);
   }
 
   void remove_trabecular() {
@@ -282,24 +287,24 @@ class ThresholdSteps {
     progress_.advance();
     const std::int64_t before = mask_.count();
     remove_trabecular_bone(mask_, bone_, progress_);
-    if (!options_.window_hu && seeds_.empty() && is_bone_alone(before, mask_.count()))
+    if (!request_.window_hu && seeds_.empty() && is_bone_alone(before, mask_.count()))
       throw_without_contrast(volume_, name_, device_);
     give_lumen_back();
-    finish_step("trabecular-bone", LostSeed::Cause::bone);
+    finish_step("trabecular-bone", Removal::bone);
   }
 
   Mask selected() {
     close_gaps(mask_, candidates_, progress_);
-    log_.on_step("gaps", mask_);
+    explain(request_, "gaps", mask_);
     Mask vessels = select_vessels(mask_, markers(), name_, progress_);
-    log_.on_step("selection", vessels);
+    explain(request_, "selection", vessels);
     progress_.begin("filling", 3, "passes");
     complete_lumen(scan(), window_, bright_, bone_, vessels, progress_);
-    log_.on_step("filling", vessels);
+    explain(request_, "filling", vessels);
     return vessels;
   }
 
-  const SegmentOptions& options_;
+  const SegmentRequest& request_;
   const std::string& name_;
   ComputeDevice& device_;
   Progress& progress_;
@@ -322,25 +327,21 @@ bool shows_vessels_alone(const Volume& volume, const std::optional<Volume>& quie
 
 }  // namespace
 
-SegmentedVessels with_fill(const Volume& volume, Mask mask) {
-  LumenFill fill = fill_of(volume, mask);
-  return {std::move(mask), std::move(fill)};
-}
-
-SegmentedVessels segment_vessels(const Volume& volume, const SegmentOptions& options, const std::string& name,
+SegmentedVessels segment_vessels(const Volume& volume, const SegmentRequest& request, const std::string& name,
                                  ComputeDevice& device, Progress& progress, SegmentLog* log) {
   SegmentLog unheard;
   SegmentLog& heard = log != nullptr ? *log : unheard;
-  check(volume, options, name);
+  check(volume, request, name);
   progress.begin("contrast", 5, "passes");
   heard.noise_hu = measure_noise_hu(volume);
   progress.advance();
   std::optional<Volume> quiet = denoised(volume, device);
   progress.advance();
-  if (!options.window_hu && shows_vessels_alone(volume, quiet, heard.noise_hu))
-    return segment_by_evidence(volume, options.markers, name, device, progress, heard);
-  Mask mask = ThresholdSteps(volume, std::move(quiet), options, name, device, progress, heard).vessels();
-  return with_fill(volume, std::move(mask));
+  if (!request.window_hu && shows_vessels_alone(volume, quiet, heard.noise_hu))
+    return segment_by_evidence(volume, request, name, device, progress, heard);
+  Mask mask = ThresholdSteps(volume, std::move(quiet), request, name, device, progress, heard).vessels();
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill)};
 }
 
 }  // namespace xraycast

@@ -101,6 +101,7 @@ class SkeletonPruner {
 
   void remove_spurs() {
     for (;;) {
+      check_cancelled();
       int shortest = -1;
       double least_mm = 0;
       for (int e = 0; e < edge_count(); ++e) {

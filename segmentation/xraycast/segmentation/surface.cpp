@@ -1,8 +1,9 @@
 #include "xraycast/segmentation/surface.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/parallel.hpp"
 #include "xraycast/base/union_find.hpp"
-#include "xraycast/segmentation/level_set.hpp"
+#include "xraycast/segmentation/smoothed_mask.hpp"
 
 #include <glm/common.hpp>
 
@@ -17,12 +18,13 @@ namespace xraycast {
 namespace {
 
 /// The isosurface at the level that encloses a volume, by bisection.
-Mesh mesh_of_volume(const LevelSet& smoothed, double target_mm3) {
+Mesh mesh_of_volume(const SmoothedMask& smoothed, double target_mm3) {
   double low = 0.2, high = 0.95;
   Mesh mesh;
   for (int pass = 0; pass < 7; ++pass) {
+    check_cancelled();
     const double level = pass == 0 ? 0.5 : 0.5 * (low + high);
-    mesh = smoothed.mesh_at(level);
+    mesh = smoothed.isosurface(level);
     const double mm3 = volume_mm3(mesh);
     if (std::abs(mm3 / target_mm3 - 1) < 0.005) break;
     (mm3 < target_mm3 ? low : high) = level;
@@ -87,8 +89,8 @@ Mesh decimated(const Mesh& mesh, std::size_t triangles) {
   std::vector<unsigned> indices;
   for (const auto& t : mesh.triangles) indices.insert(indices.end(), t.begin(), t.end());
   std::vector<unsigned> kept(indices.size());
-  // The error allowed is a share of the mesh's extent; half a percent of a trunk is a few millimetres, so the
-  // number of triangles is the stopping criterion.
+  // The error allowed is a fraction of the mesh's extent; half a percent of a trunk is a few millimetres, so
+  // the number of triangles is the stopping criterion.
   constexpr float kMaxError = 0.005F;
   kept.resize(meshopt_simplify(kept.data(), indices.data(), indices.size(), &mesh.points_mm[0].x,
                                mesh.points_mm.size(), sizeof(glm::vec3), 3 * triangles, kMaxError));
@@ -109,10 +111,11 @@ Mesh surface_of_volume(const Mask& mask, double lumen_mm3, std::size_t triangles
   const Box box = bounding_box(mask);
   if (box.empty()) throw Error("the mask is empty, so it has no surface");
   const Mask part = crop(mask, box);
-  Mesh whole = mesh_of_volume(*level_set_of(part), lumen_mm3);
+  Mesh whole = mesh_of_volume(*smoothed_mask(part), lumen_mm3);
   if (whole.triangles.size() <= triangles) return whole;
   const double volume = volume_mm3(whole);
   for (std::size_t target = triangles; target < whole.triangles.size(); target *= 2) {
+    check_cancelled();
     Mesh fewer = decimated(whole, target);
     constexpr double kShrinking = 0.01;
     if (is_watertight(fewer) && std::abs(volume_mm3(fewer) / volume - 1) < kShrinking) return fewer;

@@ -74,7 +74,7 @@ double vessel_weight(const Mask& component) {
 
 Mask select_vessels(const Mask& mask, const Markers& markers, const std::string& name, Progress& progress) {
   constexpr std::size_t kTried = 16;
-  constexpr double kMinShare = 0.01;
+  constexpr double kMinFraction = 0.01;
   progress.begin("selecting", kTried, "components");
   const Components components(mask);
   std::vector<bool> keep(static_cast<std::size_t>(components.count()));
@@ -100,7 +100,7 @@ Mask select_vessels(const Mask& mask, const Markers& markers, const std::string&
     throw InputError(
         "{}: no vessel: no bright structure is longer than it is wide; give a seed, a point in a vessel",
         name);
-  for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = weights[i] > 0 && weights[i] >= kMinShare * best;
+  for (std::size_t i = 0; i < keep.size(); ++i) keep[i] = weights[i] > 0 && weights[i] >= kMinFraction * best;
   return components.select(keep);
 }
 

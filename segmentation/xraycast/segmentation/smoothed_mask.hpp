@@ -8,16 +8,16 @@
 namespace xraycast {
 
 /// The fraction of each voxel inside a mask, smoothed by a Gaussian of half a voxel.
-class LevelSet {
+class SmoothedMask {
  public:
-  virtual ~LevelSet() = default;
+  virtual ~SmoothedMask() = default;
 
   /// The closed surface where that fraction is `1 - level`: the higher the level, the larger.
-  virtual Mesh mesh_at(double level) const = 0;
+  virtual Mesh isosurface(double level) const = 0;
 };
 
 /// By OpenVDB, whose library takes longer to load than all others together, so the first call loads it, not
 /// the start of the program. Throws Error when it is not installed beside the program.
-std::unique_ptr<LevelSet> level_set_of(const Mask& mask);
+std::unique_ptr<SmoothedMask> smoothed_mask(const Mask& mask);
 
 }  // namespace xraycast

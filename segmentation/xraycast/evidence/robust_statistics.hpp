@@ -6,14 +6,14 @@ namespace xraycast {
 
 /// Robust statistics of many values: the median, and the standard deviation estimated from the median
 /// absolute deviation. Of more than a million values about a million are looked at, evenly spaced.
-struct Spread {
+struct RobustStatistics {
   double median = 0, standard_deviation = 0;
   double above(double deviations) const { return median + deviations * standard_deviation; }
 };
 
-Spread spread_of(const std::vector<float>& values);
+RobustStatistics statistics_of(const std::vector<float>& values);
 
 /// That of the values other than 0; zeros where there are none.
-Spread spread_of_nonzero(const std::vector<float>& values);
+RobustStatistics statistics_of_nonzero(const std::vector<float>& values);
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "xraycast/evidence/spread.hpp"
+#include "xraycast/evidence/robust_statistics.hpp"
 
 #include <algorithm>
 #include <cmath>
@@ -8,7 +8,7 @@ namespace xraycast {
 namespace {
 
 template <typename Counts>
-Spread spread_where(const std::vector<float>& values, const Counts& counts) {
+RobustStatistics statistics_where(const std::vector<float>& values, const Counts& counts) {
   constexpr std::size_t kEnough = 1'000'000;
   const std::size_t step = std::max<std::size_t>(1, values.size() / kEnough);
   std::vector<float> some;
@@ -25,12 +25,12 @@ Spread spread_where(const std::vector<float>& values, const Counts& counts) {
 
 }  // namespace
 
-Spread spread_of(const std::vector<float>& values) {
-  return spread_where(values, [](float) { return true; });
+RobustStatistics statistics_of(const std::vector<float>& values) {
+  return statistics_where(values, [](float) { return true; });
 }
 
-Spread spread_of_nonzero(const std::vector<float>& values) {
-  return spread_where(values, [](float v) { return v != 0; });
+RobustStatistics statistics_of_nonzero(const std::vector<float>& values) {
+  return statistics_where(values, [](float v) { return v != 0; });
 }
 
 }  // namespace xraycast

@@ -1,6 +1,6 @@
-// A module of its own, which level_set.cpp loads. It uses only headers of this project.
+// A module of its own, which smoothed_mask.cpp loads. It uses only headers of this project.
 
-#include "xraycast/segmentation/level_set.hpp"
+#include "xraycast/segmentation/smoothed_mask.hpp"
 
 #include <openvdb/openvdb.h>
 #include <openvdb/tools/Filter.h>
@@ -10,8 +10,8 @@
 namespace xraycast {
 namespace {
 
-/// OpenVDB's levels are inside where below, so the share inside is negated: 0 inside, 1 outside.
-openvdb::FloatGrid::Ptr smoothed_share(const Mask& mask) {
+/// OpenVDB's levels are inside where below, so the fraction inside is negated: 0 inside, 1 outside.
+openvdb::FloatGrid::Ptr smoothed_fraction(const Mask& mask) {
   auto grid = openvdb::FloatGrid::create(1.0F);
   auto accessor = grid->getAccessor();
   const Index3 size = mask.geometry.size;
@@ -27,11 +27,11 @@ openvdb::FloatGrid::Ptr smoothed_share(const Mask& mask) {
   return grid;
 }
 
-class OpenVdbLevelSet : public LevelSet {
+class OpenVdbSmoothedMask : public SmoothedMask {
  public:
-  explicit OpenVdbLevelSet(const Mask& mask) : geometry_(mask.geometry), grid_(smoothed_share(mask)) {}
+  explicit OpenVdbSmoothedMask(const Mask& mask) : geometry_(mask.geometry), grid_(smoothed_fraction(mask)) {}
 
-  Mesh mesh_at(double level) const override {
+  Mesh isosurface(double level) const override {
     std::vector<openvdb::Vec3s> points;
     std::vector<openvdb::Vec3I> triangles;
     std::vector<openvdb::Vec4I> quads;
@@ -55,7 +55,7 @@ class OpenVdbLevelSet : public LevelSet {
 }  // namespace
 }  // namespace xraycast
 
-extern "C" xraycast::LevelSet* xraycast_level_set(const xraycast::Mask& mask) {
+extern "C" xraycast::SmoothedMask* xraycast_smoothed_mask(const xraycast::Mask& mask) {
   openvdb::initialize();
-  return new xraycast::OpenVdbLevelSet(mask);
+  return new xraycast::OpenVdbSmoothedMask(mask);
 }

@@ -1,0 +1,188 @@
+#include "xraycast/segmentation/vessels.hpp"
+
+#include "xraycast/attenuation/materials.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/image_file/write_volume.hpp"
+#include "xraycast/mask/components.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/segmentation/contrast.hpp"
+#include "xraycast/segmentation/surface.hpp"
+#include "xraycast/segmentation/vessel_selection.hpp"
+#include "xraycast/series/seg_file.hpp"
+
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
+
+#include <algorithm>
+#include <cmath>
+#include <numeric>
+
+namespace xraycast {
+namespace {
+
+namespace fs = std::filesystem;
+
+Mask read_vessel_mask(const fs::path& file, const VolumeGeometry& grid, Progress& progress) {
+  const Scan scan = open_scan(file.string(), {}, progress);
+  check_mask_grid(scan.source->geometry(), grid, "`from_mask` " + file.string());
+  return between(collect(*scan.source, progress, file.string()), 1, kMaxHu);
+}
+
+Mask given_mask(const GivenMask& given, const VolumeGeometry& grid, Progress& progress) {
+  if (const auto* file = std::get_if<fs::path>(&given)) return read_vessel_mask(*file, grid, progress);
+  const Mask& mask = *std::get<std::shared_ptr<const Mask>>(given);
+  check_mask_grid(mask.geometry, grid, "`from_mask`");
+  return mask;
+}
+
+/// The components with seeds; without seeds all but the smallest, whatever their shape, since the mask
+/// defines the vessels.
+Mask selected_components(const Mask& mask, const Markers& markers, const std::string& name,
+                         Progress& progress, std::vector<std::string>& notes) {
+  if (!markers.vessels_mm.empty()) return select_vessels(mask, markers, name, progress);
+  Mask kept = without_small_components(mask);
+  if (const std::int64_t dropped = mask.count() - kept.count(); dropped > 0)
+    notes.push_back(
+        fmt::format("{}: left out components of less than 1 % of the largest one, {} in all; give `seeds` in "
+                    "one to keep it",
+                    name, pluralize(dropped, "voxel")));
+  return kept;
+}
+
+SegmentedVessels vessels_of_given_mask(const Volume& volume, const SegmentRequest& request,
+                                       Progress& progress, std::vector<std::string>& notes) {
+  const auto* file = std::get_if<fs::path>(&request.from_mask);
+  Mask mask = selected_components(given_mask(request.from_mask, volume.geometry(), progress), request.markers,
+                                  file ? file->string() : "mask", progress, notes);
+  LumenFill fill = fill_of(volume, mask);
+  return {std::move(mask), std::move(fill)};
+}
+
+/// The contrast of a branch's points to what surrounds it.
+std::vector<double> contrasts_hu(const VesselBranch& branch, const Volume& volume) {
+  const VolumeGeometry& g = volume.geometry();
+  const double voxel_mm = std::max({g.spacing_mm.x, g.spacing_mm.y, g.spacing_mm.z});
+  const auto hu_at = [&](const glm::dvec3& p) {
+    const Index3 voxel = glm::clamp(Index3(glm::round(g.to_index(p))), Index3(0), g.size - Index3(1));
+    return static_cast<double>(volume.at(voxel.x, voxel.y, voxel.z));
+  };
+  std::vector<double> contrasts;
+  for (const VesselPoint& point : branch.points) {
+    std::vector<double> around_hu;
+    for (const Index3& step : kNeighbours)
+      around_hu.push_back(
+          hu_at(point.position_mm + (2 * point.radius_mm + voxel_mm) * glm::normalize(glm::dvec3(step))));
+    const auto middle = around_hu.begin() + static_cast<std::ptrdiff_t>(around_hu.size() / 2);
+    std::ranges::nth_element(around_hu, middle);
+    contrasts.push_back(hu_at(point.position_mm) - *middle);
+  }
+  return contrasts;
+}
+
+double weak_fraction(const VesselTree& tree, const Volume& volume, double noise_hu) {
+  constexpr int kAlong = 5;  // points, of which the mean counts
+  constexpr double kDeviations = 3;
+  const double least_hu = kDeviations * noise_hu / std::sqrt(static_cast<double>(kAlong));
+  double all_mm = 0, weak_mm = 0;
+  for (const VesselBranch& branch : tree.branches()) {
+    const std::vector<double> contrast_hu = contrasts_hu(branch, volume);
+    const auto count = static_cast<int>(contrast_hu.size());
+    for (int i = 1; i < count; ++i) {
+      const int first = std::clamp(i - kAlong / 2, 0, std::max(0, count - kAlong)),
+                last = std::min(count, first + kAlong);
+      const double mean_hu =
+          std::accumulate(contrast_hu.begin() + first, contrast_hu.begin() + last, 0.0) / (last - first);
+      const auto at = static_cast<std::size_t>(i);
+      const double mm = branch.arc_length_mm[at] - branch.arc_length_mm[at - 1];
+      all_mm += mm;
+      if (mean_hu < least_hu) weak_mm += mm;
+    }
+  }
+  return all_mm > 0 ? weak_mm / all_mm : 0;
+}
+
+void check_root(const VesselTree& tree, const glm::dvec3& root_mm) {
+  check_near_end(tree.branches()[static_cast<std::size_t>(tree.root())].points.front().position_mm, root_mm,
+                 fmt::format("`root_mm` {:g},{:g},{:g}", root_mm.x, root_mm.y, root_mm.z));
+}
+
+void remove_stale_seg(const fs::path& file) {
+  std::error_code error;
+  if (fs::remove(file, error) || !error) return;
+  throw InputError("{}: the file of an earlier run cannot be removed: {}; delete it", file.string(),
+                   error.message());
+}
+
+}  // namespace
+
+SurfaceKind surface_kind(const std::string& name) {
+  if (name == "isosurface" || name == "level-set") return SurfaceKind::isosurface;
+  if (name == "tubes") return SurfaceKind::tubes;
+  throw InputError("`surface` {}: must be isosurface or tubes", name);
+}
+
+void check(const SegmentRequest& request) {
+  const Markers& markers = request.markers;
+  if (!(markers.max_radius_mm > 0) || std::isinf(markers.max_radius_mm))
+    throw InputError("`max_radius_mm` {}: must be above zero", markers.max_radius_mm);
+  if (request.triangles < 100) throw InputError("`triangles` {}: must be 100 or more", request.triangles);
+  if (const auto& window = request.window_hu; window && !(window->first < window->second))
+    throw InputError("`window_hu` {:g},{:g}: must be two CT numbers in HU, the lower one first",
+                     window->first, window->second);
+  if (!request.has_mask()) return;
+  const auto reject = [](bool is_given, const char* field) {
+    if (is_given)
+      throw InputError("{} does not apply to `from_mask`, whose voxels are the vessels; leave it out", field);
+  };
+  reject(!markers.not_vessels_mm.empty(), "`not_vessels`");
+  reject(request.window_hu.has_value(), "`window_hu`");
+  reject(markers.max_radius_mm != Markers{}.max_radius_mm, "`max_radius_mm`");
+  reject(static_cast<bool>(request.explain), "`explain`");
+}
+
+Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const std::string& name,
+                     ComputeDevice& device, Progress& progress) {
+  check(request);
+  const CancelScope scope(progress);
+  SegmentLog log;
+  std::vector<std::string> notes;
+  const bool has_mask = request.has_mask();
+  auto [mask, fill] = has_mask ? vessels_of_given_mask(volume, request, progress, notes)
+                               : segment_vessels(volume, request, name, device, progress, &log);
+  if (has_mask) log.noise_hu = measure_noise_hu(volume);
+  Centrelines centrelines = extract_centrelines(mask, name, progress, request.root_mm, &fill);
+  const VesselTree& tree = centrelines.tree;
+  if (request.root_mm) check_root(tree, *request.root_mm);
+  progress.begin("surface", 1, "surfaces");
+  Mesh surface =
+      request.surface == SurfaceKind::tubes ? tube_mesh(tree) : surface_of(mask, fill, request.triangles);
+  progress.advance();
+  const double weak = weak_fraction(tree, volume, log.noise_hu);
+  return {std::move(mask), std::move(fill), std::move(centrelines), std::move(surface), log, weak,
+          std::move(notes)};
+}
+
+void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic, const fs::path& folder,
+                   const Progress& progress) {
+  std::error_code error;
+  fs::create_directories(folder, error);
+  if (error) throw InputError("{}: the folder cannot be created: {}", folder.string(), error.message());
+  const auto& [mask, fill, centrelines, surface, log, weak, notes] = vessels;
+  const bool has_seg = why_no_seg(scan).empty();
+  const CancelScope scope(progress);
+  OutputSet outputs;
+  write_mask(mask.geometry, mask.voxels, folder / "mask.nrrd");
+  write_fractions(fill.geometry, fill.fractions, folder / "lumen.nrrd");
+  if (has_seg)
+    write_seg(scan, mask.geometry.spacing_mm.z, mask.voxels, {is_automatic, XRAYCAST_VERSION},
+              folder / kVesselSegFile);
+  for (const char* name : {"tree.vtp", "tree.json"}) write_tree(centrelines.tree, folder / name);
+  for (const char* name : {"surface.vtp", "surface.stl"}) write_mesh(surface, folder / name);
+  check_cancelled();
+  outputs.commit();
+  if (!has_seg) remove_stale_seg(folder / kVesselSegFile);
+}
+
+}  // namespace xraycast

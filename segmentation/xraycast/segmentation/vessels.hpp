@@ -1,0 +1,45 @@
+#pragma once
+
+#include "xraycast/geometry/mesh.hpp"
+#include "xraycast/segmentation/centreline.hpp"
+#include "xraycast/segmentation/segment.hpp"
+#include "xraycast/volume/scan_info.hpp"
+
+#include <array>
+
+namespace xraycast {
+
+/// The vessels of a scan, and how they were found.
+struct Vessels {
+  Mask mask;
+  LumenFill fill;  ///< how full of lumen voxels are
+  Centrelines centrelines;
+  Mesh surface;
+  SegmentLog log;
+  /// The fraction of the tree's length along which the mean of five points stands out of what surrounds the
+  /// vessel by less than three standard errors of that mean, each the noise divided by the square root of
+  /// five.
+  double weak_fraction;
+  std::vector<std::string> notes;  ///< what was left out, a line each
+};
+
+/// Finds the vessels of a scan. `name` is the scan's, for messages. The same request gives the same vessels
+/// to the last bit. Throws InputError as check, segment_vessels and extract_centrelines do, for a mask on
+/// another grid, and for a root farther than 50 mm from all vessel ends.
+Vessels find_vessels(const Volume& volume, const SegmentRequest& request, const std::string& name,
+                     ComputeDevice& device, Progress& progress);
+
+inline constexpr const char* kVesselSegFile = "mask.seg.dcm";
+
+/// The files of write_vessels.
+inline constexpr std::array kVesselFiles{"mask.nrrd", "lumen.nrrd",  kVesselSegFile, "tree.vtp",
+                                         "tree.json", "surface.vtp", "surface.stl"};
+
+/// Writes vessels into a folder, which is made unless it exists: all files or none, because a mask beside
+/// another scan's tree would be misleading. `mask.seg.dcm` is a DICOM Segmentation of the scan's slices;
+/// where they do not let it be one (why_no_seg), that of an earlier scan is removed. Throws InputError when a
+/// file cannot be written or removed, Error when the disk is full. `is_automatic` is SegOptions'.
+void write_vessels(const Vessels& vessels, const ScanInfo& scan, bool is_automatic,
+                   const std::filesystem::path& folder, const Progress& progress);
+
+}  // namespace xraycast
