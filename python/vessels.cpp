@@ -17,16 +17,6 @@
 namespace xraycast::python {
 namespace {
 
-struct HeldMesh {
-  std::shared_ptr<const Mesh> mesh;
-};
-
-struct HeldVessels {
-  std::shared_ptr<const Mask> mask;
-  HeldTree tree;
-  HeldMesh surface;
-};
-
 struct HeldBranch {
   std::shared_ptr<const VesselTree> tree;
   std::size_t index;
