@@ -23,7 +23,7 @@
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scan/scan.hpp"
-#include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/scene/vessels.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/segment.hpp"
 #include "xraycast/simulation/run_script.hpp"
@@ -222,8 +222,7 @@ void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>
   WebSession session;
   session.title = "A catheter on its way into the left renal artery of the thorax phantom";
   session.map = map;
-  session.vessels =
-      Surface{tube_mesh(tree), fluoroscopy_per_mm("I", kUsualContrast_mg_ml), {0.80, 0.16, 0.14}};
+  session.vessels = filled_vessels(tube_mesh(tree), kUsualContrast_mg_ml);
   session.run = std::move(run);
   session.camera = {.table_mm = -100, .zoom = 1.6};
   session.still_png = read_whole_file(report.file("run-fluoro.png"));

@@ -33,21 +33,16 @@ bool is_source_within(const View& view, const VolumeGeometry& volume, const Body
          source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
 }
 
-std::optional<FluoroscopyOptions> fluoroscope_of(const ProjectArguments& options, const Spectrum* spectrum) {
-  auto fluoroscope = parse_fluoroscope(options.fluoroscope);
-  if (!fluoroscope) return fluoroscope;
-  check_linear_codes(options.dicom);
-  if (spectrum) use_spectrum(options.attenuation.opacity, *spectrum, *fluoroscope);
-  return fluoroscope;
-}
-
 void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const auto attenuation = resolve(options.attenuation);
   check_projection_format(options.output);
   check_shown(options.grey, options.output);
   const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  const AcquisitionOptions acquisition{.fluoroscope = fluoroscope_of(options, spectrum)};
+  AcquisitionOptions acquisition{.fluoroscope = parse_fluoroscope(options.fluoroscope)};
+  if (acquisition.fluoroscope) check_linear_codes(options.dicom);
+  if (acquisition.fluoroscope && spectrum)
+    use_spectrum(options.attenuation.opacity, *spectrum, *acquisition.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));

@@ -77,13 +77,12 @@ nb::ndarray<nb::numpy, const Value, nb::ndim<2>> pulse_array(const Frame& frame,
 
 Picture absorption_array(const Frame& frame, const SceneArguments& arguments) {
   const View& view = view_of(frame, "absorption");
-  HeldScene scene = scene_of(arguments);
-  if (scene.vessels) scene.devices.push_back(std::move(*scene.vessels));
+  const std::vector<Surface> drawn = scene_of(arguments).all();
   auto tau = std::make_shared<std::vector<float>>(frame.pixels());
   {
     const nb::gil_scoped_release released;
     AbsorbingSurfaces surfaces;
-    surfaces.set(scene.devices);
+    surfaces.set(drawn);
     surfaces.add_to(*tau, view);
   }
   return array_over<float, 2>(

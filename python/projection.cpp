@@ -48,7 +48,7 @@ Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuati
 struct Wishes {
   Attenuation attenuation;
   bool has_gradient = false;
-  HeldScene scene;
+  std::vector<Surface> surfaces;  ///< vessels and devices
   AcquisitionOptions acquisition;
 };
 
@@ -58,8 +58,7 @@ void acquire(const SpectralScan& scan, const std::vector<Pose>& poses, const Wis
   const View& first = std::get<View>(poses.front());
   ScanAcquisition frames({.scan = scan,
                           .attenuation = wishes.attenuation,
-                          .vessels = wishes.scene.vessels,
-                          .devices = wishes.scene.devices,
+                          .surfaces = wishes.surfaces,
                           .sampling = Sampling::but_constant_blocks},
                          wishes.acquisition, first);
   for (const Pose& pose : poses)
@@ -76,10 +75,14 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
     return depths;
   }
   for (const Pose& pose : poses) {
-    const Depths one =
+    Depths one =
         wishes.has_gradient
             ? gradient_from(resident, pose, wishes.attenuation, progress)
             : Depths{.tau = tau_from(resident, std::get<PinholeCamera>(pose), wishes.attenuation, progress)};
+    if (poses.size() == 1) {
+      *depths = std::move(one);
+      break;
+    }
     depths->tau.insert(depths->tau.end(), one.tau.begin(), one.tau.end());
     depths->gradient.insert(depths->gradient.end(), one.gradient.begin(), one.gradient.end());
   }
@@ -87,7 +90,7 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
 }
 
 void check(const Wishes& wishes, const Poses& poses) {
-  if (!wishes.acquisition.fluoroscope && wishes.scene.empty()) return;
+  if (!wishes.acquisition.fluoroscope && wishes.surfaces.empty()) return;
   const char* const name = wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels and devices";
   if (std::holds_alternative<PinholeCamera>(poses.poses.front()))
     throw InputError("{}: K and RT place no C-arm; give lao, cranial and cone_mm", name);
@@ -97,7 +100,7 @@ void check(const Wishes& wishes, const Poses& poses) {
 FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const nb::object& opacity,
                            bool has_gradient, const SceneArguments& scene, const nb::object& fluoroscope,
                            const nb::object& progress) {
-  Wishes wishes{attenuation_of(opacity), has_gradient, scene_of(scene), {}};
+  Wishes wishes{attenuation_of(opacity), has_gradient, scene_of(scene).all(), {}};
   const auto held = fluoroscope_of(fluoroscope);
   if (held) wishes.acquisition.fluoroscope = held->options;
   if (const auto* spectrum = std::get_if<Spectrum>(&wishes.attenuation); spectrum && held)

@@ -46,6 +46,12 @@ void make_shape(DeviceShape* shape, const nb::object& nodes_mm, double diameter_
 
 }  // namespace
 
+std::vector<Surface> HeldScene::all() const {
+  std::vector<Surface> surfaces = devices;
+  if (vessels) surfaces.push_back(*vessels);
+  return surfaces;
+}
+
 HeldScene scene_of(const SceneArguments& arguments) {
   HeldScene scene;
   if (!arguments.vessels.is_none()) scene.vessels = vessels_of(arguments.vessels, arguments.contrast_mg_ml);

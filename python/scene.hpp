@@ -23,7 +23,9 @@ struct SceneArguments {
 struct HeldScene {
   std::optional<Surface> vessels;
   std::vector<Surface> devices;
-  bool empty() const { return !vessels && devices.empty(); }
+
+  /// Both, where no mask is taken.
+  std::vector<Surface> all() const;
 };
 
 /// Vessels are Vessels, a VesselTree, a Mesh or a path; devices are a Catheter, CoaxialDevices, a

@@ -23,9 +23,9 @@ std::vector<float> slab(double tau) {
 }
 
 /// Water, with contrast agent in the picture's left half.
-class Half final : public RaySource {
+class Half {
  public:
-  RayDepths rays(const View&, bool has_contrast) override {
+  RayDepths rays(bool has_contrast) {
     tau_ = slab(4);
     for (std::size_t i = 0; has_contrast && i < tau_.size(); ++i)
       if (i % kSide < kSide / 2) tau_[i] += 0.5f;
@@ -43,7 +43,7 @@ WaterPath paper() { return WaterPath(Opacity::paper()); }
 TEST(Acquisition, WithoutAFluoroscopeFramesAreOpticalDepths) {
   Half scene;
   Acquisition acquisition({}, kView, paper());
-  const AcquiredFrame& frame = acquisition.take(scene, kView);
+  const AcquiredFrame& frame = acquisition.expose(scene.rays(true), kView);
   EXPECT_EQ(frame.tau.front(), 4.5f);
   EXPECT_EQ(frame.pulse, nullptr);
   EXPECT_TRUE(frame.difference.empty());
@@ -61,13 +61,15 @@ TEST(Acquisition, SettlesBeforeTheFirstFrame) {
   EXPECT_TRUE(acquisition.record()->has_dose);
 }
 
-TEST(Acquisition, SubtractsASceneFromAMaskOfTheSameExposure) {
+TEST(Acquisition, SubtractsFromAMaskOfTheSameExposure) {
   Half scene;
   Acquisition acquisition({.fluoroscope = quiet(), .subtracts = true}, kView, paper());
   for (const double angle_rad : {0.0, 0.5}) {
     View view = kView;
     view.angle_rad = angle_rad;
-    const AcquiredFrame& frame = acquisition.take(scene, view);
+    acquisition.begin_mask();
+    acquisition.expose(scene.rays(false), view, Acquisition::Use::mask);
+    const AcquiredFrame& frame = acquisition.expose(scene.rays(true), view);
     EXPECT_GT(frame.difference.front(), 0.2f);
     EXPECT_EQ(frame.difference.back(), 0) << "exposed as the mask";
     EXPECT_EQ(acquisition.mask_frames(), 1);
@@ -88,8 +90,8 @@ TEST(Acquisition, MaximumOpacificationKeepsWhatHasGone) {
   Half scene;
   Acquisition acquisition({.subtracts = true, .shows_maximum_opacification = true}, kView, paper());
   acquisition.expose(slab(4), kView, Acquisition::Use::mask);
-  acquisition.expose(scene.rays(kView, true), kView);
-  const AcquiredFrame& frame = acquisition.expose(scene.rays(kView, false), kView);
+  acquisition.expose(scene.rays(true), kView);
+  const AcquiredFrame& frame = acquisition.expose(scene.rays(false), kView);
   EXPECT_EQ(frame.difference.front(), 0.5f);
   EXPECT_EQ(frame.difference.back(), 0);
 }

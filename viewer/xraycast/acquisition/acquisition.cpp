@@ -35,9 +35,7 @@ Acquisition::Acquisition(const AcquisitionOptions& options, const View& first,
 
 void Acquisition::subtract(bool subtracts) {
   options_.subtracts = subtracts;
-  if (!subtracts) return unlock();
-  forget_mask();
-  is_settled_ = false;
+  subtracts ? begin_mask() : unlock();
 }
 
 void Acquisition::set_dose(DoseLevel dose) {
@@ -55,6 +53,11 @@ void Acquisition::unlock() {
 void Acquisition::shift_mask(PixelShift shift) {
   options_.mask_shift = shift;
   if (subtraction_) subtraction_->shift_mask(shift);
+}
+
+void Acquisition::begin_mask() {
+  forget_mask();
+  is_settled_ = false;
 }
 
 void Acquisition::forget_mask() {
@@ -95,15 +98,6 @@ void Acquisition::subtract_mask(std::span<const float> depths, Use use) {
   frame_.difference = difference_;
   if (!is_mask) opacified_.add(difference_);
   if (options_.shows_maximum_opacification && !is_mask) frame_.difference = opacified_.picture();
-}
-
-const AcquiredFrame& Acquisition::take(RaySource& scene, const View& view) {
-  if (options_.subtracts) {
-    forget_mask();
-    is_settled_ = false;
-    expose(scene.rays(view, false), view, Use::mask);
-  }
-  return expose(scene.rays(view, true), view);
 }
 
 std::optional<ExposureRecord> Acquisition::record() const {

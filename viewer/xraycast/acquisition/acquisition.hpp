@@ -47,15 +47,6 @@ struct AcquiredFrame {
 /// Its 8-bit greys: of the difference, the pulse, or the depths in an automatic window.
 std::vector<std::uint8_t> shown(const AcquiredFrame& frame, const GreyDisplay& display);
 
-/// A scene that holds still, as its views' rays.
-class RaySource {
- public:
-  virtual ~RaySource() = default;
-
-  /// With or without its contrast agent. Valid until the next call.
-  virtual RayDepths rays(const View& view, bool has_contrast) = 0;
-};
-
 /// Pictures of a C-arm, one after the other, from the rays of a map or a scan: with a fluoroscope its pulses,
 /// and with subtraction the differences from a mask.
 ///
@@ -70,17 +61,18 @@ class Acquisition {
   enum class Use { filled, mask };
   const AcquiredFrame& expose(const RayDepths& rays, const View& view, Use use = Use::filled);
 
-  /// A scene's frame; subtracted from a mask of the same view.
-  const AcquiredFrame& take(RaySource& scene, const View& view);
-
   /// Settles now, for the view of the last frame.
   void settle(const RayDepths& rays);
 
-  // What an operator changes. Subtraction settles anew with the next frame, and takes another mask.
+  /// Subtraction: the next frames are another mask's; before the first one it settles, or without that only
+  /// forgets the last mask.
+  void begin_mask();
+  void forget_mask();
+
+  // What an operator changes: subtraction begins another mask.
   void subtract(bool subtracts);
   void set_dose(DoseLevel dose);
   void shift_mask(PixelShift shift);
-  void forget_mask();
 
   /// Subtraction: the most that every pixel had in a frame since the mask; empty before.
   std::span<const float> opacified() const { return opacified_.picture(); }

@@ -71,24 +71,22 @@ void MapAcquisition::show_vessels(bool shows) {
   renderer_.set_surfaces(surfaces);
 }
 
-RayDepths MapAcquisition::rays(const View& view, bool has_contrast) {
-  if (options_.acquisition.subtracts) show_vessels(has_contrast);
+const AcquiredFrame& MapAcquisition::frame(const View& view) {
+  if (options_.acquisition.subtracts) {
+    show_vessels(false);
+    acquisition_.begin_mask();
+    acquisition_.expose(renderer_.tau(view, options_.style), view, Acquisition::Use::mask);
+    show_vessels(true);
+  }
   tau_ = renderer_.tau(view, options_.style);
-  return tau_;
+  return acquisition_.expose(tau_, view);
 }
-
-const AcquiredFrame& MapAcquisition::frame(const View& view) { return acquisition_.take(*this, view); }
 
 std::vector<std::uint8_t> MapAcquisition::picture(const View& view) {
   const bool is_acquired = options_.acquisition.subtracts || options_.acquisition.fluoroscope;
   std::vector<std::uint8_t> rgb =
       is_acquired ? rgb_of(displayed(greys(view), options_.display)) : drawn(view);
-  if (options_.has_annotations) {
-    const BodyBounds bounds = bounds_of(scene_.map->geometry);
-    const glm::dvec3 half(0, 0, bounds.half_height_mm);
-    draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
-                     label(view));
-  }
+  if (options_.has_annotations) annotate(rgb, view, bounds_of(scene_.map->geometry), label(view));
   if (road_map_) draw_outline(road_map_->outline(view), kRoadMapColour, view.width, rgb);
   return rgb;
 }

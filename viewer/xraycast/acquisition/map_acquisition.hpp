@@ -41,12 +41,13 @@ struct MapScene {
 };
 
 /// Pictures of a body map with vessels and devices, from one view after the other.
-class MapAcquisition final : private RaySource {
+class MapAcquisition {
  public:
   /// The renderer, which has the map, must outlive it. Throws as `check` and Acquisition.
   MapAcquisition(Renderer& renderer, MapScene scene, const PictureOptions& options, const View& first);
 
-  /// The next frame. Throws InputError when the map cannot be drawn so.
+  /// The next frame, subtracted from a mask of the same view. Throws InputError when the map cannot be drawn
+  /// so.
   const AcquiredFrame& frame(const View& view);
 
   /// The same as it is displayed: 8-bit RGB, row 0 on top. All differences have the first one's window.
@@ -55,7 +56,6 @@ class MapAcquisition final : private RaySource {
   const Acquisition& acquisition() const { return acquisition_; }
 
  private:
-  RayDepths rays(const View& view, bool has_contrast) override;
   std::vector<std::uint8_t> greys(const View& view);
   std::vector<std::uint8_t> drawn(const View& view);
   void show_vessels(bool shows);
@@ -66,7 +66,7 @@ class MapAcquisition final : private RaySource {
   Acquisition acquisition_;
   std::optional<RoadMap> road_map_;
   std::optional<SubtractionWindow> window_;
-  std::vector<float> tau_;
+  std::vector<float> tau_;  ///< of the frame
 };
 
 }  // namespace xraycast

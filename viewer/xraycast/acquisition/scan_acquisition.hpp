@@ -19,14 +19,13 @@ void use_spectrum(const std::string& name, const Spectrum& spectrum, Fluoroscopy
 /// The voltage of a tube's spectrum; none for one from a file.
 std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum);
 
-/// Pictures of a scan on a device by the projector, with vessels and devices in it, which attenuate.
-class ScanAcquisition final : private RaySource {
+/// Pictures of a scan on a device by the projector.
+class ScanAcquisition {
  public:
   struct Scene {
     const SpectralScan& scan;
     std::variant<Opacity, Spectrum> attenuation;
-    std::optional<Surface> vessels{};  ///< filled with contrast agent, which a mask has not
-    std::vector<Surface> devices{};
+    std::vector<Surface> surfaces{};  ///< vessels and devices in it, which attenuate
     /// One picture takes less time than finding the constant blocks of the scan.
     Sampling sampling = Sampling::everywhere;
   };
@@ -38,20 +37,16 @@ class ScanAcquisition final : private RaySource {
   AcquiredFrame frame(const View& view, Progress& progress);
 
   const Acquisition& acquisition() const { return acquisition_; }
-  double kernel_ms() const { return kernel_ms_; }  ///< of the last frame
+  double kernel_ms() const { return drr_.kernel_ms; }  ///< of the last frame
 
  private:
-  RayDepths rays(const View& view, bool has_contrast) override;
-  RayDepths masses(const View& view, const Spectrum& spectrum);
-  RayDepths depths(const View& view, const Opacity& opacity, bool has_contrast);
+  RayDepths rays(const View& view, Progress& progress);
 
   Scene scene_;
   Acquisition acquisition_;
-  AbsorbingSurfaces devices_, all_;
+  AbsorbingSurfaces surfaces_;
   ProjectionImage drr_;
   ProjectedMasses masses_;
-  Progress* progress_ = nullptr;
-  double kernel_ms_ = 0;
 };
 
 }  // namespace xraycast
