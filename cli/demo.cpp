@@ -4,6 +4,7 @@
 #include "pictures/hub_plot.hpp"
 #include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
+#include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
@@ -14,15 +15,13 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/drawing/run_cine.hpp"
 #include "xraycast/export/web_page.hpp"
-#include "xraycast/fluoroscope/fluoroscope.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/requests/cast_request.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scan/scan.hpp"
-#include "xraycast/scene/fluoroscopy_beam.hpp"
+#include "xraycast/scene/vessels.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 #include "xraycast/simulation/run_script.hpp"
 #include "xraycast/volume/body_outline.hpp"
@@ -33,7 +32,6 @@
 #include <chrono>
 #include <cmath>
 #include <filesystem>
-#include <map>
 #include <memory>
 #include <numbers>
 #include <numeric>
@@ -204,13 +202,39 @@ void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>
   WebSession session;
   session.title = "A catheter on its way into the left renal artery of the thorax phantom";
   session.map = map;
-  session.vessels =
-      Surface{tube_mesh(tree), fluoroscopy_per_mm("I", kUsualContrast_mg_ml), {0.80, 0.16, 0.14}};
+  session.vessels = filled_vessels(tube_mesh(tree), kUsualContrast_mg_ml);
   session.run = std::move(run);
   session.camera = {.table_mm = -100, .zoom = 1.6};
   session.still_png = read_whole_file(report.file("run-fluoro.png"));
   write_whole_file(report.file("run.html"), web_page(session));
 }
+
+/// A cine of a run, with a still of it.
+struct Film {
+  Film(const std::shared_ptr<const BodyMap>& map, const VesselTree& tree, const RunCine::Options& options,
+       const fs::path& name)
+      : run(map, tree, options),
+        writer(name.string() + ".gif", options.view.width, options.view.height),
+        still_file(name.string() + ".png") {}
+
+  /// The still is the last frame, of subtraction the one with most contrast agent.
+  void see(const Instruments& devices, double time_s) {
+    if (!run.see(devices, time_s)) return;
+    std::vector<std::uint8_t> rgb = run.picture();
+    writer.add(rgb);
+    const bool subtracts = run.options().picture.acquisition.subtracts;
+    if (!subtracts || still.empty() || darkness(rgb) > darkness(still)) still = std::move(rgb);
+  }
+  void finish() {
+    writer.finish();
+    write_png(still, run.options().view.width, run.options().view.height, 3, still_file);
+  }
+
+  RunCine run;
+  CineWriter writer;
+  fs::path still_file;
+  std::vector<std::uint8_t> still;
+};
 
 /// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
 /// the hub.
@@ -222,42 +246,20 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
       fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.7},
              bounds_of(map->geometry));
   options.view.centre_mm.z -= 100;  // the abdomen, as narrow as a fluoroscope's field
-  options.injection = kLongInjection;
-  std::vector<std::unique_ptr<CineWriter>> writers;
-  std::vector<std::unique_ptr<RunCine>> cines;
-  std::map<fs::path, std::vector<std::uint8_t>> last_frames;
-  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface}) {
-    options.style.shading = shading;
-    options.style.window.inverted = shading == ShadingMode::surface;
-    const fs::path name = report.file(fmt::format("run-{}", to_string(shading)));
-    CineWriter& writer = *writers.emplace_back(
-        std::make_unique<CineWriter>(name.string() + ".gif", options.view.width, options.view.height));
-    cines.push_back(std::make_unique<RunCine>(map, tree, options,
-                                              [&writer, &last_frames, name](std::vector<std::uint8_t> rgb) {
-                                                writer.add(rgb);
-                                                last_frames[name.string() + ".png"] = std::move(rgb);
-                                              }));
+  std::vector<std::unique_ptr<Film>> films;
+  for (const char* look : {"fluoro", "surface", "dsa"}) {
+    PictureOptions& picture = options.picture;
+    choose_look(look, picture);
+    picture.style.window.inverted = picture.style.shading == ShadingMode::surface;
+    options.injection = picture.acquisition.subtracts ? kShortInjection : kLongInjection;
+    if (picture.acquisition.subtracts) {
+      picture.acquisition.fluoroscope = {
+          .c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine, .pulses_per_s = 10};
+      options.view.pixel_mm *= 0.5;
+      options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
+    }
+    films.push_back(std::make_unique<Film>(map, tree, options, report.file(fmt::format("run-{}", look))));
   }
-  options.style.shading = ShadingMode::fluoro;
-  options.style.window.inverted = false;
-  options.subtracts = true;
-  options.injection = kShortInjection;
-  options.view.pixel_mm *= 0.5;
-  options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
-  Fluoroscope fluoroscope({.c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine}, options.view,
-                          WaterPath(*map));
-  options.measure = [&fluoroscope](const std::vector<float>& tau) {
-    if (fluoroscope.dose().images == 0) fluoroscope.settle(tau);
-    fluoroscope.hold_technique(true);
-    return measured_depths(fluoroscope.expose(tau));
-  };
-  CineWriter& subtracted = *writers.emplace_back(
-      std::make_unique<CineWriter>(report.file("run-dsa.gif"), options.view.width, options.view.height));
-  std::vector<std::uint8_t>& fullest = last_frames[report.file("run-dsa.png")];
-  cines.push_back(std::make_unique<RunCine>(map, tree, options, [&](std::vector<std::uint8_t> rgb) {
-    subtracted.add(rgb);
-    if (fullest.empty() || darkness(rgb) > darkness(fullest)) fullest = std::move(rgb);
-  }));
 
   Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
   std::vector<RunRecord> course;  // every 20 ms
@@ -267,15 +269,13 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
       report.timed("catheter run of 10.5 s, with its frames", [&] {
         return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
                           [&](const Instruments& moved, double time_s) {
-                            for (const auto& cine : cines) cine->see(moved, time_s);
+                            for (const auto& film : films) film->see(moved, time_s);
                             run.see(moved, time_s);
                             if (std::lround(1000 * time_s) % 20 == 0)
                               course.push_back(records_of(moved, time_s)[0]);
                           });
       });
-  for (const auto& writer : writers) writer->finish();
-  for (const auto& [file, rgb] : last_frames)
-    write_png(rgb, options.view.width, options.view.height, 3, file);
+  for (const auto& film : films) film->finish();
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
                           records.back()[0].tip.arc_length_mm));
@@ -296,12 +296,7 @@ void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>&
   options.view =
       fitted({.centre_mm = bounds.centre_mm, .width = 320, .height = 450, .pixel_mm = 1.6}, bounds);
   options.step_s = 0.2;
-  CineWriter writer(report.file("carotid.gif"), options.view.width, options.view.height);
-  std::vector<std::uint8_t> last_frame;
-  RunCine cine(map, tree, options, [&](std::vector<std::uint8_t> rgb) {
-    writer.add(rgb);
-    last_frame = std::move(rgb);
-  });
+  Film film(map, tree, options, report.file("carotid"));
   const EmbeddedFile& script = embedded_scripts().front();
   const Script steps = Script::parse(std::string(script.source), std::string(script.name), 2);
   Instruments devices(
@@ -309,10 +304,9 @@ void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>&
       nearest_end(tree, {-89, -54, -357}));
   report.timed("wire and catheter to the carotid artery", [&] {
     return run_script(devices, steps, std::string(script.name), progress,
-                      [&](const Instruments& moved, double time_s) { cine.see(moved, time_s); });
+                      [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
   });
-  writer.finish();
-  write_png(last_frame, options.view.width, options.view.height, 3, report.file("carotid.png"));
+  film.finish();
   report.film("carotid", "a wire, then the catheter");
 }
 

@@ -2,8 +2,9 @@
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
 #include "options/view_options.hpp"
+#include "xraycast/acquisition/frame_file.hpp"
+#include "xraycast/acquisition/scan_acquisition.hpp"
 #include "xraycast/base/atomic_file.hpp"
-#include "xraycast/base/error.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
@@ -33,61 +34,20 @@ bool is_source_within(const View& view, const VolumeGeometry& volume, const Body
          source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
 }
 
-/// A scan's picture, and with a fluoroscope one pulse of it.
-struct ProjectedPicture {
-  View view;
-  double kernel_ms = 0;
-  ProjectionImage drr;
-  std::optional<Fluoroscope> fluoroscope;
-  FluoroscopyFrame frame;
-};
-
-ProjectedPicture project_drr(const SpectralScan& scan, const View& view, const Attenuation& attenuation,
-                             Progress& progress) {
-  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
-  ProjectedPicture picture;
-  picture.drr = spectrum ? project(scan, view, *spectrum, progress)
-                         // One picture takes less time than finding the constant blocks of the scan.
-                         : project(scan.native, view, std::get<Opacity>(attenuation), progress, {},
-                                   Sampling::everywhere);
-  picture.view = picture.drr.view;
-  picture.kernel_ms = picture.drr.kernel_ms;
-  return picture;
-}
-
-ProjectedPicture project_fluoroscopy(const SpectralScan& scan, const View& view,
-                                     const Attenuation& attenuation, const FluoroscopyOptions& options,
-                                     const Session& session, Progress& progress) {
-  const auto expose = [&](const auto& rays, const WaterPath& path, double kernel_ms) {
-    ProjectedPicture picture{view, kernel_ms, {}, Fluoroscope(options, view, path), {}};
-    picture.fluoroscope->settle(rays);
-    picture.frame = picture.fluoroscope->expose(rays);
-    return picture;
-  };
-  if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
-    const ProjectedMasses masses = project_masses(scan, view, progress);
-    return expose(masses.g_cm2, WaterPath(*spectrum), masses.kernel_ms);
-  }
-  note_on_energies(session);
-  const auto& opacity = std::get<Opacity>(attenuation);
-  const ProjectionImage drr = project(scan.native, view, opacity, progress, {}, Sampling::everywhere);
-  return expose(std::span(drr.tau), WaterPath(opacity), drr.kernel_ms);
-}
-
 void project_scan(const ProjectArguments& options, Session& session) {
   const Stopwatch stopwatch;
   const Attenuation attenuation = attenuation_named(options.attenuation.opacity);
   check_iodine(options.attenuation.iodine, attenuation);
   check_projection_format(options.output);
   check_shown(options.grey, options.output);
-  auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
-  if (fluoroscopy) {
-    check_linear_codes(options.dicom);
-    use_spectrum(options.attenuation.opacity, attenuation, *fluoroscopy);
-  }
+  const auto* spectrum = std::get_if<Spectrum>(&attenuation);
+  AcquisitionOptions acquisition{.fluoroscope = parse_fluoroscope(options.fluoroscope)};
+  if (acquisition.fluoroscope) check_linear_codes(options.dicom);
+  if (acquisition.fluoroscope && spectrum)
+    use_spectrum(options.attenuation.opacity, *spectrum, *acquisition.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
-  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
+  View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   check_dicom(view, xa, options.output, session);
   const Scan scan = open_scan(options.input, options.scan, session.progress);
   session.say_about(scan.info);
@@ -111,33 +71,32 @@ void project_scan(const ProjectArguments& options, Session& session) {
     session.say(
         {"the X-ray source lies inside the body, so the tissue behind it is not in the picture; increase the "
          "first distance of --cone"});
-  xa.tube_kvp = tube_kvp(options.attenuation.opacity, attenuation);
-  const ProjectedPicture picture =
-      fluoroscopy ? project_fluoroscopy(resident, view, attenuation, *fluoroscopy, session, session.progress)
-                  : project_drr(resident, view, attenuation, session.progress);
-  note_on_saturation(picture.frame.is_saturated, session);
-  if (picture.fluoroscope)
-    write_fluoroscopy(*picture.fluoroscope, picture.frame, view, options.output, options.grey, xa);
-  else
-    write_projection(picture.drr, options.output, options.grey.gamma.value_or(1), options.grey.inverted, xa);
+  if (spectrum) xa.tube_kvp = tube_kvp(options.attenuation.opacity, *spectrum);
+  if (acquisition.fluoroscope && !spectrum) note_on_energies(session);
+  ScanAcquisition frames({.scan = resident, .attenuation = attenuation}, acquisition, view);
+  const AcquiredFrame frame = frames.frame(view, session.progress);
+  const auto exposure = frames.acquisition().record();
+  note_on_saturation(frames.acquisition().is_saturated(), session);
+  FrameFile file(options.output, {}, view, acquisition, xa);
+  file.add(frame, display_of(options.grey));
+  file.finish(exposure);
 
   const double total_ms = stopwatch.ms();
-  const View& drawn = picture.view;
   Json result{{"input", options.input},
-              {"image", to_json(drawn)},
+              {"image", to_json(view)},
               {"timings_ms",
                {{"read", load_timings.read_ms},
                 {"upload", load_timings.upload_ms},
-                {"kernel", picture.kernel_ms},
+                {"kernel", frames.kernel_ms()},
                 {"total", total_ms}}}};
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
-  if (picture.fluoroscope) result["fluoroscope"] = to_json(*picture.fluoroscope, picture.frame.technique);
+  if (exposure) result["fluoroscope"] = to_json(*exposure);
   session.report(
-      result, fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
-                          "{:.0f} ms, total {:.0f} ms\n{}",
-                          options.output, label(drawn), drawn.width, drawn.height, drawn.pixel_mm,
-                          load_timings.read_ms, load_timings.upload_ms, picture.kernel_ms, total_ms,
-                          picture.fluoroscope ? summary(*picture.fluoroscope, picture.frame.technique) : ""));
+      result,
+      fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
+                  "{:.0f} ms, total {:.0f} ms\n{}",
+                  options.output, label(view), view.width, view.height, view.pixel_mm, load_timings.read_ms,
+                  load_timings.upload_ms, frames.kernel_ms(), total_ms, exposure ? summary(*exposure) : ""));
 }
 
 }  // namespace

@@ -3,22 +3,15 @@
 #include "options/scene_options.hpp"
 #include "options/session_map.hpp"
 #include "options/view_options.hpp"
+#include "xraycast/acquisition/frame_file.hpp"
+#include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/projection_file.hpp"
-#include "xraycast/drawing/brightness.hpp"
-#include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/drawing/renderer.hpp"
-#include "xraycast/fluoroscope/subtraction.hpp"
-#include "xraycast/sampling/camera.hpp"
-#include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
-#include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/scene/vessels.hpp"
 
@@ -26,8 +19,6 @@
 #include <glm/trigonometric.hpp>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <memory>
 #include <optional>
 
@@ -47,53 +38,36 @@ struct RenderArguments {
   GreyOptions grey;
   DicomOptions dicom;
   FluoroscopeArguments fluoroscope;
-
-  bool subtracts() const { return look == "dsa"; }
 };
 
-void apply_sampling(const RenderArguments& options, SampleOptions& sampling) {
+void apply_style(const RenderArguments& options, Style& style) {
+  SampleOptions& sampling = style.sampling;
   if (options.compositing) sampling.compositing = parse_compositing(*options.compositing);
   if (options.reconstruction)
     sampling.reconstruction =
         *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
-  if (!options.wall_radius_mm) return;
-  if (sampling.compositing != Compositing::wall)
-    throw InputError("--wall-radius {}: applies only to --compositing wall; give that too",
-                     *options.wall_radius_mm);
-  sampling.wall_radius_mm = options.wall_radius_mm;
-}
-
-void apply_style(const RenderArguments& options, Style& style) {
-  if (options.subtracts())
-    style.shading = ShadingMode::fluoro;
-  else if (options.look)
-    style.shading = parse_shading_mode(*options.look);
-  apply_sampling(options, style.sampling);
+  if (options.wall_radius_mm) sampling.wall_radius_mm = options.wall_radius_mm;
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");
-    if (!std::ranges::all_of(weights, [](double w) { return w >= 0 && w <= kMaxLayerWeight; }))
-      throw InputError("--layer-weights {}: each must be 0 to {:g}", options.layer_weights, kMaxLayerWeight);
     style.layer_weights.assign(weights.begin(), weights.end());
   }
-  if (options.full_contrast) {
-    if (style.shading != ShadingMode::fluoro || options.subtracts())
-      throw InputError("--full-contrast does not apply to --look {}; leave it out",
-                       options.subtracts() ? "dsa" : "surface");
-    style.full_contrast = true;
-  }
+  if (options.full_contrast) style.full_contrast = true;
   if (options.grey.gamma) style.window.gamma = *options.grey.gamma;
   if (options.grey.inverted) style.window.inverted = true;
 }
 
-/// The session, if given, overridden by the other options.
-ViewSession resolve(const RenderArguments& options) {
-  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
-  apply_style(options, scene.style);
-  if (options.look == "surface" && scene.vessels.empty() && scene.catheter.empty() && !scene.steered)
-    throw InputError("--look surface: there is nothing to shade; give --vessels or --catheter too");
-  if (options.subtracts() && (scene.vessels.empty() || scene.steered))
-    throw InputError("--look dsa: there are no vessels with contrast agent; give --vessels too");
-  return scene;
+/// The session's style, overridden by the other options.
+PictureOptions picture_of(const RenderArguments& options, const ViewSession& scene) {
+  PictureOptions picture{.style = scene.style,
+                         .has_window = scene.has_window,
+                         .acquisition = {.fluoroscope = parse_fluoroscope(options.fluoroscope)},
+                         .display = display_of(options.grey),
+                         .has_annotations = options.annotations};
+  apply_style(options, picture.style);
+  if (options.look) choose_look(*options.look, picture);
+  check(picture, !scene.vessels.empty() && !scene.steered, !scene.catheter.empty() || scene.steered);
+  if (picture.acquisition.fluoroscope) check_linear_codes(options.dicom);
+  return picture;
 }
 
 /// Throws InputError for an angle beside those of a cine.
@@ -119,25 +93,29 @@ void check_output(const RenderArguments& options) {
   }
 }
 
-/// Vessels and catheter of the session.
-std::vector<Surface> read_surfaces(const ViewSession& scene, const BodyBounds& bounds, Session& session) {
-  std::vector<Surface> surfaces;
-  if (!scene.vessels.empty() && !scene.steered) {
-    surfaces.push_back(read_vessels(scene.vessels, scene.contrast_mg_ml));
-    session.say(notes_on_place(surfaces.front().mesh.points_mm, bounds, scene.vessels.string()));
+/// The session's map, vessels and devices.
+MapScene read_scene(const ViewSession& session, const std::shared_ptr<const BodyMap>& map,
+                    const Session& program) {
+  MapScene scene{.map = map};
+  if (session.steered) {
+    scene.devices = steered_surfaces(*session.steered);
+    if (session.steered->has_road_map && !session.vessels.empty())
+      scene.road_map = read_tree(session.vessels);
+    return scene;
   }
-  if (scene.steered)
-    std::ranges::copy(steered_surfaces(*scene.steered), std::back_inserter(surfaces));
-  else if (!scene.catheter.empty())
-    surfaces.push_back(read_catheter(scene.catheter));
-  return surfaces;
+  if (!session.vessels.empty()) {
+    scene.vessels = read_vessels(session.vessels, session.contrast_mg_ml);
+    program.say(
+        notes_on_place(scene.vessels->mesh.points_mm, bounds_of(map->geometry), session.vessels.string()));
+  }
+  if (!session.catheter.empty()) scene.devices.push_back(read_catheter(session.catheter));
+  return scene;
 }
 
 /// The session's camera, but for what is given: a C-arm has its own detector. Without a session, the whole
 /// body.
-View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds,
-                  const std::optional<FluoroscopyOptions>& fluoroscopy) {
-  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
+View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
+  View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   view.centre_mm = isocentre_mm(options.view, bounds);
   if (options.session.empty()) return fitted(view, bounds);
   constexpr int kUsualWidth = 640, kUsualHeight = 480;
@@ -155,226 +133,65 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
   return view;
 }
 
-/// Draws frames of a session with a context of its own.
-class FrameRenderer {
- public:
-  FrameRenderer(const ViewSession& scene, const std::shared_ptr<const BodyMap>& map, const BodyBounds& bounds,
-                std::vector<Surface> surfaces, const RenderArguments& options)
-      : scene_(scene),
-        bounds_(bounds),
-        surfaces_(std::move(surfaces)),
-        grey_(options.grey),
-        subtracts_(options.subtracts()),
-        with_annotations_(options.annotations) {
-    renderer_.set_map(map);
-    renderer_.set_surfaces(surfaces_);
-    if (scene.steered && scene.steered->has_road_map && !scene.vessels.empty())
-      road_map_.emplace(read_tree(scene.vessels));
-  }
-
-  /// From now on frames are the fluoroscope's pulses. Its exposure control has settled on the first view.
-  void use(const FluoroscopyOptions& options, const View& first, const BodyMap& map) {
-    fluoroscope_.emplace(options, first, WaterPath(map));
-    show_vessels(!subtracts_);
-    fluoroscope_->settle(renderer_.tau(first, scene_.style));
-    fluoroscope_->hold_technique(subtracts_);
-    show_vessels(true);
-  }
-
-  /// A fluoroscope's next pulse.
-  const FluoroscopyFrame& pulse(const View& view) {
-    fluoroscope_->set_view(view);
-    const FluoroscopyFrame& frame = fluoroscope_->expose(renderer_.tau(view, scene_.style));
-    technique_ = frame.technique;
-    is_saturated_ = is_saturated_ || frame.is_saturated;
-    return frame;
-  }
-  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
-  bool subtracts() const { return subtracts_; }
-  const Technique& technique() const { return technique_; }  ///< of the last pulse
-  bool is_saturated() const { return is_saturated_; }        ///< in any pulse
-
-  /// The displayed picture: a fluoroscope's, or in the session's grey window, or in an automatic one for the
-  /// view.
-  std::vector<std::uint8_t> picture(const View& view) {
-    std::vector<std::uint8_t> rgb = subtracts_     ? subtracted_picture(view)
-                                    : fluoroscope_ ? rgb_of(displayed(pulse(view).shown, grey_))
-                                                   : grey_picture(view);
-    const glm::dvec3 half(0, 0, bounds_.half_height_mm);
-    if (with_annotations_)
-      draw_annotations(rgb, view, annotations_of(view, bounds_.centre_mm + half, bounds_.centre_mm - half),
-                       label(view));
-    if (road_map_) draw_outline(road_map_->outline(view), kRoadMapColour, view.width, rgb);
-    return rgb;
-  }
-
-  /// Optical depths, or their differences from those without the vessels.
-  std::vector<float> tau(const View& view) {
-    if (!subtracts_) return measured_tau(view);
-    Subtraction subtraction(view.width, view.height);
-    show_vessels(false);
-    settle_lag(view);
-    subtraction.add_to_mask(measured_tau(view));
-    show_vessels(true);
-    std::vector<float> tau = measured_tau(view);
-    subtraction.subtract(tau, tau);
-    if (fluoroscope_) fluoroscope_->clear_behind_blades(tau);
-    return tau;
-  }
-  std::size_t texture_B() const { return renderer_.texture_B(); }
-
- private:
-  std::vector<std::uint8_t> grey_picture(const View& view) {
-    Style style = scene_.style;
-    if (!scene_.has_window) style.window = automatic_window(renderer_, view, style);
-    return renderer_.picture(view, style);
-  }
-  /// Of the surfaces the first are the vessels.
-  void show_vessels(bool shows) {
-    const std::span<const Surface> all(surfaces_);
-    renderer_.set_surfaces(shows || surfaces_.empty() ? all : all.subspan(1));
-  }
-  /// Runs of masks and of filled frames each have their own lag.
-  void settle_lag(const View& view) {
-    if (!fluoroscope_) return;
-    fluoroscope_->set_view(view);
-    fluoroscope_->settle(renderer_.tau(view, scene_.style));
-  }
-
-  /// All frames have the window of the first.
-  std::vector<std::uint8_t> subtracted_picture(const View& view) {
-    const std::vector<float> difference = tau(view);
-    if (!window_) window_ = automatic_subtraction_window(difference);
-    return rgb_of(displayed(subtraction_greys(difference, *window_), grey_));
-  }
-
-  /// With a fluoroscope the optical depths that its detector measures.
-  std::vector<float> measured_tau(const View& view) {
-    return fluoroscope_ ? measured_depths(pulse(view)) : renderer_.tau(view, scene_.style);
-  }
-
-  const ViewSession& scene_;
-  BodyBounds bounds_;
-  std::vector<Surface> surfaces_;
-  GreyOptions grey_;
-  bool subtracts_, with_annotations_;
-  std::optional<SubtractionWindow> window_;
-  HeadlessContext context_;
-  Renderer renderer_;
-  std::optional<RoadMap> road_map_;
-  std::optional<Fluoroscope> fluoroscope_;
-  Technique technique_;
-  bool is_saturated_ = false;
-};
-
-View turned(View view, double angle_deg) {
-  view.angle_rad = glm::radians(angle_deg);
-  return view;
+/// One view, or those of a cine.
+std::vector<View> views_of(const View& view, std::span<const double> cine_deg) {
+  std::vector<View> views(std::max<std::size_t>(1, cine_deg.size()), view);
+  for (std::size_t i = 0; i < cine_deg.size(); ++i) views[i].angle_rad = glm::radians(cine_deg[i]);
+  return views;
 }
 
-void write_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
-                const std::string& output, Progress& progress) {
-  const auto& fluoroscope = frames.fluoroscope();
-  CineWriter writer(output, view.width, view.height,
-                    fluoroscope ? 1 / fluoroscope->options().pulses_per_s : CineWriter::kUsualFrame_s);
-  progress.begin("drawing", static_cast<std::int64_t>(angles_deg.size()), "frames");
-  for (const double angle_deg : angles_deg) {
-    view.angle_rad = glm::radians(angle_deg);
-    writer.add(frames.picture(view));
-    progress.advance();
-  }
-  writer.finish();
-}
-
-/// Noise in a difference goes below zero, which DICOM's pixels here cannot: zero lies a little darker.
-std::vector<float> xa_depths(FrameRenderer& frames, const View& view) {
-  std::vector<float> tau = frames.tau(view);
-  constexpr float kRoom = 1;
-  if (frames.fluoroscope() && frames.subtracts())
-    for (float& depth : tau) depth += kRoom;
-  return tau;
-}
-
-void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> angles_deg,
-                   const std::string& output, XaOptions options, Progress& progress) {
-  const auto& fluoroscope = frames.fluoroscope();
-  const bool has_codes = fluoroscope && !frames.subtracts();
-  if (has_codes) options.code_bits = fluoroscope->bits();
-  if (fluoroscope) options.frame_time_ms = 1000 / fluoroscope->options().pulses_per_s;
-  XaWriter writer(output, view, std::ssize(angles_deg), options);
-  progress.begin("drawing", std::ssize(angles_deg), "frames");
-  for (const double angle_deg : angles_deg) {
-    view.angle_rad = glm::radians(angle_deg);
-    if (has_codes)
-      writer.add_codes(view, frames.pulse(view).codes);
+void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, Progress& progress) {
+  progress.begin("drawing", std::ssize(views), "frames");
+  for (const View& view : views) {
+    if (file.is_shown())
+      file.add(frames.picture(view));
     else
-      writer.add(view, xa_depths(frames, view));
+      file.add(frames.frame(view));
     progress.advance();
   }
-  if (fluoroscope)
-    if (const auto exposure = exposure_of(*fluoroscope, frames.technique())) writer.set_exposure(*exposure);
-  writer.finish();
-}
-
-void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa,
-                 Progress& progress) {
-  if (is_picture(output))
-    write_png(frames.picture(view), view.width, view.height, 3, output);
-  else if (frames.fluoroscope() && !frames.subtracts())
-    write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
-  else if (is_xa(output))
-    write_xa_cine(frames, view, std::array{glm::degrees(view.angle_rad)}, output, xa, progress);
-  else
-    write_projection({view, frames.tau(view), 0}, output, 1, false, xa);
-}
-
-/// Throws InputError for options that do not apply to a fluoroscope's picture.
-void check_fluoroscopy(const RenderArguments& options, const Style& style) {
-  check_fluoroscopy(style.shading, options.dicom);
-  if (options.full_contrast)
-    throw InputError("--full-contrast does not apply to a fluoroscope's picture; leave it out");
+  file.finish(frames.acquisition().record());
 }
 
 void render(const RenderArguments& options, Session& session) {
-  const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_angle(options);
   check_output(options);
   const std::vector<double> cine_deg =
       options.cine.empty() ? std::vector<double>{} : parse_angles_deg(options.cine, "--cine");
-  const ViewSession scene = resolve(options);
-  if (fluoroscopy) check_fluoroscopy(options, scene.style);
+  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
+  const PictureOptions picture = picture_of(options, scene);
+  scene.style = picture.style;
+  const auto& fluoroscope = picture.acquisition.fluoroscope;
   const auto map = load_map(scene, session);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
-  const BodyBounds bounds = bounds_of(map->geometry);
-  const View view = resolve_view(options, scene, bounds, fluoroscopy);
+  const View view = resolve_view(options, scene, bounds_of(map->geometry));
+  const std::vector<View> views = views_of(view, cine_deg);
 
   check_dicom(view, xa, options.output, session);
-  FrameRenderer frames(scene, map, bounds, read_surfaces(scene, bounds, session), options);
-  if (fluoroscopy) {
-    if (!map->spectrum) note_on_energies(session);
-    frames.use(*fluoroscopy, cine_deg.empty() ? view : turned(view, cine_deg.front()), *map);
-  }
+  if (fluoroscope && !map->spectrum) note_on_energies(session);
+  const HeadlessContext context;
+  Renderer renderer;
+  MapAcquisition frames(renderer, read_scene(scene, map, session), picture, views.front());
   const Stopwatch stopwatch;
-  if (cine_deg.empty())
-    write_frame(frames, view, options.output, xa, session.progress);
-  else if (is_xa(options.output))
-    write_xa_cine(frames, view, cine_deg, options.output, xa, session.progress);
-  else
-    write_cine(frames, view, cine_deg, options.output, session.progress);
+  FrameFile file(options.output,
+                 {.is_cine = !cine_deg.empty(),
+                  .most_frames = std::ssize(views),
+                  .frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s},
+                 view, picture.acquisition, xa);
+  draw(frames, views, file, session.progress);
   const double draw_ms = stopwatch.ms();
-  note_on_saturation(frames.is_saturated(), session);
+  note_on_saturation(frames.acquisition().is_saturated(), session);
 
   Json result{{"map", scene.map.string()},
               {"image", to_json(view)},
               {"device", gl_device_name()},
-              {"texture_B", frames.texture_B()},
-              {"frames", std::max<std::size_t>(1, cine_deg.size())}};
+              {"texture_B", renderer.texture_B()},
+              {"frames", views.size()}};
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   std::string dose;
-  if (const auto& fluoroscope = frames.fluoroscope()) {
-    result["fluoroscope"] = to_json(*fluoroscope, frames.technique());
-    dose = summary(*fluoroscope, frames.technique());
+  if (const auto exposure = frames.acquisition().record()) {
+    result["fluoroscope"] = to_json(*exposure);
+    dose = summary(*exposure);
   }
   std::string angles = label(view);
   if (!cine_deg.empty()) {
@@ -386,7 +203,7 @@ void render(const RenderArguments& options, Session& session) {
   session.report(result,
                  fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n{}",
                              options.output, angles, view.width, view.height, view.pixel_mm,
-                             static_cast<double>(frames.texture_B()) / 1e6, draw_ms, dose));
+                             static_cast<double>(renderer.texture_B()) / 1e6, draw_ms, dose));
 }
 
 }  // namespace

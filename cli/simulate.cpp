@@ -6,15 +6,14 @@
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
 #include "pictures/run_report.hpp"
+#include "xraycast/acquisition/frame_file.hpp"
+#include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/image.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/drawing/run_cine.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
@@ -50,11 +49,6 @@ XaOptions parse_xa(const SimulateArguments& options) {
   return parse_xa(options.dicom, options.cine.empty() ? "a run without --cine" : options.cine);
 }
 
-/// Subtraction is of attenuating vessels.
-ShadingMode shading_of(const SimulateArguments& options) {
-  return options.look == "dsa" ? ShadingMode::fluoro : parse_shading_mode(options.look);
-}
-
 /// One line for a run, of a fluoroscope or as DICOM, that shows no vessels.
 void note_on_vessels(const Injection& injection, const Session& session) {
   if (injection.volume_ml() == 0)
@@ -62,115 +56,79 @@ void note_on_vessels(const Injection& injection, const Session& session) {
         {"the run shows no vessels without contrast agent: add --inject FROM_S,TO_S to opacify them"});
 }
 
+/// How --cine shows the run.
+PictureOptions picture_of(const SimulateArguments& options) {
+  PictureOptions picture;
+  choose_look(options.look, picture);
+  picture.style.window.inverted = picture.style.shading == ShadingMode::surface;
+  picture.acquisition.fluoroscope = parse_fluoroscope(options.fluoroscope);
+  picture.acquisition.mask_shift = parse_mask_shift(options.subtraction);
+  picture.acquisition.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
+  check(picture, true, true);
+  return picture;
+}
+
+View view_of(const SimulateArguments& options, const BodyBounds& bounds) {
+  View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
+  view.centre_mm = isocentre_mm(options.view, bounds);
+  const bool is_size_free = view.width == 0 && view.height == 0 && view.pixel_mm == 0;
+  view = fitted(view, bounds);
+  return is_size_free ? no_smaller(view, bounds) : view;
+}
+
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
   Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
-    RunCine::Options cine;
-    const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
-    cine.view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
     const BodyBounds bounds = bounds_of(map->geometry);
     session.say(notes_on_place(points_of(tree), bounds, options.tree));
-    cine.view.centre_mm = isocentre_mm(options.view, bounds);
-    const bool is_size_free = cine.view.width == 0 && cine.view.height == 0 && cine.view.pixel_mm == 0;
-    cine.view = fitted(cine.view, bounds);
-    if (is_size_free) cine.view = no_smaller(cine.view, bounds);
-    cine.subtracts = subtracts_ = options.look == "dsa";
-    cine.style.shading = shading_of(options);
-    cine.style.window.inverted = cine.style.shading == ShadingMode::surface;
-    cine.injection = parse_injection(options.injection);
-    cine.blood.heart_rate_bpm = parse_heart_rate(options.injection);
-    cine.mask_shift = parse_mask_shift(options.subtraction);
-    cine.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;
-    if (fluoroscopy || is_xa(options.cine)) note_on_vessels(cine.injection, session);
-    if (fluoroscopy) {
-      if (!map->spectrum) note_on_energies(session);
-      fluoroscope_.emplace(*fluoroscopy, cine.view, WaterPath(*map));
-      cine.step_s = 1 / fluoroscopy->pulses_per_s;
-      if (cine.subtracts)
-        cine.measure = [this](const std::vector<float>& tau) { return measured_depths(pulse(tau)); };
-    }
-    if (is_xa(options.cine))
-      start_xa(options, map, tree, cine, longest_s, session);
+    const RunCine::Options cine{.view = view_of(options, bounds),
+                                .picture = picture_of(options),
+                                .injection = parse_injection(options.injection),
+                                .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)}};
+    const AcquisitionOptions& acquisition = cine.picture.acquisition;
+    if (acquisition.fluoroscope || is_xa(options.cine)) note_on_vessels(cine.injection, session);
+    if (acquisition.fluoroscope && !map->spectrum) note_on_energies(session);
+    XaOptions xa = parse_xa(options);
+    xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
+    xa.is_subtracted = acquisition.subtracts;
+    if (is_xa(options.cine)) frame_of_reference_ = frame_of_reference_name(xa);
+    check_dicom(cine.view, xa, options.cine, session);
+    run_.emplace(map, tree, cine);
+    file_.emplace(
+        options.cine,
+        FrameFile::Kind{
+            .is_cine = true, .most_frames = run_->most_frames(longest_s), .frame_s = run_->options().step_s},
+        cine.view, acquisition, xa);
+  }
+
+  void see(const Instruments& devices, double time_s) {
+    if (!run_->see(devices, time_s)) return;
+    if (file_->is_shown())
+      file_->add(run_->picture());
     else
-      start(options, map, tree, cine);
+      file_->add(run_->frame());
   }
-  void see(const Instruments& devices, double time_s) { run_->see(devices, time_s); }
-  void finish() {
-    if (writer_) writer_->finish();
-    if (!xa_) return;
-    if (fluoroscope_)
-      if (const auto exposure = exposure_of(*fluoroscope_, technique_)) xa_->set_exposure(*exposure);
-    xa_->set_mask_frames(run_->mask_frames());
-    xa_->finish();
-  }
+  void finish() { file_->finish(exposure(), run_->acquisition().mask_frames()); }
+
   double injected_ml() const { return run_->injected_ml(); }
   double withheld_ml() const { return run_->withheld_ml(); }
-  const std::optional<Fluoroscope>& fluoroscope() const { return fluoroscope_; }
-  const Technique& technique() const { return technique_; }  ///< of the last pulse
+  std::optional<ExposureRecord> exposure() const { return run_->acquisition().record(); }
   /// "scan" or "new"; empty where the cine is not DICOM.
   const std::string& frame_of_reference() const { return frame_of_reference_; }
 
  private:
-  void start(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
-             const VesselTree& tree, const RunCine::Options& cine) {
-    writer_.emplace(options.cine, cine.view.width, cine.view.height, cine.step_s);
-    if (fluoroscope_ && !cine.subtracts)
-      run_.emplace(map, tree, cine,
-                   [this](const std::vector<float>& tau) { writer_->add(rgb_of(pulse(tau).shown)); });
-    else
-      run_.emplace(map, tree, cine, [this](const std::vector<std::uint8_t>& rgb) { writer_->add(rgb); });
-  }
-
-  void start_xa(const SimulateArguments& options, const std::shared_ptr<const BodyMap>& map,
-                const VesselTree& tree, const RunCine::Options& cine, double longest_s,
-                const Session& session) {
-    XaOptions xa = parse_xa(options);
-    xa.frame_time_ms = 1000 * cine.step_s;
-    xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
-    frame_of_reference_ = frame_of_reference_name(xa);
-    check_dicom(cine.view, xa, options.cine, session);
-    if (fluoroscope_) xa.code_bits = fluoroscope_->bits();
-    xa.is_subtracted = cine.subtracts;
-    const double from_s = cine.subtracts ? std::max(cine.injection.from_s - RunCine::kMask_s, 0.0) : 0;
-    const auto most_frames = static_cast<std::int64_t>(std::ceil((longest_s - from_s) / cine.step_s)) + 1;
-    xa_.emplace(options.cine, cine.view, most_frames, xa);
-    run_.emplace(map, tree, cine, [this, view = cine.view](const std::vector<float>& tau) {
-      if (fluoroscope_)
-        xa_->add_codes(view, pulse(tau).codes);
-      else
-        xa_->add(view, tau);
-    });
-  }
-
-  /// The next pulse; before the first one the exposure control settles.
-  const FluoroscopyFrame& pulse(const std::vector<float>& tau) {
-    if (fluoroscope_->dose().pulses == 0) {
-      fluoroscope_->settle(tau);
-      // Subtraction needs frames that are exposed as their mask is.
-      fluoroscope_->hold_technique(subtracts_);
-    }
-    const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
-    technique_ = frame.technique;
-    return frame;
-  }
-
   HeadlessContext context_;
-  std::optional<CineWriter> writer_;
-  std::optional<XaWriter> xa_;
   std::string frame_of_reference_;
   std::optional<RunCine> run_;
-  std::optional<Fluoroscope> fluoroscope_;
-  Technique technique_;
-  bool subtracts_ = false;
+  std::optional<FrameFile> file_;
 };
 
 void check_cine(const SimulateArguments& options) {
   parse_xa(options);
-  const bool is_fluoroscopy = parse_fluoroscope(options.fluoroscope).has_value();
   if (options.cine.empty()) {
-    if (is_fluoroscopy)
+    if (parse_fluoroscope(options.fluoroscope))
       throw InputError("the options of a fluoroscope apply to pictures of the run; add --cine and --map");
     return check_not_given(*options.command,
                            {"--map", "--look", "--inject", "--injection-rate", "--injection-volume",
@@ -178,15 +136,15 @@ void check_cine(const SimulateArguments& options) {
                             "--tilt", "--isocentre", "--cone", "--size", "--pixel"},
                            "without pictures of the run; leave it out or give --cine too");
   }
-  if (is_fluoroscopy) check_fluoroscopy(shading_of(options), options.dicom);
+  const PictureOptions picture = picture_of(options);
+  const bool subtracts = picture.acquisition.subtracts;
+  if (picture.acquisition.fluoroscope) check_linear_codes(options.dicom);
   if (options.map.empty())
     throw InputError("--cine {}: needs a body map to draw in; add --map MAP.exr", options.cine);
   const Injection injection = parse_injection(options.injection);
-  const bool subtracts = options.look == "dsa";
   if (subtracts && injection.volume_ml() == 0)
     throw InputError("--look dsa: there is no contrast agent to show; add --inject FROM_S,TO_S");
   parse_heart_rate(options.injection);
-  parse_mask_shift(options.subtraction);
   check_subtraction(options.subtraction, subtracts, options.cine);
   if (is_animation(options.cine) || is_xa(options.cine)) return check_writable(options.cine);
   make_frames_folder(options.cine, "--cine " + options.cine);
@@ -256,9 +214,9 @@ void run(Instruments& devices, const std::vector<InstrumentModel>& models, const
   }
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
-  if (cine && cine->fluoroscope()) {
-    result["fluoroscope"] = to_json(*cine->fluoroscope(), cine->technique());
-    pictures = summary(*cine->fluoroscope(), cine->technique());
+  if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
+    result["fluoroscope"] = to_json(*exposure);
+    pictures = summary(*exposure);
   }
   if (cine && !options.injection.times.empty()) {
     result["injected_ml"] = cine->injected_ml();

@@ -1,9 +1,12 @@
 #include "drawing.hpp"
+#include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
+#include "scene.hpp"
 #include "vessels.hpp"
+#include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
@@ -102,20 +105,37 @@ nb::dict map_masses(const HeldBody& body) {
   return masses;
 }
 
-FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const nb::object& progress) {
+struct RenderArguments {
+  SceneArguments scene;
+  std::string look, compositing;
+  const nb::object& fluoroscope;
+};
+
+FrameOrFrames render(const HeldBody& body, const PoseArguments& arguments, const RenderArguments& given,
+                     const nb::object& progress) {
+  HeldScene scene = scene_of(given.scene);
+  PictureOptions picture;
+  choose_look(given.look, picture);
+  picture.style.sampling.compositing = parse_compositing(given.compositing);
+  const auto held = fluoroscope_of(given.fluoroscope);
+  if (held) picture.acquisition.fluoroscope = held->options;
+  check(picture, scene.vessels.has_value(), !scene.devices.empty());
   const BodyBounds bounds = bounds_of(body.map->geometry);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
     if (!has_centre) view.centre_mm = bounds.centre_mm;
-    return fitted(view, bounds);
+    return fitted(held ? on_c_arm(held->request, view) : view, bounds);
   });
   auto depths = result_of(progress, [&](Progress& reported) {
-    auto drawn = room_for(poses.poses, false);
+    auto drawn = room_for(poses.poses, false, held.has_value());
     reported.begin("drawing", std::ssize(poses.poses), "frames");
-    for (const Pose& pose : poses.poses) {
-      const std::vector<float> tau = drawn_tau(body.map, std::get<View>(pose));
-      drawn->tau.insert(drawn->tau.end(), tau.begin(), tau.end());
-      reported.advance();
-    }
+    draw([&](Renderer& renderer) {
+      MapAcquisition frames(renderer, {body.map, scene.vessels, scene.devices}, picture,
+                            std::get<View>(poses.poses.front()));
+      for (const Pose& pose : poses.poses) {
+        drawn->add(frames.frame(std::get<View>(pose)), frames.acquisition());
+        reported.advance();
+      }
+    });
     return drawn;
   });
   return frames_object(std::move(depths), std::move(poses));
@@ -201,14 +221,27 @@ void add_body(nb::module_& module) {
       .def(
           "render",
           [](const HeldBody& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
-             nb::object pixel_mm, nb::object centre_mm, const nb::object& progress) {
-            return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm}, progress);
+             nb::object pixel_mm, nb::object centre_mm, nb::object vessels, nb::object devices,
+             double contrast_mg_ml, const std::string& look, const std::string& compositing,
+             const nb::object& fluoroscope, const nb::object& progress) {
+            return render(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm},
+                          {{vessels, devices, contrast_mg_ml}, look, compositing, fluoroscope}, progress);
           },
           nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
           nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
-          nb::arg("centre_mm") = nb::none(), nb::arg("progress") = nb::none(),
-          "A Frame from any C-arm angle, or Frames if angles are lists; the arguments are those of "
-          "Scan.project. Drawn by OpenGL, in software if there is no GPU.")
+          nb::arg("centre_mm") = nb::none(), nb::arg("vessels") = nb::none(), nb::arg("devices") = nb::none(),
+          nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, nb::arg("look") = "fluoro",
+          nb::arg("compositing") = "path", nb::arg("fluoroscope") = nb::none(),
+          nb::arg("progress") = nb::none(),
+          "A Frame from any C-arm angle, or Frames if angles are lists; poses and fluoroscope are as in "
+          "Scan.project. Drawn by OpenGL, in software if there is no GPU.\n\n"
+          "vessels: Vessels, a VesselTree, a Mesh, or a file or folder, filled with contrast agent.\n"
+          "devices: a Catheter, CoaxialDevices, a DeviceShape, or a list of these.\n"
+          "contrast_mg_ml: iodine in the vessels.\n"
+          "look: fluoro: vessels and devices attenuate; surface: they are opaque, and depths end at them; "
+          "dsa: depths are the differences from the picture without the vessels.\n"
+          "compositing: how shells add up along a ray: path, by the path length in each, or wall, once per "
+          "wall, as in the paper.")
       .def("_repr_png_", preview_png, "PNG for notebooks: the layers, innermost on top.")
       .def("__repr__", [](const HeldBody& b) {
         const MapGeometry& g = b.map->geometry;

@@ -83,6 +83,18 @@ class HeldDevices {
     return nodes;
   }
 
+  std::vector<DeviceShape> shapes() {
+    const auto lock = locked();
+    std::vector<DeviceShape> all(count());
+    for (std::size_t d = 0; d < count(); ++d) {
+      devices_.copy_nodes(d, all[d].nodes_mm);
+      const InstrumentModel& model = devices_.rod(d).instrument();
+      all[d].radius_mm = model.radius_mm();
+      all[d].has_lumen = model.inner_radius_mm() > 0;
+    }
+    return all;
+  }
+
   void exchange(std::size_t device, const InstrumentModel& model) {
     const auto lock = locked();
     devices_.exchange(device, model);
@@ -343,6 +355,8 @@ void add_devices(nb::module_& module) {
           [](HeldDevices& d, int device) { return d.has_free_lumen(checked_device(d, device)); },
           nb::arg("device"), nb::call_guard<nb::gil_scoped_release>(),
           "Whether it has a lumen with no other device inserted, so that contrast agent can be injected.")
+      .def_prop_ro("shapes", &HeldDevices::shapes, nb::call_guard<nb::gil_scoped_release>(),
+                   "A DeviceShape for each device now, for frames.")
       .def_prop_ro("models", names_of)
       .def_prop_ro("max_insertion_mm",
                    [](HeldDevices& d) {
@@ -357,6 +371,15 @@ void add_devices(nb::module_& module) {
 }
 
 }  // namespace
+
+std::optional<std::vector<DeviceShape>> steered_shapes(nb::handle devices) {
+  HeldDevices* held = nullptr;
+  if (nb::isinstance<HeldDevices>(devices)) held = nb::cast<HeldDevices*>(devices);
+  if (nb::isinstance<HeldCatheter>(devices)) held = &nb::cast<HeldCatheter*>(devices)->held;
+  if (!held) return std::nullopt;
+  const nb::gil_scoped_release released;
+  return held->shapes();
+}
 
 void add_catheter(nb::module_& module) {
   add_state(module);
@@ -378,6 +401,9 @@ void add_catheter(nb::module_& module) {
       .def_prop_ro(
           "nodes_mm", [](HeldCatheter& c) { return nodes_of(c.held, 0); }, kShared,
           "The rod from the introducer to the tip, (nodes, 3) float64, mm, LPS; a new array.")
+      .def_prop_ro(
+          "shape", [](HeldCatheter& c) { return c.held.shapes().front(); },
+          nb::call_guard<nb::gil_scoped_release>(), "Its DeviceShape now, for frames.")
       .def_prop_ro("model", [](HeldCatheter& c) { return text_object(c.held.name(0)); })
       .def_prop_ro("max_insertion_mm", [](HeldCatheter& c) { return c.held.max_insertion_mm(0); })
       .def("__repr__", [](HeldCatheter& c) {

@@ -17,14 +17,13 @@
 namespace xraycast::python {
 namespace {
 
-/// A context, its renderer, and the map that this has.
+/// A context and its renderer.
 struct Canvas {
   HeadlessContext context;
   Renderer renderer;
-  std::shared_ptr<const BodyMap> map;
 };
 
-/// The thread that draws; one frame at a time.
+/// The thread that draws; for one caller at a time.
 class Drawing {
  public:
   Drawing() : thread_([this] { work(); }) {}
@@ -39,26 +38,22 @@ class Drawing {
   Drawing(const Drawing&) = delete;
   Drawing& operator=(const Drawing&) = delete;
 
-  std::vector<float> tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
-    std::packaged_task<std::vector<float>()> task([&] { return draw(map, view); });
-    std::future<std::vector<float>> result = task.get_future();
+  void draw(const std::function<void(Renderer&)>& work) {
+    std::packaged_task<void()> task([&] {
+      if (!canvas_) canvas_.emplace();
+      work(canvas_->renderer);
+    });
+    std::future<void> result = task.get_future();
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] { return !task_; });
       task_ = &task;
       changed_.notify_all();
     }
-    return result.get();
+    result.get();
   }
 
  private:
-  std::vector<float> draw(const std::shared_ptr<const BodyMap>& map, const View& view) {
-    if (!canvas_) canvas_.emplace();
-    if (canvas_->map != map) canvas_->renderer.set_map(map);
-    canvas_->map = map;
-    return canvas_->renderer.tau(view, {});
-  }
-
   void work() {
     std::unique_lock lock(mutex_);
     for (;;) {
@@ -75,7 +70,7 @@ class Drawing {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::packaged_task<std::vector<float>()>* task_ = nullptr;  ///< the next one, of a caller that waits
+  std::packaged_task<void()>* task_ = nullptr;  ///< the next one, of a caller that waits
   bool is_stopping_ = false;
   std::optional<Canvas> canvas_;  ///< of the thread
   std::thread thread_;
@@ -98,9 +93,7 @@ Drawing& the_drawing() {
 
 }  // namespace
 
-std::vector<float> drawn_tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
-  return the_drawing().tau(map, view);
-}
+void draw(const std::function<void(Renderer&)>& work) { the_drawing().draw(work); }
 
 void stop_drawing() {
   if (!drawing_owner.is_this()) return;

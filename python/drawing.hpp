@@ -1,17 +1,15 @@
 #pragma once
 
-#include "xraycast/casting/body_map.hpp"
-#include "xraycast/casting/view.hpp"
+#include "xraycast/drawing/renderer.hpp"
 
-#include <memory>
-#include <vector>
+#include <functional>
 
 namespace xraycast::python {
 
-/// The optical depths of a body map's frame. Drawn by a thread that keeps an OpenGL context, since a context
-/// belongs to one thread and takes longer to make than a frame. Throws as HeadlessContext does, and Error in
-/// a process that was forked from one that has drawn. Without the interpreter's lock.
-std::vector<float> drawn_tau(const std::shared_ptr<const BodyMap>& map, const View& view);
+/// Draws by a thread that keeps an OpenGL context, since a context belongs to one thread and takes longer to
+/// make than a frame. Throws as HeadlessContext and `work` do, and Error in a process that was forked from
+/// one that has drawn. Without the interpreter's lock.
+void draw(const std::function<void(Renderer& renderer)>& work);
 
 /// Ends the thread, before the libraries that it uses are unloaded.
 void stop_drawing();

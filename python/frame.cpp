@@ -1,13 +1,17 @@
 #include "frame.hpp"
 
+#include "scene.hpp"
+#include "xraycast/acquisition/frame_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/memory_limit.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
+#include "xraycast/scene/absorbing_surfaces.hpp"
 
 #include <cmath>
+#include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
 #include <numbers>
 
@@ -61,9 +65,34 @@ nb::ndarray<nb::numpy, float, nb::ndim<4>> gradient_array(const Frames& frames) 
       frames.depths);
 }
 
+/// A picture of the pulse, which the frame's memory holds.
+template <typename Value>
+nb::ndarray<nb::numpy, const Value, nb::ndim<2>> pulse_array(const Frame& frame, const char* name,
+                                                             std::vector<Value> FluoroscopyFrame::*picture) {
+  if (!frame.pulse()) throw InputError("{}: this frame is no fluoroscope's; make it with fluoroscope=", name);
+  return array_over<const Value, 2>(
+      (frame.pulse()->frame.*picture).data(),
+      {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width())}, frame.depths);
+}
+
+Picture absorption_array(const Frame& frame, const SceneArguments& arguments) {
+  const View& view = view_of(frame, "absorption");
+  const std::vector<Surface> drawn = scene_of(arguments).all();
+  auto tau = std::make_shared<std::vector<float>>(frame.pixels());
+  {
+    const nb::gil_scoped_release released;
+    AbsorbingSurfaces surfaces;
+    surfaces.set(drawn);
+    surfaces.add_to(*tau, view);
+  }
+  return array_over<float, 2>(
+      tau->data(), {static_cast<std::size_t>(frame.height()), static_cast<std::size_t>(frame.width())}, tau);
+}
+
 nb::bytes png_of(const Frame& frame) {
-  const std::string bytes =
-      png_bytes(windowed_transmission({frame.tau(), frame.pixels()}), frame.width(), frame.height(), 1);
+  const std::vector<std::uint8_t> greys =
+      frame.pulse() ? frame.pulse()->frame.shown : windowed_transmission({frame.tau(), frame.pixels()});
+  const std::string bytes = png_bytes(greys, frame.width(), frame.height(), 1);
   return nb::bytes(bytes.data(), bytes.size());
 }
 
@@ -72,12 +101,22 @@ void write_frame(const Frame& frame, nb::handle path, double gamma, bool inverte
   if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
     throw InputError("{}: a frame made by K and RT is written as .png only; numpy.save keeps its depths",
                      file);
-  ProjectionImage image{.view = {}, .tau = {frame.tau(), frame.tau() + frame.pixels()}};
-  if (const auto* view = std::get_if<View>(&frame.pose)) image.view = *view;
-  image.view.width = frame.width();
-  image.view.height = frame.height();
+  View view;
+  if (const auto* c_arm = std::get_if<View>(&frame.pose)) view = *c_arm;
+  view.width = frame.width();
+  view.height = frame.height();
+  const Pulse* const pulse = frame.pulse();
+  const AcquisitionOptions& acquisition = frame.depths->acquisition;
+  const std::span<const float> tau(frame.tau(), frame.pixels());
   const nb::gil_scoped_release released;
-  write_projection(image, file, gamma, inverted);
+  check_projection_format(file);
+  FrameFile written(file, {}, view, acquisition, {});
+  written.add(AcquiredFrame{.view = view,
+                            .tau = tau,
+                            .difference = acquisition.subtracts ? tau : std::span<const float>(),
+                            .pulse = pulse ? &pulse->frame : nullptr},
+              {gamma, inverted});
+  written.finish(pulse ? std::optional(pulse->exposure) : std::nullopt);
 }
 
 std::string frame_description(const Frame& frame) {
@@ -106,13 +145,25 @@ constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
 
-std::shared_ptr<Depths> room_for(const std::vector<Pose>& poses, bool has_gradient) {
+void Depths::add(const AcquiredFrame& frame, const Acquisition& acquired) {
+  const auto depths = frame.difference.empty() ? frame.tau : frame.difference;
+  tau.insert(tau.end(), depths.begin(), depths.end());
+  if (frame.pulse) pulses.push_back({*frame.pulse, *acquired.record()});
+  acquisition = acquired.options();
+}
+
+std::shared_ptr<Depths> room_for(const std::vector<Pose>& poses, bool has_gradient, bool has_pulses) {
   const glm::ivec2 size = size_of(poses.front());
   const auto pixels = std::ssize(poses) * size.x * size.y;
-  const std::int64_t bytes = (has_gradient ? 7 : 1) * pixels * static_cast<std::int64_t>(sizeof(float));
-  require_memory(fmt::format("{} of {} x {} pixels{}", pluralize(std::ssize(poses), "picture"), size.x,
-                             size.y, has_gradient ? " with gradients" : ""),
-                 {bytes, bytes});
+  constexpr std::int64_t kPulse_B = 2 * sizeof(float) + sizeof(std::uint16_t) + sizeof(std::uint8_t);
+  const std::int64_t bytes =
+      pixels * ((has_gradient ? 7 : 1) * std::int64_t{sizeof(float)} + (has_pulses ? kPulse_B : 0));
+  require_memory(
+      fmt::format("{} of {} x {} pixels{}", pluralize(std::ssize(poses), "picture"), size.x, size.y,
+                  has_gradient ? " with gradients"
+                  : has_pulses ? " of a fluoroscope"
+                               : ""),
+      {bytes, bytes});
   auto depths = std::make_shared<Depths>();
   depths->tau.reserve(static_cast<std::size_t>(pixels));
   if (has_gradient) depths->gradient.reserve(static_cast<std::size_t>(6 * pixels));
@@ -142,6 +193,29 @@ void add_frames(nb::module_& module) {
           "How tau changes with the pose of source and detector, (rows, columns, 6) float32: per mm along "
           "x, y and z, then per rad about x, y and z through the scan's centre (LPS). Only with "
           "gradient=True.")
+      .def_prop_ro(
+          "shown", [](const Frame& f) { return pulse_array(f, "shown", &FluoroscopyFrame::shown); }, kShared,
+          "A fluoroscope's displayed picture, (rows, columns) uint8; no copy, read-only.")
+      .def_prop_ro(
+          "codes", [](const Frame& f) { return pulse_array(f, "codes", &FluoroscopyFrame::codes); }, kShared,
+          "What its detector sends, (rows, columns) uint16; no copy, read-only.")
+      .def_prop_ro(
+          "signal_kev",
+          [](const Frame& f) { return pulse_array(f, "signal_kev", &FluoroscopyFrame::signal_kev); }, kShared,
+          "The energy that each pixel absorbed, (rows, columns) float32; no copy, read-only.")
+      .def_prop_ro(
+          "exposure",
+          [](const Frame& f) { return f.pulse() ? std::optional(f.pulse()->exposure) : std::nullopt; },
+          "The Exposure; None without a fluoroscope.")
+      .def(
+          "absorption",
+          [](const Frame& f, nb::object vessels, nb::object devices, double contrast_mg_ml) {
+            return absorption_array(f, {vessels, devices, contrast_mg_ml});
+          },
+          nb::kw_only(), nb::arg("vessels") = nb::none(), nb::arg("devices") = nb::none(),
+          nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, kShared,
+          "The optical depth that vessels and devices alone add in this view, as BodyMap.render draws them, "
+          "(rows, columns) float32; a new array.")
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
       .def_prop_ro(

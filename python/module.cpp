@@ -1,9 +1,11 @@
 #include "device.hpp"
 #include "drawing.hpp"
+#include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
+#include "scene.hpp"
 #include "values.hpp"
 #include "vessels.hpp"
 #include "xraycast/base/error.hpp"
@@ -67,6 +69,8 @@ NB_MODULE(_core, module) {
   module.attr("__version__") = XRAYCAST_VERSION;
   nb::register_exception_translator(translate);
   add_opacity(module);
+  add_fluoroscope(module);
+  add_scene(module);
   add_frames(module);
   add_scan(module);
   add_catheter(module);

@@ -1,7 +1,10 @@
+#include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
 #include "opacity.hpp"
 #include "scan.hpp"
+#include "scene.hpp"
+#include "xraycast/acquisition/scan_acquisition.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/casting/projector.hpp"
 
@@ -23,18 +26,13 @@ View completed(View view, bool has_centre, HeldScan& scan, const DeviceUse& devi
   return fitted(view, volume, body);
 }
 
-std::vector<float> tau_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
-                            Progress& progress) {
-  const auto* camera = std::get_if<PinholeCamera>(&pose);
-  if (const auto* spectrum = std::get_if<Spectrum>(&attenuation)) {
-    if (camera)
-      throw InputError("opacity {}: K and RT take no spectrum; give lao, cranial and cone_mm",
-                       spectrum->name());
-    return project(scan, std::get<View>(pose), *spectrum, progress).tau;
-  }
-  const Opacity& opacity = std::get<Opacity>(attenuation);
-  return camera ? project(scan.native, *camera, opacity, progress)
-                : project(scan.native, std::get<View>(pose), opacity, progress).tau;
+/// By K and RT.
+std::vector<float> tau_from(const SpectralScan& scan, const PinholeCamera& camera,
+                            const Attenuation& attenuation, Progress& progress) {
+  if (const auto* spectrum = std::get_if<Spectrum>(&attenuation))
+    throw InputError("opacity {}: K and RT take no spectrum; give lao, cranial and cone_mm",
+                     spectrum->name());
+  return project(scan.native, camera, std::get<Opacity>(attenuation), progress);
 }
 
 Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuation& attenuation,
@@ -48,15 +46,41 @@ Depths gradient_from(const SpectralScan& scan, const Pose& pose, const Attenuati
   return {std::move(found.tau), std::move(found.gradient)};
 }
 
-/// The pictures of all poses, one behind the other.
-std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses,
-                                  const Attenuation& attenuation, bool has_gradient, Progress& progress) {
-  auto depths = room_for(poses, has_gradient);
+/// What project takes besides poses.
+struct Wishes {
+  Attenuation attenuation;
+  bool has_gradient = false;
+  std::vector<Surface> surfaces;  ///< vessels and devices
+  AcquisitionOptions acquisition;
+};
+
+/// The pictures of a C-arm, one behind the other.
+void acquire(const SpectralScan& scan, const std::vector<Pose>& poses, const Wishes& wishes, Depths& depths,
+             Progress& progress) {
+  const View& first = std::get<View>(poses.front());
+  ScanAcquisition frames({.scan = scan,
+                          .attenuation = wishes.attenuation,
+                          .surfaces = wishes.surfaces,
+                          .sampling = Sampling::but_constant_blocks},
+                         wishes.acquisition, first);
+  for (const Pose& pose : poses)
+    depths.add(frames.frame(std::get<View>(pose), progress), frames.acquisition());
+}
+
+std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses, const Wishes& wishes,
+                                  Progress& progress) {
+  auto depths = room_for(poses, wishes.has_gradient, wishes.acquisition.fluoroscope.has_value());
   const DeviceUse device;
   const SpectralScan& resident = scan.resident(device);
+  if (!wishes.has_gradient && std::holds_alternative<View>(poses.front())) {
+    acquire(resident, poses, wishes, *depths, progress);
+    return depths;
+  }
   for (const Pose& pose : poses) {
-    Depths one = has_gradient ? gradient_from(resident, pose, attenuation, progress)
-                              : Depths{tau_from(resident, pose, attenuation, progress), {}};
+    Depths one =
+        wishes.has_gradient
+            ? gradient_from(resident, pose, wishes.attenuation, progress)
+            : Depths{.tau = tau_from(resident, std::get<PinholeCamera>(pose), wishes.attenuation, progress)};
     if (poses.size() == 1) {
       *depths = std::move(one);
       break;
@@ -67,16 +91,31 @@ std::shared_ptr<Depths> projected(HeldScan& scan, const std::vector<Pose>& poses
   return depths;
 }
 
+void check(const Wishes& wishes, const Poses& poses) {
+  if (!wishes.acquisition.fluoroscope && wishes.surfaces.empty()) return;
+  const char* const name = wishes.acquisition.fluoroscope ? "fluoroscope" : "vessels and devices";
+  if (std::holds_alternative<PinholeCamera>(poses.poses.front()))
+    throw InputError("{}: K and RT place no C-arm; give lao, cranial and cone_mm", name);
+  if (wishes.has_gradient) throw InputError("{}: have no gradient; leave one of them out", name);
+}
+
 FrameOrFrames project_scan(HeldScan& scan, const PoseArguments& arguments, const OpacityArgument& opacity,
-                           bool has_gradient, const nb::object& progress) {
-  const Attenuation attenuation = attenuation_of(opacity);
+                           bool has_gradient, const SceneArguments& scene, const nb::object& fluoroscope,
+                           const nb::object& progress) {
+  Wishes wishes{attenuation_of(opacity), has_gradient, scene_of(scene).all(), {}};
+  const auto held = fluoroscope_of(fluoroscope);
+  if (held) wishes.acquisition.fluoroscope = held->options;
+  const auto* named = std::get_if<std::filesystem::path>(&opacity);
+  if (const auto* spectrum = std::get_if<Spectrum>(&wishes.attenuation); spectrum && held && named)
+    use_spectrum(named->string(), *spectrum, *wishes.acquisition.fluoroscope);
   Poses poses = poses_of(arguments, [&](View view, bool has_centre) {
+    if (held) view = on_c_arm(held->request, view);
     // Finding the body takes a while.
     return result_of(nb::none(), [&](Progress&) { return completed(view, has_centre, scan, DeviceUse()); });
   });
-  auto depths = result_of(progress, [&](Progress& reported) {
-    return projected(scan, poses.poses, attenuation, has_gradient, reported);
-  });
+  check(wishes, poses);
+  auto depths =
+      result_of(progress, [&](Progress& reported) { return projected(scan, poses.poses, wishes, reported); });
   return frames_object(std::move(depths), std::move(poses));
 }
 
@@ -87,14 +126,17 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "project",
       [](HeldScan& self, nb::object lao, nb::object cranial, nb::object size, nb::object cone_mm,
          nb::object pixel_mm, nb::object centre_mm, nb::object k, nb::object rt,
-         const OpacityArgument& opacity, bool gradient, const nb::object& progress) {
+         const OpacityArgument& opacity, bool gradient, nb::object vessels, nb::object devices,
+         double contrast_mg_ml, const nb::object& fluoroscope, const nb::object& progress) {
         return project_scan(self, {lao, cranial, size, cone_mm, pixel_mm, centre_mm, k, rt}, opacity,
-                            gradient, progress);
+                            gradient, {vessels, devices, contrast_mg_ml}, fluoroscope, progress);
       },
       nb::arg("lao") = 0, nb::arg("cranial") = 0, nb::arg("size") = nb::none(),
       nb::arg("cone_mm") = nb::none(), nb::kw_only(), nb::arg("pixel_mm") = nb::none(),
       nb::arg("centre_mm") = nb::none(), nb::arg("K") = nb::none(), nb::arg("RT") = nb::none(),
-      nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("progress") = nb::none(),
+      nb::arg("opacity") = "paper", nb::arg("gradient") = false, nb::arg("vessels") = nb::none(),
+      nb::arg("devices") = nb::none(), nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml,
+      nb::arg("fluoroscope") = nb::none(), nb::arg("progress") = nb::none(),
       "The DRR of the scan: a Frame of optical depths, or Frames where angles or matrices are lists.\n\n"
       "lao, cranial: the C-arm's angles in degrees, LAO and cranial positive.\n"
       "size: (width, height) in pixels; else the whole body fits.\n"
@@ -105,7 +147,10 @@ void add_projection(nb::class_<HeldScan>& scan) {
       "camera's "
       "mm, z forward; the middle of pixel (0, 0) is at (0, 0). They take `size`.\n"
       "opacity: paper, bilinear, subtracted, a JSON file, an Opacity, or spectrum:KVP.\n"
-      "gradient: also finds how tau changes with the pose; see Frame.gradient.");
+      "gradient: also finds how tau changes with the pose; see Frame.gradient.\n"
+      "vessels, devices, contrast_mg_ml: drawn into the picture, as in BodyMap.render.\n"
+      "fluoroscope: a Fluoroscope, whose pulses the frames then are: Frame.shown, codes, signal_kev and "
+      "exposure.");
 }
 
 }  // namespace xraycast::python

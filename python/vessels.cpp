@@ -20,24 +20,6 @@
 namespace xraycast::python {
 namespace {
 
-struct HeldMesh {
-  std::shared_ptr<const Mesh> mesh;
-};
-
-/// Vessels, and of what and how: for files.
-struct HeldVessels {
-  std::shared_ptr<const Vessels> found;
-  ScanInfo scan;
-  bool is_automatic;
-
-  /// A part that keeps the whole alive.
-  template <typename Part>
-  std::shared_ptr<const Part> part(const Part& of_found) const {
-    return {found, &of_found};
-  }
-  std::shared_ptr<const Mask> mask() const { return part(found->mask); }
-};
-
 /// A property: a value in a part of the vessels.
 template <typename Part, typename Value>
 auto value_of(Part Vessels::*part, Value Part::*value) {

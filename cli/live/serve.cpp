@@ -92,10 +92,9 @@ ViewSession resolve_served(const ServeArguments& options) {
 }
 
 /// The picture of the whole body, which the camera turns, moves and magnifies.
-View resolve_detector(const ServeArguments& options, const ViewSession& scene, const BodyBounds& bounds,
-                      const std::optional<FluoroscopyOptions>& fluoroscopy) {
+View resolve_detector(const ServeArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
   constexpr int kUsualWidth = 640, kUsualHeight = 480, kMostPixels = 4096;
-  View view = on_c_arm(options.fluoroscope, fluoroscopy, parse_view(options.view));
+  View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
   if (view.width == 0 && view.pixel_mm == 0) {
     view.width = kUsualWidth;
     view.height = kUsualHeight;
@@ -216,7 +215,7 @@ void serve(const ServeArguments& options, Session& session) {
   const auto map = load_map(scene, session);
   if (web_options) check_web_map(*map, scene.map.string());
   const BodyBounds bounds = bounds_of(map->geometry);
-  const View detector = resolve_detector(options, scene, bounds, fluoroscopy);
+  const View detector = resolve_detector(options, scene, bounds);
 
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, scene, server));

@@ -3,8 +3,8 @@ import numbers
 
 import numpy as np
 
-from . import Catheter, InputError, VesselTree
-from ._pictures import CATHETER_PER_MM, CATHETER_RADIUS_MM, catheter_thickness, grey_range, greys, project_points
+from . import Catheter, DeviceShape, InputError, VesselTree
+from ._pictures import grey_range, greys, project_points
 
 try:
     import gymnasium
@@ -15,6 +15,7 @@ AHEAD, AHEAD_MM = 8, 5.0  # points of the way ahead, and how far apart
 CONE_MM = (1000, 1500)
 VIEW = {"lao": 0.0, "cranial": 0.0, "size": (128, 128), "pixel_mm": None, "centre_mm": None}
 LEAST_LEVELS = 24  # of grey, between the catheter and what is beside it, in pixels that are wider than it
+ROAD_MAP_MM = 1.6  # the width of the way
 MARGIN = 1.1  # of the field about the tree
 
 
@@ -68,7 +69,7 @@ def _checked_view(body, view):
 
 
 class _Fluoroscope:
-    """A C-arm that stays where it is: its picture of the body, to which the catheter is added. Its field is fitted to the
+    """A C-arm that stays where it is: its picture of the body, to which the devices are added. Its field is fitted to the
     points of a tree where it is not given."""
 
     def __init__(self, body, points_mm, *, pixel_mm, centre_mm, **view):
@@ -79,28 +80,35 @@ class _Fluoroscope:
             probe = draw(cone_mm=CONE_MM, pixel_mm=1, centre_mm=centre_mm, **view)
             reach = np.abs(project_points(points_mm, probe.K, probe.RT)[:, :2] - probe.K[:2, 2]).max(0)
             pixel_mm = float(MARGIN * max(2 * reach / probe.shape[::-1]))
-        frame = draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view)
-        self.tau, self.K, self.RT = np.array(frame.tau), np.array(frame.K), np.array(frame.RT)
-        self._set_greys(pixel_mm * CONE_MM[0] / CONE_MM[1])
+        self.frame = draw(cone_mm=CONE_MM, pixel_mm=pixel_mm, centre_mm=centre_mm, **view)
+        self.mm_per_pixel = pixel_mm * CONE_MM[0] / CONE_MM[1]
 
-    def _set_greys(self, mm_per_pixel):
-        """The depth of a catheter, and limits that leave room for it in the darkest part."""
-        low, high = grey_range(self.tau)
-        chord_mm = 2 * CATHETER_RADIUS_MM**2 / max(CATHETER_RADIUS_MM, mm_per_pixel)
-        self.per_mm = max(CATHETER_PER_MM, LEAST_LEVELS / 255 * (high - low) / chord_mm)
-        self.limits = low, high + self.per_mm * chord_mm
+    def use(self, device):
+        """How much darker than it is a device must be to be seen, and limits that leave room for it in the darkest part."""
+        low, high = grey_range(self.frame.tau)
+        depth = self._usual_depth(device)
+        self.gain = max(1.0, LEAST_LEVELS / 255 * (high - low) / depth)
+        self.limits = low, high + self.gain * depth
+
+    def _usual_depth(self, device):
+        """Of a shaft as wide, and of its material, in the middle of the picture."""
+        reach_mm = np.linspace(-10, 10, 8)[:, None] * self.mm_per_pixel
+        shaft = DeviceShape(self.frame.centre_mm + reach_mm * self.frame.RT[:2, :3].sum(0), device.diameter_mm)
+        rows = self.frame.absorption(devices=shaft).max(axis=1)
+        return device.per_mm / shaft.per_mm * float(np.median(rows[rows > 0]))
 
     def sees(self, point_mm):
-        column, row, depth_mm = project_points(np.array([point_mm]), self.K, self.RT)[0]
-        rows, columns = self.tau.shape
+        column, row, depth_mm = project_points(np.array([point_mm]), self.frame.K, self.frame.RT)[0]
+        rows, columns = self.frame.shape
         return depth_mm > 0 and 0 <= column < columns and 0 <= row < rows
 
-    def picture(self, nodes_mm):
-        thickness_mm = catheter_thickness(nodes_mm, self.K, self.RT, self.tau.shape)
-        return greys(self.tau + self.per_mm * thickness_mm, self.limits)
+    def picture(self, device):
+        return greys(self.frame.tau + np.float32(self.gain) * self.frame.absorption(devices=device), self.limits)
 
-    def road_map(self, way_mm):
-        return np.where(catheter_thickness(way_mm, self.K, self.RT, self.tau.shape) > 0, np.uint8(255), np.uint8(0))
+    def road_map(self, way_mm, arcs_mm):
+        marks = np.linspace(0, arcs_mm[-1], max(4, int(arcs_mm[-1] / AHEAD_MM)))
+        way = DeviceShape(np.column_stack([np.interp(marks, arcs_mm, way_mm[:, axis]) for axis in range(3)]), ROAD_MAP_MM)
+        return np.where(self.frame.absorption(devices=way) > 0, np.uint8(255), np.uint8(0))
 
 
 class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
@@ -111,7 +119,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     ms: simulated time of a step.  max_push_mm, max_turn_deg: what an action of 1 does in one step.
     max_steps: the number of steps after which an episode is truncated.
     body: a BodyMap or a Scan; then observations are frames. lao, cranial, size, pixel_mm, centre_mm: as in its render or
-    project, but the field fits the tree by default. A catheter thinner than a pixel is drawn darker than it would appear.
+    project, but the field fits the tree by default. A device that would hardly be seen is drawn darker than it is.
 
     Action, (2,) float32 in [-1, 1]: push and turn at the hub.
     Observation, (36,) float32, mm: the tip (x, y, z), its direction (3, of length 1), 8 points on the way to the
@@ -146,7 +154,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             self.fluoroscope = _Fluoroscope(body, np.vstack(self.tree.branches), **view)
             self._check_targets_are_seen()
         if self.fluoroscope:
-            self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.tau.shape, 2), np.uint8)
+            self.observation_space = gymnasium.spaces.Box(0, 255, (*self.fluoroscope.frame.shape, 2), np.uint8)
         else:
             self.observation_space = gymnasium.spaces.Box(-1e5, 1e5, (6 + 3 * AHEAD + 6,), np.float32)
 
@@ -164,9 +172,10 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
             away = [leaf for leaf in self.tree.leaves if leaf != self.run.state.branch]
             self.target = int(self.np_random.choice(away or self.tree.leaves))
         self.steps = 0
-        way, _ = self._look_ahead(self.run.state)
+        way, arcs = self._look_ahead(self.run.state)
         if self.fluoroscope:
-            self.road_map = self.fluoroscope.road_map(way)
+            self.fluoroscope.use(self.run.shape)
+            self.road_map = self.fluoroscope.road_map(way, arcs)
         return self._observe(self.run.state), self._info()
 
     def step(self, action):
@@ -189,7 +198,7 @@ class ReachTarget(gymnasium.Env, gymnasium.utils.EzPickle):
     def _observe(self, state):
         way, arcs = self._look_ahead(state)
         if self.fluoroscope:
-            return np.stack([self.fluoroscope.picture(self.run.nodes_mm), self.road_map], axis=-1)
+            return np.stack([self.fluoroscope.picture(self.run.shape), self.road_map], axis=-1)
         tip = np.array(state.tip_mm)
         marks = AHEAD_MM * np.arange(1, AHEAD + 1)
         ahead = np.column_stack([np.interp(marks, arcs, way[:, axis]) for axis in range(3)]) - tip

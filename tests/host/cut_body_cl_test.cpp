@@ -129,7 +129,7 @@ TEST(CutBody, ProjectsToItsLengthFromFaceToFace) {
       for (const View& view : views_of(volume.geometry())) {
         const std::string name =
             fmt::format("{}, {}{}", text_of(volume), label(view), view.cone ? ", cone" : "");
-        for (const Sampling sampling : {Sampling::but_constant_blocks, Sampling::everywhere})
+        for (const Sampling sampling : {Sampling::skipping_constant_blocks, Sampling::everywhere})
           EXPECT_LT(
               worst_mm(project(scan, view, lengths(), progress, {}, sampling).tau, view, volume.geometry()),
               kClosed_mm)

@@ -1,4 +1,4 @@
-#include "xraycast/fluoroscope/console.hpp"
+#include "xraycast/acquisition/console.hpp"
 
 #include "xraycast/base/error.hpp"
 

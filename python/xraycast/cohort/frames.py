@@ -8,7 +8,7 @@ import zlib
 import numpy as np
 
 from .. import _core
-from .._pictures import CATHETER_PER_MM, catheter_thickness, grey_range, greys, project_points
+from .._pictures import grey_range, greys, project_points
 
 CONE_MM = (1000, 1500)  # source to isocentre, source to detector
 LAO_DEG, CRANIAL_DEG = 90, 40  # random poses lie within these on either side
@@ -32,7 +32,7 @@ def write_frames(scan, folder, options, vessels, name):
         if lengths:
             picture.add_vessels(lengths)
         if run:
-            picture.add_catheter(run.next_nodes_mm())
+            picture.add_device(run.next_shape())
         picture.write(folder / f"{number:04}.png")
         picture.describe(document, number, f"{number:04}.png")
     (folder / "coco.json").write_text(json.dumps(document) + "\n", encoding="utf-8")
@@ -63,11 +63,11 @@ class CatheterRun:
         self._insertions_mm = iter(np.sort(random.uniform(0.1, 0.9, frames)) * most_mm)
         self._random = random
 
-    def next_nodes_mm(self):
+    def next_shape(self):
         push_mm = next(self._insertions_mm) - self._catheter.state.insertion_mm
         turn_deg = self._random.uniform(-90, 90)
         self._catheter.step(push_mm=max(0.0, push_mm), turn_deg=turn_deg, ms=max(100, int(push_mm / SPEED_MM_PER_MS)))
-        return self._catheter.nodes_mm
+        return self._catheter.shape
 
 
 def longest_way_mm(tree):
@@ -100,13 +100,13 @@ class Picture:
         # At the edge of the mask half a voxel's length is interpolated.
         self._labels.append((VESSEL, through > 0.5 * min(lengths.spacing_mm), {}))
 
-    def add_catheter(self, nodes_mm):
-        thickness_mm = catheter_thickness(nodes_mm, self._K, self._RT, self._tau.shape)
-        self._tau += np.float32(CATHETER_PER_MM) * thickness_mm
-        tip = project_points(nodes_mm[-1:], self._K, self._RT)[0]
+    def add_device(self, device):
+        depths = self._frame.absorption(devices=device)
+        self._tau += depths
+        tip = project_points(device.nodes_mm[-1:], self._K, self._RT)[0]
         is_seen = 0 <= round(tip[0]) < self._tau.shape[1] and 0 <= round(tip[1]) < self._tau.shape[0]
         keypoints = [round(float(tip[0]), 2), round(float(tip[1]), 2), 2 if is_seen else 0]
-        self._labels.append((CATHETER, thickness_mm > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))
+        self._labels.append((CATHETER, depths > 0, {"keypoints": keypoints, "num_keypoints": int(is_seen)}))
 
     def write(self, path):
         """Logarithmic, as fluoroscopes show it: grey values fall with the optical depth, over the range that the body has."""

@@ -4,7 +4,7 @@ import json
 import numpy as np
 import pytest
 import xraycast as xc
-from xraycast._pictures import catheter_thickness, project_points
+from xraycast._pictures import project_points
 from xraycast.cohort.frames import run_lengths, write_frames
 from xraycast.cohort.options import Options
 
@@ -88,22 +88,3 @@ def test_given_poses_are_taken_in_turn(frames):
 def test_run_lengths_are_cocos():
     assert run_lengths(np.array([[0, 1], [1, 1]], bool)) == [1, 3]
     assert run_lengths(np.array([[1, 0], [0, 0]], bool)) == [0, 1, 3]
-
-
-def test_a_catheters_thickness_is_its_diameter_in_the_middle():
-    """Along the camera's x axis, 1000 mm away, with pixels of 0.1 mm there."""
-    K = np.array([[10000, 0, 50], [0, 10000, 20], [0, 0, 1.0]])
-    RT = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1000.0]])
-    thickness = catheter_thickness(np.array([[-2.0, 0, 0], [0, 0, 0], [2, 0, 0]]), K, RT, (41, 101))
-    assert thickness[20, 50] == pytest.approx(2 * 0.83, abs=1e-6)
-    assert thickness[25, 50] == pytest.approx(2 * np.sqrt(0.83**2 - 0.5**2), abs=1e-5)
-    assert thickness[30, 50] == 0 and thickness[20, 15] == 0  # beyond the radius; beyond the end's half circle
-
-
-def test_a_catheter_thinner_than_pixels_leaves_no_gaps():
-    K = np.array([[300, 0, 50], [0, 300, 20.4], [0, 0, 1.0]])  # pixels of 3.3 mm
-    RT = np.array([[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 1000.0]])
-    thickness = catheter_thickness(np.array([[-60.0, 0, 0], [60, 0, 0]]), K, RT, (41, 101))
-    assert (thickness[20, 32:69] > 0).all()
-    # What a column of pixels adds up to is the catheter's cross section, to the error of three samples of a half circle.
-    assert thickness[:, 50].sum() * 1000 / 300 == pytest.approx(np.pi * 0.83**2, rel=0.2)

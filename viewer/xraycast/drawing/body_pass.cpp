@@ -116,6 +116,7 @@ BodyPass::BodyPass(FullscreenPass& screen)
 // ---- the map --------------------------------------------------------------------------------------
 
 void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
+  if (map && map == map_) return;
   if (!map || !map_ || map->precision != map_->precision) textures_.clear();
   map_ = std::move(map);
   prepared_.reset();

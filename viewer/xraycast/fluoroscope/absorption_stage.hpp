@@ -2,14 +2,9 @@
 
 #include "xraycast/fluoroscope/beam.hpp"
 #include "xraycast/fluoroscope/picture_rows.hpp"
-
-#include <span>
-#include <variant>
+#include "xraycast/fluoroscope/water_path.hpp"
 
 namespace xraycast {
-
-/// What the rays of a picture have met: optical depths, or masses of kMaterials.
-using RayDepths = std::variant<std::span<const float>, const MaterialDepths*>;
 
 /// A beam with its table of optical depths.
 struct BeamAndTable {

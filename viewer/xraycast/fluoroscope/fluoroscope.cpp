@@ -252,10 +252,8 @@ Fluoroscope::~Fluoroscope() = default;
 Fluoroscope::Fluoroscope(Fluoroscope&&) noexcept = default;
 Fluoroscope& Fluoroscope::operator=(Fluoroscope&&) noexcept = default;
 
-const FluoroscopyFrame& Fluoroscope::expose(std::span<const float> tau) { return state_->expose(tau); }
-const FluoroscopyFrame& Fluoroscope::expose(const MaterialDepths& g_cm2) { return state_->expose(&g_cm2); }
-void Fluoroscope::settle(std::span<const float> tau) { state_->settle(tau); }
-void Fluoroscope::settle(const MaterialDepths& g_cm2) { state_->settle(&g_cm2); }
+const FluoroscopyFrame& Fluoroscope::expose(const RayDepths& rays) { return state_->expose(rays); }
+void Fluoroscope::settle(const RayDepths& rays) { state_->settle(rays); }
 
 void Fluoroscope::set_view(const View& view) { state_->set_view(view); }
 void Fluoroscope::set_path(WaterPath path) { state_->generator.set_path(std::move(path)); }

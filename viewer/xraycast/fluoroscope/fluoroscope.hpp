@@ -38,16 +38,12 @@ class Fluoroscope {
   Fluoroscope(Fluoroscope&&) noexcept;
   Fluoroscope& operator=(Fluoroscope&&) noexcept;
 
-  /// A pulse through optical depths, H x W. The frame stays valid until the next call.
-  const FluoroscopyFrame& expose(std::span<const float> tau);
-
-  /// The same through masses of kMaterials, with the energies that these let through.
-  const FluoroscopyFrame& expose(const MaterialDepths& g_cm2);
+  /// A pulse through a picture's rays. The frame stays valid until the next call.
+  const FluoroscopyFrame& expose(const RayDepths& rays);
 
   /// Lets the exposure control, unless it is held, settle on a scene, and lag become steady, as after many
   /// pulses. They count no dose.
-  void settle(std::span<const float> tau);
-  void settle(const MaterialDepths& g_cm2);
+  void settle(const RayDepths& rays);
 
   /// Takes effect with the next pulse. Throws as the constructor, and then changes nothing. A view of another
   /// size or zoom clears what earlier frames left; one that the C-arm cannot have turned to meanwhile begins

@@ -4,9 +4,15 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/body_map.hpp"
 
+#include <span>
+#include <variant>
 #include <vector>
 
 namespace xraycast {
+
+/// What the rays of a picture have met, H x W, row 0 on top: optical depths, or masses of kMaterials, with
+/// the energies that these let through.
+using RayDepths = std::variant<std::span<const float>, const MaterialDepths*>;
 
 /// The water that attenuates as much as an optical depth of a picture: optical depths have no energies, and a
 /// fluoroscope's beam is not the one that they were computed for. Piecewise linear.

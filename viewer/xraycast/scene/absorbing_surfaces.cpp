@@ -277,4 +277,15 @@ std::vector<float> AbsorbingSurfaces::tau(const View& view, const ScreenBox& par
   return tau;
 }
 
+void AbsorbingSurfaces::add_to(std::span<float> tau, const View& view) const {
+  const ScreenBox part = box(view);
+  const std::vector<float> added = this->tau(view, part);
+  auto value = added.begin();
+  for (int row = 0; row < part.height; ++row) {
+    const auto above = static_cast<std::size_t>(view.height - 1 - part.y - row);
+    float* to = tau.data() + above * static_cast<std::size_t>(view.width) + part.x;
+    for (int column = 0; column < part.width; ++column) *to++ += *value++;
+  }
+}
+
 }  // namespace xraycast

@@ -37,6 +37,9 @@ class AbsorbingSurfaces {
   /// OpenGL counts. Triangles that reach behind a cone's source are dropped.
   std::vector<float> tau(const View& view, const ScreenBox& part) const;
 
+  /// Adds it to optical depths of the whole picture: height x width, row 0 on top.
+  void add_to(std::span<float> tau, const View& view) const;
+
  private:
   struct Part {
     Surface surface;

@@ -95,4 +95,11 @@ void draw_annotations(std::span<std::uint8_t> rgb, const View& view, const Annot
   std::ranges::copy(canvas.rgb(), rgb.begin());
 }
 
+void annotate(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bounds,
+              const std::string& caption) {
+  const glm::dvec3 half(0, 0, bounds.half_height_mm);
+  draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
+                   caption);
+}
+
 }  // namespace xraycast

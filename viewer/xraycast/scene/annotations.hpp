@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
+#include "xraycast/sampling/camera.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -25,7 +26,9 @@ struct Annotations {
 /// `axis_top_mm` and `axis_bottom_mm` are the ends of the body's axis.
 Annotations annotations_of(const View& view, const glm::dvec3& axis_top_mm, const glm::dvec3& axis_bottom_mm);
 
-/// Draws them into an 8-bit RGB picture of the view's size, with a caption below on the left.
+/// Those of a body, drawn into an 8-bit RGB picture of the view's size, with a caption below on the left.
+void annotate(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bounds,
+              const std::string& caption);
 void draw_annotations(std::span<std::uint8_t> rgb, const View& view, const Annotations& annotations,
                       const std::string& caption);
 

@@ -31,14 +31,6 @@ fs::path unused(const std::string& stem, const std::string& extension) {
   return path;
 }
 
-/// Draws orientation letters, axis and scale bar into a view's picture.
-void annotate(std::span<std::uint8_t> rgb, const View& view, const BodyBounds& bounds,
-              const std::string& caption) {
-  const glm::dvec3 half(0, 0, bounds.half_height_mm);
-  draw_annotations(rgb, view, annotations_of(view, bounds.centre_mm + half, bounds.centre_mm - half),
-                   caption);
-}
-
 bool is_vessels(const fs::path& path) {
   const std::string extension = extension_of(path);
   return extension == ".vtp" || extension == ".stl" || fs::exists(path / "surface.vtp") ||

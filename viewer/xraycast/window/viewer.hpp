@@ -3,7 +3,7 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/fluoroscope/console.hpp"
+#include "xraycast/acquisition/console.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/window/cine_exporter.hpp"

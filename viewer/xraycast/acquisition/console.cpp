@@ -1,4 +1,4 @@
-#include "xraycast/fluoroscope/console.hpp"
+#include "xraycast/acquisition/console.hpp"
 
 #include <algorithm>
 #include <utility>
@@ -35,9 +35,8 @@ FluoroscopyConsole::FluoroscopyConsole(FluoroscopyOptions options) : options_(st
 
 void FluoroscopyConsole::set(FluoroscopyOptions options) {
   check(options);
-  if (fluoroscope_) restart(options, view_);
+  if (acquisition_) restart(options, view_);
   options_ = std::move(options);
-  is_locked_ = false;
   forget_pictures();
 }
 
@@ -45,16 +44,7 @@ void FluoroscopyConsole::next_dose() {
   options_.dose = options_.dose == DoseLevel::low      ? DoseLevel::normal
                   : options_.dose == DoseLevel::normal ? DoseLevel::cine
                                                        : DoseLevel::low;
-  if (fluoroscope_) fluoroscope_->set_dose(options_.dose);
-  unlock();
-}
-
-/// The exposure control works again, and a mask of the locked exposure no longer fits.
-void FluoroscopyConsole::unlock() {
-  if (!is_locked_) return;
-  is_locked_ = false;
-  fluoroscope_->hold_technique(false);
-  subtraction_.reset();
+  if (acquisition_) acquisition_->set_dose(options_.dose);
 }
 
 bool FluoroscopyConsole::is_due(bool pedal, double passed_s) {
@@ -75,14 +65,13 @@ void FluoroscopyConsole::restart(const FluoroscopyOptions& options, const View& 
   const DoseRecord before = dose();
   FluoroscopyOptions continued = options;
   continued.seed += static_cast<std::uint32_t>(before.pulses);  // or the noise of earlier pulses comes again
-  Fluoroscope other(std::move(continued), view, *path_);
-  fluoroscope_.emplace(std::move(other));
+  Acquisition other({.fluoroscope = continued, .subtracts = subtracts_, .mask_shift = shift_}, view, *path_);
+  acquisition_.emplace(std::move(other));
   before_ = before;
 }
 
 void FluoroscopyConsole::forget_pictures() {
-  subtraction_.reset();
-  opacified_.clear();
+  take_new_mask();
   road_map_.clear();
 }
 
@@ -90,95 +79,76 @@ void FluoroscopyConsole::forget_pictures() {
 void FluoroscopyConsole::use_path(const WaterPath& path) {
   if (path_ == path) return;
   path_ = path;
-  if (fluoroscope_) fluoroscope_->set_path(path);
+  if (acquisition_) acquisition_->fluoroscope()->set_path(path);
   forget_pictures();
+}
+
+/// Throws as the fluoroscope does, and then stays where it was.
+void FluoroscopyConsole::turn_to(const View& view) {
+  acquisition_->fluoroscope()->set_view(view);
+  if (view_ != view) forget_pictures();
+  view_ = view;
 }
 
 void FluoroscopyConsole::expose(std::span<const float> tau, const View& view, const WaterPath& path) {
   use_path(path);
-  if (!fluoroscope_) {
+  if (!acquisition_) {
     restart(options_, view);
-    fluoroscope_->settle(tau);
+    if (!subtracts_) acquisition_->settle(tau);  // subtraction settles after a pause
     view_ = view;
   }
-  fluoroscope_->set_view(view);
-  if (view_ != view) forget_pictures();
-  view_ = view;
-  if (begins_run_) fluoroscope_->begin_run(paused_s_);
+  turn_to(view);
+  if (begins_run_) acquisition_->fluoroscope()->begin_run(paused_s_);
   begins_run_ = false;
   paused_s_ = 0;
-  if (subtracts_ && !is_locked_) {
-    // As a unit does, after the exposure control has settled.
-    fluoroscope_->settle(tau);
-    fluoroscope_->hold_technique(true);
-    is_locked_ = true;
+  const AcquiredFrame& frame =
+      acquisition_->expose(tau, view, is_masking() ? Acquisition::Use::mask : Acquisition::Use::filled);
+  is_saturated_ = frame.pulse->is_saturated;
+  codes_ = frame.pulse->codes;
+  if (subtracts_) {
+    const bool is_whole = shows_maximum_opacification && has_angiogram();
+    image_ = subtraction_greys(is_whole ? acquisition_->opacified() : frame.difference, window);
+  } else {
+    image_ = frame.pulse->shown;
+    if (shows_road_map()) blend_greys(road_map_, window.black, image_);
   }
-  const FluoroscopyFrame& frame = fluoroscope_->expose(tau);
-  is_saturated_ = frame.is_saturated;
-  codes_ = frame.codes;
-  if (subtracts_)
-    show_subtracted(frame);
-  else
-    show_live(frame);
-}
-
-void FluoroscopyConsole::show_live(const FluoroscopyFrame& frame) {
-  image_ = frame.shown;
-  if (shows_road_map()) blend_greys(road_map_, window.black, image_);
-}
-
-void FluoroscopyConsole::show_subtracted(const FluoroscopyFrame& frame) {
-  difference_.resize(frame.logarithm.size());
-  frame_ = measured_depths(frame);
-  if (!subtraction_) {
-    subtraction_.emplace(view_.width, view_.height);
-    subtraction_->shift_mask(shift_);
-  }
-  const bool masks = is_masking();
-  if (masks) subtraction_->add_to_mask(frame_);
-  subtraction_->subtract(frame_, difference_);
-  fluoroscope_->clear_behind_blades(difference_);
-  if (!masks) opacified_.add(difference_);
-  const bool is_whole = shows_maximum_opacification && has_angiogram();
-  image_ = subtraction_greys(is_whole ? opacified_.picture() : difference_, window);
 }
 
 void FluoroscopyConsole::subtract(bool subtracts) {
   if (subtracts == subtracts_) return;
   subtracts_ = subtracts;
-  if (subtracts) return forget_pictures();
-  unlock();
+  if (subtracts) forget_pictures();
+  if (acquisition_) acquisition_->subtract(subtracts);
 }
 
 void FluoroscopyConsole::take_new_mask() {
-  subtraction_.reset();
-  opacified_.clear();
+  if (acquisition_) acquisition_->forget_mask();
 }
 
 void FluoroscopyConsole::shift_mask(PixelShift shift) {
   shift_ = shift;
-  if (subtraction_) subtraction_->shift_mask(shift);
+  if (acquisition_) acquisition_->shift_mask(shift);
 }
 
 void FluoroscopyConsole::show_road_map(bool shows) {
   road_map_.clear();
-  if (shows && has_angiogram()) road_map_ = above_median(opacified_.picture());
+  if (shows && has_angiogram()) road_map_ = above_median(acquisition_->opacified());
 }
 
 DoseRecord FluoroscopyConsole::dose() const {
-  if (!fluoroscope_) return before_;
-  const DoseRecord& now = fluoroscope_->dose();
+  if (!acquisition_) return before_;
+  const DoseRecord& now = acquisition_->fluoroscope()->dose();
   return {before_.air_kerma_mGy + now.air_kerma_mGy, before_.dap_Gycm2 + now.dap_Gycm2,
           before_.fluoroscopy_s + now.fluoroscopy_s, before_.images + now.images,
           before_.pulses + now.pulses};
 }
 
 Technique FluoroscopyConsole::technique() const {
-  return fluoroscope_ ? fluoroscope_->technique() : Technique{};
+  return acquisition_ ? acquisition_->fluoroscope()->technique() : Technique{};
 }
 
 double FluoroscopyConsole::kerma_rate() const {
-  return fluoroscope_ ? fluoroscope_->kerma_rate_mGy_min() : 0;
+  return acquisition_ ? acquisition_->fluoroscope()->kerma_rate_mGy_min() : 0;
 }
 
 }  // namespace xraycast

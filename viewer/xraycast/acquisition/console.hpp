@@ -1,7 +1,6 @@
 #pragma once
 
-#include "xraycast/fluoroscope/fluoroscope.hpp"
-#include "xraycast/fluoroscope/subtraction.hpp"
+#include "xraycast/acquisition/acquisition.hpp"
 
 #include <cstdint>
 #include <optional>
@@ -45,7 +44,7 @@ class FluoroscopyConsole {
   bool subtracts() const { return subtracts_; }
   void take_new_mask();
   bool is_masking() const {
-    return subtracts_ && (!subtraction_ || subtraction_->mask_frames() < kMaskPulses);
+    return subtracts_ && (!acquisition_ || acquisition_->mask_frames() < kMaskPulses);
   }
   void shift_mask(PixelShift shift);
   PixelShift mask_shift() const { return shift_; }
@@ -54,14 +53,14 @@ class FluoroscopyConsole {
 
   /// A road map of the vessels that were opacified since the last mask: they appear bright behind the live
   /// picture.
-  bool has_angiogram() const { return !opacified_.picture().empty(); }
+  bool has_angiogram() const { return acquisition_ && !acquisition_->opacified().empty(); }
   void show_road_map(bool shows);
   bool shows_road_map() const { return !road_map_.empty(); }
 
   DoseRecord dose() const;
   Technique technique() const;
-  double kerma_rate() const;                           ///< mGy/min, at the reference point
-  bool is_locked() const { return is_locked_; }        ///< the exposure control, for subtraction
+  double kerma_rate() const;  ///< mGy/min, at the reference point
+  bool is_locked() const { return acquisition_ && acquisition_->is_held(); }  ///< the exposure control
   bool is_saturated() const { return is_saturated_; }  ///< the detector, in the last pulse
 
   /// Mask, angiogram and road map, as with another map.
@@ -72,12 +71,10 @@ class FluoroscopyConsole {
 
   void use_path(const WaterPath& path);
   void restart(const FluoroscopyOptions& options, const View& view);
-  void unlock();
-  void show_subtracted(const FluoroscopyFrame& frame);
-  void show_live(const FluoroscopyFrame& frame);
+  void turn_to(const View& view);
 
   FluoroscopyOptions options_;
-  std::optional<Fluoroscope> fluoroscope_;  ///< made by the first exposure
+  std::optional<Acquisition> acquisition_;  ///< made by the first exposure
   DoseRecord before_;                       ///< of earlier settings
   View view_;
   std::optional<WaterPath> path_;
@@ -85,13 +82,9 @@ class FluoroscopyConsole {
   std::vector<std::uint16_t> codes_;
   bool pedal_ = false;
   double since_pulse_s_ = 0, paused_s_ = 0;
-  bool begins_run_ = false, is_saturated_ = false;
-
-  bool subtracts_ = false, is_locked_ = false;
-  std::optional<Subtraction> subtraction_;
+  bool begins_run_ = false, is_saturated_ = false, subtracts_ = false;
   PixelShift shift_;
-  MaximumOpacification opacified_;
-  std::vector<float> road_map_, frame_, difference_;
+  std::vector<float> road_map_;
 };
 
 }  // namespace xraycast

@@ -1,0 +1,89 @@
+#include "scene.hpp"
+
+#include "values.hpp"
+#include "vessels.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/vessels.hpp"
+
+#include <fmt/format.h>
+
+#include <memory>
+
+namespace xraycast::python {
+namespace {
+
+Surface vessels_of(nb::handle vessels, double contrast_mg_ml) {
+  if (!(contrast_mg_ml >= 0 && contrast_mg_ml <= kMaxContrast_mg_ml))
+    throw InputError("contrast_mg_ml {:g}: must be 0 to {:g}", contrast_mg_ml, kMaxContrast_mg_ml);
+  HeldVessels segmented;
+  HeldTree tree;
+  HeldMesh mesh;
+  if (nb::try_cast(vessels, segmented)) return filled_vessels(segmented.found->surface, contrast_mg_ml);
+  if (nb::try_cast(vessels, tree)) return filled_vessels(tube_mesh(*tree.tree), contrast_mg_ml);
+  if (nb::try_cast(vessels, mesh)) return filled_vessels(*mesh.mesh, contrast_mg_ml);
+  return read_vessels(path_of(vessels), contrast_mg_ml);
+}
+
+std::vector<DeviceShape> shapes_of(nb::handle devices) {
+  if (DeviceShape shape; nb::try_cast(devices, shape)) return {shape};
+  if (auto steered = steered_shapes(devices)) return *steered;
+  if (!nb::isinstance<nb::sequence>(devices) || nb::isinstance<nb::str>(devices))
+    throw InputError("devices: must be a Catheter, CoaxialDevices, a DeviceShape, or a list of these");
+  std::vector<DeviceShape> all;
+  for (const nb::handle one : nb::borrow<nb::sequence>(devices))
+    for (DeviceShape& shape : shapes_of(one)) all.push_back(std::move(shape));
+  return all;
+}
+
+void make_shape(DeviceShape* shape, const nb::object& nodes_mm, double diameter_mm, bool is_wire) {
+  constexpr std::size_t kFewest = 4;
+  std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
+  if (nodes.size() < kFewest) throw InputError("nodes_mm: must be at least {} points", kFewest);
+  if (!(diameter_mm > 0)) throw InputError("diameter_mm {:g}: must be above 0", diameter_mm);
+  new (shape) DeviceShape{std::move(nodes), 0.5 * diameter_mm, !is_wire};
+}
+
+}  // namespace
+
+std::vector<Surface> HeldScene::all() const {
+  std::vector<Surface> surfaces = devices;
+  if (vessels) surfaces.push_back(*vessels);
+  return surfaces;
+}
+
+HeldScene scene_of(const SceneArguments& arguments) {
+  HeldScene scene;
+  if (!arguments.vessels.is_none()) scene.vessels = vessels_of(arguments.vessels, arguments.contrast_mg_ml);
+  if (!arguments.devices.is_none())
+    scene.devices = steered_surfaces({.devices = shapes_of(arguments.devices)});
+  return scene;
+}
+
+void add_scene(nb::module_& module) {
+  nb::class_<DeviceShape>(module, "DeviceShape",
+                          "A device's shape, with the diameter and material that frames show.")
+      .def("__init__", make_shape, nb::arg("nodes_mm"), nb::arg("diameter_mm"), nb::kw_only(),
+           nb::arg("is_wire") = false,
+           "nodes_mm: from the introducer to the tip, (4 or more, 3), mm, LPS.  is_wire: of steel, with a "
+           "denser tip; else a catheter's radiopaque tubing.")
+      .def_prop_ro(
+          "nodes_mm",
+          [](const DeviceShape& s) {
+            const auto nodes = std::make_shared<std::vector<glm::dvec3>>(s.nodes_mm);
+            return array_over<double, 2>(&nodes->front().x, {nodes->size(), 3}, nodes);
+          },
+          kShared, "(nodes, 3) float64, mm, LPS; a new array.")
+      .def_prop_ro("diameter_mm", [](const DeviceShape& s) { return 2 * s.radius_mm; })
+      .def_prop_ro("is_wire", [](const DeviceShape& s) { return !s.has_lumen; })
+      .def_prop_ro(
+          "per_mm",
+          [](const DeviceShape& s) { return device_parts(s.nodes_mm, s.has_lumen).front().mu_per_mm; },
+          "The attenuation of its shaft, 1/mm.")
+      .def("__repr__", [](const DeviceShape& s) {
+        return fmt::format("<xraycast.DeviceShape of {:.2f} mm{}>", 2 * s.radius_mm,
+                           s.has_lumen ? "" : ", a wire");
+      });
+}
+
+}  // namespace xraycast::python

@@ -1,0 +1,38 @@
+#pragma once
+
+#include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/session_file.hpp"
+
+#include <nanobind/nanobind.h>
+#include <optional>
+#include <vector>
+
+namespace xraycast::python {
+
+namespace nb = nanobind;
+
+using DeviceShape = SteeredDevices::Device;
+
+/// The arguments that say what lies in the body, as they were given.
+struct SceneArguments {
+  nb::object vessels, devices;
+  double contrast_mg_ml = kUsualContrast_mg_ml;
+};
+
+/// The same as surfaces.
+struct HeldScene {
+  std::optional<Surface> vessels;
+  std::vector<Surface> devices;
+
+  /// Both, where no mask is taken.
+  std::vector<Surface> all() const;
+};
+
+/// Vessels are Vessels, a VesselTree, a Mesh or a path; devices are a Catheter, CoaxialDevices, a
+/// DeviceShape, or a list of these. Throws InputError, naming the argument.
+HeldScene scene_of(const SceneArguments& arguments);
+
+/// DeviceShape.
+void add_scene(nb::module_& module);
+
+}  // namespace xraycast::python

@@ -1,0 +1,107 @@
+#include "xraycast/acquisition/map_acquisition.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/drawing/brightness.hpp"
+#include "xraycast/scene/annotations.hpp"
+
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+void check(const Style& style) {
+  if (!std::ranges::all_of(style.layer_weights, [](float w) { return w >= 0 && w <= kMaxLayerWeight; }))
+    throw InputError("`layer_weights` {}: each must be 0 to {:g}", fmt::join(style.layer_weights, ","),
+                     kMaxLayerWeight);
+  if (style.sampling.wall_radius_mm && style.sampling.compositing != Compositing::wall)
+    throw InputError("`wall_radius_mm` {:g}: applies only to `compositing` wall; give that too",
+                     *style.sampling.wall_radius_mm);
+}
+
+}  // namespace
+
+std::optional<WaterPath> path_of(const BodyMap& map, const AcquisitionOptions& options) {
+  return options.fluoroscope ? std::optional(WaterPath(map)) : std::nullopt;
+}
+
+void choose_look(const std::string& look, PictureOptions& options) {
+  options.acquisition.subtracts = look == "dsa";
+  if (look != "fluoro" && look != "surface" && look != "dsa")
+    throw InputError("`look` {}: must be fluoro, surface or dsa", look);
+  options.style.shading = look == "surface" ? ShadingMode::surface : ShadingMode::fluoro;
+}
+
+void check(const PictureOptions& options, bool has_vessels, bool has_devices) {
+  const bool is_shaded = options.style.shading == ShadingMode::surface,
+             subtracts = options.acquisition.subtracts,
+             has_pulses = options.acquisition.fluoroscope.has_value();
+  check(options.style);
+  if (options.style.full_contrast && (is_shaded || subtracts))
+    throw InputError("`full_contrast` does not apply to `look` {}; leave it out",
+                     subtracts ? "dsa" : "surface");
+  if (options.style.full_contrast && has_pulses)
+    throw InputError("`full_contrast` does not apply to a fluoroscope's picture; leave it out");
+  if (is_shaded && has_pulses)
+    throw InputError("`look` surface: a fluoroscope cannot show shaded surfaces; leave it out");
+  if (is_shaded && !has_vessels && !has_devices)
+    throw InputError("`look` surface: there is nothing to shade; give `vessels` or `catheter` too");
+  if (subtracts && !has_vessels)
+    throw InputError("`look` dsa: there are no vessels with contrast agent; give `vessels` too");
+}
+
+MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const PictureOptions& options,
+                               const View& first)
+    : renderer_(renderer),
+      scene_(std::move(scene)),
+      options_(options),
+      acquisition_(options.acquisition, first, path_of(*scene_.map, options.acquisition)) {
+  check(options_, scene_.vessels.has_value(), !scene_.devices.empty());
+  if (scene_.road_map) road_map_.emplace(*scene_.road_map);
+  renderer_.set_map(scene_.map);
+  show_vessels(true);
+}
+
+void MapAcquisition::show_vessels(bool shows) {
+  std::vector<Surface> surfaces;
+  if (shows && scene_.vessels) surfaces.push_back(*scene_.vessels);
+  surfaces.insert(surfaces.end(), scene_.devices.begin(), scene_.devices.end());
+  renderer_.set_surfaces(surfaces);
+}
+
+const AcquiredFrame& MapAcquisition::frame(const View& view) {
+  if (options_.acquisition.subtracts) {
+    show_vessels(false);
+    acquisition_.begin_mask();
+    acquisition_.expose(renderer_.tau(view, options_.style), view, Acquisition::Use::mask);
+    show_vessels(true);
+  }
+  tau_ = renderer_.tau(view, options_.style);
+  return acquisition_.expose(tau_, view);
+}
+
+std::vector<std::uint8_t> MapAcquisition::picture(const View& view) {
+  const bool is_acquired = options_.acquisition.subtracts || options_.acquisition.fluoroscope;
+  std::vector<std::uint8_t> rgb =
+      is_acquired ? rgb_of(displayed(greys(view), options_.display)) : drawn(view);
+  if (options_.has_annotations) annotate(rgb, view, bounds_of(scene_.map->geometry), label(view));
+  if (road_map_) draw_outline(road_map_->outline(view), kRoadMapColour, view.width, rgb);
+  return rgb;
+}
+
+std::vector<std::uint8_t> MapAcquisition::greys(const View& view) {
+  const AcquiredFrame& taken = frame(view);
+  if (!options_.acquisition.subtracts) return taken.pulse->shown;
+  if (!window_) window_ = automatic_subtraction_window(taken.difference);
+  return subtraction_greys(taken.difference, *window_);
+}
+
+std::vector<std::uint8_t> MapAcquisition::drawn(const View& view) {
+  Style style = options_.style;
+  if (!options_.has_window) style.window = automatic_window(renderer_, view, style);
+  return renderer_.picture(view, style);
+}
+
+}  // namespace xraycast

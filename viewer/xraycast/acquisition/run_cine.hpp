@@ -1,0 +1,72 @@
+#pragma once
+
+#include "xraycast/acquisition/map_acquisition.hpp"
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/simulation/injection.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <vector>
+
+namespace xraycast {
+
+/// The frames of a catheter's run with a fixed C-arm: the body, the devices, contrast agent while it is
+/// injected, and without a fluoroscope the vessels' outline as a road map; or a run of digital subtraction
+/// angiography, which begins half a second before the injection and whose frames until then are its mask.
+/// Needs a current OpenGL context.
+class RunCine {
+ public:
+  struct Options {
+    View view;                 ///< complete
+    PictureOptions picture{};  ///< the window is chosen by the first frame
+    double step_s = 0.1;       ///< between frames; a fluoroscope's follow its pulses
+    Injection injection;       ///< none: of no duration
+    Blood blood;
+  };
+  static constexpr double kMask_s = 0.5;  ///< what a run of subtraction shows before the injection
+
+  /// The tree must outlive the cine.
+  RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options);
+
+  /// Call after every step of the simulation. Where a frame is due, true: take it then, by frame() or by
+  /// picture(). Contrast agent is injected while one of the lumens is free; see agent_outlet.
+  bool see(const Instruments& devices, double time_s);
+
+  /// Its optical depths, and with a fluoroscope its pulse; neither has a road map.
+  const AcquiredFrame& frame();
+
+  /// The same as it is displayed: 8-bit RGB, row 0 on top.
+  std::vector<std::uint8_t> picture();
+
+  const Options& options() const { return options_; }  ///< with the time between its frames
+  const Acquisition& acquisition() const { return acquisition_; }
+
+  /// The most frames of a run of that time.
+  std::int64_t most_frames(double longest_s) const;
+
+  double injected_ml() const { return injected_ml_; }
+  /// What was not injected, because no lumen was free.
+  double withheld_ml() const { return withheld_ml_; }
+
+ private:
+  double begin_s() const;
+  bool is_before_injection(double time_s) const;
+  double opacified_tau(const VesselTree::Location& tip) const;
+  void inject(const VesselTree::Location& tip, bool is_lumen_free, double time_s);
+  void place(const Instruments& devices);
+
+  const VesselTree& tree_;
+  Options options_;
+  Acquisition acquisition_;
+  Renderer renderer_;
+  ContrastBolus bolus_;
+  ContrastSurface contrast_;
+  RoadMap road_map_;
+  SubtractionWindow window_;
+  std::vector<float> tau_;
+  double last_s_ = 0, next_s_ = 0, injected_ml_ = 0, withheld_ml_ = 0;
+};
+
+}  // namespace xraycast

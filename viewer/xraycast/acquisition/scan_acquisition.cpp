@@ -1,0 +1,63 @@
+#include "xraycast/acquisition/scan_acquisition.hpp"
+
+#include "xraycast/base/error.hpp"
+
+#include <utility>
+
+namespace xraycast {
+namespace {
+
+std::optional<WaterPath> path_of(const std::variant<Opacity, Spectrum>& attenuation,
+                                 const AcquisitionOptions& options) {
+  if (!options.fluoroscope) return std::nullopt;  // a spectrum may have none
+  return std::visit([](const auto& one) { return WaterPath(one); }, attenuation);
+}
+
+}  // namespace
+
+std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum) {
+  const std::string given = name.substr(name.find(':') + 1);
+  if (spectrum.name() != given + " kVp") return std::nullopt;
+  return std::stoi(given);
+}
+
+void use_spectrum(const std::string& name, const Spectrum& spectrum, FluoroscopyOptions& options) {
+  const std::optional<int> kvp = tube_kvp(name, spectrum);
+  if (!kvp && options.kvp)
+    throw InputError("`kvp` {} with `opacity` {}: both set the tube voltage; leave one of them out",
+                     *options.kvp, name);
+  if (!kvp)
+    options.spectrum = spectrum;
+  else if (!options.kvp)
+    options.kvp = kvp;
+  check(options);
+}
+
+ScanAcquisition::ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first)
+    : scene_(std::move(scene)), acquisition_(options, first, path_of(scene_.attenuation, options)) {
+  surfaces_.set(scene_.surfaces);
+  if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation); spectrum && !surfaces_.empty())
+    throw InputError("`opacity` {}: vessels and devices take no spectrum; give an opacity", spectrum->name());
+}
+
+AcquiredFrame ScanAcquisition::frame(const View& view, Progress& progress) {
+  AcquiredFrame frame = acquisition_.expose(rays(view, progress), view);
+  frame.tau = drr_.tau;
+  return frame;
+}
+
+/// A fluoroscope's beam is not the spectrum of the optical depths.
+RayDepths ScanAcquisition::rays(const View& view, Progress& progress) {
+  if (const auto* spectrum = std::get_if<Spectrum>(&scene_.attenuation)) {
+    masses_ = project_masses(scene_.scan, view, progress);
+    drr_ = {view, SpectrumModel(*spectrum).tau(masses_.g_cm2), masses_.kernel_ms};
+    if (acquisition_.fluoroscope()) return &masses_.g_cm2;
+  } else {
+    drr_ = project(scene_.scan.native, view, std::get<Opacity>(scene_.attenuation), progress, {},
+                   scene_.sampling);
+    if (!surfaces_.empty()) surfaces_.add_to(drr_.tau, view);
+  }
+  return drr_.tau;
+}
+
+}  // namespace xraycast

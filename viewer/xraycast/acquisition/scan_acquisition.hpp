@@ -1,0 +1,52 @@
+#pragma once
+
+#include "xraycast/acquisition/acquisition.hpp"
+#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/casting/spectral_scan.hpp"
+#include "xraycast/scene/absorbing_surfaces.hpp"
+
+#include <optional>
+#include <variant>
+#include <vector>
+
+namespace xraycast {
+
+/// What `spectrum:` chose, for the beam: a tube's voltage is held, a spectrum from a file replaces the
+/// tube's. `name` is as it was given: `spectrum:80`, or `spectrum:FILE`. Throws InputError where voltages
+/// contradict each other, and as `check`.
+void use_spectrum(const std::string& name, const Spectrum& spectrum, FluoroscopyOptions& options);
+
+/// The voltage of a tube's spectrum; none for one from a file.
+std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum);
+
+/// Pictures of a scan on a device by the projector.
+class ScanAcquisition {
+ public:
+  struct Scene {
+    const SpectralScan& scan;
+    std::variant<Opacity, Spectrum> attenuation;
+    std::vector<Surface> surfaces{};  ///< vessels and devices in it, which attenuate
+    /// One picture takes less time than finding the constant blocks of the scan.
+    Sampling sampling = Sampling::everywhere;
+  };
+
+  /// The scan must outlive it. Throws as Acquisition, and InputError for surfaces in a spectrum's picture.
+  ScanAcquisition(Scene scene, const AcquisitionOptions& options, const View& first);
+
+  /// The next frame. Throws DeviceError when the device fails.
+  AcquiredFrame frame(const View& view, Progress& progress);
+
+  const Acquisition& acquisition() const { return acquisition_; }
+  double kernel_ms() const { return drr_.kernel_ms; }  ///< of the last frame
+
+ private:
+  RayDepths rays(const View& view, Progress& progress);
+
+  Scene scene_;
+  Acquisition acquisition_;
+  AbsorbingSurfaces surfaces_;
+  ProjectionImage drr_;
+  ProjectedMasses masses_;
+};
+
+}  // namespace xraycast
