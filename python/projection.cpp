@@ -61,7 +61,7 @@ void acquire(const SpectralScan& scan, const std::vector<Pose>& poses, const Wis
   ScanAcquisition frames({.scan = scan,
                           .attenuation = wishes.attenuation,
                           .surfaces = wishes.surfaces,
-                          .sampling = Sampling::but_constant_blocks},
+                          .sampling = Sampling::skipping_constant_blocks},
                          wishes.acquisition, first);
   for (const Pose& pose : poses)
     depths.add(frames.frame(std::get<View>(pose), progress), frames.acquisition());

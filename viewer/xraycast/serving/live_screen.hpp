@@ -1,9 +1,9 @@
 #pragma once
 
+#include "xraycast/acquisition/console.hpp"
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/acquisition/console.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/serving/live_outlet.hpp"
 #include "xraycast/serving/live_session.hpp"

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "xraycast/acquisition/console.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/acquisition/console.hpp"
 #include "xraycast/sampling/camera.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/window/cine_exporter.hpp"
