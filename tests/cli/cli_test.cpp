@@ -408,7 +408,7 @@ const BadCall kBadCalls[] = {
     {"RadiusOfTwoNumbers", "cast @/ct.nii -o @/out.exr --radius 3,4", 3, "one number in mm"},
     {"AnglesBelowZero", "cast @/ct.nii -o @/out.exr --angles -5", 3, "-5 angles"},
     {"AnglesZero", "cast @/ct.nii -o @/out.exr --angles 0", 3, "0 angles, but there must be 1 to 16384"},
-    {"CentreOutsideTheScan", "cast @/ct.nii -o @/out.exr --centre 500,0", 3, "spans 0.0 to 7.0 mm in x"},
+    {"CentreOutsideTheScan", "cast @/ct.nii -o @/out.exr --centre 500,0", 3, "spans -0.5 to 7.5 mm in x"},
     {"CentreOfOneNumber", "cast @/ct.nii -o @/out.exr --centre 5", 3,
      "--centre 5: must be auto, vessels:DIR or X,Y"},
     {"CentreOfWords", "cast @/ct.nii -o @/out.exr --centre here", 3, "'here' is not a number"},

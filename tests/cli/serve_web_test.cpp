@@ -106,7 +106,7 @@ TEST_F(ServeWeb, CountsTheBrowsersThatWatched) {
   process.send(SIGTERM);
   EXPECT_THAT(
       process.finish().out,
-      ContainsRegex("[0-9]+ steps, [0-9.]+ % late; [0-9]+ frames of the session; OpenIGTLink: "
+      ContainsRegex("[0-9]+ steps, [0-9.]+ % late; [0-9]+ frames? of the session; OpenIGTLink: "
                     "[0-9]+ pictures? drawn, 0 sent to 0 clients; web page: up to 1 browser at once\n"));
 }
 

@@ -30,8 +30,8 @@ CASES = {
                               "`radii` 0,2,4 makes 2 layers, but `layers` asks for 3; leave `layers` out"),
     "edges of another radius": (dict(radii=[0, 2.5, 4], radius_mm=5),
                                 "`radii` 0,2.5,4 ends at a radius other than `radius_mm` 5; leave `radius_mm` out"),
-    "centre outside": (dict(centre_mm=(500, 0)), "the centre (500, 0, 0) mm lies outside the scan, which spans 0.0 to 7.0 mm in "
-                                                 "x, 0.0 to 7.0 mm in y and -0.5 to 63.5 mm in z"),
+    "centre outside": (dict(centre_mm=(500, 0)), "the centre (500, 0, 0) mm lies outside the scan, which spans -0.5 to 7.5 mm in "
+                                                 "x, -0.5 to 7.5 mm in y and -0.5 to 63.5 mm in z"),
     "line of a sphere": (dict(projection="sphere", centre_line="l.csv"),
                          "`centre_line` does not apply to `projection` sphere; leave it out"),
     "two centres": (dict(centre_mm=(1, 1.5), centre_line="l.csv"),
