@@ -38,6 +38,12 @@ TEST(SameScan, RefusesAMapOfAnotherScan) {
   EXPECT_THROW(check_with(sphere_map(kChest, 90, {0, 100}, {0, 0, 150}), wider), InputError);
 }
 
+TEST(SameScan, RefusesABasisOfTheSameExtentInOtherSlices) {
+  const VolumeGeometry thick{{512, 512, 55}, {0.78, 0.78, 5.0}, {-200, -180, 42}};
+  ASSERT_EQ(field_of(thick).corners_mm(), field_of(kChest).corners_mm());
+  EXPECT_THROW(check_with(chest_map(4), cylinder_map(thick, 360, {0, 150}, {0, 0})), InputError);
+}
+
 TEST(SameScan, TakesABasisOfOtherLayersOfOneScan) {
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(4)));
   EXPECT_NO_THROW(check_with(chest_map(4), chest_map(8)));

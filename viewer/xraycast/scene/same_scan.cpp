@@ -18,6 +18,15 @@ bool is_same(const FieldOfView& a, const FieldOfView& b) {
          glm::all(glm::lessThan(glm::abs(a.upper_mm - b.upper_mm), glm::dvec3(kSame_mm)));
 }
 
+/// Whether cylinder maps have a row for each slice of the same stack. Scans of one extent may differ in
+/// slices.
+bool has_same_rows(const MapGeometry& a, const MapGeometry& b) {
+  constexpr double kSame = 0.01;  // of a slice, as between a map and a scan
+  return a.height == b.height &&
+         std::abs(a.row_spacing_mm - b.row_spacing_mm) * a.height <= kSame * b.row_spacing_mm &&
+         std::abs(a.top_mm - b.top_mm) <= kSame * b.row_spacing_mm;
+}
+
 MapGeometry without_field(MapGeometry geometry) {
   geometry.field.reset();
   return geometry;
@@ -58,8 +67,10 @@ void check_same_scan(const MapGeometry& map, const std::string& name, const Volu
 
 void check_same_scan(const MapGeometry& map, const std::string& name, const MapGeometry& basis,
                      const std::string& basis_name) {
-  const bool same = map.field && basis.field ? is_same(*map.field, *basis.field)
-                                             : without_field(map) == without_field(basis);
+  const bool is_cylinder = map.projection == Projection::cylinder;
+  const bool same = map.field && basis.field
+                        ? is_same(*map.field, *basis.field) && (!is_cylinder || has_same_rows(map, basis))
+                        : without_field(map) == without_field(basis);
   if (!same)
     throw InputError("{} was not cast from the scan of {}: their geometries differ; give its own basis", name,
                      basis_name);
