@@ -1,5 +1,4 @@
 // The pose of C-arm and table, within the limits of the viewer.
-import type { ViewerHeader } from "./data";
 import { clamp } from "./vectors";
 import { Bounds, Cone, View, fitting_pixel_mm, wrapped_degrees } from "./view";
 
@@ -10,12 +9,18 @@ export interface Camera {
   table_mm: number; // the picture's centre above mid-height
 }
 
+export interface CameraLimits {
+  least_zoom: number;
+  most_zoom: number;
+  most_tilt_deg: number;
+}
+
 /** Within the limits of a C-arm and the body; the same object where it is within them. */
-export function limited(camera: Camera, bounds: Bounds, viewer: ViewerHeader): Camera {
+export function limited(camera: Camera, bounds: Bounds, limits: CameraLimits): Camera {
   const within: Camera = {
     lao_deg: wrapped_degrees(camera.lao_deg),
-    cranial_deg: clamp(camera.cranial_deg, -viewer.most_tilt_deg, viewer.most_tilt_deg),
-    zoom: clamp(camera.zoom, viewer.least_zoom, viewer.most_zoom),
+    cranial_deg: clamp(camera.cranial_deg, -limits.most_tilt_deg, limits.most_tilt_deg),
+    zoom: clamp(camera.zoom, limits.least_zoom, limits.most_zoom),
     table_mm: clamp(camera.table_mm, -bounds.half_height_mm, bounds.half_height_mm),
   };
   const is_same = (Object.keys(within) as (keyof Camera)[]).every((field) => within[field] === camera[field]);

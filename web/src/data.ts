@@ -1,6 +1,6 @@
 // What `xraycast export` has put into the page: a header in JSON, and one deflated stream of numbers
 // (viewer/xraycast/export/web_page.hpp).
-import type { Camera } from "./camera";
+import type { Camera, CameraLimits } from "./camera";
 import type { GreyWindow } from "./grey_window";
 import type { Vec3 } from "./vectors";
 import type { Bounds, Cone } from "./view";
@@ -66,11 +66,8 @@ interface Drums {
 }
 
 /** What the viewer's C-arm can do, and how it draws. */
-export interface ViewerHeader {
+interface ViewerHeader extends CameraLimits {
   presets: { name: string; lao_deg: number }[];
-  least_zoom: number;
-  most_zoom: number;
-  most_tilt_deg: number;
   road_map_colour: [number, number, number]; // 0 to 255
 }
 
