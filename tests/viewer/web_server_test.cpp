@@ -249,16 +249,36 @@ TEST_F(WebServerTest, ClosesSilentConnections) {
   const auto start = std::chrono::steady_clock::now();
   Socket silent(server_.port());
   EXPECT_EQ(silent.receive_all(), "");
-  // 5 s; sooner only by what the clocks differ, later where the machine is busy.
-  EXPECT_GT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(4900));
+  // 1 s; sooner only by what the clocks differ, later where the machine is busy.
+  EXPECT_GT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(900));
 }
 
-TEST_F(WebServerTest, HasRoomForThirtyTwoConnections) {
-  std::vector<std::unique_ptr<Socket>> silent;
-  for (int i = 0; i < 31; ++i) silent.push_back(std::make_unique<Socket>(server_.port()));
-  EXPECT_THAT(answer("/" + query()), StartsWith("HTTP/1.1 200"));
-  Socket last(server_.port());
-  EXPECT_THAT(answer("/" + query()), IsEmpty());
+TEST_F(WebServerTest, GivesItsPageThoughSixtyIdleConnectionsAreOpen) {
+  for (int round = 0; round < 3; ++round) {
+    std::vector<std::unique_ptr<Socket>> silent;
+    for (int i = 0; i < 60; ++i) silent.push_back(std::make_unique<Socket>(server_.port()));
+    const auto start = std::chrono::steady_clock::now();
+    EXPECT_THAT(answer("/" + query()), StartsWith("HTTP/1.1 200"));
+    // Some milliseconds; more where the machine is busy, but less than until idle connections are closed, 1
+    // s.
+    EXPECT_LT(std::chrono::steady_clock::now() - start, std::chrono::milliseconds(500));
+  }
+}
+
+TEST_F(WebServerTest, HasRoomForThirtyTwoThatHaveShownTheToken) {
+  const WebServer large({}, std::string(50'000'000, '.'), ears_.events());  // more than sockets buffer
+  const std::string request =
+      fmt::format("GET {} HTTP/1.1\r\nHost: 127.0.0.1:{}\r\n\r\n",
+                  large.page_address().substr(large.page_address().find("/?")), large.port());
+  std::vector<std::unique_ptr<Socket>> readers;
+  for (int i = 0; i < 32; ++i) {
+    readers.push_back(std::make_unique<Socket>(large.port(), 4096));
+    readers.back()->send(request);
+    EXPECT_EQ(readers.back()->receive(12), "HTTP/1.1 200");
+  }
+  Socket last(large.port());
+  last.send(request);
+  EXPECT_EQ(last.receive(12), "HTTP/1.1 503");
 }
 
 TEST_F(WebServerTest, HasRoomForMoreConnectionsOnceSomeHaveLeft) {

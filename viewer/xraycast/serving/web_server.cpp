@@ -20,6 +20,8 @@
 #include <boost/beast/http/write.hpp>
 #include <boost/beast/websocket/rfc6455.hpp>
 #include <boost/beast/websocket/stream.hpp>
+#include <deque>
+#include <memory>
 #include <mutex>
 #include <optional>
 #include <set>
@@ -39,8 +41,11 @@ using namespace std::chrono_literals;
 using HttpRequest = http::request<http::empty_body>;
 
 constexpr std::size_t kHeader_B = 8192, kMessage_B = 512;
+// Of those who have shown the token, and of strangers, who have yet to.
 constexpr int kMostConnections = 32;
-constexpr auto kHandshake = 5s;  // from a connection to its request
+constexpr std::size_t kMostStrangers = 8;
+constexpr auto kStranger = 1s;   // from a connection to its request, or until a refusal is sent
+constexpr auto kHandshake = 5s;  // from the request to the WebSocket
 constexpr auto kPageTime = 60s;  // of sending the page
 constexpr auto kIdle = 20s;      // of a browser that does not even answer pings
 constexpr auto kFull =
@@ -133,7 +138,7 @@ struct Refusal {
   std::string_view text;
 };
 
-/// One of the connections, of which there are not too many.
+/// One of the connections of those who have shown the token, of which there are not too many.
 class Seat {
  public:
   explicit Seat(int& taken) : taken_(&++taken) {}
@@ -141,7 +146,10 @@ class Seat {
     if (taken_ != nullptr) --*taken_;
   }
   Seat(Seat&& other) noexcept : taken_(std::exchange(other.taken_, nullptr)) {}
-  Seat& operator=(Seat&&) = delete;
+  Seat& operator=(Seat&& other) noexcept {
+    std::swap(taken_, other.taken_);
+    return *this;
+  }
 
  private:
   int* taken_;
@@ -190,6 +198,12 @@ class WebServer::Server {
   std::optional<Refusal> refusal_of(const HttpRequest& request) const;
   std::string_view page() const { return page_; }
   bool is_full() const { return browsers_.size() >= kMostBrowsers; }
+
+  /// None where all are taken.
+  std::optional<Seat> seat() {
+    if (seats_taken_ >= kMostConnections) return std::nullopt;
+    return std::optional<Seat>(std::in_place, seats_taken_);
+  }
   void say(std::string_view topic, const std::string& line) {
     log_.add(topic, "web: " + line, RateLimitedLog::Clock::now());
   }
@@ -205,6 +219,7 @@ class WebServer::Server {
  private:
   void accept();
   void welcome(tcp::socket socket);
+  void make_room();
   void flush_log();
   void spread();
   void forget();
@@ -224,6 +239,7 @@ class WebServer::Server {
   tcp::acceptor acceptor_;
   asio::steady_timer timer_;
   std::set<std::string> names_;
+  std::deque<std::weak_ptr<Visit>> strangers_;  ///< in the order of their coming, some gone or known by now
   std::vector<std::shared_ptr<Browser>> browsers_;  ///< the first one steers; after io_, which they need
 };
 
@@ -306,19 +322,21 @@ class WebServer::Browser : public std::enable_shared_from_this<Browser> {
 /// A connection until its request is answered: by the page, by a refusal, or by becoming a Browser.
 class WebServer::Visit : public std::enable_shared_from_this<Visit> {
  public:
-  Visit(tcp::socket socket, Seat seat, Server& server)
-      : seat_(std::move(seat)), server_(server), stream_(std::move(socket)) {
+  Visit(tcp::socket socket, Server& server) : server_(server), stream_(std::move(socket)) {
     parser_.header_limit(kHeader_B);
     parser_.body_limit(0);
   }
 
   void begin() {
-    stream_.expires_after(kHandshake);
+    stream_.expires_after(kStranger);
     http::async_read_header(stream_, buffer_, parser_,
                             [self = shared_from_this()](error_code error, std::size_t) {
                               if (!error) self->answer();
                             });
   }
+
+  bool is_stranger() const { return !seat_; }
+  void close() { stream_.close(); }
 
  private:
   void answer() {
@@ -327,6 +345,8 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
       server_.say("refused", fmt::format("{} was refused: {}", name_of(stream_.socket()), refusal->text));
       return reply(refusal->status, refusal->text, "text/plain");
     }
+    seat_ = server_.seat();
+    if (!seat_) return reply(http::status::service_unavailable, "all connections are taken", "text/plain");
     if (!std_view(request.target()).starts_with("/live"))
       return reply(http::status::ok, server_.page(), "text/html; charset=utf-8");
     if (!websocket::is_upgrade(request))
@@ -334,7 +354,7 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
     if (server_.is_full())
       return reply(http::status::service_unavailable, "as many browsers as can be are connected",
                    "text/plain");
-    const auto browser = std::make_shared<Browser>(std::move(stream_), std::move(seat_), server_);
+    const auto browser = std::make_shared<Browser>(std::move(stream_), std::move(*seat_), server_);
     browser->open(request);
   }
 
@@ -352,14 +372,14 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
     response_.set("Cross-Origin-Opener-Policy", "same-origin");
     response_.body() = {text.data(), text.size()};
     response_.prepare_payload();
-    stream_.expires_after(kPageTime);
+    stream_.expires_after(is_stranger() ? kStranger : kPageTime);
     http::async_write(stream_, response_, [self = shared_from_this()](error_code, std::size_t) {
       error_code ignored;
       self->stream_.socket().shutdown(tcp::socket::shutdown_send, ignored);
     });
   }
 
-  Seat seat_;
+  std::optional<Seat> seat_;
   Server& server_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_{kHeader_B};
@@ -383,11 +403,25 @@ void WebServer::Server::accept() {
 }
 
 void WebServer::Server::welcome(tcp::socket socket) {
-  if (seats_taken_ >= kMostConnections) return;  // it is closed
+  make_room();
   error_code ignored;
   socket.set_option(tcp::no_delay(true), ignored);
   socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer_B), ignored);
-  std::make_shared<Visit>(std::move(socket), Seat(seats_taken_), *this)->begin();
+  const auto visit = std::make_shared<Visit>(std::move(socket), *this);
+  strangers_.push_back(visit);
+  visit->begin();
+}
+
+/// Closes the stranger who has been there for the longest where there are too many: who has the token shows
+/// it at once.
+void WebServer::Server::make_room() {
+  std::erase_if(strangers_, [](const std::weak_ptr<Visit>& one) {
+    const auto visit = one.lock();
+    return !visit || !visit->is_stranger();
+  });
+  if (strangers_.size() < kMostStrangers) return;
+  strangers_.front().lock()->close();
+  strangers_.pop_front();
 }
 
 std::optional<Refusal> WebServer::Server::refusal_of(const HttpRequest& request) const {
@@ -481,6 +515,17 @@ void WebServer::Server::flush_log() {
 }
 
 // ---- the thread
+
+void WebServer::check(const Options& options) {
+  for (const std::string& name : options.hosts) {
+    const auto colons = std::ranges::count(name, ':');
+    const bool is_v6 = name.starts_with('[') && name.find(']') != std::string::npos;
+    if (name.empty() || name.find_first_of("/@ ") != std::string::npos || (colons > 1 && !is_v6))
+      throw InputError(
+          "`web_host` {}: give the name or address alone, or NAME:PORT, without http://; IPv6 in brackets",
+          name);
+  }
+}
 
 WebServer::WebServer(const Options& options, std::string page, Events events)
     : server_(std::make_unique<Server>(*this, options, std::move(page), std::move(events))) {

@@ -20,7 +20,8 @@ namespace xraycast {
 ///
 /// Only who knows the token is served, which is random and part of the address, and only under names that are
 /// this server's: a page of another origin cannot connect, nor one whose name was made to lead here (DNS
-/// rebinding). What comes in is bounded: headers, messages, connections, and the time that each may take.
+/// rebinding). What comes in is bounded: headers, messages, connections, and the time that each may take. Who
+/// has not shown the token takes no place from those who have.
 /// Nothing queues: a browser that reads slowly gets the newest state when it has read the one before.
 ///
 /// One browser steers, the one that has been connected for the longest; the next one does when it leaves. The
@@ -41,6 +42,9 @@ class WebServer {
   };
 
   static constexpr std::size_t kMostBrowsers = 8;
+
+  /// Throws InputError for a host that browsers cannot have in an address.
+  static void check(const Options& options);
 
   /// Listens from construction on. Throws InputError where the address is not this machine's or the port is
   /// in use.
