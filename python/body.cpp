@@ -1,3 +1,5 @@
+#include "body.hpp"
+
 #include "drawing.hpp"
 #include "frame.hpp"
 #include "job.hpp"
@@ -7,7 +9,6 @@
 #include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_fit.hpp"
-#include "xraycast/casting/body_map.hpp"
 #include "xraycast/casting/caster.hpp"
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/sampling/camera.hpp"
@@ -18,10 +19,6 @@
 
 namespace xraycast::python {
 namespace {
-
-struct HeldBody {
-  std::shared_ptr<const BodyMap> map;
-};
 
 /// A basis, and its weights on the device once a map was made from them.
 struct HeldBasis {

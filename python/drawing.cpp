@@ -4,6 +4,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
+#include "xraycast/drawing/still_picture.hpp"
 
 #include <condition_variable>
 #include <exception>
@@ -39,26 +40,26 @@ class Drawing {
   Drawing(const Drawing&) = delete;
   Drawing& operator=(const Drawing&) = delete;
 
-  std::vector<float> tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
-    std::packaged_task<std::vector<float>()> task([&] { return draw(map, view); });
-    std::future<std::vector<float>> result = task.get_future();
+  /// What `draw` makes with a renderer that has the map, and no surfaces but those that it sets.
+  void run(const std::shared_ptr<const BodyMap>& map, const std::function<void(Renderer&)>& draw) {
+    std::packaged_task<void()> task([&] {
+      if (!canvas_) canvas_.emplace();
+      if (canvas_->map != map) canvas_->renderer.set_map(map);
+      canvas_->map = map;
+      canvas_->renderer.set_surfaces({});
+      draw(canvas_->renderer);
+    });
+    std::future<void> result = task.get_future();
     {
       std::unique_lock lock(mutex_);
       changed_.wait(lock, [&] { return !task_; });
       task_ = &task;
       changed_.notify_all();
     }
-    return result.get();
+    result.get();
   }
 
  private:
-  std::vector<float> draw(const std::shared_ptr<const BodyMap>& map, const View& view) {
-    if (!canvas_) canvas_.emplace();
-    if (canvas_->map != map) canvas_->renderer.set_map(map);
-    canvas_->map = map;
-    return canvas_->renderer.tau(view, {});
-  }
-
   void work() {
     std::unique_lock lock(mutex_);
     for (;;) {
@@ -75,7 +76,7 @@ class Drawing {
 
   std::mutex mutex_;
   std::condition_variable changed_;
-  std::packaged_task<std::vector<float>()>* task_ = nullptr;  ///< the next one, of a caller that waits
+  std::packaged_task<void()>* task_ = nullptr;  ///< the next one, of a caller that waits
   bool is_stopping_ = false;
   std::optional<Canvas> canvas_;  ///< of the thread
   std::thread thread_;
@@ -99,7 +100,15 @@ Drawing& the_drawing() {
 }  // namespace
 
 std::vector<float> drawn_tau(const std::shared_ptr<const BodyMap>& map, const View& view) {
-  return the_drawing().tau(map, view);
+  std::vector<float> tau;
+  the_drawing().run(map, [&](Renderer& renderer) { tau = renderer.tau(view, {}); });
+  return tau;
+}
+
+std::string drawn_still(const ExportRequest& request) {
+  std::string png;
+  the_drawing().run(request.map, [&](Renderer& renderer) { png = still_png(renderer, request); });
+  return png;
 }
 
 void stop_drawing() {

@@ -5,6 +5,7 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scan/convert.hpp"
 
 #include <algorithm>
 #include <filesystem>
@@ -17,11 +18,6 @@ namespace {
 
 using HuArray = nb::ndarray<const std::int16_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-void warn(const ScanInfo& info) {
-  for (const std::string& line : info.warnings)
-    if (PyErr_WarnFormat(PyExc_UserWarning, 1, "%s", line.c_str()) != 0) throw nb::python_error();
-}
-
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
   Volume volume = collect(*scan.source, progress, name);
   return {std::move(volume), scan.info, fmt::format("{} {}", scan.info.format, name)};
@@ -32,7 +28,7 @@ HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object
   HeldScan held = result_of(progress, [&](Progress& reported) {
     return collected(open_scan(file, options, reported), file, reported);
   });
-  warn(held.info());
+  warn(held.info().warnings);
   held.set_file({std::filesystem::absolute(file).string(), options});
   return held;
 }
@@ -278,6 +274,23 @@ void add_scan(nb::module_& module) {
       "Reads a scan: a DICOM folder, file or .zip, or a NIfTI, NRRD, MetaImage or VTK file.\n\n"
       "series: the DICOM series' number, or part of its description or UID; default: the best CT series.\n"
       "progress: a callable (fraction, stage), or tqdm.");
+  module.def(
+      "convert",
+      [](nb::handle input, nb::handle output, const std::string& patient, const std::string& series,
+         bool keep_slices, bool skip_damaged, const nb::object& progress) {
+        const ConvertRequest request{path_of(input),
+                                     path_of(output),
+                                     {series, keep_slices, skip_damaged},
+                                     parse_patient(patient, "patient")};
+        const Converted converted =
+            result_of(progress, [&](Progress& reported) { return convert(request, reported); });
+        warn(converted.info.warnings);
+      },
+      nb::arg("input"), nb::arg("output"), nb::kw_only(), nb::arg("patient") = "", nb::arg("series") = "",
+      nb::arg("keep_slices") = false, nb::arg("skip_damaged") = false, nb::arg("progress") = nb::none(),
+      "Writes a scan in another format, as `xraycast convert` does.\n\n"
+      "output: a new folder for a DICOM CT series, or a file .nii, .nii.gz, .nrrd, .mha or .mhd.\n"
+      "patient: of the DICOM series, `Doe^Jane,12345`.  series, keep_slices, skip_damaged: as open's.");
   module.def(
       "phantom",
       [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,

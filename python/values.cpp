@@ -75,6 +75,11 @@ nb::typed<nb::list, nb::str> text_objects(const std::vector<std::string>& lines)
   return list;
 }
 
+void warn(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines)
+    if (PyErr_WarnFormat(PyExc_UserWarning, 1, "%s", line.c_str()) != 0) throw nb::python_error();
+}
+
 nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message) {
   const nb::object numpy = nb::module_::import_("numpy");
   try {

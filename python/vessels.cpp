@@ -4,7 +4,6 @@
 #include "scan.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/geometry/mesh.hpp"
 #include "xraycast/segmentation/centreline.hpp"
 #include "xraycast/segmentation/seeds.hpp"
 #include "xraycast/segmentation/segment.hpp"
@@ -16,16 +15,6 @@
 
 namespace xraycast::python {
 namespace {
-
-struct HeldMesh {
-  std::shared_ptr<const Mesh> mesh;
-};
-
-struct HeldVessels {
-  std::shared_ptr<const Mask> mask;
-  HeldTree tree;
-  HeldMesh surface;
-};
 
 struct HeldBranch {
   std::shared_ptr<const VesselTree> tree;

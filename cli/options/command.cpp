@@ -57,14 +57,19 @@ void check_outputs_apart(const CLI::App& command) {
   }
 }
 
-/// The option that sets a field of a request: `radius_mm` is --radius. Empty where the command has none.
+/// The option that sets a field of a request: `radius_mm` is --radius. That of another command where this one
+/// has none, as for how to cast the map of a page; empty where none has.
 std::string option_of(const CLI::App& command, std::string_view field) {
-  std::string name(field);
-  for (const std::string_view unit : {"_mm", "_hu", "_deg", "_mg_ml", "_ml", "_s", "_B"})
+  std::string name(field == "instruments" ? "device_model" : field);
+  for (const std::string_view unit : {"_ml_s", "_mm", "_hu", "_deg", "_mg_ml", "_ml", "_s", "_B"})
     if (name.ends_with(unit)) name.resize(name.size() - unit.size());
   std::ranges::replace(name, '_', '-');
   name.insert(0, "--");
-  return command.get_option_no_throw(name) ? name : "";
+  if (command.get_option_no_throw(name)) return name;
+  const auto others = command.get_parent()->get_subcommands([](const CLI::App*) { return true; });
+  const bool has_one = std::ranges::any_of(
+      others, [&](const CLI::App* other) { return other->get_option_no_throw(name) != nullptr; });
+  return has_one ? name : "";
 }
 
 /// A request's message, in which fields are options.

@@ -16,6 +16,9 @@ namespace xraycast {
 /// blood with this iodine concentration. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
+/// The same of a mesh. Throws InputError for a concentration beyond kMaxContrast_mg_ml.
+Surface vessels_surface(Mesh mesh, double contrast_mg_ml);
+
 /// A warning when most of the vessels lie outside a map's body, as when they belong to another scan; or none.
 std::vector<std::string> notes_on_place(std::span<const glm::vec3> vessels_mm, const BodyBounds& bounds,
                                         const std::string& name);

@@ -1,0 +1,86 @@
+#include "body.hpp"
+#include "drawing.hpp"
+#include "job.hpp"
+#include "run.hpp"
+#include "values.hpp"
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/export/export_request.hpp"
+#include "xraycast/geometry/tube.hpp"
+#include "xraycast/scene/vessels.hpp"
+
+#include <nanobind/stl/string.h>
+
+namespace xraycast::python {
+namespace {
+
+/// Of Vessels, a Mesh, a VesselTree, or the name of a file or folder.
+Surface surface_of(const nb::object& vessels, double contrast_mg_ml) {
+  if (nb::isinstance<HeldVessels>(vessels))
+    return vessels_surface(*nb::cast<HeldVessels&>(vessels).surface.mesh, contrast_mg_ml);
+  if (nb::isinstance<HeldMesh>(vessels))
+    return vessels_surface(*nb::cast<HeldMesh&>(vessels).mesh, contrast_mg_ml);
+  if (nb::isinstance<HeldTree>(vessels))
+    return vessels_surface(tube_mesh(*nb::cast<HeldTree&>(vessels).tree), contrast_mg_ml);
+  return read_vessels(path_of(vessels), contrast_mg_ml);
+}
+
+/// What the session shows but for what is given in its place.
+ExportRequest session_of(const HeldBody& body, const nb::object& session, bool has_vessels, bool has_run) {
+  ViewSession scene;
+  if (!session.is_none()) scene = read_session(path_of(session));
+  if (has_vessels) scene.vessels.clear();
+  if (has_vessels || has_run) scene.steered.reset();
+  scene.map = "body";
+  ExportRequest request = exported_session(scene, body.map);
+  request.is_of_session = !session.is_none();
+  return request;
+}
+
+void export_session(const HeldBody& body, nb::handle path, const nb::object& vessels, const HeldRun* run,
+                    const std::string& title, const std::string& precision, double contrast_mg_ml,
+                    const nb::object& session, const nb::object& progress) {
+  const std::string file = path_of(path);
+  const ExportFormat format = export_format(file);
+  check_writable(file);
+  ExportRequest request = session_of(body, session, !vessels.is_none(), run != nullptr);
+  request.format = format;
+  request.title = title;
+  request.precision = parse_map_precision(precision);
+  if (!vessels.is_none()) {
+    request.vessels = surface_of(vessels, contrast_mg_ml);
+    request.vessels_name = "vessels";
+  }
+  if (run != nullptr) {
+    check_recordable(*run->request.script);
+    request.run = run->recorded;
+  }
+  warn(check(request));
+  run_job(progress, [&](Progress& reported) {
+    reported.begin("exporting", 1, "files");
+    if (format == ExportFormat::page) request.still_png = drawn_still(request);
+    write_whole_file(file, export_bytes(request));
+    reported.advance();
+  });
+}
+
+}  // namespace
+
+void add_export(nb::module_& module) {
+  module.def(
+      "export", export_session, nb::arg("body"), nb::arg("path"), nb::kw_only(),
+      nb::arg("vessels") = nb::none(), nb::arg("run").none() = nb::none(),
+      nb::arg("title") = ExportRequest{}.title, nb::arg("precision") = "byte",
+      nb::arg("contrast_mg_ml") = kUsualContrast_mg_ml, nb::arg("session") = nb::none(),
+      nb::arg("progress") = nb::none(),
+      "Writes a BodyMap, with vessels and a run, as one web page that any browser opens (.html), or without "
+      "the map "
+      "as a glTF scene (.glb).\n\n"
+      "vessels: Vessels, a Mesh, a VesselTree, or a file or folder of these.  run: what simulate() gave.\n"
+      "precision: how the page stores the map, `byte` or `half` (16 bits).\n"
+      "contrast_mg_ml: iodine in the vessels.  session: a session saved by the viewer, for its camera, "
+      "display and "
+      "what else it shows.");
+}
+
+}  // namespace xraycast::python
