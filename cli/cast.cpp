@@ -6,6 +6,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/basis_file.hpp"
@@ -146,9 +147,8 @@ std::vector<double> resolve_radii(const CastArguments& options, double radius_mm
   return shell_radii_mm(rule, options.layers.value_or(1), radius_mm);
 }
 
-void check_name(const std::filesystem::path& path, const char* extension) {
-  if (extension_of(path) != extension)
-    throw InputError("{}: the file name must end in {}", path.string(), extension);
+void check_map_name(const std::filesystem::path& path) {
+  if (extension_of(path) != ".exr") throw InputError("{}: the file name must end in .exr", path.string());
   check_writable(path);
 }
 
@@ -191,8 +191,8 @@ void check_applies(const CastArguments& options) {
 /// Rejects wrong options before the scan is read.
 void check(const CastArguments& options) {
   check_applies(options);
-  check_name(options.output.map, ".exr");
-  if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
+  check_map_name(options.output.map);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   MapGeometry of_one_row;
   of_one_row.projection = parse_projection(options.projection);
   of_one_row.width = options.angles.value_or(kAngles);

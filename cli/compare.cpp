@@ -306,7 +306,7 @@ void add_compare(CLI::App& app, Session& session) {
                    "Also write a PNG per view: the map's frame, the true projection, and their difference")
       ->type_name("DIR");
   command->add_option("--plot", options->plot, "Also plot the similarity against the C-arm angle")
-      ->type_name("PNG");
+      ->type_name("IMAGE");
   command->add_option("--plot-of", options->plotted, "What to plot: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
       ->capture_default_str()

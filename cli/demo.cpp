@@ -7,8 +7,8 @@
 #include "xraycast/attenuation/vessel_removal.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/caster.hpp"
@@ -117,7 +117,7 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   };
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
-    write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
+    write_picture(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
     report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
                                      geometry.layers(), share(k), share(k + 1)));
   }
@@ -164,7 +164,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
       const std::vector<std::uint8_t> rgb =
           report.timed(fmt::format("frame, {}, {}", to_string(shading), label(view)),
                        [&] { return renderer.picture(view, style); });
-      write_png(rgb, view.width, view.height, 3, report.file(name));
+      write_picture(rgb, view.width, view.height, 3, report.file(name));
       report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(),
                                        to_string(shading), label(view)));
     }
@@ -295,7 +295,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
       });
   for (const auto& writer : writers) writer->finish();
   for (const auto& [file, rgb] : last_frames)
-    write_png(rgb, options.view.width, options.view.height, 3, file);
+    write_picture(rgb, options.view.width, options.view.height, 3, file);
   report.note("tip of the catheter",
               fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
                           records.back()[0].tip.arc_length_mm));
@@ -332,7 +332,7 @@ void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>&
                       [&](const CoaxialCatheters& moved, double time_s) { cine.see(moved, time_s); });
   });
   writer.finish();
-  write_png(last_frame, options.view.width, options.view.height, 3, report.file("carotid.png"));
+  write_picture(last_frame, options.view.width, options.view.height, 3, report.file("carotid.png"));
   report.film("carotid", "a wire, then the catheter");
 }
 

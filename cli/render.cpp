@@ -6,8 +6,8 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -319,7 +319,7 @@ void write_xa_cine(FrameRenderer& frames, View view, std::span<const double> ang
 void write_frame(FrameRenderer& frames, const View& view, const std::string& output, const XaOptions& xa,
                  Progress& progress) {
   if (is_picture(output))
-    write_png(frames.picture(view), view.width, view.height, 3, output);
+    write_picture(frames.picture(view), view.width, view.height, 3, output);
   else if (frames.fluoroscope() && !frames.subtracts())
     write_fluoroscopy(*frames.fluoroscope(), frames.pulse(view), view, output, {}, xa);
   else if (is_xa(output))
@@ -408,7 +408,9 @@ void add_render(CLI::App& app, Session& session) {
       ->add_option(
           "-o,--output", options->output,
           ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; .dcm a "
-          "DICOM XA image; .png the displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
+          "DICOM XA image; .png, .jpg, .webp and others the displayed picture; with --cine: a folder of "
+          "PNGs, a "
+          ".gif or a .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

@@ -329,7 +329,8 @@ void add_simulate(CLI::App& app, Session& session) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
-  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
+  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
+      ->type_name("IMAGE");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
       ->add_option(

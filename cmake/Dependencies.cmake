@@ -7,6 +7,9 @@ find_package(ITK 5.2 REQUIRED COMPONENTS
 # GDCM's package complains of command line tools that Debian packs apart.
 find_package(GDCM REQUIRED QUIET)
 find_package(OpenEXR 3.1 REQUIRED)
+if(XRAYCAST_BUILD_PROGRAM)
+  find_package(OpenImageIO 2.4 REQUIRED)
+endif()
 find_package(PNG REQUIRED)
 find_package(GIF REQUIRED)
 find_package(glm REQUIRED)

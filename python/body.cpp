@@ -4,7 +4,7 @@
 #include "opacity.hpp"
 #include "scan.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/body_fit.hpp"
 #include "xraycast/casting/body_map.hpp"

@@ -1,8 +1,8 @@
 #include "options/fluoroscope_options.hpp"
 
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 
 #include <fmt/format.h>
@@ -164,7 +164,7 @@ std::optional<XaExposure> exposure_of(const Fluoroscope& fluoroscope, const Tech
 
 void write_fluoroscopy(const Fluoroscope& fluoroscope, const FluoroscopyFrame& frame, const View& view,
                        const std::string& file, const GreyOptions& grey, XaOptions xa) {
-  if (is_picture(file)) return write_png(displayed(frame.shown, grey), view.width, view.height, 1, file);
+  if (is_picture(file)) return write_picture(displayed(frame.shown, grey), view.width, view.height, 1, file);
   if (!is_xa(file)) return write_detector_signal(view, frame.signal_kev, file);
   xa.code_bits = fluoroscope.bits();
   xa.is_fluoroscopy = fluoroscope.options().dose != DoseLevel::cine;

@@ -46,6 +46,8 @@ constexpr Writer kWriters[] = {
     {"Segment", "segment @/ct.nrrd -o @/out --from-mask @/mask.nrrd --surface tubes"},
     {"SegmentSeries", "segment @/series -o @/out --from-mask @/mask.nrrd --surface tubes"},
     {"Render", "render @/map.exr --size 48x48 -o @/out/f.png"},
+    {"RenderJpeg", "render @/map.exr --size 48x48 -o @/out/f.jpg"},
+    {"RenderHdr", "render @/map.exr --size 48x48 -o @/out/f.hdr"},
     {"RenderGif", "render @/map.exr --size 48x48 --cine 0:270:90 -o @/out/f.gif"},
     {"RenderDicom", "render @/map.exr --size 48x48 --cone 900,1200 --cine 0:60:20 -o @/out/f.dcm"},
     {"ExportPage", "export @/map.exr -o @/out/page.html"},

@@ -2,17 +2,20 @@
 
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
-#include "xraycast/base/parallel.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/remedy.hpp"
+#include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
 #include <array>
+#include <cerrno>
 #include <cmath>
+#include <cstring>
+#include <fstream>
 #include <utility>
 
 namespace xraycast {
@@ -46,14 +49,12 @@ int version_of(const BodyMap& map) {
 /// A map's values as its file stores them: of every channel K x H x W.
 struct StoredValues {
   std::vector<std::span<const float>> channels{};
-  ExrPixel pixel = ExrPixel::float32;
   json byte_ranges{};  ///< of every channel: the offset and the scale of each layer
   std::vector<std::vector<float>> bytes{};
 };
 
 StoredValues stored_values(const BodyMap& map) {
   StoredValues stored;
-  if (map.precision != MapPrecision::float32) stored.pixel = ExrPixel::float16;
   for (const auto& [name, values] : channels_of(map)) {
     if (map.precision != MapPrecision::byte) {
       stored.channels.emplace_back(*values);
@@ -79,20 +80,19 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
 }
 
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
-ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer) {
+FloatPicture picture_of_layer(const BodyMap& map, const StoredValues& stored, int layer) {
   const MapGeometry& geometry = map.geometry;
-  ExrPart part{
-      .name = fmt::format("layer {}", layer),
-      .width = geometry.width,
-      .height = geometry.height,
-      .compression = map.precision == MapPrecision::float32 ? ExrCompression::zips : ExrCompression::zip};
-  const auto channels = channels_of(map);
-  for (std::size_t c = 0; c < channels.size(); ++c)
-    part.channels.push_back({channels[c].first,
-                             stored.channels[c].subspan(layer * map.layer_size(), map.layer_size()),
-                             stored.pixel});
+  FloatPicture picture{.name = fmt::format("layer {}", layer),
+                       .width = geometry.width,
+                       .height = geometry.height,
+                       .is_half = map.precision != MapPrecision::float32};
+  if (!picture.is_half) picture.attributes["compression"] = "zips";
+  for (const auto& [name, values] : channels_of(map)) picture.channels.emplace_back(name);
+  picture.values.reserve(map.layer_size() * picture.channels.size());
+  for (std::size_t i = layer * map.layer_size(); i < (layer + 1) * map.layer_size(); ++i)
+    for (const std::span<const float>& channel : stored.channels) picture.values.push_back(channel[i]);
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
-    part.attributes["xraycast:" + name] = std::move(value);
+    picture.attributes["xraycast:" + name] = std::move(value);
   };
   set("version", version_of(map));
   if (map.precision != MapPrecision::float32) {
@@ -116,7 +116,7 @@ ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer)
   set("source", map.source);
   if (!map.frame_of_reference_uid.empty()) set("frame_of_reference_uid", map.frame_of_reference_uid);
   set("layer", layer);
-  return part;
+  return picture;
 }
 
 /// The outline of every row.
@@ -127,16 +127,38 @@ std::vector<float> outline_rows(const MapGeometry& geometry) {
   return rows;
 }
 
+/// Throws InputError unless picture `number` has these channels, in any order, stored as such floats.
+void check_channels(const FloatPicture& picture, int number, const std::vector<std::string>& channels,
+                    bool is_half, const std::string& path) {
+  const auto has = [](const std::vector<std::string>& all, const std::string& channel) {
+    return std::ranges::find(all, channel) != all.end();
+  };
+  for (const std::string& found : picture.channels)
+    if (picture.is_half != is_half || !has(channels, found))
+      throw InputError("{}: layer {} has an unexpected channel {}", path, number, found);
+  for (const std::string& channel : channels)
+    if (!has(picture.channels, channel))
+      throw InputError("{}: layer {} has no channel {}", path, number, channel);
+}
+
+void append_channel(const FloatPicture& picture, const std::string& channel, std::vector<float>& values) {
+  const auto at = std::ranges::find(picture.channels, channel) - picture.channels.begin();
+  for (auto i = static_cast<std::size_t>(at); i < picture.values.size(); i += picture.channels.size())
+    values.push_back(picture.values[i]);
+}
+
 /// The outline behind the layers: one row of it where all are the same.
-std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
+std::vector<float> read_outline(std::span<const FloatPicture> file, const MapGeometry& geometry,
+                                const std::string& path) {
   const int part = geometry.layers();
-  if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
-  if (file.width(part) != geometry.width || file.height(part) != geometry.height)
+  if (std::ssize(file) <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
+  const FloatPicture& outline = file[static_cast<std::size_t>(part)];
+  if (outline.width != geometry.width || outline.height != geometry.height)
     throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
-                     file.width(part), file.height(part), geometry.width, geometry.height);
+                     outline.width, outline.height, geometry.width, geometry.height);
+  check_channels(outline, part, {kOutlineChannel}, false, path);
+  std::vector<float> rows = outline.values;
   const auto width = static_cast<std::ptrdiff_t>(geometry.width);
-  std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
-  file.read(part, std::array{ExrTarget{kOutlineChannel, rows}});
   bool are_alike = geometry.projection == Projection::cylinder;
   for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
     are_alike = std::equal(row, row + width, rows.begin());
@@ -144,31 +166,39 @@ std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geomet
   return rows;
 }
 
+/// An xraycast attribute, an int or a std::string; null when there is none of that type.
+template <typename T>
+const T* find_attribute(const FloatPicture& layer, const std::string& name) {
+  const auto found = layer.attributes.find("xraycast:" + name);
+  return found == layer.attributes.end() ? nullptr : std::get_if<T>(&found->second);
+}
+
 /// An xraycast attribute as text; empty when it is missing.
-std::string text_attribute(const ExrReader& file, const std::string& name) {
-  return file.text("xraycast:" + name).value_or("");
+std::string text_attribute(const FloatPicture& layer, const std::string& name) {
+  const auto* const text = find_attribute<std::string>(layer, name);
+  return text ? *text : "";
 }
 
 /// An xraycast attribute as JSON, or an InputError that names it.
-json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
-  json value = parse_json(text_attribute(file, name), path);
+json attribute(const FloatPicture& layer, const std::string& name, const std::string& path) {
+  json value = parse_json(text_attribute(layer, name), path);
   if (value.is_discarded())
     throw InputError("{}: attribute xraycast:{} is missing or damaged; cast the map again", path, name);
   return value;
 }
 
-MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
+MapGeometry geometry_of(const FloatPicture& layer, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(text_attribute(file, "projection"));
+    geometry.projection = parse_projection(text_attribute(layer, "projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
-  geometry.width = file.width(0);
-  geometry.height = file.height(0);
+  geometry.width = layer.width;
+  geometry.height = layer.height;
   const auto read = [&](const char* name, auto& value) {
     try {
-      attribute(file, name, path).get_to(value);
+      attribute(layer, name, path).get_to(value);
     } catch (const json::exception&) {
       throw InputError("{}: attribute xraycast:{} is invalid; cast the map again", path, name);
     }
@@ -181,13 +211,13 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   read("step_mm", geometry.step_mm);
   if (geometry.projection == Projection::sphere) read("centre_z_mm", geometry.centre_z_mm);
   if (geometry.projection == Projection::rectangle) {
-    const auto views = whole_number(attribute(file, "views", path));
+    const auto views = whole_number(attribute(layer, "views", path));
     if (!views || !std::in_range<int>(*views))
       throw InputError("{}: attribute xraycast:views is not a number of views", path);
     geometry.views = static_cast<int>(*views);
   }
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
-  if (file.text("xraycast:field_mm")) {
+  if (find_attribute<std::string>(layer, "field_mm")) {
     FieldOfView::Corners corners_mm{};
     read("field_mm", corners_mm);
     geometry.field = FieldOfView::between(corners_mm);
@@ -196,10 +226,10 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   return geometry;
 }
 
-MapPrecision precision_of(const ExrReader& file, int version, const std::string& path) {
+MapPrecision precision_of(const FloatPicture& layer, int version, const std::string& path) {
   if (version < kPrecisionVersion) return MapPrecision::float32;
   try {
-    return parse_map_precision(text_attribute(file, "precision"));
+    return parse_map_precision(text_attribute(layer, "precision"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:precision: {}; cast the map again", path, error.what());
   }
@@ -227,8 +257,8 @@ std::vector<LayerByteRange> byte_ranges_of(const json& attribute, const char* ch
 }
 
 /// Turns the bytes of a map's layers, as they were read, into values.
-void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) {
-  const json ranges_of_channels = attribute(file, "byte_ranges", path);
+void expand_bytes(BodyMap& map, const FloatPicture& layer, const std::string& path) {
+  const json ranges_of_channels = attribute(layer, "byte_ranges", path);
   for (const auto& [channel, values] : channels_of(map)) {
     if (!std::ranges::all_of(*values, [](float byte) { return byte >= 0 && byte <= 255; }))
       throw InputError("{}: {} has values that are not bytes; cast the map again", path, channel);
@@ -238,6 +268,17 @@ void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) 
   }
 }
 
+/// Whether a file begins as OpenEXR files do.
+bool is_exr(const std::filesystem::path& path) {
+  require_regular_file(path);
+  std::ifstream in(path, std::ios::binary);
+  if (!in)
+    throw InputError("{}: cannot be opened: {}; check its permissions", path.string(), std::strerror(errno));
+  constexpr std::array<char, 4> kMagic{0x76, 0x2f, 0x31, 0x01};
+  std::array<char, 4> begin{};
+  return in.read(begin.data(), begin.size()) && begin == kMagic;
+}
+
 BodyMap read_map(const std::filesystem::path& path) {
   const std::string name = path.string();
   std::error_code error;
@@ -245,8 +286,13 @@ BodyMap read_map(const std::filesystem::path& path) {
     throw InputError("{}: a folder, but a body map is needed; make one from a scan with `xraycast cast`",
                      name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  const ExrReader file(path);
-  const int version = file.number("xraycast:version").value_or(0);
+  std::vector<FloatPicture> file = read_exr(path);
+  const FloatPicture& first = file.front();
+  const auto number = [&](const char* attribute) {
+    const int* const found = find_attribute<int>(first, attribute);
+    return found ? *found : 0;
+  };
+  const int version = number("version");
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
     throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
@@ -254,38 +300,37 @@ BodyMap read_map(const std::filesystem::path& path) {
                      version > kPrecisionVersion ? "use a newer xraycast" : "cast the scan again");
 
   BodyMap map;
-  map.geometry = geometry_of(file, name);
-  map.precision = precision_of(file, version, name);
-  if (version == kSpectrumVersion || (version >= kOutlineVersion && file.text("xraycast:spectrum")))
+  map.geometry = geometry_of(first, name);
+  map.precision = precision_of(first, version, name);
+  if (version == kSpectrumVersion ||
+      (version >= kOutlineVersion && find_attribute<std::string>(first, "spectrum")))
     map.spectrum =
-        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
+        Spectrum::from_json(text_attribute(first, "spectrum"), name + ": attribute xraycast:spectrum");
   else
-    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
-  map.source = text_attribute(file, "source");
-  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
+    map.opacity = Opacity::from_json(text_attribute(first, "opacity"), name + ": attribute xraycast:opacity");
+  map.source = text_attribute(first, "source");
+  map.frame_of_reference_uid = text_attribute(first, "frame_of_reference_uid");
   if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
     throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
-  if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
-  if (version == kOutlineVersion || file.number("xraycast:outline").value_or(0) != 0) {
+  if (std::ssize(file) < layers) throw InputError("{}: layer {} of {} is missing", name, file.size(), layers);
+  if (version == kOutlineVersion || number("outline") != 0) {
     map.geometry.outline_mm = read_outline(file, map.geometry, name);
     validate(map.geometry, name);
   }
-  for (int k = 0; k < layers; ++k)
-    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
-      throw InputError("{}: layer {} differs in size from layer 0", name, k);
-
   const auto channels = channels_of(map);
-  for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
-  parallel_for(layers, [&](std::int64_t k) {
-    std::vector<ExrTarget> targets;
-    for (const auto& [channel, values] : channels)
-      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size()),
-                         map.precision == MapPrecision::float32 ? ExrPixel::float32 : ExrPixel::float16});
-    file.read(static_cast<int>(k), targets);
-  });
-  if (map.precision == MapPrecision::byte) expand_bytes(map, file, name);
+  std::vector<std::string> names;
+  for (const auto& [channel, values] : channels) names.emplace_back(channel);
+  for (int k = 0; k < layers; ++k) {
+    FloatPicture& layer = file[static_cast<std::size_t>(k)];
+    if (layer.width != map.geometry.width || layer.height != map.geometry.height)
+      throw InputError("{}: layer {} differs in size from layer 0", name, k);
+    check_channels(layer, k, names, map.precision != MapPrecision::float32, name);
+    for (const auto& [channel, values] : channels) append_channel(layer, channel, *values);
+    layer.values = {};  // no longer needed
+  }
+  if (map.precision == MapPrecision::byte) expand_bytes(map, first, name);
   for (const auto& [channel, values] : channels)
     if (!std::ranges::all_of(*values, [](float v) { return std::isfinite(v) && v >= 0; }))
       throw InputError("{}: {} has values that are negative or not finite", name, channel);
@@ -306,18 +351,15 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
     throw InputError("{}: the map's values exceed 16-bit floats; store it in another precision",
                      path.string());
   const StoredValues stored = stored_values(map);
-  std::vector<ExrPart> parts;
-  for (int k = 0; k < map.geometry.layers(); ++k) parts.push_back(part_of_layer(map, stored, k));
-  std::vector<float> outline;
-  if (map.geometry.has_outline()) {
-    outline = outline_rows(map.geometry);
-    parts.push_back({.name = kOutlinePart,
-                     .width = map.geometry.width,
-                     .height = map.geometry.height,
-                     .compression = ExrCompression::zip,
-                     .channels = {{kOutlineChannel, outline}}});
-  }
-  write_exr(parts, path);
+  std::vector<FloatPicture> pictures;
+  for (int k = 0; k < map.geometry.layers(); ++k) pictures.push_back(picture_of_layer(map, stored, k));
+  if (map.geometry.has_outline())
+    pictures.push_back({.name = kOutlinePart,
+                        .width = map.geometry.width,
+                        .height = map.geometry.height,
+                        .channels = {kOutlineChannel},
+                        .values = outline_rows(map.geometry)});
+  write_float_pictures(pictures, path, ".exr");
 }
 
 BodyMap read_body_map(const std::filesystem::path& path) {
