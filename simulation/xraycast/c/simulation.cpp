@@ -1,0 +1,215 @@
+#include "xraycast/c/simulation.h"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/coaxial/instruments.hpp"
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <new>
+#include <span>
+#include <string>
+
+/// With room for what is copied out, so that reading a shape allocates only when it has grown.
+struct xrc_simulation {
+  xraycast::Instruments instruments;
+  std::vector<xraycast::InstrumentModel> models;
+  mutable std::vector<glm::dvec3> nodes_mm;
+  mutable std::vector<xraycast::InstrumentContact> contacts;
+};
+
+namespace {
+
+using namespace xraycast;
+
+thread_local std::string last_error;
+
+/// Runs a function's body; no exception leaves it.
+template <typename Body>
+xrc_status status_of(Body body) {
+  try {
+    body();
+    return XRC_OK;
+  } catch (const InputError& error) {
+    last_error = error.what();
+    return XRC_INPUT_ERROR;
+  } catch (const std::bad_alloc&) {
+    last_error = "not enough memory";
+    return XRC_ERROR;
+  } catch (const std::exception& error) {
+    last_error = error.what();
+    return XRC_ERROR;
+  }
+}
+
+/// Throws InputError, with its name, for an argument that is NULL.
+template <typename T>
+T& given(T* argument, const char* name) {
+  if (!argument) throw InputError("{}: NULL", name);
+  return *argument;
+}
+
+/// Throws InputError where `count` values are asked for without the values.
+template <typename T>
+std::span<T> array_of(T* values, std::size_t count, const char* name) {
+  if (!values && count > 0) throw InputError("{}: NULL, where there should be {}", name, count);
+  return {values, count};
+}
+
+VesselBranch branch_of(const xrc_branch& from) {
+  VesselBranch branch;
+  branch.parent = from.parent;
+  const std::span points = array_of(from.points, from.point_count, "points");
+  for (std::size_t i = 0; i < points.size(); ++i) {
+    const double* p = points.data() + 4 * i;
+    branch.points.push_back({{p[0], p[1], p[2]}, p[3]});
+  }
+  return branch;
+}
+
+VesselTree tree_of(const xrc_setup& setup) {
+  if (setup.tree_file) return read_tree(setup.tree_file);
+  std::vector<VesselBranch> branches;
+  for (const xrc_branch& branch : array_of(setup.branches, setup.branch_count, "branches"))
+    branches.push_back(branch_of(branch));
+  return VesselTree(std::move(branches), "branches");
+}
+
+std::vector<InstrumentModel> models_of(const xrc_setup& setup) {
+  std::vector<InstrumentModel> models;
+  if (setup.instrument_count > Instruments::kMaxCount)
+    throw InputError("instruments: {}, at most {} can be simulated", setup.instrument_count,
+                     Instruments::kMaxCount);
+  for (const char* const name : array_of(setup.instruments, setup.instrument_count, "instruments"))
+    models.push_back(InstrumentModel::named(&given(name, "instruments")));
+  check_instruments(models);
+  return models;
+}
+
+EntryChoice entry_of(const xrc_setup& setup) {
+  EntryChoice choice{.name = "entry_mm"};
+  if (const double* at = setup.entry_mm) choice.end = glm::dvec3(at[0], at[1], at[2]);
+  return choice;
+}
+
+Instruments::Options options_of(const xrc_setup& setup) {
+  Instruments::Options options;
+  if (setup.step_s != 0) options.step_s = setup.step_s;
+  if (!(options.step_s >= 1e-5 && options.step_s <= 0.01))
+    throw InputError("step_s: {}, which should be 0.00001 to 0.01, or 0 for a millisecond", setup.step_s);
+  return options;
+}
+
+xrc_simulation* simulation_of(const xrc_setup& setup) {
+  const Instruments::Options options = options_of(setup);
+  std::vector<InstrumentModel> models = models_of(setup);
+  const VesselTree tree = tree_of(setup);
+  const VesselEnd entry = find_entry(tree, entry_of(setup), models.front());
+  return new xrc_simulation{Instruments(tree, models, entry, options), models, {}, {}};
+}
+
+std::array<HubPose, Instruments::kMaxCount> targets_of(std::span<const xrc_hub> hubs, std::size_t count) {
+  if (hubs.size() != count)
+    throw InputError("hubs: {}, which should be {}, one an instrument", hubs.size(), count);
+  std::array<HubPose, Instruments::kMaxCount> targets;
+  for (std::size_t i = 0; i < count; ++i) {
+    const auto& [insertion_mm, rotation_rad] = hubs[i];
+    if (!std::isfinite(insertion_mm) || !std::isfinite(rotation_rad))
+      throw InputError("hubs: instrument {}'s pose is not finite", i);
+    targets[i] = {insertion_mm, rotation_rad};
+  }
+  return targets;
+}
+
+/// The simulation, which has that instrument.
+const xrc_simulation& with(const xrc_simulation* simulation, std::size_t instrument) {
+  const std::size_t count = given(simulation, "simulation").instruments.count();
+  if (instrument >= count) throw InputError("instrument: {}, of {} counted from 0", instrument, count);
+  return *simulation;
+}
+
+void put(const glm::dvec3& from, double* to) { std::copy_n(&from.x, 3, to); }
+
+}  // namespace
+
+extern "C" {
+
+const char* xrc_last_error() { return last_error.c_str(); }
+
+xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation) {
+  return status_of([&] {
+    xrc_simulation*& made = given(simulation, "simulation");
+    made = simulation_of(given(setup, "setup"));
+  });
+}
+
+void xrc_destroy(xrc_simulation* simulation) { delete simulation; }
+
+xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count) {
+  return status_of([&] {
+    Instruments& instruments = given(simulation, "simulation").instruments;
+    const std::array targets = targets_of(array_of(hubs, hub_count, "hubs"), instruments.count());
+    instruments.step(std::span(targets).first(instruments.count()));
+  });
+}
+
+xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub) {
+  return status_of([&] {
+    const auto [insertion_mm, rotation_rad] = with(simulation, instrument).instruments.pose(instrument);
+    given(hub, "hub") = {insertion_mm, rotation_rad};
+  });
+}
+
+xrc_status xrc_get_load(const xrc_simulation* simulation, size_t instrument, xrc_load* load) {
+  return status_of([&] {
+    const auto [force_N, torque_Nm] = with(simulation, instrument).instruments.load(instrument);
+    given(load, "load") = {force_N, torque_Nm};
+  });
+}
+
+xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_tip* tip) {
+  return status_of([&] {
+    const InstrumentTip from = with(simulation, instrument).instruments.tip(instrument);
+    xrc_tip& to = given(tip, "tip");
+    put(from.position_mm, to.position_mm);
+    put(from.direction, to.direction);
+    to.branch = from.branch;
+    to.arc_length_mm = from.arc_length_mm;
+  });
+}
+
+xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
+                         size_t capacity, size_t* count) {
+  return status_of([&] {
+    const auto& [instruments, models, nodes, contacts] = with(simulation, instrument);
+    size_t& node_count = given(count, "count");
+    const std::span room = array_of(nodes_mm, capacity, "nodes_mm");
+    instruments.copy_nodes(instrument, nodes);
+    for (std::size_t i = 0; i < std::min(room.size(), nodes.size()); ++i) put(nodes[i], room.data() + 3 * i);
+    node_count = nodes.size();
+  });
+}
+
+xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument, xrc_contact* contacts,
+                            size_t capacity, size_t* count) {
+  return status_of([&] {
+    const auto& [instruments, models, nodes, touching] = with(simulation, instrument);
+    size_t& contact_count = given(count, "count");
+    const std::span room = array_of(contacts, capacity, "contacts");
+    instruments.copy_contacts(instrument, touching);
+    for (std::size_t i = 0; i < std::min(room.size(), touching.size()); ++i) {
+      put(touching[i].position_mm, room[i].position_mm);
+      put(touching[i].force_N, room[i].force_N);
+    }
+    contact_count = touching.size();
+  });
+}
+
+xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const char* name_or_file) {
+  return status_of([&] {
+    with(simulation, instrument);
+    simulation->instruments.exchange(instrument,
+                                     InstrumentModel::named(&given(name_or_file, "name_or_file")));
+  });
+}
+}

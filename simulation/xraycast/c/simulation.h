@@ -1,0 +1,104 @@
+/* The simulation of catheters and guide wires for programs in C, and for engines that load a shared library.
+ *
+ * Positions are in patient coordinates (LPS) and millimetres, forces in newtons, angles in radians. Functions
+ * return XRC_OK or an error, whose text xrc_last_error() has; a call that fails changes nothing and fills in
+ * nothing. Simulations are independent of each other; one simulation is for one thread at a time. */
+#ifndef XRAYCAST_C_SIMULATION_H
+#define XRAYCAST_C_SIMULATION_H
+
+#include <stddef.h>
+
+#ifdef __cplusplus
+extern "C" {
+#endif
+
+#define XRC_API __attribute__((visibility("default")))
+
+/* The values are the program's exit statuses. */
+typedef enum xrc_status {
+  XRC_OK = 0,
+  XRC_ERROR = 1,      /* neither: memory is short, for instance */
+  XRC_INPUT_ERROR = 3 /* an argument or a file cannot be used */
+} xrc_status;
+
+/* One line about the last call of this thread that failed, valid until its next one that does; "" before. */
+XRC_API const char* xrc_last_error(void);
+
+/* Instruments in a vessel tree, one inside the other. */
+typedef struct xrc_simulation xrc_simulation;
+
+/* A vessel between two bifurcations or ends, from its parent's side onwards. */
+typedef struct xrc_branch {
+  const double* points; /* point_count times x, y, z, radius in mm; two or more points */
+  size_t point_count;
+  int parent; /* the index of the branch whose last point is this one's first; -1 for the root */
+} xrc_branch;
+
+/* What is simulated. All that is 0 has a default. */
+typedef struct xrc_setup {
+  const char* tree_file; /* .vtp or .json, or the folder that `segment` wrote; NULL: the branches below */
+  const xrc_branch* branches; /* copied */
+  size_t branch_count;
+  const char* const* instruments; /* names of presets or JSON files, the outermost first */
+  size_t instrument_count;        /* 1 to 3 */
+  const double* entry_mm; /* a point near a vessel's end; NULL: the most inferior end that is wide enough */
+  double step_s;          /* 0: a millisecond */
+} xrc_setup;
+
+/* The position of a hub, an instrument's outer end, which the hand holds. */
+typedef struct xrc_hub {
+  double insertion_mm; /* positive into the body; at 0 the tip is at the vessel's end */
+  double rotation_rad; /* about the direction of insertion, right-handed; adds up over whole turns */
+} xrc_hub;
+
+/* On the hand. */
+typedef struct xrc_load {
+  double force_N;   /* positive pushes the hand back, out of the body */
+  double torque_Nm; /* positive resists a positive rotation */
+} xrc_load;
+
+typedef struct xrc_tip {
+  double position_mm[3];
+  double direction[3]; /* unit */
+  int branch;
+  double arc_length_mm; /* from the branch's first point */
+} xrc_tip;
+
+/* Where an instrument touches a vessel's wall, and the wall's force on it, friction included. */
+typedef struct xrc_contact {
+  double position_mm[3];
+  double force_N[3];
+} xrc_contact;
+
+/* Makes a simulation at an insertion of 0, which xrc_destroy() ends. Takes some 50 ms. */
+XRC_API xrc_status xrc_create(const xrc_setup* setup, xrc_simulation** simulation);
+XRC_API void xrc_destroy(xrc_simulation* simulation); /* of NULL: nothing */
+
+/* One step in time towards a pose for each instrument, the outermost first: `hub_count` is how many there
+ * are. A hub moves by at most 300 mm/s and 30 rad/s, and does not advance against more than 3 N. Call it at a
+ * steady rate of one in `step_s`; a step takes a fraction of a millisecond. Reads no file and takes no lock.
+ */
+XRC_API xrc_status xrc_step(xrc_simulation* simulation, const xrc_hub* hubs, size_t hub_count);
+
+XRC_API xrc_status xrc_get_hub(const xrc_simulation* simulation, size_t instrument, xrc_hub* hub);
+XRC_API xrc_status xrc_get_load(const xrc_simulation* simulation, size_t instrument, xrc_load* load);
+XRC_API xrc_status xrc_get_tip(const xrc_simulation* simulation, size_t instrument, xrc_tip* tip);
+
+/* The nodes from the outer end of the introducer, 20 mm outside the vessel, to the tip: x, y, z in mm each.
+ * Writes at most `capacity` nodes, and how many there are into `count`, which changes as the instrument
+ * advances. */
+XRC_API xrc_status xrc_get_shape(const xrc_simulation* simulation, size_t instrument, double* nodes_mm,
+                                 size_t capacity, size_t* count);
+
+/* Writes at most `capacity` contacts, and how many there are into `count`. */
+XRC_API xrc_status xrc_get_contacts(const xrc_simulation* simulation, size_t instrument,
+                                    xrc_contact* contacts, size_t capacity, size_t* count);
+
+/* Another instrument, a preset or a JSON file, instead of one that has been drawn back to 0. The others do
+ * not move. Takes some 50 ms. */
+XRC_API xrc_status xrc_exchange(xrc_simulation* simulation, size_t instrument, const char* name_or_file);
+
+#ifdef __cplusplus
+}
+#endif
+#endif

@@ -1,0 +1,171 @@
+#include "xraycast/c/simulation.h"
+#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/phantom/phantom.hpp"
+
+#include <gtest/gtest.h>
+
+#include <array>
+#include <cmath>
+#include <limits>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+namespace {
+
+const char* const kNames[] = {"cobra-5f", "guidewire-035-j"};
+
+VesselTree thorax() { return VesselTree(make_phantom("thorax").vessel_branches(), "thorax"); }
+
+struct Destroyed {
+  void operator()(xrc_simulation* simulation) const { xrc_destroy(simulation); }
+};
+using Simulation = std::unique_ptr<xrc_simulation, Destroyed>;
+
+/// A tree's branches as C has them.
+struct Branches {
+  std::vector<std::vector<double>> points;
+  std::vector<xrc_branch> branches;
+
+  explicit Branches(const VesselTree& tree) {
+    for (const VesselBranch& branch : tree.branches()) {
+      std::vector<double>& numbers = points.emplace_back();
+      for (const auto& [at, radius_mm] : branch.points)
+        numbers.insert(numbers.end(), {at.x, at.y, at.z, radius_mm});
+    }
+    for (std::size_t i = 0; i < points.size(); ++i)
+      branches.push_back({points[i].data(), points[i].size() / 4, tree.branches()[i].parent});
+  }
+
+  xrc_setup setup() const {
+    xrc_setup setup{};
+    setup.branches = branches.data();
+    setup.branch_count = branches.size();
+    setup.instruments = kNames;
+    setup.instrument_count = 2;
+    return setup;
+  }
+};
+
+Simulation made(const xrc_setup& setup) {
+  xrc_simulation* simulation = nullptr;
+  EXPECT_EQ(xrc_create(&setup, &simulation), XRC_OK) << xrc_last_error();
+  return Simulation(simulation);
+}
+
+/// The message of a setup that is refused.
+std::string refusal(const xrc_setup& setup) {
+  xrc_simulation* simulation = nullptr;
+  EXPECT_EQ(xrc_create(&setup, &simulation), XRC_INPUT_ERROR);
+  EXPECT_EQ(simulation, nullptr);
+  return xrc_last_error();
+}
+
+TEST(CSimulation, IsTheOneOfCpp) {
+  const VesselTree tree = thorax();
+  const std::vector models{InstrumentModel::named(kNames[0]), InstrumentModel::named(kNames[1])};
+  Instruments expected(tree, models, find_entry(tree, {}, models.front()));
+  const Simulation simulation = made(Branches(tree).setup());
+
+  std::array<HubPose, 2> hubs;
+  for (int step = 0; step < 1500; ++step) {
+    hubs[0].insertion_mm = 0.1 * step;
+    hubs[1] = {0.13 * step, 1e-3 * step};
+    expected.step(hubs);
+    const xrc_hub poses[] = {{hubs[0].insertion_mm, hubs[0].rotation_rad},
+                             {hubs[1].insertion_mm, hubs[1].rotation_rad}};
+    ASSERT_EQ(xrc_step(simulation.get(), poses, 2), XRC_OK) << xrc_last_error();
+  }
+  for (std::size_t i = 0; i < 2; ++i) {
+    xrc_hub hub;
+    xrc_load load;
+    xrc_tip tip;
+    ASSERT_EQ(xrc_get_hub(simulation.get(), i, &hub), XRC_OK);
+    ASSERT_EQ(xrc_get_load(simulation.get(), i, &load), XRC_OK);
+    ASSERT_EQ(xrc_get_tip(simulation.get(), i, &tip), XRC_OK);
+    EXPECT_EQ(hub.insertion_mm, expected.pose(i).insertion_mm);
+    EXPECT_EQ(hub.rotation_rad, expected.pose(i).rotation_rad);
+    EXPECT_EQ(load.force_N, expected.load(i).force_N);
+    EXPECT_EQ(load.torque_Nm, expected.load(i).torque_Nm);
+    EXPECT_EQ(tip.position_mm[2], expected.tip(i).position_mm.z);
+    EXPECT_EQ(tip.arc_length_mm, expected.tip(i).arc_length_mm);
+    EXPECT_EQ(tip.branch, expected.tip(i).branch);
+
+    std::vector<glm::dvec3> nodes;
+    expected.copy_nodes(i, nodes);
+    std::vector<double> shape(3 * nodes.size());
+    std::size_t count = 0;
+    ASSERT_EQ(xrc_get_shape(simulation.get(), i, shape.data(), nodes.size(), &count), XRC_OK);
+    ASSERT_EQ(count, nodes.size());
+    for (std::size_t n = 0; n < count; ++n)
+      EXPECT_EQ(glm::dvec3(shape[3 * n], shape[3 * n + 1], shape[3 * n + 2]), nodes[n]) << n;
+
+    std::vector<InstrumentContact> touching;
+    expected.copy_contacts(i, touching);
+    std::vector<xrc_contact> contacts(touching.size());
+    ASSERT_EQ(xrc_get_contacts(simulation.get(), i, contacts.data(), contacts.size(), &count), XRC_OK);
+    ASSERT_EQ(count, touching.size());
+    for (std::size_t n = 0; n < count; ++n) EXPECT_EQ(contacts[n].force_N[0], touching[n].force_N.x) << n;
+  }
+}
+
+TEST(CSimulation, WritesNoMoreThanThereIsRoomFor) {
+  const Simulation simulation = made(Branches(thorax()).setup());
+  std::array<double, 6> nodes;
+  nodes.fill(-1e6);
+  std::size_t count = 0;
+  ASSERT_EQ(xrc_get_shape(simulation.get(), 0, nodes.data(), 1, &count), XRC_OK);
+  EXPECT_GT(count, 1U);
+  EXPECT_NE(nodes[2], -1e6);
+  EXPECT_EQ(nodes[3], -1e6);
+  EXPECT_EQ(xrc_get_shape(simulation.get(), 0, nullptr, 0, &count), XRC_OK);
+}
+
+TEST(CSimulation, ExchangesWhatIsDrawnBack) {
+  const Simulation simulation = made(Branches(thorax()).setup());
+  EXPECT_EQ(xrc_exchange(simulation.get(), 1, "guidewire-035-straight"), XRC_OK) << xrc_last_error();
+  EXPECT_EQ(xrc_exchange(simulation.get(), 1, "guide-6f"), XRC_INPUT_ERROR);
+  EXPECT_EQ(xrc_exchange(simulation.get(), 1, "cobra"), XRC_INPUT_ERROR);
+  EXPECT_NE(std::string(xrc_last_error()).find("cobra-5f"), std::string::npos) << xrc_last_error();
+}
+
+TEST(CSimulation, RefusesWhatCannotBeSimulated) {
+  const Branches tree(thorax());
+  xrc_setup setup = tree.setup();
+  setup.instrument_count = 0;
+  EXPECT_NE(refusal(setup), "");
+  setup.instrument_count = std::numeric_limits<std::size_t>::max();
+  EXPECT_NE(refusal(setup).find("at most 3"), std::string::npos);
+  setup = tree.setup();
+  setup.branches = nullptr;
+  EXPECT_EQ(refusal(setup), "branches: NULL, where there should be " + std::to_string(setup.branch_count));
+  setup = tree.setup();
+  setup.tree_file = "/no/such/tree.vtp";
+  EXPECT_NE(refusal(setup).find("/no/such/tree.vtp"), std::string::npos);
+  setup = tree.setup();
+  setup.step_s = std::nan("");
+  EXPECT_NE(refusal(setup).find("step_s"), std::string::npos);
+  setup = tree.setup();
+  const double far_away[] = {0, 0, 5000};
+  setup.entry_mm = far_away;
+  EXPECT_NE(refusal(setup).find("entry_mm"), std::string::npos);
+  EXPECT_EQ(xrc_create(nullptr, nullptr), XRC_INPUT_ERROR);
+}
+
+TEST(CSimulation, AFailedStepMovesNothing) {
+  const Simulation simulation = made(Branches(thorax()).setup());
+  const xrc_hub hubs[] = {{10, 0}, {std::nan(""), 0}};
+  EXPECT_EQ(xrc_step(simulation.get(), hubs, 2), XRC_INPUT_ERROR);
+  EXPECT_EQ(xrc_step(simulation.get(), hubs, 1), XRC_INPUT_ERROR);
+  EXPECT_EQ(xrc_step(nullptr, hubs, 2), XRC_INPUT_ERROR);
+  xrc_hub hub{-1, -1};
+  EXPECT_EQ(xrc_get_hub(simulation.get(), 2, &hub), XRC_INPUT_ERROR);
+  EXPECT_EQ(hub.insertion_mm, -1);
+  ASSERT_EQ(xrc_get_hub(simulation.get(), 0, &hub), XRC_OK);
+  EXPECT_EQ(hub.insertion_mm, 0);
+  xrc_destroy(nullptr);
+}
+
+}  // namespace
+}  // namespace xraycast
