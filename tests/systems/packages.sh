@@ -37,8 +37,8 @@ print(scan, scan.project(lao=30, cone_mm=(1000, 1500)).tau.max(), body.render(la
 '
 
 echo "== libxraycast-dev"
-install_within cmake g++ make '/root/libxraycast-dev_*.deb'
-for example in host segmentation simulation viewer; do
+install_within cmake g++ make "/root/libxraycast-c*.deb" "/root/libxraycast-dev_*.deb"
+for example in c host segmentation simulation viewer; do
   within bash -c "cp -r /usr/share/doc/libxraycast-dev/examples/$example /root/ && cd /root/$example &&
     cmake -S . -B build -DCMAKE_BUILD_TYPE=Release >/dev/null && cmake --build build >/dev/null && ./build/example"
 done

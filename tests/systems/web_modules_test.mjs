@@ -1,4 +1,4 @@
-// Modules of the exported page that need no browser: the address, the state, the film, the grey window and the C-arm.
+// Modules of the exported page that need no browser: the address, the state, the run, the grey window and the C-arm.
 // esbuild, which `npm ci` has put into web/node_modules, bundles each. The folder web/ is named by XRAYCAST_WEB.
 import assert from "node:assert/strict";
 import { readFileSync } from "node:fs";
@@ -21,7 +21,7 @@ async function module_of(name) {
 const { hash_of, state_of } = await module_of("address.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("device_shape.ts");
-const { step_s } = await module_of("film.ts");
+const { step_s } = await module_of("run_player.ts");
 const { view_of } = await module_of("camera.ts");
 const { Notes } = await module_of("notes.ts");
 const { Sampler } = await module_of("samples.ts");
@@ -111,7 +111,7 @@ test("at zoom 1 the height fits in whole voxels, and tilting does not zoom but w
   assert.ok(pixel_mm({ ...camera, cranial_deg: 30 }, "tilted") > pixel_mm(camera, "tilted"));
 });
 
-test("a film that was hidden goes on where it was", () => {
+test("a run that was hidden goes on where it was", () => {
   assert.ok(Math.abs(step_s(1000, 1040, 2) - 0.08) < 1e-12);
   assert.ok(step_s(1000, 61000, 1) <= 0.25);
   assert.equal(step_s(1000, 990, 1), 0);

@@ -272,18 +272,18 @@ browser_test("the run plays, is scrubbed, and says its forces", async () => {
   const played = await time();
   assert.ok(played > 0.3 && played < 3, `${played} s`);
   await settled(page);
-  assert.ok(psnr_dB(before, await drawn()) < 60); // of the picture, without clock and strip
+  assert.ok(psnr_dB(before, await drawn()) < 60); // of the picture, without clock and chart
   await page.focus("#time");
   await page.keyboard.press("End");
   await settled(page);
   assert.ok(Math.abs((await time()) - 3) < 0.1);
-  assert.match(await page.$eval("#strip", (strip) => strip.getAttribute("aria-label")), /force .* N, torque .* mN m, over 3\.0 s/);
+  assert.match(await page.$eval("#load-chart", (chart) => chart.getAttribute("aria-label")), /force .* N, torque .* mN m, over 3\.0 s/);
   await close(opened);
 });
 
-browser_test("the strip is that of the hub that is chosen", async () => {
+browser_test("the chart is that of the hub that is chosen", async () => {
   const opened = await open("pair.html", "lao=0"), { page } = opened;
-  const label = () => page.$eval("#strip", (strip) => strip.getAttribute("aria-label"));
+  const label = () => page.$eval("#load-chart", (chart) => chart.getAttribute("aria-label"));
   assert.match(await label(), /^At the hub of the cobra-5f: force /);
   await page.select("#hub", "1");
   assert.match(await label(), /^At the hub of the guidewire-035-j: force .* over 3\.0 s$/);

@@ -148,7 +148,7 @@ browser_test("keys steer a wire in a catheter, and the picture follows while the
   await page.keyboard.down("ArrowUp");
   await page.waitForFunction(() => Number(document.querySelector("#live-readout").textContent.match(/(-?\d+) mm/)?.[1]) >= 20, { timeout: 20000 });
   await page.keyboard.up("ArrowUp");
-  assert.match(await page.$eval("#strip", (strip) => strip.getAttribute("aria-label")), /^At the hub of the guidewire-035-j: force /);
+  assert.match(await page.$eval("#load-chart", (chart) => chart.getAttribute("aria-label")), /^At the hub of the guidewire-035-j: force /);
   await page.keyboard.down("i");
   await reads(page, "#live-readout", /no lumen is free, draw the wire back to 0 mm to inject; 0 ml/);
   await page.keyboard.up("i");

@@ -1,4 +1,4 @@
-// A live session: the picture follows the server, and the hands on the page steer.
+// A live session: the picture follows the server, and the controls on the page steer.
 import { Connection, Role } from "./connection";
 import { filled } from "./contrast";
 import type { Live } from "./data";
@@ -8,8 +8,8 @@ import { LiveMessage, message_of } from "./live_message";
 import type { Notes } from "./notes";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
-import { Deed, Steering } from "./steering";
-import { Loads, Strip } from "./strip";
+import { SteeringAction, Steering } from "./steering";
+import { Loads, LoadChart } from "./load_chart";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
@@ -59,7 +59,7 @@ export class LastLoads {
 const socket_address = ({ origin, search }: Location) => `${origin.replace(/^http/, "ws")}/live${search}`;
 
 export class LiveView {
-  private readonly strip: Strip;
+  private readonly chart: LoadChart;
   private readonly loads: LastLoads;
   private readonly steering: Steering;
   private readonly connection: Connection | null;
@@ -76,8 +76,8 @@ export class LiveView {
     for (const id of ["live", "live-keys"]) element(id).hidden = false;
     this.show_keys(false);
     this.loads = new LastLoads(names);
-    this.strip = new Strip(names, (hub) => this.loads.of(hub));
-    this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (deed) => this.send(deed));
+    this.chart = new LoadChart(names, (hub) => this.loads.of(hub));
+    this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send(action));
     this.connection = location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
     store.on_change((state, before) => state.camera !== before.camera && this.steering.steers && this.tell_c_arm());
@@ -118,7 +118,7 @@ export class LiveView {
       this.redraw();
     }
     document.documentElement.dataset.exposures = String(message.exposures);
-    this.strip.draw();
+    this.chart.draw();
     const now_ms = performance.now();
     if (now_ms - this.shown_ms < kReadout_ms) return;
     this.shown_ms = now_ms;
@@ -133,9 +133,9 @@ export class LiveView {
 
   private read_out(message: LiveMessage): void {
     const { held_hub, devices, exposes, injects } = message, held = devices[held_hub];
-    if (this.live.has_hub && held_hub !== this.held_hub) this.strip.choose(held_hub);
+    if (this.live.has_hub && held_hub !== this.held_hub) this.chart.choose(held_hub);
     this.held_hub = held_hub;
-    this.strip.show();
+    this.chart.show();
     element("live-readout").textContent = [
       `${this.live.devices[held_hub]?.name ?? ""} ${fixed(held?.insertion_mm ?? 0, 0)} mm, ${fixed(held?.rotation_deg ?? 0, 0)}°`,
       `${exposes ? "fluoroscopy" : "held picture"} ${message.fluoroscopy_s.toFixed(0)} s`, `${!injects ? "" : message.has_outlet ? "injecting, " : "no lumen is free, draw the wire back to 0 mm to inject; "}${message.injected_ml.toFixed(0)} ml`,
@@ -175,11 +175,11 @@ export class LiveView {
     this.send();
   }
 
-  private send(deed?: Deed): void {
+  private send(action?: SteeringAction): void {
     if (!this.steering.steers) return;
     const { camera } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
     if (this.has_moved) message.c_arm = { lao_deg: camera.lao_deg, cranial_deg: camera.cranial_deg, zoom: camera.zoom, table_mm: camera.table_mm };
-    if (deed) message[deed] = true;
+    if (action) message[action] = true;
     this.has_moved = false;
     this.connection!.send(message);
   }

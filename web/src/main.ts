@@ -3,8 +3,8 @@ import { hash_of, state_of } from "./address";
 import type { Camera } from "./camera";
 import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./device_shape";
-import { Film } from "./film";
-import { Actions, Hands } from "./input";
+import { RunPlayer } from "./run_player";
+import { Actions, PictureControls } from "./picture_controls";
 import { LiveView } from "./live";
 import { draw_overlay } from "./overlay";
 import { Picture } from "./picture";
@@ -28,7 +28,7 @@ const notes = new Notes((words) => {
 
 /** Draws when something has changed, at most once a frame of the display. */
 class Page {
-  private readonly film: Film | null;
+  private readonly player: RunPlayer | null;
   private readonly tools: Tools;
   private is_due = false;
   private is_lost = false;
@@ -43,18 +43,18 @@ class Page {
       reset: () => store.update({ camera: { ...store.first.camera }, window: store.first.window }),
       copy_link: () => void this.copy_link(),
       save_picture: () => this.save_picture(),
-      play: () => this.film?.toggle(),
-      step: (pictures) => this.film?.step(pictures),
+      play: () => this.player?.toggle(),
+      step: (pictures) => this.player?.step(pictures),
       help: () => element<HTMLDetailsElement>("help").toggleAttribute("open"),
     };
-    const hands = new Hands(stage, store, picture, data.map.bounds, actions);
-    this.film = data.run && data.run.pictures > 1 ? new Film(data.run, store) : null;
-    this.tools = new Tools(data, store, hands, actions);
+    const controls = new PictureControls(stage, store, picture, data.map.bounds, actions);
+    this.player = data.run && data.run.pictures > 1 ? new RunPlayer(data.run, store) : null;
+    this.tools = new Tools(data, store, controls, actions);
     document.body.classList.toggle("bare", store.state.is_bare);
     store.on_change((state, before) => this.changed(state, before));
     addEventListener("hashchange", () => store.update(state_of(location.hash, store.first)));
     new ResizeObserver(() => this.draw()).observe(stage); // before the resized page is painted
-    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.film?.draw());
+    matchMedia("(prefers-color-scheme: dark)").addEventListener("change", () => this.player?.draw());
     canvas.addEventListener("webglcontextlost", (event) => this.lose(event));
     canvas.addEventListener("webglcontextrestored", () => this.restore());
     this.show_picture(true);
@@ -76,7 +76,7 @@ class Page {
     }
     if (state.is_bare !== before.is_bare) document.body.classList.toggle("bare", state.is_bare);
     this.tools.show(state);
-    if (state.time_s !== before.time_s) this.film?.draw();
+    if (state.time_s !== before.time_s) this.player?.draw();
     this.request();
   }
 

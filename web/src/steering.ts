@@ -1,4 +1,4 @@
-// Hands on the devices of a live session: keys as in the viewer's window, and buttons for fingers.
+// Steering the devices of a live session: keys as in the viewer's window, and buttons for fingers.
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
 /** What is held down. */
@@ -11,18 +11,18 @@ export interface Held {
 }
 
 /** What is done once. */
-export type Deed = "next_hub" | "valve";
+export type SteeringAction = "next_hub" | "valve";
 
-type Hold = "push" | "pull" | "left" | "right" | "slow" | "pedal" | "inject";
+type Control = "push" | "pull" | "left" | "right" | "slow" | "pedal" | "inject";
 
-const kKeys: Record<string, Hold> = {
+const kKeys: Record<string, Control> = {
   ArrowUp: "push", ArrowDown: "pull", ArrowLeft: "left", ArrowRight: "right", Shift: "slow", x: "pedal", i: "inject",
 };
-const kHubs: readonly Hold[] = ["push", "pull", "left", "right", "slow"];
-const kButtons: Record<string, Hold> = { push: "push", pull: "pull", "turn-left": "left", "turn-right": "right", inject: "inject" };
-const kSwitches: Record<string, Hold> = { slow: "slow", pedal: "pedal" }; // so that one finger is enough
+const kHubs: readonly Control[] = ["push", "pull", "left", "right", "slow"];
+const kButtons: Record<string, Control> = { push: "push", pull: "pull", "turn-left": "left", "turn-right": "right", inject: "inject" };
+const kSwitches: Record<string, Control> = { slow: "slow", pedal: "pedal" }; // so that one finger is enough
 
-export const held_of = (holds: ReadonlySet<Hold>): Held => ({
+export const held_of = (holds: ReadonlySet<Control>): Held => ({
   push: Number(holds.has("push")) - Number(holds.has("pull")), turn: Number(holds.has("right")) - Number(holds.has("left")),
   slow: holds.has("slow"), pedal: holds.has("pedal"), inject: holds.has("inject"),
 });
@@ -30,12 +30,12 @@ export const held_of = (holds: ReadonlySet<Hold>): Held => ({
 export class Steering {
   /** Whether this page steers; otherwise keys are what they are without it. */
   steers = false;
-  private readonly keys = new Set<Hold>();
-  private readonly fingers = new Set<Hold>();
-  private readonly switches = new Set<Hold>();
+  private readonly keys = new Set<Control>();
+  private readonly fingers = new Set<Control>();
+  private readonly switches = new Set<Control>();
 
   constructor(private readonly stage: HTMLElement, private readonly has_hub: boolean, private readonly has_valve: boolean,
-    private readonly changed: () => void, private readonly act: (deed: Deed) => void) {
+    private readonly changed: () => void, private readonly act: (action: SteeringAction) => void) {
     document.addEventListener("keydown", (event) => this.press(event), { capture: true });
     document.addEventListener("keyup", (event) => this.release(event), { capture: true });
     addEventListener("blur", () => this.let_go());
@@ -60,9 +60,9 @@ export class Steering {
 
   private press(event: KeyboardEvent): void {
     if (!this.takes(event)) return;
-    const deed = this.deed_of(event), hold = kKeys[event.key] ?? kKeys[event.key.toLowerCase()];
-    if (deed) {
-      if (!event.repeat) this.act(deed);
+    const action = this.action_of(event), hold = kKeys[event.key] ?? kKeys[event.key.toLowerCase()];
+    if (action) {
+      if (!event.repeat) this.act(action);
     } else if (hold && (this.has_hub || !kHubs.includes(hold))) {
       this.keys.add(hold);
       if (!event.repeat) this.changed();
@@ -87,13 +87,13 @@ export class Steering {
   }
 
   /** Tab goes on through the page, unless the picture has the focus. */
-  private deed_of(event: KeyboardEvent): Deed | null {
+  private action_of(event: KeyboardEvent): SteeringAction | null {
     if (!this.has_valve) return null;
     if (event.key === "Tab") return document.activeElement === this.stage && !event.shiftKey ? "next_hub" : null;
     return event.key.toLowerCase() === "v" ? "valve" : null;
   }
 
-  private hold_by_finger(button: HTMLElement, hold: Hold): void {
+  private hold_by_finger(button: HTMLElement, hold: Control): void {
     const change = (is_down: boolean) => {
       if (is_down === this.fingers.has(hold)) return;
       if (is_down) this.fingers.add(hold);
@@ -112,7 +112,7 @@ export class Steering {
     button.addEventListener("contextmenu", (event) => event.preventDefault());
   }
 
-  private switch_by_click(button: HTMLElement, hold: Hold): void {
+  private switch_by_click(button: HTMLElement, hold: Control): void {
     button.addEventListener("click", () => {
       if (!this.switches.delete(hold)) this.switches.add(hold);
       button.setAttribute("aria-pressed", String(this.switches.has(hold)));

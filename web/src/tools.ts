@@ -1,6 +1,6 @@
 // The buttons under the picture.
 import type { SessionData } from "./data";
-import type { Actions, Hands } from "./input";
+import type { Actions, PictureControls } from "./picture_controls";
 import { State, Store, has_surfaces } from "./state";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
@@ -17,14 +17,14 @@ const kToggles: readonly { id: string; is_pressed(state: State): boolean; change
 export class Tools {
   private readonly layers: HTMLInputElement[] = [];
 
-  constructor(private readonly data: SessionData, store: Store, hands: Hands, actions: Actions) {
+  constructor(private readonly data: SessionData, store: Store, controls: PictureControls, actions: Actions) {
     element("tools").hidden = false;
     for (const { name, lao_deg } of data.header.viewer.presets)
       this.add_preset(name, () => store.update({ camera: { ...store.state.camera, lao_deg, cranial_deg: 0 } }));
     const page_mm = 0.1 * data.map.bounds.half_height_mm;
     const clicks: Record<string, () => void> = {
-      "zoom-in": () => hands.zoom(1.2), "zoom-out": () => hands.zoom(1 / 1.2), "table-up": () => hands.travel(page_mm),
-      "table-down": () => hands.travel(-page_mm), reset: actions.reset, copy: actions.copy_link, save: actions.save_picture,
+      "zoom-in": () => controls.zoom(1.2), "zoom-out": () => controls.zoom(1 / 1.2), "table-up": () => controls.travel(page_mm),
+      "table-down": () => controls.travel(-page_mm), reset: actions.reset, copy: actions.copy_link, save: actions.save_picture,
     };
     for (const [id, click] of Object.entries(clicks)) element(id).addEventListener("click", click);
     for (const { id, change } of kToggles) element(id).addEventListener("click", () => store.update(change(store.state)));

@@ -160,7 +160,7 @@ PageJson device_json(const std::string& name, double radius_mm, bool has_lumen) 
   return {{"name", name}, {"radius_mm", radius_mm}, {"parts", parts}};
 }
 
-/// Four digits behind the point are finer than a strip shows.
+/// Four digits behind the point are finer than a chart shows.
 PageJson rounded(std::span<const HubLoad> loads, double HubLoad::*load, double times) {
   PageJson numbers = PageJson::array();
   for (const HubLoad& here : loads) numbers.push_back(std::round(here.*load * times * 1e4) / 1e4);

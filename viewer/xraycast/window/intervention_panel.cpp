@@ -38,7 +38,7 @@ void drag_hub(ManualDevice& hand) {
 
 void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
 
-void strip(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
+void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
            const char* unit, float width) {
   std::vector<float> values;
   for (const SimulatedRun::Load& at : run.loads())
@@ -93,9 +93,9 @@ void show_device(Intervention& intervention, std::size_t number) {
   const bool is_alone = run.now().count() == 1;
   const float row = 25 * ImGui::GetFontSize(), gap = ImGui::GetStyle().ItemSpacing.x;
   const float width = is_alone ? row : (row - gap) / 2;
-  strip("force", run, number, &HubLoad::force_N, 1, "N", width);
+  load_chart("force", run, number, &HubLoad::force_N, 1, "N", width);
   if (!is_alone) ImGui::SameLine();
-  strip("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm", width);
+  load_chart("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm", width);
   ImGui::PopID();
 }
 

@@ -1,4 +1,4 @@
-// Hands on the picture: mouse, touch, wheel and keys move the C-arm, the table and the grey window.
+// Mouse, touch, wheel and keys on the picture move the C-arm, the table and the grey window.
 import { dragged } from "./grey_window";
 import type { Picture } from "./picture";
 import type { Store } from "./state";
@@ -16,7 +16,7 @@ export interface Actions {
   help(): void;
 }
 
-export class Hands {
+export class PictureControls {
   private readonly fingers = new Map<number, PointerEvent>();
 
   constructor(

@@ -1,4 +1,4 @@
-// Force and torque at a hub over some time, as a strip with a mark at the present.
+// Force and torque at a hub over some time, as a chart with a mark at the present.
 import { fixed } from "./fixed";
 
 /** Of one hub: values at even times, and which of them is of now. */
@@ -14,8 +14,8 @@ const kCurves = [{ name: "force", unit: "N", colour: "--force" }, { name: "torqu
 
 const values_of = (loads: Loads, k: number): readonly number[] => (k === 0 ? loads.force_N : loads.torque_mNm);
 
-/** What a strip shows, in words. */
-export function strip_text(loads: Loads): string {
+/** What a chart shows, in words. */
+export function loads_text(loads: Loads): string {
   const range = (k: number) => {
     const values = values_of(loads, k);
     return values.length === 0 ? "none yet" : `${fixed(Math.min(...values), 2)} to ${fixed(Math.max(...values), 2)} ${kCurves[k]!.unit}`;
@@ -23,7 +23,7 @@ export function strip_text(loads: Loads): string {
   return `At the hub of the ${loads.device}: force ${range(0)}, torque ${range(1)}, over ${loads.length_s.toFixed(1)} s`;
 }
 
-export function draw_strip(canvas: HTMLCanvasElement, loads: Loads): void {
+export function draw_loads(canvas: HTMLCanvasElement, loads: Loads): void {
   const scale = devicePixelRatio, width = Math.round(canvas.clientWidth * scale), height = Math.round(canvas.clientHeight * scale);
   if (width === 0 || height === 0) return;
   if (canvas.width !== width || canvas.height !== height) Object.assign(canvas, { width, height });
@@ -49,9 +49,9 @@ export function draw_strip(canvas: HTMLCanvasElement, loads: Loads): void {
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-/** The strip on the page, with a choice of the hub where there are several. */
-export class Strip {
-  private readonly canvas = element<HTMLCanvasElement>("strip");
+/** The chart on the page, with a choice of the hub where there are several. */
+export class LoadChart {
+  private readonly canvas = element<HTMLCanvasElement>("load-chart");
   private readonly choice = element<HTMLSelectElement>("hub");
 
   constructor(names: readonly string[], private readonly loads_of: (hub: number) => Loads) {
@@ -74,12 +74,12 @@ export class Strip {
   }
 
   draw(): void {
-    draw_strip(this.canvas, this.loads_of(this.hub));
+    draw_loads(this.canvas, this.loads_of(this.hub));
   }
 
   /** Also in words. */
   show(): void {
-    this.canvas.setAttribute("aria-label", strip_text(this.loads_of(this.hub)));
+    this.canvas.setAttribute("aria-label", loads_text(this.loads_of(this.hub)));
     this.draw();
   }
 }

@@ -1,30 +1,30 @@
-// The run as a film: play, scrub, speed.
+// The run: play, scrub, speed.
 import type { Run } from "./data";
 import { length_s, picture_at } from "./device_shape";
 import type { Store } from "./state";
-import { Loads, Strip } from "./strip";
+import { Loads, LoadChart } from "./load_chart";
 
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 
-const kLongestStep_ms = 250; // of a film that was not drawn, as in a hidden tab
+const kLongestStep_ms = 250; // of a run that was not drawn, as in a hidden tab
 
-/** How far a film goes on between two pictures of the display. */
+/** How far a run goes on between two pictures of the display. */
 export const step_s = (from_ms: number, to_ms: number, speed: number): number =>
   (speed * Math.min(kLongestStep_ms, Math.max(0, to_ms - from_ms))) / 1000;
 
-export class Film {
+export class RunPlayer {
   private is_playing = false;
   private last_ms = 0;
   private readonly play = element<HTMLButtonElement>("play");
   private readonly time = element<HTMLInputElement>("time");
   private readonly speed = element<HTMLSelectElement>("speed");
-  private readonly strip: Strip;
+  private readonly chart: LoadChart;
 
   constructor(private readonly run: Run, private readonly store: Store) {
-    element("film").hidden = false;
+    element("run-player").hidden = false;
     this.time.max = String(length_s(run));
     this.time.step = String(run.step_s);
-    this.strip = new Strip(run.devices.map(({ name }) => name), (hub) => this.loads(hub));
+    this.chart = new LoadChart(run.devices.map(({ name }) => name), (hub) => this.loads(hub));
     this.play.addEventListener("click", () => this.toggle());
     this.time.addEventListener("input", () => {
       this.stop();
@@ -54,7 +54,7 @@ export class Film {
     const { time_s } = this.store.state;
     this.time.value = String(time_s);
     element("clock").textContent = `${time_s.toFixed(1)} of ${length_s(this.run).toFixed(1)} s`;
-    this.strip.draw();
+    this.chart.draw();
   }
 
   private loads(hub: number): Loads {
