@@ -9,7 +9,7 @@ make_bare_root bookworm
 cp out/packages/*.deb "$root/root/"
 
 echo "== xraycast"
-install_within '/root/xraycast_*.deb'
+install_within '/root/libxraycast0.2_*.deb /root/xraycast_*.deb'
 if within bash -c 'command -v g++ cc make'; then
   echo "the program's package brings a compiler" >&2
   exit 1
@@ -37,7 +37,7 @@ print(scan, scan.project(lao=30, cone_mm=(1000, 1500)).tau.max(), body.render(la
 '
 
 echo "== libxraycast-dev"
-install_within cmake g++ make "/root/libxraycast-c*.deb" "/root/libxraycast-dev_*.deb"
+install_within cmake g++ make '/root/libxraycast-c0.2_*.deb /root/libxraycast-dev_*.deb'
 for example in c host segmentation simulation viewer; do
   within bash -c "cp -r /usr/share/doc/libxraycast-dev/examples/$example /root/ && cd /root/$example &&
     cmake -S . -B build -DCMAKE_BUILD_TYPE=Release >/dev/null && cmake --build build >/dev/null && ./build/example"
