@@ -33,7 +33,7 @@ std::vector<Row> add_drawing(Bench& bench) {
   auto circles = std::make_shared<Frames>(bench.scan, bench.map(8), 640, 480, false);
   add("frame_circles_8_640", [circles] { return circles->next_ms(); });
   auto tilted = std::make_shared<Frames>(bench.scan, bench.body_map(8), 640, 480, false, path,
-                                         Camera{.tilt_rad = kTilt_rad, .cone = Cone{1000, 1500}});
+                                         CArmPose{.cranial_rad = kTilt_rad, .cone = Cone{1000, 1500}});
   add("frame_8_cone_tilt_640", [tilted] { return tilted->next_ms(); });
   auto pictures = std::make_shared<Frames>(bench.scan, bench.pictures(36), 640, 480, false);
   add("frame_rectangle_640", [pictures] { return pictures->next_ms(); });

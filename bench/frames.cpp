@@ -23,8 +23,8 @@ struct Frames::Gl {
 };
 
 Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height,
-               bool with_vessels, Compositing compositing, const Camera& camera)
-    : camera_(camera), bounds_(bounds_of(geometry)), width_(width), height_(height) {
+               bool with_vessels, Compositing compositing, const CArmPose& pose)
+    : pose_(pose), bounds_(bounds_of(geometry)), width_(width), height_(height) {
   gl_ = std::make_unique<Gl>();
   Progress progress;
   gl_->renderer.set_map(std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress).map));
@@ -32,7 +32,7 @@ Frames::Frames(const ResidentScan& scan, const MapGeometry& geometry, int width,
     constexpr int kSides = 6;  // 31,248 triangles
     Surface vessels{tube_mesh(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), kSides)};
     gl_->renderer.set_surfaces(std::span(&vessels, 1));
-    style_.shading = ShadingMode::surface;
+    style_.look = Look::surface;
   }
   style_.sampling.compositing = compositing;
   style_.pixels_per_column = 2;
@@ -46,10 +46,10 @@ Renderer& Frames::renderer() { return gl_->renderer; }
 
 double Frames::next_ms() {
   const Stopwatch stopwatch;
-  camera_.rotate(7);
+  pose_.rotate(7);
   glBindFramebuffer(GL_FRAMEBUFFER, gl_->framebuffer.id());
   glFramebufferTexture2D(GL_FRAMEBUFFER, GL_COLOR_ATTACHMENT0, GL_TEXTURE_2D, gl_->target.texture(), 0);
-  gl_->renderer.draw(view_of(camera_, bounds_, width_, height_), style_);
+  gl_->renderer.draw(view_of(pose_, bounds_, width_, height_), style_);
   glFinish();
   return stopwatch.ms();
 }
@@ -92,7 +92,7 @@ struct FluoroscopyFrames::Chain {
 FluoroscopyFrames::FluoroscopyFrames(const ResidentScan& scan, const MapGeometry& geometry, int width,
                                      int height, bool subtracts)
     : Frames(scan, geometry, width, height, false), width_(width), height_(height) {
-  const View view = view_of(camera_, bounds_, width, height);
+  const View view = view_of(pose_, bounds_, width, height);
   FluoroscopyOptions options;
   options.c_arm = CArm::named("fixed-single-plane");
   // The body's height fits into the picture, which a detector's pixels do not: its own, so that the blur is
@@ -114,8 +114,8 @@ FluoroscopyFrames::~FluoroscopyFrames() = default;
 
 double FluoroscopyFrames::next_ms() {
   const Stopwatch stopwatch;
-  camera_.rotate(7);
-  const View view = view_of(camera_, bounds_, width_, height_);
+  pose_.rotate(7);
+  const View view = view_of(pose_, bounds_, width_, height_);
   const FluoroscopyFrame& frame = chain_->fluoroscope.expose(renderer().tau(view, style_));
   if (chain_->subtraction)
     chain_->subtract(frame, width_, height_);

@@ -2,7 +2,7 @@
 
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <cstdio>
 #include <filesystem>
@@ -17,13 +17,13 @@ class Frames {
  public:
   /// `with_vessels`: the thorax phantom's vessels too, shaded, of more than the paper's 12,264 triangles.
   Frames(const ResidentScan& scan, const MapGeometry& geometry, int width, int height, bool with_vessels,
-         Compositing compositing = Compositing::path, const Camera& camera = {});
+         Compositing compositing = Compositing::path, const CArmPose& pose = {});
   ~Frames();
   double next_ms();
 
  protected:
   Renderer& renderer();
-  Camera camera_;
+  CArmPose pose_;
   BodyBounds bounds_;
   Style style_{};
 

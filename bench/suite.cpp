@@ -50,8 +50,8 @@ Opacity many_knots(int count) {
 
 View c_arm(double angle_deg, double tilt_deg) {
   constexpr double kRadians = std::numbers::pi / 180;
-  return {.angle_rad = angle_deg * kRadians,
-          .tilt_rad = tilt_deg * kRadians,
+  return {.lao_rad = angle_deg * kRadians,
+          .cranial_rad = tilt_deg * kRadians,
           .cone = Cone{1000, 1500},
           .width = 640,
           .height = 480,

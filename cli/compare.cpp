@@ -9,7 +9,7 @@
 #include "xraycast/casting/rays_within.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/same_scan.hpp"
 
 #include <fmt/format.h>

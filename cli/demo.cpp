@@ -19,7 +19,7 @@
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/requests/cast_request.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/segmentation/vessels.hpp"
@@ -119,7 +119,7 @@ void make_projection(const ResidentScan& scan, const BodyOutline& body, double a
                      Progress& progress) {
   const VolumeGeometry& volume = scan.geometry();
   View view;
-  view.angle_rad = angle_deg * std::numbers::pi / 180;
+  view.lao_rad = angle_deg * std::numbers::pi / 180;
   view.cone = Cone{1000, 1500};
   view.centre_mm = {body.centre_mm, 0.5 * (volume.lower_mm().z + volume.upper_mm().z)};
   view.centre_mm.z += 70;  // the chest
@@ -143,22 +143,22 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
   Surface vessels{tube_mesh(VesselTree(phantom.vessel_branches(), "thorax phantom"))};
   vessels.mu_per_mm = 0.01;
   renderer.set_surfaces(std::span(&vessels, 1));
-  Camera camera{.table_mm = 70, .zoom = 1.3};
-  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface})
+  CArmPose pose{.table_mm = 70, .zoom = 1.3};
+  for (const Look look : {Look::fluoro, Look::surface})
     for (const double angle_deg : kAngles_deg) {
-      camera.angle_rad = angle_deg * std::numbers::pi / 180;
+      pose.lao_rad = angle_deg * std::numbers::pi / 180;
       Style style;
-      style.shading = shading;
-      style.window.inverted = shading == ShadingMode::surface;
-      const View view = view_of(camera, bounds_of(map->geometry), 480, 600);
+      style.look = look;
+      style.window.inverted = look == Look::surface;
+      const View view = view_of(pose, bounds_of(map->geometry), 480, 600);
       style.window = automatic_window(renderer, view, style);
-      const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(shading), angle_deg);
+      const std::string name = fmt::format("frame-{}-{:.0f}.png", to_string(look), angle_deg);
       const std::vector<std::uint8_t> rgb =
-          report.timed(fmt::format("frame, {}, {}", to_string(shading), label(view)),
+          report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
                        [&] { return renderer.picture(view, style); });
       write_png(rgb, view.width, view.height, 3, report.file(name));
-      report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(),
-                                       to_string(shading), label(view)));
+      report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(), to_string(look),
+                                       label(view)));
     }
 }
 
@@ -204,7 +204,7 @@ void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>
   session.map = map;
   session.vessels = filled_vessels(tube_mesh(tree), kUsualContrast_mg_ml);
   session.run = std::move(run);
-  session.camera = {.table_mm = -100, .zoom = 1.6};
+  session.pose = {.table_mm = -100, .zoom = 1.6};
   session.still_png = read_whole_file(report.file("run-fluoro.png"));
   write_whole_file(report.file("run.html"), web_page(session));
 }
@@ -250,7 +250,7 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
   for (const char* look : {"fluoro", "surface", "dsa"}) {
     PictureOptions& picture = options.picture;
     choose_look(look, picture);
-    picture.style.window.inverted = picture.style.shading == ShadingMode::surface;
+    picture.style.window.inverted = picture.style.look == Look::surface;
     options.injection = picture.acquisition.subtracts ? kShortInjection : kLongInjection;
     if (picture.acquisition.subtracts) {
       picture.acquisition.fluoroscope = {

@@ -109,7 +109,7 @@ WebSession gather(const ExportArguments& options, Session& session) {
   web.shows_road_map = scene.steered && scene.steered->has_road_map;
   web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
   web.precision = parse_map_precision(options.precision);
-  web.camera = scene.camera;
+  web.pose = scene.pose;
   web.is_of_session = !options.session.empty();
   web.style = scene.style;
   web.has_window = scene.has_window;

@@ -112,7 +112,7 @@ MapScene read_scene(const ViewSession& session, const std::shared_ptr<const Body
   return scene;
 }
 
-/// The session's camera, but for what is given: a C-arm has its own detector. Without a session, the whole
+/// The session's pose, but for what is given: a C-arm has its own detector. Without a session, the whole
 /// body.
 View resolve_view(const RenderArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
@@ -120,11 +120,11 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
   if (options.session.empty()) return fitted(view, bounds);
   constexpr int kUsualWidth = 640, kUsualHeight = 480;
   const bool is_sized = view.width > 0;
-  const View seen = view_of(scene.camera, bounds, is_sized ? view.width : kUsualWidth,
-                            is_sized ? view.height : kUsualHeight);
+  const View seen =
+      view_of(scene.pose, bounds, is_sized ? view.width : kUsualWidth, is_sized ? view.height : kUsualHeight);
   if (!options.view.has_isocentre()) view.centre_mm = seen.centre_mm;
-  if (!options.view.has_angle()) view.angle_rad = seen.angle_rad;
-  if (!options.view.has_tilt()) view.tilt_rad = seen.tilt_rad;
+  if (!options.view.has_angle()) view.lao_rad = seen.lao_rad;
+  if (!options.view.has_tilt()) view.cranial_rad = seen.cranial_rad;
   if (!view.cone) view.cone = seen.cone;
   if (view.pixel_mm > 0) return fitted(view, bounds);
   view.width = seen.width;
@@ -136,7 +136,7 @@ View resolve_view(const RenderArguments& options, const ViewSession& scene, cons
 /// One view, or those of a cine.
 std::vector<View> views_of(const View& view, std::span<const double> cine_deg) {
   std::vector<View> views(std::max<std::size_t>(1, cine_deg.size()), view);
-  for (std::size_t i = 0; i < cine_deg.size(); ++i) views[i].angle_rad = glm::radians(cine_deg[i]);
+  for (std::size_t i = 0; i < cine_deg.size(); ++i) views[i].lao_rad = glm::radians(cine_deg[i]);
   return views;
 }
 

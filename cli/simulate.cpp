@@ -14,7 +14,7 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/simulation/run_script.hpp"
@@ -60,7 +60,7 @@ void note_on_vessels(const Injection& injection, const Session& session) {
 PictureOptions picture_of(const SimulateArguments& options) {
   PictureOptions picture;
   choose_look(options.look, picture);
-  picture.style.window.inverted = picture.style.shading == ShadingMode::surface;
+  picture.style.window.inverted = picture.style.look == Look::surface;
   picture.acquisition.fluoroscope = parse_fluoroscope(options.fluoroscope);
   picture.acquisition.mask_shift = parse_mask_shift(options.subtraction);
   picture.acquisition.shows_maximum_opacification = options.subtraction.shows_maximum_opacification;

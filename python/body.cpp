@@ -12,7 +12,7 @@
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/requests/cast_request.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <filesystem>
 #include <nanobind/stl/filesystem.h>

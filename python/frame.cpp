@@ -219,10 +219,10 @@ void add_frames(nb::module_& module) {
       .def_prop_ro(
           "shape", [](const Frame& f) { return nb::make_tuple(f.height(), f.width()); }, "(rows, columns)")
       .def_prop_ro(
-          "lao", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "lao").angle_rad; },
+          "lao", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "lao").lao_rad; },
           "The C-arm's angle in degrees, LAO positive.")
       .def_prop_ro(
-          "cranial", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "cranial").tilt_rad; },
+          "cranial", [](const Frame& f) { return kDegreesPerRadian * view_of(f, "cranial").cranial_rad; },
           "The C-arm's tilt in degrees, cranial positive.")
       .def_prop_ro(
           "pixel_mm", [](const Frame& f) { return view_of(f, "pixel_mm").pixel_mm; },

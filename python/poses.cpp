@@ -69,8 +69,8 @@ Poses views_of(const PoseArguments& arguments, const std::function<View(View, bo
   poses.is_batch = count > 0;
   for (std::size_t i = 0; i < std::max<std::size_t>(count, 1); ++i) {
     View one = view;
-    one.angle_rad = kDegree * lao.values[lao.is_single() ? 0 : i];
-    one.tilt_rad = kDegree * cranial.values[cranial.is_single() ? 0 : i];
+    one.lao_rad = kDegree * lao.values[lao.is_single() ? 0 : i];
+    one.cranial_rad = kDegree * cranial.values[cranial.is_single() ? 0 : i];
     one = complete(one, !arguments.centre_mm.is_none());
     // All pictures of a batch have the size of the first.
     view.width = one.width;

@@ -79,7 +79,7 @@ ViewSession resolve_served(const ServeArguments& options) {
   // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
   scene.style.full_contrast = true;
   if (!options.session.empty()) scene = read_session(options.session);
-  scene.style.shading = ShadingMode::fluoro;
+  scene.style.look = Look::fluoro;
   if (options.grey.gamma) scene.style.window.gamma = *options.grey.gamma;
   if (options.grey.inverted) scene.style.window.inverted = true;
   replace_file(scene.map, options.map);
@@ -91,7 +91,7 @@ ViewSession resolve_served(const ServeArguments& options) {
   return scene;
 }
 
-/// The picture of the whole body, which the camera turns, moves and magnifies.
+/// The picture of the whole body, which the pose turns, moves and magnifies.
 View resolve_detector(const ServeArguments& options, const ViewSession& scene, const BodyBounds& bounds) {
   constexpr int kUsualWidth = 640, kUsualHeight = 480, kMostPixels = 4096;
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
@@ -99,7 +99,7 @@ View resolve_detector(const ServeArguments& options, const ViewSession& scene, c
     view.width = kUsualWidth;
     view.height = kUsualHeight;
   }
-  if (!view.cone) view.cone = scene.camera.cone;
+  if (!view.cone) view.cone = scene.pose.cone;
   view.centre_mm = bounds.centre_mm;
   view = fitted(view, bounds);
   if (view.width > kMostPixels || view.height > kMostPixels)
@@ -108,13 +108,13 @@ View resolve_detector(const ServeArguments& options, const ViewSession& scene, c
   return view;
 }
 
-Camera resolve_camera(const ServeArguments& options, const ViewSession& scene, const View& detector) {
-  Camera camera = scene.camera;
-  if (options.session.empty() || options.view.has_angle()) camera.angle_rad = detector.angle_rad;
-  if (options.session.empty() || options.view.has_tilt()) camera.tilt_rad = detector.tilt_rad;
-  if (options.view.pixel_mm > 0) camera.zoom = 1;
-  camera.cone = detector.cone;
-  return camera;
+CArmPose resolve_pose(const ServeArguments& options, const ViewSession& scene, const View& detector) {
+  CArmPose pose = scene.pose;
+  if (options.session.empty() || options.view.has_angle()) pose.lao_rad = detector.lao_rad;
+  if (options.session.empty() || options.view.has_tilt()) pose.cranial_rad = detector.cranial_rad;
+  if (options.view.pixel_mm > 0) pose.zoom = 1;
+  pose.cone = detector.cone;
+  return pose;
 }
 
 std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
@@ -143,12 +143,12 @@ Intervention::Options steering_of(const ServeArguments& options, const ViewSessi
   return steering;
 }
 
-/// The page for browsers and its server. The page begins as the session's camera stands.
+/// The page for browsers and its server. The page begins at the session's pose.
 std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, const ViewSession& scene,
-                                    const Camera& camera, const std::shared_ptr<const BodyMap>& map,
+                                    const CArmPose& pose, const std::shared_ptr<const BodyMap>& map,
                                     const Intervention& intervention, bool has_hub) {
   const SimulatedRun& run = intervention.run();
-  std::string page = live_page(scene, camera, map, run.tree(), run.models(), has_hub);
+  std::string page = live_page(scene, pose, map, run.tree(), run.models(), has_hub);
   try {
     return std::make_unique<WebOutlet>(web, std::move(page), bounds_of(map->geometry), has_hub,
                                        log_to_stderr);
@@ -224,16 +224,16 @@ void serve(const ServeArguments& options, Session& session) {
   const EntryChoice entry_choice = parse_entry(options.entry);
   session.say(notes_on_entry(run.tree(), entry_choice, find_entry(run.tree(), entry_choice, run.models()[0]),
                              run.models()[0]));
-  const Camera camera = resolve_camera(options, scene, detector);
+  const CArmPose pose = resolve_pose(options, scene, detector);
   std::unique_ptr<WebOutlet> web;
-  if (web_options) web = open_web(*web_options, scene, camera, map, intervention, options.is_browsers_hub());
+  if (web_options) web = open_web(*web_options, scene, pose, map, intervention, options.is_browsers_hub());
   give_way();  // after the servers' threads
   LiveScreen screen(map, {.view = detector,
                           .style = scene.style,
                           .has_window = scene.has_window,
                           .is_fine = options.bits == 16,
                           .fluoroscopy = fluoroscopy});
-  LiveSession live(intervention, bounds, camera, screen, log_to_stderr);
+  LiveSession live(intervention, bounds, pose, screen, log_to_stderr);
   IgtlinkOutlet outlet(server);
   live.add(outlet);
   if (web) live.add(*web);

@@ -146,8 +146,8 @@ glm::dvec3 parse_isocentre(const std::string& isocentre) {
 View parse_view(const ViewOptions& options) {
   if (options.has_isocentre()) parse_isocentre(options.isocentre);  // before long work
   View view;
-  view.angle_rad = glm::radians(options.angle_deg);
-  view.tilt_rad = glm::radians(options.tilt_deg);
+  view.lao_rad = glm::radians(options.angle_deg);
+  view.cranial_rad = glm::radians(options.tilt_deg);
   view.pixel_mm = options.pixel_mm;
   view.cone = parse_cone(options.cone);
   if (!options.size.empty()) {
@@ -175,8 +175,8 @@ Json to_json(const View& view) {
           {"height", view.height},
           {"pixel_mm", view.pixel_mm},
           {"centre_mm", {view.centre_mm.x, view.centre_mm.y, view.centre_mm.z}},
-          {"angle_deg", degrees(view.angle_rad)},
-          {"tilt_deg", degrees(view.tilt_rad)}};
+          {"angle_deg", degrees(view.lao_rad)},
+          {"tilt_deg", degrees(view.cranial_rad)}};
 }
 
 }  // namespace xraycast::cli

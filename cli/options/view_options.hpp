@@ -3,7 +3,7 @@
 #include "options/command.hpp"
 #include "xraycast/casting/view.hpp"
 #include "xraycast/casting/xa_file.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <optional>
 #include <string>

@@ -77,14 +77,14 @@ std::string still_png(const WebSession& web) {
   if (web.vessels && web.shows_vessels) surfaces.push_back(*web.vessels);
   surfaces.insert(surfaces.end(), web.catheters.begin(), web.catheters.end());
   renderer.set_surfaces(surfaces);
-  const View view = view_of(web.camera, bounds_of(web.map->geometry), kWidth, kHeight);
+  const View view = view_of(web.pose, bounds_of(web.map->geometry), kWidth, kHeight);
   Style style = web.style;
   style.sampling = {};
   if (!web.has_window) style.window = automatic_window(renderer, view, style);
   return png_bytes(renderer.picture(view, style), kWidth, kHeight, 3);
 }
 
-std::string live_page(const ViewSession& scene, const Camera& camera,
+std::string live_page(const ViewSession& scene, const CArmPose& pose,
                       const std::shared_ptr<const BodyMap>& map, const VesselTree& tree,
                       const std::vector<InstrumentModel>& devices, bool has_hub) {
   WebSession web;
@@ -98,7 +98,7 @@ std::string live_page(const ViewSession& scene, const Camera& camera,
   const ContrastSurface contrast(tree);
   check_contrast(contrast, scene.vessels.string());
   web.live = LiveRun{.devices = devices, .contrast = contrast.whole(), .has_hub = has_hub};
-  web.camera = camera;
+  web.pose = pose;
   web.is_of_session = true;
   web.style = scene.style;
   web.has_window = scene.has_window;

@@ -17,9 +17,9 @@ void check_web_host(const std::string& name);
 void check_web_surface(const Surface& surface, const BodyBounds& bounds, const std::string& name);
 
 /// The page of a session that goes on while it is open (see `serve --web`), from --vessels of its scene; it
-/// begins from the camera given. The map is one that check_web_map accepts. Throws InputError for vessels
+/// begins from the pose given. The map is one that check_web_map accepts. Throws InputError for vessels
 /// that a page cannot hold.
-std::string live_page(const ViewSession& scene, const Camera& camera,
+std::string live_page(const ViewSession& scene, const CArmPose& pose,
                       const std::shared_ptr<const BodyMap>& map, const VesselTree& tree,
                       const std::vector<InstrumentModel>& devices, bool has_hub);
 

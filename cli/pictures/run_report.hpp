@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/simulation/run_script.hpp"
 
 #include <glm/vec3.hpp>

@@ -5,7 +5,7 @@
 #include <xraycast/drawing/headless_context.hpp>
 #include <xraycast/drawing/renderer.hpp>
 #include <xraycast/phantom/phantom.hpp>
-#include <xraycast/sampling/camera.hpp>
+#include <xraycast/sampling/c_arm_pose.hpp>
 
 int main() {
   xraycast::ComputeDevice device;
@@ -20,8 +20,8 @@ int main() {
   const xraycast::HeadlessContext context;
   xraycast::Renderer renderer;
   renderer.set_map(map);
-  const xraycast::Camera camera{.angle_rad = 0.5};
-  const xraycast::View view = xraycast::view_of(camera, xraycast::bounds_of(geometry), 480, 640);
+  const xraycast::CArmPose pose{.lao_rad = 0.5};
+  const xraycast::View view = xraycast::view_of(pose, xraycast::bounds_of(geometry), 480, 640);
   xraycast::write_png(renderer.picture(view, {}), view.width, view.height, 3, "frame.png");
   std::cout << "drew " << view.width << " x " << view.height << " pixels\n";
 }

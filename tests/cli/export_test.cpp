@@ -173,9 +173,9 @@ TEST_F(Export, ShowsASessionAsItWasSaved) {
     "style": {"look": "surface", "compositing": "path", "continuous": true, "strengths": [1, 0]},
     "window": {"scale": 2, "dark": 0.1, "light": 0.9, "gamma": 1.2, "inverted": true}})");
   const Json header = header_of(written("--session @/s.json -o @/page.html", "page.html"));
-  EXPECT_NEAR(header["camera"]["lao_deg"].get<double>(), 30, 1e-9);
-  EXPECT_NEAR(header["camera"]["cranial_deg"].get<double>(), -10, 1e-9);
-  EXPECT_EQ(header["camera"]["table_mm"], 20);
+  EXPECT_NEAR(header["pose"]["lao_deg"].get<double>(), 30, 1e-9);
+  EXPECT_NEAR(header["pose"]["cranial_deg"].get<double>(), -10, 1e-9);
+  EXPECT_EQ(header["pose"]["table_mm"], 20);
   EXPECT_EQ(header["cone"]["source_detector_mm"], 1200);
   EXPECT_EQ(header["look"], "surface");
   EXPECT_EQ(header["window"]["scale"], 2);

@@ -112,8 +112,8 @@ TEST_F(ServeWeb, CountsTheBrowsersThatWatched) {
 
 TEST_F(ServeWeb, ItsPageBeginsAsTheSession) {
   const auto header = page_header("--angle 90 --tilt 10 --cone 780,1200");
-  EXPECT_NEAR(header["camera"]["lao_deg"].get<double>(), 90, 1e-9);
-  EXPECT_NEAR(header["camera"]["cranial_deg"].get<double>(), 10, 1e-9);
+  EXPECT_NEAR(header["pose"]["lao_deg"].get<double>(), 90, 1e-9);
+  EXPECT_NEAR(header["pose"]["cranial_deg"].get<double>(), 10, 1e-9);
   EXPECT_EQ(header["cone"]["source_axis_mm"], 780);
   EXPECT_EQ(header["cone"]["source_detector_mm"], 1200);
 }

@@ -228,7 +228,7 @@ void write_whole_session(const fs::path& path) {
     write_bytes(*file, "");
   }
   session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}}, 0.825, true}}, false};
-  session.camera.cone = Cone{900, 1200};
+  session.pose.cone = Cone{900, 1200};
   session.style.sampling.wall_radius_mm = 100;
   session.style.layer_weights = {1, 0.5};
   session.has_window = true;
@@ -275,9 +275,9 @@ void check_command(const IgtlinkReceiver::Event& event) {
     if (!is_so) throw std::logic_error(what);
   };
   if (const auto* move = std::get_if<CArmMove>(&event)) {
-    expect(std::abs(move->pose.angle_rad) <= 3.15 && std::abs(move->pose.tilt_rad) <= 1.6,
+    expect(std::abs(move->pose.lao_rad) <= 3.15 && std::abs(move->pose.cranial_rad) <= 1.6,
            "angles out of range");
-    expect(std::abs(move->pose.isocentre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm,
+    expect(std::abs(move->pose.centre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm,
            "an isocentre out of range");
   } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
     expect(rate->ml_s >= 0 && rate->ml_s <= kMaxInjection_ml_s, "an injection out of range");

@@ -73,8 +73,8 @@ std::vector<View> views_of(const VolumeGeometry& volume) {
     for (const double angle_deg : {0.0, 90.0, 33.0, 250.0})
       for (const std::optional<Cone>& cone : {std::optional<Cone>(), std::optional(Cone{900, 1400})})
         // Off the middle, so that no ray runs in a face itself, where it counts or not by rounding.
-        views.push_back({.angle_rad = angle_deg * kRadians,
-                         .tilt_rad = tilt_deg * kRadians,
+        views.push_back({.lao_rad = angle_deg * kRadians,
+                         .cranial_rad = tilt_deg * kRadians,
                          .cone = cone,
                          .centre_mm = {0.013, -0.021, 0.017},
                          .width = 41,
@@ -163,7 +163,7 @@ TEST(CutBody, OfThirtySixMillimetresOfWaterHasATauOf072) {
   const Volume volume = water_in({18, 18, 18}, {2, 2, 2});
   Progress progress;
   for (const double angle_deg : {0.0, 90.0}) {
-    const View view{.angle_rad = angle_deg * kRadians, .width = 9, .height = 9, .pixel_mm = 4};
+    const View view{.lao_rad = angle_deg * kRadians, .width = 9, .height = 9, .pixel_mm = 4};
     for (const float tau : project(upload(device(), volume), view, Opacity::paper(), progress).tau)
       EXPECT_NEAR(tau, 0.72, 1e-5);  // 32-bit sums
   }
@@ -193,7 +193,7 @@ TEST(CutBody, IsHeldAtTheBorderVoxelsUpToTheirFaces) {
 TEST(CutBody, HasTheMassesOfItsLengthUnderASpectrum) {
   const Volume volume = water_in({21, 17, 15}, {1.5, 2, 1.1});
   Progress progress;
-  const View view{.angle_rad = 90 * kRadians, .width = 5, .height = 5, .pixel_mm = 2};
+  const View view{.lao_rad = 90 * kRadians, .width = 5, .height = 5, .pixel_mm = 2};
   const ProjectedMasses masses = project_masses({upload(device(), volume), {}}, view, progress);
   for (const float g_cm2 : masses.g_cm2[0]) EXPECT_NEAR(g_cm2, 0.1 * 21 * 1.5, 1e-5);
 }

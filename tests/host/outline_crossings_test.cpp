@@ -85,7 +85,7 @@ double length_mm(const std::vector<PixelSegment>& segments, std::size_t pixel) {
 TEST(SegmentsWithin, AnEllipticCylinderAreItsChords) {
   const MapGeometry geometry = outlined(ellipse);
   for (const double tilt : {0.0, 0.02}) {
-    const View view{.tilt_rad = tilt, .centre_mm = {0, 0, 4.5}, .width = 190, .height = 1, .pixel_mm = 1};
+    const View view{.cranial_rad = tilt, .centre_mm = {0, 0, 4.5}, .width = 190, .height = 1, .pixel_mm = 1};
     const auto segments = segments_within(view, geometry);
     for (int i = 0; i < view.width; ++i)
       EXPECT_NEAR(length_mm(segments, static_cast<std::size_t>(i)),
@@ -97,7 +97,7 @@ TEST(SegmentsWithin, AnEllipticCylinderAreItsChords) {
 TEST(SegmentsWithin, ARayThroughAWaistAreTwo) {
   const MapGeometry geometry = outlined(waist);
   const View view{
-      .angle_rad = std::acos(0.0), .centre_mm = {0, -40, 4.5}, .width = 1, .height = 1, .pixel_mm = 1};
+      .lao_rad = std::acos(0.0), .centre_mm = {0, -40, 4.5}, .width = 1, .height = 1, .pixel_mm = 1};
   EXPECT_EQ(segments_within(view, geometry).size(), 2u);
 }
 
@@ -106,7 +106,7 @@ TEST(SegmentsWithin, ASphereUnderAnOutlineOfEveryDirectionAreFoundToo) {
   MapGeometry sphere = outlined([](double) { return 50; });
   sphere.projection = Projection::sphere;
   sphere.outline_mm.assign(static_cast<std::size_t>(sphere.width) * sphere.height, 50);
-  const View view{.angle_rad = 0.4, .centre_mm = {0, 0, 0}, .width = 81, .height = 1, .pixel_mm = 1};
+  const View view{.lao_rad = 0.4, .centre_mm = {0, 0, 0}, .width = 81, .height = 1, .pixel_mm = 1};
   const auto segments = segments_within(view, sphere);
   for (int i = 0; i < 81; ++i) {
     const double offset = i - 40;

@@ -16,8 +16,8 @@ namespace xraycast::test::pinhole_camera_test {
 namespace {
 
 View some_view() {
-  return {.angle_rad = 0.5,
-          .tilt_rad = -0.3,
+  return {.lao_rad = 0.5,
+          .cranial_rad = -0.3,
           .cone = Cone{800, 1200},
           .centre_mm = {5, -6, 7},
           .width = 40,

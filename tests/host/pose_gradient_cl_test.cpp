@@ -96,8 +96,8 @@ ComputeDevice& device() {
 constexpr glm::dvec3 kCentre_mm{1.37, -2.21, 3.73};
 
 View view_from(double angle_deg, double tilt_deg, const std::optional<Cone>& cone) {
-  return {.angle_rad = angle_deg * kRadians,
-          .tilt_rad = tilt_deg * kRadians,
+  return {.lao_rad = angle_deg * kRadians,
+          .cranial_rad = tilt_deg * kRadians,
           .cone = cone,
           .centre_mm = kCentre_mm,
           .width = 24,

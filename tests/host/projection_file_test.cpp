@@ -26,8 +26,8 @@ constexpr double kRadians = std::numbers::pi / 180;
 /// 5 x 4 pixels, seen obliquely; every pixel has its own depth.
 ProjectionImage oblique_image(std::optional<Cone> cone) {
   ProjectionImage image;
-  image.view = {.angle_rad = 30 * kRadians,
-                .tilt_rad = -20 * kRadians,
+  image.view = {.lao_rad = 30 * kRadians,
+                .cranial_rad = -20 * kRadians,
                 .cone = cone,
                 .centre_mm = {10, -20, 30},
                 .width = 5,
@@ -108,7 +108,7 @@ void expect_view(const std::string& description, const View& expected) {
   EXPECT_THAT(description, testing::StartsWith("xraycast: optical depth tau; transmission is exp(-tau)"));
   const auto view = nlohmann::json::parse(description.substr(description.find('{')));
   EXPECT_EQ(view["label"], "LAO 30 / CAU 20");
-  EXPECT_EQ(view["angle_rad"], expected.angle_rad);
+  EXPECT_EQ(view["lao_rad"], expected.lao_rad);
   EXPECT_EQ(view["centre_mm"], nlohmann::json({10.0, -20.0, 30.0}));
   EXPECT_EQ(view["pixel_mm"], 2.5);
   EXPECT_EQ(view.contains("source_mm"), expected.cone.has_value());

@@ -71,8 +71,8 @@ void expect_rtk_bars(const std::vector<float>& actual, const std::vector<double>
 }
 
 View cone_view(double angle_deg, double tilt_deg, const Cone& cone) {
-  return {.angle_rad = angle_deg * kRadians,
-          .tilt_rad = tilt_deg * kRadians,
+  return {.lao_rad = angle_deg * kRadians,
+          .cranial_rad = tilt_deg * kRadians,
           .cone = cone,
           .width = 64,
           .height = 65,
@@ -153,9 +153,11 @@ INSTANTIATE_TEST_SUITE_P(
     Project, ProjectedView,
     testing::Values(
         View{.width = 64, .height = 65, .pixel_mm = 5},
-        View{.angle_rad = 37 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
-        View{.angle_rad = 90 * kRadians, .tilt_rad = 25 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
-        View{.angle_rad = 10 * kRadians, .tilt_rad = 80 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        View{.lao_rad = 37 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        View{
+            .lao_rad = 90 * kRadians, .cranial_rad = 25 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
+        View{
+            .lao_rad = 10 * kRadians, .cranial_rad = 80 * kRadians, .width = 64, .height = 65, .pixel_mm = 5},
         cone_view(0, 0, {1000, 1500}), cone_view(45, 0, {1000, 1500}), cone_view(200, 20, {600, 900}),
         cone_view(33, 5, {40, 500})));  // the source inside the scan
 
@@ -319,8 +321,8 @@ TEST_P(ProjectedPicture, IsTheSameWithConstantBlocksSkipped) {
 /// A picture of `width` x `height` pixels, without a cone where `source_axis_mm` is 0.
 View picture(double angle_deg, double tilt_deg, double source_axis_mm, int width, int height,
              double pixel_mm) {
-  View view{.angle_rad = angle_deg * kRadians,
-            .tilt_rad = tilt_deg * kRadians,
+  View view{.lao_rad = angle_deg * kRadians,
+            .cranial_rad = tilt_deg * kRadians,
             .width = width,
             .height = height,
             .pixel_mm = pixel_mm};
@@ -362,7 +364,7 @@ INSTANTIATE_TEST_SUITE_P(Project, ProjectedPicture, testing::ValuesIn(seen_scans
 class ProjectedSheppLogan : public testing::Test {
  protected:
   static View view(int i, double source_axis_mm) {
-    return {.angle_rad = 8 * i * kRadians,
+    return {.lao_rad = 8 * i * kRadians,
             .cone = Cone{source_axis_mm, 1000},
             .width = 64,
             .height = 64,
@@ -533,7 +535,7 @@ void project_odd_rays() {
   for (const auto& [width, height] :
        {std::pair{1, 1}, std::pair{7, 3}, std::pair{1, 257}, std::pair{1023, 5}})
     for (const bool cone : {false, true}) {
-      View view{.angle_rad = 0.3, .width = width, .height = height, .pixel_mm = 1};
+      View view{.lao_rad = 0.3, .width = width, .height = height, .pixel_mm = 1};
       if (cone) view.cone = Cone{100, 150};
       ok = ok && std::ranges::all_of(project(scan, view, lengths(), progress).tau, finite);
     }

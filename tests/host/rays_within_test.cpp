@@ -27,7 +27,7 @@ double length_mm(const std::optional<RaySegment>& ray) {
 }
 
 TEST(RaysWithin, CylinderAreItsChords) {
-  const View view{.angle_rad = 0.7, .centre_mm = {10, 20, 0}, .width = 121, .height = 121, .pixel_mm = 1};
+  const View view{.lao_rad = 0.7, .centre_mm = {10, 20, 0}, .width = 121, .height = 121, .pixel_mm = 1};
   const auto rays = rays_within(view, map());
   ASSERT_EQ(rays.size(), 121u * 121u);
   for (int i = 0; i < 121; ++i) {
@@ -41,9 +41,9 @@ TEST(RaysWithin, CylinderAreItsChords) {
 }
 
 TEST(RaysWithin, TiltedCylinderAreLongerUntilTheyLeaveThroughAnEnd) {
-  View view{.tilt_rad = 0.3, .centre_mm = {10, 20, 0}, .width = 1, .height = 1, .pixel_mm = 1};
+  View view{.cranial_rad = 0.3, .centre_mm = {10, 20, 0}, .width = 1, .height = 1, .pixel_mm = 1};
   EXPECT_NEAR(length_mm(rays_within(view, map())[0]), 100 / std::cos(0.3), kRounding);
-  view.tilt_rad = 1.2;  // leaves 50 mm above and below
+  view.cranial_rad = 1.2;  // leaves 50 mm above and below
   EXPECT_NEAR(length_mm(rays_within(view, map())[0]), 100 / std::sin(1.2), kRounding);
 }
 
@@ -59,7 +59,7 @@ TEST(RaysWithin, SphereAreItsChords) {
   MapGeometry sphere = map();
   sphere.projection = Projection::sphere;
   sphere.centre_z_mm = 5;
-  const View view{.tilt_rad = 0.5, .centre_mm = {10, 20, 5}, .width = 61, .height = 1, .pixel_mm = 1};
+  const View view{.cranial_rad = 0.5, .centre_mm = {10, 20, 5}, .width = 61, .height = 1, .pixel_mm = 1};
   EXPECT_NEAR(length_mm(rays_within(view, sphere)[0]), 2 * std::sqrt(2500 - 900), kRounding);
 }
 

@@ -159,7 +159,7 @@ TEST(Iodine, ChangesNothingAtTheScannersEnergy) {
   // What was 70 keV in the scan attenuates as before however it is split, across the mask's border too.
   const Vessel vessel;
   const Spectrum line("70 keV", {{70, 1}});
-  const View view{.angle_rad = 0.3, .width = 31, .height = 9, .pixel_mm = 1};
+  const View view{.lao_rad = 0.3, .width = 31, .height = 9, .pixel_mm = 1};
   Progress progress;
   const auto masked = project(load_scan(vessel.scan, vessel.mask), view, line, progress),
              plain = project({upload(device(), vessel.scan), {}}, view, line, progress);

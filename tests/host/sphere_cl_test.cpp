@@ -142,7 +142,7 @@ TEST(RectangleMap, HoldsTheParallelProjections) {
   EXPECT_EQ(map.layers(), 6);
   const auto tau = cast_map(volume, map);
   for (int k = 0; k < 6; ++k) {
-    View view{.angle_rad = k * std::numbers::pi / 6,
+    View view{.lao_rad = k * std::numbers::pi / 6,
               .centre_mm = {2, 1, 0},
               .width = map.width,
               .height = map.height,

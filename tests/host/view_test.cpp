@@ -30,20 +30,20 @@ TEST(View, FrontalPictureShowsThePatientsLeftOnTheRight) {
 }
 
 TEST(View, LeftLateralDetectorStandsAtThePatientsLeft) {
-  const View view{.angle_rad = 90 * kRadians};
+  const View view{.lao_rad = 90 * kRadians};
   expect_near(view.towards_detector(), {1, 0, 0});
   expect_near(view.right(), {0, 1, 0});
 }
 
 TEST(View, CranialTiltMovesTheDetectorTowardsTheHead) {
-  const View view{.angle_rad = 0, .tilt_rad = 30 * kRadians};
+  const View view{.lao_rad = 0, .cranial_rad = 30 * kRadians};
   EXPECT_GT(view.towards_detector().z, 0);
   EXPECT_NEAR(glm::dot(view.towards_detector(), view.up()), 0, kRounding);
   EXPECT_NEAR(glm::length(view.up()), 1, kRounding);
 }
 
 TEST(View, PixelsLieAsDocumented) {
-  View view{.angle_rad = 30 * kRadians, .centre_mm = {10, 20, 30}, .width = 4, .height = 3, .pixel_mm = 2};
+  View view{.lao_rad = 30 * kRadians, .centre_mm = {10, 20, 30}, .width = 4, .height = 3, .pixel_mm = 2};
   expect_near(view.pixel_on_detector_mm(1.5, 1), view.centre_mm);
   expect_near(view.pixel_on_detector_mm(0, 0), view.centre_mm - 3.0 * view.right() + 2.0 * view.up());
   view.cone = Cone{1000, 1500};
@@ -53,9 +53,9 @@ TEST(View, PixelsLieAsDocumented) {
 
 TEST(ViewLabel, SpeaksAsTheRoomDoes) {
   EXPECT_EQ(label(View{}), "AP");
-  EXPECT_EQ(label(View{.angle_rad = 30 * kRadians, .tilt_rad = 10 * kRadians}), "LAO 30 / CRA 10");
-  EXPECT_EQ(label(View{.angle_rad = -45 * kRadians, .tilt_rad = -12.5 * kRadians}), "RAO 45 / CAU 12.5");
-  EXPECT_EQ(label(View{.angle_rad = 330 * kRadians}), "RAO 30");
+  EXPECT_EQ(label(View{.lao_rad = 30 * kRadians, .cranial_rad = 10 * kRadians}), "LAO 30 / CRA 10");
+  EXPECT_EQ(label(View{.lao_rad = -45 * kRadians, .cranial_rad = -12.5 * kRadians}), "RAO 45 / CAU 12.5");
+  EXPECT_EQ(label(View{.lao_rad = 330 * kRadians}), "RAO 30");
 }
 
 class FittedView : public testing::TestWithParam<View> {};
@@ -82,9 +82,9 @@ TEST_P(FittedView, ShowsTheWholeBody) {
 }
 
 INSTANTIATE_TEST_SUITE_P(View, FittedView,
-                         testing::Values(View{}, View{.angle_rad = 1}, View{.angle_rad = 1, .tilt_rad = 0.5},
-                                         View{.angle_rad = 1, .cone = Cone{1000, 1500}},
-                                         View{.angle_rad = 2, .tilt_rad = -0.5, .cone = Cone{800, 1200}},
+                         testing::Values(View{}, View{.lao_rad = 1}, View{.lao_rad = 1, .cranial_rad = 0.5},
+                                         View{.lao_rad = 1, .cone = Cone{1000, 1500}},
+                                         View{.lao_rad = 2, .cranial_rad = -0.5, .cone = Cone{800, 1200}},
                                          View{.width = 640, .height = 480}));
 
 TEST(FittedView, HasNoPixelForARoundingError) {
@@ -105,7 +105,7 @@ TEST(FittedView, RefusesWhatCannotBeDrawn) {
   EXPECT_THROW(fitted(View{.cone = Cone{1000, 1e9}}, volume, body), InputError);
   EXPECT_THROW(fitted(View{.cone = Cone{1000, 900}}, volume, body), InputError);
   EXPECT_THROW(fitted(View{.width = 100000}, volume, body), InputError);
-  EXPECT_THROW(fitted(View{.angle_rad = std::nan("")}, volume, body), InputError);
+  EXPECT_THROW(fitted(View{.lao_rad = std::nan("")}, volume, body), InputError);
 }
 
 }  // namespace

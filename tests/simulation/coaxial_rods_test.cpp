@@ -80,8 +80,8 @@ class CoaxialDerivatives {
   }
 
   /// What turning all rods as one solid body, about an axis of space, adds to the energy in the lumens.
-  double lumens_uJ_of_turning(const Eigen::Vector3d& axis, double angle_rad) {
-    const Eigen::Matrix3d turn = Eigen::AngleAxisd(angle_rad, axis).toRotationMatrix();
+  double lumens_uJ_of_turning(const Eigen::Vector3d& axis, double lao_rad) {
+    const Eigen::Matrix3d turn = Eigen::AngleAxisd(lao_rad, axis).toRotationMatrix();
     rods_.potential_uJ(kStep_s, false);
     double before_uJ = 0, after_uJ = 0;
     for (LumenContact& lumen : rods_.lumens_)

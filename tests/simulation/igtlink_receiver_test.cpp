@@ -195,16 +195,16 @@ TEST(IgtlinkReceiver, HearsPedalAndContrast) {
 }
 
 TEST(IgtlinkReceiver, ReadsTheCArmsPose) {
-  for (const double angle_rad : {-2.5, -0.5, 0.0, 0.7, 3.0})
-    for (const double tilt_rad : {-0.8, 0.0, 0.4}) {
+  for (const double lao_rad : {-2.5, -0.5, 0.0, 0.7, 3.0})
+    for (const double cranial_rad : {-0.8, 0.0, 0.4}) {
       IgtlinkReceiver receiver;
-      const auto events = receive(receiver, c_arm_message(angle_rad, tilt_rad, -120));
+      const auto events = receive(receiver, c_arm_message(lao_rad, cranial_rad, -120));
       ASSERT_EQ(events.size(), 1);
       const auto* move = std::get_if<CArmMove>(&events[0]);
       ASSERT_NE(move, nullptr);
-      EXPECT_NEAR(move->pose.angle_rad, angle_rad, 1e-6);  // a dozen roundings of floats
-      EXPECT_NEAR(move->pose.tilt_rad, tilt_rad, 1e-6);
-      EXPECT_EQ(move->pose.isocentre_mm.z, -120);
+      EXPECT_NEAR(move->pose.lao_rad, lao_rad, 1e-6);  // a dozen roundings of floats
+      EXPECT_NEAR(move->pose.cranial_rad, cranial_rad, 1e-6);
+      EXPECT_EQ(move->pose.centre_mm.z, -120);
     }
 }
 

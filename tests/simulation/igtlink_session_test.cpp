@@ -26,8 +26,8 @@ namespace {
 using namespace std::chrono_literals;
 using Clock = std::chrono::steady_clock;
 
-const View kView{.angle_rad = 0.5,
-                 .tilt_rad = 0.2,
+const View kView{.lao_rad = 0.5,
+                 .cranial_rad = 0.2,
                  .cone = Cone{780, 1200},
                  .centre_mm = {1, 2, 300},
                  .width = 640,
@@ -292,8 +292,8 @@ TEST_F(WatchedSession, ObeysEveryClientUntilItLeaves) {
   EXPECT_EQ(device_->commands().c_arm_moves, 0u);
   ASSERT_TRUE(first.send(c_arm_message(0.5, -0.25, 100)));
   ASSERT_TRUE(comes([&] { return device_->commands().c_arm_moves == 1; }));
-  EXPECT_NEAR(device_->commands().c_arm.angle_rad, 0.5, 1e-6);
-  EXPECT_NEAR(device_->commands().c_arm.tilt_rad, -0.25, 1e-6);
+  EXPECT_NEAR(device_->commands().c_arm.lao_rad, 0.5, 1e-6);
+  EXPECT_NEAR(device_->commands().c_arm.cranial_rad, -0.25, 1e-6);
   EXPECT_EQ(device_->pose(0).count, 0u) << "it is no hub's";
 }
 

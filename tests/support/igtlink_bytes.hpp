@@ -79,10 +79,10 @@ inline std::string request_message(const std::string& type, std::uint16_t interv
 }
 
 /// A TRANSFORM CArm of the frame that IMAGE has: the picture's right, down, and towards the source.
-inline std::string c_arm_message(double angle_rad, double tilt_rad, double isocentre_z_mm) {
+inline std::string c_arm_message(double lao_rad, double cranial_rad, double isocentre_z_mm) {
   const auto f = [](double value) { return static_cast<float>(value); };
-  const double ca = std::cos(angle_rad), sa = std::sin(angle_rad), ct = std::cos(tilt_rad),
-               st = std::sin(tilt_rad);
+  const double ca = std::cos(lao_rad), sa = std::sin(lao_rad), ct = std::cos(cranial_rad),
+               st = std::sin(cranial_rad);
   return MessageBytes{.body = transform_body({f(ca), f(sa), 0, f(sa * st), f(-ca * st), f(-ct), f(-sa * ct),
                                               f(ca * ct), f(-st), 0, 0, f(isocentre_z_mm)}),
                       .name = "CArm"}

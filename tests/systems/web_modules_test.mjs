@@ -22,7 +22,7 @@ const { hash_of, state_of } = await module_of("address.ts");
 const { Store, first_state } = await module_of("state.ts");
 const { picture_at, shown_time_s } = await module_of("device_shape.ts");
 const { step_s } = await module_of("run_player.ts");
-const { view_of } = await module_of("camera.ts");
+const { view_of } = await module_of("c_arm_pose.ts");
 const { Notes } = await module_of("notes.ts");
 const { Sampler } = await module_of("samples.ts");
 const { rectified_view } = await module_of("rectified.ts");
@@ -39,7 +39,7 @@ const kRun = { pictures: 151, step_s: 1 / 15 };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
-    camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
+    pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, look: "fluoro", window: null, greys: { gamma: 1, inverted: false }, layer_weights: [],
     shows_vessels: false, shows_road_map: false, viewer: { presets: [], least_zoom: 0.25, most_zoom: 40, most_tilt_deg: 50 }, ...header,
   },
   map: { layers: 4, bounds: kBounds }, vessels: null, catheters: [], run: null, live: null, ...more,
@@ -58,9 +58,9 @@ test("a link to each picture of a run opens that picture", () => {
 
 test("a link says what differs from the export, also where that is a usual value", () => {
   const window = { scale: 2, dark: 0.1, light: 0.9 }, greys = { gamma: 1.5, inverted: false };
-  const data = session({ header: { camera: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window, greys } });
+  const data = session({ header: { pose: { lao_deg: 30, cranial_deg: 10, zoom: 1.5, table_mm: 20 }, window, greys } });
   const { state } = opened(data);
-  const changed = { ...state, camera: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, window: null };
+  const changed = { ...state, pose: { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, window: null };
   assert.deepEqual(again(changed, data), changed);
   assert.equal(hash_of(state, first_state(data)), "#lao=30");
   assert.deepEqual(again(state, data), state);
@@ -84,9 +84,9 @@ test("a narrow grey window survives its link", () => {
 test("what an address cannot ask for is passed over", () => {
   const data = session();
   for (const text of ["Infinity,0,1", "1,0.5,0.5", "1,0,2", "NaN,0,1", "1,0", "1,0,1,1", "-1,0,1"]) assert.equal(opened(data, `#window=${text}`).state.window, null, text);
-  assert.ok(Math.abs(opened(data, "#lao=1.79e308").state.camera.lao_deg) <= 180);
+  assert.ok(Math.abs(opened(data, "#lao=1.79e308").state.pose.lao_deg) <= 180);
   assert.deepEqual(opened(data, "#hide=3,1,1,99999,0,-1,x").state.hidden_layers, [0, 2]);
-  assert.equal(opened(data, "#zoom=1e9&t=7").state.camera.zoom, 40);
+  assert.equal(opened(data, "#zoom=1e9&t=7").state.pose.zoom, 40);
   assert.equal(opened(data, "#t=7").state.time_s, 0);
 });
 
@@ -98,17 +98,17 @@ test("nothing is shown that the session does not have, whoever asks", () => {
 });
 
 test("what stays within the limits stays the same object", () => {
-  const store = opened(session()), { camera } = store.state;
+  const store = opened(session()), { pose } = store.state;
   store.update({ time_s: 0, inverted: true });
-  assert.equal(store.state.camera, camera);
+  assert.equal(store.state.pose, pose);
 });
 
 test("at zoom 1 the height fits in whole voxels, and tilting does not zoom but where the whole body is asked for", () => {
-  const camera = { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, pixel_mm = (camera, fit) => view_of(camera, null, kBounds, 480, 360, fit).pixel_mm;
+  const pose = { lao_deg: 0, cranial_deg: 0, zoom: 1, table_mm: 0 }, pixel_mm = (pose, fit) => view_of(pose, null, kBounds, 480, 360, fit).pixel_mm;
   // 720 mm are 116 voxels of 6.24 mm.
-  assert.ok(Math.abs(pixel_mm(camera, "untilted") - (116 * 6.24) / 360) < 1e-12);
-  assert.equal(pixel_mm({ ...camera, cranial_deg: 30 }, "untilted"), pixel_mm(camera, "untilted"));
-  assert.ok(pixel_mm({ ...camera, cranial_deg: 30 }, "tilted") > pixel_mm(camera, "tilted"));
+  assert.ok(Math.abs(pixel_mm(pose, "untilted") - (116 * 6.24) / 360) < 1e-12);
+  assert.equal(pixel_mm({ ...pose, cranial_deg: 30 }, "untilted"), pixel_mm(pose, "untilted"));
+  assert.ok(pixel_mm({ ...pose, cranial_deg: 30 }, "tilted") > pixel_mm(pose, "tilted"));
 });
 
 test("a run that was hidden goes on where it was", () => {
@@ -182,7 +182,7 @@ function sums_across(surfaces, view) {
 test("a wire thinner than a pixel is without gaps and absorbs what it holds, also in blood", () => {
   for (const cone of [null, { source_axis_mm: 780, source_detector_mm: 1200 }])
     for (const pixel_mm of [0.3, 0.5, 1, 2]) {
-      const view = { angle_rad: 0, tilt_rad: 0, cone, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: pixel_mm * (cone ? 1200 / 780 : 1) };
+      const view = { lao_rad: 0, cranial_rad: 0, cone, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: pixel_mm * (cone ? 1200 / 780 : 1) };
       const blood = drums([-20, 20]);
       let added = 0, rows = 0;
       for (let shift = 0; shift < 8; ++shift) {
@@ -201,7 +201,7 @@ test("a wire thinner than a pixel is without gaps and absorbs what it holds, als
 });
 
 test("a device of several pixels' width is drawn as it is", () => {
-  const view = { angle_rad: 0, tilt_rad: 0, cone: null, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: 0.5 }, catheter = rod(1, 0.1);
+  const view = { lao_rad: 0, cranial_rad: 0, cone: null, centre_mm: [0, 0, 0], width: 161, height: 161, pixel_mm: 0.5 }, catheter = rod(1, 0.1);
   assert.deepEqual(absorbed_by([catheter], view), absorbed_by([{ ...catheter, mesh: { ...catheter.mesh }, tube_sides: 0 }], view));
   assert.equal(widening_of(catheter, view).factor, 1);
   assert.ok(widening_of(rod(kWire_mm, 0), view).factor > 1);

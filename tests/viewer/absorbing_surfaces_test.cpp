@@ -38,7 +38,7 @@ Surface cross(double apart_mm) {
 }
 
 View view_at(double angle_deg, std::optional<Cone> cone = {}) {
-  return {.angle_rad = angle_deg * std::numbers::pi / 180,
+  return {.lao_rad = angle_deg * std::numbers::pi / 180,
           .cone = cone,
           .width = 161,
           .height = 161,

@@ -64,9 +64,9 @@ TEST(Acquisition, SettlesBeforeTheFirstFrame) {
 TEST(Acquisition, SubtractsFromAMaskOfTheSameExposure) {
   Half scene;
   Acquisition acquisition({.fluoroscope = quiet(), .subtracts = true}, kView, paper());
-  for (const double angle_rad : {0.0, 0.5}) {
+  for (const double lao_rad : {0.0, 0.5}) {
     View view = kView;
-    view.angle_rad = angle_rad;
+    view.lao_rad = lao_rad;
     acquisition.begin_mask();
     acquisition.expose(scene.rays(false), view, Acquisition::Use::mask);
     const AcquiredFrame& frame = acquisition.expose(scene.rays(true), view);

@@ -58,8 +58,8 @@ TEST(BrowserHand, PosesTheCArm) {
   hand.hear("{}", kStart);
   const auto pose = hand.commands(kStart).c_arm;
   ASSERT_TRUE(pose);
-  EXPECT_NEAR(pose->angle_rad, std::numbers::pi / 6, 1e-12);
-  EXPECT_NEAR(pose->tilt_rad, -std::numbers::pi / 18, 1e-12);
+  EXPECT_NEAR(pose->lao_rad, std::numbers::pi / 6, 1e-12);
+  EXPECT_NEAR(pose->cranial_rad, -std::numbers::pi / 18, 1e-12);
   EXPECT_EQ(pose->zoom, 2);
   EXPECT_EQ(pose->centre_z_mm, 270);
   EXPECT_FALSE(hand.commands(kStart).c_arm);

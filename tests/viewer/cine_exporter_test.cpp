@@ -19,15 +19,15 @@ std::vector<std::uint8_t> black() {
 
 TEST(CineExporter, WritesAWholeRotation) {
   const TemporaryFolder folder;
-  Camera start;
+  CArmPose start;
   start.rotate(30);
   CineExporter cine(folder / "cine", start);
   std::vector<double> angles_deg;
   while (!cine.is_complete()) {
     EXPECT_FALSE(fs::exists(folder / "cine/turn.gif")) << "the animation appears when it is complete";
     EXPECT_DOUBLE_EQ(cine.fraction(), static_cast<double>(angles_deg.size()) / CineExporter::kFrames);
-    cine.export_frame([&](const Camera& camera) {
-      angles_deg.push_back(camera.angle_rad * 180 / std::numbers::pi);
+    cine.export_frame([&](const CArmPose& pose) {
+      angles_deg.push_back(pose.lao_rad * 180 / std::numbers::pi);
       return black();
     });
   }
@@ -43,12 +43,12 @@ TEST(CineExporter, WritesAWholeRotation) {
 TEST(CineExporter, AFailedFrameIsNotCounted) {
   const TemporaryFolder folder;
   CineExporter cine(folder / "cine", {});
-  EXPECT_THROW(
-      cine.export_frame([](const Camera&) -> std::vector<std::uint8_t> { throw std::runtime_error("lost"); }),
-      std::runtime_error);
+  EXPECT_THROW(cine.export_frame(
+                   [](const CArmPose&) -> std::vector<std::uint8_t> { throw std::runtime_error("lost"); }),
+               std::runtime_error);
   EXPECT_EQ(cine.fraction(), 0);
-  cine.export_frame([](const Camera& camera) {
-    EXPECT_EQ(camera.angle_rad, 0);
+  cine.export_frame([](const CArmPose& pose) {
+    EXPECT_EQ(pose.lao_rad, 0);
     return black();
   });
   EXPECT_TRUE(fs::exists(folder / "cine/frame-000.png"));

@@ -13,8 +13,8 @@ constexpr double kRadians = std::numbers::pi / 180;
 const BodyBounds kBody{{10, 20, 300}, 60, 40, 1};
 
 View view_at(double angle_deg, double tilt_deg, std::optional<Cone> cone = {}) {
-  return {.angle_rad = angle_deg * kRadians,
-          .tilt_rad = tilt_deg * kRadians,
+  return {.lao_rad = angle_deg * kRadians,
+          .cranial_rad = tilt_deg * kRadians,
           .cone = cone,
           .centre_mm = kBody.centre_mm,
           .width = 320,

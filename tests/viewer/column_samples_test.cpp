@@ -25,7 +25,7 @@ MapGeometry map(std::vector<double> radii_mm, glm::dvec2 centre_mm = {12, -7}) {
 }
 
 RectifiedView view_of_map(const MapGeometry& geometry, std::optional<Cone> cone = {}, double angle_deg = 35) {
-  View view{.angle_rad = angle_deg * kRadians, .cone = cone, .centre_mm = {10, -5, 6}};
+  View view{.lao_rad = angle_deg * kRadians, .cone = cone, .centre_mm = {10, -5, 6}};
   return rectified_view(fitted(view, bounds_of(geometry)), geometry);
 }
 

@@ -14,9 +14,7 @@ namespace {
 
 constexpr int kSide = 96;
 
-View view_at(double angle_rad) {
-  return {.angle_rad = angle_rad, .width = kSide, .height = kSide, .pixel_mm = 1};
-}
+View view_at(double lao_rad) { return {.lao_rad = lao_rad, .width = kSide, .height = kSide, .pixel_mm = 1}; }
 
 FluoroscopyOptions options(const char* stages = "none") {
   return {.c_arm = CArm::named("mobile-flat-panel"), .stages = FluoroscopyStages::from_list(stages)};

@@ -20,7 +20,7 @@ VesselTree straight() {
 }
 
 View view_at(double angle_deg) {
-  return {.angle_rad = angle_deg * std::numbers::pi / 180, .width = 121, .height = 31, .pixel_mm = 1};
+  return {.lao_rad = angle_deg * std::numbers::pi / 180, .width = 121, .height = 31, .pixel_mm = 1};
 }
 
 class ContrastPicture : public testing::Test {

@@ -9,9 +9,7 @@
 namespace xraycast::test::drr_comparison_cl_test {
 namespace {
 
-View view_at(double angle_rad) {
-  return {.angle_rad = angle_rad, .width = 24, .height = 20, .pixel_mm = 1.5};
-}
+View view_at(double lao_rad) { return {.lao_rad = lao_rad, .width = 24, .height = 20, .pixel_mm = 1.5}; }
 
 /// Polls until there is another DRR.
 bool wait_for_drr(DrrComparison& drrs, std::chrono::seconds limit = std::chrono::seconds(60)) {

@@ -595,7 +595,7 @@ TEST(FluoroscopeLimits, AJumpOfTheCArmBeginsTheRecursiveFilterAnew) {
   for (std::size_t i = 0; i < step.size(); ++i) step[i] += i % 64 < 32 ? 1.0f : 0.0f;
   moved.expose(step);
   turned.expose(step);
-  view.angle_rad = 1.5;
+  view.lao_rad = 1.5;
   turned.set_view(view);
   const std::vector<std::uint8_t> ghost = moved.expose(flat).shown, clean = turned.expose(flat).shown;
   const std::size_t left = 32 * 64 + 16, right = 32 * 64 + 48;

@@ -27,10 +27,10 @@ class AtTheTable : public testing::Test {
   Intervention begin() { return Intervention({.vessels = folder_ / ""}); }
 
   /// Frames of a tenth of a second, as far as the clock of the pedal goes.
-  static void watch(Intervention& intervention, const Camera& camera, int frames) {
+  static void watch(Intervention& intervention, const CArmPose& pose, int frames) {
     for (int i = 0; i < frames; ++i) {
       std::this_thread::sleep_for(std::chrono::milliseconds(20));
-      intervention.update(camera, 0.1);
+      intervention.update(pose, 0.1);
     }
   }
 
@@ -43,12 +43,12 @@ TEST_F(AtTheTable, OnlyThePedalExposes) {
   ASSERT_EQ(intervention.exposures(), 1) << "the first picture is for free";
   const auto held = intervention.surfaces()[0].mesh.points_mm;
 
-  Camera moved;
+  CArmPose moved;
   moved.rotate(30);
   intervention.manual()->set_rates(100, 0);
   watch(intervention, moved, 10);
   EXPECT_EQ(intervention.exposures(), 1);
-  EXPECT_EQ(intervention.camera(), Camera{}) << "the last image is held";
+  EXPECT_EQ(intervention.pose(), CArmPose{}) << "the last image is held";
   EXPECT_EQ(intervention.caption({}), status_of({}));
   EXPECT_EQ(intervention.caption(moved), "held: " + status_of({}) + "; C-arm: " + status_of(moved));
   EXPECT_EQ(intervention.surfaces()[0].mesh.points_mm, held);
@@ -58,7 +58,7 @@ TEST_F(AtTheTable, OnlyThePedalExposes) {
   intervention.press_pedal(true);
   watch(intervention, moved, 5);
   EXPECT_EQ(intervention.exposures(), 6);
-  EXPECT_EQ(intervention.camera(), moved);
+  EXPECT_EQ(intervention.pose(), moved);
   EXPECT_EQ(intervention.caption(moved), status_of(moved));
   EXPECT_NE(intervention.surfaces()[0].mesh.points_mm, held);
   EXPECT_NEAR(intervention.fluoroscopy_s(), 0.5, 1e-9);

@@ -52,13 +52,13 @@ class Screen : public testing::Test {
 };
 
 TEST_F(Screen, DrawsTheCameraOfTheLastExposure) {
-  Camera camera{.angle_rad = 0.5, .tilt_rad = 0.1, .table_mm = 10, .zoom = 2};
+  CArmPose pose{.lao_rad = 0.5, .cranial_rad = 0.1, .table_mm = 10, .zoom = 2};
   intervention_->press_pedal(true);
-  intervention_->update(camera, 0.1);
+  intervention_->update(pose, 0.1);
   LiveScreen screen(map_, options());
   const LivePicture* picture = &screen.draw(*intervention_);
-  EXPECT_EQ(picture->view.angle_rad, 0.5);
-  EXPECT_EQ(picture->view.tilt_rad, 0.1);
+  EXPECT_EQ(picture->view.lao_rad, 0.5);
+  EXPECT_EQ(picture->view.cranial_rad, 0.1);
   EXPECT_EQ(picture->view.centre_mm.z, bounds_.centre_mm.z + 10);
   EXPECT_EQ(picture->view.pixel_mm, options().view.pixel_mm / 2);
   EXPECT_EQ(picture->greys.size(), std::size_t{kWidth * kHeight});
@@ -147,13 +147,13 @@ TEST_F(Screen, AWideConeIsTiltedAsFarAsItCanBeDrawn) {
   live.add(outlet);
   outlet.pedal = true;
   live.step(0.1);
-  outlet.c_arm = CArmRequest{.tilt_rad = Camera::kMaxTilt_rad};
+  outlet.c_arm = CArmRequest{.cranial_rad = CArmPose::kMaxTilt_rad};
   live.step(0.1);
-  EXPECT_EQ(outlet.last.view.tilt_rad, 0);
+  EXPECT_EQ(outlet.last.view.cranial_rad, 0);
   EXPECT_NE(log.find("a tilt of 50 deg looks along the map's axis"), std::string::npos) << log;
-  outlet.c_arm = CArmRequest{.tilt_rad = 0.5};
+  outlet.c_arm = CArmRequest{.cranial_rad = 0.5};
   live.step(0.1);
-  EXPECT_EQ(outlet.last.view.tilt_rad, 0.5);
+  EXPECT_EQ(outlet.last.view.cranial_rad, 0.5);
   EXPECT_EQ(outlet.pictures, 3);
 }
 

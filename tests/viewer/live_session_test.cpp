@@ -36,7 +36,7 @@ class Outlet final : public LiveOutlet {
   LiveCommands commanded;
   bool wants = false, is_outdated = false;
   int frames = 0, pictures = 0;
-  Camera c_arm;
+  CArmPose c_arm;
 };
 
 /// Counts what it is asked for.
@@ -48,10 +48,10 @@ class Painter final : public LivePainter {
     return is_live && pulse_is_due;
   }
   const LivePicture& draw(const Intervention& intervention) override {
-    const Camera& camera = intervention.camera();
-    if (std::abs(camera.tilt_rad) > steepest_rad) throw InputError("too steep");
+    const CArmPose& pose = intervention.pose();
+    if (std::abs(pose.cranial_rad) > steepest_rad) throw InputError("too steep");
     ++paintings;
-    from = camera;
+    from = pose;
     return picture_;
   }
 
@@ -59,7 +59,7 @@ class Painter final : public LivePainter {
   double steepest_rad = 1;
   int live_frames = 0, paintings = 0;
   double passed_s() const { return passed_s_; }
-  Camera from;
+  CArmPose from;
 
  private:
   double passed_s_ = 0;
@@ -78,7 +78,7 @@ class Live : public testing::Test {
   void begin(const std::vector<std::string>& models) {
     session_.reset();
     intervention_.emplace(Intervention::Options{.vessels = folder_ / "", .instrument_models = models});
-    session_.emplace(*intervention_, BodyBounds{.centre_mm = {0, 0, 100}, .half_height_mm = 50}, camera_,
+    session_.emplace(*intervention_, BodyBounds{.centre_mm = {0, 0, 100}, .half_height_mm = 50}, pose_,
                      painter_, [this](const std::string& line) { log_ += line + "\n"; });
     session_->add(outlet_);
     session_->add(other_);
@@ -92,7 +92,7 @@ class Live : public testing::Test {
   }
 
   TemporaryFolder folder_;
-  Camera camera_;
+  CArmPose pose_;
   Painter painter_;
   std::string log_;
   Outlet outlet_, other_;
@@ -171,25 +171,25 @@ TEST_F(Live, StaysWhereItCanBeDrawnAndSaysSoOnce) {
   painter_.steepest_rad = 0.5;
   outlet_.wants = true;
   outlet_.commanded.pedal = true;
-  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 1, .tilt_rad = 0.4};
+  outlet_.commanded.c_arm = CArmRequest{.lao_rad = 1, .cranial_rad = 0.4};
   frames(1);
-  EXPECT_EQ(painter_.from.tilt_rad, 0.4);
+  EXPECT_EQ(painter_.from.cranial_rad, 0.4);
   for (int i = 0; i < 3; ++i) {
-    outlet_.commanded.c_arm = CArmRequest{.angle_rad = 2, .tilt_rad = 0.6};
+    outlet_.commanded.c_arm = CArmRequest{.lao_rad = 2, .cranial_rad = 0.6};
     frames(1);
     EXPECT_EQ(outlet_.pictures, i + 2) << "the exposure, from before";
-    EXPECT_EQ(painter_.from.tilt_rad, 0.4);
-    EXPECT_EQ(intervention_->camera().angle_rad, 1);
+    EXPECT_EQ(painter_.from.cranial_rad, 0.4);
+    EXPECT_EQ(intervention_->pose().lao_rad, 1);
   }
   frames(1);
-  EXPECT_EQ(outlet_.c_arm.tilt_rad, 0.4);
+  EXPECT_EQ(outlet_.c_arm.cranial_rad, 0.4);
   EXPECT_EQ(log_, "the C-arm stays where it was: too steep\n");
-  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 2, .tilt_rad = -0.3};
+  outlet_.commanded.c_arm = CArmRequest{.lao_rad = 2, .cranial_rad = -0.3};
   frames(1);
-  EXPECT_EQ(painter_.from.tilt_rad, -0.3);
-  outlet_.commanded.c_arm = CArmRequest{.tilt_rad = -0.7};
+  EXPECT_EQ(painter_.from.cranial_rad, -0.3);
+  outlet_.commanded.c_arm = CArmRequest{.cranial_rad = -0.7};
   frames(1);
-  EXPECT_EQ(painter_.from.tilt_rad, -0.3);
+  EXPECT_EQ(painter_.from.cranial_rad, -0.3);
   EXPECT_EQ(std::ranges::count(log_, '\n'), 2);
 }
 
@@ -197,15 +197,15 @@ TEST_F(Live, AnExposureThatNobodySawIsShownFromWhereItCanBeDrawn) {
   painter_.steepest_rad = 0.5;
   frames(1);
   outlet_.commanded.pedal = true;
-  outlet_.commanded.c_arm = CArmRequest{.tilt_rad = 0.6};
+  outlet_.commanded.c_arm = CArmRequest{.cranial_rad = 0.6};
   frames(2);
   outlet_.commanded.pedal = false;
   frames(1);
   outlet_.wants = true;
   frames(2);
   EXPECT_EQ(outlet_.pictures, 2);
-  EXPECT_EQ(painter_.from.tilt_rad, 0);
-  EXPECT_EQ(intervention_->camera().tilt_rad, 0);
+  EXPECT_EQ(painter_.from.cranial_rad, 0);
+  EXPECT_EQ(intervention_->pose().cranial_rad, 0);
 }
 
 // ---- what is commanded
@@ -233,18 +233,18 @@ TEST_F(Live, MovesTheHubAndInjects) {
 }
 
 TEST_F(Live, TheCArmGoesWhereItIsSentWithinItsLimits) {
-  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 1, .tilt_rad = 0.3};
+  outlet_.commanded.c_arm = CArmRequest{.lao_rad = 1, .cranial_rad = 0.3};
   frames(1);
-  EXPECT_NEAR(outlet_.c_arm.angle_rad, 1, 1e-12);
-  EXPECT_NEAR(outlet_.c_arm.tilt_rad, 0.3, 1e-12);
+  EXPECT_NEAR(outlet_.c_arm.lao_rad, 1, 1e-12);
+  EXPECT_NEAR(outlet_.c_arm.cranial_rad, 0.3, 1e-12);
   EXPECT_EQ(outlet_.c_arm.table_mm, 0);
   EXPECT_EQ(outlet_.c_arm.zoom, 1);
-  outlet_.commanded.c_arm = CArmRequest{.angle_rad = 7, .tilt_rad = -2, .centre_z_mm = 130, .zoom = 1000};
+  outlet_.commanded.c_arm = CArmRequest{.lao_rad = 7, .cranial_rad = -2, .centre_z_mm = 130, .zoom = 1000};
   frames(1);
-  EXPECT_NEAR(outlet_.c_arm.angle_rad, 7 - 2 * std::numbers::pi, 1e-12);
-  EXPECT_EQ(outlet_.c_arm.tilt_rad, -Camera::kMaxTilt_rad);
+  EXPECT_NEAR(outlet_.c_arm.lao_rad, 7 - 2 * std::numbers::pi, 1e-12);
+  EXPECT_EQ(outlet_.c_arm.cranial_rad, -CArmPose::kMaxTilt_rad);
   EXPECT_NEAR(outlet_.c_arm.table_mm, 30, 1e-12);
-  EXPECT_EQ(outlet_.c_arm.zoom, Camera::kMaxZoom);
+  EXPECT_EQ(outlet_.c_arm.zoom, CArmPose::kMaxZoom);
   outlet_.commanded.c_arm = CArmRequest{.centre_z_mm = 1000};
   frames(1);
   EXPECT_EQ(outlet_.c_arm.table_mm, 50) << "the end of the body";

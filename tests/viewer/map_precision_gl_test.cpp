@@ -4,7 +4,7 @@
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/geometry/mesh.hpp"
 #include "xraycast/phantom/phantom.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -68,7 +68,7 @@ TEST_F(MapPrecisionTest, FramesFromHalvesAndBytesAreThoseFromFloats) {
       auto map = std::make_shared<BodyMap>(cast(scan, geometry, Opacity::paper(), progress_).map);
       const BodyBounds bounds = bounds_of(geometry);
       const View view =
-          fitted(View{.angle_rad = 0.5, .centre_mm = bounds.centre_mm, .width = 120, .height = 100}, bounds);
+          fitted(View{.lao_rad = 0.5, .centre_mm = bounds.centre_mm, .width = 120, .height = 100}, bounds);
       Style style;
       style.sampling.compositing = compositing;
       Renderer renderer;
@@ -118,9 +118,9 @@ TEST_F(MapPrecisionTest, WhatLiesInFrontOfASurfaceIsDrawnFromBytesToo) {
     bytes->precision = MapPrecision::byte;
     const BodyBounds bounds = bounds_of(geometry);
     const View view =
-        fitted(View{.angle_rad = 0.3, .centre_mm = bounds.centre_mm, .width = 80, .height = 80}, bounds);
+        fitted(View{.lao_rad = 0.3, .centre_mm = bounds.centre_mm, .width = 80, .height = 80}, bounds);
     Style style;
-    style.shading = ShadingMode::surface;
+    style.look = Look::surface;
     Renderer renderer;
     renderer.set_surfaces(std::vector<Surface>{plate(bounds.centre_mm, 40)});
     renderer.set_map(map);

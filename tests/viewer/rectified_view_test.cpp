@@ -25,8 +25,8 @@ MapGeometry map() {
 }
 
 View view_at(double angle_deg, double tilt_deg, std::optional<Cone> cone) {
-  return fitted(View{.angle_rad = angle_deg * kRadians,
-                     .tilt_rad = tilt_deg * kRadians,
+  return fitted(View{.lao_rad = angle_deg * kRadians,
+                     .cranial_rad = tilt_deg * kRadians,
                      .cone = cone,
                      .centre_mm = {10, -5, 20},
                      .width = 200,
@@ -114,7 +114,7 @@ TEST(RectifiedView, OfAnUntiltedParallelBeamHasTheMapsRowsAndThePixelsColumns) {
 
 /// A view of so many columns that shows all of the body.
 View wide_view(int columns, double tilt_deg, std::optional<Cone> cone) {
-  View view{.tilt_rad = tilt_deg * kRadians,
+  View view{.cranial_rad = tilt_deg * kRadians,
             .cone = cone,
             .centre_mm = {10, -5, 20},
             .width = columns,
@@ -163,7 +163,7 @@ TEST(RectifiedView, SaysWhetherTiltOrConeIsToBlameForRaysAlongTheAxis) {
             "detector farther from the body, or make the picture smaller");
   view.pixel_mm = 0.5;  // 200 mm: half a right angle
   EXPECT_EQ(refusal_of(view), "");
-  view.tilt_rad = 50 * kRadians;
+  view.cranial_rad = 50 * kRadians;
   EXPECT_EQ(refusal_of(view),
             "a tilt of 50 deg looks along the map's axis in the picture's corners, whose rays are 45.0 deg "
             "from the one to its middle; rays must be at least 10 deg from it");

@@ -8,7 +8,7 @@
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/phantom/phantom.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -29,30 +29,26 @@ constexpr double kRadians = std::numbers::pi / 180;
 
 struct StoredFrame {
   Compositing compositing;
-  ShadingMode shading;
+  Look look;
   std::array<int, 64> pixels;
 };
 const StoredFrame kStoredFrames[] = {
-    {Compositing::path,
-     ShadingMode::fluoro,
-     {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38,  38,  36, 36, 35, 35, 30, 30, 22, 22, 18, 18,
-      15,  15,  13, 13, 16, 16, 29, 29, 75, 75, 123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38,
-      18,  18,  13, 13, 11, 11, 11, 11, 18, 18, 15,  15,  13, 13, 16, 16, 29, 29, 75, 75}},
-    {Compositing::path,
-     ShadingMode::surface,
-     {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38,  38,  36, 36, 35, 35, 30, 30, 22, 22, 18, 18,
-      15,  15,  13, 13, 16, 16, 29, 29, 75, 75, 123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38,
-      68,  8,   93, 12, 93, 12, 56, 7,  18, 18, 15,  15,  13, 13, 16, 16, 29, 29, 75, 75}},
-    {Compositing::wall,
-     ShadingMode::fluoro,
-     {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 13, 13,
-      13, 13, 94, 94, 35, 35, 35, 35, 35, 35, 94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35,
-      18, 18, 13, 13, 13, 13, 18, 18, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
-    {Compositing::wall,
-     ShadingMode::surface,
-     {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 35, 13, 13,
-      13, 13, 94, 94, 35, 35, 35, 35, 35, 35, 94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35,
-      56, 7,  73, 9,  73, 9,  56, 7,  13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
+    {Compositing::path, Look::fluoro, {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 36, 36, 35, 35,
+                                       30,  30,  22, 22, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75,
+                                       123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 18, 18, 13, 13,
+                                       11,  11,  11, 11, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75}},
+    {Compositing::path, Look::surface, {123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 36, 36, 35, 35,
+                                        30,  30,  22, 22, 18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75,
+                                        123, 123, 78, 78, 59, 59, 49, 49, 42, 42, 38, 38, 68, 8,  93, 12,
+                                        93,  12,  56, 7,  18, 18, 15, 15, 13, 13, 16, 16, 29, 29, 75, 75}},
+    {Compositing::wall, Look::fluoro, {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35,
+                                       35, 35, 35, 35, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35,
+                                       94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 18, 18, 13, 13,
+                                       13, 13, 18, 18, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
+    {Compositing::wall, Look::surface, {94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 35, 35, 35, 35,
+                                        35, 35, 35, 35, 13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35,
+                                        94, 94, 94, 94, 94, 94, 94, 94, 35, 35, 35, 35, 56, 7,  73, 9,
+                                        73, 9,  56, 7,  13, 13, 13, 13, 94, 94, 35, 35, 35, 35, 35, 35}},
 };
 
 class RendererTest : public testing::Test {
@@ -73,7 +69,7 @@ std::shared_ptr<BodyMap> homogeneous(int layers = 2) {
 }
 
 View view_of_map(const BodyMap& map, double angle_deg, double tilt_deg = 0, std::optional<Cone> cone = {}) {
-  View view{.angle_rad = angle_deg * kRadians, .tilt_rad = tilt_deg * kRadians, .cone = cone};
+  View view{.lao_rad = angle_deg * kRadians, .cranial_rad = tilt_deg * kRadians, .cone = cone};
   view.centre_mm = bounds_of(map.geometry).centre_mm;
   view.width = 161;
   view.height = 120;
@@ -227,7 +223,7 @@ TEST_F(RendererTest, OpaqueSurfacesHideWhatLiesBehindThem) {
   Renderer renderer;
   renderer.set_map(map);
   Style style;
-  style.shading = ShadingMode::surface;
+  style.look = Look::surface;
   for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})})
     for (const double angle_deg : {0.0, 140.0}) {
       const View view = view_of_map(*map, angle_deg, 0, cone);
@@ -252,7 +248,7 @@ TEST_F(RendererTest, SurfacesBesideTheBodyAreSeenWhole) {
     renderer.set_map(map);
     renderer.set_surfaces(std::vector<Surface>{{mesh, 0.05, {1, 1, 1}}});
     Style style;
-    style.shading = ShadingMode::surface;
+    style.look = Look::surface;
     const std::vector<std::uint8_t> picture = renderer.picture(view, style);
     // 94 and 114 mm from the axis: 11 mm left and 9 mm right of the ball's middle.
     const int row = 60 * view.width, within = row + 80 + 47, beside = row + 80 + 57;
@@ -285,7 +281,7 @@ TEST_F(RendererTest, NearerSurfacesHideFartherOnesAtEveryAngle) {
   const glm::dvec3 centre(20, -30, 0), colours[] = {{1, 0, 0}, {0, 1, 0}, {0, 0, 1}};
   const auto map = homogeneous(1);
   Style style;
-  style.shading = ShadingMode::surface;
+  style.look = Look::surface;
   for (std::array order : {std::array{0, 1, 2}, std::array{2, 1, 0}, std::array{1, 2, 0}}) {
     std::vector<Surface> balls;
     for (const int k : order)
@@ -316,10 +312,10 @@ TEST_F(RendererTest, FramesLookAsTheyDid) {
   renderer.set_surfaces(
       std::vector<Surface>{{ball(bounds_of(map->geometry).centre_mm, 25), 0.02, {0.8, 0.2, 0.1}}});
   const View view = view_of_map(*map, 20);
-  const auto frame = [&](Compositing compositing, ShadingMode shading) {
+  const auto frame = [&](Compositing compositing, Look look) {
     Style style;
     style.sampling.compositing = compositing;
-    style.shading = shading;
+    style.look = look;
     const auto picture = renderer.picture(view, style);
     std::vector<int> seen;
     for (const int row : {25, 60})
@@ -328,7 +324,7 @@ TEST_F(RendererTest, FramesLookAsTheyDid) {
     return seen;
   };
   for (const auto& stored : kStoredFrames) {
-    const std::vector<int> seen = frame(stored.compositing, stored.shading);
+    const std::vector<int> seen = frame(stored.compositing, stored.look);
     double sum = 0;
     int largest = 0;
     for (std::size_t i = 0; i < seen.size(); ++i) {
@@ -352,7 +348,7 @@ TEST_F(RendererTest, DetectorIsTheNearSide) {
   renderer.set_map(map);
   renderer.set_surfaces(std::vector<Surface>{{ball(bounds_of(map->geometry).centre_mm, 15), 0, {1, 0, 0}}});
   Style style;
-  style.shading = ShadingMode::surface;
+  style.look = Look::surface;
   for (const Compositing compositing : {Compositing::wall, Compositing::path})
     for (const auto& cone : {std::optional<Cone>(), std::optional<Cone>(Cone{1000, 1500})}) {
       style.sampling.compositing = compositing;
@@ -541,7 +537,7 @@ TEST_F(RendererTest, RectangleMapsAreTrueProjectionsWhereTheyStoreOne) {
   renderer.set_map(map);
   const BodyBounds bounds = bounds_of(geometry);
   for (const double angle_deg : {0.0, 60.0, 150.0, 270.0}) {
-    const View view = fitted(View{.angle_rad = angle_deg * kRadians, .centre_mm = bounds.centre_mm}, bounds);
+    const View view = fitted(View{.lao_rad = angle_deg * kRadians, .centre_mm = bounds.centre_mm}, bounds);
     const auto drawn = renderer.tau(view, {});
     const auto rays = rays_within(view, geometry);
     std::vector<RaySegment> segments;
@@ -608,13 +604,13 @@ TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
   renderer.set_map(map);
   const BodyBounds bounds = bounds_of(geometry);
   renderer.set_surfaces(std::vector<Surface>{{ball(bounds.centre_mm, 25), 0.02, {1, 0, 0}}});
-  for (const ShadingMode shading : {ShadingMode::fluoro, ShadingMode::surface})
+  for (const Look look : {Look::fluoro, Look::surface})
     for (const double zoom : {1.0, 3.0}) {
       Style full, half;
-      full.shading = shading;
-      Camera camera;
-      camera.zoom = zoom;
-      const View view = view_of(camera, bounds, 640, 480);
+      full.look = look;
+      CArmPose pose;
+      pose.zoom = zoom;
+      const View view = view_of(pose, bounds, 640, 480);
       full.window = automatic_window(renderer.tau(view, full));
       half = full;
       half.pixels_per_column = 2;
@@ -672,14 +668,14 @@ TEST_F(RendererTest, BrightnessFollowsWhatIsSeen) {
     map->tau[i] = (i / 360 < 50 ? 0.3f : 3.0f) * (i % 360 < 180 ? 0.5f : 1.0f);
   Renderer renderer;
   renderer.set_map(map);
-  Camera camera{.zoom = 4};
+  CArmPose pose{.zoom = 4};
   Style style;
   style.window.gamma = 1.5;
   style.window.inverted = true;
   std::vector<GreyWindow> windows;
   for (const double table_mm : {30.0, -30.0}) {
-    camera.table_mm = table_mm;
-    const View view = view_of(camera, bounds_of(map->geometry), 320, 240);
+    pose.table_mm = table_mm;
+    const View view = view_of(pose, bounds_of(map->geometry), 320, 240);
     style.window = automatic_window(renderer, view, style);
     windows.push_back(style.window);
     EXPECT_EQ(style.window.gamma, 1.5);
@@ -699,7 +695,7 @@ TEST_F(RendererTest, WhatWasDrawnBeforeLeavesNoTrace) {
   const Surface near{ball(bounds_of(map->geometry).centre_mm + glm::dvec3(0, -40, 0), 20), 0.05, {}};
   const View view = view_of_map(*map, 0), turned = view_of_map(*map, 50);
   ProjectionImage truth{view, std::vector<float>(static_cast<std::size_t>(view.width) * view.height, 0.5f)};
-  Style surface{.shading = ShadingMode::surface}, weak, wall, coarse;
+  Style surface{.look = Look::surface}, weak, wall, coarse;
   weak.layer_weights = {0.5f, 1};
   wall.sampling.compositing = Compositing::wall;
   coarse.pixels_per_column = 2;

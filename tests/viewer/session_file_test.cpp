@@ -19,11 +19,11 @@ TEST(SessionFile, KeepsTheDevicesThatWereSteered) {
   session.steered = {{{{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 12}}, 0.825, true},
                       {{{1, 2, 3}, {4.25, 5, 6}, {7, 8, 9}, {-10, 11, 19}}, 0.445, false}},
                      false};
-  session.camera.rotate(30);
+  session.pose.rotate(30);
   write_session(session, folder / "s.json");
   const ViewSession read = read_session(folder / "s.json");
   EXPECT_EQ(read.steered, session.steered);
-  EXPECT_NEAR(read.camera.angle_rad, session.camera.angle_rad, 1e-12);
+  EXPECT_NEAR(read.pose.lao_rad, session.pose.lao_rad, 1e-12);
 }
 
 TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {

@@ -87,7 +87,7 @@ TEST_F(ThinDevices, AWireIsWithoutGapsAndAbsorbsWhatItHolds) {
 
 TEST_F(ThinDevices, AWireIsShadedWithoutGaps) {
   Style style;
-  style.shading = ShadingMode::surface;
+  style.look = Look::surface;
   for (const double pixel_mm : {0.3, 0.5, 1.0, 2.0})
     for (const double angle_deg : {0.0, 3.0, 20.0, 45.0, 77.0, 90.0, 130.0})
       for (const double shift : {0.0, 0.25, 0.5, 0.75}) {
@@ -111,7 +111,7 @@ TEST_F(ThinDevices, AThickCatheterIsDrawnAsItIs) {
     std::vector<float> tau[2];
     std::vector<std::uint8_t> shaded[2];
     Style surface;
-    surface.shading = ShadingMode::surface;
+    surface.look = Look::surface;
     for (int i = 0; i < 2; ++i) {
       renderer_.set_surfaces(std::vector{i == 0 ? catheter : plain});
       tau[i] = renderer_.tau(view_of(0.5, {}), {});

@@ -24,7 +24,7 @@ VesselTree forked() {
 }
 
 View view_at(double angle_deg, std::optional<Cone> cone = {}) {
-  return {.angle_rad = angle_deg * std::numbers::pi / 180,
+  return {.lao_rad = angle_deg * std::numbers::pi / 180,
           .cone = cone,
           .width = 400,
           .height = 500,

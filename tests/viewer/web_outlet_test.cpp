@@ -42,12 +42,12 @@ class WebOutletTest : public testing::Test {
   }
 
   void publish() {
-    intervention_->update(Camera{}, 0.01);
-    outlet_->publish({.intervention = *intervention_, .c_arm = camera_});
+    intervention_->update(CArmPose{}, 0.01);
+    outlet_->publish({.intervention = *intervention_, .c_arm = pose_});
   }
 
   TemporaryFolder folder_;
-  Camera camera_;
+  CArmPose pose_;
   std::optional<Intervention> intervention_;
   std::optional<WebOutlet> outlet_;
 };

@@ -23,11 +23,11 @@ function window_in(text: string | null, first: State, otherwise: GreyWindow | nu
 
 /** `first`, but for what an address says. Fields that cannot be read are passed over. */
 export function state_of(hash: string, first: State): State {
-  const fields = new URLSearchParams(hash.replace(/^#/, "")), state = { ...first, camera: { ...first.camera } };
-  state.camera.lao_deg = number_in(fields, "lao") ?? state.camera.lao_deg;
-  state.camera.cranial_deg = number_in(fields, "cranial") ?? state.camera.cranial_deg;
-  state.camera.zoom = number_in(fields, "zoom") ?? state.camera.zoom;
-  state.camera.table_mm = number_in(fields, "table") ?? state.camera.table_mm;
+  const fields = new URLSearchParams(hash.replace(/^#/, "")), state = { ...first, pose: { ...first.pose } };
+  state.pose.lao_deg = number_in(fields, "lao") ?? state.pose.lao_deg;
+  state.pose.cranial_deg = number_in(fields, "cranial") ?? state.pose.cranial_deg;
+  state.pose.zoom = number_in(fields, "zoom") ?? state.pose.zoom;
+  state.pose.table_mm = number_in(fields, "table") ?? state.pose.table_mm;
   const look = fields.get("look");
   if (look === "fluoro" || look === "surface") state.look = look;
   state.time_s = number_in(fields, "t") ?? state.time_s;
@@ -53,10 +53,10 @@ const time_text = (time_s: number) => short(Math.ceil(1000 * time_s - 1e-6) / 10
 export function hash_of(state: State, first: State): string {
   const fields: string[] = [];
   const add = (name: string, text_of: (state: State) => string) => text_of(state) !== text_of(first) && fields.push(`${name}=${text_of(state)}`);
-  fields.push(`lao=${short(state.camera.lao_deg, 2)}`);
-  add("cranial", ({ camera }) => short(camera.cranial_deg, 2));
-  add("zoom", ({ camera }) => short(camera.zoom, 3));
-  add("table", ({ camera }) => short(camera.table_mm, 1));
+  fields.push(`lao=${short(state.pose.lao_deg, 2)}`);
+  add("cranial", ({ pose }) => short(pose.cranial_deg, 2));
+  add("zoom", ({ pose }) => short(pose.zoom, 3));
+  add("table", ({ pose }) => short(pose.table_mm, 1));
   add("look", ({ look }) => look);
   add("t", ({ time_s }) => time_text(time_s));
   add("inverted", ({ inverted }) => (inverted ? "1" : "0"));

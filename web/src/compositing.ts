@@ -315,7 +315,7 @@ export class Renderer {
         to_clip: to_clip(view), widening: factor - 1, thinness, colour: surface.colour,
         towards_detector: towards_detector(view), is_cone: view.cone !== null,
         origin_mm: view.cone ? source_mm(view, view.cone) : view.centre_mm,
-        along: [Math.sin(view.angle_rad), -Math.cos(view.angle_rad), 0],
+        along: [Math.sin(view.lao_rad), -Math.cos(view.lao_rad), 0],
       });
       this.triangles_of(surface).draw();
     }

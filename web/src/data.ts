@@ -1,6 +1,6 @@
 // What `xraycast export` has put into the page: a header in JSON, and one deflated stream of numbers
 // (viewer/xraycast/export/web_page.hpp).
-import type { Camera, CameraLimits } from "./camera";
+import type { CArmPose, PoseLimits } from "./c_arm_pose";
 import type { GreyWindow } from "./grey_window";
 import type { Vec3 } from "./vectors";
 import type { Bounds, Cone } from "./view";
@@ -66,7 +66,7 @@ interface Drums {
 }
 
 /** What the viewer's C-arm can do, and how it draws. */
-interface ViewerHeader extends CameraLimits {
+interface ViewerHeader extends PoseLimits {
   presets: { name: string; lao_deg: number }[];
   road_map_colour: [number, number, number]; // 0 to 255
 }
@@ -80,7 +80,7 @@ export interface Header {
   catheters: (MeshHeader & Matter)[];
   run: RunHeader | null;
   live: LiveHeader | null;
-  camera: Camera;
+  pose: CArmPose;
   cone: Cone | null;
   is_of_session: boolean; // its pose is one that a viewer saved
   look: "fluoro" | "surface";

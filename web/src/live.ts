@@ -80,7 +80,7 @@ export class LiveView {
     this.steering = new Steering(stage, live.has_hub, live.has_hub && names.length > 1, () => this.send(), (action) => this.send(action));
     this.connection = location.protocol.startsWith("http") ? this.connect() : null;
     if (!this.connection) notes.state("This page belongs to a live session: open the address that xraycast printed.");
-    store.on_change((state, before) => state.camera !== before.camera && this.steering.steers && this.tell_c_arm());
+    store.on_change((state, before) => state.pose !== before.pose && this.steering.steers && this.tell_c_arm());
     setInterval(() => this.steering.steers && this.send(), kAlive_ms);
   }
 
@@ -108,8 +108,8 @@ export class LiveView {
 
   private show(message: LiveMessage): void {
     const is_new = message.exposures !== this.exposures;
-    if (message.exposes) this.picture.held_camera = null;
-    else if (is_new || !this.picture.held_camera) this.hold();
+    if (message.exposes) this.picture.held_pose = null;
+    else if (is_new || !this.picture.held_pose) this.hold();
     if (is_new) {
       this.exposures = message.exposures;
       const devices = this.live.devices.flatMap((device, d) => surfaces_of(device, message.devices[d]?.parts_mm ?? []));
@@ -127,7 +127,7 @@ export class LiveView {
 
   /** Without the pedal the picture stays as the C-arm stood at the last exposure. */
   private hold(): void {
-    this.picture.held_camera = this.store.state.camera;
+    this.picture.held_pose = this.store.state.pose;
     this.redraw();
   }
 
@@ -163,7 +163,7 @@ export class LiveView {
   }
 
   private lost(): void {
-    if (!this.picture.held_camera) this.hold();
+    if (!this.picture.held_pose) this.hold();
     this.steering.steers = false;
     this.steering.let_go();
     element("live-role").textContent = "Not connected";
@@ -177,8 +177,8 @@ export class LiveView {
 
   private send(action?: SteeringAction): void {
     if (!this.steering.steers) return;
-    const { camera } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
-    if (this.has_moved) message.c_arm = { lao_deg: camera.lao_deg, cranial_deg: camera.cranial_deg, zoom: camera.zoom, table_mm: camera.table_mm };
+    const { pose } = this.store.state, message: Record<string, unknown> = { ...this.steering.held };
+    if (this.has_moved) message.c_arm = { lao_deg: pose.lao_deg, cranial_deg: pose.cranial_deg, zoom: pose.zoom, table_mm: pose.table_mm };
     if (action) message[action] = true;
     this.has_moved = false;
     this.connection!.send(message);

@@ -1,6 +1,6 @@
 // Opens the page: reads the session, and connects the picture with what moves it.
 import { hash_of, state_of } from "./address";
-import type { Camera } from "./camera";
+import type { CArmPose } from "./c_arm_pose";
 import { Header, SessionData, session_of } from "./data";
 import { shown_time_s } from "./device_shape";
 import { RunPlayer } from "./run_player";
@@ -19,7 +19,7 @@ const kMostPixels = 2_000_000; // of the picture; more are shown enlarged
 const element = <T extends HTMLElement>(id: string) => document.getElementById(id) as T;
 const stage = element("stage"), canvas = element<HTMLCanvasElement>("picture"), overlay = element<HTMLCanvasElement>("overlay");
 
-const angles_of = ({ lao_deg, cranial_deg }: Camera) => label_of((lao_deg * Math.PI) / 180, (cranial_deg * Math.PI) / 180);
+const angles_of = ({ lao_deg, cranial_deg }: CArmPose) => label_of((lao_deg * Math.PI) / 180, (cranial_deg * Math.PI) / 180);
 
 const notes = new Notes((words) => {
   element("note").textContent = words;
@@ -40,7 +40,7 @@ class Page {
   constructor(private readonly data: SessionData, private readonly store: Store, private readonly picture: Picture) {
     const actions: Actions = {
       toggle_layer: (k) => this.toggle_layer(k),
-      reset: () => store.update({ camera: { ...store.first.camera }, window: store.first.window }),
+      reset: () => store.update({ pose: { ...store.first.pose }, window: store.first.window }),
       copy_link: () => void this.copy_link(),
       save_picture: () => this.save_picture(),
       play: () => this.player?.toggle(),
@@ -70,7 +70,7 @@ class Page {
   }
 
   private changed(state: State, before: State): void {
-    if (state.camera !== before.camera || state.window !== before.window) {
+    if (state.pose !== before.pose || state.window !== before.window) {
       this.moved_ms = performance.now();
       this.has_moved = true;
     }
@@ -100,7 +100,7 @@ class Page {
   private draw(): void {
     if (this.is_lost) return;
     const scale = this.resize(), { state } = this.store, rest_ms = performance.now() - this.moved_ms;
-    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_camera;
+    const is_moving = (this.has_moved || rest_ms < kRest_ms) && !state.is_bare && !this.picture.held_pose;
     this.has_moved = false;
     const has_road_map = this.picture.draw(state, is_moving), view = this.picture.view(state);
     const outlined = state.shows_road_map && !has_road_map ? this.picture.road_map(view) : null;
@@ -112,12 +112,12 @@ class Page {
   }
 
   private get shown_angles(): string {
-    return angles_of(this.picture.held_camera ?? this.store.state.camera);
+    return angles_of(this.picture.held_pose ?? this.store.state.pose);
   }
 
   private describe(state: State): void {
-    const { camera } = state, sign = camera.table_mm < 0 ? "−" : "+", is_held = this.shown_angles !== angles_of(camera);
-    element("readout").textContent = `${angles_of(camera)}   table ${sign}${Math.abs(Math.round(camera.table_mm))} mm   ×${Number(camera.zoom.toPrecision(2))}${is_held ? `   picture ${this.shown_angles}` : ""}`;
+    const { pose } = state, sign = pose.table_mm < 0 ? "−" : "+", is_held = this.shown_angles !== angles_of(pose);
+    element("readout").textContent = `${angles_of(pose)}   table ${sign}${Math.abs(Math.round(pose.table_mm))} mm   ×${Number(pose.zoom.toPrecision(2))}${is_held ? `   picture ${this.shown_angles}` : ""}`;
     canvas.setAttribute("aria-label", `${state.look === "fluoro" ? "Fluoroscopy" : "Shaded vessels in the body"} from ${this.shown_angles}`);
   }
 

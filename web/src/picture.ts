@@ -1,5 +1,5 @@
 // The picture on its canvas: drawn coarsely while the C-arm moves, and fully once it rests.
-import { Camera, view_of } from "./camera";
+import { CArmPose, view_of } from "./c_arm_pose";
 import { Renderer, Style, kFull, kQuick } from "./compositing";
 import type { ComingReds } from "./gl";
 import type { SessionData, Surface } from "./data";
@@ -22,7 +22,7 @@ export class Picture {
   /** Devices and contrast agent of a live session, as they are now. */
   live: readonly Surface[] = [];
   /** Where the C-arm stood when the picture was taken that is held; null: the picture follows the C-arm. */
-  held_camera: Camera | null = null;
+  held_pose: CArmPose | null = null;
   /** The grey window that was drawn last. */
   window: GreyWindow = this.automatic;
 
@@ -47,7 +47,7 @@ export class Picture {
   view(state: State): View {
     const { drawingBufferWidth: width, drawingBufferHeight: height } = this.gl;
     const fit = state.is_bare && !this.data.header.is_of_session ? "tilted" : "untilted";
-    return view_of(this.held_camera ?? state.camera, this.data.header.cone, this.data.map.bounds, width, height, fit);
+    return view_of(this.held_pose ?? state.pose, this.data.header.cone, this.data.map.bounds, width, height, fit);
   }
 
   /** Whether the road map is in the picture already. */

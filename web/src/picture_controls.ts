@@ -32,20 +32,20 @@ export class PictureControls {
   }
 
   turn(lao_deg: number, cranial_deg: number): void {
-    const { camera } = this.store.state;
-    this.move_camera({ lao_deg: camera.lao_deg + lao_deg, cranial_deg: camera.cranial_deg + cranial_deg });
+    const { pose } = this.store.state;
+    this.move_pose({ lao_deg: pose.lao_deg + lao_deg, cranial_deg: pose.cranial_deg + cranial_deg });
   }
 
   zoom(times: number): void {
-    this.move_camera({ zoom: this.store.state.camera.zoom * times });
+    this.move_pose({ zoom: this.store.state.pose.zoom * times });
   }
 
   travel(mm: number): void {
-    this.move_camera({ table_mm: this.store.state.camera.table_mm + mm });
+    this.move_pose({ table_mm: this.store.state.pose.table_mm + mm });
   }
 
-  private move_camera(change: Partial<Store["state"]["camera"]>): void {
-    this.store.update({ camera: { ...this.store.state.camera, ...change } });
+  private move_pose(change: Partial<Store["state"]["pose"]>): void {
+    this.store.update({ pose: { ...this.store.state.pose, ...change } });
   }
 
   private press(event: PointerEvent): void {

@@ -49,7 +49,7 @@ function homography_of(view: View, plane: Rectified): Homography {
     const right: Vec3 = [...plane.right, 0], forward: Vec3 = [...plane.forward, 0];
     if (!view.cone) {
       const offset = minus(on_detector, view.centre_mm);
-      return [dot(offset, right), view.centre_mm[2] + dot(offset, up_of(view)) / Math.cos(view.tilt_rad), 1];
+      return [dot(offset, right), view.centre_mm[2] + dot(offset, up_of(view)) / Math.cos(view.cranial_rad), 1];
     }
     const ray = minus(on_detector, source_mm(view, view.cone)), ahead = dot(ray, forward);
     return [plane.source_mm * dot(ray, right), plane.source_z_mm * ahead + plane.source_mm * ray[2], ahead];
@@ -94,10 +94,10 @@ export function rectified_view(view: View, map: MapGeometry, pixels_per_column: 
   const plane: Rectified = {
     centre_mm: [view.centre_mm[0], view.centre_mm[1]],
     right: [right_of(view)[0], right_of(view)[1]],
-    forward: [Math.sin(view.angle_rad), -Math.cos(view.angle_rad)],
-    source_mm: view.cone ? view.cone.source_axis_mm * Math.cos(view.tilt_rad) : 0,
+    forward: [Math.sin(view.lao_rad), -Math.cos(view.lao_rad)],
+    source_mm: view.cone ? view.cone.source_axis_mm * Math.cos(view.cranial_rad) : 0,
     source_z_mm: view.cone ? source_mm(view, view.cone)[2] : 0,
-    slope: view.cone ? 0 : Math.tan(view.tilt_rad),
+    slope: view.cone ? 0 : Math.tan(view.cranial_rad),
     columns: 0, rows: 0, left_mm: 0, column_mm: 1, top_mm: 0, row_mm: 1, from_pixel: [],
   };
   const h = homography_of(view, plane);

@@ -1,5 +1,5 @@
 // What the page shows, and who is told when that changes.
-import { Camera, limited } from "./camera";
+import { CArmPose, limited } from "./c_arm_pose";
 import type { Look } from "./compositing";
 import type { SessionData } from "./data";
 import { length_s } from "./device_shape";
@@ -7,7 +7,7 @@ import type { GreyWindow } from "./grey_window";
 import { clamp } from "./vectors";
 
 export interface State {
-  camera: Camera;
+  pose: CArmPose;
   look: Look;
   window: GreyWindow | null; // none: automatic
   gamma: number;
@@ -22,7 +22,7 @@ export interface State {
 /** As the session was exported. */
 export function first_state({ header }: SessionData): State {
   return {
-    camera: header.camera,
+    pose: header.pose,
     look: header.look,
     window: header.window && { ...header.window, ...header.greys },
     ...header.greys,
@@ -41,7 +41,7 @@ export const has_surfaces = ({ vessels, catheters, run, live }: SessionData): bo
 export function allowed(state: State, data: SessionData): State {
   return {
     ...state,
-    camera: limited(state.camera, data.map.bounds, data.header.viewer),
+    pose: limited(state.pose, data.map.bounds, data.header.viewer),
     look: has_surfaces(data) ? state.look : "fluoro",
     hidden_layers: [...new Set(state.hidden_layers)].filter((k) => k < data.map.layers).sort((a, b) => a - b),
     shows_vessels: data.vessels !== null && state.shows_vessels,

@@ -20,7 +20,7 @@ export class Tools {
   constructor(private readonly data: SessionData, store: Store, controls: PictureControls, actions: Actions) {
     element("tools").hidden = false;
     for (const { name, lao_deg } of data.header.viewer.presets)
-      this.add_preset(name, () => store.update({ camera: { ...store.state.camera, lao_deg, cranial_deg: 0 } }));
+      this.add_preset(name, () => store.update({ pose: { ...store.state.pose, lao_deg, cranial_deg: 0 } }));
     const page_mm = 0.1 * data.map.bounds.half_height_mm;
     const clicks: Record<string, () => void> = {
       "zoom-in": () => controls.zoom(1.2), "zoom-out": () => controls.zoom(1 / 1.2), "table-up": () => controls.travel(page_mm),

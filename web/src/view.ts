@@ -15,8 +15,8 @@ export interface Bounds {
 }
 
 export interface View {
-  angle_rad: number; // LAO is positive
-  tilt_rad: number; // cranial is positive
+  lao_rad: number; // LAO is positive
+  cranial_rad: number; // cranial is positive
   cone: Cone | null; // none: a parallel beam
   centre_mm: Vec3; // what the picture's centre shows
   width: number;
@@ -25,11 +25,11 @@ export interface View {
 }
 
 export const towards_detector = (v: View): Vec3 => [
-  Math.sin(v.angle_rad) * Math.cos(v.tilt_rad),
-  -Math.cos(v.angle_rad) * Math.cos(v.tilt_rad),
-  Math.sin(v.tilt_rad),
+  Math.sin(v.lao_rad) * Math.cos(v.cranial_rad),
+  -Math.cos(v.lao_rad) * Math.cos(v.cranial_rad),
+  Math.sin(v.cranial_rad),
 ];
-export const right_of = (v: View): Vec3 => [Math.cos(v.angle_rad), Math.sin(v.angle_rad), 0];
+export const right_of = (v: View): Vec3 => [Math.cos(v.lao_rad), Math.sin(v.lao_rad), 0];
 export const up_of = (v: View): Vec3 => cross(towards_detector(v), right_of(v));
 
 /** The source of a cone. */
@@ -47,10 +47,10 @@ export function pixel_on_detector_mm(v: View, i: number, j: number): Vec3 {
   return add(add(add(v.centre_mm, times(beyond_mm, towards_detector(v))), across), upwards);
 }
 
-/** The pixel size with which the body's circle and its whole height fit (viewer/xraycast/sampling/camera.cpp, `fitted`). */
+/** The pixel size with which the body's circle and its whole height fit (viewer/xraycast/sampling/pose.cpp, `fitted`). */
 export function fitting_pixel_mm(v: Omit<View, "pixel_mm">, bounds: Bounds): number {
   const half_height_mm = 0.5 * bounds.finest_mm * Math.max(1, Math.ceil((2 * bounds.half_height_mm) / bounds.finest_mm - 1e-6));
-  const ct = Math.abs(Math.cos(v.tilt_rad)), st = Math.abs(Math.sin(v.tilt_rad));
+  const ct = Math.abs(Math.cos(v.cranial_rad)), st = Math.abs(Math.sin(v.cranial_rad));
   let magnification = 1;
   if (v.cone) {
     const nearest_mm = v.cone.source_axis_mm - (bounds.radius_mm * ct + half_height_mm * st);
@@ -86,8 +86,8 @@ export function to_clip(v: View): Float64Array {
 }
 
 /** `LAO 30 / CRA 10`, as a C-arm displays its angles. */
-export function label_of(angle_rad: number, tilt_rad: number): string {
-  const degrees = 180 / Math.PI, angle = wrapped_degrees(angle_rad * degrees), tilt = tilt_rad * degrees;
+export function label_of(lao_rad: number, cranial_rad: number): string {
+  const degrees = 180 / Math.PI, angle = wrapped_degrees(lao_rad * degrees), tilt = cranial_rad * degrees;
   const shown = (x: number) => String(Math.round(Math.abs(x) * 10) / 10);
   let text = Math.abs(angle) < 0.05 ? "AP" : `${angle > 0 ? "LAO" : "RAO"} ${shown(angle)}`;
   if (Math.abs(tilt) >= 0.05) text += ` / ${tilt > 0 ? "CRA" : "CAU"} ${shown(tilt)}`;

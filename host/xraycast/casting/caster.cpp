@@ -54,7 +54,7 @@ CastResult cast_rectangles(const ResidentScan& scan, const MapGeometry& geometry
   const BodyOutline within{geometry.centre_mm[0], geometry.radius_mm()};
   progress.begin("casting", geometry.views, "views");
   for (int k = 0; k < geometry.views; ++k) {
-    view.angle_rad = geometry.view_rad(k);
+    view.lao_rad = geometry.view_rad(k);
     Progress one;  // the whole map's progress is reported here
     const ProjectionImage image = project(scan, view, opacity, one, within);
     result.map.tau.insert(result.map.tau.end(), image.tau.begin(), image.tau.end());

@@ -21,8 +21,8 @@ json vector_to_json(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
 json view_to_json(const View& view) {
   json out{{"label", label(view)},
-           {"angle_rad", view.angle_rad},
-           {"tilt_rad", view.tilt_rad},
+           {"lao_rad", view.lao_rad},
+           {"cranial_rad", view.cranial_rad},
            {"centre_mm", vector_to_json(view.centre_mm)},
            {"pixel_mm", view.pixel_mm},
            {"first_pixel_mm", vector_to_json(view.pixel_on_detector_mm(0, 0))},

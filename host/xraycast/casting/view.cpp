@@ -17,7 +17,7 @@ constexpr int kMaxSide = 16384;
 constexpr double kNearestSource_mm = 1, kFarthestDetector_mm = 1e6;
 
 void check(const View& view) {
-  if (!std::isfinite(view.angle_rad) || !std::isfinite(view.tilt_rad))
+  if (!std::isfinite(view.lao_rad) || !std::isfinite(view.cranial_rad))
     throw InputError("the view's angles must be finite");
   if (view.width < 0 || view.width > kMaxSide || view.height < 0 || view.height > kMaxSide)
     throw InputError("a picture of {} x {} pixels: each side must be 1 to {}", view.width, view.height,
@@ -42,11 +42,11 @@ int pixels(double length_mm, double pixel_mm) {
 }  // namespace
 
 glm::dvec3 View::towards_detector() const {
-  return {std::sin(angle_rad) * std::cos(tilt_rad), -std::cos(angle_rad) * std::cos(tilt_rad),
-          std::sin(tilt_rad)};
+  return {std::sin(lao_rad) * std::cos(cranial_rad), -std::cos(lao_rad) * std::cos(cranial_rad),
+          std::sin(cranial_rad)};
 }
 
-glm::dvec3 View::right() const { return {std::cos(angle_rad), std::sin(angle_rad), 0}; }
+glm::dvec3 View::right() const { return {std::cos(lao_rad), std::sin(lao_rad), 0}; }
 
 glm::dvec3 View::up() const { return glm::cross(towards_detector(), right()); }
 
@@ -59,8 +59,8 @@ glm::dvec3 View::pixel_on_detector_mm(double i, double j) const {
 glm::dvec3 View::source_mm() const { return centre_mm - cone->source_axis_mm * towards_detector(); }
 
 std::string label(const View& view) {
-  double angle = std::remainder(view.angle_rad * kDegrees, 360.0);
-  const double tilt = view.tilt_rad * kDegrees;
+  double angle = std::remainder(view.lao_rad * kDegrees, 360.0);
+  const double tilt = view.cranial_rad * kDegrees;
   const auto shown = [](double degrees) {
     return fmt::format("{:g}", std::round(std::abs(degrees) * 10) / 10);
   };
@@ -73,7 +73,7 @@ std::string label(const View& view) {
 View fitted(View view, const VolumeGeometry& volume, const BodyOutline& body) {
   check(view);
   const double half_height_mm = 0.5 * (volume.upper_mm().z - volume.lower_mm().z);
-  const double ct = std::abs(std::cos(view.tilt_rad)), st = std::abs(std::sin(view.tilt_rad));
+  const double ct = std::abs(std::cos(view.cranial_rad)), st = std::abs(std::sin(view.cranial_rad));
   // A cone magnifies most the part nearest to the source.
   double magnification = 1;
   if (view.cone) {

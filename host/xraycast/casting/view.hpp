@@ -21,8 +21,8 @@ struct Cone {
 /// positive. The picture is seen from the detector, so that at 0 deg the patient's left is on the right, and
 /// up is superior.
 struct View {
-  double angle_rad = 0;
-  double tilt_rad = 0;
+  double lao_rad = 0;
+  double cranial_rad = 0;
   std::optional<Cone> cone{};     ///< none: a parallel beam
   glm::dvec3 centre_mm{0, 0, 0};  ///< the point on the axis that the picture's centre shows
   int width = 0, height = 0;      ///< pixels

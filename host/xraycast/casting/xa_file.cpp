@@ -111,8 +111,8 @@ void add_acquisition(DicomElements& image, const XaOptions& options,
 
 void add_pose(DicomElements& image, std::span<const View> views) {
   const View& first = views.front();
-  image.number(0x00181510, positioner_deg(first.angle_rad));
-  image.number(0x00181511, positioner_deg(first.tilt_rad));
+  image.number(0x00181510, positioner_deg(first.lao_rad));
+  image.number(0x00181511, positioner_deg(first.cranial_rad));
   image.text(0x00200060, "");  // Laterality
   // Of rows and columns; a rotating run has no single orientation.
   image.text(0x00200020, views.size() == 1 ? sides(first.right()) + '\\' + sides(-first.up()) : "");
@@ -124,15 +124,15 @@ void add_pose(DicomElements& image, std::span<const View> views) {
   }
   if (views.size() == 1) return;
   const bool is_turning = std::ranges::any_of(views, [&](const View& view) {
-    return view.angle_rad != first.angle_rad || view.tilt_rad != first.tilt_rad;
+    return view.lao_rad != first.lao_rad || view.cranial_rad != first.cranial_rad;
   });
   image.text(0x00181500, is_turning ? "DYNAMIC" : "STATIC");  // Positioner Motion
   if (!is_turning) return;
   // Offsets from the first frame, one per frame (C.8.7.5.1.3), continuous beyond half a turn.
   std::vector<double> primary_deg, secondary_deg;
   for (const View& view : views) {
-    primary_deg.push_back(xa_degrees(view.angle_rad - first.angle_rad));
-    secondary_deg.push_back(xa_degrees(view.tilt_rad - first.tilt_rad));
+    primary_deg.push_back(xa_degrees(view.lao_rad - first.lao_rad));
+    secondary_deg.push_back(xa_degrees(view.cranial_rad - first.cranial_rad));
   }
   image.numbers(0x00181520, primary_deg);
   image.numbers(0x00181521, secondary_deg);
@@ -178,7 +178,7 @@ bool is_xa(const std::filesystem::path& path) { return extension_of(path) == ".d
 
 void check_xa(const std::filesystem::path& path, const View& view, const XaOptions& options) {
   check(options.patient);
-  if (const double tilt_deg = positioner_deg(view.tilt_rad); std::abs(tilt_deg) > 90)
+  if (const double tilt_deg = positioner_deg(view.cranial_rad); std::abs(tilt_deg) > 90)
     throw InputError(
         "{}: a tilt of {:g} deg; DICOM's Positioner Secondary Angle holds -90 to 90: turn by 180 deg instead",
         path.string(), tilt_deg);

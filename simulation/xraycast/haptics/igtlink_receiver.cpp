@@ -114,9 +114,9 @@ IgtlinkReceiver::Event read_c_arm(const glm::dvec3& isocentre_mm, const glm::dma
   constexpr double kAlongBody = 0.05;  // within 3 degrees of the body's axis LAO and RAO mean nothing
   if (std::hypot(n.x, n.y) < kAlongBody)
     return Complaint{"rotation", "sent CArm that looks along the body's axis"};
-  return CArmMove{{.angle_rad = std::atan2(n.x, -n.y),
-                   .tilt_rad = std::asin(std::clamp(n.z, -1.0, 1.0)),
-                   .isocentre_mm = isocentre_mm}};
+  return CArmMove{{.lao_rad = std::atan2(n.x, -n.y),
+                   .cranial_rad = std::asin(std::clamp(n.z, -1.0, 1.0)),
+                   .centre_mm = isocentre_mm}};
 }
 
 }  // namespace

@@ -38,7 +38,7 @@ struct StreamRequest {
 
 /// TRANSFORM `CArm`.
 struct CArmMove {
-  CArmPose pose;
+  View pose;
 };
 
 /// STRING `Pedal`: `down` or `up`.

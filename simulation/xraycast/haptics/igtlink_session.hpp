@@ -1,6 +1,6 @@
 #pragma once
 
-#include <glm/vec3.hpp>
+#include "xraycast/casting/view.hpp"
 
 #include <cstddef>
 #include <cstdint>
@@ -18,18 +18,11 @@ struct IgtlinkWatching {
   bool is_unasked = false;  ///< every client receives all streams without asking
 };
 
-/// The pose that a TRANSFORM `CArm` asks for: the frame of IMAGE, with the isocentre as its origin.
-struct CArmPose {
-  double angle_rad = 0;  ///< as in View
-  double tilt_rad = 0;
-  glm::dvec3 isocentre_mm{0, 0, 0};
-};
-
 /// What all clients of a session command, besides the hubs.
 struct IgtlinkCommands {
   bool pedal = false;         ///< down for any of them
   double injection_ml_s = 0;  ///< the greatest
-  CArmPose c_arm;             ///< the newest
+  View c_arm;  ///< the newest that a TRANSFORM `CArm` asked for: its angles, and the isocentre as its centre
   std::uint64_t c_arm_moves = 0;
 };
 

@@ -31,12 +31,11 @@ void choose_look(const std::string& look, PictureOptions& options) {
   options.acquisition.subtracts = look == "dsa";
   if (look != "fluoro" && look != "surface" && look != "dsa")
     throw InputError("`look` {}: must be fluoro, surface or dsa", look);
-  options.style.shading = look == "surface" ? ShadingMode::surface : ShadingMode::fluoro;
+  options.style.look = look == "surface" ? Look::surface : Look::fluoro;
 }
 
 void check(const PictureOptions& options, bool has_vessels, bool has_devices) {
-  const bool is_shaded = options.style.shading == ShadingMode::surface,
-             subtracts = options.acquisition.subtracts,
+  const bool is_shaded = options.style.look == Look::surface, subtracts = options.acquisition.subtracts,
              has_pulses = options.acquisition.fluoroscope.has_value();
   check(options.style);
   if (options.style.full_contrast && (is_shaded || subtracts))

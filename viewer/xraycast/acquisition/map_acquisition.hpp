@@ -3,7 +3,7 @@
 #include "xraycast/acquisition/acquisition.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/road_map.hpp"
 
 #include <cstdint>

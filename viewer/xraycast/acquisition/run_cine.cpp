@@ -87,7 +87,7 @@ void RunCine::place(const Instruments& devices) {
     for (const Surface& surface : device_surfaces(nodes_mm, devices.rod(d).instrument()))
       renderer_.replace_surface(surfaces++, surface);
   }
-  if (options_.picture.style.shading == ShadingMode::fluoro)
+  if (options_.picture.style.look == Look::fluoro)
     renderer_.replace_surface(surfaces, contrast_.filled(bolus_.iodine_mg_ml()));
 }
 

@@ -3,7 +3,7 @@
 #include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/kernels/params.h"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <algorithm>
 #include <cmath>

@@ -69,11 +69,11 @@ void Renderer::replace_surface(std::size_t index, const Surface& surface) {
 
 Renderer::Frame Renderer::draw_passes(const View& view, const Style& style) {
   Frame frame{view, body_.draw(view, style), Surfaces::none};
-  if (style.shading == ShadingMode::surface && !opaque_.empty()) {
+  if (style.look == Look::surface && !opaque_.empty()) {
     frame.surfaces = Surfaces::opaque;
     draw_opaque(view);
     body_.draw_in_front(view, style, surface_depth_, depth_, opaque_.box(view));
-  } else if (style.shading == ShadingMode::fluoro && !absorbing_.empty()) {
+  } else if (style.look == Look::fluoro && !absorbing_.empty()) {
     frame.surfaces = Surfaces::absorbing;
     draw_absorption(view);
   }

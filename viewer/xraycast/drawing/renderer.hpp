@@ -44,7 +44,7 @@ class Renderer {
   /// must be complete. Throws InputError when the map cannot be drawn so.
   void draw(const View& view, const Style& style, int x = 0, int y = 0);
 
-  /// The same with a DRR instead of the map; surfaces attenuate, whatever the shading mode.
+  /// The same with a DRR instead of the map; surfaces attenuate, whatever the look.
   void draw(const ProjectionImage& drr, const Style& style, int x = 0, int y = 0);
 
   /// Optical depth of the picture: height x width, row 0 on top. Where surfaces are shaded it ends at them.

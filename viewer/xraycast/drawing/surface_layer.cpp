@@ -102,7 +102,7 @@ void SurfaceLayer::draw_shaded(const View& view, DepthMeasure measure) const {
   shaded_.set("towards_detector", view.towards_detector());
   shaded_.set("is_cone", view.cone.has_value());
   shaded_.set("origin_mm", ray_origin_mm(view));
-  shaded_.set("along", horizontal ? glm::dvec3(std::sin(view.angle_rad), -std::cos(view.angle_rad), 0)
+  shaded_.set("along", horizontal ? glm::dvec3(std::sin(view.lao_rad), -std::cos(view.lao_rad), 0)
                                   : view.towards_detector());
   shaded_.set("counted_axes", horizontal ? glm::dvec3(1, 1, 0) : glm::dvec3(1));
   for (const Part& part : parts_) {

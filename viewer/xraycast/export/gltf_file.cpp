@@ -209,7 +209,7 @@ std::string gltf_binary(const WebSession& session) {
   const glm::dvec3 half_mm(0, 0, bounds.half_height_mm);
   scene.add_line("axis", {glm::vec3(bounds.centre_mm - half_mm), glm::vec3(bounds.centre_mm + half_mm)},
                  {0.9, 0.7, 0.2});
-  scene.add("C-arm", c_arm_mesh(view_of(session.camera, bounds, 1, 1)), {0.7, 0.72, 0.75});
+  scene.add("C-arm", c_arm_mesh(view_of(session.pose, bounds, 1, 1)), {0.7, 0.72, 0.75});
   return scene.bytes();
 }
 

@@ -206,18 +206,18 @@ PageJson window_to_json(const GreyWindow& window) {
 PageJson viewer_json() {
   constexpr double kDegrees = 180 / std::numbers::pi;
   PageJson presets = PageJson::array();
-  for (const CameraPreset& preset : kCameraPresets)
+  for (const CArmPreset& preset : kCArmPresets)
     presets.push_back({{"name", preset.name}, {"lao_deg", preset.angle_deg}});
   return {{"presets", presets},
-          {"least_zoom", Camera::kMinZoom},
-          {"most_zoom", Camera::kMaxZoom},
-          {"most_tilt_deg", Camera::kMaxTilt_rad * kDegrees},
+          {"least_zoom", CArmPose::kMinZoom},
+          {"most_zoom", CArmPose::kMaxZoom},
+          {"most_tilt_deg", CArmPose::kMaxTilt_rad * kDegrees},
           {"road_map_colour", {kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z}}};
 }
 
 PageJson header_of(const WebSession& session, Parts& parts) {
   constexpr double kDegrees = 180 / std::numbers::pi;
-  const Camera& camera = session.camera;
+  const CArmPose& pose = session.pose;
   PageJson header{{"format", kFormat}, {"title", session.title}};
   header["viewer"] = viewer_json();
   header["map"] = add_map(session, parts);
@@ -226,17 +226,17 @@ PageJson header_of(const WebSession& session, Parts& parts) {
   header["catheters"] = add_catheters(session, parts);
   header["run"] = add_run(session, parts);
   header["live"] = add_live(session, parts);
-  header["camera"] = {{"lao_deg", camera.angle_rad * kDegrees},
-                      {"cranial_deg", camera.tilt_rad * kDegrees},
-                      {"zoom", camera.zoom},
-                      {"table_mm", camera.table_mm}};
-  header["cone"] = camera.cone ? PageJson{{"source_axis_mm", camera.cone->source_axis_mm},
-                                          {"source_detector_mm", camera.cone->source_detector_mm}}
-                               : PageJson();
+  header["pose"] = {{"lao_deg", pose.lao_rad * kDegrees},
+                    {"cranial_deg", pose.cranial_rad * kDegrees},
+                    {"zoom", pose.zoom},
+                    {"table_mm", pose.table_mm}};
+  header["cone"] = pose.cone ? PageJson{{"source_axis_mm", pose.cone->source_axis_mm},
+                                        {"source_detector_mm", pose.cone->source_detector_mm}}
+                             : PageJson();
   header["is_of_session"] = session.is_of_session;
   header["shows_vessels"] = session.vessels && session.shows_vessels && !is_steered;
   header["shows_road_map"] = session.vessels && (session.shows_road_map || is_steered);
-  header["look"] = to_string(session.style.shading);
+  header["look"] = to_string(session.style.look);
   header["full_contrast"] = session.style.full_contrast || is_steered;  // as in `simulate --cine`
   header["window"] = session.has_window ? window_to_json(session.style.window) : PageJson();
   header["greys"] = {{"gamma", session.style.window.gamma}, {"inverted", session.style.window.inverted}};
@@ -254,7 +254,7 @@ bool suits_web(const BodyMap& map) {
 std::string web_page(const WebSession& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
-  const View pose{.angle_rad = session.camera.angle_rad, .tilt_rad = session.camera.tilt_rad};
+  const View pose{.lao_rad = session.pose.lao_rad, .cranial_rad = session.pose.cranial_rad};
   constexpr int kSmallest = 9;
   const std::array<std::pair<std::string_view, std::string>, 6> values{
       {{"title", in_html(session.title)},

@@ -2,7 +2,7 @@
 
 #include "xraycast/casting/body_map.hpp"
 #include "xraycast/export/recorded_run.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <cstdint>
@@ -29,11 +29,11 @@ struct WebSession {
   std::vector<Surface> catheters{};  ///< that do not move
   std::optional<RecordedRun> run{};
   std::optional<LiveRun> live{};
-  Camera camera{};
+  CArmPose pose{};
   Style style{};
   bool has_window =
       false;  ///< style.window was chosen; otherwise it is automatic, but for gamma and inversion
-  bool is_of_session = false;  ///< the camera is one that a viewer saved; otherwise it shows the whole body
+  bool is_of_session = false;  ///< the pose is one that a viewer saved; otherwise it shows the whole body
   /// As a lumen that holds contrast agent; as an outline. Over a run it is the outline alone, as in the
   /// operating room.
   bool shows_vessels = true, shows_road_map = false;

@@ -39,8 +39,8 @@ double pixel_on_detector_mm(const View& view, const Cone& distances) {
 /// Whether no C-arm or table moves that far between two pulses of one run.
 bool is_jump(const View& before, const View& now) {
   constexpr double kTurn_rad = 0.15, kWay_mm = 30;  // at 7.5/s some 65 deg/s and 22 cm/s
-  return std::abs(std::remainder(now.angle_rad - before.angle_rad, 2 * std::numbers::pi)) > kTurn_rad ||
-         std::abs(now.tilt_rad - before.tilt_rad) > kTurn_rad ||
+  return std::abs(std::remainder(now.lao_rad - before.lao_rad, 2 * std::numbers::pi)) > kTurn_rad ||
+         std::abs(now.cranial_rad - before.cranial_rad) > kTurn_rad ||
          glm::distance(now.centre_mm, before.centre_mm) > kWay_mm;
 }
 

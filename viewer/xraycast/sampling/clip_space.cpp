@@ -74,8 +74,7 @@ ScreenBox screen_box(const View& view, std::span<const glm::dvec3> corners_mm) {
 
 std::array<glm::dvec3, 8> corners_mm(const BodyBounds& bounds, const View& view) {
   const glm::dvec3 across = bounds.radius_mm * view.right();
-  const glm::dvec3 along =
-      bounds.radius_mm * glm::dvec3(std::sin(view.angle_rad), -std::cos(view.angle_rad), 0);
+  const glm::dvec3 along = bounds.radius_mm * glm::dvec3(std::sin(view.lao_rad), -std::cos(view.lao_rad), 0);
   const glm::dvec3 up(0, 0, bounds.half_height_mm);
   std::array<glm::dvec3, 8> corners;
   for (int i = 0; i < 8; ++i)

@@ -72,7 +72,7 @@ double opening_rad(const View& view) {
 /// Names what makes the rays steep: the picture's size over its distance, the tilt, or both.
 void check_steepness(const View& view) {
   constexpr double kDegrees = 180 / std::numbers::pi, kSteepest_deg = 80;
-  const double tilt_deg = view.tilt_rad * kDegrees, opening_deg = opening_rad(view) * kDegrees;
+  const double tilt_deg = view.cranial_rad * kDegrees, opening_deg = opening_rad(view) * kDegrees;
   const double steep_deg = std::abs(std::remainder(tilt_deg, 360));
   if (steep_deg + opening_deg <= kSteepest_deg) return;
   if (opening_deg > kSteepest_deg)
@@ -96,12 +96,12 @@ RectifiedView plane_of(const View& view) {
   RectifiedView plane{};
   plane.centre_mm = glm::dvec2(view.centre_mm);
   plane.right = glm::dvec2(view.right());
-  plane.forward = {std::sin(view.angle_rad), -std::cos(view.angle_rad)};
+  plane.forward = {std::sin(view.lao_rad), -std::cos(view.lao_rad)};
   if (view.cone) {
-    plane.source_mm = view.cone->source_axis_mm * std::cos(view.tilt_rad);
+    plane.source_mm = view.cone->source_axis_mm * std::cos(view.cranial_rad);
     plane.source_z_mm = view.source_mm().z;
   } else {
-    plane.slope = std::tan(view.tilt_rad);
+    plane.slope = std::tan(view.cranial_rad);
   }
   return plane;
 }
@@ -128,7 +128,7 @@ class Homography {
     if (!view.cone) {
       const glm::dvec3 offset = on_detector - view.centre_mm;
       return {glm::dot(offset, right),
-              view.centre_mm.z + glm::dot(offset, view.up()) / std::cos(view.tilt_rad), 1};
+              view.centre_mm.z + glm::dot(offset, view.up()) / std::cos(view.cranial_rad), 1};
     }
     const glm::dvec3 ray = on_detector - view.source_mm();
     const double ahead = glm::dot(ray, forward);

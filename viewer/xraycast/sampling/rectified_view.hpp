@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <glm/mat3x3.hpp>
 #include <glm/vec2.hpp>

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <cstdint>
 #include <optional>

@@ -1,7 +1,7 @@
 #include "xraycast/scene/same_scan.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <fmt/format.h>
 #include <glm/common.hpp>

@@ -6,9 +6,9 @@
 
 namespace xraycast {
 
-ShadingMode parse_shading_mode(const std::string& name) {
-  if (name == "surface") return ShadingMode::surface;
-  if (name == "fluoro") return ShadingMode::fluoro;
+Look parse_look(const std::string& name) {
+  if (name == "surface") return Look::surface;
+  if (name == "fluoro") return Look::fluoro;
   throw InputError("unknown look '{}'; choose surface or fluoro", excerpt(name));
 }
 
@@ -38,7 +38,7 @@ void check(const Surface& surface) {
         throw InputError("a surface's triangle {} has an invalid index", i);
 }
 
-std::string to_string(ShadingMode shading) { return shading == ShadingMode::surface ? "surface" : "fluoro"; }
+std::string to_string(Look look) { return look == Look::surface ? "surface" : "fluoro"; }
 
 std::string to_string(Compositing compositing) { return compositing == Compositing::wall ? "wall" : "path"; }
 

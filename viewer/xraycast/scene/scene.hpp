@@ -10,15 +10,15 @@
 namespace xraycast {
 
 /// How surfaces within the body are rendered.
-enum class ShadingMode {
+enum class Look {
   surface,  ///< shaded and opaque; they occlude the body behind them
   fluoro,   ///< attenuating like the body; transmissions multiply
 };
 
 /// `surface` and `fluoro`; `wall` and `path`. Throw InputError, naming the valid ones, for other names.
-ShadingMode parse_shading_mode(const std::string& name);
+Look parse_look(const std::string& name);
 Compositing parse_compositing(const std::string& name);
-std::string to_string(ShadingMode shading);
+std::string to_string(Look look);
 std::string to_string(Compositing compositing);
 
 /// A closed surface within the body: vessels or a catheter.
@@ -44,7 +44,7 @@ inline constexpr double kMaxLayerWeight = 100;
 
 /// How a scene is rendered.
 struct Style {
-  ShadingMode shading = ShadingMode::fluoro;
+  Look look = Look::fluoro;
   SampleOptions sampling{};
   std::vector<float> layer_weights{};  ///< 0, which hides a layer, to kMaxLayerWeight; empty: 1 everywhere
   GreyWindow window{};

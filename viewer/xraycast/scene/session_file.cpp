@@ -31,12 +31,12 @@ auto files_of(Session& session) {
                     std::pair{"catheter", &session.catheter}};
 }
 
-Json camera_to_json(const Camera& camera) {
-  Json json{{"angle_deg", camera.angle_rad * kDegrees},
-            {"tilt_deg", camera.tilt_rad * kDegrees},
-            {"table_mm", camera.table_mm},
-            {"zoom", camera.zoom}};
-  if (camera.cone) json["cone_mm"] = {camera.cone->source_axis_mm, camera.cone->source_detector_mm};
+Json pose_to_json(const CArmPose& pose) {
+  Json json{{"angle_deg", pose.lao_rad * kDegrees},
+            {"tilt_deg", pose.cranial_rad * kDegrees},
+            {"table_mm", pose.table_mm},
+            {"zoom", pose.zoom}};
+  if (pose.cone) json["cone_mm"] = {pose.cone->source_axis_mm, pose.cone->source_detector_mm};
   return json;
 }
 
@@ -126,17 +126,17 @@ SteeredDevices steered_of(const Fields& fields) {
   return steered;
 }
 
-Camera camera_of(const Fields& fields) {
-  Camera camera;
-  camera.angle_rad = fields.number("angle_deg", -360, 360) / kDegrees;
-  camera.tilt_rad = fields.number("tilt_deg", -50.001, 50.001) / kDegrees;
-  camera.table_mm = fields.number("table_mm", -1e4, 1e4);
-  camera.zoom = fields.number("zoom", Camera::kMinZoom, Camera::kMaxZoom);
+CArmPose pose_of(const Fields& fields) {
+  CArmPose pose;
+  pose.lao_rad = fields.number("angle_deg", -360, 360) / kDegrees;
+  pose.cranial_rad = fields.number("tilt_deg", -50.001, 50.001) / kDegrees;
+  pose.table_mm = fields.number("table_mm", -1e4, 1e4);
+  pose.zoom = fields.number("zoom", CArmPose::kMinZoom, CArmPose::kMaxZoom);
   if (fields.has("cone_mm")) {
     const auto cone = fields.get<std::array<double, 2>>("cone_mm");
-    camera.cone = Cone{cone[0], cone[1]};
+    pose.cone = Cone{cone[0], cone[1]};
   }
-  return camera;
+  return pose;
 }
 
 GreyWindow window_of(const Fields& fields) {
@@ -151,7 +151,7 @@ GreyWindow window_of(const Fields& fields) {
 
 Style style_of(const Fields& fields) {
   Style style;
-  style.shading = fields.word("look", parse_shading_mode);
+  style.look = fields.word("look", parse_look);
   style.sampling.compositing = fields.word("compositing", parse_compositing);
   style.sampling.reconstruction =
       fields.get<bool>("continuous") ? Reconstruction::linear : Reconstruction::constant;
@@ -189,7 +189,7 @@ ViewSession read_fields(const fs::path& path) {
   if (fields.has("contrast_mg_ml"))
     session.contrast_mg_ml = fields.number("contrast_mg_ml", 0, kMaxContrast_mg_ml);
   if (fields.has("simulation")) session.steered = steered_of(fields.at("simulation"));
-  session.camera = camera_of(fields.at("camera"));
+  session.pose = pose_of(fields.at("camera"));
   session.style = style_of(fields.at("style"));
   session.has_window = fields.has("window");
   if (session.has_window) session.style.window = window_of(fields.at("window"));
@@ -206,9 +206,9 @@ void write_session(const ViewSession& session, const fs::path& path) {
     if (!file->empty()) json["files"][name] = fs::absolute(*file).lexically_relative(folder).string();
   json["contrast_mg_ml"] = session.contrast_mg_ml;
   if (session.steered) json["simulation"] = steered_to_json(*session.steered);
-  json["camera"] = camera_to_json(session.camera);
+  json["camera"] = pose_to_json(session.pose);
   const Style& style = session.style;
-  json["style"] = {{"look", to_string(style.shading)},
+  json["style"] = {{"look", to_string(style.look)},
                    {"compositing", to_string(style.sampling.compositing)},
                    {"continuous", style.sampling.reconstruction == Reconstruction::linear},
                    {"full_contrast", style.full_contrast},

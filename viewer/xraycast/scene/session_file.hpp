@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/attenuation/opacity.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/fluoroscopy_beam.hpp"
 #include "xraycast/scene/scene.hpp"
 
@@ -33,7 +33,7 @@ struct ViewSession {
   std::filesystem::path map, basis, scan, vessels, catheter;
   double contrast_mg_ml = kUsualContrast_mg_ml;  ///< iodine in the vessels' blood
   std::optional<SteeredDevices> steered{};       ///< instead of vessels and catheter
-  Camera camera{};
+  CArmPose pose{};
   Style style{};
   bool has_window = false;           ///< style.window was chosen by the user; otherwise it is automatic
   std::optional<Opacity> opacity{};  ///< recast from the basis; none: the map's own

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/geometry/nurbs_curve.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/scene.hpp"
 
 #include <filesystem>

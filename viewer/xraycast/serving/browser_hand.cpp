@@ -39,9 +39,9 @@ class HandMessage {
     HandMessage pose(*field);
     constexpr double kDegree = std::numbers::pi / 180, kFar_mm = 1e4;
     CArmRequest request;
-    request.angle_rad = kDegree * pose.number("lao_deg", -360, 360, 0);
-    request.tilt_rad = kDegree * pose.number("cranial_deg", -90, 90, 0);
-    request.zoom = pose.number("zoom", Camera::kMinZoom, Camera::kMaxZoom, 1);
+    request.lao_rad = kDegree * pose.number("lao_deg", -360, 360, 0);
+    request.cranial_rad = kDegree * pose.number("cranial_deg", -90, 90, 0);
+    request.zoom = pose.number("zoom", CArmPose::kMinZoom, CArmPose::kMaxZoom, 1);
     request.centre_z_mm = mid_height_mm + pose.number("table_mm", -kFar_mm, kFar_mm, 0);
     if (!pose.is_good()) is_good_ = false;
     return request;

@@ -48,8 +48,8 @@ LiveCommands IgtlinkOutlet::commands() {
   LiveCommands commands{.pedal = now.pedal, .injection_ml_s = now.injection_ml_s};
   if (now.c_arm_moves == c_arm_moves_) return commands;
   c_arm_moves_ = now.c_arm_moves;
-  commands.c_arm = CArmRequest{.angle_rad = now.c_arm.angle_rad, .tilt_rad = now.c_arm.tilt_rad};
-  commands.c_arm->centre_z_mm = now.c_arm.isocentre_mm.z;
+  commands.c_arm = CArmRequest{.lao_rad = now.c_arm.lao_rad, .cranial_rad = now.c_arm.cranial_rad};
+  commands.c_arm->centre_z_mm = now.c_arm.centre_mm.z;
   return commands;
 }
 

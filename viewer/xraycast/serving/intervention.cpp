@@ -121,13 +121,13 @@ void Intervention::toggle_valve() {
   if (run_->has_valve()) run_->lock_valve(!run_->is_valve_locked());
 }
 
-void Intervention::update(const Camera& camera, double passed_s) {
+void Intervention::update(const CArmPose& pose, double passed_s) {
   run_->update();
   if (refused_ && exchange_obstacle(*refused_).empty()) refused_.reset();
   if (pedal_) fluoroscopy_s_ += passed_s;
   // The first exposure needs no pedal, so that there is a picture to hold.
   if (!pedal_ && has_picture_) return;
-  camera_ = camera;
+  pose_ = pose;
   nodes_mm_.clear();
   for (std::size_t d = 0; d < run_->now().count(); ++d) nodes_mm_.push_back(run_->now().device(d).nodes_mm);
   exposed_ = run_->now().instruments;
@@ -147,10 +147,10 @@ SteeredDevices Intervention::steered() const {
   return steered;
 }
 
-std::string Intervention::caption(const Camera& now) const {
+std::string Intervention::caption(const CArmPose& now) const {
   if (!has_picture_) return status_of(now);
-  if (pedal_ || camera_ == now) return status_of(camera_);
-  return fmt::format("held: {}; C-arm: {}", status_of(camera_), status_of(now));
+  if (pedal_ || pose_ == now) return status_of(pose_);
+  return fmt::format("held: {}; C-arm: {}", status_of(pose_), status_of(now));
 }
 
 std::span<const glm::ivec2> Intervention::road_map(const View& view) {

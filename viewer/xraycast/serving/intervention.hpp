@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/haptics/manual_device.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/session_file.hpp"
 #include "xraycast/serving/simulated_run.hpp"
@@ -37,7 +37,7 @@ class Intervention {
   explicit Intervention(const Options& options);
 
   /// Exposes a picture of the newest state while the pedal is down. Call once per frame.
-  void update(const Camera& camera, double passed_s);
+  void update(const CArmPose& pose, double passed_s);
 
   SimulatedRun& run() { return *run_; }
   const SimulatedRun& run() const { return *run_; }
@@ -52,14 +52,14 @@ class Intervention {
   double fluoroscopy_s() const { return fluoroscopy_s_; }
 
   /// The C-arm's pose at the last exposure, whose picture is held.
-  const Camera& camera() const { return camera_; }
+  const CArmPose& pose() const { return pose_; }
 
   /// The last exposure, as if the C-arm had been there.
-  void expose_from(const Camera& camera) { camera_ = camera; }
+  void expose_from(const CArmPose& pose) { pose_ = pose; }
 
   /// The picture's caption: the C-arm's pose at the last exposure and, where it has moved since, its present
   /// pose.
-  std::string caption(const Camera& now) const;
+  std::string caption(const CArmPose& now) const;
 
   /// The hub that the hand holds, which leads while the valve is locked; the next one from now on. A script
   /// needs no hand.
@@ -114,7 +114,7 @@ class Intervention {
   std::unique_ptr<SimulatedRun> run_;
   bool pedal_ = false, has_picture_ = false;
   double fluoroscopy_s_ = 0;
-  Camera camera_;
+  CArmPose pose_;
   std::vector<std::vector<glm::dvec3>> nodes_mm_;  ///< of each device
   std::shared_ptr<const std::vector<InstrumentModel>> exposed_;
   std::vector<Surface> surfaces_;

@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 
 #include <cstdint>
@@ -12,8 +12,8 @@ namespace xraycast {
 
 /// The pose of C-arm and table that a client asks for. What is left open stays as it is.
 struct CArmRequest {
-  double angle_rad = 0;
-  double tilt_rad = 0;
+  double lao_rad = 0;
+  double cranial_rad = 0;
   std::optional<double> centre_z_mm{};  ///< height of the isocentre, by the table (LPS)
   std::optional<double> zoom{};
 };
@@ -39,7 +39,7 @@ struct LivePicture {
 /// The session after a frame.
 struct LiveFrame {
   const Intervention& intervention;
-  const Camera& c_arm;  ///< where it is now; the picture was taken from intervention.camera()
+  const CArmPose& c_arm;                 ///< where it is now; the picture was taken from intervention.pose()
   const LivePicture* picture = nullptr;  ///< null where this frame drew none
   /// The last picture is older than the last exposure, or pulse: nobody waited for pictures then.
   bool is_outdated = false;

@@ -38,12 +38,12 @@ LiveScreen::LiveScreen(std::shared_ptr<const BodyMap> map, const Options& option
   water_path_.emplace(*map_);
 }
 
-View LiveScreen::view_from(const Camera& camera) const {
+View LiveScreen::view_from(const CArmPose& pose) const {
   View view = options_.view;
-  view.angle_rad = camera.angle_rad;
-  view.tilt_rad = camera.tilt_rad;
-  view.centre_mm.z += camera.table_mm;
-  view.pixel_mm /= camera.zoom;
+  view.lao_rad = pose.lao_rad;
+  view.cranial_rad = pose.cranial_rad;
+  view.centre_mm.z += pose.table_mm;
+  view.pixel_mm /= pose.zoom;
   return view;
 }
 
@@ -54,7 +54,7 @@ bool LiveScreen::is_due(bool is_live, double passed_s) {
 const LivePicture& LiveScreen::draw(const Intervention& intervention) {
   for (std::size_t i = 0; i < intervention.surfaces().size(); ++i)
     renderer_.replace_surface(i, intervention.surfaces()[i]);
-  picture_.view = view_from(intervention.camera());
+  picture_.view = view_from(intervention.pose());
   console_ ? draw_pulse() : draw_greys();
   return picture_;
 }

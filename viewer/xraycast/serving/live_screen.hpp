@@ -19,7 +19,7 @@ namespace xraycast {
 class LiveScreen final : public LivePainter {
  public:
   struct Options {
-    View view;  ///< complete; the whole of it is turned and moved by the camera
+    View view;  ///< complete; the whole of it is turned and moved by the pose
     Style style{};
     bool has_window = false;  ///< style.window was chosen; otherwise it is automatic, for each view
     bool is_fine = false;     ///< pictures have 16 bits instead of 8
@@ -36,7 +36,7 @@ class LiveScreen final : public LivePainter {
   const FluoroscopyConsole* console() const { return console_ ? &*console_ : nullptr; }
 
  private:
-  View view_from(const Camera& camera) const;
+  View view_from(const CArmPose& pose) const;
   void draw_pulse();
   void draw_greys();
 

@@ -12,14 +12,14 @@ void LiveSession::step(double passed_s) {
   expose(passed_s);
   ++counts_.frames;
   const LivePicture* picture = is_outdated_ && (!drawn_from_ || is_watched()) ? draw() : nullptr;
-  const LiveFrame frame{intervention_, camera_, picture, is_outdated_};
+  const LiveFrame frame{intervention_, pose_, picture, is_outdated_};
   for (LiveOutlet* outlet : outlets_) outlet->publish(frame);
 }
 
 /// The fluoroscope learns of pedal and time in every frame; a live frame between its pulses is none that is
 /// drawn.
 void LiveSession::expose(double passed_s) {
-  intervention_.update(camera_, passed_s);
+  intervention_.update(pose_, passed_s);
   const bool is_due = painter_.is_due(intervention_.is_live(), passed_s);
   const bool is_new = std::exchange(exposures_, intervention_.exposures()) != intervention_.exposures();
   if (is_new && (is_due || !intervention_.is_live())) is_outdated_ = true;
@@ -29,10 +29,10 @@ const LivePicture* LiveSession::draw() {
   const LivePicture* picture = nullptr;
   try {
     picture = &painter_.draw(intervention_);
-    if (drawn_from_ != intervention_.camera()) is_refusal_told_ = false;
-    drawn_from_ = intervention_.camera();
+    if (drawn_from_ != intervention_.pose()) is_refusal_told_ = false;
+    drawn_from_ = intervention_.pose();
   } catch (const InputError& error) {
-    if (!drawn_from_ || *drawn_from_ == intervention_.camera()) throw;
+    if (!drawn_from_ || *drawn_from_ == intervention_.pose()) throw;
     picture = draw_from_before(error.what());
   }
   is_outdated_ = false;
@@ -44,8 +44,8 @@ const LivePicture* LiveSession::draw() {
 const LivePicture* LiveSession::draw_from_before(const std::string& why) {
   if (!is_refusal_told_) log_("the C-arm stays where it was: " + why);
   is_refusal_told_ = true;
-  camera_ = *drawn_from_;
-  intervention_.expose_from(camera_);
+  pose_ = *drawn_from_;
+  intervention_.expose_from(pose_);
   return &painter_.draw(intervention_);
 }
 
@@ -71,14 +71,14 @@ void LiveSession::obey() {
 }
 
 void LiveSession::move_c_arm(const CArmRequest& request) {
-  camera_.angle_rad = request.angle_rad;
-  camera_.rotate(0);  // within half a turn
-  camera_.tilt_rad = request.tilt_rad;
-  camera_.tilt(0);  // within its limits
-  if (request.centre_z_mm) camera_.table_mm = *request.centre_z_mm - bounds_.centre_mm.z;
-  camera_.travel(0, bounds_);
-  if (request.zoom) camera_.zoom = *request.zoom;
-  camera_.magnify(1);
+  pose_.lao_rad = request.lao_rad;
+  pose_.rotate(0);  // within half a turn
+  pose_.cranial_rad = request.cranial_rad;
+  pose_.tilt(0);  // within its limits
+  if (request.centre_z_mm) pose_.table_mm = *request.centre_z_mm - bounds_.centre_mm.z;
+  pose_.travel(0, bounds_);
+  if (request.zoom) pose_.zoom = *request.zoom;
+  pose_.magnify(1);
 }
 
 }  // namespace xraycast

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/serving/live_outlet.hpp"
 
@@ -36,13 +36,9 @@ class LiveSession {
   using Log = std::function<void(const std::string& line)>;
 
   /// What it refers to must outlive it.
-  LiveSession(Intervention& intervention, const BodyBounds& bounds, const Camera& camera,
+  LiveSession(Intervention& intervention, const BodyBounds& bounds, const CArmPose& pose,
               LivePainter& painter, Log log)
-      : intervention_(intervention),
-        bounds_(bounds),
-        camera_(camera),
-        painter_(painter),
-        log_(std::move(log)) {}
+      : intervention_(intervention), bounds_(bounds), pose_(pose), painter_(painter), log_(std::move(log)) {}
 
   void add(LiveOutlet& outlet) { outlets_.push_back(&outlet); }
 
@@ -66,13 +62,13 @@ class LiveSession {
 
   Intervention& intervention_;
   BodyBounds bounds_;
-  Camera camera_;
+  CArmPose pose_;
   LivePainter& painter_;
   Log log_;
   std::vector<LiveOutlet*> outlets_;
   long exposures_ = 0;
-  bool is_outdated_ = false;          ///< a pulse was not drawn
-  std::optional<Camera> drawn_from_;  ///< the pose of the last picture
+  bool is_outdated_ = false;            ///< a pulse was not drawn
+  std::optional<CArmPose> drawn_from_;  ///< the pose of the last picture
   bool is_refusal_told_ = false;
   Counts counts_;
 };

@@ -2,19 +2,19 @@
 
 namespace xraycast {
 
-CineExporter::CineExporter(const std::filesystem::path& folder, const Camera& start)
+CineExporter::CineExporter(const std::filesystem::path& folder, const CArmPose& start)
     : folder_(folder),
       pictures_(folder, kWidth, kHeight),
       animation_(folder / "turn.gif", kWidth, kHeight),
-      camera_(start) {
+      pose_(start) {
   std::filesystem::create_directories(folder);
 }
 
 void CineExporter::export_frame(const Draw& draw) {
-  const std::vector<std::uint8_t> rgb = draw(camera_);
+  const std::vector<std::uint8_t> rgb = draw(pose_);
   pictures_.add(rgb);
   animation_.add(rgb);
-  camera_.rotate(360.0 / kFrames);
+  pose_.rotate(360.0 / kFrames);
   if (++frame_ < kFrames) return;
   pictures_.finish();
   animation_.finish();

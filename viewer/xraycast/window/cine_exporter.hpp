@@ -1,7 +1,7 @@
 #pragma once
 
 #include "xraycast/drawing/cine_writer.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <cstdint>
 #include <filesystem>
@@ -16,11 +16,11 @@ class CineExporter {
  public:
   static constexpr int kFrames = 72, kWidth = 640, kHeight = 480;
 
-  /// Draws a camera's picture: kHeight x kWidth 8-bit RGB, row 0 on top.
-  using Draw = std::function<std::vector<std::uint8_t>(const Camera&)>;
+  /// Draws a pose's picture: kHeight x kWidth 8-bit RGB, row 0 on top.
+  using Draw = std::function<std::vector<std::uint8_t>(const CArmPose&)>;
 
   /// Makes the folder. Throws when it cannot be made.
-  CineExporter(const std::filesystem::path& folder, const Camera& start);
+  CineExporter(const std::filesystem::path& folder, const CArmPose& start);
 
   /// Draws and writes the next frame; the last one completes the animation. Throws what `draw` throws, and as
   /// CineWriter.
@@ -33,7 +33,7 @@ class CineExporter {
  private:
   std::filesystem::path folder_;
   CineWriter pictures_, animation_;
-  Camera camera_;
+  CArmPose pose_;
   int frame_ = 0;
 };
 

@@ -11,7 +11,7 @@
 namespace xraycast {
 
 /// Serves the latest of a stream of requests on a thread of its own: a request that is still waiting when the
-/// next one comes is dropped. For pictures that follow a moving camera.
+/// next one comes is dropped. For pictures that follow a moving pose.
 template <typename Request, typename Result>
 class LatestWorker {
  public:

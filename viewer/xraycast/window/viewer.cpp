@@ -130,11 +130,11 @@ void Viewer::load(ViewSession wanted, bool takes_view) {
 void Viewer::deliver(OpenedFiles opened, bool takes_view) {
   is_first_ = false;
   opened_ = std::move(opened);
-  const Camera camera = session_.camera;
+  const CArmPose pose = session_.pose;
   const Style style = session_.style;
   session_ = opened_.session;
   if (!takes_view) {  // which may have been changed in the meantime
-    session_.camera = camera;
+    session_.pose = pose;
     session_.style = style;
   }
   road_map_.reset();
@@ -172,7 +172,7 @@ void Viewer::save_session() {
   attempt([&] {
     const fs::path path = "xraycast-session.json";
     ViewSession shown = session_;
-    shown.camera = picture_camera();
+    shown.pose = picture_pose();
     if (intervention_) shown.steered = intervention_->steered();
     write_session(shown, path);
     message_ = "saved " + fs::absolute(path).string();
@@ -212,7 +212,7 @@ std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& draw
   } else {
     rgb = drr ? renderer_.picture(*drr, session_.style) : renderer_.picture(drawn, session_.style);
   }
-  annotate(rgb, drawn, bounds_, status_of(picture_camera()));
+  annotate(rgb, drawn, bounds_, status_of(picture_pose()));
   draw_outline(road_map(drawn), kRoadMapColour, drawn.width, rgb);
   return rgb;
 }
@@ -220,15 +220,15 @@ std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& draw
 void Viewer::save_cine() {
   attempt([&] {
     if (!shown_) throw InputError("there is no picture to save yet; open a body map first");
-    cine_.emplace(unused("xraycast-cine", ""), session_.camera);
+    cine_.emplace(unused("xraycast-cine", ""), session_.pose);
   });
 }
 
 void Viewer::export_cine_frame() {
-  cine_->export_frame([this](const Camera& camera) {
-    const View view = view_of(camera, bounds_, CineExporter::kWidth, CineExporter::kHeight);
+  cine_->export_frame([this](const CArmPose& pose) {
+    const View view = view_of(pose, bounds_, CineExporter::kWidth, CineExporter::kHeight);
     std::vector<std::uint8_t> rgb = renderer_.picture(view, session_.style);
-    annotate(rgb, view, bounds_, status_of(camera));
+    annotate(rgb, view, bounds_, status_of(pose));
     return rgb;
   });
   if (!cine_->is_complete()) return;
@@ -255,7 +255,7 @@ std::optional<Worker::Status> Viewer::status() const {
 
 /// The catheter as in the last exposure.
 void Viewer::show_catheter() {
-  intervention_->update(session_.camera, since_frame_.ms() / 1000);
+  intervention_->update(session_.pose, since_frame_.ms() / 1000);
   if (intervention_->exposures() == shown_exposures_) return;
   shown_exposures_ = intervention_->exposures();
   // A wire has another number of surfaces than the catheter that it is exchanged for.
@@ -319,7 +319,7 @@ void Viewer::fit_field(const Pane& pane) {
   const Cone& distances = console_->options().c_arm.distances;
   const double field_mm =
       console_->options().field_mm * distances.source_axis_mm / distances.source_detector_mm;
-  session_.camera.magnify(view_in(pane.width, pane.height).pixel_mm * pane.height / field_mm);
+  session_.pose.magnify(view_in(pane.width, pane.height).pixel_mm * pane.height / field_mm);
 }
 
 void Viewer::toggle_console_road_map() {
@@ -381,9 +381,9 @@ void Viewer::next_source() {
   }
 }
 
-void Viewer::set_shading_mode(ShadingMode shading) {
-  session_.style.shading = shading;
-  session_.style.window.inverted = shading == ShadingMode::surface;
+void Viewer::set_look(Look look) {
+  session_.style.look = look;
+  session_.style.window.inverted = look == Look::surface;
 }
 
 void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
@@ -398,16 +398,14 @@ void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
 
 // ---- the picture ----------------------------------------------------------------------------------
 
-const Camera& Viewer::picture_camera() const {
-  return intervention_ ? intervention_->camera() : session_.camera;
-}
+const CArmPose& Viewer::picture_pose() const { return intervention_ ? intervention_->pose() : session_.pose; }
 
 std::string Viewer::caption() const {
-  return intervention_ ? intervention_->caption(session_.camera) : status_of(session_.camera);
+  return intervention_ ? intervention_->caption(session_.pose) : status_of(session_.pose);
 }
 
 View Viewer::view_in(int width, int height) const {
-  return view_of(picture_camera(), bounds_, std::max(1, width), std::max(1, height));
+  return view_of(picture_pose(), bounds_, std::max(1, width), std::max(1, height));
 }
 
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
@@ -468,7 +466,7 @@ void Viewer::draw(int width, int height) {
   glClear(GL_COLOR_BUFFER_BIT);
   if (!shown_ || width <= 0 || height <= 0) return;
   constexpr double kRotation_deg = 2.5;
-  if (is_rotating) session_.camera.rotate(kRotation_deg);
+  if (is_rotating) session_.pose.rotate(kRotation_deg);
   if (console() && fits_field_) fit_field(panes(width, height).front());
   if (intervention_) attempt([&] { show_catheter(); });
   is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);

@@ -4,7 +4,7 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/window/cine_exporter.hpp"
 #include "xraycast/window/drr_comparison.hpp"
@@ -82,14 +82,14 @@ class Viewer {
 
   // ---- how it is shown
   ViewSession& session() { return session_; }
-  Camera& camera() { return session_.camera; }
-  const Camera& camera() const { return session_.camera; }
+  CArmPose& pose() { return session_.pose; }
+  const CArmPose& pose() const { return session_.pose; }
   std::string caption() const;  ///< of the picture
   Style& style() { return session_.style; }
   BodySource source() const;
   void set_source(BodySource source);
   void next_source();
-  void set_shading_mode(ShadingMode shading);
+  void set_look(Look look);
   bool is_rotating = false;  ///< the C-arm, as a cine loop
   bool is_split = false;     ///< a DRR beside the map
   bool shows_help = false;
@@ -136,7 +136,7 @@ class Viewer {
   void export_cine_frame();
   void show_catheter();
   void adapt_brightness(const View& view);
-  const Camera& picture_camera() const;
+  const CArmPose& picture_pose() const;
   bool is_fluoroscopy(const Pane& pane) const { return console() && !pane.is_drr; }
 
   ViewSession session_;

@@ -54,24 +54,24 @@ bool is_dragged(int button) { return ImGui::IsMouseDragging(button, 0) && !ImGui
 void handle_mouse(Viewer& viewer) {
   const ImGuiIO& io = ImGui::GetIO();
   if (io.WantCaptureMouse || !viewer.map()) return;
-  Camera& camera = viewer.camera();
+  CArmPose& pose = viewer.pose();
   const bool holds_hub = viewer.intervention() && viewer.intervention()->haptic() == "mouse" && io.KeyCtrl;
   if (holds_hub) return;
   if (is_dragged(ImGuiMouseButton_Left)) {
-    camera.rotate(-kDegreesPerPixel * io.MouseDelta.x);
+    pose.rotate(-kDegreesPerPixel * io.MouseDelta.x);
     if (io.KeyShift || viewer.map()->geometry.projection == Projection::sphere)
-      camera.tilt(kDegreesPerPixel * io.MouseDelta.y);
+      pose.tilt(kDegreesPerPixel * io.MouseDelta.y);
   }
   if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);
   if (is_dragged(ImGuiMouseButton_Middle)) {
     const View view = viewer.view_in(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y));
-    camera.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
+    pose.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
   }
   if (is_dragged(ImGuiMouseButton_Right)) {
     drag_window(viewer.style().window, io.MouseDelta.x, io.MouseDelta.y);
     viewer.session().has_window = true;
   }
-  if (io.MouseWheel != 0) camera.magnify(std::pow(1.1, io.MouseWheel));
+  if (io.MouseWheel != 0) pose.magnify(std::pow(1.1, io.MouseWheel));
 }
 
 bool handle_key(Viewer& viewer, int key, int mods) {
@@ -90,11 +90,10 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       viewer.cancel();
       break;
     case GLFW_KEY_R:
-      viewer.camera() = {};
+      viewer.pose() = {};
       break;
     case GLFW_KEY_F:
-      viewer.set_shading_mode(style.shading == ShadingMode::fluoro ? ShadingMode::surface
-                                                                   : ShadingMode::fluoro);
+      viewer.set_look(style.look == Look::fluoro ? Look::surface : Look::fluoro);
       break;
     case GLFW_KEY_C:
       viewer.next_source();

@@ -180,14 +180,14 @@ void ViewerPanel::draw(Viewer& viewer) {
 
 void ViewerPanel::style_controls(Viewer& viewer) {
   Style& style = viewer.style();
-  for (const CameraPreset& preset : kCameraPresets) {
-    if (ImGui::Button(preset.name)) viewer.camera().angle_rad = preset.angle_deg * std::numbers::pi / 180;
+  for (const CArmPreset& preset : kCArmPresets) {
+    if (ImGui::Button(preset.name)) viewer.pose().lao_rad = preset.angle_deg * std::numbers::pi / 180;
     ImGui::SameLine();
   }
-  if (ImGui::Button("Reset")) viewer.camera() = {};
-  int look = style.shading == ShadingMode::fluoro ? 0 : 1;
+  if (ImGui::Button("Reset")) viewer.pose() = {};
+  int look = style.look == Look::fluoro ? 0 : 1;
   if (ImGui::Combo("look", &look, "fluoro\0surface\0"))
-    viewer.set_shading_mode(look == 0 ? ShadingMode::fluoro : ShadingMode::surface);
+    viewer.set_look(look == 0 ? Look::fluoro : Look::surface);
   int source = static_cast<int>(viewer.source());
   if (ImGui::Combo("compositing", &source,
                    viewer.has_scan() ? "path\0wall\0true projection\0" : "path\0wall\0"))
@@ -199,7 +199,7 @@ void ViewerPanel::style_controls(Viewer& viewer) {
   ImGui::SameLine();
   bool is_automatic = !viewer.session().has_window;
   if (ImGui::Checkbox("automatic brightness", &is_automatic)) viewer.session().has_window = !is_automatic;
-  if (style.shading == ShadingMode::fluoro)
+  if (style.look == Look::fluoro)
     ImGui::Checkbox("vessels and catheter at full contrast", &style.full_contrast);
   if (viewer.has_scan())
     ImGui::Checkbox("split view with the true projection", &viewer.is_split);

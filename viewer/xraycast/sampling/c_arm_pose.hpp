@@ -23,11 +23,11 @@ BodyBounds bounds_of(const MapGeometry& geometry);
 
 /// The pose of C-arm and table: rotation about the body's axis, cranial or caudal tilt, the table's travel
 /// along the axis, and the magnification.
-struct Camera {
-  double angle_rad = 0;  ///< LAO is positive
-  double tilt_rad = 0;   ///< cranial is positive
-  double table_mm = 0;   ///< height of the picture's centre above mid-height
-  double zoom = 1;       ///< 1: the whole body fits
+struct CArmPose {
+  double lao_rad = 0;      ///< LAO is positive
+  double cranial_rad = 0;  ///< cranial is positive
+  double table_mm = 0;     ///< height of the picture's centre above mid-height
+  double zoom = 1;         ///< 1: the whole body fits
   std::optional<Cone> cone{};
 
   static constexpr double kMinZoom = 0.25, kMaxZoom = 40;
@@ -39,24 +39,23 @@ struct Camera {
   void travel(double mm, const BodyBounds& bounds);
   void magnify(double times);
 
-  bool operator==(const Camera&) const = default;
+  bool operator==(const CArmPose&) const = default;
 };
 
 /// A named standard projection.
-struct CameraPreset {
+struct CArmPreset {
   const char* name;
   double angle_deg;
 };
-inline constexpr CameraPreset kCameraPresets[] = {
-    {"AP", 0}, {"LAO 45", 45}, {"RAO 30", -30}, {"Lateral", 90}};
+inline constexpr CArmPreset kCArmPresets[] = {{"AP", 0}, {"LAO 45", 45}, {"RAO 30", -30}, {"Lateral", 90}};
 
-/// A camera's view of a body on a detector of that many pixels. Throws InputError as `fitted` does.
-View view_of(const Camera& camera, const BodyBounds& bounds, int width, int height);
+/// A pose's view of a body on a detector of that many pixels. Throws InputError as `fitted` does.
+View view_of(const CArmPose& pose, const BodyBounds& bounds, int width, int height);
 
 /// The view with pixel size and picture size set where they are 0, as `fitted` does for a scan.
 View fitted(View view, const BodyBounds& bounds);
 
 /// `LAO 30 / CRA 10   table +12 mm   x1.5`.
-std::string status_of(const Camera& camera);
+std::string status_of(const CArmPose& pose);
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include <fmt/format.h>
 #include <glm/geometric.hpp>
@@ -41,19 +41,19 @@ BodyBounds bounds_of(const MapGeometry& geometry) {
   return bounds;
 }
 
-void Camera::rotate(double degrees) {
-  angle_rad = std::remainder(angle_rad + degrees * kRadians, 2 * std::numbers::pi);
+void CArmPose::rotate(double degrees) {
+  lao_rad = std::remainder(lao_rad + degrees * kRadians, 2 * std::numbers::pi);
 }
 
-void Camera::tilt(double degrees) {
-  tilt_rad = std::clamp(tilt_rad + degrees * kRadians, -kMaxTilt_rad, kMaxTilt_rad);
+void CArmPose::tilt(double degrees) {
+  cranial_rad = std::clamp(cranial_rad + degrees * kRadians, -kMaxTilt_rad, kMaxTilt_rad);
 }
 
-void Camera::travel(double mm, const BodyBounds& bounds) {
+void CArmPose::travel(double mm, const BodyBounds& bounds) {
   table_mm = std::clamp(table_mm + mm, -bounds.half_height_mm, bounds.half_height_mm);
 }
 
-void Camera::magnify(double times) { zoom = std::clamp(zoom * times, kMinZoom, kMaxZoom); }
+void CArmPose::magnify(double times) { zoom = std::clamp(zoom * times, kMinZoom, kMaxZoom); }
 
 View fitted(View view, const BodyBounds& bounds) {
   // A scan of one voxel across, as large as the bounds: `fitted` asks for its height and spacing alone.
@@ -66,24 +66,24 @@ View fitted(View view, const BodyBounds& bounds) {
   return fitted(view, volume, {glm::dvec2(bounds.centre_mm), bounds.radius_mm});
 }
 
-View view_of(const Camera& camera, const BodyBounds& bounds, int width, int height) {
-  View view{.angle_rad = camera.angle_rad,
-            .tilt_rad = camera.tilt_rad,
-            .cone = camera.cone,
+View view_of(const CArmPose& pose, const BodyBounds& bounds, int width, int height) {
+  View view{.lao_rad = pose.lao_rad,
+            .cranial_rad = pose.cranial_rad,
+            .cone = pose.cone,
             .centre_mm = bounds.centre_mm,
             .width = width,
             .height = height};
   // The magnification is that of the untilted picture: tilting does not change it.
   View untilted = view;
-  untilted.tilt_rad = 0;
-  view.pixel_mm = fitted(untilted, bounds).pixel_mm / camera.zoom;
-  view.centre_mm.z += camera.table_mm;
+  untilted.cranial_rad = 0;
+  view.pixel_mm = fitted(untilted, bounds).pixel_mm / pose.zoom;
+  view.centre_mm.z += pose.table_mm;
   return fitted(view, bounds);
 }
 
-std::string status_of(const Camera& camera) {
-  const View view{.angle_rad = camera.angle_rad, .tilt_rad = camera.tilt_rad};
-  return fmt::format("{}   table {:+.0f} mm   x{:.2g}", label(view), camera.table_mm + 0.0, camera.zoom);
+std::string status_of(const CArmPose& pose) {
+  const View view{.lao_rad = pose.lao_rad, .cranial_rad = pose.cranial_rad};
+  return fmt::format("{}   table {:+.0f} mm   x{:.2g}", label(view), pose.table_mm + 0.0, pose.zoom);
 }
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "xraycast/sampling/camera.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -9,7 +9,7 @@
 #include <cmath>
 #include <numbers>
 
-namespace xraycast::camera_test {
+namespace xraycast::c_arm_pose_test {
 namespace {
 
 constexpr double kRadians = std::numbers::pi / 180;
@@ -18,61 +18,61 @@ constexpr double kRounding = 1e-10;
 
 const BodyBounds kBody{{10, 20, 300}, 150, 200, 1};
 
-TEST(Camera, ShowsTheWholeBodyAtFirst) {
-  const View view = view_of(Camera{}, kBody, 640, 480);
+TEST(CArmPose, ShowsTheWholeBodyAtFirst) {
+  const View view = view_of(CArmPose{}, kBody, 640, 480);
   EXPECT_EQ(view.centre_mm, kBody.centre_mm);
   // 400 mm of height in 480 pixels; its 300 mm of width need fewer.
   EXPECT_NEAR(view.pixel_mm, 400.0 / 480, kRounding);
 }
 
-TEST(Camera, RotatesBothWaysAndStaysWithinAHalfTurn) {
-  Camera camera;
-  camera.rotate(30);
-  EXPECT_NEAR(camera.angle_rad, 30 * kRadians, kRounding);
-  camera.rotate(170);
-  EXPECT_NEAR(camera.angle_rad, -160 * kRadians, kRounding);
+TEST(CArmPose, RotatesBothWaysAndStaysWithinAHalfTurn) {
+  CArmPose pose;
+  pose.rotate(30);
+  EXPECT_NEAR(pose.lao_rad, 30 * kRadians, kRounding);
+  pose.rotate(170);
+  EXPECT_NEAR(pose.lao_rad, -160 * kRadians, kRounding);
 }
 
-TEST(Camera, TableTravelMovesThePictureAlongTheAxisAndStopsAtTheEnds) {
-  Camera camera;
-  camera.travel(50, kBody);
-  EXPECT_NEAR(view_of(camera, kBody, 640, 480).centre_mm.z, 350, kRounding);
-  camera.travel(1000, kBody);
-  EXPECT_EQ(camera.table_mm, 200);
+TEST(CArmPose, TableTravelMovesThePictureAlongTheAxisAndStopsAtTheEnds) {
+  CArmPose pose;
+  pose.travel(50, kBody);
+  EXPECT_NEAR(view_of(pose, kBody, 640, 480).centre_mm.z, 350, kRounding);
+  pose.travel(1000, kBody);
+  EXPECT_EQ(pose.table_mm, 200);
 }
 
-TEST(Camera, ZoomMagnifiesAboutTheCentre) {
-  Camera camera;
-  const double before = view_of(camera, kBody, 640, 480).pixel_mm;
-  camera.magnify(4);
-  EXPECT_NEAR(view_of(camera, kBody, 640, 480).pixel_mm, before / 4, kRounding);
-  camera.magnify(1e9);
-  EXPECT_EQ(camera.zoom, Camera::kMaxZoom);
+TEST(CArmPose, ZoomMagnifiesAboutTheCentre) {
+  CArmPose pose;
+  const double before = view_of(pose, kBody, 640, 480).pixel_mm;
+  pose.magnify(4);
+  EXPECT_NEAR(view_of(pose, kBody, 640, 480).pixel_mm, before / 4, kRounding);
+  pose.magnify(1e9);
+  EXPECT_EQ(pose.zoom, CArmPose::kMaxZoom);
 }
 
-TEST(Camera, TiltKeepsTheMagnificationAndHasAnEnd) {
-  Camera camera;
-  const double before = view_of(camera, kBody, 640, 480).pixel_mm;
-  camera.tilt(25);
-  EXPECT_NEAR(view_of(camera, kBody, 640, 480).pixel_mm, before, kRounding);
-  camera.tilt(1000);
-  EXPECT_EQ(camera.tilt_rad, Camera::kMaxTilt_rad);
+TEST(CArmPose, TiltKeepsTheMagnificationAndHasAnEnd) {
+  CArmPose pose;
+  const double before = view_of(pose, kBody, 640, 480).pixel_mm;
+  pose.tilt(25);
+  EXPECT_NEAR(view_of(pose, kBody, 640, 480).pixel_mm, before, kRounding);
+  pose.tilt(1000);
+  EXPECT_EQ(pose.cranial_rad, CArmPose::kMaxTilt_rad);
 }
 
-TEST(Camera, ConeEnlargesWithItsDistances) {
-  Camera camera;
-  camera.cone = Cone{1000, 1500};
-  const View view = view_of(camera, kBody, 640, 480);
+TEST(CArmPose, ConeEnlargesWithItsDistances) {
+  CArmPose pose;
+  pose.cone = Cone{1000, 1500};
+  const View view = view_of(pose, kBody, 640, 480);
   ASSERT_TRUE(view.cone.has_value());
   // The rim nearest to the source is 850 mm from it, and enlarged 1500/850 times.
   EXPECT_NEAR(view.pixel_mm, 400.0 * 1500 / 850 / 480, kRounding);
 }
 
-TEST(Camera, StatusSpeaksAsTheRoomDoes) {
-  Camera camera;
-  EXPECT_EQ(status_of(camera), "AP   table +0 mm   x1");
-  camera = {.angle_rad = 30 * kRadians, .tilt_rad = -10 * kRadians, .table_mm = -12, .zoom = 1.5};
-  EXPECT_EQ(status_of(camera), "LAO 30 / CAU 10   table -12 mm   x1.5");
+TEST(CArmPose, StatusSpeaksAsTheRoomDoes) {
+  CArmPose pose;
+  EXPECT_EQ(status_of(pose), "AP   table +0 mm   x1");
+  pose = {.lao_rad = 30 * kRadians, .cranial_rad = -10 * kRadians, .table_mm = -12, .zoom = 1.5};
+  EXPECT_EQ(status_of(pose), "LAO 30 / CAU 10   table -12 mm   x1.5");
 }
 
 TEST(BodyBounds, EncloseTheMap) {
@@ -111,4 +111,4 @@ TEST(BodyBounds, NoticeVesselsOfAnotherScan) {
 }
 
 }  // namespace
-}  // namespace xraycast::camera_test
+}  // namespace xraycast::c_arm_pose_test
