@@ -15,7 +15,9 @@
 #include <exception>
 #include <nanobind/nanobind.h>
 #include <nanobind/stl/string.h>
+#include <optional>
 #include <string>
+#include <string_view>
 
 namespace xraycast::python {
 namespace {
@@ -42,6 +44,12 @@ void translate(const std::exception_ptr& failure, void*) {
   }
 }
 
+/// What nanobind says of arguments, in one line; nothing where it says something else.
+std::optional<nb::str> said_of_arguments(std::string_view message) {
+  if (message.find("(): incompatible function arguments.") == std::string_view::npos) return std::nullopt;
+  return nb::str(nb::module_::import_("xraycast._errors").attr("in_one_line")(text_object(message)));
+}
+
 nb::typed<nb::list, nb::str> devices() {
   std::vector<std::string> names;
   {
@@ -60,6 +68,21 @@ void clean_up() {
 
 }  // namespace
 }  // namespace xraycast::python
+
+/// nanobind has no place of its own for the words of its errors: the linker leads its calls here (--wrap).
+extern "C" {
+void __real_PyErr_SetString(PyObject* type, const char* message);
+void __wrap_PyErr_SetString(PyObject* type, const char* message);
+}
+
+void __wrap_PyErr_SetString(PyObject* type, const char* message) {
+  try {
+    if (const auto words = xraycast::python::said_of_arguments(message))
+      return PyErr_SetObject(type, words->ptr());
+  } catch (const std::exception&) {  // a signature that is none of Python's: in nanobind's words
+  }
+  __real_PyErr_SetString(type, message);
+}
 
 NB_MODULE(_core, module) {
   // A daemon thread's frames keep what they hold when the interpreter exits.
