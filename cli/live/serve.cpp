@@ -10,7 +10,7 @@
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
-#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/network/listen_address.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/serving/igtlink_outlet.hpp"
 #include "xraycast/serving/live_screen.hpp"

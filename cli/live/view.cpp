@@ -3,7 +3,7 @@
 #include "options/fluoroscope_options.hpp"
 #include "options/scene_options.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/network/listen_address.hpp"
 #include "xraycast/window/viewer_window.hpp"
 
 #include <memory>

@@ -1,4 +1,4 @@
-#include "xraycast/haptics/igtlink_receiver.hpp"
+#include "xraycast/network/igtlink_receiver.hpp"
 
 #include "support/igtlink_bytes.hpp"
 

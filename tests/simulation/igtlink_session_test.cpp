@@ -2,7 +2,7 @@
 #include "support/igtlink_bytes.hpp"
 #include "support/igtlink_clients.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
-#include "xraycast/haptics/igtlink_frames.hpp"
+#include "xraycast/network/igtlink_messages.hpp"
 
 #include <glm/geometric.hpp>
 #include <gmock/gmock.h>

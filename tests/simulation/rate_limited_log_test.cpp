@@ -1,4 +1,4 @@
-#include "xraycast/haptics/rate_limited_log.hpp"
+#include "xraycast/network/rate_limited_log.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>

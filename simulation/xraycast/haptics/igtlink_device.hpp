@@ -1,25 +1,19 @@
 #pragma once
 
 #include "xraycast/haptics/haptic_device.hpp"
-#include "xraycast/haptics/hub_name.hpp"
-#include "xraycast/haptics/igtlink_session.hpp"
-#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/network/igtlink_session.hpp"
+#include "xraycast/network/listen_address.hpp"
 
 #include <array>
-#include <atomic>
 #include <cstddef>
-#include <cstdint>
-#include <exception>
 #include <functional>
 #include <memory>
 #include <optional>
 #include <string>
-#include <thread>
 
 namespace xraycast {
 
 class IgtlinkServer;
-struct IgtlinkExchange;
 
 /// A haptic device connected by OpenIGTLink over TCP: it sends TRANSFORM, and receives a SENSOR of force and
 /// one of torque for each, at its own rate, or every 20 ms while it is silent. Of a session that may be
@@ -45,7 +39,7 @@ class IgtlinkDevice final : public HapticDevice {
   std::string status() const override;
 
   /// Where it listens, with the port chosen by the system if 0 was given.
-  const ListenAddress& address() const { return address_; }
+  const ListenAddress& address() const;
 
   // ---- for the one other thread of a session that may be watched
   /// What its clients command, valid until the next call. Throws what ended the server's thread.
@@ -54,7 +48,7 @@ class IgtlinkDevice final : public HapticDevice {
   /// Whether a client waits for a stream's messages.
   bool wanted(IgtlinkStream stream) const;
 
-  /// The newest messages of a stream, packed once for all (igtlink_frames.hpp), instead of those before.
+  /// The newest messages of a stream, packed once for all (igtlink_messages.hpp), instead of those before.
   void publish(IgtlinkStream stream, std::string messages);
 
   /// What was published is too old for clients that ask from now on.
@@ -63,25 +57,12 @@ class IgtlinkDevice final : public HapticDevice {
   IgtlinkCounts counts() const;
 
  private:
-  /// Of a hub from what the client that moves it sends.
-  struct Offset {
-    HubPose by;
-    std::uint64_t client = 0;
-  };
+  void set_offset(std::size_t hub, const HubOffset& offset);
 
-  void serve();
-  void set_offset(std::size_t hub, const Offset& offset);
-
-  std::unique_ptr<IgtlinkExchange> exchange_;
-  std::array<HandPose, kMaxHubs> hands_;  ///< as they were last read
-  std::array<std::uint64_t, kMaxHubs> hand_clients_{};
-  std::array<Offset, kMaxHubs> offsets_;
+  std::array<SentPose, kMaxHubs> hands_;  ///< as they were last read
+  std::array<HubOffset, kMaxHubs> offsets_;
   std::array<std::optional<HubPose>, kMaxHubs> waits_at_;  ///< from where the first pose goes on
-  ListenAddress address_;
   std::unique_ptr<IgtlinkServer> server_;
-  std::exception_ptr failure_;  ///< of the server's thread; written before `failed_` is set
-  std::atomic<bool> failed_{false};
-  std::thread thread_;
 };
 
 }  // namespace xraycast

@@ -1,7 +1,7 @@
 #pragma once
 
+#include "xraycast/catheter/hub.hpp"
 #include "xraycast/haptics/haptic_device.hpp"
-#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <array>

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "xraycast/catheter/hub.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/haptics/haptic_device.hpp"
 #include "xraycast/haptics/hub_couplings.hpp"
-#include "xraycast/haptics/hub_name.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"

@@ -1,9 +1,9 @@
 #pragma once
 
+#include "xraycast/network/web_server.hpp"
 #include "xraycast/serving/browser_hand.hpp"
 #include "xraycast/serving/browser_message.hpp"
 #include "xraycast/serving/live_outlet.hpp"
-#include "xraycast/serving/web_server.hpp"
 
 #include <functional>
 #include <string>

@@ -1,13 +1,14 @@
-#include "xraycast/serving/web_server.hpp"
+#include "xraycast/network/web_server.hpp"
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/plain_text.hpp"
-#include "xraycast/haptics/rate_limited_log.hpp"
+#include "xraycast/network/rate_limited_log.hpp"
+#include "xraycast/network/tcp_listener.hpp"
 
 #include <algorithm>
 #include <array>
+#include <atomic>
 #include <boost/asio/io_context.hpp>
-#include <boost/asio/ip/tcp.hpp>
 #include <boost/asio/post.hpp>
 #include <boost/asio/steady_timer.hpp>
 #include <boost/beast/core/flat_buffer.hpp>
@@ -35,8 +36,6 @@ namespace asio = boost::asio;
 namespace beast = boost::beast;
 namespace http = beast::http;
 namespace websocket = beast::websocket;
-using asio::ip::tcp;
-using boost::system::error_code;
 using namespace std::chrono_literals;
 using HttpRequest = http::request<http::empty_body>;
 
@@ -48,8 +47,6 @@ constexpr auto kStranger = 1s;   // from a connection to its request, or until a
 constexpr auto kHandshake = 5s;  // from the request to the WebSocket
 constexpr auto kPageTime = 60s;  // of sending the page
 constexpr auto kIdle = 20s;      // of a browser that does not even answer pings
-constexpr auto kFull =
-    1s;  // until the next connection is accepted, where the system had no resources for one
 // Small, so that states which a slow browser does not read are replaced here and do not queue in the kernel.
 constexpr int kSendBuffer_B = 64 << 10;
 
@@ -107,31 +104,6 @@ std::set<std::string> names_of(const tcp::endpoint& endpoint, const WebServer::O
   return all;
 }
 
-tcp::acceptor listen_for_browsers(asio::io_context& io, const ListenAddress& address) {
-  const std::string text = to_string(address);
-  error_code error;
-  const auto found =
-      tcp::resolver(io).resolve(address.host, std::to_string(address.port),
-                                tcp::resolver::passive | tcp::resolver::numeric_service, error);
-  if (error) throw InputError("{}: {}", text, error.message());
-  const tcp::endpoint endpoint = found.begin()->endpoint();
-  tcp::acceptor acceptor(io);
-  acceptor.open(endpoint.protocol(), error);
-  if (!error) acceptor.set_option(asio::socket_base::reuse_address(true), error);
-  if (!error) acceptor.bind(endpoint, error);
-  if (!error) acceptor.listen(kMostConnections, error);
-  if (error == asio::error::address_in_use)
-    throw InputError("{}: the port is in use; end the program that listens there, or choose another", text);
-  if (error) throw InputError("{}: {}", text, error.message());
-  return acceptor;
-}
-
-std::string name_of(const tcp::socket& socket) {
-  error_code error;
-  const tcp::endpoint peer = socket.remote_endpoint(error);
-  return error ? "a browser" : to_string(ListenAddress{peer.address().to_string(), peer.port()});
-}
-
 /// Why a request is not answered as it wishes.
 struct Refusal {
   http::status status;
@@ -157,33 +129,29 @@ class Seat {
 
 }  // namespace
 
-/// Of the server's thread, but for `publish` and `stop`.
+/// Of the server's thread, but for what is marked.
 class WebServer::Server {
  public:
-  Server(WebServer& of, const Options& options, std::string page, Events events)
-      : of_(of),
-        page_(std::move(page)),
+  Server(const Options& options, std::string page, Events events)
+      : page_(std::move(page)),
         events_(std::move(events)),
-        log_(events_.log),
-        acceptor_(listen_for_browsers(io_, options.address)),
+        log_([this](const std::string& line) { events_.log("web: " + line); }),
+        listener_(io_, options.address, log_,
+                  [this](tcp::socket socket, const std::string& name) { welcome(std::move(socket), name); }),
         timer_(io_),
-        names_(names_of(acceptor_.local_endpoint(), options)) {
-    const tcp::endpoint endpoint = acceptor_.local_endpoint();
-    const std::string host = endpoint.address().is_unspecified()
-                                 ? (endpoint.address().is_v6() ? "::1" : "127.0.0.1")
-                                 : endpoint.address().to_string();
-    of_.port_ = endpoint.port();
-    of_.page_address_ = fmt::format("http://{}/?token={}", to_string(ListenAddress{host, of_.port_}), token_);
+        names_(names_of(listener_.endpoint(), options)),
+        thread_(io_, [this] { run(); }) {}
+
+  // For other threads.
+
+  std::string page_address() const {
+    tcp::endpoint endpoint = listener_.endpoint();
+    if (endpoint.address().is_unspecified())
+      endpoint.address(asio::ip::make_address(endpoint.address().is_v6() ? "::1" : "127.0.0.1"));
+    return fmt::format("http://{}/?token={}", to_string(endpoint), token_);
   }
-
-  void run() {
-    accept();
-    flush_log();
-    io_.run();
-  }
-
-  void stop() { io_.stop(); }
-
+  std::uint16_t port() const { return listener_.endpoint().port(); }
+  void check() const { thread_.check(); }
   void publish(std::string state) {
     {
       const std::lock_guard lock(mutex_);
@@ -192,6 +160,7 @@ class WebServer::Server {
     }
     asio::post(io_, [this] { spread(); });
   }
+  std::atomic<std::size_t> browsers{0}, most_browsers{0};
 
   // For visits and browsers.
 
@@ -205,7 +174,7 @@ class WebServer::Server {
     return std::optional<Seat>(std::in_place, seats_taken_);
   }
   void say(std::string_view topic, const std::string& line) {
-    log_.add(topic, "web: " + line, RateLimitedLog::Clock::now());
+    log_.add(topic, line, RateLimitedLog::Clock::now());
   }
   void enter(const std::shared_ptr<Browser>& browser);
   void leave(const std::shared_ptr<Browser>& browser);
@@ -217,15 +186,14 @@ class WebServer::Server {
   std::shared_ptr<const std::string> role_of(const Browser& browser) const;
 
  private:
-  void accept();
-  void welcome(tcp::socket socket);
+  void run();
+  void welcome(tcp::socket socket, const std::string& name);
   void make_room();
   void flush_log();
   void spread();
   void forget();
   void tell_roles();
 
-  WebServer& of_;
   int seats_taken_ = 0;  // before io_: what io_ destroys gives its seat back
   std::string token_ = random_token(), page_;
   Events events_;
@@ -236,18 +204,19 @@ class WebServer::Server {
   std::shared_ptr<const std::string> coming_;
   bool is_coming_ = false;
   asio::io_context io_{1};
-  tcp::acceptor acceptor_;
+  TcpListener listener_;
   asio::steady_timer timer_;
   std::set<std::string> names_;
   std::deque<std::weak_ptr<Visit>> strangers_;  ///< in the order of their coming, some gone or known by now
   std::vector<std::shared_ptr<Browser>> browsers_;  ///< the first one steers; after io_, which they need
+  ServerThread thread_;                             ///< last: it uses what is above
 };
 
 /// A browser that has the page open.
 class WebServer::Browser : public std::enable_shared_from_this<Browser> {
  public:
-  Browser(beast::tcp_stream stream, Seat seat, Server& server)
-      : seat_(std::move(seat)), server_(server), name_(name_of(stream.socket())), socket_(std::move(stream)) {
+  Browser(beast::tcp_stream stream, std::string name, Seat seat, Server& server)
+      : seat_(std::move(seat)), server_(server), name_(std::move(name)), socket_(std::move(stream)) {
     beast::get_lowest_layer(socket_).expires_never();  // the WebSocket has times of its own
     socket_.set_option(websocket::stream_base::timeout{
         .handshake_timeout = kHandshake, .idle_timeout = kIdle, .keep_alive_pings = true});
@@ -322,7 +291,8 @@ class WebServer::Browser : public std::enable_shared_from_this<Browser> {
 /// A connection until its request is answered: by the page, by a refusal, or by becoming a Browser.
 class WebServer::Visit : public std::enable_shared_from_this<Visit> {
  public:
-  Visit(tcp::socket socket, Server& server) : server_(server), stream_(std::move(socket)) {
+  Visit(tcp::socket socket, const std::string& name, Server& server)
+      : server_(server), name_(name), stream_(std::move(socket)) {
     parser_.header_limit(kHeader_B);
     parser_.body_limit(0);
   }
@@ -342,7 +312,7 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
   void answer() {
     const HttpRequest& request = parser_.get();
     if (const auto refusal = server_.refusal_of(request)) {
-      server_.say("refused", fmt::format("{} was refused: {}", name_of(stream_.socket()), refusal->text));
+      server_.say("refused", fmt::format("{} was refused: {}", name_, refusal->text));
       return reply(refusal->status, refusal->text, "text/plain");
     }
     seat_ = server_.seat();
@@ -354,7 +324,7 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
     if (server_.is_full())
       return reply(http::status::service_unavailable, "as many browsers as can be are connected",
                    "text/plain");
-    const auto browser = std::make_shared<Browser>(std::move(stream_), std::move(*seat_), server_);
+    const auto browser = std::make_shared<Browser>(std::move(stream_), name_, std::move(*seat_), server_);
     browser->open(request);
   }
 
@@ -381,6 +351,7 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
 
   std::optional<Seat> seat_;
   Server& server_;
+  std::string name_;
   beast::tcp_stream stream_;
   beast::flat_buffer buffer_{kHeader_B};
   http::request_parser<http::empty_body> parser_;
@@ -389,25 +360,17 @@ class WebServer::Visit : public std::enable_shared_from_this<Visit> {
 
 // ---- connections
 
-void WebServer::Server::accept() {
-  acceptor_.async_accept([this](error_code error, tcp::socket socket) {
-    if (!error) {
-      welcome(std::move(socket));
-      return accept();
-    }
-    if (error == asio::error::operation_aborted) return;
-    say("accept", fmt::format("a connection could not be accepted: {}", error.message()));
-    const auto later = std::make_shared<asio::steady_timer>(io_, kFull);
-    later->async_wait([this, later](error_code) { accept(); });
-  });
+void WebServer::Server::run() {
+  listener_.accept();
+  flush_log();
+  io_.run();
 }
 
-void WebServer::Server::welcome(tcp::socket socket) {
+void WebServer::Server::welcome(tcp::socket socket, const std::string& name) {
   make_room();
   error_code ignored;
-  socket.set_option(tcp::no_delay(true), ignored);
   socket.set_option(asio::socket_base::send_buffer_size(kSendBuffer_B), ignored);
-  const auto visit = std::make_shared<Visit>(std::move(socket), *this);
+  const auto visit = std::make_shared<Visit>(std::move(socket), name, *this);
   strangers_.push_back(visit);
   visit->begin();
 }
@@ -452,8 +415,8 @@ std::optional<Refusal> WebServer::Server::refusal_of(const HttpRequest& request)
 void WebServer::Server::enter(const std::shared_ptr<Browser>& browser) {
   if (is_full()) return browser->close();  // others were quicker
   browsers_.push_back(browser);
-  of_.browsers_ = browsers_.size();
-  of_.most_browsers_ = std::max(of_.most_browsers_.load(), browsers_.size());
+  browsers = browsers_.size();
+  most_browsers = std::max(most_browsers.load(), browsers_.size());
   say("connected", browser->name() + " has connected");
   tell_roles();
 }
@@ -464,7 +427,7 @@ void WebServer::Server::leave(const std::shared_ptr<Browser>& browser) {
   if (place == browsers_.end()) return;
   const bool did_steer = place == browsers_.begin();
   browsers_.erase(place);
-  of_.browsers_ = browsers_.size();
+  browsers = browsers_.size();
   say("gone", browser->name() + " has disconnected");
   if (did_steer) events_.let_go();
   if (browsers_.empty()) forget();
@@ -514,7 +477,7 @@ void WebServer::Server::flush_log() {
   });
 }
 
-// ---- the thread
+// ---- for other threads
 
 void WebServer::check(const Options& options) {
   for (const std::string& name : options.hosts) {
@@ -528,26 +491,15 @@ void WebServer::check(const Options& options) {
 }
 
 WebServer::WebServer(const Options& options, std::string page, Events events)
-    : server_(std::make_unique<Server>(*this, options, std::move(page), std::move(events))) {
-  thread_ = std::thread([this] {
-    try {
-      server_->run();
-    } catch (...) {
-      failure_ = std::current_exception();
-      failed_ = true;
-    }
-  });
-}
+    : server_(std::make_unique<Server>(options, std::move(page), std::move(events))) {}
 
-WebServer::~WebServer() {
-  server_->stop();
-  thread_.join();
-}
+WebServer::~WebServer() = default;
 
-void WebServer::check() const {
-  if (failed_) std::rethrow_exception(failure_);
-}
-
+std::string WebServer::page_address() const { return server_->page_address(); }
+std::uint16_t WebServer::port() const { return server_->port(); }
+std::size_t WebServer::browsers() const { return server_->browsers; }
+std::size_t WebServer::most_browsers() const { return server_->most_browsers; }
+void WebServer::check() const { server_->check(); }
 void WebServer::publish(std::string state) { server_->publish(std::move(state)); }
 
 }  // namespace xraycast

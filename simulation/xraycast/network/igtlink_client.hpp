@@ -1,7 +1,7 @@
 #pragma once
 
-#include "xraycast/haptics/igtlink_receiver.hpp"
-#include "xraycast/haptics/tcp_listener.hpp"
+#include "xraycast/network/igtlink_receiver.hpp"
+#include "xraycast/network/tcp_listener.hpp"
 
 #include <array>
 #include <chrono>
@@ -15,25 +15,25 @@
 namespace xraycast {
 
 /// A connection of the OpenIGTLink server: what it has sent, what it waits for, and the one message that is
-/// on its way to it.
-class IgtlinkClient {
+/// on its way to it. Nothing queues in the kernel but what the peer's window takes: what a slow reader misses
+/// is dropped before it is sent. It ends when the peer does not answer, or does not read, for a minute.
+class IgtlinkClient : public std::enable_shared_from_this<IgtlinkClient> {
  public:
   using Clock = std::chrono::steady_clock;
   using Bytes = std::shared_ptr<const std::string>;
 
-  IgtlinkClient(Accepted accepted, std::size_t hubs, const IgtlinkReceiver::Rotations& rotations_rad,
-                bool is_session, Clock::time_point now)
-      : last_pose(now),
-        last_use(now),
-        last_message(now),
-        socket_(std::move(accepted.socket)),
-        name_(std::move(accepted.name)),
-        receiver_(hubs, rotations_rad, is_session) {}
+  IgtlinkClient(tcp::socket socket, std::string name, std::size_t hubs,
+                const IgtlinkReceiver::Rotations& rotations_rad, bool is_session, Clock::time_point now);
   IgtlinkClient(const IgtlinkClient&) = delete;
   IgtlinkClient& operator=(const IgtlinkClient&) = delete;
 
-  int socket() const { return socket_.id(); }
   const std::string& name() const { return name_; }
+
+  /// Calls `then` once there is something to read; not after its end.
+  void wait_to_read(std::function<void()> then);
+
+  /// Wakes who runs the connections once it takes more.
+  void wait_to_send();
 
   // ---- what it does
   // The last hub pose; the last pose, command or request for a stream; the last message. At first, when it
@@ -88,11 +88,14 @@ class IgtlinkClient {
   const std::optional<End>& ended() const { return ended_; }
 
  private:
-  Descriptor socket_;
+  bool has_failed(error_code error);
+
+  tcp::socket socket_;
   std::string name_;
   IgtlinkReceiver receiver_;
   Bytes sending_;
   std::size_t sent_B_ = 0;
+  bool waits_to_send_ = false;
   Clock::time_point sent_at_{};  ///< when the connection last took something
   std::optional<End> ended_;
 };

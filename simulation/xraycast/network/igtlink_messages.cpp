@@ -1,6 +1,4 @@
-#include "xraycast/haptics/igtlink_frames.hpp"
-
-#include "xraycast/haptics/hub_name.hpp"
+#include "xraycast/network/igtlink_messages.hpp"
 
 #include <glm/geometric.hpp>
 
@@ -12,7 +10,9 @@
 #include <igtl_header.h>
 #include <igtl_image.h>
 #include <igtl_point.h>
+#include <igtl_sensor.h>
 #include <igtl_transform.h>
+#include <igtl_unit.h>
 #include <igtl_util.h>
 #include <vector>
 
@@ -31,6 +31,31 @@ std::string_view bytes_of(std::span<const Value> values) {
 
 void set_vector(float* three, const glm::dvec3& vector) {
   for (int i = 0; i < 3; ++i) three[i] = static_cast<float>(vector[i]);
+}
+
+/// Seconds, and their fraction in units of 2^-32 s.
+igtl_uint64 timestamp() {
+  const auto now = std::chrono::system_clock::now().time_since_epoch();
+  const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
+  const auto fraction = std::chrono::duration_cast<std::chrono::nanoseconds>(now - seconds);
+  return static_cast<igtl_uint64>(seconds.count()) << 32 |
+         igtl_nanosec_to_frac(static_cast<igtl_uint32>(fraction.count()));
+}
+
+/// A SENSOR of three values, that along z, in the product of the given units (protocol, unit.md).
+std::string pack_sensor(const std::string& name, double z, std::initializer_list<igtl_uint8> units) {
+  igtl_unit_data product;
+  igtl_unit_init(&product);
+  for (int i = 0; const igtl_uint8 unit : units) {
+    product.unit[i] = unit;
+    product.exp[i++] = 1;
+  }
+  std::array<igtl_float64, 3> values{0, 0, z};
+  igtl_sensor_header header{.larray = values.size(), .status = 0, .unit = igtl_unit_pack(&product)};
+  igtl_sensor_convert_byte_order(&header, values.data());
+  return pack_message("SENSOR", name,
+                      std::string(reinterpret_cast<const char*>(&header), sizeof header)
+                          .append(bytes_of(std::span<const double>(values))));
 }
 
 std::string pack_pixels(const View& view, igtl_uint8 scalar_type, std::string_view pixels) {
@@ -62,24 +87,20 @@ std::string pack_pixels(const View& view, igtl_uint8 scalar_type, std::string_vi
 
 }  // namespace
 
-static_assert(sizeof(igtl_image_header) == IGTL_IMAGE_HEADER_SIZE &&
-              sizeof(igtl_point_element) == IGTL_POINT_ELEMENT_SIZE);
-
-IgtlinkTime igtlink_time() {
-  const auto now = std::chrono::system_clock::now().time_since_epoch();
-  const auto seconds = std::chrono::floor<std::chrono::seconds>(now);
-  const auto fraction = std::chrono::duration_cast<std::chrono::nanoseconds>(now - seconds);
-  return {static_cast<std::uint32_t>(seconds.count()),
-          igtl_nanosec_to_frac(static_cast<igtl_uint32>(fraction.count()))};
+std::string numbered(const std::string& name, std::size_t device) {
+  return name + (device == 0 ? "" : std::to_string(device + 1));
 }
+
+static_assert(sizeof(igtl_image_header) == IGTL_IMAGE_HEADER_SIZE &&
+              sizeof(igtl_point_element) == IGTL_POINT_ELEMENT_SIZE &&
+              sizeof(igtl_sensor_header) == IGTL_SENSOR_HEADER_SIZE);
 
 std::string pack_message(std::string_view type, std::string_view name, std::string body) {
   igtl_header header{};
   header.version = IGTL_HEADER_VERSION;
   set_text(header.name, type);
   set_text(header.device_name, name);
-  const IgtlinkTime now = igtlink_time();
-  header.timestamp = igtl_uint64{now.seconds} << 32 | now.fraction;
+  header.timestamp = timestamp();
   header.body_size = body.size();
   header.crc = crc64(reinterpret_cast<unsigned char*>(body.data()), body.size(), 0);
   igtl_header_convert_byte_order(&header);
@@ -128,6 +149,19 @@ std::string pack_tip(std::size_t device, const InstrumentTip& tip) {
   igtl_transform_convert_byte_order(matrix.data());
   return pack_message("TRANSFORM", numbered("Tip", device),
                       std::string(bytes_of(std::span<const float>(matrix))));
+}
+
+std::string pack_load(std::size_t hub, const HubLoad& load) {
+  return pack_sensor(numbered("HubForce", hub), -load.force_N, {IGTL_UNIT_SI_DERIVED_NEWTON}) +
+         pack_sensor(numbered("HubTorque", hub), -load.torque_Nm,
+                     {IGTL_UNIT_SI_DERIVED_NEWTON, IGTL_UNIT_SI_BASE_METER});
+}
+
+std::string pack_status(IgtlinkStatus status, std::string_view text) {
+  constexpr std::size_t kSubcode_B = 8, kErrorName_B = 20;
+  std::string body{'\0', static_cast<char>(status)};
+  body.append(kSubcode_B + kErrorName_B, '\0').append(text).push_back('\0');
+  return pack_message("STATUS", "xraycast", std::move(body));
 }
 
 }  // namespace xraycast

@@ -1,4 +1,4 @@
-#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/network/listen_address.hpp"
 
 #include "xraycast/base/error.hpp"
 

@@ -1,16 +1,13 @@
 #pragma once
 
-#include "xraycast/haptics/listen_address.hpp"
+#include "xraycast/network/listen_address.hpp"
 
-#include <atomic>
 #include <cstddef>
 #include <cstdint>
-#include <exception>
 #include <functional>
 #include <memory>
 #include <string>
 #include <string_view>
-#include <thread>
 #include <vector>
 
 namespace xraycast {
@@ -54,14 +51,14 @@ class WebServer {
   WebServer& operator=(const WebServer&) = delete;
 
   /// Where the page is, with the token.
-  const std::string& page_address() const { return page_address_; }
-  std::uint16_t port() const { return port_; }
+  std::string page_address() const;
+  std::uint16_t port() const;
 
   /// How many have the page open.
-  std::size_t browsers() const { return browsers_.load(std::memory_order_relaxed); }
+  std::size_t browsers() const;
 
   /// How many had it open at once at most.
-  std::size_t most_browsers() const { return most_browsers_.load(std::memory_order_relaxed); }
+  std::size_t most_browsers() const;
 
   /// Throws what ended the server's thread.
   void check() const;
@@ -75,13 +72,7 @@ class WebServer {
   class Visit;
   class Browser;
 
-  std::string page_address_;
-  std::uint16_t port_ = 0;
-  std::atomic<std::size_t> browsers_{0}, most_browsers_{0};  ///< its thread alone writes them
   std::unique_ptr<Server> server_;
-  std::exception_ptr failure_;  ///< written before `failed_` is set
-  std::atomic<bool> failed_{false};
-  std::thread thread_;
 };
 
 }  // namespace xraycast

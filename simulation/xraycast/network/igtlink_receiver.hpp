@@ -1,8 +1,7 @@
 #pragma once
 
 #include "xraycast/catheter/hub.hpp"
-#include "xraycast/haptics/hub_name.hpp"
-#include "xraycast/haptics/igtlink_session.hpp"
+#include "xraycast/network/igtlink_session.hpp"
 
 #include <glm/mat3x3.hpp>
 

@@ -1,5 +1,5 @@
 // The server for browsers, by clients that speak HTTP and WebSocket (RFC 6455) over plain sockets.
-#include "xraycast/serving/web_server.hpp"
+#include "xraycast/network/web_server.hpp"
 
 #include "support/web_clients.hpp"
 #include "xraycast/base/error.hpp"

@@ -1,5 +1,6 @@
-#include "xraycast/haptics/igtlink_receiver.hpp"
+#include "xraycast/network/igtlink_receiver.hpp"
 
+#include "xraycast/network/igtlink_messages.hpp"
 #include "xraycast/simulation/injection.hpp"
 
 #include <fmt/format.h>
@@ -38,14 +39,14 @@ std::string printable_name(std::span<const char> field) {
 
 std::optional<std::size_t> hub_of(std::string_view name, std::size_t hubs) {
   for (std::size_t hub = 0; hub < hubs; ++hub)
-    if (name == hub_name(hub)) return hub;
+    if (name == numbered("Hub", hub)) return hub;
   return std::nullopt;
 }
 
 /// Hub, Hub2, Hub3.
 std::string hub_names(std::size_t hubs) {
-  std::string names = hub_name(0);
-  for (std::size_t hub = 1; hub < hubs; ++hub) names += ", " + hub_name(hub);
+  std::string names = "Hub";
+  for (std::size_t hub = 1; hub < hubs; ++hub) names += ", " + numbered("Hub", hub);
   return names;
 }
 

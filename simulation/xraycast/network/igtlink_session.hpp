@@ -1,11 +1,25 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
+#include "xraycast/catheter/hub.hpp"
 
 #include <cstddef>
 #include <cstdint>
 
 namespace xraycast {
+
+/// A hub's pose as a client sent it.
+struct SentPose {
+  HubPose pose;
+  std::uint64_t count = 0;   ///< of this hub's so far
+  std::uint64_t client = 0;  ///< which of those that moved the hubs, from 1
+};
+
+/// Of a hub from what that client sends.
+struct HubOffset {
+  HubPose by;
+  std::uint64_t client = 0;
+};
 
 /// What a client asks for with GET_, STT_ and STP_: pictures (IMAGE), the devices' shapes (POINT) and their
 /// tips (TRANSFORM).

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "xraycast/casting/view.hpp"
+#include "xraycast/catheter/hub.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 
 #include <glm/vec3.hpp>
@@ -13,8 +14,11 @@
 
 namespace xraycast {
 
-// OpenIGTLink messages of a session's frame, header version 1, in LPS and mm, ready to be sent to any number
-// of clients. Thread-safe, other than the library's message objects.
+// OpenIGTLink messages, header version 1, stamped with the present time, in LPS and mm, ready to be sent to
+// any number of clients. Thread-safe, other than the library's message objects.
+
+/// The name of a device's message by its number: Tip, Tip2, Tip3, from the outermost device on.
+std::string numbered(const std::string& name, std::size_t device);
 
 /// IMAGE `Fluoroscope`, a picture of width x height pixels, row 0 on top. Its axes are the picture's right,
 /// down, and from the detector to the source; its centre is that of the detector, or for a parallel beam the
@@ -31,13 +35,17 @@ std::string pack_points(std::size_t device, std::span<const glm::dvec3> controls
 /// patient's x.
 std::string pack_tip(std::size_t device, const InstrumentTip& tip);
 
-/// The present time as messages are stamped with it, and its fraction of a second in units of 2^-32 s.
-struct IgtlinkTime {
-  std::uint32_t seconds = 0, fraction = 0;
-};
-IgtlinkTime igtlink_time();
+/// Two SENSOR messages, since each has one unit for all its values: `HubForce`, three values in N, and
+/// `HubTorque`, three values in N m, upon the hand, along the axes of the TRANSFORM it sends. What resists
+/// pushing and right-handed rotation is thus negative along z. Those of the second device are `HubForce2` and
+/// `HubTorque2`, and so on.
+std::string pack_load(std::size_t hub, const HubLoad& load);
 
-/// Any message of this type and name, stamped with the present time.
+/// STATUS `xraycast`, with the protocol's codes.
+enum class IgtlinkStatus : std::uint16_t { ok = 1, busy = 6 };
+std::string pack_status(IgtlinkStatus status, std::string_view text);
+
+/// Any message of this type and name.
 std::string pack_message(std::string_view type, std::string_view name, std::string body);
 
 }  // namespace xraycast
