@@ -15,7 +15,7 @@
 #include "xraycast/drawing/cine_writer.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 #include "xraycast/drawing/renderer.hpp"
-#include "xraycast/export/web_page.hpp"
+#include "xraycast/export/export_request.hpp"
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/requests/cast_request.hpp"
@@ -23,7 +23,7 @@
 #include "xraycast/scan/scan.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/segmentation/vessels.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 #include "xraycast/volume/body_outline.hpp"
 
 #include <fmt/format.h>
@@ -199,14 +199,14 @@ double darkness(const std::vector<std::uint8_t>& rgb) {
 /// The run as a page for browsers.
 void write_run_page(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, RecordedRun run,
                     const Report& report) {
-  WebSession session;
-  session.title = "A catheter on its way into the left renal artery of the thorax phantom";
-  session.map = map;
-  session.vessels = filled_vessels(tube_mesh(tree), kUsualContrast_mg_ml);
-  session.run = std::move(run);
-  session.pose = {.table_mm = -100, .zoom = 1.6};
-  session.still_png = read_whole_file(report.file("run-fluoro.png"));
-  write_whole_file(report.file("run.html"), web_page(session));
+  ExportRequest page;
+  page.title = "A catheter on its way into the left renal artery of the thorax phantom";
+  page.map = map;
+  page.vessels = filled_vessels(tube_mesh(tree), kUsualContrast_mg_ml);
+  page.run = std::move(run);
+  page.pose = {.table_mm = -100, .zoom = 1.6};
+  page.still_png = read_whole_file(report.file("run-fluoro.png"));
+  write_whole_file(report.file("run.html"), export_bytes(page));
 }
 
 /// A cine of a run, with a still of it.
@@ -238,8 +238,8 @@ struct Film {
 
 /// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
 /// the hub.
-void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
-              Progress& progress) {
+void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_ptr<const BodyMap>& map,
+              Report& report, Progress& progress) {
   const HeadlessContext context;
   RunCine::Options options;
   options.view =
@@ -258,53 +258,47 @@ void make_run(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map,
       options.view.pixel_mm *= 0.5;
       options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
     }
-    films.push_back(std::make_unique<Film>(map, tree, options, report.file(fmt::format("run-{}", look))));
+    films.push_back(std::make_unique<Film>(map, *tree, options, report.file(fmt::format("run-{}", look))));
   }
 
-  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, most_inferior_end(tree));
-  std::vector<RunRecord> course;  // every 20 ms
-  RecordedRun run = RecordedRun::of({catheter.rod(0).instrument()});
-  run.see(catheter, 0);
-  const std::vector<std::vector<RunRecord>> records =
-      report.timed("catheter run of 10.5 s, with its frames", [&] {
-        return run_script(catheter, Script::parse(kScript, "demo"), "demo", progress,
-                          [&](const Instruments& moved, double time_s) {
-                            for (const auto& film : films) film->see(moved, time_s);
-                            run.see(moved, time_s);
-                            if (std::lround(1000 * time_s) % 20 == 0)
-                              course.push_back(records_of(moved, time_s)[0]);
-                          });
-      });
+  const RunRequest request{.tree = tree, .script = Script::parse(kScript, "demo"), .interval_s = 0.02};
+  RecordedRun recorded = RecordedRun::of(request.instruments);
+  const Run run = report.timed("catheter run of 10.5 s, with its frames", [&] {
+    return xraycast::run(request, progress, [&](const Instruments& moved, double time_s) {
+      for (const auto& film : films) film->see(moved, time_s);
+      recorded.see(moved, time_s);
+    });
+  });
   for (const auto& film : films) film->finish();
-  report.note("tip of the catheter",
-              fmt::format("in branch {}, {:.0f} mm along it", records.back()[0].tip.branch,
-                          records.back()[0].tip.arc_length_mm));
+  report.note("tip of the catheter", fmt::format("in branch {}, {:.0f} mm along it", run.last[0].tip.branch,
+                                                 run.last[0].tip.arc_length_mm));
   report.film("run-fluoro", "Cobra to the left renal artery");
   report.film("run-surface", "the same run");
+  std::vector<RunRecord> course;
+  for (const std::vector<RunRecord>& records : run.records) course.push_back(records[0]);
   write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
   report.film("run-dsa", "DSA, 5 ml of contrast agent");
-  write_run_page(tree, map, std::move(run), report);
+  write_run_page(*tree, map, std::move(recorded), report);
 }
 
 /// A wire steered from the right groin into the left carotid artery, and the catheter over it.
-void make_steering(const VesselTree& tree, const std::shared_ptr<const BodyMap>& map, Report& report,
-                   Progress& progress) {
+void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::shared_ptr<const BodyMap>& map,
+                   Report& report, Progress& progress) {
   const HeadlessContext context;
   const BodyBounds bounds = bounds_of(map->geometry);
   RunCine::Options options;
   options.view =
       fitted({.centre_mm = bounds.centre_mm, .width = 320, .height = 450, .pixel_mm = 1.6}, bounds);
   options.step_s = 0.2;
-  Film film(map, tree, options, report.file("carotid"));
+  Film film(map, *tree, options, report.file("carotid"));
   const EmbeddedFile& script = embedded_scripts().front();
-  const Script steps = Script::parse(std::string(script.source), std::string(script.name), 2);
-  Instruments devices(
-      tree, {InstrumentModel::named("vertebral-5f"), InstrumentModel::named("guidewire-035-angled")},
-      nearest_end(tree, {-89, -54, -357}));
+  const RunRequest request{.tree = tree,
+                           .instruments = instruments_named({"vertebral-5f", "guidewire-035-angled"}),
+                           .entry = {glm::dvec3(-89, -54, -357)},
+                           .script = Script::parse(std::string(script.source), std::string(script.name), 2)};
   report.timed("wire and catheter to the carotid artery", [&] {
-    return run_script(devices, steps, std::string(script.name), progress,
-                      [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
+    return run(request, progress, [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
   });
   film.finish();
   report.film("carotid", "a wire, then the catheter");
@@ -335,7 +329,7 @@ void run_demo(const std::string& folder, Session& session) {
   for (const double angle_deg : kAngles_deg)
     make_projection(scan.native, body.finish(), angle_deg, report, progress);
   make_frames(phantom, layered, report);
-  const VesselTree tree = segment_phantom(volume, device, report, progress);
+  const auto tree = std::make_shared<const VesselTree>(segment_phantom(volume, device, report, progress));
   const auto without_vessels = make_map_without_vessels(device, report, progress);
   make_run(tree, without_vessels, report, progress);
   make_steering(tree, without_vessels, report, progress);

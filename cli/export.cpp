@@ -1,138 +1,63 @@
-#include "options/catheter_options.hpp"
 #include "options/command.hpp"
+#include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/session_map.hpp"
-#include "options/web_session.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/whole_file.hpp"
-#include "xraycast/export/gltf_file.hpp"
-#include "xraycast/export/web_page.hpp"
-#include "xraycast/scene/catheter_surface.hpp"
-#include "xraycast/scene/vessels.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/drawing/still_picture.hpp"
 
 #include <fmt/format.h>
 
-#include <algorithm>
 #include <memory>
-#include <optional>
 
 namespace xraycast::cli {
 namespace {
 
-namespace fs = std::filesystem;
-
 struct ExportArguments {
-  std::string map, output, session, script, entry, title, precision = "byte";
-  std::vector<std::string> instrument_models{"cobra-5f"};
+  std::string map, output, session, title, precision = "byte";
+  RunOptions run{.instrument_models = {"cobra-5f"}};
   SceneOptions scene;
   const CLI::App* command = nullptr;
 };
 
-bool is_gltf(const std::string& output) { return has_extension(output, ".glb"); }
-
-void check_output(const ExportArguments& options) {
-  if (!is_gltf(options.output) && !has_extension(options.output, ".html"))
-    throw InputError("{}: must end in .html, for a page, or in .glb, for a glTF scene", options.output);
-  check_writable(options.output);
-}
-
 /// Rejects options that have no effect.
-void check_applies(const ExportArguments& options) {
-  if (is_gltf(options.output))
+void check_applies(const ExportArguments& options, ExportFormat format) {
+  if (format == ExportFormat::gltf)
     check_not_given(*options.command, {"--precision"},
                     fmt::format("to {}, which holds no map; leave it out or write a .html", options.output));
-  if (options.script.empty())
+  if (options.run.script.empty())
     check_not_given(*options.command, {"--device-model", "--entry"},
                     "without a run; leave it out or give --script too");
 }
 
-ViewSession resolve_session(const ExportArguments& options) {
-  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
-  if (!options.script.empty() && scene.vessels.empty())
-    throw InputError("--script {}: there are no vessels to steer in; give --vessels too", options.script);
-  return scene;
-}
-
-/// A catheter of control points, meshed once their number is known to be sensible.
-Surface checked_catheter(const fs::path& path) {
-  constexpr std::ptrdiff_t kMostPoints = 5000;  // nearly kMostWebTriangles
-  const std::string text = read_whole_file(path);
-  if (std::ranges::count(text, '\n') > kMostPoints)
-    throw InputError(
-        "{}: more than {} lines, but an export holds a catheter of at most {} control points; "
-        "give fewer",
-        path.string(), kMostPoints, kMostPoints);
-  return read_catheter(path);
-}
-
-/// The run of --script, simulated again, from the script's first pose on.
-RecordedRun simulated_run(const ExportArguments& options, const fs::path& vessels, Session& session) {
-  const EntryChoice entry_choice = parse_entry(options.entry);
-  std::vector<InstrumentModel> devices;
-  for (const std::string& name : options.instrument_models) devices.push_back(InstrumentModel::named(name));
-  check_instruments(devices);
-  const Script script = Script::read(options.script, devices.size());
-  if (const double end_s = script.rows().back().time_s; end_s > RecordedRun::kLongest_s)
-    throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
-                     options.script, end_s, RecordedRun::kLongest_s);
-  const VesselTree tree = read_tree(vessels);
-  const VesselEnd entry = find_entry(tree, entry_choice, devices[0]);
-  Instruments steered(tree, devices, entry);
-  session.say(notes_on_entry(tree, entry_choice, entry, devices[0]));
-  RecordedRun run = RecordedRun::of(devices);
-  run_script(steered, script, options.script, session.progress,
-             [&](const Instruments& moved, double time_s) { run.see(moved, time_s); });
-  if (run.pictures() == 0) run.see(steered, 0);  // a script of one pose
-  return run;
-}
-
-WebSession gather(const ExportArguments& options, Session& session) {
-  const ViewSession scene = resolve_session(options);
-  WebSession web;
-  web.map = load_map(scene, session);
-  if (!is_gltf(options.output)) check_web_map(*web.map, scene.map.string());
-  const BodyBounds bounds = bounds_of(web.map->geometry);
-  if (!scene.vessels.empty()) {
-    web.vessels = read_vessels(scene.vessels, scene.contrast_mg_ml);
-    check_web_surface(*web.vessels, bounds, scene.vessels.string());
-  }
-  if (!options.script.empty()) web.run = simulated_run(options, scene.vessels, session);
-  if (scene.steered && !web.run)
-    web.catheters = steered_surfaces(*scene.steered);
-  else if (!scene.catheter.empty())
-    web.catheters = {checked_catheter(scene.catheter)};
-  web.shows_vessels = !scene.steered;
-  web.shows_road_map = scene.steered && scene.steered->has_road_map;
-  web.title = options.title.empty() ? "Fluoroscopy" : options.title;  // a file's name may be the patient's
-  web.precision = parse_map_precision(options.precision);
-  web.pose = scene.pose;
-  web.is_of_session = !options.session.empty();
-  web.style = scene.style;
-  web.has_window = scene.has_window;
-  if (!is_gltf(options.output) && scene.style.sampling != SampleOptions{})
-    session.say(
-        {"a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
-         "shells are not exported"});
-  return web;
-}
-
 void export_session(const ExportArguments& options, Session& session) {
-  check_output(options);
-  check_applies(options);
-  WebSession web = gather(options, session);
-  std::string bytes;
-  if (is_gltf(options.output)) {
-    bytes = gltf_binary(web);
-  } else {
-    web.still_png = still_png(web);
-    bytes = web_page(web);
+  const ExportFormat format = export_format(options.output);
+  check_writable(options.output);
+  check_applies(options, format);
+  ViewSession scene = resolve_scene(options.session, options.map, options.scene);
+  const std::string& script = options.run.script;
+  if (!script.empty()) {
+    if (scene.vessels.empty())
+      throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
+    scene.steered.reset();  // the run's devices are shown instead
   }
+  ExportRequest request = exported_session(scene, load_map(scene, session));
+  request.format = format;
+  if (!options.title.empty()) request.title = options.title;
+  request.precision = parse_map_precision(options.precision);
+  request.is_of_session = !options.session.empty();
+  session.say(check(request));
+  if (!script.empty()) {
+    const RunRequest run = parse_run(options.run, scene.vessels);
+    session.say(check(run));
+    request.run = recorded_run(run, session.progress);
+  }
+  if (format == ExportFormat::page) request.still_png = still_png(request);
+  const std::string bytes = export_bytes(request);
   write_whole_file(options.output, bytes);
-  const std::size_t pictures = web.run ? web.run->pictures() : 0;
+  const std::size_t pictures = request.run ? request.run->pictures() : 0;
   session.report({{"file", options.output}, {"bytes", bytes.size()}, {"pictures", pictures}},
                  fmt::format("{}: {:.1f} MB{}\n", options.output, static_cast<double>(bytes.size()) / 1e6,
                              pictures > 1 ? ", with a run of " + pluralize(pictures, "picture") : ""));
@@ -161,11 +86,8 @@ void add_export(CLI::App& app, Session& session) {
       ->required()
       ->type_name("FILE");
   add_scene_options(*command, options->scene);
-  command
-      ->add_option("--script", options->script,
-                   "A run to simulate again in --vessels (see `xraycast simulate`)")
-      ->type_name("CSV");
-  add_coaxial_options(*command, options->instrument_models, options->entry);
+  add_script_option(*command, options->run, "A run to simulate again in --vessels (see `xraycast simulate`)");
+  add_coaxial_options(*command, options->run);
   command
       ->add_option("--precision", options->precision,
                    "How the page stores the map: byte (8 bits a texel) or half (16 bits)")

@@ -1,7 +1,7 @@
 #include "options/angiography_options.hpp"
-#include "options/catheter_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/run_options.hpp"
 #include "options/view_options.hpp"
 #include "pictures/hub_plot.hpp"
 #include "pictures/plot.hpp"
@@ -17,7 +17,7 @@
 #include "xraycast/sampling/c_arm_pose.hpp"
 #include "xraycast/scene/vessels.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <fmt/format.h>
 
@@ -33,8 +33,8 @@ namespace {
 namespace fs = std::filesystem;
 
 struct SimulateArguments {
-  std::string tree, script, log, plot, entry;
-  std::vector<std::string> instrument_models;
+  std::string tree, log, plot;
+  RunOptions run;
   std::string map, cine, look = "fluoro";
   InjectionOptions injection;
   SubtractionOptions subtraction;
@@ -157,61 +157,53 @@ Json json_of(const InstrumentTip& tip) {
           {"position_mm", {tip.position_mm.x, tip.position_mm.y, tip.position_mm.z}}};
 }
 
-void check_injection_begins(const SimulateArguments& options, const Script& script) {
-  const double end_s = script.rows().back().time_s;
-  if (!options.cine.empty() && parse_injection(options.injection).from_s >= end_s && end_s > 0)
-    throw InputError("--inject {}: begins after the end of {} at {:g} s; inject earlier",
-                     options.injection.times, options.script, end_s);
+Json json_of(const Run& run, const RunRequest& request, const SimulateArguments& options, double wall_s) {
+  const VesselEnd& entry = run.entry;
+  Json json{{"tree", options.tree},
+            {"device_model", request.instruments[0].name()},
+            {"entry_branch", entry.branch},
+            {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
+            {"entry_side", side_of_patient(*request.tree, entry)},
+            {"held_s", run.held_s},
+            {"log", options.log},
+            {"rows", run.records.size()},
+            {"simulated_s", run.last[0].time_s},
+            {"wall_s", wall_s},
+            {"tip", json_of(run.last[0].tip)}};
+  for (std::size_t d = 1; d < run.last.size(); ++d) {
+    json[fmt::format("device_model_{}", d + 1)] = request.instruments[d].name();
+    json[fmt::format("tip_{}", d + 1)] = json_of(run.last[d].tip);
+  }
+  return json;
 }
 
-/// Throws InputError for an injection through a wire alone.
-void check_lumen(const SimulateArguments& options, const std::vector<InstrumentModel>& models) {
-  if (!options.cine.empty() && parse_injection(options.injection).volume_ml() > 0 &&
-      models[0].inner_radius_mm() == 0)
-    throw InputError(
-        "--inject {}: {} has no lumen; leave --inject out, or give a catheter by --device-model before it",
-        options.injection.times, models[0].name());
-}
+void simulate(const SimulateArguments& options, Session& session) {
+  check_writable(options.log);
+  for (const fs::path& path : HubPlot::paths(options.plot, options.run.instrument_models.size()))
+    check_plot(path);
+  check_cine(options);
+  RunRequest request = parse_run(options.run, options.tree);
+  if (!options.cine.empty()) request.injection = parse_injection(options.injection);
+  session.say(check(request));
 
-/// Runs the script and writes what it leads to.
-void run(Instruments& devices, const std::vector<InstrumentModel>& models, const VesselEnd& entry,
-         const VesselTree& tree, const Script& script, const SimulateArguments& options, Session& session) {
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
-  if (!options.cine.empty()) cine.emplace(options, tree, script.rows().back().time_s, session);
+  if (!options.cine.empty())
+    cine.emplace(options, *request.tree, request.script->rows().back().time_s, session);
   std::optional<HubPlot> plot;
-  if (!options.plot.empty()) plot.emplace(script).see(devices, 0);
-  double held_s = 0;
-  const auto records = run_script(devices, script, options.script, session.progress,
-                                  [&](const Instruments& moved, double time_s) {
-                                    if (plot) plot->see(moved, time_s);
-                                    if (moved.is_held()) held_s += moved.step_s();
-                                    if (cine) cine->see(moved, time_s);
-                                  });
-  const double wall_s = 1e-3 * stopwatch.ms();
+  if (!options.plot.empty()) plot.emplace(*request.script);
+  const Run run = xraycast::run(request, session.progress, [&](const Instruments& moved, double time_s) {
+    if (plot) plot->see(moved, time_s);
+    if (cine) cine->see(moved, time_s);
+  });
+  const double wall_s = 1e-3 * stopwatch.ms(), simulated_s = run.last[0].time_s;
   OutputSet outputs;
-  write_whole_file(options.log, to_csv(records));
-  if (plot) plot->write(models, options.plot);
+  write_whole_file(options.log, to_csv(run.records));
+  if (plot) plot->write(request.instruments, options.plot);
   if (cine) cine->finish();
   outputs.commit();
 
-  const std::vector<RunRecord> last = records_of(devices, devices.time_s());
-  const double times_faster = devices.time_s() / std::max(wall_s, 1e-9);
-  Json result{{"tree", options.tree},
-              {"device_model", models[0].name()},
-              {"entry_branch", entry.branch},
-              {"entry_mm", {entry.position_mm.x(), entry.position_mm.y(), entry.position_mm.z()}},
-              {"entry_side", side_of_patient(tree, entry)},
-              {"held_s", held_s},
-              {"log", options.log},
-              {"rows", records.size()},
-              {"simulated_s", devices.time_s()},
-              {"wall_s", wall_s},
-              {"tip", json_of(last[0].tip)}};
-  for (std::size_t d = 1; d < models.size(); ++d) {
-    result[fmt::format("device_model_{}", d + 1)] = models[d].name();
-    result[fmt::format("tip_{}", d + 1)] = json_of(last[d].tip);
-  }
+  Json result = json_of(run, request, options, wall_s);
   if (cine && !cine->frame_of_reference().empty()) result["frame_of_reference"] = cine->frame_of_reference();
   std::string pictures;
   if (const auto exposure = cine ? cine->exposure() : std::nullopt) {
@@ -224,34 +216,16 @@ void run(Instruments& devices, const std::vector<InstrumentModel>& models, const
   }
   if (cine && cine->withheld_ml() > 0)
     pictures += fmt::format("{:.1f} ml of contrast agent were not injected: {}\n", cine->withheld_ml(),
-                            reason_for_no_outlet(models));
-  for (const fs::path& file : HubPlot::paths(options.plot, models.size()))
+                            reason_for_no_outlet(request.instruments));
+  for (const fs::path& file : HubPlot::paths(options.plot, request.instruments.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
   session.report(result,
                  fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
                              "entry: end of {}; {}\n{}{}",
-                             options.log, pluralize(records.size(), "row"), devices.time_s(), wall_s,
-                             times_faster, text_of(tree, entry), text_of(last), held_note(held_s), pictures));
-}
-
-void simulate(const SimulateArguments& options, Session& session) {
-  check_writable(options.log);
-  for (const fs::path& path : HubPlot::paths(options.plot, options.instrument_models.size()))
-    check_plot(path);
-  check_cine(options);
-  const EntryChoice entry_choice = parse_entry(options.entry);
-  std::vector<InstrumentModel> models;
-  for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
-  check_instruments(models);
-  check_lumen(options, models);
-  const Script script = Script::read(options.script, models.size());
-  check_injection_begins(options, script);
-  const VesselTree tree = read_tree(options.tree);
-  const VesselEnd entry = find_entry(tree, entry_choice, models[0]);
-  Instruments devices(tree, models, entry);
-  session.say(notes_on_entry(tree, entry_choice, entry, models[0]));
-  run(devices, models, entry, tree, script, options, session);
+                             options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
+                             simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
+                             text_of(run.last), run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
 }
 
 }  // namespace
@@ -278,10 +252,9 @@ void add_simulate(CLI::App& app, Session& session) {
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
       ->type_name("TREE");
-  add_coaxial_options(*command, options->instrument_models, options->entry);
-  command->add_option("--script", options->script, "Motion of the hub, interpolated linearly between rows")
-      ->required()
-      ->type_name("CSV");
+  add_coaxial_options(*command, options->run);
+  add_script_option(*command, options->run, "Motion of the hub, interpolated linearly between rows")
+      ->required();
   command
       ->add_option("-o,--output", options->log,
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")

@@ -1,3 +1,5 @@
+#include "body.hpp"
+
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
@@ -23,7 +25,6 @@
 #include <nanobind/stl/vector.h>
 
 namespace xraycast::python {
-namespace {
 
 /// A basis, and its weights on the device once a map was made from them.
 struct HeldBasis {
@@ -31,11 +32,7 @@ struct HeldBasis {
   std::optional<RecastSession> session{};
 };
 
-struct HeldBody {
-  std::shared_ptr<const BodyMap> map;
-  std::shared_ptr<HeldBasis> basis{};
-  std::vector<std::string> notes{};
-};
+namespace {
 
 std::shared_ptr<HeldBasis> held(Basis basis) {
   return std::make_shared<HeldBasis>(HeldBasis{std::make_shared<const Basis>(std::move(basis))});

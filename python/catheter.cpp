@@ -1,10 +1,8 @@
 #include "job.hpp"
+#include "run.hpp"
 #include "values.hpp"
-#include "vessels.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/run_script.hpp"
 
 #include <fmt/ranges.h>
 
@@ -39,13 +37,10 @@ struct Motion {
 /// Coaxial devices, or one alone, moved by one thread at a time.
 class HeldDevices {
  public:
-  HeldDevices(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
-              const EntryChoice& entry)
-      : tree_(std::move(tree)),
-        count_(models.size()),
-        devices_(*tree_, models, find_entry(*tree_, entry, models.front())) {
+  explicit HeldDevices(const RunRequest& request)
+      : count_(request.instruments.size()), devices_(*request.tree, request.instruments, entry_of(request)) {
     for (std::size_t d = 0; d < count_; ++d)
-      shown_.push_back({models[d].name(), devices_.max_insertion_mm(d)});
+      shown_.push_back({request.instruments[d].name(), devices_.max_insertion_mm(d)});
   }
 
   /// Without the interpreter's lock, which it takes now and then to look for Ctrl-C.
@@ -155,7 +150,6 @@ class HeldDevices {
     double max_insertion_mm = 0;
   };
 
-  std::shared_ptr<const VesselTree> tree_;
   std::size_t count_;
   std::mutex shown_mutex_;
   std::vector<Shown> shown_;
@@ -169,58 +163,20 @@ struct HeldCatheter {
   HeldDevices held;
 };
 
-/// A branch's number, as operator.index gives it; none for what is no number, such as a point.
-std::optional<int> branch_of(const nb::object& entry) {
-  const nb::object number = nb::steal(PyNumber_Index(entry.ptr()));
-  if (!number.is_valid()) {
-    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw nb::python_error();
-    PyErr_Clear();
-    return std::nullopt;
-  }
-  int overflow = 0;
-  const long branch = PyLong_AsLongAndOverflow(number.ptr(), &overflow);
-  if (overflow != 0 || branch < 0 || branch > std::numeric_limits<int>::max())
-    throw InputError("entry {}: must be the number of a branch, 0 or more", nb::str(number).c_str());
-  return static_cast<int>(branch);
-}
-
-EntryChoice entry_of(const nb::object& entry) {
-  if (entry.is_none()) return {};
-  if (const auto branch = branch_of(entry)) return {*branch, "entry"};
-  return {point_of(entry, "entry"), "entry"};
-}
-
 void make_catheter(HeldCatheter* catheter, const HeldTree& tree, const nb::object& model,
                    const nb::object& entry) {
-  const std::string name = path_of(model);
-  const EntryChoice choice = entry_of(entry);
+  nb::list models;
+  models.append(model);
+  const RunRequest request = run_of(tree, models, entry, "model");
   const nb::gil_scoped_release released;
-  new (catheter) HeldCatheter{{tree.tree, {InstrumentModel::named(name)}, choice}};
-}
-
-/// Throws InputError, with `argument` in front, for what is neither text nor a path.
-std::string device_name(nb::handle object, const std::string& argument) {
-  try {
-    return path_of(object);
-  } catch (const nb::python_error& error) {
-    if (!error.matches(PyExc_TypeError)) throw;
-    throw InputError("{}: must be the name of a device or of its JSON file", argument);
-  }
+  new (catheter) HeldCatheter{HeldDevices(request)};
 }
 
 void make_devices(HeldDevices* devices, const HeldTree& tree, const nb::object& models,
                   const nb::object& entry) {
-  if (nb::isinstance<nb::str>(models) || !nb::isinstance<nb::sequence>(models))
-    throw InputError("models: must be a list of devices, the outermost first");
-  std::vector<std::string> names;
-  for (const nb::handle model : models)
-    names.push_back(device_name(model, fmt::format("models[{}]", names.size())));
-  const EntryChoice choice = entry_of(entry);
+  const RunRequest request = run_of(tree, models, entry, "models");
   const nb::gil_scoped_release released;
-  std::vector<InstrumentModel> of_names;
-  for (const std::string& name : names) of_names.push_back(InstrumentModel::named(name));
-  check_instruments(of_names);
-  new (devices) HeldDevices(tree.tree, of_names, choice);
+  new (devices) HeldDevices(request);
 }
 
 /// One number a device; none: 0 for all.

@@ -48,8 +48,6 @@ struct Frames {
   Frame at(std::size_t index) const { return {depths, index, poses[index]}; }
 };
 
-inline bool always(PyObject*) { return true; }
-
 /// Room for the pictures of all poses, and for their gradients or pulses where these are asked for. Throws
 /// Error where there is not enough memory.
 std::shared_ptr<Depths> room_for(const std::vector<Pose>& poses, bool has_gradient, bool has_pulses = false);

@@ -1,9 +1,11 @@
+#include "body.hpp"
 #include "device.hpp"
 #include "drawing.hpp"
 #include "fluoroscope.hpp"
 #include "frame.hpp"
 #include "job.hpp"
 #include "opacity.hpp"
+#include "run.hpp"
 #include "scan.hpp"
 #include "scene.hpp"
 #include "values.hpp"
@@ -97,6 +99,8 @@ NB_MODULE(_core, module) {
   add_frames(module);
   add_scan(module);
   add_catheter(module);
+  add_run(module);
+  add_export(module);
   module.def("devices", devices, "The names of the OpenCL devices, in the order of their numbers.");
   module.def("use_device", choose_device, nb::arg("name"), nb::call_guard<nb::gil_scoped_release>(),
              "Chooses the OpenCL device by its number or part of its name, before the first call that needs "

@@ -6,6 +6,7 @@
 #include "xraycast/base/field_names.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/phantom/phantom.hpp"
+#include "xraycast/scan/convert.hpp"
 
 #include <algorithm>
 #include <filesystem>
@@ -19,16 +20,11 @@ namespace {
 
 using HuArray = nb::ndarray<const std::int16_t, nb::ndim<3>, nb::c_contig, nb::device::cpu>;
 
-void warn(const ScanInfo& info) {
-  for (const std::string& line : info.warnings)
-    if (PyErr_WarnFormat(PyExc_UserWarning, 1, "%s", line.c_str()) != 0) throw nb::python_error();
-}
-
 HeldScan collected(const Scan& scan, const std::string& name, Progress& progress) {
   Volume volume = collect(*scan.source, progress, name);
   ScanInfo info = scan.info;
   for (const std::string& warning : scan.source->hu_range().warnings())
-    info.warnings.push_back(with_names(warning, [](std::string_view field) { return std::string(field); }));
+    info.warnings.push_back(with_arguments(warning));
   HeldScan held(std::move(volume), std::move(info), fmt::format("{} {}", scan.info.format, name));
   held.set_hu_range(scan.source->hu_range());
   return held;
@@ -39,7 +35,7 @@ HeldScan open_file(nb::handle path, const ScanOptions& options, const nb::object
   HeldScan held = result_of(progress, [&](Progress& reported) {
     return collected(open_scan(file, options, reported), file, reported);
   });
-  warn(held.info());
+  warn(held.info().warnings);
   held.set_file({std::filesystem::absolute(file).string(), options});
   return held;
 }
@@ -287,6 +283,30 @@ void add_scan(nb::module_& module) {
       "series: the DICOM series' number, or part of its description or UID; default: the best CT series.\n"
       "offset_hu: added to all values; -1024 for a scan that is stored as HU + 1024.\n"
       "progress: a callable (fraction, stage), or tqdm.");
+  module.def(
+      "convert",
+      [](nb::handle input, nb::handle output, const std::string& patient, const std::string& series,
+         bool keep_slices, bool skip_damaged, double offset_hu, const nb::object& progress) {
+        const ConvertRequest request{path_of(input),
+                                     path_of(output),
+                                     {series, keep_slices, skip_damaged, offset_hu},
+                                     parse_patient(patient, "patient")};
+        const Converted converted =
+            result_of(progress, [&](Progress& reported) { return convert(request, reported); });
+        warn(converted.info.warnings);
+        warn(converted.voxel_warnings);
+      },
+      nb::arg("input"), nb::arg("output"), nb::kw_only(), nb::arg("patient") = "", nb::arg("series") = "",
+      nb::arg("keep_slices") = false, nb::arg("skip_damaged") = false, nb::arg("offset_hu") = 0.0,
+      nb::arg("progress") = nb::none(),
+      nb::sig(
+          "def convert(input: str | os.PathLike[str], output: str | os.PathLike[str], *, patient: str = '', "
+          "series: str = '', keep_slices: bool = False, skip_damaged: bool = False, offset_hu: float = 0.0, "
+          "progress: object = None) -> None"),
+      "Writes a scan in another format, as `xraycast convert` does.\n\n"
+      "output: a new folder for a DICOM CT series, or a file .nii, .nii.gz, .nrrd, .mha or .mhd.\n"
+      "patient: of the DICOM series, `Doe^Jane,12345`.  series, keep_slices, skip_damaged, "
+      "offset_hu: as open's.");
   module.def(
       "phantom",
       [](const std::string& name, const nb::object& size, std::optional<double> spacing_mm,

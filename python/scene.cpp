@@ -14,8 +14,6 @@ namespace xraycast::python {
 namespace {
 
 Surface vessels_of(nb::handle vessels, double contrast_mg_ml) {
-  if (!(contrast_mg_ml >= 0 && contrast_mg_ml <= kMaxContrast_mg_ml))
-    throw InputError("contrast_mg_ml {:g}: must be 0 to {:g}", contrast_mg_ml, kMaxContrast_mg_ml);
   HeldVessels segmented;
   HeldTree tree;
   HeldMesh mesh;

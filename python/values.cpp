@@ -80,6 +80,12 @@ std::string with_arguments(std::string_view message) {
   return with_names(message, [](std::string_view field) { return std::string(field); });
 }
 
+void warn(const std::vector<std::string>& lines) {
+  for (const std::string& line : lines)
+    if (PyErr_WarnFormat(PyExc_UserWarning, 1, "%s", with_arguments(line).c_str()) != 0)
+      throw nb::python_error();
+}
+
 nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message) {
   const nb::object numpy = nb::module_::import_("numpy");
   try {

@@ -49,6 +49,16 @@ std::string with_arguments(std::string_view message);
 /// numpy.asarray(object, dtype, "C"). Throws InputError with `message` for what NumPy takes for no array.
 nb::object numpy_array(nb::handle object, const nb::object& dtype, const std::string& message);
 
+inline bool always(PyObject*) { return true; }
+
+/// A structured array, with a name for type checkers.
+class RecordArray : public nb::object {
+  NB_OBJECT(RecordArray, nb::object, "numpy.ndarray", always)
+};
+
+/// Warns of each line, named as with_arguments does.
+void warn(const std::vector<std::string>& lines);
+
 /// For properties that are arrays with an owner: no copy.
 inline constexpr auto kShared = nb::rv_policy::automatic;
 

@@ -4,7 +4,6 @@
 #include "scan.hpp"
 #include "values.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/geometry/mesh.hpp"
 #include "xraycast/segmentation/vessels.hpp"
 
 #include <algorithm>

@@ -1,14 +1,14 @@
-#include "options/catheter_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "options/session_map.hpp"
 #include "options/view_options.hpp"
-#include "options/web_session.hpp"
 #include "pictures/run_report.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stderr_log.hpp"
+#include "xraycast/drawing/still_picture.hpp"
 #include "xraycast/haptics/igtlink_device.hpp"
 #include "xraycast/network/listen_address.hpp"
 #include "xraycast/scene/vessels.hpp"
@@ -32,8 +32,8 @@ namespace {
 using ServeClock = std::chrono::steady_clock;
 
 struct ServeArguments {
-  std::string map, vessels, session, entry, script, listen, haptic;
-  std::vector<std::string> instrument_models{"cobra-5f"};
+  std::string map, vessels, session, listen, haptic;
+  RunOptions run{.instrument_models = {"cobra-5f"}};
   std::optional<std::string> web;  // an address
   std::vector<std::string> web_hosts;
   bool sends_unasked = false;
@@ -43,7 +43,7 @@ struct ServeArguments {
   GreyOptions grey;
   FluoroscopeArguments fluoroscope;
 
-  bool is_scripted() const { return !script.empty(); }
+  bool is_scripted() const { return !run.script.empty(); }
   bool is_browsers_hub() const { return !is_scripted() && (haptic == "browser" || (haptic.empty() && web)); }
   bool is_steered() const { return !is_scripted() && haptic != "none" && !is_browsers_hub(); }
 };
@@ -64,7 +64,7 @@ std::optional<WebServer::Options> parse_web(const ServeArguments& options) {
     } catch (const InputError& error) {
       throw InputError("--web {}; MAP goes before --web", error.what());
     }
-    for (const std::string& name : web.hosts) check_web_host(name);
+    WebServer::check(web);
     return web;
   }
   if (options.haptic == "browser")
@@ -122,20 +122,16 @@ std::shared_ptr<IgtlinkDevice> open_server(const ServeArguments& options) {
   try {
     if (!options.listen.empty()) address = parse_listen_address(options.listen);
     return std::make_shared<IgtlinkDevice>(
-        address, log_to_stderr, options.is_steered() ? options.instrument_models.size() : 0,
+        address, log_to_stderr, options.is_steered() ? options.run.instrument_models.size() : 0,
         IgtlinkWatching{.is_allowed = true, .is_unasked = options.sends_unasked});
   } catch (const InputError& error) {
     throw InputError("--listen {}", error.what());
   }
 }
 
-Intervention::Options steering_of(const ServeArguments& options, const ViewSession& scene,
+Intervention::Options steering_of(const ServeArguments& options, const RunRequest& request,
                                   const std::shared_ptr<IgtlinkDevice>& server) {
-  Intervention::Options steering;
-  steering.vessels = scene.vessels;
-  steering.instrument_models = options.instrument_models;
-  steering.entry = parse_entry(options.entry);
-  steering.script = options.script;
+  Intervention::Options steering{.run = request};
   steering.make_device = [server, is_steered = options.is_steered()]() -> std::unique_ptr<HapticDevice> {
     if (is_steered) return hubs_of(server);
     return std::make_unique<ManualDevice>("none");
@@ -143,15 +139,12 @@ Intervention::Options steering_of(const ServeArguments& options, const ViewSessi
   return steering;
 }
 
-/// The page for browsers and its server. The page begins at the session's pose.
-std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, const ViewSession& scene,
-                                    const CArmPose& pose, const std::shared_ptr<const BodyMap>& map,
-                                    const Intervention& intervention, bool has_hub) {
-  const SimulatedRun& run = intervention.run();
-  std::string page = live_page(scene, pose, map, run.tree(), run.models(), has_hub);
+/// The page for browsers and its server.
+std::unique_ptr<WebOutlet> open_web(const WebServer::Options& web, ExportRequest page,
+                                    const BodyBounds& bounds) {
+  page.still_png = still_png(page);
   try {
-    return std::make_unique<WebOutlet>(web, std::move(page), bounds_of(map->geometry), has_hub,
-                                       log_to_stderr);
+    return std::make_unique<WebOutlet>(web, export_bytes(page), bounds, page.live->has_hub, log_to_stderr);
   } catch (const InputError& error) {
     throw InputError("--web {}", error.what());
   }
@@ -213,20 +206,23 @@ void serve(const ServeArguments& options, Session& session) {
     throw InputError("--gamma and --inverted with a fluoroscope: its display sets the greys; leave them out");
   const ViewSession scene = resolve_served(options);
   const auto map = load_map(scene, session);
-  if (web_options) check_web_map(*map, scene.map.string());
   const BodyBounds bounds = bounds_of(map->geometry);
   const View detector = resolve_detector(options, scene, bounds);
 
-  const auto server = open_server(options);
-  Intervention intervention(steering_of(options, scene, server));
-  const SimulatedRun& run = intervention.run();
-  session.say(notes_on_place(points_of(run.tree()), bounds, scene.vessels.string()));
-  const EntryChoice entry_choice = parse_entry(options.entry);
-  session.say(notes_on_entry(run.tree(), entry_choice, find_entry(run.tree(), entry_choice, run.models()[0]),
-                             run.models()[0]));
   const CArmPose pose = resolve_pose(options, scene, detector);
+  const RunRequest request = parse_run(options.run, scene.vessels);
+  const std::vector<std::string> notes = check(request);
+  std::optional<ExportRequest> page;
+  if (web_options) {
+    page = live_session(scene, pose, map, request, options.is_browsers_hub());
+    check(*page);
+  }
+  session.say(notes_on_place(points_of(*request.tree), bounds, scene.vessels.string()));
+  session.say(notes);
+  const auto server = open_server(options);
+  Intervention intervention(steering_of(options, request, server));
   std::unique_ptr<WebOutlet> web;
-  if (web_options) web = open_web(*web_options, scene, pose, map, intervention, options.is_browsers_hub());
+  if (page) web = open_web(*web_options, std::move(*page), bounds);
   give_way();  // after the servers' threads
   LiveScreen screen(map, {.view = detector,
                           .style = scene.style,
@@ -264,7 +260,7 @@ void add_serve(CLI::App& app, Session& session) {
       ->add_option("--vessels", options->vessels,
                    "The vessels: a tree, or a folder that `xraycast segment` wrote")
       ->type_name("DIR|FILE");
-  add_coaxial_options(*command, options->instrument_models, options->entry);
+  add_coaxial_options(*command, options->run);
   command
       ->add_option(
           "--haptic", options->haptic,
@@ -272,8 +268,7 @@ void add_serve(CLI::App& app, Session& session) {
           "with --web); script; or none")
       ->check(CLI::IsMember({"openigtlink", "browser", "script", "none"}))
       ->type_name("DEVICE");
-  command->add_option("--script", options->script, "A script that moves the hub (see `xraycast simulate`)")
-      ->type_name("CSV");
+  add_script_option(*command, options->run, "A script that moves the hub (see `xraycast simulate`)");
   command
       ->add_option("--listen", options->listen,
                    "Address to listen on (default 127.0.0.1:18944); port 0: a free one, which is printed")

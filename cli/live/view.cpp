@@ -1,6 +1,6 @@
-#include "options/catheter_options.hpp"
 #include "options/command.hpp"
 #include "options/fluoroscope_options.hpp"
+#include "options/run_options.hpp"
 #include "options/scene_options.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/network/listen_address.hpp"
@@ -16,12 +16,12 @@ struct ViewArguments {
   std::string map, scan, basis, session;
   SceneOptions scene;
   bool simulate = false;
-  std::string entry;
-  Intervention::Options simulation;
+  RunOptions run{.instrument_models = {"cobra-5f"}};
+  std::string haptic = Intervention::Options{}.haptic, listen;
   FluoroscopeArguments fluoroscope;
   const CLI::App* command = nullptr;
 
-  bool has_run() const { return simulate || !simulation.script.empty(); }
+  bool has_run() const { return simulate || !run.script.empty(); }
 };
 
 ViewSession resolve(const ViewArguments& options) {
@@ -48,11 +48,8 @@ void check_listen_address(const std::string& text) {
 Intervention::Options simulation_of(const ViewArguments& options, const ViewSession& scene) {
   if (scene.vessels.empty())
     throw InputError("--simulate: give --vessels, a folder that `xraycast segment` wrote");
-  check_listen_address(options.simulation.listen);
-  Intervention::Options simulation = options.simulation;
-  simulation.vessels = scene.vessels;
-  simulation.entry = parse_entry(options.entry);
-  return simulation;
+  check_listen_address(options.listen);
+  return {.run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
 }
 
 void view(const ViewArguments& options, const Session& session) {
@@ -91,18 +88,15 @@ void add_view(CLI::App& app, Session& session) {
       ->type_name("FILE");
   add_scene_options(*command, options->scene);
   command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
-  Intervention::Options& simulation = options->simulation;
-  add_coaxial_options(*command, simulation.instrument_models, options->entry);
-  command->add_option("--haptic", simulation.haptic, "Input device that moves the hub")
+  add_coaxial_options(*command, options->run);
+  command->add_option("--haptic", options->haptic, "Input device that moves the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))
       ->capture_default_str()
       ->type_name("DEVICE");
   command
-      ->add_option("--listen", simulation.listen,
-                   "openigtlink: address to listen on (default 127.0.0.1:18944)")
+      ->add_option("--listen", options->listen, "openigtlink: address to listen on (default 127.0.0.1:18944)")
       ->type_name("ADDRESS:PORT");
-  command->add_option("--script", simulation.script, "A script that moves the hub (see `xraycast simulate`)")
-      ->type_name("CSV");
+  add_script_option(*command, options->run, "A script that moves the hub (see `xraycast simulate`)");
   add_fluoroscope_options(*command, options->fluoroscope);
   command->add_option("--session", options->session, "A session saved with Ctrl+S; other options override it")
       ->type_name("FILE");

@@ -6,20 +6,11 @@
 #include "xraycast/casting/xa_file.hpp"
 #include "xraycast/simulation/cardiac_waveform.hpp"
 
-#include <algorithm>
 #include <cmath>
+#include <limits>
 #include <vector>
 
 namespace xraycast::cli {
-namespace {
-
-/// Throws InputError unless 0 < value <= most.
-void check_amount(const char* option, double value, double most, const char* unit) {
-  if (!(value > 0 && value <= most))
-    throw InputError("{} {:g}: must be above 0 and at most {:g} {}", option, value, most, unit);
-}
-
-}  // namespace
 
 void add_injection_options(CLI::App& command, InjectionOptions& options) {
   command
@@ -45,24 +36,18 @@ void add_injection_options(CLI::App& command, InjectionOptions& options) {
 }
 
 Injection parse_injection(const InjectionOptions& options) {
-  check_amount("--injection-rate", options.rate_ml_s, kMaxInjection_ml_s, "ml/s");
-  check_amount("--iodine", options.iodine_mg_ml, kMaxAgent_mg_ml, "mg/ml");
-  if (options.volume_ml) check_amount("--injection-volume", *options.volume_ml, kMaxInjection_ml, "ml");
   Injection injection{.rate_ml_s = options.rate_ml_s, .agent_mg_ml = options.iodine_mg_ml};
-  if (options.times.empty()) return injection;
-  const std::vector<double> times_s = parse_numbers(options.times, "--inject");
-  const bool is_open = times_s.size() == 1 && options.volume_ml;
-  const bool is_closed = times_s.size() == 2 && times_s[0] < times_s[1];
-  if (!(is_open || is_closed) || !(times_s.front() >= 0) || !std::isfinite(times_s.back()))
-    throw InputError("--inject {}: must be FROM,TO in seconds, with FROM below TO{}", options.times,
-                     times_s.size() == 1 ? "; or add --injection-volume" : "");
-  injection.from_s = times_s.front();
-  injection.to_s = is_closed ? times_s[1] : times_s[0] + *options.volume_ml / options.rate_ml_s;
-  if (options.volume_ml)
-    injection.to_s = std::min(injection.to_s, injection.from_s + *options.volume_ml / options.rate_ml_s);
-  if (injection.volume_ml() > kMaxInjection_ml)
-    throw InputError("--inject {}: {:.0f} ml at {:g} ml/s; inject at most {:g} ml", options.times,
-                     injection.volume_ml(), options.rate_ml_s, kMaxInjection_ml);
+  if (!options.times.empty()) {
+    const std::vector<double> times_s = parse_numbers(options.times, "--inject");
+    const bool is_open = times_s.size() == 1 && options.volume_ml;
+    if (!is_open && !(times_s.size() == 2 && times_s[0] < times_s[1]))
+      throw InputError("--inject {}: must be FROM,TO in seconds, with FROM below TO{}", options.times,
+                       times_s.size() == 1 ? "; or add --injection-volume" : "");
+    injection.from_s = times_s.front();
+    injection.to_s = is_open ? std::numeric_limits<double>::infinity() : times_s[1];
+    if (options.volume_ml) injection.end_after(*options.volume_ml);
+  }
+  check(injection);
   return injection;
 }
 

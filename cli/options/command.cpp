@@ -7,6 +7,8 @@
 #include "xraycast/base/printable.hpp"
 #include "xraycast/base/stderr_log.hpp"
 
+#include <fmt/format.h>
+
 #include <algorithm>
 #include <array>
 #include <cerrno>
@@ -59,21 +61,26 @@ void check_outputs_apart(const CLI::App& command) {
 }
 
 /// Lists that repeated options fill.
-constexpr std::array<std::pair<std::string_view, const char*>, 2> kRepeated{
-    {{"seeds", "seed"}, {"not_vessels", "not"}}};
+constexpr std::array<std::pair<std::string_view, const char*>, 3> kRepeated{
+    {{"instruments", "device-model"}, {"not_vessels", "not"}, {"seeds", "seed"}}};
 
-/// The option that sets a field of a request: `offset_hu` is --offset-hu, `radius_mm` is --radius. Empty
-/// where the command has none.
+/// The option that sets a field of a request: `offset_hu` is --offset-hu, `radius_mm` is --radius. That of
+/// another command where this one has none, as for how to cast the map of a page; empty where none has.
 std::string option_of(const CLI::App& command, std::string_view field) {
   const auto* const repeated =
       std::ranges::find(kRepeated, field, &std::pair<std::string_view, const char*>::first);
-  std::string name(repeated == kRepeated.end() ? field : repeated->second);
+  std::string name = fmt::format("--{}", repeated == kRepeated.end() ? field : repeated->second);
   std::ranges::replace(name, '_', '-');
-  name.insert(0, "--");
-  if (command.get_option_no_throw(name)) return name;
-  for (const std::string_view unit : {"-mm", "-hu", "-deg", "-mg-ml", "-ml", "-s", "-B"})
-    if (name.ends_with(unit)) name.resize(name.size() - unit.size());
-  return command.get_option_no_throw(name) ? name : "";
+  std::string without_unit = name;
+  for (const std::string_view unit : {"-mm", "-hu", "-deg", "-ml-s", "-mg-ml", "-ml", "-s", "-B"})
+    if (without_unit.ends_with(unit)) without_unit.resize(without_unit.size() - unit.size());
+  std::vector<const CLI::App*> commands =
+      command.get_parent()->get_subcommands([](const CLI::App*) { return true; });
+  commands.insert(commands.begin(), &command);
+  for (const CLI::App* one : commands)
+    for (const std::string& option : {name, without_unit})
+      if (one->get_option_no_throw(option)) return option;
+  return "";
 }
 
 /// A request's message, in which fields are options.

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <cstddef>
 #include <filesystem>
@@ -15,7 +15,7 @@ class HubPlot {
  public:
   explicit HubPlot(const Script& script);
 
-  /// Call after every step.
+  /// Tell it of a run (see RunListener).
   void see(const Instruments& devices, double time_s);
 
   /// Errors as for write_plot.

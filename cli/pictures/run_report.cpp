@@ -15,13 +15,6 @@ std::string text_of(const std::vector<RunRecord>& last) {
   return text;
 }
 
-std::string held_note(double held_s) {
-  if (held_s < 0.05) return "";
-  return fmt::format(
-      "the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N\n", held_s,
-      MovingHub::kMaxPush_N);
-}
-
 std::vector<glm::vec3> points_of(const VesselTree& tree) {
   std::vector<glm::vec3> points_mm;
   for (const VesselBranch& branch : tree.branches())

@@ -2,7 +2,7 @@
 
 #include "xraycast/geometry/vessel_tree.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -13,9 +13,6 @@ namespace xraycast::cli {
 
 /// Where the tips ended, by a run's last records.
 std::string text_of(const std::vector<RunRecord>& last);
-
-/// That the hub did not advance for so long, or nothing.
-std::string held_note(double held_s);
 
 std::vector<glm::vec3> points_of(const VesselTree& tree);
 

@@ -5,9 +5,10 @@ grows towards the patient's left, y towards posterior, z towards superior. Optic
 exp(-tau). Every long call takes `progress`, a callable (fraction, stage) or tqdm, and stops at Ctrl-C.
 """
 from ._core import (Basis, BodyMap, Catheter, CatheterState, CoaxialDevices, DeviceShape, Exposure, Fluoroscope, Frame, Frames,
-                    Mesh, Opacity, Scan, VesselBranch, Vessels, VesselTree, __version__, devices, open, phantom, use_device)
+                    Mesh, Opacity, Run, Scan, VesselBranch, Vessels, VesselTree, __version__, convert, devices, export, open,
+                    phantom, simulate, use_device)
 from ._errors import DeviceError, Error, InputError
 
 __all__ = ["Basis", "BodyMap", "Catheter", "CatheterState", "CoaxialDevices", "DeviceError", "DeviceShape", "Error", "Exposure",
-           "Fluoroscope", "Frame", "Frames", "InputError", "Mesh", "Opacity", "Scan", "VesselBranch", "VesselTree", "Vessels",
-           "devices", "open", "phantom", "use_device"]
+           "Fluoroscope", "Frame", "Frames", "InputError", "Mesh", "Opacity", "Run", "Scan", "VesselBranch", "VesselTree",
+           "Vessels", "convert", "devices", "export", "open", "phantom", "simulate", "use_device"]

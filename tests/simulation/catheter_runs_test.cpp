@@ -3,7 +3,7 @@
 // tree.
 #include "run_trees.hpp"
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/script.hpp"
 
 #include <fmt/format.h>
@@ -225,10 +225,11 @@ INSTANTIATE_TEST_SUITE_P(, RandomScripts, testing::ValuesIn(kTrees),
 
 /// Where a Cobra ends that is steered from the right groin of the thorax phantom.
 InstrumentTip end_of_run(const VesselTree& tree, const Script& script) {
-  Instruments catheter(tree, {InstrumentModel::named("cobra-5f")}, nearest_end(tree, {-89, -54, -357}));
+  const RunRequest request{.tree = std::make_shared<const VesselTree>(tree),
+                           .entry = {glm::dvec3(-89, -54, -357)},
+                           .script = script};
   Progress progress;
-  run_script(catheter, script, "script", progress);
-  return catheter.tip(0);
+  return run(request, progress).last[0].tip;
 }
 
 TEST(RecordedScript, LeadsACobraIntoTheLeftCarotidByTurningIt) {

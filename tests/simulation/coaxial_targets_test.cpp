@@ -2,7 +2,7 @@
 // catheter over it. XRAYCAST_RUNS sets how often each is run with deviations (2).
 #include "run_trees.hpp"
 #include "xraycast/coaxial/instruments.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <fmt/format.h>
 #include <gtest/gtest.h>
@@ -51,12 +51,12 @@ Script changed(const Script& script, const std::function<HubPose(HubPose)>& chan
 
 /// Whether the catheter's tip ends in the artery.
 bool arrives(const VesselTree& tree, const Target& target, const Script& script) {
-  Instruments devices(
-      tree, {InstrumentModel::named(target.catheter), InstrumentModel::named("guidewire-035-angled")},
-      nearest_end(tree, {-89, -54, -357}));
+  const RunRequest request{.tree = std::make_shared<const VesselTree>(tree),
+                           .instruments = instruments_named({target.catheter, "guidewire-035-angled"}),
+                           .entry = {glm::dvec3(-89, -54, -357)},
+                           .script = script};
   Progress progress;
-  run_script(devices, script, target.script, progress);
-  return devices.tip(0).branch == nearest_end(tree, target.end_mm).branch;
+  return run(request, progress).last[0].tip.branch == nearest_end(tree, target.end_mm).branch;
 }
 
 class SteeringScripts : public testing::TestWithParam<Target> {};

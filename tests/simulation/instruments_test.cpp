@@ -3,7 +3,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
-#include "xraycast/simulation/run_script.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -223,9 +223,12 @@ TEST(Instruments, AScriptLeadsToTheSameLogTwice) {
       "100,45\n",
       "both.csv", 2);
   const auto log = [&] {
-    Instruments devices = devices_of({"cobra-5f", "guidewire-035-j"});
+    const RunRequest request{.tree = std::make_shared<const VesselTree>(thorax()),
+                             .instruments = instruments_named({"cobra-5f", "guidewire-035-j"}),
+                             .entry = {glm::dvec3(-89, -54, -357)},
+                             .script = script};
     Progress progress;
-    return to_csv(run_script(devices, script, "both.csv", progress));
+    return to_csv(run(request, progress).records);
   };
   const std::string first = log();
   EXPECT_EQ(first, log());

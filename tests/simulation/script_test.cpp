@@ -91,7 +91,7 @@ INSTANTIATE_TEST_SUITE_P(
                   2},
         BadScript{"WithASecond",
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n",
-                  "line 1: a script of 2 devices; give --device-model for each, the outermost first"},
+                  "line 1: a script of 2 devices; give `instruments` for each, the outermost first"},
         BadScript{"SecondDrawnOut",
                   "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,-1,0\n",
                   "line 2: insertion_2_mm -1 is below zero", 2},

@@ -20,11 +20,11 @@ namespace {
 
 class AtTheTable : public testing::Test {
  protected:
-  AtTheTable() {
-    write_tree(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), folder_ / "tree.vtp");
+  RunRequest run_of(const std::vector<std::string>& instruments) const {
+    return {.tree = tree_, .instruments = instruments_named(instruments)};
   }
 
-  Intervention begin() { return Intervention({.vessels = folder_ / ""}); }
+  Intervention begin() { return Intervention({.run = run_of({"cobra-5f"})}); }
 
   /// Frames of a tenth of a second, as far as the clock of the pedal goes.
   static void watch(Intervention& intervention, const CArmPose& pose, int frames) {
@@ -35,6 +35,8 @@ class AtTheTable : public testing::Test {
   }
 
   TemporaryFolder folder_;
+  std::shared_ptr<const VesselTree> tree_ =
+      std::make_shared<const VesselTree>(make_phantom("thorax").vessel_branches(), "thorax");
 };
 
 TEST_F(AtTheTable, OnlyThePedalExposes) {
@@ -91,8 +93,7 @@ TEST_F(AtTheTable, AReplayIsSteeredByItsFileAndTheNextRunByHandAgain) {
 }
 
 TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
-  Intervention intervention(
-      {.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  Intervention intervention({.run = run_of({"cobra-5f", "guidewire-035-angled"})});
   intervention.hold_next_hub();
   EXPECT_EQ(intervention.held_hub(), 1u);
   intervention.manual()->set_rates(100, 0);
@@ -107,8 +108,7 @@ TEST_F(AtTheTable, TheHandHoldsOneHubAfterTheOther) {
 }
 
 TEST_F(AtTheTable, ASessionKeepsEveryDevice) {
-  Intervention intervention(
-      {.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  Intervention intervention({.run = run_of({"cobra-5f", "guidewire-035-angled"})});
   intervention.update({}, 0.1);
   const SteeredDevices kept = intervention.steered();
   ASSERT_EQ(kept.devices.size(), 2u);
@@ -127,7 +127,7 @@ TEST_F(AtTheTable, OnlyAHandOnSeveralDevicesHasAValve) {
   Intervention alone = begin();
   alone.toggle_valve();
   EXPECT_FALSE(alone.run().is_valve_locked());
-  Intervention pair({.vessels = folder_ / "", .instrument_models = {"cobra-5f", "guidewire-035-angled"}});
+  Intervention pair({.run = run_of({"cobra-5f", "guidewire-035-angled"})});
   pair.toggle_valve();
   EXPECT_TRUE(pair.run().is_valve_locked());
   const auto file = folder_ / "run.csv";
@@ -140,8 +140,7 @@ TEST_F(AtTheTable, OnlyAHandOnSeveralDevicesHasAValve) {
 }
 
 TEST_F(AtTheTable, OverANetworkTheHandChoosesWhichHubLeads) {
-  Intervention intervention({.vessels = folder_ / "",
-                             .instrument_models = {"cobra-5f", "guidewire-035-angled"},
+  Intervention intervention({.run = run_of({"cobra-5f", "guidewire-035-angled"}),
                              .haptic = "openigtlink",
                              .listen = "127.0.0.1:0"});
   intervention.hold_next_hub();
@@ -149,7 +148,7 @@ TEST_F(AtTheTable, OverANetworkTheHandChoosesWhichHubLeads) {
 }
 
 TEST_F(AtTheTable, ExchangesAnInstrumentThatIsDrawnBack) {
-  Intervention intervention({.vessels = folder_ / "", .instrument_models = {"guide-6f", "guidewire-035-j"}});
+  Intervention intervention({.run = run_of({"guide-6f", "guidewire-035-j"})});
   const InstrumentModel wire = InstrumentModel::named("guidewire-035-j");
   const InstrumentModel microcatheter = InstrumentModel::named("microcatheter-27f");
   const auto inner = [&] { return intervention.run().models()[1].name(); };
@@ -212,15 +211,11 @@ TEST_F(AtTheTable, AReplayThatCannotBeReadLeavesTheRun) {
 
 TEST_F(AtTheTable, SaysWhatCannotBeSteered) {
   EXPECT_THROW(Intervention({}), InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .instrument_models = {"none"}}), InputError);
-  Intervention::Options nowhere{.vessels = folder_ / ""};
+  RunRequest nowhere = run_of({"cobra-5f"});
   nowhere.entry.end = 1000;
-  EXPECT_THROW(Intervention{nowhere}, InputError);
-  EXPECT_THROW(Intervention({.vessels = folder_ / "", .haptic = "glove"}), InputError);
-  EXPECT_THROW(
-      Intervention({.vessels = folder_ / "", .instrument_models = {"guidewire-035-angled", "cobra-5f"}}),
-      InputError);
-  EXPECT_THROW(Intervention({.vessels = std::filesystem::temp_directory_path()}), InputError);
+  EXPECT_THROW(Intervention({.run = nowhere}), InputError);
+  EXPECT_THROW(Intervention({.run = run_of({"cobra-5f"}), .haptic = "glove"}), InputError);
+  EXPECT_THROW(Intervention({.run = run_of({"guidewire-035-angled", "cobra-5f"})}), InputError);
 }
 
 TEST_F(AtTheTable, TheRoadMapIsTheVesselsOutlineOfAView) {

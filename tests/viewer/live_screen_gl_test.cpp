@@ -1,5 +1,4 @@
 // What a session's clients see, under whatever OpenGL there is without a display.
-#include "support/temporary_folder.hpp"
 #include "xraycast/casting/map_geometry.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/serving/live_screen.hpp"
@@ -35,9 +34,9 @@ class Screen : public testing::Test {
     bounds_ = bounds_of(map->geometry);
     VesselBranch branch;
     branch.points = {{{0, 0, -90}, 3}, {{0, 0, 90}, 3}};
-    write_tree(VesselTree({std::move(branch)}, "tube"), folder_ / "tree.vtp");
-    intervention_.emplace(
-        Intervention::Options{.vessels = folder_ / "", .instrument_models = {"microcatheter-27f"}});
+    intervention_.emplace(Intervention::Options{
+        .run = {.tree = std::make_shared<const VesselTree>(std::vector{std::move(branch)}, "tube"),
+                .instruments = instruments_named({"microcatheter-27f"})}});
     intervention_->update({}, 0.1);
   }
 
@@ -45,7 +44,6 @@ class Screen : public testing::Test {
     return {.view = fitted({.centre_mm = bounds_.centre_mm, .width = kWidth, .height = kHeight}, bounds_)};
   }
 
-  TemporaryFolder folder_;
   std::shared_ptr<const BodyMap> map_;
   BodyBounds bounds_;
   std::optional<Intervention> intervention_;

@@ -1,6 +1,5 @@
 #include "xraycast/serving/live_session.hpp"
 
-#include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
@@ -70,14 +69,14 @@ class Live : public testing::Test {
  protected:
   static constexpr double kFrame_s = 0.1;
 
-  Live() {
-    write_tree(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), folder_ / "tree.vtp");
-    begin({"cobra-5f"});
-  }
+  Live() { begin({"cobra-5f"}); }
 
   void begin(const std::vector<std::string>& models) {
     session_.reset();
-    intervention_.emplace(Intervention::Options{.vessels = folder_ / "", .instrument_models = models});
+    intervention_.emplace(
+        Intervention::Options{.run = {.tree = std::make_shared<const VesselTree>(
+                                          make_phantom("thorax").vessel_branches(), "thorax"),
+                                      .instruments = instruments_named(models)}});
     session_.emplace(*intervention_, BodyBounds{.centre_mm = {0, 0, 100}, .half_height_mm = 50}, pose_,
                      painter_, [this](const std::string& line) { log_ += line + "\n"; });
     session_->add(outlet_);
@@ -91,7 +90,6 @@ class Live : public testing::Test {
     }
   }
 
-  TemporaryFolder folder_;
   CArmPose pose_;
   Painter painter_;
   std::string log_;

@@ -15,14 +15,10 @@
 namespace xraycast::simulated_run_test {
 namespace {
 
-std::shared_ptr<const VesselTree> thorax() {
-  return std::make_shared<const VesselTree>(make_phantom("thorax").vessel_branches(), "thorax");
-}
-
-SimulatedRun run_with(std::unique_ptr<HapticDevice> device) {
-  auto tree = thorax();
-  const VesselEnd entry = most_inferior_end(*tree);
-  return {std::move(tree), std::vector{InstrumentModel::named("cobra-5f")}, entry, std::move(device)};
+SimulatedRun run_with(std::unique_ptr<HapticDevice> device,
+                      const std::vector<std::string>& instruments = {"cobra-5f"}) {
+  auto tree = std::make_shared<const VesselTree>(make_phantom("thorax").vessel_branches(), "thorax");
+  return {{.tree = std::move(tree), .instruments = instruments_named(instruments)}, std::move(device)};
 }
 
 /// Updates as a window does, until the simulation's clock has gone on by `time_s`.
@@ -69,7 +65,7 @@ TEST(SimulatedRun, IsPushedAndFillsTheTreeWithContrast) {
 
 TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
   const Script script = Script::parse("time_s,insertion_mm,rotation_deg\n0,0,0\n0.5,40,90\n", "test");
-  SimulatedRun run = run_with(std::make_unique<ScriptDevice>(script, "script"));
+  SimulatedRun run = run_with(std::make_unique<ScriptDevice>(script));
   run.start_recording();
   watch(run, 0.8);
   const Script recorded = Script::parse(run.stop_recording(), "recording");
@@ -82,11 +78,8 @@ TEST(SimulatedRun, RecordsAScriptThatCanBeRunAgain) {
 TEST(SimulatedRun, EachDeviceHasItsHubSurfaceAndColumns) {
   const std::string rows =
       "time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n0,0,0,0,0\n0.5,20,0,60,90\n";
-  auto tree = thorax();
-  const VesselEnd entry = most_inferior_end(*tree);
-  SimulatedRun run(std::move(tree),
-                   {InstrumentModel::named("cobra-5f"), InstrumentModel::named("guidewire-035-angled")},
-                   entry, std::make_unique<ScriptDevice>(Script::parse(rows, "test", 2), "script"));
+  SimulatedRun run = run_with(std::make_unique<ScriptDevice>(Script::parse(rows, "test", 2)),
+                              {"cobra-5f", "guidewire-035-angled"});
   run.start_recording();
   watch(run, 0.8);
   const Script recorded = Script::parse(run.stop_recording(), "recording", 2);
@@ -121,7 +114,7 @@ TEST(SimulatedRun, AReplayEndsWhereTheRecordingEnded) {
   EXPECT_NEAR(recorded.rows().back().pose.insertion_mm, ended.pose.insertion_mm, kWritten_mm);
   EXPECT_NEAR(recorded.rows().back().pose.rotation_rad, ended.pose.rotation_rad, kWritten_rad);
 
-  SimulatedRun again = run_with(std::make_unique<ScriptDevice>(recorded, "recording"));
+  SimulatedRun again = run_with(std::make_unique<ScriptDevice>(recorded));
   watch(again, recorded.rows().back().time_s + 0.3);
   EXPECT_NEAR(again.now().pose.insertion_mm, ended.pose.insertion_mm, kWritten_mm);
   EXPECT_NEAR(again.now().pose.rotation_rad, ended.pose.rotation_rad, kWritten_rad);

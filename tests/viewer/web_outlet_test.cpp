@@ -1,7 +1,6 @@
 // What browsers may do to a session, and are told of it.
 #include "xraycast/serving/web_outlet.hpp"
 
-#include "support/temporary_folder.hpp"
 #include "support/web_clients.hpp"
 #include "xraycast/phantom/phantom.hpp"
 
@@ -14,8 +13,9 @@ namespace {
 class WebOutletTest : public testing::Test {
  protected:
   WebOutletTest() {
-    write_tree(VesselTree(make_phantom("thorax").vessel_branches(), "thorax"), folder_ / "tree.vtp");
-    intervention_.emplace(Intervention::Options{.vessels = folder_ / ""});
+    intervention_.emplace(
+        Intervention::Options{.run = {.tree = std::make_shared<const VesselTree>(
+                                          make_phantom("thorax").vessel_branches(), "thorax")}});
   }
 
   void open(bool moves_hub) {
@@ -46,7 +46,6 @@ class WebOutletTest : public testing::Test {
     outlet_->publish({.intervention = *intervention_, .c_arm = pose_});
   }
 
-  TemporaryFolder folder_;
   CArmPose pose_;
   std::optional<Intervention> intervention_;
   std::optional<WebOutlet> outlet_;

@@ -180,7 +180,7 @@ std::string unbase64(const std::string& text) {
 }
 
 TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
-  WebSession session;
+  ExportRequest session;
   session.title = "</script><script>alert(1)</script>";
   session.map = std::make_shared<BodyMap>(noisy_map());
   session.vessels = Surface{tube()};
@@ -226,7 +226,7 @@ TEST(WebPage, HoldsItsPartsInOneDeflatedStream) {
 TEST(WebPage, OfALiveRunConnectsToItsOwnServerAlone) {
   VesselBranch branch;
   branch.points = {{{0, 0, -40}, 3}, {{0, 0, 0}, 3}, {{0, 0, 40}, 3}};
-  WebSession session;
+  ExportRequest session;
   session.map = std::make_shared<BodyMap>(noisy_map());
   session.live = LiveRun{.devices = {InstrumentModel::named("cobra-5f")},
                          .contrast = ContrastSurface(VesselTree({branch}, "tube")).whole()};

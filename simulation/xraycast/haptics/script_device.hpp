@@ -5,6 +5,7 @@
 #include "xraycast/simulation/script.hpp"
 
 #include <array>
+#include <filesystem>
 #include <string>
 #include <utility>
 
@@ -13,7 +14,8 @@ namespace xraycast {
 /// Replays a script in real time from the first call on. No force feedback.
 class ScriptDevice final : public HapticDevice {
  public:
-  ScriptDevice(Script script, std::string name) : script_(std::move(script)), name_(std::move(name)) {}
+  explicit ScriptDevice(Script script)
+      : script_(std::move(script)), name_(std::filesystem::path(script_.origin()).filename().string()) {}
 
   HandPose pose(std::size_t hub) override {
     constexpr double kCall_s = 1e-3;  // see HapticDevice

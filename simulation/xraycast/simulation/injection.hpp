@@ -13,8 +13,14 @@ struct Injection {
 
   double volume_ml() const { return rate_ml_s * (to_s - from_s); }
 
+  /// Ends it after a volume, unless it ends before.
+  void end_after(double volume_ml);
+
   /// The mean rate between two other times, the first below the second.
   double mean_rate_ml_s(double begin_s, double end_s) const;
 };
+
+/// Throws InputError for times in no order, and for more than the limits above.
+void check(const Injection& injection);
 
 }  // namespace xraycast

@@ -55,7 +55,7 @@ std::size_t devices_in(const std::vector<std::string>& names) {
 void check_others(const std::vector<std::string>& names, const std::vector<std::string>& wanted,
                   const std::string& origin) {
   if (const std::size_t devices = devices_in(names); wanted.size() < column_names(devices).size())
-    throw InputError("{}: line 1: a script of {} devices; give --device-model for each, the outermost first",
+    throw InputError("{}: line 1: a script of {} devices; give `instruments` for each, the outermost first",
                      origin, devices);
   for (auto name = names.begin(); name != names.end(); ++name) {
     if (std::find(names.begin(), name, *name) != name)
@@ -95,10 +95,9 @@ double number(const std::string& cell, std::string_view column, const std::strin
   return value;
 }
 
-void check_later(const Script::Row& from, const Script::Row& to, const std::string& where) {
-  if (!(to.time_s > from.time_s))
-    throw InputError("{}: time_s {} is not later than {}, that of line {}", where, to.time_s, from.time_s,
-                     from.line);
+/// `line 3` of a file, or `row 2`.
+std::string place_of(const std::vector<Script::Row>& rows, std::size_t row) {
+  return rows[row].line > 0 ? fmt::format("line {}", rows[row].line) : fmt::format("row {}", row + 1);
 }
 
 /// Without an exponent where a reader would not expect one.
@@ -125,6 +124,29 @@ void check_pace(const HubPose& from, const HubPose& to, double time_s, const std
     throw InputError(
         "{}: {} would turn at {} deg/s; the maximum is {:.0f} deg/s: give this motion at least {} s", where,
         hub, plain(turning / kRadians), MovingHub::kMaxSpeed_rad_s / kRadians, plain(least_s));
+}
+
+/// `names`: of the columns.
+void check_row(const Script& script, std::size_t r, const std::vector<std::string>& names) {
+  const Script::Row& row = script.rows()[r];
+  const std::string where = script.where(r);
+  if (row.time_s < 0) throw InputError("{}: time_s {} is below zero", where, row.time_s);
+  if (row.time_s > Script::kMaxTime_s)
+    throw InputError("{}: time_s {:g} is more than a day, {:g}; times are in seconds", where, row.time_s,
+                     Script::kMaxTime_s);
+  const std::size_t devices = names.size() / 2;
+  for (std::size_t d = 0; d < devices; ++d)
+    if (row.pose_of(d).insertion_mm < 0)
+      throw InputError("{}: {} {} is below zero; at 0 the tip is at the vessel's end", where,
+                       names[1 + 2 * d], row.pose_of(d).insertion_mm);
+  if (r == 0) return;
+  const Script::Row& before = script.rows()[r - 1];
+  if (!(row.time_s > before.time_s))
+    throw InputError("{}: time_s {} is not later than {}, that of {}", where, row.time_s, before.time_s,
+                     place_of(script.rows(), r - 1));
+  for (std::size_t d = 0; d < devices; ++d)
+    check_pace(before.pose_of(d), row.pose_of(d), row.time_s - before.time_s, where,
+               d == 0 ? "the hub" : fmt::format("hub {}", d + 1));
 }
 
 }  // namespace
@@ -162,24 +184,22 @@ Script Script::parse(const std::string& text, const std::string& origin, std::si
       pose.insertion_mm = number(values[at[insertion]], names[insertion], where);
       pose.rotation_rad = kRadians * number(values[at[rotation]], names[rotation], where);
     }
-    if (row.time_s < 0) throw InputError("{}: time_s {} is below zero", where, row.time_s);
-    if (row.time_s > kMaxTime_s)
-      throw InputError("{}: time_s {:g} is more than a day, {:g}; times are in seconds", where, row.time_s,
-                       kMaxTime_s);
-    for (std::size_t d = 0; d < devices; ++d)
-      if (row.pose_of(d).insertion_mm < 0)
-        throw InputError("{}: {} {} is below zero; at 0 the tip is at the vessel's end", where,
-                         names[1 + 2 * d], row.pose_of(d).insertion_mm);
-    if (!rows.empty()) {
-      check_later(rows.back(), row, where);
-      for (std::size_t d = 0; d < devices; ++d)
-        check_pace(rows.back().pose_of(d), row.pose_of(d), row.time_s - rows.back().time_s, where,
-                   d == 0 ? "the hub" : fmt::format("hub {}", d + 1));
-    }
     rows.push_back(row);
   }
   if (rows.empty()) throw InputError("{}: no rows after the first line", origin);
-  return Script(std::move(rows));
+  return of(std::move(rows), origin, devices);
+}
+
+Script Script::of(std::vector<Row> rows, const std::string& origin, std::size_t devices) {
+  Script script(std::move(rows), origin);
+  if (script.rows_.empty()) throw InputError("{}: no rows; give one at least", origin);
+  const std::vector<std::string> names = column_names(devices);
+  for (std::size_t r = 0; r < script.rows_.size(); ++r) check_row(script, r, names);
+  return script;
+}
+
+std::string Script::where(std::size_t row) const {
+  return fmt::format("{}: {}", origin_, place_of(rows_, row));
 }
 
 Script Script::read(const std::filesystem::path& path, std::size_t devices) {

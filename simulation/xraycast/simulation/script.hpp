@@ -15,7 +15,7 @@ class Script {
   struct Row {
     double time_s = 0;
     HubPose pose;                      ///< of the outermost device
-    int line = 0;                      ///< of the file, from 1
+    int line = 0;                      ///< of the file, from 1; 0: of none
     std::vector<HubPose> inner_poses;  ///< of the devices in it, from outside on
 
     const HubPose& pose_of(std::size_t device) const { return device == 0 ? pose : inner_poses[device - 1]; }
@@ -31,17 +31,25 @@ class Script {
   /// rotation faster than MovingHub::kMaxSpeed_rad_s, and a file without rows.
   static Script parse(const std::string& text, const std::string& origin, std::size_t devices = 1);
 
+  /// Of `devices` poses a row. Throws InputError as parse() does for values, naming the row.
+  static Script of(std::vector<Row> rows, const std::string& origin, std::size_t devices = 1);
+
   /// Throws InputError.
   static Script read(const std::filesystem::path& path, std::size_t devices = 1);
 
   const std::vector<Row>& rows() const { return rows_; }
+  const std::string& origin() const { return origin_; }
+
+  /// In front of messages about a row: the origin, and its line or number.
+  std::string where(std::size_t row) const;
 
   /// The first row's pose before its time, the last row's after it.
   HubPose pose_at(double time_s, std::size_t device = 0) const;
 
  private:
-  explicit Script(std::vector<Row> rows) : rows_(std::move(rows)) {}
+  Script(std::vector<Row> rows, std::string origin) : rows_(std::move(rows)), origin_(std::move(origin)) {}
   std::vector<Row> rows_;
+  std::string origin_;
 };
 
 }  // namespace xraycast

@@ -39,7 +39,7 @@ RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, con
 }
 
 bool RunCine::see(const Instruments& devices, double time_s) {
-  if (time_s < next_s_) return false;
+  if (time_s <= 0 || time_s < next_s_) return false;
   const std::optional<std::size_t> outlet = agent_outlet(devices);
   inject(place_of(devices.tip(outlet.value_or(0))), outlet.has_value(), time_s);
   if (time_s < begin_s()) return false;

@@ -30,8 +30,9 @@ class RunCine {
   /// The tree must outlive the cine.
   RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options);
 
-  /// Call after every step of the simulation. Where a frame is due, true: take it then, by frame() or by
-  /// picture(). Contrast agent is injected while one of the lumens is free; see agent_outlet.
+  /// Tell it of a run (see RunListener). Where a frame is due, true: take it then, by frame() or by
+  /// picture(). The first follows the first step. Contrast agent is injected while one of the lumens is free;
+  /// see agent_outlet.
   bool see(const Instruments& devices, double time_s);
 
   /// Its optical depths, and with a fluoroscope its pulse; neither has a road map.

@@ -200,7 +200,7 @@ void add_devices(const RecordedRun& run, GltfScene& scene) {
 
 }  // namespace
 
-std::string gltf_binary(const WebSession& session) {
+std::string gltf_binary(const ExportRequest& session) {
   GltfScene scene(session.title);
   if (session.vessels) scene.add("vessels", session.vessels->mesh, session.vessels->colour);
   for (const Surface& catheter : session.catheters) scene.add("catheter", catheter.mesh, catheter.colour);

@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/export/web_page.hpp"
+#include "xraycast/export/export_request.hpp"
 
 #include <string>
 
@@ -10,6 +10,6 @@ namespace xraycast {
 /// the patient's front towards +Z: vessels, catheters (of a run: where its devices end), the body's axis, and
 /// the C-arm at the session's pose; a parallel beam's stands as a C-arm of 780 and 1200 mm. The map stays
 /// out: glTF has no additive blending.
-std::string gltf_binary(const WebSession& session);
+std::string gltf_binary(const ExportRequest& request);
 
 }  // namespace xraycast

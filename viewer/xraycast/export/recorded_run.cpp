@@ -1,5 +1,6 @@
 #include "xraycast/export/recorded_run.hpp"
 
+#include "xraycast/base/error.hpp"
 #include "xraycast/export/packed_numbers.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 
@@ -40,6 +41,19 @@ void RecordedRun::see(const Instruments& moved, double time_s) {
     for (std::size_t p = 0; p < parts.size(); ++p) device.parts[p].push_back(controls_of(parts[p].nodes_mm));
     device.loads.push_back(moved.load(d));
   }
+}
+
+void check_recordable(const Script& script) {
+  if (const double end_s = script.rows().back().time_s; end_s > RecordedRun::kLongest_s)
+    throw InputError("{}: lasts {:g} s, but an export holds a run of at most {:g} s; shorten it",
+                     script.origin(), end_s, RecordedRun::kLongest_s);
+}
+
+RecordedRun recorded_run(const RunRequest& request, Progress& progress) {
+  if (request.script) check_recordable(*request.script);
+  RecordedRun recorded = RecordedRun::of(request.instruments);
+  run(request, progress, [&](const Instruments& moved, double time_s) { recorded.see(moved, time_s); });
+  return recorded;
 }
 
 std::string pack_shapes(const RecordedRun::Shapes& shapes_mm, double unit_mm) {

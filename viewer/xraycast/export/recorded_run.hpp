@@ -1,6 +1,6 @@
 #pragma once
 
-#include "xraycast/coaxial/instruments.hpp"
+#include "xraycast/simulation/run.hpp"
 
 #include <glm/vec3.hpp>
 
@@ -35,9 +35,15 @@ struct RecordedRun {
 
   std::size_t pictures() const { return devices.empty() ? 0 : devices.front().loads.size(); }
 
-  /// Takes a picture when its time has come, the first at 0 s; call it after each step, as `run_script` does.
+  /// Takes a picture when its time has come, the first at 0 s. Tell it of a run (see RunListener).
   void see(const Instruments& moved, double time_s);
 };
+
+/// Throws InputError for a script longer than RecordedRun::kLongest_s.
+void check_recordable(const Script& script);
+
+/// A run, as it is recorded. Throws as run() and check_recordable() do.
+RecordedRun recorded_run(const RunRequest& request, Progress& progress);
 
 /// The control points of a shape's curve; none for fewer than four nodes.
 std::vector<glm::dvec3> controls_of(const std::vector<glm::dvec3>& nodes_mm);

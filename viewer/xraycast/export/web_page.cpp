@@ -5,7 +5,6 @@
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
-#include "xraycast/sampling/column_samples.hpp"
 #include "xraycast/sampling/map_texels.hpp"
 #include "xraycast/scene/catheter_surface.hpp"
 #include "xraycast/scene/contrast_surface.hpp"
@@ -103,7 +102,7 @@ class Parts {
 
 PageJson list(const glm::dvec3& v) { return {v.x, v.y, v.z}; }
 
-PageJson add_map(const WebSession& session, Parts& parts) {
+PageJson add_map(const ExportRequest& session, Parts& parts) {
   const MapGeometry geometry = drawn_geometry(*session.map);
   const PackedLayers layers = pack_layers(*session.map, session.precision);
   parts.add("layers", layers.bytes);
@@ -145,7 +144,7 @@ PageJson add_surface(const Surface& surface, const std::string& name, Parts& par
           {"colour", list(surface.colour)},           {"tube_sides", surface.tube_sides}};
 }
 
-PageJson add_catheters(const WebSession& session, Parts& parts) {
+PageJson add_catheters(const ExportRequest& session, Parts& parts) {
   PageJson catheters = PageJson::array();
   for (const Surface& catheter : session.catheters)
     catheters.push_back(add_surface(catheter, fmt::format("catheter_{}", catheters.size()), parts));
@@ -167,7 +166,7 @@ PageJson rounded(std::span<const HubLoad> loads, double HubLoad::*load, double t
   return numbers;
 }
 
-PageJson add_run(const WebSession& session, Parts& parts) {
+PageJson add_run(const ExportRequest& session, Parts& parts) {
   if (!session.run) return {};
   constexpr double kUnit_mm = 0.01;
   const RecordedRun& run = *session.run;
@@ -186,7 +185,7 @@ PageJson add_run(const WebSession& session, Parts& parts) {
           {"devices", std::move(devices)}};
 }
 
-PageJson add_live(const WebSession& session, Parts& parts) {
+PageJson add_live(const ExportRequest& session, Parts& parts) {
   if (!session.live) return {};
   PageJson devices = PageJson::array();
   for (const InstrumentModel& model : session.live->devices)
@@ -215,7 +214,7 @@ PageJson viewer_json() {
           {"road_map_colour", {kRoadMapColour.x, kRoadMapColour.y, kRoadMapColour.z}}};
 }
 
-PageJson header_of(const WebSession& session, Parts& parts) {
+PageJson header_of(const ExportRequest& session, Parts& parts) {
   constexpr double kDegrees = 180 / std::numbers::pi;
   const CArmPose& pose = session.pose;
   PageJson header{{"format", kFormat}, {"title", session.title}};
@@ -247,11 +246,7 @@ PageJson header_of(const WebSession& session, Parts& parts) {
 
 }  // namespace
 
-bool suits_web(const BodyMap& map) {
-  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum;
-}
-
-std::string web_page(const WebSession& session) {
+std::string web_page(const ExportRequest& session) {
   Parts parts;
   const PageJson header = header_of(session, parts);
   const View pose{.lao_rad = session.pose.lao_rad, .cranial_rad = session.pose.cranial_rad};

@@ -38,14 +38,16 @@ double catheter_per_mm() {
 }
 
 Surface filled_vessels(Mesh mesh, double contrast_mg_ml) {
+  if (!(contrast_mg_ml >= 0 && contrast_mg_ml <= kMaxContrast_mg_ml))
+    throw InputError("`contrast_mg_ml` {:g}: must be 0 to {:g}", contrast_mg_ml, kMaxContrast_mg_ml);
   return {std::move(mesh), fluoroscopy_per_mm("I", contrast_mg_ml), {0.80, 0.16, 0.14}};
 }
 
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml) {
   if (!std::filesystem::exists(path))
     throw InputError("{}: no such file or folder; check its name", path.string());
-  Surface vessels = filled_vessels(
-      std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path), contrast_mg_ml);
+  Surface vessels = filled_vessels({}, contrast_mg_ml);
+  vessels.mesh = std::filesystem::is_directory(path) ? mesh_of_folder(path) : read_mesh(path);
   if (vessels.mesh.triangles.empty())
     throw InputError("{}: the surface has no triangles; segment the scan again", path.string());
   return vessels;

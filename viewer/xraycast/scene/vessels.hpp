@@ -16,7 +16,8 @@ namespace xraycast {
 /// blood with this iodine concentration. Throws InputError.
 Surface read_vessels(const std::filesystem::path& path, double contrast_mg_ml);
 
-/// Vessels that hold blood with this iodine concentration.
+/// Vessels that hold blood with this iodine concentration. Throws InputError for one beyond
+/// kMaxContrast_mg_ml.
 Surface filled_vessels(Mesh mesh, double contrast_mg_ml);
 
 /// A warning when most of the vessels lie outside a map's body, as when they belong to another scan; or none.

@@ -13,30 +13,22 @@
 namespace xraycast {
 namespace {
 
-namespace fs = std::filesystem;
-
-std::shared_ptr<const VesselTree> read_vessel_tree(const fs::path& vessels) {
-  if (vessels.empty())
-    throw InputError(
-        "vessels: missing; steering needs a vessel tree, or a folder that `xraycast segment` wrote");
-  return std::make_shared<const VesselTree>(read_tree(vessels));
+const Intervention::Options& checked(const Intervention::Options& options) {
+  check(options.run);
+  return options;
 }
 
-std::vector<InstrumentModel> models_of(const Intervention::Options& options) {
-  std::vector<InstrumentModel> models;
-  for (const std::string& name : options.instrument_models) models.push_back(InstrumentModel::named(name));
-  check_instruments(models);
-  return models;
-}
-
-/// The presets, and those of the options that come from files.
-std::vector<InstrumentModel> choices_of(const Intervention::Options& options) {
-  std::vector<std::string> names = InstrumentModel::preset_names();
-  for (const std::string& name : options.instrument_models)
-    if (std::ranges::find(names, name) == names.end()) names.push_back(name);
-  std::vector<InstrumentModel> models;
-  for (const std::string& name : names) models.push_back(InstrumentModel::named(name));
-  return models;
+/// The presets, those that are in use as they are, and what else is.
+std::vector<InstrumentModel> choices_of(const std::vector<InstrumentModel>& used) {
+  std::vector<InstrumentModel> choices = instruments_named(InstrumentModel::preset_names());
+  for (const InstrumentModel& instrument : used) {
+    const auto same = std::ranges::find(choices, instrument.name(), &InstrumentModel::name);
+    if (same == choices.end())
+      choices.push_back(instrument);
+    else
+      *same = instrument;
+  }
+  return choices;
 }
 
 std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) {
@@ -44,7 +36,7 @@ std::unique_ptr<HapticDevice> make_device(const Intervention::Options& options) 
   if (options.haptic == "openigtlink") {
     const ListenAddress address =
         options.listen.empty() ? ListenAddress{} : parse_listen_address(options.listen);
-    return std::make_unique<IgtlinkDevice>(address, log_to_stderr, options.instrument_models.size());
+    return std::make_unique<IgtlinkDevice>(address, log_to_stderr, options.run.instruments.size());
   }
   const std::vector<std::string> names = Intervention::haptic_names();
   if (std::ranges::find(names, options.haptic) == names.end())
@@ -59,30 +51,24 @@ std::vector<std::string> Intervention::haptic_names() {
 }
 
 Intervention::Intervention(const Options& options)
-    : options_(options), tree_(read_vessel_tree(options.vessels)), road_map_(*tree_) {
-  restart();
-  choices_ = choices_of(options_);
+    : options_(checked(options)),
+      road_map_(*options.run.tree),
+      choices_(choices_of(options.run.instruments)) {
+  start(options.run.script, options.run.instruments);
 }
 
-/// The present ones; of the options before the first run.
-std::vector<InstrumentModel> Intervention::instruments() const {
-  return run_ ? run_->models() : models_of(options_);
-}
-
-void Intervention::start(const fs::path& script, std::vector<InstrumentModel> models) {
-  // Files are read first: where they are invalid the old run goes on.
-  std::unique_ptr<HapticDevice> device;
-  if (!script.empty())
-    device = std::make_unique<ScriptDevice>(Script::read(script, models.size()), script.filename().string());
-  const VesselEnd entry = find_entry(*tree_, options_.entry, models[0]);
+void Intervention::start(const std::optional<Script>& script,
+                         const std::vector<InstrumentModel>& instruments) {
+  RunRequest request = options_.run;
+  request.instruments = instruments;
   const auto hand_over = [&](std::unique_ptr<HapticDevice> to) {
     manual_ = dynamic_cast<ManualDevice*>(to.get());
-    run_ = std::make_unique<SimulatedRun>(tree_, models, entry, std::move(to));
+    run_ = std::make_unique<SimulatedRun>(request, std::move(to));
   };
   const bool was_recording = run_ && run_->is_recording();
   run_.reset();  // a port is free again
   try {
-    hand_over(device ? std::move(device) : make_device(options_));
+    hand_over(script ? std::make_unique<ScriptDevice>(*script) : make_device(options_));
   } catch (const Error&) {
     hand_over(std::make_unique<ManualDevice>("keyboard"));
     throw;

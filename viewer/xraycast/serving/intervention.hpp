@@ -21,19 +21,16 @@ namespace xraycast {
 class Intervention {
  public:
   struct Options {
-    std::filesystem::path vessels{};                         ///< a vessel tree, or a folder with a tree.vtp
-    std::vector<std::string> instrument_models{"cobra-5f"};  ///< from the outermost on, one in the other
-    EntryChoice entry{};
-    std::string haptic = "keyboard";  ///< one of haptic_names()
+    RunRequest run{};
+    std::string haptic = "keyboard";  ///< one of haptic_names(); moves the hubs where no script does
     std::string listen{};             ///< openigtlink: address; empty: the default
-    std::filesystem::path script{};   ///< motion of the hub, instead of a device
     /// Makes the device at every start, instead of `haptic`.
     std::function<std::unique_ptr<HapticDevice>()> make_device{};
   };
 
   static std::vector<std::string> haptic_names();
 
-  /// Throws InputError for a missing tree, an unknown device, a device that does not fit, a port in use.
+  /// Throws InputError for what cannot be run (see check), an unknown device, a port in use.
   explicit Intervention(const Options& options);
 
   /// Exposes a picture of the newest state while the pedal is down. Call once per frame.
@@ -94,22 +91,20 @@ class Intervention {
   /// Starts again at the entry, with the haptic device of the options and the present instruments. A
   /// recording restarts. Throws as the constructor; the run then goes on, or, if only the port is lost, a new
   /// run is steered by keys.
-  void restart() { start(options_.script, instruments()); }
+  void restart() { start(options_.run.script, run_->models()); }
 
   /// Steers these instruments, the present ones by default, by a script, once, from the entry on. Throws
   /// InputError as `restart`.
-  void replay(const std::filesystem::path& script) { start(script, instruments()); }
+  void replay(const std::filesystem::path& script) { replay(script, run_->models()); }
   void replay(const std::filesystem::path& script, const std::vector<InstrumentModel>& instruments) {
-    start(script, instruments);
+    start(Script::read(script, instruments.size()), instruments);
   }
 
  private:
-  void start(const std::filesystem::path& script, std::vector<InstrumentModel> models);
-  std::vector<InstrumentModel> instruments() const;
+  void start(const std::optional<Script>& script, const std::vector<InstrumentModel>& instruments);
   std::string exchange_obstacle(std::size_t device) const;
 
   Options options_;
-  std::shared_ptr<const VesselTree> tree_;
   ManualDevice* manual_ = nullptr;
   std::unique_ptr<SimulatedRun> run_;
   bool pedal_ = false, has_picture_ = false;

@@ -18,15 +18,14 @@ std::vector<double> max_insertions_mm(const std::vector<InstrumentModel>& models
 
 }  // namespace
 
-SimulatedRun::SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
-                           const VesselEnd& entry, std::unique_ptr<HapticDevice> device)
-    : tree_(std::move(tree)),
+SimulatedRun::SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device)
+    : tree_(request.tree),
       device_(std::move(device)),
-      couplings_(*device_, max_insertions_mm(models)),
+      couplings_(*device_, max_insertions_mm(request.instruments)),
       bolus_(*tree_),
       contrast_(*tree_),
       loop_(
-          std::make_unique<Instruments>(*tree_, models, entry),
+          std::make_unique<Instruments>(*tree_, request.instruments, entry_of(request)),
           [this](std::span<const HubPose> hubs, std::span<const HubLoad> loads, double step_s) {
             return couplings_.step(hubs, loads, step_s);
           },

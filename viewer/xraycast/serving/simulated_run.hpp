@@ -7,6 +7,7 @@
 #include "xraycast/scene/contrast_surface.hpp"
 #include "xraycast/scene/scene.hpp"
 #include "xraycast/simulation/contrast_bolus.hpp"
+#include "xraycast/simulation/run.hpp"
 #include "xraycast/simulation/simulation_loop.hpp"
 
 #include <array>
@@ -22,10 +23,9 @@ namespace xraycast {
 /// simulation has its own, which never waits for it.
 class SimulatedRun {
  public:
-  /// `models` from the outermost on. Throws InputError when they do not fit into the vessel at the entry or
-  /// into each other.
-  SimulatedRun(std::shared_ptr<const VesselTree> tree, const std::vector<InstrumentModel>& models,
-               const VesselEnd& entry, std::unique_ptr<HapticDevice> device);
+  /// The device moves the hubs, whatever the request's script. Throws InputError where the instruments do not
+  /// fit into the vessel at the entry or into each other.
+  SimulatedRun(const RunRequest& request, std::unique_ptr<HapticDevice> device);
 
   /// Takes the newest state of the simulation and advances the contrast agent to its time. Call once per
   /// frame.

@@ -1,0 +1,207 @@
+#include "run.hpp"
+
+#include "job.hpp"
+#include "values.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <fmt/ranges.h>
+
+#include <array>
+#include <limits>
+#include <nanobind/stl/string.h>
+#include <numbers>
+
+namespace xraycast::python {
+namespace {
+
+constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
+
+/// A branch's number, as operator.index gives it; none for what is no number, such as a point.
+std::optional<int> branch_of(const nb::object& entry) {
+  const nb::object number = nb::steal(PyNumber_Index(entry.ptr()));
+  if (!number.is_valid()) {
+    if (!PyErr_ExceptionMatches(PyExc_TypeError)) throw nb::python_error();
+    PyErr_Clear();
+    return std::nullopt;
+  }
+  int overflow = 0;
+  const long branch = PyLong_AsLongAndOverflow(number.ptr(), &overflow);
+  if (overflow != 0 || branch < 0 || branch > std::numeric_limits<int>::max())
+    throw InputError("entry {}: must be the number of a branch, 0 or more", nb::str(number).c_str());
+  return static_cast<int>(branch);
+}
+
+EntryChoice entry_choice(const nb::object& entry) {
+  if (entry.is_none()) return {};
+  const std::string name = fmt::format("entry {}", nb::str(entry).c_str());
+  if (const auto branch = branch_of(entry)) return {*branch, name};
+  return {point_of(entry, "entry"), name};
+}
+
+bool is_path(const nb::object& object) {
+  return nb::isinstance<nb::str>(object) || nb::isinstance<nb::bytes>(object) ||
+         nb::hasattr(object, "__fspath__");
+}
+
+/// Of a file, or of an array (rows, 1 + 2 devices).
+Script script_of(const nb::object& script, std::size_t devices) {
+  if (is_path(script)) return Script::read(path_of(script), devices);
+  const Numbers numbers = numbers_of(script, "script");
+  const std::size_t columns = 1 + 2 * devices;
+  if (numbers.shape.size() != 2 || numbers.shape[1] != columns)
+    throw InputError(
+        "script: must be a file or (rows, {}): time_s, then insertion_mm and rotation_deg of each device",
+        columns);
+  std::vector<Script::Row> rows(numbers.shape[0]);
+  const double* value = numbers.values.data();
+  for (Script::Row& row : rows) {
+    row.time_s = *value++;
+    row.inner_poses.resize(devices - 1);
+    for (std::size_t d = 0; d < devices; ++d, value += 2)
+      (d == 0 ? row.pose : row.inner_poses[d - 1]) = {value[0], value[1] / kDegreesPerRadian};
+  }
+  return Script::of(std::move(rows), "script", devices);
+}
+
+HeldRun simulate(const HeldTree& tree, const nb::object& instruments, const nb::object& script,
+                 const nb::object& entry, double interval_s, const nb::object& progress) {
+  HeldRun held{run_of(tree, instruments, entry, "instruments"), {}};
+  held.request.script = script_of(script, held.request.instruments.size());
+  held.request.interval_s = interval_s;
+  return result_of(progress, [&](Progress& reported) {
+    std::vector<std::string> notes = check(held.request);
+    if (held.request.script->rows().back().time_s <= RecordedRun::kLongest_s)
+      held.recorded = RecordedRun::of(held.request.instruments);
+    held.run = run(held.request, reported, [&](const Instruments& moved, double time_s) {
+      if (held.recorded) held.recorded->see(moved, time_s);
+    });
+    notes.insert(notes.end(), held.run.notes.begin(), held.run.notes.end());
+    held.run.notes = std::move(notes);
+    return std::move(held);
+  });
+}
+
+/// As NumPy has it: eight bytes a number.
+struct PackedRecord {
+  double time_s, insertion_mm, rotation_deg, force_N, torque_Nm;
+  glm::dvec3 tip_mm, tip_direction;
+  std::int64_t branch;
+  double arc_length_mm;
+  std::int64_t contacts;
+  double contact_force_N, deepest_mm;
+};
+static_assert(sizeof(PackedRecord) == 16 * 8);
+
+PackedRecord packed(const RunRecord& r) {
+  return {r.time_s,        r.pose.insertion_mm, r.pose.rotation_rad * kDegreesPerRadian,
+          r.load.force_N,  r.load.torque_Nm,    r.tip.position_mm,
+          r.tip.direction, r.tip.branch,        r.tip.arc_length_mm,
+          r.contacts,      r.contact_force_N,   r.deepest_mm};
+}
+
+/// A structured array (records, devices).
+nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
+  Progress progress;
+  const RunningCall call(progress);  // as poses_of
+  std::vector<PackedRecord> all;
+  for (const std::vector<RunRecord>& of_devices : records)
+    for (const RunRecord& record : of_devices) all.push_back(packed(record));
+  const nb::object numpy = nb::module_::import_("numpy");
+  nb::list fields;
+  for (const char* name : {"time_s", "insertion_mm", "rotation_deg", "force_N", "torque_Nm"})
+    fields.append(nb::make_tuple(name, "f8"));
+  for (const char* name : {"tip_mm", "tip_direction"}) fields.append(nb::make_tuple(name, "f8", 3));
+  fields.append(nb::make_tuple("branch", "i8"));
+  fields.append(nb::make_tuple("arc_length_mm", "f8"));
+  fields.append(nb::make_tuple("contacts", "i8"));
+  for (const char* name : {"contact_force_N", "deepest_mm"}) fields.append(nb::make_tuple(name, "f8"));
+  const nb::bytes bytes(reinterpret_cast<const char*>(all.data()), all.size() * sizeof(PackedRecord));
+  return numpy.attr("frombuffer")(bytes, numpy.attr("dtype")(fields))
+      .attr("reshape")(records.size(), records.front().size());
+}
+
+std::vector<std::string> names_of(const HeldRun& held) {
+  std::vector<std::string> names;
+  for (const InstrumentModel& instrument : held.request.instruments) names.push_back(instrument.name());
+  return names;
+}
+
+}  // namespace
+
+std::string device_name(nb::handle object, const std::string& argument) {
+  try {
+    return path_of(object);
+  } catch (const nb::python_error& error) {
+    if (!error.matches(PyExc_TypeError)) throw;
+    throw InputError("{}: must be the name of a device or of its JSON file", argument);
+  }
+}
+
+RunRequest run_of(const HeldTree& tree, const nb::object& instruments, const nb::object& entry,
+                  const std::string& name) {
+  if (nb::isinstance<nb::str>(instruments) || !nb::isinstance<nb::sequence>(instruments))
+    throw InputError("{}: must be a list of devices, the outermost first", name);
+  std::vector<std::string> names;
+  for (const nb::handle instrument : instruments)
+    names.push_back(device_name(instrument, fmt::format("{}[{}]", name, names.size())));
+  RunRequest request{
+      .tree = tree.tree, .instruments = instruments_named(names), .entry = entry_choice(entry)};
+  check(request);
+  return request;
+}
+
+void add_run(nb::module_& module) {
+  nb::class_<HeldRun>(module, "Run", "What simulate() gives: the records of devices that a script moved.")
+      .def_prop_ro(
+          "records", [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array(r.run.records)); },
+          "A structured array (records, devices), the outermost device first, with the fields time_s, "
+          "insertion_mm, "
+          "rotation_deg, force_N and torque_Nm of the hub, tip_mm (x, y, z), tip_direction, branch, "
+          "arc_length_mm, contacts, contact_force_N and deepest_mm, in a wall; see CatheterState.")
+      .def_prop_ro(
+          "last",
+          [](const HeldRun& r) { return nb::borrow<RecordArray>(records_array({r.run.last})[nb::int_(0)]); },
+          "The devices' states at the end, (devices,), as a record of each; time_s since they began to move.")
+      .def_prop_ro("instruments", names_of)
+      .def_prop_ro(
+          "entry_branch", [](const HeldRun& r) { return r.run.entry.branch; },
+          "The number of the branch at whose end the devices entered.")
+      .def_prop_ro(
+          "entry_mm",
+          [](const HeldRun& r) {
+            const auto& p = r.run.entry.position_mm;
+            return tuple_of({p.x(), p.y(), p.z()});
+          },
+          "That end (x, y, z), mm, LPS.")
+      .def_prop_ro(
+          "held_s", [](const HeldRun& r) { return r.run.held_s; },
+          "For so long a hub did not advance, since the push force was 3 N already.")
+      .def_prop_ro(
+          "notes", [](const HeldRun& r) { return text_objects(r.run.notes); },
+          "What to know of the run, such as other ends at which the devices might have entered.")
+      .def(
+          "write",
+          [](const HeldRun& r, nb::handle path) { write_whole_file(path_of(path), to_csv(r.run.records)); },
+          nb::arg("path"), "Writes the records as CSV, as `xraycast simulate` does.")
+      .def("__repr__", [](const HeldRun& r) {
+        return text_object(fmt::format("<xraycast.Run of {}: {} records>", fmt::join(names_of(r), ", "),
+                                       r.run.records.size()));
+      });
+  module.def(
+      "simulate", simulate, nb::arg("tree"), nb::arg("instruments").none(), nb::arg("script").none(),
+      nb::kw_only(), nb::arg("entry") = nb::none(), nb::arg("interval_s") = 0.0,
+      nb::arg("progress") = nb::none(),
+      nb::sig("def simulate(tree: VesselTree, instruments: collections.abc.Sequence[str | os.PathLike[str]], "
+              "script: str | os.PathLike[str] | numpy.typing.ArrayLike, *, "
+              "entry: int | numpy.typing.ArrayLike | None = None, interval_s: float = 0.0, "
+              "progress: object = None) -> Run"),
+      "Moves devices through a VesselTree by a script, as fast as the machine can, and returns a Run.\n\n"
+      "instruments: names of devices or their JSON files, the outermost first; up to three, one in the "
+      "other.\n"
+      "script: a CSV file (see `xraycast simulate`), or an array (rows, 1 + 2 devices): time in s, then "
+      "insertion in mm and rotation in degrees of each hub, interpolated linearly.\n"
+      "entry: as Catheter's.  interval_s: between records; 0: one for each row of the script.");
+}
+
+}  // namespace xraycast::python

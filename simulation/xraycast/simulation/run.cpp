@@ -1,0 +1,257 @@
+#include "xraycast/simulation/run.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/negative_zero.hpp"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+
+namespace xraycast {
+namespace {
+
+constexpr double kRounding_s = 1e-9;       // by which times of steps and rows differ
+constexpr double kLeastInterval_s = 1e-3;  // a step
+
+RunRecord record_of(double time_s, const HubPose& pose, const HubLoad& load, const InstrumentTip& tip,
+                    const WallContact& wall) {
+  RunRecord record{.time_s = time_s, .pose = pose, .load = load, .tip = tip};
+  for (const WallContact::Contact& contact : wall.contacts()) {
+    if (contact.depth_mm <= 0) continue;
+    ++record.contacts;
+    record.contact_force_N += (contact.normal_N + contact.friction_N).norm();
+    record.deepest_mm = std::max(record.deepest_mm, contact.depth_mm);
+  }
+  return record;
+}
+
+// ---- the check
+
+/// What `entry` takes to choose an end. A branch with two ends is chosen at its start.
+std::string choice_of(const VesselTree& tree, const VesselEnd& end) {
+  if (end.at_start || end.branch != tree.root()) return fmt::format("`entry` {}", end.branch);
+  const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 0); };
+  return fmt::format("`entry` {:.0f},{:.0f},{:.0f}", mm(0), mm(1), mm(2));
+}
+
+/// Where the entry is not chosen and other ends lie about as low as the one found.
+std::vector<std::string> notes_on_entry(const RunRequest& request, const VesselEnd& entry) {
+  if (!std::holds_alternative<std::monostate>(request.entry.end)) return {};
+  constexpr std::size_t kMostNamed = 3;
+  std::vector<VesselEnd> others = equally_low_ends(*request.tree, entry, request.instruments.front());
+  if (others.empty()) return {};
+  if (others.size() > kMostNamed) others.resize(kMostNamed);
+  std::string names, choices = choice_of(*request.tree, entry);
+  for (const VesselEnd& other : others) {
+    names += fmt::format("{}{}", names.empty() ? "" : "; or ", text_of(*request.tree, other));
+    choices += " or " + choice_of(*request.tree, other);
+  }
+  return {
+      fmt::format("vessel ends lie equally low, within {:g} mm: the device enters at {}, and not at {}; "
+                  "choose by {}",
+                  kEquallyLow_mm, text_of(*request.tree, entry), names, choices)};
+}
+
+void check_lengths(const Script& script, const std::vector<InstrumentModel>& instruments) {
+  for (std::size_t r = 0; r < script.rows().size(); ++r)
+    for (std::size_t d = 0; d < instruments.size(); ++d) {
+      const double insertion_mm = script.rows()[r].pose_of(d).insertion_mm;
+      if (insertion_mm > max_insertion_mm(instruments[d]))
+        throw InputError("{}: {} {}; {} can be inserted by at most {:.0f} mm", script.where(r),
+                         d == 0 ? "insertion_mm" : fmt::format("insertion_{}_mm", d + 1), insertion_mm,
+                         instruments[d].name(), max_insertion_mm(instruments[d]));
+    }
+}
+
+void check_injection(const RunRequest& request) {
+  const Injection& injection = request.injection;
+  check(injection);
+  if (injection.volume_ml() == 0) return;
+  const std::string name = fmt::format("`inject` {:g},{:g}", injection.from_s, injection.to_s);
+  if (request.instruments.front().inner_radius_mm() == 0)
+    throw InputError("{}: {} has no lumen; leave `inject` out, or give a catheter by `instruments` before it",
+                     name, request.instruments.front().name());
+  const double end_s = request.script ? request.script->rows().back().time_s : 0;
+  if (injection.from_s >= end_s && end_s > 0)
+    throw InputError("{}: begins after the end of {} at {:g} s; inject earlier", name,
+                     request.script->origin(), end_s);
+}
+
+// ---- the run
+
+/// Steps through a script's rows; `step` takes a time of the script, `record` a row.
+void follow(const Script& script, double step_s, Progress& progress,
+            const std::function<void(double time_s)>& step,
+            const std::function<void(const Script::Row& row)>& record) {
+  long steps = 0;
+  progress.begin("simulating", static_cast<std::int64_t>(script.rows().size()), "rows");
+  for (const Script::Row& row : script.rows()) {
+    while (static_cast<double>(steps) * step_s < row.time_s - kRounding_s) {
+      progress.check();
+      ++steps;
+      step(static_cast<double>(steps) * step_s);
+    }
+    record(row);
+    progress.advance();
+  }
+}
+
+bool is_at(const HubPose& hub, const HubPose& pose) {
+  return hub.insertion_mm == pose.insertion_mm && hub.rotation_rad == pose.rotation_rad;
+}
+
+/// Watches hubs on their way to a row's poses.
+class Approach {
+ public:
+  Approach(const Script::Row& row, std::size_t devices)
+      : row_(row), nearest_mm_(devices, std::numeric_limits<double>::infinity()), since_s_(devices) {}
+
+  bool is_over(const Instruments& devices) const {
+    for (std::size_t d = 0; d < devices.count(); ++d)
+      if (!is_at(devices.pose(d), row_.pose_of(d))) return false;
+    return true;
+  }
+
+  /// Throws InputError when a hub has come no nearer for long.
+  void check(const Instruments& devices, double time_s, const std::string& where) {
+    constexpr double kLongest_s = 5, kNearer_mm = 0.1;
+    for (std::size_t d = 0; d < devices.count(); ++d) {
+      const double insertion_mm = devices.pose(d).insertion_mm;
+      const double left_mm = std::abs(row_.pose_of(d).insertion_mm - insertion_mm);
+      if (left_mm < nearest_mm_[d] - kNearer_mm || left_mm == 0) {
+        nearest_mm_[d] = left_mm;
+        since_s_[d] = time_s;
+      } else if (time_s - since_s_[d] > kLongest_s) {
+        throw InputError(
+            "{}: {} stops at {:.0f} of {:.0f} mm, where {:g} N do not push it further; begin with less",
+            where, devices.rod(d).instrument().name(), insertion_mm, row_.pose_of(d).insertion_mm,
+            MovingHub::kMaxPush_N);
+      }
+    }
+  }
+
+ private:
+  const Script::Row& row_;
+  std::vector<double> nearest_mm_, since_s_;  ///< of each device
+};
+
+constexpr const char* kColumns =
+    "insertion{0}_mm,rotation{0}_deg,force{0}_N,torque{0}_Nm,tip{0}_x_mm,tip{0}_y_mm,tip{0}_z_mm,tip{0}_"
+    "direction_x,tip{0}_direction_y,tip{0}_direction_z,tip{0}_branch,tip{0}_arc_length_mm,contacts{0},"
+    "contact_force{0}_N,deepest{0}_mm";
+
+std::string values_of(const RunRecord& r) {
+  constexpr int kDecimals = 6;
+  const auto part = [](double value) { return no_negative_zero(value, kDecimals); };
+  const glm::dvec3 &p = r.tip.position_mm, &d = r.tip.direction;
+  // A sum with +0 is never -0.
+  return fmt::format(
+      "{:.6g},{:.6g},{:.6g},{:.6g},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{:.6f},{},{:.6f},{},{:.6g},{:.6g}",
+      r.pose.insertion_mm + 0.0, r.pose.rotation_rad * 180 / std::numbers::pi + 0.0, r.load.force_N + 0.0,
+      r.load.torque_Nm + 0.0, part(p.x), part(p.y), part(p.z), part(d.x), part(d.y), part(d.z), r.tip.branch,
+      part(r.tip.arc_length_mm), r.contacts, r.contact_force_N, r.deepest_mm);
+}
+
+std::string columns_of(std::size_t device) {
+  return fmt::format(fmt::runtime(kColumns), device == 0 ? "" : fmt::format("_{}", device + 1));
+}
+
+}  // namespace
+
+std::vector<InstrumentModel> instruments_named(const std::vector<std::string>& names) {
+  std::vector<InstrumentModel> instruments;
+  for (const std::string& name : names) instruments.push_back(InstrumentModel::named(name));
+  return instruments;
+}
+
+std::vector<std::string> check(const RunRequest& request) {
+  if (!request.tree)
+    throw InputError("`tree`: missing; a run needs a vessel tree, such as `xraycast segment` writes");
+  check_instruments(request.instruments);
+  const VesselEnd entry = entry_of(request);
+  check_fits(*request.tree, entry, request.instruments.front());
+  if (!(request.interval_s == 0 ||
+        (request.interval_s >= kLeastInterval_s && std::isfinite(request.interval_s))))
+    throw InputError("`interval_s` {:g}: must be 0, for the script's rows, or {:g} s or more",
+                     request.interval_s, kLeastInterval_s);
+  if (request.script) check_lengths(*request.script, request.instruments);
+  check_injection(request);
+  return notes_on_entry(request, entry);
+}
+
+VesselEnd entry_of(const RunRequest& request) {
+  return find_entry(*request.tree, request.entry, request.instruments.front());
+}
+
+std::string text_of(const VesselTree& tree, const VesselEnd& end) {
+  const std::string_view side = side_of_patient(tree, end);
+  const auto mm = [&](int axis) { return no_negative_zero(end.position_mm[axis], 1); };
+  return fmt::format("branch {} at ({:.1f}, {:.1f}, {:.1f}) mm{}{}", end.branch, mm(0), mm(1), mm(2),
+                     side.empty() ? "" : ", on the patient's ", side);
+}
+
+std::vector<RunRecord> records_of(const Instruments& devices, double time_s) {
+  std::vector<RunRecord> records;
+  for (std::size_t d = 0; d < devices.count(); ++d)
+    records.push_back(record_of(time_s, devices.pose(d), devices.load(d), devices.tip(d), devices.wall(d)));
+  return records;
+}
+
+Run run(const RunRequest& request, Progress& progress, const RunListener& listener) {
+  check(request);
+  if (!request.script) throw InputError("`script`: missing; without a hand it moves the hubs");
+  const Script& script = *request.script;
+  Run run{.entry = entry_of(request), .records = {}, .last = {}};
+  Instruments devices(*request.tree, request.instruments, run.entry);
+  std::vector<HubPose> poses(devices.count());
+  const auto move_to = [&](double time_s) {
+    for (std::size_t d = 0; d < poses.size(); ++d) poses[d] = script.pose_at(time_s, d);
+    devices.step(poses);
+  };
+  const Script::Row& first = script.rows().front();
+  Approach approach(first, devices.count());
+  while (!approach.is_over(devices)) {
+    progress.check();
+    move_to(first.time_s);
+    approach.check(devices, devices.time_s(), script.where(0));
+  }
+
+  const auto tell = [&](double time_s) {
+    if (listener) listener(devices, time_s);
+    const double next_s = static_cast<double>(run.records.size()) * request.interval_s;
+    if (request.interval_s > 0 && time_s >= next_s - kRounding_s)
+      run.records.push_back(records_of(devices, time_s));
+  };
+  const auto step = [&](double time_s) {
+    move_to(time_s);
+    if (devices.is_held()) run.held_s += devices.step_s();
+    tell(time_s);
+  };
+  tell(0);
+  follow(script, devices.step_s(), progress, step, [&](const Script::Row& row) {
+    if (request.interval_s == 0) run.records.push_back(records_of(devices, row.time_s));
+  });
+  run.last = records_of(devices, devices.time_s());
+  constexpr double kNoticed_s = 0.05;
+  if (run.held_s >= kNoticed_s)
+    run.notes.push_back(
+        fmt::format("the hub did not advance for {:.1f} s, because the push force would have exceeded {:g} N",
+                    run.held_s, MovingHub::kMaxPush_N));
+  return run;
+}
+
+std::string to_csv(const std::vector<std::vector<RunRecord>>& records) {
+  std::string csv = "time_s";
+  for (std::size_t d = 0; !records.empty() && d < records.front().size(); ++d)
+    csv += fmt::format(",{}", columns_of(d));
+  csv += '\n';
+  for (const std::vector<RunRecord>& row : records) {
+    csv += fmt::format("{:.6g}", row.front().time_s);
+    for (const RunRecord& record : row) csv += fmt::format(",{}", values_of(record));
+    csv += '\n';
+  }
+  return csv;
+}
+
+}  // namespace xraycast

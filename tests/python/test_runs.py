@@ -1,0 +1,134 @@
+"""Runs by a script, and their pages."""
+import json
+import os
+import re
+import subprocess
+
+import numpy as np
+import pytest
+import xraycast as xc
+
+PROGRAM = os.environ.get("XRAYCAST_PROGRAM")
+PAIR = ["microcatheter-27f", "guidewire-014-angled"]
+SCRIPT = [(0, 5, 0, 10, 0), (0.1, 15, 10, 25, 20), (0.2, 20, 20, 40, 0)]
+
+
+@pytest.fixture(scope="module")
+def tree():
+    return xc.VesselTree([(np.array([[0, 0, -90, 3.0], [0, 0, 90, 3.0]]), -1)])
+
+
+@pytest.fixture(scope="module")
+def small_map():
+    return xc.phantom("cylinder", size=(60, 60, 60), spacing_mm=4).cast(layers=2, angles=16)
+
+
+def header_of(page):
+    return json.loads(re.search(r'id="session">(.*?)</script>', page.read_text(), re.DOTALL)[1])
+
+
+def test_records_are_a_structured_array(tree):
+    run = xc.simulate(tree, instruments=PAIR, script=SCRIPT, entry=0)
+    assert run.records.shape == (3, 2) and run.instruments == PAIR
+    assert run.records["time_s"][:, 0] == pytest.approx([0, 0.1, 0.2])
+    assert run.records["insertion_mm"] == pytest.approx(np.array([[5, 10], [15, 25], [20, 40]]))
+    assert run.records["rotation_deg"][1] == pytest.approx([10, 20])
+    assert run.records["tip_mm"].shape == (3, 2, 3)
+    assert run.last["tip_mm"].shape == (2, 3)
+    np.testing.assert_array_equal(run.last["tip_mm"], run.records["tip_mm"][-1])
+    assert run.entry_branch == 0 and run.entry_mm == pytest.approx((0, 0, -90), abs=4)
+    assert run.notes == [] and run.held_s == 0
+    assert repr(run) == "<xraycast.Run of microcatheter-27f, guidewire-014-angled: 3 records>"
+
+
+def test_a_run_is_that_of_steps(tree):
+    steps = [(0, 0, 0), (0.05, 10, 45)]
+    run = xc.simulate(tree, ["microcatheter-27f"], steps, interval_s=0.001)
+    assert len(run.records) == 51
+    state = xc.Catheter(tree, "microcatheter-27f").step(push_mm=10, turn_deg=45, ms=50)
+    # The same motion, whose poses differ by rounding.
+    assert run.last["tip_mm"][0] == pytest.approx(state.tip_mm, abs=1e-9)
+    assert run.last["force_N"][0] == pytest.approx(state.force_N, abs=1e-9)
+
+
+@pytest.mark.skipif(not PROGRAM, reason="XRAYCAST_PROGRAM names no program")
+def test_python_and_the_command_line_write_the_same(tree, small_map, tmp_path):
+    tree.write(tmp_path / "tree.vtp")
+    small_map.write(tmp_path / "map.exr")
+    script = tmp_path / "pair.csv"
+    script.write_text("time_s,insertion_mm,rotation_deg,insertion_2_mm,rotation_2_deg\n"
+                      + "".join(",".join(map(str, row)) + "\n" for row in SCRIPT))
+    options = [word for name in PAIR for word in ("--device-model", name)] + ["--script", script, "--entry", "0", "-q"]
+    subprocess.run([PROGRAM, "simulate", tmp_path, *options, "-o", tmp_path / "log.csv"], check=True)
+    subprocess.run([PROGRAM, "export", tmp_path / "map.exr", "--vessels", tmp_path, *options, "-o", tmp_path / "a.html"],
+                   check=True)
+    read = xc.VesselTree.read(tmp_path)
+    run = xc.simulate(read, PAIR, script, entry=0)
+    run.write(tmp_path / "again.csv")
+    assert (tmp_path / "again.csv").read_bytes() == (tmp_path / "log.csv").read_bytes()
+    xc.export(xc.BodyMap.read(tmp_path / "map.exr"), tmp_path / "b.html", vessels=tmp_path, run=run)
+    assert (tmp_path / "b.html").read_bytes() == (tmp_path / "a.html").read_bytes()
+
+
+def test_exports_pages_and_scenes(tree, small_map, tmp_path):
+    run = xc.simulate(tree, ["microcatheter-27f"], [(0, 0, 0), (0.2, 20, 0)], entry=0)
+    xc.export(small_map, tmp_path / "page.html", vessels=tree, run=run, title="Tube", precision="half")
+    header = header_of(tmp_path / "page.html")
+    assert header["title"] == "Tube" and header["map"]["precision"] == "half"
+    assert header["run"]["pictures"] == 4  # at 15 a second: 0, 67, 133 and 200 ms
+    xc.export(small_map, tmp_path / "plain.html")
+    plain = header_of(tmp_path / "plain.html")
+    assert plain["run"] is None and plain["vessels"] is None and plain["title"] == "Fluoroscopy"
+    xc.export(small_map, tmp_path / "scene.glb", vessels=tree)
+    assert (tmp_path / "scene.glb").read_bytes().startswith(b"glTF")
+    frame = small_map.render()  # after surfaces were drawn
+    np.testing.assert_array_equal(frame.tau, small_map.render().tau)
+
+
+def test_exports_a_session_as_it_was_saved(small_map, tmp_path):
+    (tmp_path / "s.json").write_text(json.dumps({
+        "xraycast_session": 1, "files": {},
+        "simulation": {"nodes_mm": [[0, 0, -90], [0, 0, -80], [0, 0, -70], [1, 0, -60]], "radius_mm": 0.8, "road_map": True},
+        "camera": {"angle_deg": 30, "tilt_deg": -10, "table_mm": 20, "zoom": 1.5},
+        "style": {"look": "surface", "compositing": "path", "continuous": False, "strengths": []}}))
+    with pytest.warns(UserWarning, match="constant shells are not exported"):
+        xc.export(small_map, tmp_path / "page.html", session=tmp_path / "s.json")
+    header = header_of(tmp_path / "page.html")
+    assert header["camera"]["lao_deg"] == pytest.approx(30) and len(header["catheters"]) == 1
+
+
+def test_bad_arguments_are_named(tree, small_map, tmp_path):
+    for script in ([(0, 0)], [1, 2, 3], [(0, 0, 0, 0, 0)], "no-such.csv"):
+        with pytest.raises(xc.InputError, match="script|no-such.csv"):
+            xc.simulate(tree, ["cobra-5f"], script)
+    with pytest.raises(xc.InputError, match="^script: row 2: time_s 0.0 is not later than 0.0, that of row 1|row 1"):
+        xc.simulate(tree, ["cobra-5f"], [(0, 0, 0), (0, 1, 0)])
+    for instruments in ("cobra-5f", None, 3):
+        with pytest.raises(xc.InputError, match="^instruments: must be a list of devices"):
+            xc.simulate(tree, instruments, [(0, 0, 0)])
+    for interval_s in (-1, 1e-4, float("nan"), float("inf")):
+        with pytest.raises(xc.InputError, match="^interval_s .*: must be 0"):
+            xc.simulate(tree, ["cobra-5f"], [(0, 0, 0)], interval_s=interval_s)
+    with pytest.raises(TypeError):
+        xc.export(small_map, tmp_path / "page.html", run=3)
+    with pytest.raises(xc.InputError, match="^contrast_mg_ml 401: must be 0 to 400"):
+        xc.export(small_map, tmp_path / "page.html", vessels=tree, contrast_mg_ml=401)
+    with pytest.raises(xc.InputError, match="single"):
+        xc.export(small_map, tmp_path / "page.html", precision="single")
+
+
+def test_a_run_can_be_cancelled(tree):
+    def stop(fraction, stage):
+        raise KeyboardInterrupt
+    with pytest.raises(KeyboardInterrupt):
+        xc.simulate(tree, ["cobra-5f"], [(0, 0, 0), (1, 1, 0), (500, 2, 0)], progress=stop)
+
+
+def test_converts_a_scan(hu, tmp_path):
+    xc.Scan.from_array(hu, (1, 1, 2)).write(tmp_path / "ct.nrrd")
+    xc.convert(tmp_path / "ct.nrrd", tmp_path / "series", patient="Doe^Jane,1")
+    assert len(list((tmp_path / "series").iterdir())) == 5
+    xc.convert(tmp_path / "series", tmp_path / "ct.mha")
+    np.testing.assert_array_equal(xc.open(tmp_path / "ct.mha").hu, hu)
+    with pytest.raises(xc.InputError, match="is also the input and would be overwritten"):  # the program: of any two files
+        xc.convert(tmp_path / "ct.nrrd", tmp_path / "ct.nrrd")

@@ -1,0 +1,137 @@
+#include "xraycast/export/export_request.hpp"
+
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/pluralize.hpp"
+#include "xraycast/base/whole_file.hpp"
+#include "xraycast/export/gltf_file.hpp"
+#include "xraycast/export/web_page.hpp"
+#include "xraycast/sampling/column_samples.hpp"
+#include "xraycast/scene/catheter_surface.hpp"
+#include "xraycast/scene/contrast_surface.hpp"
+#include "xraycast/scene/vessels.hpp"
+
+#include <algorithm>
+
+namespace xraycast {
+namespace {
+
+void check_map(const BodyMap& map, const std::string& name) {
+  const MapGeometry& geometry = map.geometry;
+  if (map.spectrum)
+    throw InputError(
+        "{}: holds materials for a spectrum, which a page cannot draw; cast it with `opacity` paper", name);
+  if (geometry.projection != Projection::cylinder)
+    throw InputError("{}: a page shows cylinder maps alone; cast it with `projection` cylinder", name);
+  if (!suits_web(map))
+    throw InputError("{}: a page shows maps about a straight axis alone; cast it without `centre_line`",
+                     name);
+  if (geometry.width > kMostWebAngles)
+    throw InputError("{}: {} angles, but a page holds at most {}; cast it with `angles` {}", name,
+                     geometry.width, kMostWebAngles, kMostWebAngles);
+  if (geometry.height > kMostWebRows)
+    throw InputError(
+        "{}: {} rows, one a slice, but a page holds at most {}; cast a scan that is resampled to "
+        "thicker slices",
+        name, geometry.height, kMostWebRows);
+  const std::int64_t area = std::int64_t{geometry.width} * geometry.height;
+  static_assert(std::int64_t{kMostWebAngles} * kMostWebRows <= kMostWebTexels);  // one layer always fits
+  const std::int64_t most_layers = std::min<std::int64_t>(kMostWebLayers, kMostWebTexels / area);
+  if (geometry.layers() > most_layers)
+    throw InputError(
+        "{}: {} of {} x {} texels, but a page holds at most {} of them; cast it with `layers` {}", name,
+        pluralize(geometry.layers(), "layer"), geometry.width, geometry.height, most_layers, most_layers);
+}
+
+void check_vessels(const Surface& vessels, const BodyBounds& bounds, const std::string& name) {
+  if (vessels.mesh.triangles.size() > kMostWebTriangles)
+    throw InputError("{}: {} triangles, but an export holds at most {}; segment again with fewer `triangles`",
+                     name, vessels.mesh.triangles.size(), kMostWebTriangles);
+  if (!notes_on_place(vessels.mesh.points_mm, bounds, name).empty())
+    throw InputError("{}: most of it lies outside the body map; give the vessels of the scan that was cast",
+                     name);
+}
+
+/// A catheter of control points, meshed once their number is known to be sensible.
+Surface read_small_catheter(const std::filesystem::path& path) {
+  constexpr std::ptrdiff_t kMostPoints = 5000;  // nearly kMostWebTriangles
+  const std::string text = read_whole_file(path);
+  if (std::ranges::count(text, '\n') > kMostPoints)
+    throw InputError(
+        "{}: more than {} lines, but an export holds a catheter of at most {} control points; give fewer",
+        path.string(), kMostPoints, kMostPoints);
+  return read_catheter(path);
+}
+
+ExportRequest request_of(const ViewSession& session, std::shared_ptr<const BodyMap> map) {
+  ExportRequest request;
+  request.map = std::move(map);
+  request.pose = session.pose;
+  request.style = session.style;
+  request.has_window = session.has_window;
+  request.map_name = session.map.string();
+  request.vessels_name = session.vessels.string();
+  return request;
+}
+
+}  // namespace
+
+ExportFormat export_format(const std::string& file) {
+  if (has_extension(file, ".html")) return ExportFormat::page;
+  if (has_extension(file, ".glb")) return ExportFormat::gltf;
+  throw InputError("{}: must end in .html, for a page, or in .glb, for a glTF scene", file);
+}
+
+bool suits_web(const BodyMap& map) {
+  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum;
+}
+
+std::vector<std::string> check(const ExportRequest& request) {
+  const bool is_page = request.format == ExportFormat::page;
+  if (is_page) check_map(*request.map, request.map_name);
+  if (request.vessels)
+    check_vessels(*request.vessels, bounds_of(request.map->geometry), request.vessels_name);
+  if (!is_page || request.live || request.style.sampling == SampleOptions{}) return {};
+  return {
+      "a page adds up shells by the path in each, reconstructed linearly; the session's walls or constant "
+      "shells are not exported"};
+}
+
+ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const BodyMap> map) {
+  ExportRequest request = request_of(session, std::move(map));
+  if (!session.vessels.empty()) request.vessels = read_vessels(session.vessels, session.contrast_mg_ml);
+  if (session.steered)
+    request.catheters = steered_surfaces(*session.steered);
+  else if (!session.catheter.empty())
+    request.catheters = {read_small_catheter(session.catheter)};
+  request.shows_vessels = !session.steered;
+  request.shows_road_map = session.steered && session.steered->has_road_map;
+  return request;
+}
+
+ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
+                           std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub) {
+  ExportRequest request = request_of(session, std::move(map));
+  request.title = "Live fluoroscopy";
+  request.vessels = std::filesystem::is_directory(session.vessels)
+                        ? read_vessels(session.vessels, session.contrast_mg_ml)
+                        : Surface{.mesh = tube_mesh(*run.tree),
+                                  .mu_per_mm = fluoroscopy_per_mm("I", session.contrast_mg_ml)};
+  const ContrastSurface contrast(*run.tree);
+  if (const std::size_t triangles = contrast.drums() * ContrastSurface::kDrumTriangles;
+      triangles > kMostWebTriangles)
+    throw InputError("{}: {} triangles of contrast agent, but a page holds at most {}; give a shorter tree",
+                     request.vessels_name, triangles, kMostWebTriangles);
+  request.live = LiveRun{.devices = run.instruments, .contrast = contrast.whole(), .has_hub = has_hub};
+  request.pose = pose;
+  request.is_of_session = true;
+  request.shows_vessels = false;
+  return request;
+}
+
+std::string export_bytes(const ExportRequest& request) {
+  check(request);
+  return request.format == ExportFormat::page ? web_page(request) : gltf_binary(request);
+}
+
+}  // namespace xraycast

@@ -1,0 +1,79 @@
+#pragma once
+
+#include "xraycast/casting/body_map.hpp"
+#include "xraycast/export/recorded_run.hpp"
+#include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/scene.hpp"
+#include "xraycast/scene/session_file.hpp"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+enum class ExportFormat {
+  page,  ///< a web page, .html
+  gltf,  ///< a glTF scene without the map, .glb
+};
+
+/// The format of a file by its name. Throws InputError.
+ExportFormat export_format(const std::string& file);
+
+/// A run that goes on while the page is open, of which `serve --web` tells the page (see BrowserMessage).
+struct LiveRun {
+  std::vector<InstrumentModel> devices;  ///< from the outermost on
+  Surface contrast;                      ///< all drums of a ContrastSurface
+  bool has_hub = true;                   ///< the page moves the hubs; otherwise something else does
+};
+
+/// A session to be shown elsewhere.
+struct ExportRequest {
+  ExportFormat format = ExportFormat::page;
+  std::string title = "Fluoroscopy";  ///< not a file's name, which may be the patient's
+  std::shared_ptr<const BodyMap> map{};
+  MapPrecision precision = MapPrecision::byte;  ///< of the page's copy of the map: byte or float16
+  std::optional<Surface> vessels{};
+  std::vector<Surface> catheters{};  ///< that do not move
+  std::optional<RecordedRun> run{};
+  std::optional<LiveRun> live{};
+  CArmPose pose{};
+  Style style{};
+  bool has_window =
+      false;  ///< style.window was chosen; otherwise it is automatic, but for gamma and inversion
+  bool is_of_session = false;  ///< the pose is one that a viewer saved; otherwise it shows the whole body
+  /// As a lumen that holds contrast agent; as an outline. Over a run it is the outline alone, as in the
+  /// operating room.
+  bool shows_vessels = true, shows_road_map = false;
+  std::string still_png{};  ///< what a page shows where it cannot draw; see still_png()
+  std::string map_name = "map", vessels_name = "vessels";  ///< in front of messages
+};
+
+/// What a page may hold, so that it opens on a telephone: texels of a map, which become three times as many
+/// 16-bit floats on the GPU; sizes that every WebGL 2 takes; and triangles of a surface.
+inline constexpr std::int64_t kMostWebTexels = 16'777'216;
+inline constexpr int kMostWebAngles = 2047, kMostWebRows = 8192, kMostWebLayers = 128;
+inline constexpr std::size_t kMostWebTriangles = 2'000'000;
+
+/// Whether a page can show a map at all: a cylinder about a straight axis under one outline, with optical
+/// depths.
+bool suits_web(const BodyMap& map);
+
+/// Throws InputError for a map that a page cannot show, and for surfaces that are too large or of another
+/// scan. Returns notes: what of a session a page does not show.
+std::vector<std::string> check(const ExportRequest& request);
+
+/// What a viewer's session shows, with its vessels and catheter read from their files. Throws InputError.
+ExportRequest exported_session(const ViewSession& session, std::shared_ptr<const BodyMap> map);
+
+/// A session that goes on while its page is open (see `serve --web`), with the vessels of `session`. The page
+/// begins from the pose given. Throws InputError.
+ExportRequest live_session(const ViewSession& session, const CArmPose& pose,
+                           std::shared_ptr<const BodyMap> map, const RunRequest& run, bool has_hub);
+
+/// The file. Throws InputError as check() does, and Error where there is not enough memory to pack it.
+std::string export_bytes(const ExportRequest& request);
+
+}  // namespace xraycast
