@@ -26,7 +26,7 @@ void recast_map(const RecastArguments& options, Session& session) {
     throw InputError("--opacity {}: beam hardening cannot be recast; use `xraycast cast`", options.opacity);
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
-  if (!options.output.preview.empty()) check_writable(options.output.preview);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   ComputeDevice device(session.device);
 
   const Stopwatch reading;
