@@ -4,6 +4,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
@@ -86,20 +87,16 @@ CastRequest request_of(const CastArguments& options) {
   return request;
 }
 
-void check_name(const std::filesystem::path& path, const char* extension) {
-  if (extension_of(path) != extension)
-    throw InputError("{}: the file name must end in {}", path.string(), extension);
-  check_writable(path);
-}
-
 void check_outputs(const CastArguments& options) {
-  check_name(options.output.map, ".exr");
-  if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
+  if (extension_of(options.output.map) != ".exr")
+    throw InputError("{}: the file name must end in .exr", options.output.map);
+  check_writable(options.output.map);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   if (!options.basis.empty()) check_writable(options.basis);
 }
 
 void report_cast(const Casting& casting, const CastArguments& options, double write_ms, double total_ms,
-                 const Session& session) {
+                 const Invocation& invocation) {
   const MapGeometry& geometry = casting.map.geometry;
   Json json{{"input", options.input},
             {"map", to_json(casting.map)},
@@ -120,7 +117,7 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
       casting.map.spectrum ? casting.map.spectrum->name() : casting.map.opacity.name(), casting.load.read_ms,
       casting.load.upload_ms, casting.outline_ms, casting.kernel_ms, write_ms, total_ms);
   if (casting.outside_share) json["outside_share"] = *casting.outside_share;
-  if (!casting.left_out.empty()) text += session.spelled(casting.left_out) + "\n";
+  if (!casting.left_out.empty()) text += invocation.spelled(casting.left_out) + "\n";
   report_preview(geometry, options.output, json, text);
   if (casting.basis) {
     json["basis"] = {{"file", options.basis}, {"knots_hu", casting.basis->knots_hu}};
@@ -128,10 +125,10 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
     text += fmt::format("{}: basis of {}, {:.0f} ms\n", options.basis,
                         pluralize(casting.basis->knots_hu.size(), "knot"), casting.basis_ms);
   }
-  session.report(json, text);
+  invocation.report(json, text);
 }
 
-void cast_map(const CastArguments& options, Session& session) {
+void cast_map(const CastArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const CastRequest request = request_of(options);
   check(request);
@@ -139,12 +136,12 @@ void cast_map(const CastArguments& options, Session& session) {
   std::optional<ScanInfo> opened;
   const auto open = [&](Progress& progress) {
     Scan scan = open_scan(options.input, options.scan, progress);
-    if (!std::exchange(opened, scan.info)) session.say_about(scan.info);
+    if (!std::exchange(opened, scan.info)) invocation.say_about(scan.info);
     return scan;
   };
-  ComputeDevice device(session.device);
-  Casting casting = cast(request, open, device, session.progress);
-  session.say(casting.notes);
+  ComputeDevice device(invocation.device);
+  Casting casting = cast(request, open, device, invocation.progress);
+  invocation.say(casting.notes);
   casting.describe(fmt::format("{} {}", opened->format, options.input), frame_of_reference_uid(*opened));
   casting.map.precision = parse_map_precision(options.output.precision);
 
@@ -153,21 +150,21 @@ void cast_map(const CastArguments& options, Session& session) {
   write_map(casting.map, options.output);
   if (casting.basis) write_basis(*casting.basis, options.basis);
   outputs.commit();
-  report_cast(casting, options, writing.ms(), stopwatch.ms(), session);
+  report_cast(casting, options, writing.ms(), stopwatch.ms(), invocation);
 }
 
 }  // namespace
 
-void add_cast(CLI::App& app, Session& session) {
+void add_cast(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<CastArguments>();
   CLI::App* command =
-      add_command(app, session, "cast", "Cast a scan into a body map",
+      add_command(app, invocation, "cast", "Cast a scan into a body map",
                   "  xraycast cast scans/chest/ -o chest.exr --preview chest.png\n"
                   "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --opacity bilinear\n"
                   "  xraycast cast chest.nii.gz -o chest.exr --layers 8 --keep-basis chest.basis\n"
                   "  xraycast cast cta.nrrd -o cta.exr --opacity spectrum:80 --iodine vessels.nrrd\n"
                   "  xraycast cast head.nrrd -o head.exr --centre -3.5,12 --radius 110 --radii 0,40,80,110",
-                  [options, &session] { cast_map(*options, session); });
+                  [options, &invocation] { cast_map(*options, invocation); });
   add_scan_argument(*command, options->input);
   add_map_output_options(*command, options->output);
   command

@@ -4,6 +4,7 @@
 #include "pictures/plot.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/casting/comparison.hpp"
 #include "xraycast/casting/rays_within.hpp"
@@ -187,9 +188,9 @@ struct Compared {
   }
 };
 
-void write_picture(const View& view, const std::vector<float>& frame, const Drr& drr,
-                   const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
-                   const CompareArguments& options) {
+void write_view(const View& view, const std::vector<float>& frame, const Drr& drr,
+                const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
+                const CompareArguments& options) {
   write_comparison_picture(
       fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", compared.title(), label(view), similarity.psnr_db,
                   similarity.ssim),
@@ -211,7 +212,7 @@ void compare_view(Compared& compared, double angle_deg, const Style& style, Drrs
   };
   const Similarity similarity{similarity_to(drr.tau), similarity_to(drr.whole_tau).psnr_db};
   if (!options.pictures.empty())
-    write_picture(view, frame, drr, similarity.covered, angle_deg, compared, options);
+    write_view(view, frame, drr, similarity.covered, angle_deg, compared, options);
   compared.similarities.push_back(similarity);
 }
 
@@ -259,7 +260,7 @@ Comparison comparison_of(Compared& compared, const std::vector<double>& angles_d
       curve};
 }
 
-void compare_maps(const CompareArguments& options, Session& session) {
+void compare_maps(const CompareArguments& options, Invocation& invocation) {
   const std::vector<double> angles_deg = resolve_angles_deg(options);
   options.view(0);
   Style style;
@@ -268,20 +269,20 @@ void compare_maps(const CompareArguments& options, Session& session) {
   if (options.plot.empty())
     check_not_given(*options.command, {"--plot-of"}, "without a plot; leave it out or give --plot too");
   else
-    check_plot(options.plot);
+    check_picture_name(options.plot, "--plot " + options.plot);
   if (!options.pictures.empty()) check_pictures(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say_about(scan.info);
+  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  invocation.say_about(scan.info);
   for (std::size_t i = 0; i < maps.size(); ++i)
     check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);
-  ComputeDevice device(session.device);
+  ComputeDevice device(invocation.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings timings;
-  const ResidentScan resident = load(device, *scan.source, finder, timings, session.progress);
-  session.say_about(*scan.source);
+  const ResidentScan resident = load(device, *scan.source, finder, timings, invocation.progress);
+  invocation.say_about(*scan.source);
 
   const HeadlessContext context;
   std::vector<Compared> all_compared;
@@ -290,13 +291,13 @@ void compare_maps(const CompareArguments& options, Session& session) {
     all_compared.back().renderer->set_map(maps[i]);
   }
   // The stages of each projection are not told, only ended with the whole.
-  Progress of_each([&](const Progress::State&) { session.progress.check(); });
+  Progress of_each([&](const Progress::State&) { invocation.progress.check(); });
   DrrsOfView drrs(resident, of_each);
-  session.progress.begin("comparing", std::ssize(angles_deg) * std::ssize(all_compared), "frames");
+  invocation.progress.begin("comparing", std::ssize(angles_deg) * std::ssize(all_compared), "frames");
   for (const double angle_deg : angles_deg)
     for (Compared& one : all_compared) {
       compare_view(one, angle_deg, style, drrs, options);
-      session.progress.advance();
+      invocation.progress.advance();
     }
 
   Json all = Json::array();
@@ -317,21 +318,21 @@ void compare_maps(const CompareArguments& options, Session& session) {
     result.update(all[0]);
   else
     result["maps"] = all;
-  session.answer(result, text);
+  invocation.answer(result, text);
 }
 
 }  // namespace
 
-void add_compare(CLI::App& app, Session& session) {
+void add_compare(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<CompareArguments>();
   CLI::App* command = add_command(
-      app, session, "compare", "Compare frames of body maps with true projections (DRRs) of their scan",
+      app, invocation, "compare", "Compare frames of body maps with true projections (DRRs) of their scan",
       "  xraycast compare chest.nii.gz chest.exr --views 12 --plot chest.png\n"
       "  xraycast compare chest.nii.gz chest.exr --views 4 --pictures chest-views\n"
       "  xraycast compare chest.nii.gz chest-8.exr chest-16.exr chest-32.exr --plot layers.png\n"
       "  xraycast compare chest.nii.gz chest.exr pictures.exr --angles 0:31:1 --plot-of rmse --plot p.png\n"
       "  xraycast compare chest.nii.gz chest.exr --cone 1000,1500 --tilt 20 --json",
-      [options, &session] { compare_maps(*options, session); });
+      [options, &invocation] { compare_maps(*options, invocation); });
   options->command = command;
   command->add_option("INPUT", options->input, "The scan that the maps were cast from")->required();
   command->add_option("MAP", options->maps, "Body maps cast from it")->required()->type_name("MAP.exr...");
@@ -355,7 +356,7 @@ void add_compare(CLI::App& app, Session& session) {
                    "Also write a PNG per view: the map's frame, the true projection, and their difference")
       ->type_name("DIR");
   command->add_option("--plot", options->plot, "Also plot the similarity against the C-arm angle")
-      ->type_name("PNG");
+      ->type_name("IMAGE");
   command->add_option("--plot-of", options->plotted, "What to plot: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
       ->capture_default_str()

@@ -1,6 +1,7 @@
+#include "xraycast/scan/convert.hpp"
+
 #include "options/command.hpp"
 #include "options/view_options.hpp"
-#include "xraycast/scan/convert.hpp"
 
 #include <fmt/format.h>
 
@@ -14,30 +15,30 @@ struct ConvertArguments {
   ScanOptions scan;
 };
 
-void convert_scan(const ConvertArguments& options, Session& session) {
+void convert_scan(const ConvertArguments& options, Invocation& invocation) {
   const Converted made =
       convert({options.input, options.output, options.scan, parse_patient(options.patient, "--patient")},
-              session.progress);
-  session.say_about(made.info);
-  session.say(made.voxel_warnings);
+              invocation.progress);
+  invocation.say_about(made.info);
+  invocation.say(made.voxel_warnings);
   Json json{{"input", options.input}, {"output", options.output}, {"volume", cli::to_json(made.geometry)}};
   if (made.is_series) json["frame_of_reference"] = made.frame_of_reference_uid.empty() ? "new" : "scan";
   const Index3& size = made.geometry.size;
   const glm::dvec3& spacing_mm = made.geometry.spacing_mm;
-  session.report(json, fmt::format("{}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm{}\n",
-                                   options.output, size.x, size.y, size.z, spacing_mm.x, spacing_mm.y,
-                                   spacing_mm.z, made.is_series ? ", a DICOM series" : ""));
+  invocation.report(json, fmt::format("{}: {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm{}\n",
+                                      options.output, size.x, size.y, size.z, spacing_mm.x, spacing_mm.y,
+                                      spacing_mm.z, made.is_series ? ", a DICOM series" : ""));
 }
 
 }  // namespace
 
-void add_convert(CLI::App& app, Session& session) {
+void add_convert(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<ConvertArguments>();
   CLI::App* command =
-      add_command(app, session, "convert", "Write a scan as a DICOM series, NIfTI, NRRD or MetaImage",
+      add_command(app, invocation, "convert", "Write a scan as a DICOM series, NIfTI, NRRD or MetaImage",
                   "  xraycast convert scans/chest/ -o chest.nii.gz\n"
                   "  xraycast convert thorax.nrrd -o thorax-dicom/ --patient Phantom,1",
-                  [options, &session] { convert_scan(*options, session); });
+                  [options, &invocation] { convert_scan(*options, invocation); });
   add_scan_argument(*command, options->input);
   command
       ->add_option("-o,--output", options->output,

@@ -7,8 +7,8 @@
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -44,7 +44,7 @@ namespace fs = std::filesystem;
 /// Collects the demo's pictures and the time of each step.
 class Report {
  public:
-  Report(fs::path folder, const Session& session) : folder_(std::move(folder)), session_(session) {}
+  Report(fs::path folder, const Invocation& invocation) : folder_(std::move(folder)), session_(invocation) {}
 
   fs::path file(const std::string& name) const { return folder_ / name; }
 
@@ -81,7 +81,7 @@ class Report {
 
  private:
   fs::path folder_;
-  const Session& session_;
+  const Invocation& session_;
   std::vector<Picture> pictures_;
   std::vector<std::pair<std::string, std::string>> facts_;
 };
@@ -109,7 +109,7 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   };
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
-    write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
+    write_picture(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
     report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
                                      geometry.layers(), share(k), share(k + 1)));
   }
@@ -156,7 +156,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
       const std::vector<std::uint8_t> rgb =
           report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
                        [&] { return renderer.picture(view, style); });
-      write_png(rgb, view.width, view.height, 3, report.file(name));
+      write_picture(rgb, view.width, view.height, 3, report.file(name));
       report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(), to_string(look),
                                        label(view)));
     }
@@ -227,7 +227,7 @@ struct Film {
   }
   void finish() {
     writer.finish();
-    write_png(still, run.options().view.width, run.options().view.height, 3, still_file);
+    write_picture(still, run.options().view.width, run.options().view.height, 3, still_file);
   }
 
   RunCine run;
@@ -304,12 +304,12 @@ void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::sha
   report.film("carotid", "a wire, then the catheter");
 }
 
-void run_demo(const std::string& folder, Session& session) {
+void run_demo(const std::string& folder, Invocation& invocation) {
   make_folder(folder, folder);
-  Report report(folder, session);
-  Progress& progress = session.progress;
+  Report report(folder, invocation);
+  Progress& progress = invocation.progress;
 
-  ComputeDevice device(session.device);
+  ComputeDevice device(invocation.device);
   report.note("OpenCL device", device.info().name);
   const Phantom phantom = make_phantom("thorax");
   const Volume volume =
@@ -334,7 +334,7 @@ void run_demo(const std::string& folder, Session& session) {
   make_run(tree, without_vessels, report, progress);
   make_steering(tree, without_vessels, report, progress);
   report.finish();
-  session.report(
+  invocation.report(
       {{"folder", folder}},
       fmt::format("Wrote {0}/contact-sheet.png and {0}/index.html: open either to see the results.\n",
                   folder));
@@ -342,11 +342,11 @@ void run_demo(const std::string& folder, Session& session) {
 
 }  // namespace
 
-void add_demo(CLI::App& app, Session& session) {
+void add_demo(CLI::App& app, Invocation& invocation) {
   const auto folder = std::make_shared<std::string>("demo");
   CLI::App* command =
-      add_command(app, session, "demo", "Run the whole pipeline on the built-in phantom",
-                  "  xraycast demo -o demo", [folder, &session] { run_demo(*folder, session); });
+      add_command(app, invocation, "demo", "Run the whole pipeline on the built-in phantom",
+                  "  xraycast demo -o demo", [folder, &invocation] { run_demo(*folder, invocation); });
   command->add_option("-o,--output", *folder, "Folder for all results")
       ->capture_default_str()
       ->type_name("DIR");

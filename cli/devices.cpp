@@ -8,7 +8,7 @@
 namespace xraycast::cli {
 namespace {
 
-void list_devices(const Session& session) {
+void list_devices(const Invocation& invocation) {
   Json devices = Json::array();
   std::string text;
   for (const ComputeDevice::Info& info : ComputeDevice::list()) {
@@ -35,14 +35,14 @@ void list_devices(const Session& session) {
                           : "none, not needed");
   }
   if (devices.empty()) ComputeDevice none;  // says what to install
-  session.answer(devices, text);
+  invocation.answer(devices, text);
 }
 
 }  // namespace
 
-void add_devices(CLI::App& app, Session& session) {
-  add_command(app, session, "devices", "List the OpenCL devices and test each",
-              "  xraycast devices\n  xraycast devices --json", [&session] { list_devices(session); });
+void add_devices(CLI::App& app, Invocation& invocation) {
+  add_command(app, invocation, "devices", "List the OpenCL devices and test each",
+              "  xraycast devices\n  xraycast devices --json", [&invocation] { list_devices(invocation); });
 }
 
 }  // namespace xraycast::cli

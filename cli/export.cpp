@@ -32,7 +32,7 @@ void check_applies(const ExportArguments& options, ExportFormat format) {
                     "without a run; leave it out or give --script too");
 }
 
-void export_session(const ExportArguments& options, Session& session) {
+void export_session(const ExportArguments& options, Invocation& invocation) {
   const ExportFormat format = export_format(options.output);
   check_writable(options.output);
   check_applies(options, format);
@@ -43,32 +43,32 @@ void export_session(const ExportArguments& options, Session& session) {
       throw InputError("--script {}: there are no vessels to steer in; give --vessels too", script);
     scene.steered.reset();  // the run's devices are shown instead
   }
-  ExportRequest request = exported_session(scene, load_map(scene, session));
+  ExportRequest request = exported_session(scene, load_map(scene, invocation));
   request.format = format;
   if (!options.title.empty()) request.title = options.title;
   request.precision = parse_map_precision(options.precision);
   request.is_of_session = !options.session.empty();
-  session.say(check(request));
+  invocation.say(check(request));
   if (!script.empty()) {
     const RunRequest run = parse_run(options.run, scene.vessels);
-    session.say(check(run));
-    request.run = recorded_run(run, session.progress);
+    invocation.say(check(run));
+    request.run = recorded_run(run, invocation.progress);
   }
   if (format == ExportFormat::page) request.still_png = still_png(request);
   const std::string bytes = export_bytes(request);
   write_whole_file(options.output, bytes);
   const std::size_t pictures = request.run ? request.run->pictures() : 0;
-  session.report({{"file", options.output}, {"bytes", bytes.size()}, {"pictures", pictures}},
-                 fmt::format("{}: {:.1f} MB{}\n", options.output, static_cast<double>(bytes.size()) / 1e6,
-                             pictures > 1 ? ", with a run of " + pluralize(pictures, "picture") : ""));
+  invocation.report({{"file", options.output}, {"bytes", bytes.size()}, {"pictures", pictures}},
+                    fmt::format("{}: {:.1f} MB{}\n", options.output, static_cast<double>(bytes.size()) / 1e6,
+                                pictures > 1 ? ", with a run of " + pluralize(pictures, "picture") : ""));
 }
 
 }  // namespace
 
-void add_export(CLI::App& app, Session& session) {
+void add_export(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<ExportArguments>();
   CLI::App* command = add_command(
-      app, session, "export", "Write a session as one web page, or as a glTF scene",
+      app, invocation, "export", "Write a session as one web page, or as a glTF scene",
       "  xraycast export map.exr -o page.html\n"
       "  xraycast export map.exr --vessels thorax-truth -o page.html --precision half\n"
       "  xraycast export map.exr --vessels vessels --script push.csv --device-model cobra-5f -o run.html\n"
@@ -76,7 +76,7 @@ void add_export(CLI::App& app, Session& session) {
       "    --device-model guidewire-035-j -o run.html\n"
       "  xraycast export map.exr --vessels vessels --script push.csv -o run.glb\n"
       "  xraycast export --session operation.json -o page.html",
-      [options, &session] { export_session(*options, session); });
+      [options, &invocation] { export_session(*options, invocation); });
   options->command = command;
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command

@@ -100,19 +100,19 @@ SliceSource::HuRange read_range(SliceSource& source, Progress& progress) {
 
 }  // namespace
 
-void add_info(CLI::App& app, Session& session) {
+void add_info(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<InfoArguments>();
   CLI::App* command = add_command(
-      app, session, "info", "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range",
+      app, invocation, "info", "Describe a scan: series, size, spacing, orientation, tilt, gaps, HU range",
       "  xraycast info scans/chest/\n"
       "  xraycast info head.nii.gz --json",
-      [options, &session] {
-        Scan scan = open_scan(options->input, options->scan, session.progress);
-        const auto hu = read_range(*scan.source, session.progress);
+      [options, &invocation] {
+        Scan scan = open_scan(options->input, options->scan, invocation.progress);
+        const auto hu = read_range(*scan.source, invocation.progress);
         for (const std::string& warning : hu.warnings())
-          scan.info.warnings.push_back(session.spelled(warning));
+          scan.info.warnings.push_back(invocation.spelled(warning));
         const VolumeGeometry& geometry = scan.source->geometry();
-        session.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
+        invocation.answer(json_of(options->input, scan.info, geometry, hu), text_of(scan.info, geometry, hu));
       });
   command
       ->add_option("INPUT", options->input,

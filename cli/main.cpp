@@ -93,30 +93,30 @@ int main(int argc, char** argv) {
   app.get_formatter()->column_width(34);
 
   cli::ProgressBar* bar = nullptr;
-  cli::Session session([&bar](const Progress::State& state) { bar->show(state); });
-  const cli::SignalWatch signals(session.progress);
-  app.add_option("--device", session.device,
+  cli::Invocation invocation([&bar](const Progress::State& state) { bar->show(state); });
+  const cli::SignalWatch signals(invocation.progress);
+  app.add_option("--device", invocation.device,
                  "OpenCL device, by number or part of its name (see `xraycast devices`)")
       ->type_name("NAME");
-  app.add_flag("--json", session.json, "Print results as JSON on stdout");
-  app.add_flag("--quiet,-q", session.quiet,
+  app.add_flag("--json", invocation.json, "Print results as JSON on stdout");
+  app.add_flag("--quiet,-q", invocation.quiet,
                "Suppress notes, warnings, progress and the report of written files");
-  cli::add_info(app, session);
-  cli::add_convert(app, session);
-  cli::add_phantom(app, session);
-  cli::add_cast(app, session);
-  cli::add_recast(app, session);
-  cli::add_project(app, session);
-  cli::add_segment(app, session);
-  cli::add_vesselness(app, session);
-  cli::add_render(app, session);
-  cli::add_compare(app, session);
-  cli::add_simulate(app, session);
-  cli::add_export(app, session);
-  cli::add_view(app, session);
-  cli::add_serve(app, session);
-  cli::add_devices(app, session);
-  cli::add_demo(app, session);
+  cli::add_info(app, invocation);
+  cli::add_convert(app, invocation);
+  cli::add_phantom(app, invocation);
+  cli::add_cast(app, invocation);
+  cli::add_recast(app, invocation);
+  cli::add_project(app, invocation);
+  cli::add_segment(app, invocation);
+  cli::add_vesselness(app, invocation);
+  cli::add_render(app, invocation);
+  cli::add_compare(app, invocation);
+  cli::add_simulate(app, invocation);
+  cli::add_export(app, invocation);
+  cli::add_view(app, invocation);
+  cli::add_serve(app, invocation);
+  cli::add_devices(app, invocation);
+  cli::add_demo(app, invocation);
 
   try {
     app.parse(argc, argv);
@@ -125,15 +125,15 @@ int main(int argc, char** argv) {
   } catch (const CLI::ParseError& error) {
     return report(std::string(error.what()) + " (" + cli::usage_hint(app) + ")", kWrongUsage);
   }
-  if (!session.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
+  if (!invocation.job) return report("a subcommand is required (see `xraycast --help`)", kWrongUsage);
   const KernelCache kernel_cache;
   const int status = run([&] {
     // Destroyed, and its line removed, before an error is reported.
-    cli::ProgressBar drawn(!session.quiet);
+    cli::ProgressBar drawn(!invocation.quiet);
     bar = &drawn;
-    session.job();
+    invocation.job();
   });
   const int written = checked_output(status);
-  return written == kDone && session.is_ended_by_signal ? cli::kSignalStatus + cli::SignalWatch::caught()
-                                                        : written;
+  return written == kDone && invocation.is_ended_by_signal ? cli::kSignalStatus + cli::SignalWatch::caught()
+                                                           : written;
 }

@@ -49,7 +49,7 @@ void check_truth_folder(const Phantom& phantom, const std::string& folder) {
   check_writable(std::filesystem::path(folder) / "tree.vtp");
 }
 
-void make(PhantomArguments options, Session& session) {
+void make(PhantomArguments options, Invocation& invocation) {
   if (!options.size.empty()) {
     const auto size = parse_sizes(options.size, 3, "--size");
     options.phantom.size = Index3(size[0], size[1], size[2]);
@@ -59,27 +59,27 @@ void make(PhantomArguments options, Session& session) {
   check_writable(options.output);
   if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
 
-  ComputeDevice device(session.device);
+  ComputeDevice device(invocation.device);
   OutputSet outputs;
-  write_volume(generate(phantom, device, session.progress), options.output, session.progress);
-  if (!options.truth.empty()) write_truth(phantom, options.truth, device, session.progress);
+  write_volume(generate(phantom, device, invocation.progress), options.output, invocation.progress);
+  if (!options.truth.empty()) write_truth(phantom, options.truth, device, invocation.progress);
   outputs.commit();
   const VolumeGeometry& g = phantom.geometry();
-  session.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
-                 fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",
-                             options.output, options.name, g.size.x, g.size.y, g.size.z, g.spacing_mm.x,
-                             g.spacing_mm.y, g.spacing_mm.z));
+  invocation.report({{"phantom", options.name}, {"output", options.output}, {"volume", to_json(g)}},
+                    fmt::format("{}: {} phantom, {} x {} x {} voxels of {:.3g} x {:.3g} x {:.3g} mm\n",
+                                options.output, options.name, g.size.x, g.size.y, g.size.z, g.spacing_mm.x,
+                                g.spacing_mm.y, g.spacing_mm.z));
 }
 
 }  // namespace
 
-void add_phantom(CLI::App& app, Session& session) {
+void add_phantom(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<PhantomArguments>();
-  CLI::App* command = add_command(app, session, "phantom", "Make a synthetic CT scan of known anatomy",
+  CLI::App* command = add_command(app, invocation, "phantom", "Make a synthetic CT scan of known anatomy",
                                   "  xraycast phantom thorax -o thorax.nrrd --truth thorax-truth/\n"
                                   "  xraycast phantom head -o head.nii.gz --size 256x256x256\n"
                                   "  xraycast phantom shepp-logan -o shepp-logan.mha --spacing 2",
-                                  [options, &session] { make(*options, session); });
+                                  [options, &invocation] { make(*options, invocation); });
   command->add_option("NAME", options->name, fmt::format("{}", fmt::join(phantom_names(), ", ")))
       ->required()
       ->check(CLI::IsMember(phantom_names()));

@@ -34,7 +34,7 @@ bool is_source_within(const View& view, const VolumeGeometry& volume, const Body
          source_mm.z > volume.lower_mm().z && source_mm.z < volume.upper_mm().z;
 }
 
-void project_scan(const ProjectArguments& options, Session& session) {
+void project_scan(const ProjectArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const Attenuation attenuation = attenuation_named(options.attenuation.opacity);
   check_iodine(options.attenuation.iodine, attenuation);
@@ -48,18 +48,18 @@ void project_scan(const ProjectArguments& options, Session& session) {
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_writable(options.output);
   View view = on_c_arm(options.fluoroscope.request, parse_view(options.view));
-  check_dicom(view, xa, options.output, session);
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say_about(scan.info);
+  check_dicom(view, xa, options.output, invocation);
+  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  invocation.say_about(scan.info);
 
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, frame_of_reference_uid(scan.info));
-  ComputeDevice device(session.device);
+  ComputeDevice device(invocation.device);
   OutlineFinder finder(scan.source->geometry());
   LoadTimings load_timings;
   const SpectralScan resident =
-      load(device, *scan.source, options.attenuation.iodine, finder, load_timings, session.progress);
-  session.say_about(*scan.source);
-  session.say(opacity_hints(attenuation, scan.source->hu_range()));
+      load(device, *scan.source, options.attenuation.iodine, finder, load_timings, invocation.progress);
+  invocation.say_about(*scan.source);
+  invocation.say(opacity_hints(attenuation, scan.source->hu_range()));
   const VolumeGeometry& volume = resident.native.geometry();
   const BodyOutline body = finder.finish();
   const double top_mm = volume.upper_mm().z, bottom_mm = volume.lower_mm().z;
@@ -68,15 +68,15 @@ void project_scan(const ProjectArguments& options, Session& session) {
                                                .half_height_mm = 0.5 * (top_mm - bottom_mm)});
   view = fitted(view, volume, body);
   if (is_source_within(view, volume, body))
-    session.say(
+    invocation.say(
         {"the X-ray source lies inside the body, so the tissue behind it is not in the picture; increase the "
          "first distance of --cone"});
   if (spectrum) xa.tube_kvp = tube_kvp(options.attenuation.opacity, *spectrum);
-  if (acquisition.fluoroscope && !spectrum) note_on_energies(session);
+  if (acquisition.fluoroscope && !spectrum) note_on_energies(invocation);
   ScanAcquisition frames({.scan = resident, .attenuation = attenuation}, acquisition, view);
-  const AcquiredFrame frame = frames.frame(view, session.progress);
+  const AcquiredFrame frame = frames.frame(view, invocation.progress);
   const auto exposure = frames.acquisition().record();
-  note_on_saturation(frames.acquisition().is_saturated(), session);
+  note_on_saturation(frames.acquisition().is_saturated(), invocation);
   FrameFile file(options.output, {}, view, acquisition, xa);
   file.add(frame, display_of(options.grey));
   file.finish(exposure);
@@ -91,7 +91,7 @@ void project_scan(const ProjectArguments& options, Session& session) {
                 {"total", total_ms}}}};
   if (is_xa(options.output)) result["frame_of_reference"] = frame_of_reference_name(xa);
   if (exposure) result["fluoroscope"] = to_json(*exposure);
-  session.report(
+  invocation.report(
       result,
       fmt::format("{}: {}, {} x {} pixels of {:.3g} mm\nread {:.0f} ms, upload {:.0f} ms, kernel "
                   "{:.0f} ms, total {:.0f} ms\n{}",
@@ -101,21 +101,20 @@ void project_scan(const ProjectArguments& options, Session& session) {
 
 }  // namespace
 
-void add_project(CLI::App& app, Session& session) {
+void add_project(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<ProjectArguments>();
   CLI::App* command = add_command(
-      app, session, "project", "Draw the DRR of a scan, its true projection",
+      app, invocation, "project", "Draw the DRR of a scan, its true projection",
       "  xraycast project scans/chest/ -o ap.png --angle 0 --inverted\n"
       "  xraycast project chest.nii.gz -o lao30.exr --angle 30 --tilt 10 --cone 1000,1500 --size 640x480\n"
       "  xraycast project scans/chest/ -o lao30.dcm --angle 30 --cone 780,1200 --patient Phantom,1\n"
       "  xraycast project scans/chest/ -o fluoro.png --c-arm fixed-single-plane --field 220 --dose low",
-      [options, &session] { project_scan(*options, session); });
+      [options, &invocation] { project_scan(*options, invocation); });
   add_scan_argument(*command, options->input);
   command
       ->add_option("-o,--output", options->output,
                    ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; "
-                   ".dcm a DICOM XA "
-                   "image; .png the displayed picture")
+                   ".dcm a DICOM XA image; .png, .jpg, .webp and others the displayed picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

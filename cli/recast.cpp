@@ -4,6 +4,7 @@
 #include "options/command.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/basis_file.hpp"
@@ -20,14 +21,14 @@ struct RecastArguments {
   MapOutput output;
 };
 
-void recast_map(const RecastArguments& options, Session& session) {
+void recast_map(const RecastArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   if (options.opacity.starts_with("spectrum"))
     throw InputError("--opacity {}: beam hardening cannot be recast; use `xraycast cast`", options.opacity);
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
-  if (!options.output.preview.empty()) check_writable(options.output.preview);
-  ComputeDevice device(session.device);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
+  ComputeDevice device(invocation.device);
 
   const Stopwatch reading;
   const Basis basis = read_basis(options.basis);
@@ -58,18 +59,18 @@ void recast_map(const RecastArguments& options, Session& session) {
       pluralize(map.geometry.height, "slice"), opacity.name(), read_ms, upload_ms, recasting.kernel_ms(),
       write_ms, total_ms);
   report_preview(map.geometry, options.output, json, text);
-  session.report(json, text);
+  invocation.report(json, text);
 }
 
 }  // namespace
 
-void add_recast(CLI::App& app, Session& session) {
+void add_recast(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<RecastArguments>();
   CLI::App* command = add_command(
-      app, session, "recast", "Make a body map with another opacity from a basis, without the scan",
+      app, invocation, "recast", "Make a body map with another opacity from a basis, without the scan",
       "  xraycast cast scans/chest/ -o chest.exr --layers 8 --keep-basis chest.basis\n"
       "  xraycast recast chest.basis -o bone.exr --opacity bone.json --preview bone.png",
-      [options, &session] { recast_map(*options, session); });
+      [options, &invocation] { recast_map(*options, invocation); });
   command->add_option("BASIS", options->basis, "The basis that `xraycast cast --keep-basis` wrote")
       ->required();
   add_map_output_options(*command, options->output);

@@ -95,7 +95,7 @@ void check_output(const RenderArguments& options) {
 
 /// The session's map, vessels and devices.
 MapScene read_scene(const ViewSession& session, const std::shared_ptr<const BodyMap>& map,
-                    const Session& program) {
+                    const Invocation& program) {
   MapScene scene{.map = map};
   if (session.steered) {
     scene.devices = steered_surfaces(*session.steered);
@@ -152,7 +152,7 @@ void draw(MapAcquisition& frames, std::span<const View> views, FrameFile& file, 
   file.finish(frames.acquisition().record());
 }
 
-void render(const RenderArguments& options, Session& session) {
+void render(const RenderArguments& options, Invocation& invocation) {
   XaOptions xa = parse_xa(options.dicom, options.output);
   check_angle(options);
   check_output(options);
@@ -162,25 +162,25 @@ void render(const RenderArguments& options, Session& session) {
   const PictureOptions picture = picture_of(options, scene);
   scene.style = picture.style;
   const auto& fluoroscope = picture.acquisition.fluoroscope;
-  const auto map = load_map(scene, session);
+  const auto map = load_map(scene, invocation);
   xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
   const View view = resolve_view(options, scene, bounds_of(map->geometry));
   const std::vector<View> views = views_of(view, cine_deg);
 
-  check_dicom(view, xa, options.output, session);
-  if (fluoroscope && !map->spectrum) note_on_energies(session);
+  check_dicom(view, xa, options.output, invocation);
+  if (fluoroscope && !map->spectrum) note_on_energies(invocation);
   const HeadlessContext context;
   Renderer renderer;
-  MapAcquisition frames(renderer, read_scene(scene, map, session), picture, views.front());
+  MapAcquisition frames(renderer, read_scene(scene, map, invocation), picture, views.front());
   const Stopwatch stopwatch;
   FrameFile file(options.output,
                  {.is_cine = !cine_deg.empty(),
                   .most_frames = std::ssize(views),
                   .frame_s = fluoroscope ? 1 / fluoroscope->pulses_per_s : CineWriter::kUsualFrame_s},
                  view, picture.acquisition, xa);
-  draw(frames, views, file, session.progress);
+  draw(frames, views, file, invocation.progress);
   const double draw_ms = stopwatch.ms();
-  note_on_saturation(frames.acquisition().is_saturated(), session);
+  note_on_saturation(frames.acquisition().is_saturated(), invocation);
 
   Json result{{"map", scene.map.string()},
               {"image", to_json(view)},
@@ -200,18 +200,18 @@ void render(const RenderArguments& options, Session& session) {
     angles = fmt::format("{} from {:g} to {:g} deg", pluralize(cine_deg.size(), "frame"), cine_deg.front(),
                          cine_deg.back());
   }
-  session.report(result,
-                 fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n{}",
-                             options.output, angles, view.width, view.height, view.pixel_mm,
-                             static_cast<double>(renderer.texture_B()) / 1e6, draw_ms, dose));
+  invocation.report(result,
+                    fmt::format("{}: {}, {} x {} pixels of {:.3g} mm, {:.1f} MB of textures, {:.0f} ms\n{}",
+                                options.output, angles, view.width, view.height, view.pixel_mm,
+                                static_cast<double>(renderer.texture_B()) / 1e6, draw_ms, dose));
 }
 
 }  // namespace
 
-void add_render(CLI::App& app, Session& session) {
+void add_render(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<RenderArguments>();
   CLI::App* command = add_command(
-      app, session, "render", "Render a frame or a cine of a body map, without a display",
+      app, invocation, "render", "Render a frame or a cine of a body map, without a display",
       "  xraycast render map.exr -o lao30.png --angle 30\n"
       "  xraycast render map.exr -o frame.png --vessels thorax-truth --look surface --size 1280x720\n"
       "  xraycast render map.exr -o dsa.png --vessels thorax-truth --look dsa --contrast 300\n"
@@ -219,13 +219,14 @@ void add_render(CLI::App& app, Session& session) {
       "  xraycast render map.exr -o run.dcm --cine=-30:30:2 --cone 780,1200\n"
       "  xraycast render map.exr -o fluoro.png --c-arm mobile-flat-panel --dose low --collimate 200,150\n"
       "  xraycast render --session operation.json -o frame.png",
-      [options, &session] { render(*options, session); });
+      [options, &invocation] { render(*options, invocation); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
       ->add_option(
           "-o,--output", options->output,
           ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; .dcm a "
-          "DICOM XA image; .png the displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
+          "DICOM XA image; .png, .jpg, .webp and others the displayed picture; with --cine: a folder of "
+          "PNGs, a .gif or a .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

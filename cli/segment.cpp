@@ -57,8 +57,8 @@ SegmentRequest parsed(const SegmentArguments& options) {
 
 /// The vessels, with pictures of the steps up to a failing one where --explain asks for them.
 Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArguments& options,
-                  Session& session) {
-  ComputeDevice device(session.device);
+                  Invocation& invocation) {
+  ComputeDevice device(invocation.device);
   std::optional<StepPictures> steps;
   if (!options.explain.empty()) {
     make_folder(options.explain, "--explain " + options.explain);
@@ -66,7 +66,7 @@ Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArg
     request.explain = [&](const std::string& step, const Mask& mask) { steps->add(step, mask); };
   }
   try {
-    Vessels vessels = find_vessels(volume, request, options.input, device, session.progress);
+    Vessels vessels = find_vessels(volume, request, options.input, device, invocation.progress);
     if (steps) steps->finish(volume);
     return vessels;
   } catch (const InputError&) {
@@ -77,11 +77,11 @@ Vessels explained(const Volume& volume, SegmentRequest request, const SegmentArg
 
 /// All files or none: a mask beside another scan's report would be misleading.
 void write_all(const Vessels& vessels, const ScanInfo& scan, const Volume& volume,
-               const SegmentRequest& request, const SegmentArguments& options, const Session& session) {
+               const SegmentRequest& request, const SegmentArguments& options, const Invocation& invocation) {
   make_folder(options.folder, "-o " + options.folder);
   OutputSet outputs;
   write_vessel_report(options.input, vessels, request, volume, fs::path(options.folder) / "report.png");
-  write_vessels(vessels, scan, request.is_automatic(), options.folder, session.progress);
+  write_vessels(vessels, scan, request.is_automatic(), options.folder, invocation.progress);
   outputs.commit();
 }
 
@@ -111,61 +111,61 @@ std::string seg_note(const ScanInfo& scan, const std::string& why_none) {
 }
 
 void report_vessels(const Vessels& found, const ScanInfo& scan, const SegmentArguments& options,
-                    double total_ms, const Session& session) {
+                    double total_ms, const Invocation& invocation) {
   const fs::path folder = options.folder;
   const auto& [mask, fill, centrelines, surface, log, weak_fraction, notes] = found;
   const std::string why_none = why_no_seg(scan);
-  session.say(notes);
-  session.report({{"input", options.input},
-                  {"folder", options.folder},
-                  {"seg", why_none.empty() ? Json((folder / kVesselSegFile).string()) : Json()},
-                  {"no_seg", why_none.empty() ? Json() : Json(why_none)},
-                  {"voxels", mask.count()},
-                  {"lumen_mm3", fill.volume_mm3()},
-                  {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
-                                                {"noise_hu", log.scale->noise_hu},
-                                                {"blur_vox", log.scale->blur_vox}}
-                                         : Json()},
-                  {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
-                  {"noise_hu", log.noise_hu},
-                  {"weak_share", weak_fraction},
-                  {"branches", centrelines.tree.branches().size()},
-                  {"loops", centrelines.loops},
-                  {"gaps_mm", centrelines.gaps_mm},
-                  {"parts_left_out", centrelines.parts_left_out},
-                  {"triangles", surface.triangles.size()},
-                  {"timings_ms", {{"total", total_ms}}}},
-                 fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder,
-                             counts_of(centrelines), linked(centrelines), surface.triangles.size(), total_ms,
-                             (folder / "report.png").string(), seg_note(scan, why_none)));
+  invocation.say(notes);
+  invocation.report({{"input", options.input},
+                     {"folder", options.folder},
+                     {"seg", why_none.empty() ? Json((folder / kVesselSegFile).string()) : Json()},
+                     {"no_seg", why_none.empty() ? Json() : Json(why_none)},
+                     {"voxels", mask.count()},
+                     {"lumen_mm3", fill.volume_mm3()},
+                     {"evidence", log.scale ? Json{{"lumen_hu", log.scale->lumen_hu},
+                                                   {"noise_hu", log.scale->noise_hu},
+                                                   {"blur_vox", log.scale->blur_vox}}
+                                            : Json()},
+                     {"window_hu", log.window ? Json{log.window->low_hu, log.window->high_hu} : Json()},
+                     {"noise_hu", log.noise_hu},
+                     {"weak_share", weak_fraction},
+                     {"branches", centrelines.tree.branches().size()},
+                     {"loops", centrelines.loops},
+                     {"gaps_mm", centrelines.gaps_mm},
+                     {"parts_left_out", centrelines.parts_left_out},
+                     {"triangles", surface.triangles.size()},
+                     {"timings_ms", {{"total", total_ms}}}},
+                    fmt::format("{}: {}{}, {} triangles, {:.0f} ms; check {}\n{}", options.folder,
+                                counts_of(centrelines), linked(centrelines), surface.triangles.size(),
+                                total_ms, (folder / "report.png").string(), seg_note(scan, why_none)));
 }
 
-void segment(const SegmentArguments& options, Session& session) {
+void segment(const SegmentArguments& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const SegmentRequest request = parsed(options);
   std::vector<const char*> files(kVesselFiles.begin(), kVesselFiles.end());
   files.push_back("report.png");
   check_folder(options.folder, files, "-o " + options.folder);
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say_about(scan.info);
-  const Volume volume = collect(*scan.source, session.progress, options.input);
-  session.say_about(*scan.source);
-  const Vessels vessels = explained(volume, request, options, session);
-  write_all(vessels, scan.info, volume, request, options, session);
-  report_vessels(vessels, scan.info, options, stopwatch.ms(), session);
+  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  invocation.say_about(scan.info);
+  const Volume volume = collect(*scan.source, invocation.progress, options.input);
+  invocation.say_about(*scan.source);
+  const Vessels vessels = explained(volume, request, options, invocation);
+  write_all(vessels, scan.info, volume, request, options, invocation);
+  report_vessels(vessels, scan.info, options, stopwatch.ms(), invocation);
 }
 
 }  // namespace
 
-void add_segment(CLI::App& app, Session& session) {
+void add_segment(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<SegmentArguments>();
   CLI::App* command = add_command(
-      app, session, "segment", "Segment the vessels of a CT angiography: mask, centrelines and surface",
+      app, invocation, "segment", "Segment the vessels of a CT angiography: mask, centrelines and surface",
       "  xraycast segment cta.nii.gz -o vessels\n"
       "  xraycast segment cta.nii.gz -o aorta --seed 12.5,-170,690 --not 30,-200,640\n"
       "  xraycast segment cta.nii.gz -o vessels --window 200,600 --surface tubes\n"
       "  xraycast segment cta.nii.gz -o vessels --from-mask mine.nrrd",
-      [options, &session] { segment(*options, session); });
+      [options, &invocation] { segment(*options, invocation); });
   add_scan_argument(*command, options->input);
   command
       ->add_option(

@@ -10,6 +10,7 @@
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -50,9 +51,9 @@ XaOptions parse_xa(const SimulateArguments& options) {
 }
 
 /// One line for a run, of a fluoroscope or as DICOM, that shows no vessels.
-void note_on_vessels(const Injection& injection, const Session& session) {
+void note_on_vessels(const Injection& injection, const Invocation& invocation) {
   if (injection.volume_ml() == 0)
-    session.say(
+    invocation.say(
         {"the run shows no vessels without contrast agent: add --inject FROM_S,TO_S to opacify them"});
 }
 
@@ -79,22 +80,23 @@ View view_of(const SimulateArguments& options, const BodyBounds& bounds) {
 /// Draws the run into --cine while the catheter moves.
 class Cine {
  public:
-  Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s, const Session& session) {
+  Cine(const SimulateArguments& options, const VesselTree& tree, double longest_s,
+       const Invocation& invocation) {
     const auto map = std::make_shared<const BodyMap>(read_body_map(options.map));
     const BodyBounds bounds = bounds_of(map->geometry);
-    session.say(notes_on_place(points_of(tree), bounds, options.tree));
+    invocation.say(notes_on_place(points_of(tree), bounds, options.tree));
     const RunCine::Options cine{.view = view_of(options, bounds),
                                 .picture = picture_of(options),
                                 .injection = parse_injection(options.injection),
                                 .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)}};
     const AcquisitionOptions& acquisition = cine.picture.acquisition;
-    if (acquisition.fluoroscope || is_xa(options.cine)) note_on_vessels(cine.injection, session);
-    if (acquisition.fluoroscope && !map->spectrum) note_on_energies(session);
+    if (acquisition.fluoroscope || is_xa(options.cine)) note_on_vessels(cine.injection, invocation);
+    if (acquisition.fluoroscope && !map->spectrum) note_on_energies(invocation);
     XaOptions xa = parse_xa(options);
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     xa.is_subtracted = acquisition.subtracts;
     if (is_xa(options.cine)) frame_of_reference_ = frame_of_reference_name(xa);
-    check_dicom(cine.view, xa, options.cine, session);
+    check_dicom(cine.view, xa, options.cine, invocation);
     run_.emplace(map, tree, cine);
     file_.emplace(
         options.cine,
@@ -177,22 +179,22 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
   return json;
 }
 
-void simulate(const SimulateArguments& options, Session& session) {
+void simulate(const SimulateArguments& options, Invocation& invocation) {
   check_writable(options.log);
   for (const fs::path& path : HubPlot::paths(options.plot, options.run.instrument_models.size()))
-    check_plot(path);
+    check_picture_name(path, "--plot " + path.string());
   check_cine(options);
   RunRequest request = parse_run(options.run, options.tree);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
-  session.say(check(request));
+  invocation.say(check(request));
 
   const Stopwatch stopwatch;
   std::optional<Cine> cine;
   if (!options.cine.empty())
-    cine.emplace(options, *request.tree, request.script->rows().back().time_s, session);
+    cine.emplace(options, *request.tree, request.script->rows().back().time_s, invocation);
   std::optional<HubPlot> plot;
   if (!options.plot.empty()) plot.emplace(*request.script);
-  const Run run = xraycast::run(request, session.progress, [&](const Instruments& moved, double time_s) {
+  const Run run = xraycast::run(request, invocation.progress, [&](const Instruments& moved, double time_s) {
     if (plot) plot->see(moved, time_s);
     if (cine) cine->see(moved, time_s);
   });
@@ -220,20 +222,20 @@ void simulate(const SimulateArguments& options, Session& session) {
   for (const fs::path& file : HubPlot::paths(options.plot, request.instruments.size()))
     pictures += fmt::format("{}: written\n", file.string());
   if (!options.cine.empty()) pictures += fmt::format("{}: written\n", options.cine);
-  session.report(result,
-                 fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
-                             "entry: end of {}; {}\n{}{}",
-                             options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
-                             simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
-                             text_of(run.last), run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
+  invocation.report(
+      result, fmt::format("{}: {}, {:.1f} s simulated in {:.1f} s ({:.1f} times real time)\n"
+                          "entry: end of {}; {}\n{}{}",
+                          options.log, pluralize(run.records.size(), "row"), simulated_s, wall_s,
+                          simulated_s / std::max(wall_s, 1e-9), text_of(*request.tree, run.entry),
+                          text_of(run.last), run.notes.empty() ? "" : run.notes.front() + "\n", pictures));
 }
 
 }  // namespace
 
-void add_simulate(CLI::App& app, Session& session) {
+void add_simulate(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<SimulateArguments>();
   CLI::App* command = add_command(
-      app, session, "simulate", "Steer a catheter through a vessel tree with a script, without a display",
+      app, invocation, "simulate", "Steer a catheter through a vessel tree with a script, without a display",
       "  xraycast simulate vessels/tree.vtp --device-model cobra-5f --script push.csv -o log.csv\n"
       "  xraycast simulate vessels/tree.vtp --device-model guidewire-035-j --script push.csv -o log.csv \\\n"
       "    --entry 19 --plot forces.png\n"
@@ -247,7 +249,7 @@ void add_simulate(CLI::App& app, Session& session) {
       "    --script both.csv -o log.csv\n"
       "A script is a CSV file: time_s,insertion_mm,rotation_deg in its first line, then numbers; with a\n"
       "second device also insertion_2_mm,rotation_2_deg. Insertions are counted from the introducer.",
-      [options, &session] { simulate(*options, session); });
+      [options, &invocation] { simulate(*options, invocation); });
   options->command = command;
   command->add_option("TREE", options->tree, "The vessel tree (.vtp or .json), or a folder with a tree.vtp")
       ->required()
@@ -260,7 +262,8 @@ void add_simulate(CLI::App& app, Session& session) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
-  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
+  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
+      ->type_name("IMAGE");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
       ->add_option(

@@ -37,21 +37,22 @@ VesselnessOptions parsed(const Options& options) {
   return result;
 }
 
-void write_vesselness(const Options& options, Session& session) {
+void write_vesselness(const Options& options, Invocation& invocation) {
   const Stopwatch stopwatch;
   const VesselnessOptions filter = parsed(options);
   check_volume_format(options.output);
   check_writable(options.output);
-  const Scan scan = open_scan(options.input, options.scan, session.progress);
-  session.say_about(scan.info);
-  const Volume volume = collect(*scan.source, session.progress, options.input);
-  session.say_about(*scan.source);
-  ComputeDevice device(session.device);
+  const Scan scan = open_scan(options.input, options.scan, invocation.progress);
+  invocation.say_about(scan.info);
+  const Volume volume = collect(*scan.source, invocation.progress, options.input);
+  invocation.say_about(*scan.source);
+  ComputeDevice device(invocation.device);
   const VolumeGeometry& g = volume.geometry();
-  write_field(g, vesselness(volume, filter, device, session.progress), options.output, session.progress);
+  write_field(g, vesselness(volume, filter, device, invocation.progress), options.output,
+              invocation.progress);
 
   const double total_ms = stopwatch.ms();
-  session.report(
+  invocation.report(
       {{"input", options.input},
        {"output", options.output},
        {"volume", to_json(g)},
@@ -64,14 +65,14 @@ void write_vesselness(const Options& options, Session& session) {
 
 }  // namespace
 
-void add_vesselness(CLI::App& app, Session& session) {
+void add_vesselness(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<Options>();
   CLI::App* command =
-      add_command(app, session, "vesselness", "Enhance the vessels of a CT angiography (Hessian filter)",
+      add_command(app, invocation, "vesselness", "Enhance the vessels of a CT angiography (Hessian filter)",
                   "  xraycast vesselness cta.nii.gz -o vesselness.nrrd\n"
                   "  xraycast vesselness cta.nii.gz -o fine.nrrd --scales 0.5,0.7,1\n"
                   "  xraycast vesselness cta.nii.gz -o frangi.nii.gz --measure frangi --contrast 400",
-                  [options, &session] { write_vesselness(*options, session); });
+                  [options, &invocation] { write_vesselness(*options, invocation); });
   add_scan_argument(*command, options->input);
   command->add_option("-o,--output", options->output, "Float, 0 to 1; .nrrd, .nii, .nii.gz, .mha or .mhd")
       ->required()

@@ -170,7 +170,7 @@ void serve_frames(LiveSession& live, double rate_hz, const Progress& progress) {
   }
 }
 
-void report_served(const Session& session, const LiveSession& live, const Intervention& intervention,
+void report_served(const Invocation& invocation, const LiveSession& live, const Intervention& intervention,
                    const IgtlinkDevice& server, const WebServer* web) {
   const LoopTiming& timing = intervention.run().now().timing;
   const IgtlinkCounts clients = server.counts();
@@ -189,7 +189,7 @@ void report_served(const Session& session, const LiveSession& live, const Interv
               {"most_clients", clients.most_at_once},
               {"pictures_sent", clients.images_sent}};
   if (web) result["most_browsers"] = browsers;
-  session.report(
+  invocation.report(
       result,
       fmt::format("{}, {:.2f} % late; {} of the session; OpenIGTLink: {} drawn, {} sent to {}{}\n",
                   pluralize(timing.steps, "step"), late_percent, pluralize(live.counts().frames, "frame"),
@@ -198,14 +198,14 @@ void report_served(const Session& session, const LiveSession& live, const Interv
                   web ? fmt::format("; web page: up to {} at once", pluralize(browsers, "browser")) : ""));
 }
 
-void serve(const ServeArguments& options, Session& session) {
+void serve(const ServeArguments& options, Invocation& invocation) {
   check_device(options);
   const auto web_options = parse_web(options);
   const auto fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (fluoroscopy && (options.grey.gamma || options.grey.inverted))
     throw InputError("--gamma and --inverted with a fluoroscope: its display sets the greys; leave them out");
   const ViewSession scene = resolve_served(options);
-  const auto map = load_map(scene, session);
+  const auto map = load_map(scene, invocation);
   const BodyBounds bounds = bounds_of(map->geometry);
   const View detector = resolve_detector(options, scene, bounds);
 
@@ -217,8 +217,8 @@ void serve(const ServeArguments& options, Session& session) {
     page = live_session(scene, pose, map, request, options.is_browsers_hub());
     check(*page);
   }
-  session.say(notes_on_place(points_of(*request.tree), bounds, scene.vessels.string()));
-  session.say(notes);
+  invocation.say(notes_on_place(points_of(*request.tree), bounds, scene.vessels.string()));
+  invocation.say(notes);
   const auto server = open_server(options);
   Intervention intervention(steering_of(options, request, server));
   std::unique_ptr<WebOutlet> web;
@@ -237,24 +237,24 @@ void serve(const ServeArguments& options, Session& session) {
   // Also with --quiet: nobody else knows the page's token, nor a port that the system chose.
   if (web) log_to_stderr(fmt::format("open {} in a browser", web->server().page_address()));
   log_to_stderr(fmt::format("serving OpenIGTLink at {}; Ctrl+C ends it", to_string(server->address())));
-  serve_frames(live, options.rate_hz, session.progress);
-  report_served(session, live, intervention, *server, web ? &web->server() : nullptr);
-  session.is_ended_by_signal = true;
+  serve_frames(live, options.rate_hz, invocation.progress);
+  report_served(invocation, live, intervention, *server, web ? &web->server() : nullptr);
+  invocation.is_ended_by_signal = true;
 }
 
 }  // namespace
 
-void add_serve(CLI::App& app, Session& session) {
+void add_serve(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<ServeArguments>();
   CLI::App* command = add_command(
-      app, session, "serve", "Run a live session for other programs (OpenIGTLink) and for browsers",
+      app, invocation, "serve", "Run a live session for other programs (OpenIGTLink) and for browsers",
       "  xraycast serve map.exr --vessels vessels\n"
       "  xraycast serve map.exr --vessels vessels --device-model simmons2-5f --c-arm mobile-flat-panel "
       "--size 640x480\n"
       "  xraycast serve map.exr --vessels vessels --device-model cobra-5f --device-model guidewire-035-j "
       "--web\n"
       "  xraycast serve map.exr --vessels vessels --script push.csv --listen 0.0.0.0:18944",
-      [options, &session] { serve(*options, session); });
+      [options, &invocation] { serve(*options, invocation); });
   command->add_option("MAP", options->map, "The body map (see `xraycast cast`)")->type_name("MAP.exr");
   command
       ->add_option("--vessels", options->vessels,

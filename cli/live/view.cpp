@@ -52,7 +52,7 @@ Intervention::Options simulation_of(const ViewArguments& options, const ViewSess
   return {.run = parse_run(options.run, scene.vessels), .haptic = options.haptic, .listen = options.listen};
 }
 
-void view(const ViewArguments& options, const Session& session) {
+void view(const ViewArguments& options, const Invocation& invocation) {
   if (!options.has_run())
     check_not_given(*options.command, {"--device-model", "--entry", "--haptic", "--listen"},
                     "without a run; leave it out or give --simulate too");
@@ -63,22 +63,23 @@ void view(const ViewArguments& options, const Session& session) {
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
-  run_viewer(scene, session.device, session.progress, simulation, parse_fluoroscope(options.fluoroscope));
-  session.progress.check();  // a signal closed it
+  run_viewer(scene, invocation.device, invocation.progress, simulation,
+             parse_fluoroscope(options.fluoroscope));
+  invocation.progress.check();  // a signal closed it
 }
 
 }  // namespace
 
-void add_view(CLI::App& app, Session& session) {
+void add_view(CLI::App& app, Invocation& invocation) {
   const auto options = std::make_shared<ViewArguments>();
   CLI::App* command = add_command(
-      app, session, "view", "Open the interactive viewer",
+      app, invocation, "view", "Open the interactive viewer",
       "  xraycast view map.exr --basis map.basis --vessels thorax-truth\n"
       "  xraycast view --scan scans/chest/\n"
       "  xraycast view map.exr --vessels vessels --simulate --device-model simmons2-5f\n"
       "  xraycast view map.exr --vessels vessels --simulate --c-arm mobile-flat-panel --dose low\n"
       "  xraycast view --session operation.json",
-      [options, &session] { view(*options, session); });
+      [options, &invocation] { view(*options, invocation); });
   options->command = command;
   command->add_option("MAP", options->map, "The body map; without it, the scan is cast in 16 layers")
       ->type_name("MAP.exr");

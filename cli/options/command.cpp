@@ -90,37 +90,39 @@ std::string with_options(const CLI::App& command, std::string_view message) {
 
 }  // namespace
 
-std::string Session::spelled(const std::string& message) const {
+std::string Invocation::spelled(const std::string& message) const {
   return command ? with_options(*command, message) : message;
 }
 
-void Session::say(const std::vector<std::string>& lines) const {
+void Invocation::say(const std::vector<std::string>& lines) const {
   if (quiet) return;
   for (const std::string& line : lines) log_to_stderr(spelled(line));
 }
 
-void Session::say_about(const ScanInfo& scan) const {
+void Invocation::say_about(const ScanInfo& scan) const {
   say(scan.warnings);
   say(scan.notes);
 }
 
-void Session::say_about(const SliceSource& voxels) const { say(voxels.hu_range().warnings()); }
+void Invocation::say_about(const SliceSource& voxels) const { say(voxels.hu_range().warnings()); }
 
-void Session::answer(const Json& result, const std::string& text) const {
+void Invocation::answer(const Json& result, const std::string& text) const {
   // Descriptions in scans and names of files may not be UTF-8, which JSON requires.
   std::cout << (json ? result.dump(2, ' ', false, Json::error_handler_t::replace) + '\n' : printable(text))
             << std::flush;
 }
 
-void Session::report(const Json& result, const std::string& text) const { answer(result, quiet ? "" : text); }
+void Invocation::report(const Json& result, const std::string& text) const {
+  answer(result, quiet ? "" : text);
+}
 
-CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
-                      const std::string& examples, std::function<void()> job) {
+CLI::App* add_command(CLI::App& app, Invocation& invocation, const std::string& name,
+                      const std::string& purpose, const std::string& examples, std::function<void()> job) {
   CLI::App* command = app.add_subcommand(name, purpose);
   command->footer("Examples:\n" + examples);
-  command->parse_complete_callback([&session, command, job = std::move(job)] {
-    session.command = command;
-    session.job = [command, job] {
+  command->parse_complete_callback([&invocation, command, job = std::move(job)] {
+    invocation.command = command;
+    invocation.job = [command, job] {
       check_outputs_apart(*command);
       try {
         job();

@@ -19,7 +19,7 @@ using Json = nlohmann::ordered_json;
 
 /// State shared by all subcommands: the global options, the job's progress, and the job itself, which the
 /// chosen subcommand sets while the arguments are parsed.
-struct Session {
+struct Invocation {
   std::string device;
   bool json = false;
   bool quiet = false;
@@ -28,7 +28,7 @@ struct Session {
   const CLI::App* command = nullptr;  ///< the chosen subcommand
   bool is_ended_by_signal = false;    ///< the job, as it should be: nothing was cancelled
 
-  explicit Session(Progress::Listener listener) : progress(std::move(listener)) {}
+  explicit Invocation(Progress::Listener listener) : progress(std::move(listener)) {}
 
   /// A request's message, in which fields are named as options.
   std::string spelled(const std::string& message) const;
@@ -50,8 +50,8 @@ struct Session {
 };
 
 /// Adds a subcommand whose job runs after all arguments are parsed. `examples` end its --help.
-CLI::App* add_command(CLI::App& app, Session& session, const std::string& name, const std::string& purpose,
-                      const std::string& examples, std::function<void()> job);
+CLI::App* add_command(CLI::App& app, Invocation& invocation, const std::string& name,
+                      const std::string& purpose, const std::string& examples, std::function<void()> job);
 
 /// INPUT, the scan to read.
 void add_scan_argument(CLI::App& command, std::string& input);
@@ -60,22 +60,22 @@ void add_scan_argument(CLI::App& command, std::string& input);
 void add_scan_options(CLI::App& command, ScanOptions& options);
 
 // One file each.
-void add_info(CLI::App& app, Session& session);
-void add_convert(CLI::App& app, Session& session);
-void add_phantom(CLI::App& app, Session& session);
-void add_cast(CLI::App& app, Session& session);
-void add_recast(CLI::App& app, Session& session);
-void add_project(CLI::App& app, Session& session);
-void add_segment(CLI::App& app, Session& session);
-void add_vesselness(CLI::App& app, Session& session);
-void add_render(CLI::App& app, Session& session);
-void add_simulate(CLI::App& app, Session& session);
-void add_export(CLI::App& app, Session& session);
-void add_compare(CLI::App& app, Session& session);
-void add_view(CLI::App& app, Session& session);
-void add_serve(CLI::App& app, Session& session);
-void add_devices(CLI::App& app, Session& session);
-void add_demo(CLI::App& app, Session& session);
+void add_info(CLI::App& app, Invocation& invocation);
+void add_convert(CLI::App& app, Invocation& invocation);
+void add_phantom(CLI::App& app, Invocation& invocation);
+void add_cast(CLI::App& app, Invocation& invocation);
+void add_recast(CLI::App& app, Invocation& invocation);
+void add_project(CLI::App& app, Invocation& invocation);
+void add_segment(CLI::App& app, Invocation& invocation);
+void add_vesselness(CLI::App& app, Invocation& invocation);
+void add_render(CLI::App& app, Invocation& invocation);
+void add_simulate(CLI::App& app, Invocation& invocation);
+void add_export(CLI::App& app, Invocation& invocation);
+void add_compare(CLI::App& app, Invocation& invocation);
+void add_view(CLI::App& app, Invocation& invocation);
+void add_serve(CLI::App& app, Invocation& invocation);
+void add_devices(CLI::App& app, Invocation& invocation);
+void add_demo(CLI::App& app, Invocation& invocation);
 
 /// Throws InputError for the first of `options` that is given, although it has no effect: "OPTION does not
 /// apply WHY".

@@ -54,8 +54,8 @@ std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& 
   return options_of(request);
 }
 
-void note_on_energies(const Session& session) {
-  session.say(
+void note_on_energies(const Invocation& invocation) {
+  invocation.say(
       {"optical depths hold one energy only: the fluoroscope treats the body as water of the same optical "
        "depth; for beam hardening in bone, project the scan with --opacity spectrum:KVP"});
 }
@@ -65,9 +65,9 @@ void check_linear_codes(const DicomOptions& dicom) {
     throw InputError("--intensity log: the detector values of a fluoroscope are linear; leave it out");
 }
 
-void note_on_saturation(bool is_saturated, const Session& session) {
+void note_on_saturation(bool is_saturated, const Invocation& invocation) {
   if (is_saturated)
-    session.say(
+    invocation.say(
         {"the middle of the picture saturates the detector: lower --mas or --kvp, or leave them to the "
          "exposure control"});
 }

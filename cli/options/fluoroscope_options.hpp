@@ -24,13 +24,13 @@ void add_fluoroscope_options(CLI::App& command, FluoroscopeArguments& options);
 std::optional<FluoroscopyOptions> parse_fluoroscope(const FluoroscopeArguments& options);
 
 /// One line for what has no energies.
-void note_on_energies(const Session& session);
+void note_on_energies(const Invocation& invocation);
 
 /// Throws InputError for an --intensity that the detector's codes do not have.
 void check_linear_codes(const DicomOptions& dicom);
 
 /// One line for a measuring field that is brighter than the detector's codes.
-void note_on_saturation(bool is_saturated, const Session& session);
+void note_on_saturation(bool is_saturated, const Invocation& invocation);
 
 /// What they ask for.
 GreyDisplay display_of(const GreyOptions& grey);

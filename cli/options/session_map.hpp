@@ -10,6 +10,6 @@ namespace xraycast::cli {
 
 /// The body map of a session, recast if the session has an opacity. Throws InputError, also for layer weights
 /// of another number than the map's layers.
-std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Session& session);
+std::shared_ptr<const BodyMap> load_map(const ViewSession& scene, const Invocation& invocation);
 
 }  // namespace xraycast::cli

@@ -91,12 +91,14 @@ XaOptions parse_xa(const DicomOptions& options, const std::string& file) {
   return xa;
 }
 
-void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session) {
+void check_dicom(const View& view, const XaOptions& xa, const std::string& file,
+                 const Invocation& invocation) {
   if (!is_xa(file)) return;
   check_xa(file, view, xa);
   if (!view.cone)
-    session.say({file + ": a parallel beam has no source, so the file holds no source distances; give --cone "
-                        "for a C-arm's"});
+    invocation.say({file +
+                    ": a parallel beam has no source, so the file holds no source distances; give --cone "
+                    "for a C-arm's"});
 }
 
 std::string frame_of_reference_name(const XaOptions& xa) {

@@ -53,7 +53,8 @@ XaOptions parse_xa(const DicomOptions& options, const std::string& file);
 
 /// Where `file` is DICOM, checks that DICOM can represent the view and the patient, and notes why a parallel
 /// beam's picture has no source distances. Throws InputError.
-void check_dicom(const View& view, const XaOptions& xa, const std::string& file, const Session& session);
+void check_dicom(const View& view, const XaOptions& xa, const std::string& file,
+                 const Invocation& invocation);
 
 /// "scan" or "new".
 std::string frame_of_reference_name(const XaOptions& xa);

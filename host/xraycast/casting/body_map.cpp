@@ -2,14 +2,16 @@
 
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/remedy.hpp"
+#include "xraycast/base/small_pictures.hpp"
 
 #include <nlohmann/json.hpp>
 
+#include <ImfIntAttribute.h>
+#include <ImfStringAttribute.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -46,14 +48,12 @@ int version_of(const BodyMap& map) {
 /// A map's values as its file stores them: of every channel K x H x W.
 struct StoredValues {
   std::vector<std::span<const float>> channels{};
-  ExrPixel pixel = ExrPixel::float32;
   json byte_ranges{};  ///< of every channel: the offset and the scale of each layer
   std::vector<std::vector<float>> bytes{};
 };
 
 StoredValues stored_values(const BodyMap& map) {
   StoredValues stored;
-  if (map.precision != MapPrecision::float32) stored.pixel = ExrPixel::float16;
   for (const auto& [name, values] : channels_of(map)) {
     if (map.precision != MapPrecision::byte) {
       stored.channels.emplace_back(*values);
@@ -81,16 +81,15 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
 ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer) {
   const MapGeometry& geometry = map.geometry;
-  ExrPart part{
-      .name = fmt::format("layer {}", layer),
-      .width = geometry.width,
-      .height = geometry.height,
-      .compression = map.precision == MapPrecision::float32 ? ExrCompression::zips : ExrCompression::zip};
+  ExrPart part{.name = fmt::format("layer {}", layer),
+               .width = geometry.width,
+               .height = geometry.height,
+               .is_half = map.precision != MapPrecision::float32,
+               .is_packed_by_row = map.precision == MapPrecision::float32};
   const auto channels = channels_of(map);
   for (std::size_t c = 0; c < channels.size(); ++c)
-    part.channels.push_back({channels[c].first,
-                             stored.channels[c].subspan(layer * map.layer_size(), map.layer_size()),
-                             stored.pixel});
+    part.channels.push_back(
+        {channels[c].first, stored.channels[c].subspan(layer * map.layer_size(), map.layer_size())});
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
   };
@@ -128,15 +127,17 @@ std::vector<float> outline_rows(const MapGeometry& geometry) {
 }
 
 /// The outline behind the layers: one row of it where all are the same.
-std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
+std::vector<float> read_outline(Imf::MultiPartInputFile& file, const MapGeometry& geometry,
+                                const std::string& path) {
   const int part = geometry.layers();
   if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
-  if (file.width(part) != geometry.width || file.height(part) != geometry.height)
-    throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
-                     file.width(part), file.height(part), geometry.width, geometry.height);
+  const Imath::V2i size = exr_size(file, part);
+  if (size != Imath::V2i(geometry.width, geometry.height))
+    throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart, size.x,
+                     size.y, geometry.width, geometry.height);
   const auto width = static_cast<std::ptrdiff_t>(geometry.width);
   std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
-  file.read(part, std::array{ExrTarget{kOutlineChannel, rows}});
+  read_exr_part(file, part, false, std::array{ExrTarget{kOutlineChannel, rows}}, path);
   bool are_alike = geometry.projection == Projection::cylinder;
   for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
     are_alike = std::equal(row, row + width, rows.begin());
@@ -144,28 +145,30 @@ std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geomet
   return rows;
 }
 
-/// An xraycast attribute as text; empty when it is missing.
-std::string text_attribute(const ExrReader& file, const std::string& name) {
-  return file.text("xraycast:" + name).value_or("");
+/// An xraycast attribute, an int or a std::string; 0 or empty when there is none of that type.
+template <typename T>
+T value_of(const Imf::MultiPartInputFile& file, const std::string& name) {
+  const auto* found = file.header(0).findTypedAttribute<Imf::TypedAttribute<T>>("xraycast:" + name);
+  return found ? found->value() : T();
 }
 
 /// An xraycast attribute as JSON, or an InputError that names it.
-json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
-  json value = parse_json(text_attribute(file, name), path);
+json attribute(const Imf::MultiPartInputFile& file, const std::string& name, const std::string& path) {
+  json value = parse_json(value_of<std::string>(file, name), path);
   if (value.is_discarded())
     throw InputError("{}: attribute xraycast:{} is missing or damaged; cast the map again", path, name);
   return value;
 }
 
-MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
+MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(text_attribute(file, "projection"));
+    geometry.projection = parse_projection(value_of<std::string>(file, "projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
-  geometry.width = file.width(0);
-  geometry.height = file.height(0);
+  geometry.width = exr_size(file, 0).x;
+  geometry.height = exr_size(file, 0).y;
   const auto read = [&](const char* name, auto& value) {
     try {
       attribute(file, name, path).get_to(value);
@@ -187,7 +190,7 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
     geometry.views = static_cast<int>(*views);
   }
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
-  if (file.text("xraycast:field_mm")) {
+  if (!value_of<std::string>(file, "field_mm").empty()) {
     FieldOfView::Corners corners_mm{};
     read("field_mm", corners_mm);
     geometry.field = FieldOfView::between(corners_mm);
@@ -196,10 +199,10 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   return geometry;
 }
 
-MapPrecision precision_of(const ExrReader& file, int version, const std::string& path) {
+MapPrecision precision_of(const Imf::MultiPartInputFile& file, int version, const std::string& path) {
   if (version < kPrecisionVersion) return MapPrecision::float32;
   try {
-    return parse_map_precision(text_attribute(file, "precision"));
+    return parse_map_precision(value_of<std::string>(file, "precision"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:precision: {}; cast the map again", path, error.what());
   }
@@ -227,7 +230,7 @@ std::vector<LayerByteRange> byte_ranges_of(const json& attribute, const char* ch
 }
 
 /// Turns the bytes of a map's layers, as they were read, into values.
-void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) {
+void expand_bytes(BodyMap& map, const Imf::MultiPartInputFile& file, const std::string& path) {
   const json ranges_of_channels = attribute(file, "byte_ranges", path);
   for (const auto& [channel, values] : channels_of(map)) {
     if (!std::ranges::all_of(*values, [](float byte) { return byte >= 0 && byte <= 255; }))
@@ -245,8 +248,8 @@ BodyMap read_map(const std::filesystem::path& path) {
     throw InputError("{}: a folder, but a body map is needed; make one from a scan with `xraycast cast`",
                      name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  const ExrReader file(path);
-  const int version = file.number("xraycast:version").value_or(0);
+  Imf::MultiPartInputFile file = open_exr(path);
+  const int version = value_of<int>(file, "version");
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
     throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
@@ -256,24 +259,26 @@ BodyMap read_map(const std::filesystem::path& path) {
   BodyMap map;
   map.geometry = geometry_of(file, name);
   map.precision = precision_of(file, version, name);
-  if (version == kSpectrumVersion || (version >= kOutlineVersion && file.text("xraycast:spectrum")))
+  if (version == kSpectrumVersion ||
+      (version >= kOutlineVersion && !value_of<std::string>(file, "spectrum").empty()))
     map.spectrum =
-        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
+        Spectrum::from_json(value_of<std::string>(file, "spectrum"), name + ": attribute xraycast:spectrum");
   else
-    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
-  map.source = text_attribute(file, "source");
-  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
+    map.opacity =
+        Opacity::from_json(value_of<std::string>(file, "opacity"), name + ": attribute xraycast:opacity");
+  map.source = value_of<std::string>(file, "source");
+  map.frame_of_reference_uid = value_of<std::string>(file, "frame_of_reference_uid");
   if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
     throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
-  if (version == kOutlineVersion || file.number("xraycast:outline").value_or(0) != 0) {
+  if (version == kOutlineVersion || value_of<int>(file, "outline") != 0) {
     map.geometry.outline_mm = read_outline(file, map.geometry, name);
     validate(map.geometry, name);
   }
   for (int k = 0; k < layers; ++k)
-    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
+    if (exr_size(file, k) != exr_size(file, 0))
       throw InputError("{}: layer {} differs in size from layer 0", name, k);
 
   const auto channels = channels_of(map);
@@ -281,9 +286,8 @@ BodyMap read_map(const std::filesystem::path& path) {
   parallel_for(layers, [&](std::int64_t k) {
     std::vector<ExrTarget> targets;
     for (const auto& [channel, values] : channels)
-      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size()),
-                         map.precision == MapPrecision::float32 ? ExrPixel::float32 : ExrPixel::float16});
-    file.read(static_cast<int>(k), targets);
+      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size())});
+    read_exr_part(file, static_cast<int>(k), map.precision != MapPrecision::float32, targets, name);
   });
   if (map.precision == MapPrecision::byte) expand_bytes(map, file, name);
   for (const auto& [channel, values] : channels)
@@ -314,7 +318,6 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
     parts.push_back({.name = kOutlinePart,
                      .width = map.geometry.width,
                      .height = map.geometry.height,
-                     .compression = ExrCompression::zip,
                      .channels = {{kOutlineChannel, outline}}});
   }
   write_exr(parts, path);
