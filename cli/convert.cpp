@@ -1,6 +1,7 @@
+#include "xraycast/scan/convert.hpp"
+
 #include "options/command.hpp"
 #include "options/view_options.hpp"
-#include "xraycast/scan/convert.hpp"
 
 #include <fmt/format.h>
 
