@@ -168,7 +168,7 @@ void render(const RenderArguments& options, Session& session) {
   const std::vector<View> views = views_of(view, cine_deg);
 
   check_dicom(view, xa, options.output, session);
-  if (fluoroscope && !map->spectrum) note_on_energies(session);
+  if (fluoroscope && !map->spectrum()) note_on_energies(session);
   const HeadlessContext context;
   Renderer renderer;
   MapAcquisition frames(renderer, read_scene(scene, map, session), picture, views.front());

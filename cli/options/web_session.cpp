@@ -25,7 +25,7 @@ void check_contrast(const ContrastSurface& contrast, const std::string& name) {
 
 void check_web_map(const BodyMap& map, const std::string& name) {
   const MapGeometry& geometry = map.geometry;
-  if (map.spectrum)
+  if (map.spectrum())
     throw InputError(
         "{}: holds materials for a spectrum, which a page cannot draw; cast it with --opacity paper", name);
   if (geometry.projection != Projection::cylinder)

@@ -248,7 +248,7 @@ PageJson header_of(const WebSession& session, Parts& parts) {
 }  // namespace
 
 bool suits_web(const BodyMap& map) {
-  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum;
+  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum();
 }
 
 std::string web_page(const WebSession& session) {
