@@ -114,7 +114,7 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
       options.output.map, pluralize(geometry.layers(), "layer"), pluralize(geometry.width, "angle"),
       pluralize(geometry.height, "slice"), geometry.has_outline() ? "body" : "circle", geometry.radius_mm(),
       geometry.centre_mm[0].x, geometry.centre_mm[0].y,
-      casting.map.spectrum ? casting.map.spectrum->name() : casting.map.opacity.name(), casting.load.read_ms,
+      std::visit([](const auto& one) { return one.name(); }, casting.map.attenuation), casting.load.read_ms,
       casting.load.upload_ms, casting.outline_ms, casting.kernel_ms, write_ms, total_ms);
   if (casting.outside_share) json["outside_share"] = *casting.outside_share;
   if (!casting.left_out.empty()) text += invocation.spelled(casting.left_out) + "\n";

@@ -54,12 +54,12 @@ struct Drr {
 
 Drr drr_of(const ResidentScan& scan, const View& view, const BodyMap& map, Progress& progress) {
   const auto rays = rays_within(view, map.geometry);
-  Drr drr{std::vector<float>(rays.size()), {}, project(scan, view, map.opacity, progress).tau};
+  Drr drr{std::vector<float>(rays.size()), {}, project(scan, view, map.opacity(), progress).tau};
   for (const auto& ray : rays) drr.counts.push_back(ray ? 1 : 0);
   const std::vector<PixelSegment> parts = segments_within(view, map.geometry);
   std::vector<RaySegment> segments;
   for (const PixelSegment& part : parts) segments.push_back(part.segment);
-  const std::vector<float> depths = project(scan, segments, map.opacity, progress);
+  const std::vector<float> depths = project(scan, segments, map.opacity(), progress);
   for (std::size_t i = 0; i < parts.size(); ++i) drr.tau[parts[i].pixel] += depths[i];
   return drr;
 }
@@ -73,9 +73,9 @@ class DrrsOfView {
     const MapGeometry extent = extent_of(map.geometry);
     if (!known_.empty() && known_.front().view != view) known_.clear();
     const auto found = std::ranges::find_if(
-        known_, [&](const Known& known) { return known.opacity == map.opacity && known.extent == extent; });
+        known_, [&](const Known& known) { return known.opacity == map.opacity() && known.extent == extent; });
     if (found != known_.end()) return found->drr;
-    known_.push_back({view, map.opacity, extent, drr_of(scan_, view, map, progress_)});
+    known_.push_back({view, map.opacity(), extent, drr_of(scan_, view, map, progress_)});
     return known_.back().drr;
   }
 
@@ -114,7 +114,7 @@ Json similarity_json(const Similarity& similarity) {
 
 std::shared_ptr<const BodyMap> read_map(const std::string& path) {
   auto map = std::make_shared<const BodyMap>(read_body_map(path));
-  if (map->spectrum)
+  if (map->spectrum())
     throw InputError("{}: a spectrum map; only maps that hold optical depths can be compared", path);
   return map;
 }

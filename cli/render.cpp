@@ -168,7 +168,7 @@ void render(const RenderArguments& options, Invocation& invocation) {
   const std::vector<View> views = views_of(view, cine_deg);
 
   check_dicom(view, xa, options.output, invocation);
-  if (fluoroscope && !map->spectrum) note_on_energies(invocation);
+  if (fluoroscope && !map->spectrum()) note_on_energies(invocation);
   const HeadlessContext context;
   Renderer renderer;
   MapAcquisition frames(renderer, read_scene(scene, map, invocation), picture, views.front());

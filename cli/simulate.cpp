@@ -91,7 +91,7 @@ class Cine {
                                 .blood = {.heart_rate_bpm = parse_heart_rate(options.injection)}};
     const AcquisitionOptions& acquisition = cine.picture.acquisition;
     if (acquisition.fluoroscope || is_xa(options.cine)) note_on_vessels(cine.injection, invocation);
-    if (acquisition.fluoroscope && !map->spectrum) note_on_energies(invocation);
+    if (acquisition.fluoroscope && !map->spectrum()) note_on_energies(invocation);
     XaOptions xa = parse_xa(options);
     xa.frame_of_reference_uid = frame_of_reference_for(xa.patient, map->frame_of_reference_uid);
     xa.is_subtracted = acquisition.subtracts;

@@ -90,14 +90,14 @@ auto map_array(const HeldBody& body, const std::vector<float>& values) {
 }
 
 auto map_tau(const HeldBody& body) {
-  if (body.map->spectrum)
+  if (body.map->spectrum())
     throw InputError("tau: this map holds the masses of materials, by a spectrum; see masses_g_cm2");
   return map_array(body, body.map->tau);
 }
 
 nb::dict map_masses(const HeldBody& body) {
   nb::dict masses;
-  for (std::size_t i = 0; body.map->spectrum && i < kMaterials.size(); ++i)
+  for (std::size_t i = 0; body.map->spectrum() && i < kMaterials.size(); ++i)
     masses[kMaterials[i].name] = nb::cast(map_array(body, body.map->depths[i]), kShared);
   return masses;
 }
@@ -208,7 +208,9 @@ void add_body(nb::module_& module) {
                    "`iodine`, g/cm2, arrays as tau; empty for other maps.")
       .def_prop_ro(
           "opacity",
-          [](const HeldBody& b) { return b.map->spectrum ? std::nullopt : std::optional(b.map->opacity); },
+          [](const HeldBody& b) {
+            return b.map->spectrum() ? std::nullopt : std::optional(b.map->opacity());
+          },
           "None of a map by a spectrum.")
       .def_prop_ro(
           "basis", [](const HeldBody& b) { return b.basis; }, "The Basis, where cast() was given knots_hu.")

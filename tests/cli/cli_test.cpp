@@ -1016,7 +1016,7 @@ TEST_F(Cli, HintsAtAnOpacityWhereNothingLiesBelowWater) {
     return done.err.find("--opacity subtracted") != std::string::npos;
   };
   EXPECT_TRUE(is_hinted("cast @/subtracted.nii -o @/map.exr"));
-  EXPECT_EQ(read_body_map(folder_ / "map.exr").opacity, Opacity::paper());
+  EXPECT_EQ(read_body_map(folder_ / "map.exr").attenuation, Attenuation(Opacity::paper()));
   EXPECT_TRUE(is_hinted("cast @/subtracted.nii -o @/map.exr --memory-limit 0.008M"));
   EXPECT_TRUE(is_hinted("project @/subtracted.nii -o @/tau.exr --size 8x64 --pixel 1"));
   EXPECT_FALSE(is_hinted("cast @/body.nii -o @/map.exr"));

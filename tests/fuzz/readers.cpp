@@ -215,7 +215,7 @@ void write_map(const fs::path& path) {
 void write_spectrum_map(const fs::path& path) {
   BodyMap map;
   map.geometry = map_geometry();
-  map.spectrum = Spectrum::named("80");
+  map.attenuation = Spectrum::named("80");
   for (auto& depths : map.depths) depths.assign(static_cast<std::size_t>(map.layer_size()), 0.5f);
   write_body_map(map, path);
 }

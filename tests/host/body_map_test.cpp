@@ -31,7 +31,7 @@ BodyMap make_map(int layers) {
   BodyMap map;
   map.geometry =
       cylinder_map(volume, 90, shell_radii_mm(RadiiRule::equal_area, layers, 31.7), {0.1, 1.0 / 3});
-  map.opacity = Opacity::bilinear();
+  map.attenuation = Opacity::bilinear();
   map.source = "a test";
   std::mt19937 random(7);
   std::uniform_real_distribution<float> tau(0, 9);
@@ -47,7 +47,7 @@ TEST(BodyMapFile, ReadingBackGivesTheSame) {
     write_body_map(written, folder / "map.exr");
     const BodyMap read = read_body_map(folder / "map.exr");
     EXPECT_EQ(read.geometry, written.geometry);
-    EXPECT_EQ(read.opacity, written.opacity);
+    EXPECT_EQ(read.attenuation, written.attenuation);
     EXPECT_EQ(read.source, written.source);
     EXPECT_EQ(read.frame_of_reference_uid, written.frame_of_reference_uid);
     EXPECT_EQ(read.tau, written.tau);
@@ -56,8 +56,7 @@ TEST(BodyMapFile, ReadingBackGivesTheSame) {
 
 BodyMap make_spectrum_map(int layers) {
   BodyMap map = make_map(layers);
-  map.opacity = Opacity::paper();
-  map.spectrum = Spectrum("two lines", {{33.3, 1.0 / 3}, {60, 2}});
+  map.attenuation = Spectrum("two lines", {{33.3, 1.0 / 3}, {60, 2}});
   map.depths = {map.tau, std::vector<float>(map.tau.rbegin(), map.tau.rend()),
                 std::vector<float>(map.tau.size())};
   map.tau.clear();
@@ -71,7 +70,7 @@ TEST(BodyMapFile, OfASpectrumReadsBackTheSame) {
     write_body_map(written, folder / "map.exr");
     const BodyMap read = read_body_map(folder / "map.exr");
     EXPECT_EQ(read.geometry, written.geometry);
-    EXPECT_EQ(read.spectrum, written.spectrum);
+    EXPECT_EQ(read.attenuation, written.attenuation);
     EXPECT_EQ(read.source, written.source);
     EXPECT_EQ(read.depths, written.depths);
     EXPECT_TRUE(read.tau.empty());
@@ -260,7 +259,7 @@ TEST(BodyMapFile, HalvesAndBytesReadBackWithinHalfAStep) {
       const BodyMap read = read_body_map(folder / "map.exr");
       EXPECT_EQ(read.precision, precision);
       EXPECT_EQ(read.geometry, written.geometry);
-      EXPECT_EQ(read.spectrum, written.spectrum);
+      EXPECT_EQ(read.attenuation, written.attenuation);
       // Values are 0 to 9. Halves above 8 are 1/128 apart; bytes of a layer 9/255. And 32-bit rounding.
       const float half_a_step = 1e-5f + 0.5f * (precision == MapPrecision::byte ? 9.0f / 255 : 1.0f / 128);
       EXPECT_THAT(read.tau, testing::Pointwise(testing::FloatNear(half_a_step), written.tau));
@@ -407,7 +406,7 @@ TEST(Preview, StacksLayersFromTheInnermostDown) {
 
 TEST(Preview, AppliesTheSpectrumToEachLayer) {
   BodyMap map = make_spectrum_map(2);
-  map.spectrum = Spectrum("a line", {{60, 1}});
+  map.attenuation = Spectrum("a line", {{60, 1}});
   // A transmission of a half in the inner layer, of a quarter in the outer one.
   const auto half_g_cm2 = static_cast<float>(std::log(2) / mass_attenuation_cm2_g("Water, Liquid", 60));
   for (auto& depth : map.depths) std::ranges::fill(depth, 0.0f);

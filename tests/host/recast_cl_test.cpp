@@ -83,7 +83,7 @@ void expect_same(const BodyMap& recast, const BodyMap& cast) {
   ASSERT_EQ(recast.tau.size(), cast.tau.size());
   const double deepest = *std::ranges::max_element(cast.tau),
                difference = largest_difference(recast.tau, cast.tau);
-  EXPECT_LE(difference, rounding_of(cast.geometry, cast.opacity) + kFloat * deepest);
+  EXPECT_LE(difference, rounding_of(cast.geometry, cast.opacity()) + kFloat * deepest);
   // What was promised whatever the opacity.
   EXPECT_LE(difference, 1e-3 * deepest);
 }
@@ -129,7 +129,7 @@ TEST_P(Recast, EqualsAColdCast) {
       SCOPED_TRACE(opacity.to_json());
       const BodyMap& map = session.recast(opacity);
       expect_same(map, cast(scan, geometry, opacity, progress).map);
-      EXPECT_EQ(map.opacity, opacity);
+      EXPECT_EQ(map.opacity(), opacity);
     }
   }
 }

@@ -52,7 +52,7 @@ TEST_F(OpacityEditorTest, AMovedKnotRecastsTheMapUntilItIsUndone) {
   const std::shared_ptr<const BodyMap> edited = editor.map();
   EXPECT_NE(edited->tau, map->tau);
   ASSERT_TRUE(session.opacity);
-  EXPECT_EQ(edited->opacity, *session.opacity);
+  EXPECT_EQ(edited->opacity(), *session.opacity);
   EXPECT_EQ(session.opacity->mu_per_mm(0), 0.08);
 
   editor.undo();
@@ -64,7 +64,7 @@ TEST_F(OpacityEditorTest, AMovedKnotRecastsTheMapUntilItIsUndone) {
 
   editor.redo();
   EXPECT_EQ(editor.map()->tau, edited->tau);
-  EXPECT_EQ(session.opacity, edited->opacity);
+  EXPECT_EQ(session.opacity, edited->opacity());
 }
 
 TEST_F(OpacityEditorTest, AnEditedMapKeepsItsPrecision) {
@@ -101,7 +101,7 @@ TEST_F(OpacityEditorTest, AppliesTheOpacityOfASession) {
   session.style.layer_weights = {0.5f, 2};
   editor.open(map, recast);
   EXPECT_NE(editor.map(), map);
-  EXPECT_EQ(editor.map()->opacity.mu_per_mm(300), 0.04);
+  EXPECT_EQ(editor.map()->opacity().mu_per_mm(300), 0.04);
   EXPECT_THAT(session.style.layer_weights, ElementsAre(0.5f, 2));
 }
 

@@ -439,7 +439,7 @@ double error_of(const std::shared_ptr<BodyMap>& map, const ResidentScan& scan, c
   const auto parts = segments_within(view, map->geometry);
   for (const PixelSegment& part : parts) segments.push_back(part.segment);
   Progress progress;
-  const auto depths = project(scan, segments, map->opacity, progress);
+  const auto depths = project(scan, segments, map->opacity(), progress);
   std::vector<double> truth(drawn.size());
   for (std::size_t i = 0; i < parts.size(); ++i) truth[parts[i].pixel] += depths[i];
   double squares = 0;
@@ -630,7 +630,7 @@ TEST_F(RendererTest, HalfTheColumnsShowTheSame) {
 TEST_F(RendererTest, SpectrumMapsAreSummedBeforeTheSpectrum) {
   auto map = homogeneous(2);
   map->tau.clear();
-  map->spectrum = Spectrum::named("80");
+  map->attenuation = Spectrum::named("80");
   for (std::size_t m = 0; m < kMaterials.size(); ++m)
     map->depths[m].assign(2 * map->layer_size(), m == 0 ? 5.0f : m == 1 ? 1.0f : 0.002f);
   Renderer renderer;
@@ -639,7 +639,7 @@ TEST_F(RendererTest, SpectrumMapsAreSummedBeforeTheSpectrum) {
   // The middle ray meets both layers twice.
   const MaterialDepths whole{{{20.0f}, {4.0f}, {0.008f}}};
   // 32-bit sums and exponentials of some eighty bins.
-  EXPECT_NEAR(renderer.tau(view, {})[60 * view.width + 80], SpectrumModel(*map->spectrum).tau(whole)[0],
+  EXPECT_NEAR(renderer.tau(view, {})[60 * view.width + 80], SpectrumModel(*map->spectrum()).tau(whole)[0],
               1e-3);
 }
 

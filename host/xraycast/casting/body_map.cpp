@@ -32,7 +32,7 @@ using nlohmann::json;
 template <typename Map>
 auto channels_of(Map& map) {
   std::vector<std::pair<const char*, decltype(&map.tau)>> channels;
-  if (map.spectrum)
+  if (map.spectrum())
     for (std::size_t m = 0; m < kMaterials.size(); ++m)
       channels.emplace_back(kMaterials[m].name, &map.depths[m]);
   else
@@ -42,7 +42,7 @@ auto channels_of(Map& map) {
 
 int version_of(const BodyMap& map) {
   if (map.precision != MapPrecision::float32) return kPrecisionVersion;
-  return map.geometry.has_outline() ? kOutlineVersion : map.spectrum ? kSpectrumVersion : kTauVersion;
+  return map.geometry.has_outline() ? kOutlineVersion : map.spectrum() ? kSpectrumVersion : kTauVersion;
 }
 
 /// A map's values as its file stores them: of every channel K x H x W.
@@ -108,10 +108,8 @@ ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer)
   set("row_spacing_mm", json(geometry.row_spacing_mm).dump());
   set("step_mm", json(geometry.step_mm).dump());
   if (geometry.field) set("field_mm", json(geometry.field->corners_mm()).dump());
-  if (map.spectrum)
-    set("spectrum", map.spectrum->to_json());
-  else
-    set("opacity", map.opacity.to_json());
+  set(map.spectrum() ? "spectrum" : "opacity",
+      std::visit([](const auto& one) { return one.to_json(); }, map.attenuation));
   set("source", map.source);
   if (!map.frame_of_reference_uid.empty()) set("frame_of_reference_uid", map.frame_of_reference_uid);
   set("layer", layer);
@@ -261,10 +259,10 @@ BodyMap read_map(const std::filesystem::path& path) {
   map.precision = precision_of(file, version, name);
   if (version == kSpectrumVersion ||
       (version >= kOutlineVersion && !value_of<std::string>(file, "spectrum").empty()))
-    map.spectrum =
+    map.attenuation =
         Spectrum::from_json(value_of<std::string>(file, "spectrum"), name + ": attribute xraycast:spectrum");
   else
-    map.opacity =
+    map.attenuation =
         Opacity::from_json(value_of<std::string>(file, "opacity"), name + ": attribute xraycast:opacity");
   map.source = value_of<std::string>(file, "source");
   map.frame_of_reference_uid = value_of<std::string>(file, "frame_of_reference_uid");
@@ -331,8 +329,8 @@ std::vector<std::uint8_t> preview_of(const BodyMap& map, PreviewWindow window) {
   // Every layer has its own window, but an almost empty one must not look like one with bones.
   constexpr double kFaintest = 0.2;
   const std::vector<float> under_spectrum =
-      map.spectrum ? SpectrumModel(*map.spectrum).tau(map.depths) : std::vector<float>{};
-  const std::span<const float> tau = map.spectrum ? under_spectrum : map.tau;
+      map.spectrum() ? SpectrumModel(*map.spectrum()).tau(map.depths) : std::vector<float>{};
+  const std::span<const float> tau = map.spectrum() ? under_spectrum : map.tau;
   const auto layer = [&](int k) { return tau.subspan(k * map.layer_size(), map.layer_size()); };
   double deepest = 0;
   for (int k = 0; k < map.geometry.layers(); ++k) deepest = std::max(deepest, typical_depth(layer(k)));

@@ -7,9 +7,9 @@
 
 #include <cstdint>
 #include <filesystem>
-#include <optional>
 #include <span>
 #include <string>
+#include <variant>
 #include <vector>
 
 namespace xraycast {
@@ -17,18 +17,20 @@ namespace xraycast {
 /// The sums along the rays of a geometry: K x H x W floats, layer 0 innermost, row 0 superior, column 0
 /// anterior. The sum over layers is that of the whole ray.
 ///
-/// Most maps hold optical depths, by an opacity. A spectrum map holds the masses of materials instead, from
-/// which SpectrumModel gives the optical depth once they are summed along the view ray.
+/// By an opacity a map holds optical depths. A spectrum map, by a spectrum, holds the masses of materials,
+/// from which SpectrumModel gives the optical depth once they are summed along the view ray.
 struct BodyMap {
   MapGeometry geometry;
-  Opacity opacity = Opacity::paper();
+  Attenuation attenuation = Opacity::paper();
   std::string source;                              ///< description of the scan
-  std::vector<float> tau;                          ///< empty in a spectrum map
-  std::optional<Spectrum> spectrum{};              ///< set in a spectrum map, which ignores `opacity`
-  MaterialDepths depths{};                         ///< of a spectrum map
+  std::vector<float> tau;                          ///< by an opacity
+  MaterialDepths depths{};                         ///< by a spectrum
   std::string frame_of_reference_uid{};            ///< of the DICOM series that was cast; empty: unknown
   MapPrecision precision = MapPrecision::float32;  ///< of its file, and of its texture when it is drawn
 
+  const Spectrum* spectrum() const { return std::get_if<Spectrum>(&attenuation); }  ///< null by an opacity
+  /// The paper's by a spectrum.
+  Opacity opacity() const { return spectrum() ? Opacity::paper() : std::get<Opacity>(attenuation); }
   std::size_t layer_size() const { return static_cast<std::size_t>(geometry.width) * geometry.height; }
   std::span<const float> layer(int k) const { return std::span(tau).subspan(k * layer_size(), layer_size()); }
 };

@@ -75,7 +75,7 @@ const BodyMap& RecastSession::recast(const Opacity& opacity) {
                                       {device_->info().is_gpu ? 64 : 1, 1, 1});
   device_->bring_to_host(tau_);
   kernel_ms_ = duration_ms(done);
-  map_.opacity = opacity;
+  map_.attenuation = opacity;
   return map_;
 }
 

@@ -62,7 +62,7 @@ CastResult cast(const SpectralScan& scan, const MapGeometry& geometry, const Spe
                 Progress& progress) {
   CastResult result;
   result.map.geometry = geometry;
-  result.map.spectrum = spectrum;
+  result.map.attenuation = spectrum;
   const std::size_t texels = result.map.layer_size() * static_cast<std::size_t>(geometry.layers());
   result.map.depths = depths_of(scan, texels, [&](const ResidentScan& resident, const Opacity& contents) {
     CastResult part = cast(resident, geometry, contents, progress);

@@ -27,6 +27,10 @@ std::vector<std::uint8_t> shown(const AcquiredFrame& frame, const GreyDisplay& d
   return windowed(frame.tau, automatic_window(frame.tau, display.gamma, display.inverted));
 }
 
+std::optional<WaterPath> path_of(const Attenuation& attenuation, const AcquisitionOptions& options) {
+  return options.fluoroscope ? std::optional<WaterPath>(attenuation) : std::nullopt;
+}
+
 Acquisition::Acquisition(const AcquisitionOptions& options, const View& first,
                          const std::optional<WaterPath>& path)
     : options_(options) {

@@ -47,6 +47,9 @@ struct AcquiredFrame {
 /// Its 8-bit greys: of the difference, the pulse, or the depths in an automatic window.
 std::vector<std::uint8_t> shown(const AcquiredFrame& frame, const GreyDisplay& display);
 
+/// The water behind a map's or a scan's depths, where there is a fluoroscope: a spectrum may have none.
+std::optional<WaterPath> path_of(const Attenuation& attenuation, const AcquisitionOptions& options);
+
 /// Pictures of a C-arm, one after the other, from the rays of a map or a scan: with a fluoroscope its pulses,
 /// and with subtraction the differences from a mask.
 ///

@@ -23,10 +23,6 @@ void check(const Style& style) {
 
 }  // namespace
 
-std::optional<WaterPath> path_of(const BodyMap& map, const AcquisitionOptions& options) {
-  return options.fluoroscope ? std::optional(WaterPath(map)) : std::nullopt;
-}
-
 void choose_look(const std::string& look, PictureOptions& options) {
   options.acquisition.subtracts = look == "dsa";
   if (look != "fluoro" && look != "surface" && look != "dsa")
@@ -56,7 +52,7 @@ MapAcquisition::MapAcquisition(Renderer& renderer, MapScene scene, const Picture
     : renderer_(renderer),
       scene_(std::move(scene)),
       options_(options),
-      acquisition_(options.acquisition, first, path_of(*scene_.map, options.acquisition)) {
+      acquisition_(options.acquisition, first, path_of(scene_.map->attenuation, options.acquisition)) {
   check(options_, scene_.vessels.has_value(), !scene_.devices.empty());
   if (scene_.road_map) road_map_.emplace(*scene_.road_map);
   renderer_.set_map(scene_.map);

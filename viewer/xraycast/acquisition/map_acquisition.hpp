@@ -29,9 +29,6 @@ void choose_look(const std::string& look, PictureOptions& options);
 /// Throws InputError for what has no effect or contradicts itself.
 void check(const PictureOptions& options, bool has_vessels, bool has_devices);
 
-/// A map's water, where there is a fluoroscope.
-std::optional<WaterPath> path_of(const BodyMap& map, const AcquisitionOptions& options);
-
 /// What lies between source and detector.
 struct MapScene {
   std::shared_ptr<const BodyMap> map;

@@ -26,7 +26,8 @@ double radius_mm(const VesselTree& tree, const VesselTree::Location& place) {
 RunCine::RunCine(std::shared_ptr<const BodyMap> map, const VesselTree& tree, const Options& options)
     : tree_(tree),
       options_(options),
-      acquisition_(options.picture.acquisition, options.view, path_of(*map, options.picture.acquisition)),
+      acquisition_(options.picture.acquisition, options.view,
+                   path_of(map->attenuation, options.picture.acquisition)),
       bolus_(tree, options.blood),
       contrast_(tree),
       road_map_(tree) {

@@ -5,15 +5,6 @@
 #include <utility>
 
 namespace xraycast {
-namespace {
-
-std::optional<WaterPath> path_of(const std::variant<Opacity, Spectrum>& attenuation,
-                                 const AcquisitionOptions& options) {
-  if (!options.fluoroscope) return std::nullopt;  // a spectrum may have none
-  return std::visit([](const auto& one) { return WaterPath(one); }, attenuation);
-}
-
-}  // namespace
 
 std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum) {
   const std::string given = name.substr(name.find(':') + 1);

@@ -1,12 +1,11 @@
 #pragma once
 
 #include "xraycast/acquisition/acquisition.hpp"
-#include "xraycast/attenuation/opacity.hpp"
+#include "xraycast/attenuation/spectrum.hpp"
 #include "xraycast/casting/spectral_scan.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
 #include <optional>
-#include <variant>
 #include <vector>
 
 namespace xraycast {
@@ -24,7 +23,7 @@ class ScanAcquisition {
  public:
   struct Scene {
     const SpectralScan& scan;
-    std::variant<Opacity, Spectrum> attenuation;
+    Attenuation attenuation;
     std::vector<Surface> surfaces{};  ///< vessels and devices in it, which attenuate
     /// One picture takes less time than finding the constant blocks of the scan.
     Sampling sampling = Sampling::everywhere;

@@ -123,8 +123,8 @@ void BodyPass::set_map(std::shared_ptr<const BodyMap> map) {
   drawn_.reset();
   if (!map_) return;
   geometry_ = drawn_geometry(*map_);
-  if (!map_->spectrum) return;
-  const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum).table();
+  if (!map_->spectrum()) return;
+  const std::vector<std::array<float, 4>> bins = SpectrumModel(*map_->spectrum()).table();
   spectrum_bins_ = static_cast<int>(bins.size());
   spectrum_table_.fill(floats(bins), "spectrum");
 }
@@ -163,7 +163,7 @@ void BodyPass::upload_map(const MapGeometry& drawn, const Style& style) {
 void BodyPass::upload_channel(int channel, const Style& style) {
   MapTexture& texture = textures_[static_cast<std::size_t>(channel)];
   const auto make = [&](std::span<float> texels) {
-    make_texels(geometry_, map_->spectrum ? map_->depths[channel] : map_->tau, style.sampling,
+    make_texels(geometry_, map_->spectrum() ? map_->depths[channel] : map_->tau, style.sampling,
                 style.layer_weights, texels);
   };
   if (map_->precision == MapPrecision::float32)

@@ -47,7 +47,7 @@ class BodyPass {
 
   /// None: no body.
   void set_map(std::shared_ptr<const BodyMap> map);
-  bool has_spectrum() const { return map_ && map_->spectrum; }
+  bool has_spectrum() const { return map_ && map_->spectrum(); }
 
   /// Size of the map in GPU memory.
   std::size_t texture_B() const;

@@ -18,7 +18,7 @@ namespace {
 
 void check_map(const BodyMap& map, const std::string& name) {
   const MapGeometry& geometry = map.geometry;
-  if (map.spectrum)
+  if (map.spectrum())
     throw InputError(
         "{}: holds materials for a spectrum, which a page cannot draw; cast it with `opacity` paper", name);
   if (geometry.projection != Projection::cylinder)
@@ -83,7 +83,7 @@ ExportFormat export_format(const std::string& file) {
 }
 
 bool suits_web(const BodyMap& map) {
-  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum;
+  return map.geometry.projection == Projection::cylinder && has_columns(map.geometry) && !map.spectrum();
 }
 
 std::vector<std::string> check(const ExportRequest& request) {

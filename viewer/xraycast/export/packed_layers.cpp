@@ -58,7 +58,7 @@ void pack_halves(std::span<const float> tau, int width, char* to) {
 }  // namespace
 
 PackedLayers pack_layers(const BodyMap& map, MapPrecision precision) {
-  assert(precision != MapPrecision::float32 && !map.spectrum);
+  assert(precision != MapPrecision::float32 && !map.spectrum());
   const bool is_half = precision == MapPrecision::float16;
   const auto layers = static_cast<std::size_t>(map.geometry.layers());
   const std::size_t layer_B = map.layer_size() * (is_half ? 2 : 1);

@@ -40,8 +40,8 @@ WaterPath::WaterPath(const Spectrum& spectrum) {
                      spectrum.name());
 }
 
-WaterPath::WaterPath(const BodyMap& map)
-    : WaterPath(map.spectrum ? WaterPath(*map.spectrum) : WaterPath(map.opacity)) {}
+WaterPath::WaterPath(const Attenuation& attenuation)
+    : WaterPath(std::visit([](const auto& one) { return WaterPath(one); }, attenuation)) {}
 
 double WaterPath::g_cm2(double tau) const { return std::max(0.0, interpolated(tau_, g_cm2_, tau)); }
 

@@ -1,8 +1,6 @@
 #pragma once
 
-#include "xraycast/attenuation/opacity.hpp"
 #include "xraycast/attenuation/spectrum.hpp"
-#include "xraycast/casting/body_map.hpp"
 
 #include <span>
 #include <variant>
@@ -25,8 +23,8 @@ class WaterPath {
   /// does not pass a centimetre.
   explicit WaterPath(const Spectrum& spectrum);
 
-  /// What applies to a map.
-  explicit WaterPath(const BodyMap& map);
+  /// What applies.
+  explicit WaterPath(const Attenuation& attenuation);
 
   double g_cm2(double tau) const;
   bool operator==(const WaterPath&) const = default;

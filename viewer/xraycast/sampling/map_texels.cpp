@@ -73,7 +73,7 @@ class RowSolver {
 
 MapGeometry drawn_geometry(const BodyMap& map) {
   MapGeometry geometry = map.geometry;
-  if (!map.spectrum && map.opacity.mu_per_mm(XRC_PADDING_HU) > 0) geometry.field.reset();
+  if (!map.spectrum() && map.opacity().mu_per_mm(XRC_PADDING_HU) > 0) geometry.field.reset();
   return geometry;
 }
 

@@ -35,7 +35,7 @@ LiveScreen::LiveScreen(std::shared_ptr<const BodyMap> map, const Options& option
   renderer_.set_map(map_);
   if (!options_.fluoroscopy) return;
   console_.emplace(*options_.fluoroscopy);
-  water_path_.emplace(*map_);
+  water_path_.emplace(map_->attenuation);
 }
 
 View LiveScreen::view_from(const CArmPose& pose) const {

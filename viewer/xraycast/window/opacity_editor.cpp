@@ -17,7 +17,7 @@ void OpacityEditor::open(std::shared_ptr<const BodyMap> map,
   const auto layers = static_cast<std::size_t>(opened_->geometry.layers());
   std::vector<float>& weights = session_.style.layer_weights;
   if (weights.size() != layers) weights.assign(layers, 1.0f);
-  mu_per_mm_ = at_knots(session_.opacity.value_or(opened_->opacity));
+  mu_per_mm_ = at_knots(session_.opacity.value_or(opened_->opacity()));
   if (session_.opacity) set_opacity(mu_per_mm_);
 }
 
@@ -75,7 +75,7 @@ void OpacityEditor::step(std::vector<State>& from, std::vector<State>& to) {
   session_.style.layer_weights = std::move(wanted.layer_weights);
   if (!recast_ || wanted.opacity == session_.opacity) return;
   if (wanted.opacity) return set_opacity(at_knots(*wanted.opacity));
-  mu_per_mm_ = at_knots(opened_->opacity);
+  mu_per_mm_ = at_knots(opened_->opacity());
   session_.opacity.reset();
   map_ = opened_;
 }

@@ -337,7 +337,7 @@ void Viewer::press_pedal(bool is_down) {
 void Viewer::draw_fluoroscopy(const Pane& pane) {
   if (is_pulse_due_) {
     const View view = view_in(pane.width, pane.height);
-    if (!water_path_) water_path_.emplace(*shown_);
+    if (!water_path_) water_path_.emplace(shown_->attenuation);
     console_->expose(renderer_.tau(view, session_.style), view, *water_path_);
     held_.set(console_->image(), view.width, view.height);
   }
@@ -428,7 +428,7 @@ void Viewer::draw_pane(const Pane& pane) {
 
 /// The latest DRR that was projected; another one is requested when something has changed.
 void Viewer::draw_drr(const Pane& pane) {
-  drrs_.request(view_in(pane.width, pane.height), shown_->opacity, opened_.scan);
+  drrs_.request(view_in(pane.width, pane.height), shown_->opacity(), opened_.scan);
   const ProjectionImage* drr = drrs_.latest();
   if (drr && drr->view.width == pane.width && drr->view.height == pane.height)
     renderer_.draw(*drr, session_.style, pane.x, 0);
