@@ -4,6 +4,7 @@
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/plain_text.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
@@ -86,15 +87,11 @@ CastRequest request_of(const CastArguments& options) {
   return request;
 }
 
-void check_name(const std::filesystem::path& path, const char* extension) {
-  if (extension_of(path) != extension)
-    throw InputError("{}: the file name must end in {}", path.string(), extension);
-  check_writable(path);
-}
-
 void check_outputs(const CastArguments& options) {
-  check_name(options.output.map, ".exr");
-  if (!options.output.preview.empty()) check_name(options.output.preview, ".png");
+  if (extension_of(options.output.map) != ".exr")
+    throw InputError("{}: the file name must end in .exr", options.output.map);
+  check_writable(options.output.map);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   if (!options.basis.empty()) check_writable(options.basis);
 }
 

@@ -4,6 +4,7 @@
 #include "pictures/plot.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/casting/comparison.hpp"
 #include "xraycast/casting/rays_within.hpp"
@@ -187,9 +188,9 @@ struct Compared {
   }
 };
 
-void write_picture(const View& view, const std::vector<float>& frame, const Drr& drr,
-                   const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
-                   const CompareArguments& options) {
+void write_view(const View& view, const std::vector<float>& frame, const Drr& drr,
+                const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
+                const CompareArguments& options) {
   write_comparison_picture(
       fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", compared.title(), label(view), similarity.psnr_db,
                   similarity.ssim),
@@ -211,7 +212,7 @@ void compare_view(Compared& compared, double angle_deg, const Style& style, Drrs
   };
   const Similarity similarity{similarity_to(drr.tau), similarity_to(drr.whole_tau).psnr_db};
   if (!options.pictures.empty())
-    write_picture(view, frame, drr, similarity.covered, angle_deg, compared, options);
+    write_view(view, frame, drr, similarity.covered, angle_deg, compared, options);
   compared.similarities.push_back(similarity);
 }
 
@@ -268,7 +269,7 @@ void compare_maps(const CompareArguments& options, Session& session) {
   if (options.plot.empty())
     check_not_given(*options.command, {"--plot-of"}, "without a plot; leave it out or give --plot too");
   else
-    check_plot(options.plot);
+    check_picture_name(options.plot, "--plot " + options.plot);
   if (!options.pictures.empty()) check_pictures(options);
   std::vector<std::shared_ptr<const BodyMap>> maps;
   for (const std::string& path : options.maps) maps.push_back(read_map(path));
@@ -355,7 +356,7 @@ void add_compare(CLI::App& app, Session& session) {
                    "Also write a PNG per view: the map's frame, the true projection, and their difference")
       ->type_name("DIR");
   command->add_option("--plot", options->plot, "Also plot the similarity against the C-arm angle")
-      ->type_name("PNG");
+      ->type_name("IMAGE");
   command->add_option("--plot-of", options->plotted, "What to plot: psnr, ssim, or the error rmse")
       ->check(CLI::IsMember({"psnr", "ssim", "rmse"}))
       ->capture_default_str()

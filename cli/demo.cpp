@@ -7,8 +7,8 @@
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -109,7 +109,7 @@ void show_inner_layers(const BodyMap& map, Report& report) {
   };
   for (const int k : {0, 1, 2}) {
     const std::string name = fmt::format("map-{}-layer-{}.png", geometry.layers(), k);
-    write_png(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
+    write_picture(windowed_transmission(map.layer(k)), geometry.width, geometry.height, 1, report.file(name));
     report.picture(name, fmt::format("Layer {} of {}: {:.0f} to {:.0f} % of the radius", k + 1,
                                      geometry.layers(), share(k), share(k + 1)));
   }
@@ -156,7 +156,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
       const std::vector<std::uint8_t> rgb =
           report.timed(fmt::format("frame, {}, {}", to_string(look), label(view)),
                        [&] { return renderer.picture(view, style); });
-      write_png(rgb, view.width, view.height, 3, report.file(name));
+      write_picture(rgb, view.width, view.height, 3, report.file(name));
       report.picture(name, fmt::format("Frame of {} layers, {}, {}", map->geometry.layers(), to_string(look),
                                        label(view)));
     }
@@ -227,7 +227,7 @@ struct Film {
   }
   void finish() {
     writer.finish();
-    write_png(still, run.options().view.width, run.options().view.height, 3, still_file);
+    write_picture(still, run.options().view.width, run.options().view.height, 3, still_file);
   }
 
   RunCine run;

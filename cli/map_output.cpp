@@ -13,7 +13,7 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
       ->required()
       ->type_name("MAP.exr");
   command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
-      ->type_name("PNG");
+      ->type_name("IMAGE");
   command
       .add_option("--preview-window", output.window,
                   "auto: grey window from the map's values; paper: transmission exp(-tau), unscaled")

@@ -114,8 +114,7 @@ void add_project(CLI::App& app, Session& session) {
   command
       ->add_option("-o,--output", options->output,
                    ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; "
-                   ".dcm a DICOM XA "
-                   "image; .png the displayed picture")
+                   ".dcm a DICOM XA image; .png, .jpg, .webp and others the displayed picture")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

@@ -4,6 +4,7 @@
 #include "options/command.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/casting/basis_file.hpp"
@@ -26,7 +27,7 @@ void recast_map(const RecastArguments& options, Session& session) {
     throw InputError("--opacity {}: beam hardening cannot be recast; use `xraycast cast`", options.opacity);
   const Opacity opacity = Opacity::named(options.opacity);
   check_writable(options.output.map);
-  if (!options.output.preview.empty()) check_writable(options.output.preview);
+  if (!options.output.preview.empty()) check_picture_name(options.output.preview, options.output.preview);
   ComputeDevice device(session.device);
 
   const Stopwatch reading;

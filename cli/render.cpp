@@ -225,7 +225,8 @@ void add_render(CLI::App& app, Session& session) {
       ->add_option(
           "-o,--output", options->output,
           ".exr, .tif and .nrrd hold float optical depths, or a fluoroscope's raw signal in keV; .dcm a "
-          "DICOM XA image; .png the displayed picture; with --cine: a folder of PNGs, a .gif or a .dcm")
+          "DICOM XA image; .png, .jpg, .webp and others the displayed picture; with --cine: a folder of "
+          "PNGs, a .gif or a .dcm")
       ->required()
       ->type_name("IMAGE");
   add_view_options(*command, options->view);

@@ -10,6 +10,7 @@
 #include "xraycast/acquisition/run_cine.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
@@ -180,7 +181,7 @@ Json json_of(const Run& run, const RunRequest& request, const SimulateArguments&
 void simulate(const SimulateArguments& options, Session& session) {
   check_writable(options.log);
   for (const fs::path& path : HubPlot::paths(options.plot, options.run.instrument_models.size()))
-    check_plot(path);
+    check_picture_name(path, "--plot " + path.string());
   check_cine(options);
   RunRequest request = parse_run(options.run, options.tree);
   if (!options.cine.empty()) request.injection = parse_injection(options.injection);
@@ -260,7 +261,8 @@ void add_simulate(CLI::App& app, Session& session) {
                    "The log: one row per row of the script, with the hub's force in N and torque in N m")
       ->required()
       ->type_name("CSV");
-  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")->type_name("PNG");
+  command->add_option("--plot", options->plot, "Plot the hub's force and torque over time")
+      ->type_name("IMAGE");
   command->add_option("--map", options->map, "The body map in which --cine is drawn")->type_name("MAP.exr");
   command
       ->add_option(

@@ -10,7 +10,7 @@
 #include "vessels.hpp"
 #include "xraycast/acquisition/map_acquisition.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/basis_file.hpp"
 #include "xraycast/casting/recast.hpp"
 #include "xraycast/requests/cast_request.hpp"

@@ -5,8 +5,8 @@
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/memory_limit.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 #include "xraycast/scene/absorbing_surfaces.hpp"
 
@@ -99,8 +99,9 @@ nb::bytes png_of(const Frame& frame) {
 void write_frame(const Frame& frame, nb::handle path, double gamma, bool inverted) {
   const std::string file = path_of(path);
   if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
-    throw InputError("{}: a frame made by K and RT is written as .png only; numpy.save keeps its depths",
-                     file);
+    throw InputError(
+        "{}: a frame made by K and RT is written as a picture, such as .png; numpy.save keeps its depths",
+        file);
   View view;
   if (const auto* c_arm = std::get_if<View>(&frame.pose)) view = *c_arm;
   view.width = frame.width();

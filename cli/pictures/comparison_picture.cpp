@@ -1,7 +1,7 @@
 #include "pictures/comparison_picture.hpp"
 
 #include "xraycast/base/image.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
@@ -50,7 +50,7 @@ void write_comparison_picture(const std::string& title, std::span<const float> f
     sheet.picture(rgb_of(pictures[i]), width, height, {x, kTop, double(width), double(height)});
     sheet.text({x, kTop + height + kCaption - 9}, captions[i], kFont, kInk);
   }
-  write_png(greys_of(sheet.rgb()), sheet.width(), sheet.height(), 1, path);
+  write_picture(greys_of(sheet.rgb()), sheet.width(), sheet.height(), 1, path);
 }
 
 }  // namespace xraycast::cli

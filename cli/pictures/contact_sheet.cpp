@@ -1,7 +1,7 @@
 #include "pictures/contact_sheet.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
@@ -28,11 +28,14 @@ void write_contact_sheet(const std::vector<Picture>& pictures, int columns,
   Canvas sheet(columns * pitch_x + kMargin, rows * pitch_y + kMargin, {0.10, 0.11, 0.13});
   for (int i = 0; i < count; ++i) {
     const int column = i % columns, row = i / columns;
-    const double x = kMargin + column * pitch_x, y = kMargin + row * pitch_y;
-    sheet.png(pictures[i].file, {x, y, kCellWidth, kCellHeight});
-    sheet.text({x, y + kCellHeight + kFont + 2}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
+    const int x = kMargin + column * pitch_x, y = kMargin + row * pitch_y;
+    const RgbPicture fitted = read_fitted(pictures[i].file, kCellWidth, kCellHeight);
+    sheet.picture(fitted.rgb, fitted.width, fitted.height,
+                  {double(x + (kCellWidth - fitted.width) / 2), double(y + (kCellHeight - fitted.height) / 2),
+                   double(fitted.width), double(fitted.height)});
+    sheet.text({double(x), double(y + kCellHeight + kFont + 2)}, pictures[i].caption, kFont, {0.9, 0.9, 0.9});
   }
-  write_png(sheet.rgb(), sheet.width(), sheet.height(), 3, path);
+  write_picture(sheet.rgb(), sheet.width(), sheet.height(), 3, path);
 }
 
 void write_index_page(const std::string& title, const Picture& page, const std::vector<Picture>& pictures,

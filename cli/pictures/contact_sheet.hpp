@@ -6,7 +6,7 @@
 
 namespace xraycast::cli {
 
-/// A picture on a contact sheet: a PNG file and its caption.
+/// A picture on a contact sheet: a file and its caption.
 struct Picture {
   std::filesystem::path file;
   std::string caption;

@@ -1,7 +1,7 @@
 #include "pictures/map_preview.hpp"
 
 #include "pictures/scale_ticks.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
@@ -118,7 +118,7 @@ void write_map_preview(const BodyMap& map, PreviewWindow window, const std::file
       rgb.insert(rgb.end(), std::size_t{3} * (width - kPreviewLeft - geometry.width), paper);
     }
   }
-  write_png(rgb, width, layers * (kPreviewTitle + geometry.height), 3, path);
+  write_picture(rgb, width, layers * (kPreviewTitle + geometry.height), 3, path);
 }
 
 }  // namespace xraycast::cli

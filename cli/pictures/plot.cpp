@@ -1,9 +1,6 @@
 #include "pictures/plot.hpp"
 
-#include "xraycast/base/atomic_file.hpp"
-#include "xraycast/base/error.hpp"
-#include "xraycast/base/file_extension.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 
 #include <fmt/format.h>
 
@@ -72,12 +69,6 @@ void text(Canvas& canvas, double x, double y, const std::string& words, const Co
 
 }  // namespace
 
-void check_plot(const std::filesystem::path& path) {
-  if (extension_of(path) != ".png")
-    throw InputError("--plot {}: a plot is a PNG; the name must end in .png", path.string());
-  check_writable(path);
-}
-
 void write_plot(const std::string& title, const std::string& x_label, const std::string& y_label,
                 const std::vector<Curve>& curves, const std::filesystem::path& path) {
   Axis x_axis, y_axis;
@@ -131,7 +122,7 @@ void write_plot(const std::string& title, const std::string& x_label, const std:
     canvas.fill({left - 4, y - kFont, width + 8, kFont + 5}, kPaper);
     text(canvas, left, y, curves[c].name, colour_of(curves, c));
   }
-  write_png(canvas.rgb(), kWidth, kHeight, 3, path);
+  write_picture(canvas.rgb(), kWidth, kHeight, 3, path);
 }
 
 }  // namespace xraycast::cli

@@ -18,12 +18,8 @@ struct Curve {
   std::optional<Colour> colour = {};
 };
 
-/// Before long work: throws InputError when `path`, as given to --plot, does not end in .png or cannot be
-/// written.
-void check_plot(const std::filesystem::path& path);
-
-/// Draws curves over common axes, with a legend and round numbers beside the grid, into a PNG of 900 x 560
-/// pixels. Throws InputError when `path` cannot be written, Error when the disk is full.
+/// Draws curves over common axes, with a legend and round numbers beside the grid, into a picture of 900 x
+/// 560 pixels. Throws InputError when `path` cannot be written, Error when the disk is full.
 void write_plot(const std::string& title, const std::string& x_label, const std::string& y_label,
                 const std::vector<Curve>& curves, const std::filesystem::path& path);
 

@@ -3,7 +3,7 @@
 #include "pictures/scan_projection.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/image_file/write_volume.hpp"
 
 #include <fmt/format.h>
@@ -98,7 +98,7 @@ void StepPictures::finish(const Volume& volume) const {
     if (!both && step.added_ml > 0) words += fmt::format(": added {:.1f} ml", step.added_ml);
     row(colours[i + 1], words);
   }
-  write_png(sheet.rgb(), kWidth, kHeight, 3, folder_ / "steps.png");
+  write_picture(sheet.rgb(), kWidth, kHeight, 3, folder_ / "steps.png");
 }
 
 }  // namespace xraycast::cli

@@ -1,8 +1,8 @@
 #include "pictures/vessel_report.hpp"
 
 #include "pictures/scan_projection.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/base/png_file.hpp"
 #include "xraycast/scene/canvas.hpp"
 
 #include <fmt/format.h>
@@ -174,7 +174,7 @@ void write_vessel_report(const std::string& name, const Vessels& vessels, const 
   draw(sheet, kMargin, project_scan(volume, mask, kRed, 1), volume.geometry(), tree);
   draw(sheet, kMargin + kPanelWidth + kMargin, project_scan(volume, mask, kRed, 0), volume.geometry(), tree);
   draw_table(sheet, tree, branch_facts(tree, volume));
-  write_png(sheet.rgb(), kWidth, kHeight, 3, path);
+  write_picture(sheet.rgb(), kWidth, kHeight, 3, path);
 }
 
 }  // namespace xraycast::cli

@@ -1,6 +1,6 @@
 // Draws a frame of a body map without a display and writes it as PNG.
 #include <iostream>
-#include <xraycast/base/png_file.hpp>
+#include <xraycast/base/picture_file.hpp>
 #include <xraycast/casting/caster.hpp>
 #include <xraycast/drawing/headless_context.hpp>
 #include <xraycast/drawing/renderer.hpp>
@@ -22,6 +22,6 @@ int main() {
   renderer.set_map(map);
   const xraycast::CArmPose pose{.lao_rad = 0.5};
   const xraycast::View view = xraycast::view_of(pose, xraycast::bounds_of(geometry), 480, 640);
-  xraycast::write_png(renderer.picture(view, {}), view.width, view.height, 3, "frame.png");
+  xraycast::write_picture(renderer.picture(view, {}), view.width, view.height, 3, "frame.png");
   std::cout << "drew " << view.width << " x " << view.height << " pixels\n";
 }

@@ -382,13 +382,13 @@ const BadCall kBadCalls[] = {
     {"OutputIsAFolder", "cast @/ct.nii -o @/folder.exr", 3, "not a regular file",
      [](const TemporaryFolder& f) { fs::create_directory(f / "folder.exr"); }},
     {"MapNotNamedExr", "cast @/ct.nii -o @/map.tif", 3, "map.tif: the file name must end in .exr"},
-    {"PreviewNotNamedPng", "cast @/ct.nii -o @/out.exr --preview @/map.jpg", 3,
-     "the file name must end in .png"},
+    {"PreviewThatIsNoPicture", "cast @/ct.nii -o @/out.exr --preview @/map.xyz", 3,
+     "map.xyz: a picture's name must end in .png, .jpg, "},
     {"ProjectionOverItsScan", "project @/ct.nii -o @/./ct.nii", 3, "would overwrite it"},
     {"BasisOverItsMap", "cast @/ct.nii -o @/out.exr --keep-basis @/out.exr", 3,
      "is also given as --keep-basis"},
-    {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.jpg", 3,
-     ".exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png"},
+    {"ProjectionOfUnknownFormat", "project @/ct.nii -o @/out.xyz", 3,
+     ".xyz: a single picture is written as .exr, .nrrd (float), .dcm (DICOM XA) or one of .png, .jpg, "},
     {"VolumeOfUnknownFormat", "phantom box -o @/box.dcm", 3, ".nrrd, .nii, .nii.gz, .mha or .mhd"},
     {"HeaderThatCannotNameItsVoxels", "phantom box -o @/50%.mhd", 3, "choose another name or .mha"},
     {"TruthOfNoVessels", "phantom box -o @/box.nrrd --truth @/truth", 3, "has no vessels"},
@@ -467,8 +467,8 @@ const BadCall kBadCalls[] = {
      "3 layer weights for the 1 layer of", write_small_map},
     {"RenderSurfacesInFullContrast", "render @/map.exr -o @/out.png --look surface --full-contrast", 3,
      "--full-contrast does not apply to --look surface"},
-    {"RenderOfUnknownFormat", "render @/map.exr -o @/out.jpg", 3,
-     ".exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png"},
+    {"RenderOfUnknownFormat", "render @/map.exr -o @/out.xyz", 3,
+     ".xyz: a single picture is written as .exr, .nrrd (float), .dcm (DICOM XA) or one of .png, .jpg, "},
     {"AnglesThatRunAway", "compare @/ct.nii @/map.exr --angles 0:30:-1", 3,
      "--angles 0:30:-1: must be FROM:TO:STEP"},
     {"WallRadiusWithoutWalls", "render @/map.exr -o @/out.png --wall-radius 100", 3, "--compositing wall",
@@ -476,7 +476,8 @@ const BadCall kBadCalls[] = {
     {"PicturesOfMapsOfOneName", "compare @/ct.nii @/map.exr @/sub/../map.exr --pictures @/p", 3,
      "two maps are named map", [](const TemporaryFolder& f) { fs::create_directory(f / "sub"); }},
     {"PicturesIntoAFile", "compare @/ct.nii @/map.exr --pictures @/ct.nii", 3, "is a file; name a folder"},
-    {"PlotThatIsNoPng", "compare @/ct.nii @/map.exr --plot @/plot.jpg", 3, "must end in .png"},
+    {"PlotThatIsNoPicture", "compare @/ct.nii @/map.exr --plot @/plot.xyz", 3,
+     "/plot.xyz: a picture's name must end in .png, .jpg, "},
     {"CineThatRunsAway", "render @/map.exr -o @/frames.gif --cine 0:360:-5", 3, "FROM:TO:STEP"},
     {"CineWithAnAngle", "render @/map.exr -o @/turn.gif --lao 30 --cine 0:30:10", 3,
      "--angle (--lao) 30 with --cine 0:30:10: --cine sets the angles of all frames; leave the single one "
@@ -625,6 +626,8 @@ const Writer kLargeWriters[] = {
     {"Basis", "cast @/ct.nrrd --layers 8 -o @/map.exr --keep-basis @/disk/out.basis"},
     {"ProjectionExr", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.exr"},
     {"ProjectionTiff", "project @/ct.nrrd --size 1536x1536 -o @/disk/out.tif"},
+    {"ProjectionBmp", "project @/ct.nrrd --size 2048x2048 -o @/disk/out.bmp"},
+    {"ProjectionPpm", "project @/ct.nrrd --size 2048x2048 -o @/disk/out.ppm"},
     {"ProjectionNrrd", "project @/ct.nrrd --size 1024x1024 -o @/disk/out.nrrd"},
 };
 
@@ -658,6 +661,7 @@ INSTANTIATE_TEST_SUITE_P(, WriteLimit, testing::ValuesIn(kLargeWriters),
 
 const Writer kSmallWriters[] = {
     {"Png", "project @/ct.nrrd --size 512x512 -o @/disk/out.png"},
+    {"Jpeg", "project @/ct.nrrd --size 512x512 -o @/disk/out.jpg"},
     {"Exr", "project @/ct.nrrd --size 512x512 -o @/disk/out.exr"},
     {"Tiff", "project @/ct.nrrd --size 512x512 -o @/disk/out.tif"},
     {"ProjectionNrrd", "project @/ct.nrrd --size 512x512 -o @/disk/out.nrrd"},
@@ -1048,8 +1052,10 @@ TEST_F(Cli, ProjectNotesASourceWithinTheBody) {
 
 TEST_F(Cli, ProjectsToEveryFormat) {
   output_of("phantom sphere --size 64x48x32 --spacing 2 -o @/ct.nrrd");
-  for (const auto& [file, magic] : {std::pair{"p.exr", "\x76\x2f\x31\x01"}, std::pair{"p.tif", "II*"},
-                                    std::pair{"p.nrrd", "NRRD"}, std::pair{"p.png", "\x89PNG"}}) {
+  for (const auto& [file, magic] :
+       {std::pair{"p.exr", "\x76\x2f\x31\x01"}, std::pair{"p.tif", "II*"}, std::pair{"p.nrrd", "NRRD"},
+        std::pair{"p.png", "\x89PNG"}, std::pair{"p.jpg", "\xff\xd8\xff"}, std::pair{"p.gif", "GIF89a"},
+        std::pair{"p.hdr", "#?RADIANCE"}, std::pair{"p.webp", "RIFF"}}) {
     EXPECT_THAT(output_of("project @/ct.nrrd --size 40x30 -o @/" + std::string(file)),
                 HasSubstr(std::string(file) + ": AP, 40 x 30 pixels"));
     EXPECT_THAT(read_bytes(folder_ / file), StartsWith(magic)) << file;

@@ -3,7 +3,7 @@
 #include "support/pictures.hpp"
 #include "support/temporary_folder.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <gmock/gmock.h>
@@ -201,7 +201,7 @@ TEST(BodyMapFile, ForeignImagesAreToldApart) {
   Imf::Header header(4, 4);
   header.channels().insert("Y", Imf::Channel(Imf::FLOAT));
   write_layers(folder / "foreign.exr", {header});
-  write_png(std::vector<std::uint8_t>(16), 4, 4, 1, folder / "picture.png");
+  write_picture(std::vector<std::uint8_t>(16), 4, 4, 1, folder / "picture.png");
   write_whole_file(folder / "empty.exr", "");
   for (const char* name : {"foreign.exr", "picture.png", "empty.exr"})
     EXPECT_EQ(refusal_of(folder / name),

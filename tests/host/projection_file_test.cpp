@@ -146,9 +146,9 @@ TEST_P(ProjectionFile, TiffHoldsTheFloatsAndTheView) {
 }
 
 TEST(ProjectionFormat, KnowsItsFormatsByAnyCase) {
-  for (const char* name : {"a.exr", "a.tif", "a.TIFF", "a.nrrd", "a.PNG"})
+  for (const char* name : {"a.exr", "a.tif", "a.TIFF", "a.nrrd", "a.PNG", "a.jpg", "a.Hdr"})
     EXPECT_NO_THROW(check_projection_format(name)) << name;
-  for (const char* name : {"a.jpg", "a", ".png", "a.png.txt"})
+  for (const char* name : {"a.xyz", "a", ".png", "a.png.txt"})
     EXPECT_THROW(check_projection_format(name), InputError) << name;
 }
 

@@ -1,9 +1,5 @@
 #include "xraycast/scene/canvas.hpp"
 
-#include "support/temporary_folder.hpp"
-#include "xraycast/base/error.hpp"
-#include "xraycast/base/png_file.hpp"
-
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -37,23 +33,6 @@ TEST(Canvas, PictureOfItsOwnSizeKeepsItsValues) {
   const std::vector<std::uint8_t> all = canvas.rgb();
   for (int y = 0; y < 5; ++y)
     for (int i = 0; i < 21; ++i) ASSERT_EQ(all[((y + 2) * 9 + 1) * 3 + i], rgb[y * 21 + i]);
-}
-
-TEST(Canvas, ScaledPictureKeepsItsMeanAndItsBorders) {
-  const TemporaryFolder folder;
-  std::vector<std::uint8_t> greys;  // a chequerboard
-  for (int i = 0; i < 80 * 40; ++i) greys.push_back((i + i / 80) % 2 == 0 ? 0 : 200);
-  write_png(greys, 80, 40, 1, folder / "board.png");
-  Canvas canvas(30, 30, kBlack);
-  canvas.png(folder / "board.png", {5, 5, 20, 20});
-  const std::vector<std::uint8_t> rgb = canvas.rgb();
-  const auto row = [&](int y) { return std::span(rgb).subspan(std::size_t{3} * (30 * y + 5), 60); };
-  // Twice as wide as high, it lies in the middle of the box.
-  EXPECT_THAT(row(9), Each(0));
-  EXPECT_THAT(row(20), Each(0));
-  // The mean, but for the filter's rounding and its few samples at the border.
-  for (const int y : {10, 15, 19})
-    EXPECT_THAT(row(y), Each(testing::AllOf(testing::Ge(90), testing::Le(110)))) << y;
 }
 
 TEST(Canvas, LineThroughPixelsMiddlesIsCrisp) {
@@ -95,16 +74,6 @@ TEST(Canvas, RimSetsWordsOffFromALightGround) {
   rimmed.rimmed_text({10, 30}, "L", 24, kWhite, 2);
   EXPECT_EQ(light_of(plain), 4000);
   EXPECT_LT(light_of(rimmed), 3950);
-}
-
-TEST(Canvas, UnreadablePngIsNamed) {
-  Canvas canvas(4, 4, kWhite);
-  try {
-    canvas.png("none.png", {0, 0, 4, 4});
-    FAIL() << "read";
-  } catch (const Error& error) {
-    EXPECT_THAT(error.what(), testing::StartsWith("none.png: "));
-  }
 }
 
 }  // namespace

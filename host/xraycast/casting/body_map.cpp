@@ -2,11 +2,11 @@
 
 #include "xraycast/base/dicom_file.hpp"
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/image.hpp"
 #include "xraycast/base/json_text.hpp"
 #include "xraycast/base/parallel.hpp"
 #include "xraycast/base/remedy.hpp"
+#include "xraycast/base/small_pictures.hpp"
 
 #include <nlohmann/json.hpp>
 
@@ -46,14 +46,12 @@ int version_of(const BodyMap& map) {
 /// A map's values as its file stores them: of every channel K x H x W.
 struct StoredValues {
   std::vector<std::span<const float>> channels{};
-  ExrPixel pixel = ExrPixel::float32;
   json byte_ranges{};  ///< of every channel: the offset and the scale of each layer
   std::vector<std::vector<float>> bytes{};
 };
 
 StoredValues stored_values(const BodyMap& map) {
   StoredValues stored;
-  if (map.precision != MapPrecision::float32) stored.pixel = ExrPixel::float16;
   for (const auto& [name, values] : channels_of(map)) {
     if (map.precision != MapPrecision::byte) {
       stored.channels.emplace_back(*values);
@@ -81,16 +79,14 @@ json centres_to_json(const std::vector<glm::dvec2>& centres) {
 /// Numbers travel as JSON text: EXR's own float attributes would round them to 32 bits.
 ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer) {
   const MapGeometry& geometry = map.geometry;
-  ExrPart part{
-      .name = fmt::format("layer {}", layer),
-      .width = geometry.width,
-      .height = geometry.height,
-      .compression = map.precision == MapPrecision::float32 ? ExrCompression::zips : ExrCompression::zip};
+  ExrPart part{.name = fmt::format("layer {}", layer),
+               .width = geometry.width,
+               .height = geometry.height,
+               .is_half = map.precision != MapPrecision::float32,
+               .is_packed_by_row = map.precision == MapPrecision::float32};
   const auto channels = channels_of(map);
   for (std::size_t c = 0; c < channels.size(); ++c)
-    part.channels.push_back({channels[c].first,
-                             stored.channels[c].subspan(layer * map.layer_size(), map.layer_size()),
-                             stored.pixel});
+    part.channels[channels[c].first] = stored.channels[c].subspan(layer * map.layer_size(), map.layer_size());
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
   };
@@ -131,12 +127,12 @@ std::vector<float> outline_rows(const MapGeometry& geometry) {
 std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
   const int part = geometry.layers();
   if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
-  if (file.width(part) != geometry.width || file.height(part) != geometry.height)
+  if (file.size(part) != file.size(0))
     throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
-                     file.width(part), file.height(part), geometry.width, geometry.height);
+                     file.size(part).x, file.size(part).y, geometry.width, geometry.height);
   const auto width = static_cast<std::ptrdiff_t>(geometry.width);
   std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
-  file.read(part, std::array{ExrTarget{kOutlineChannel, rows}});
+  file.read(part, false, {{kOutlineChannel, rows}});
   bool are_alike = geometry.projection == Projection::cylinder;
   for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
     are_alike = std::equal(row, row + width, rows.begin());
@@ -144,14 +140,9 @@ std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geomet
   return rows;
 }
 
-/// An xraycast attribute as text; empty when it is missing.
-std::string text_attribute(const ExrReader& file, const std::string& name) {
-  return file.text("xraycast:" + name).value_or("");
-}
-
 /// An xraycast attribute as JSON, or an InputError that names it.
 json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
-  json value = parse_json(text_attribute(file, name), path);
+  json value = parse_json(file.text("xraycast:" + name), path);
   if (value.is_discarded())
     throw InputError("{}: attribute xraycast:{} is missing or damaged; cast the map again", path, name);
   return value;
@@ -160,12 +151,12 @@ json attribute(const ExrReader& file, const std::string& name, const std::string
 MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(text_attribute(file, "projection"));
+    geometry.projection = parse_projection(file.text("xraycast:projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
-  geometry.width = file.width(0);
-  geometry.height = file.height(0);
+  geometry.width = file.size(0).x;
+  geometry.height = file.size(0).y;
   const auto read = [&](const char* name, auto& value) {
     try {
       attribute(file, name, path).get_to(value);
@@ -187,7 +178,7 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
     geometry.views = static_cast<int>(*views);
   }
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
-  if (file.text("xraycast:field_mm")) {
+  if (!file.text("xraycast:field_mm").empty()) {
     FieldOfView::Corners corners_mm{};
     read("field_mm", corners_mm);
     geometry.field = FieldOfView::between(corners_mm);
@@ -199,7 +190,7 @@ MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
 MapPrecision precision_of(const ExrReader& file, int version, const std::string& path) {
   if (version < kPrecisionVersion) return MapPrecision::float32;
   try {
-    return parse_map_precision(text_attribute(file, "precision"));
+    return parse_map_precision(file.text("xraycast:precision"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:precision: {}; cast the map again", path, error.what());
   }
@@ -246,7 +237,7 @@ BodyMap read_map(const std::filesystem::path& path) {
                      name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   const ExrReader file(path);
-  const int version = file.number("xraycast:version").value_or(0);
+  const int version = file.number("xraycast:version");
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
     throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
@@ -256,34 +247,32 @@ BodyMap read_map(const std::filesystem::path& path) {
   BodyMap map;
   map.geometry = geometry_of(file, name);
   map.precision = precision_of(file, version, name);
-  if (version == kSpectrumVersion || (version >= kOutlineVersion && file.text("xraycast:spectrum")))
+  if (version == kSpectrumVersion || (version >= kOutlineVersion && !file.text("xraycast:spectrum").empty()))
     map.spectrum =
-        Spectrum::from_json(text_attribute(file, "spectrum"), name + ": attribute xraycast:spectrum");
+        Spectrum::from_json(file.text("xraycast:spectrum"), name + ": attribute xraycast:spectrum");
   else
-    map.opacity = Opacity::from_json(text_attribute(file, "opacity"), name + ": attribute xraycast:opacity");
-  map.source = text_attribute(file, "source");
-  map.frame_of_reference_uid = text_attribute(file, "frame_of_reference_uid");
+    map.opacity = Opacity::from_json(file.text("xraycast:opacity"), name + ": attribute xraycast:opacity");
+  map.source = file.text("xraycast:source");
+  map.frame_of_reference_uid = file.text("xraycast:frame_of_reference_uid");
   if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
     throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
-  if (version == kOutlineVersion || file.number("xraycast:outline").value_or(0) != 0) {
+  if (version == kOutlineVersion || file.number("xraycast:outline") != 0) {
     map.geometry.outline_mm = read_outline(file, map.geometry, name);
     validate(map.geometry, name);
   }
   for (int k = 0; k < layers; ++k)
-    if (file.width(k) != map.geometry.width || file.height(k) != map.geometry.height)
-      throw InputError("{}: layer {} differs in size from layer 0", name, k);
+    if (file.size(k) != file.size(0)) throw InputError("{}: layer {} differs in size from layer 0", name, k);
 
   const auto channels = channels_of(map);
   for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
   parallel_for(layers, [&](std::int64_t k) {
-    std::vector<ExrTarget> targets;
+    std::map<std::string, std::span<float>> targets;
     for (const auto& [channel, values] : channels)
-      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size()),
-                         map.precision == MapPrecision::float32 ? ExrPixel::float32 : ExrPixel::float16});
-    file.read(static_cast<int>(k), targets);
+      targets[channel] = std::span(*values).subspan(k * map.layer_size(), map.layer_size());
+    file.read(static_cast<int>(k), map.precision != MapPrecision::float32, targets);
   });
   if (map.precision == MapPrecision::byte) expand_bytes(map, file, name);
   for (const auto& [channel, values] : channels)
@@ -314,7 +303,6 @@ void write_body_map(const BodyMap& map, const std::filesystem::path& path) {
     parts.push_back({.name = kOutlinePart,
                      .width = map.geometry.width,
                      .height = map.geometry.height,
-                     .compression = ExrCompression::zip,
                      .channels = {{kOutlineChannel, outline}}});
   }
   write_exr(parts, path);

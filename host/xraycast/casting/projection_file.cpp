@@ -1,15 +1,16 @@
 #include "xraycast/casting/projection_file.hpp"
 
 #include "xraycast/base/error.hpp"
-#include "xraycast/base/exr_file.hpp"
 #include "xraycast/base/file_extension.hpp"
 #include "xraycast/base/image.hpp"
-#include "xraycast/base/png_file.hpp"
-#include "xraycast/base/tiff_file.hpp"
+#include "xraycast/base/picture_file.hpp"
+#include "xraycast/base/small_pictures.hpp"
 #include "xraycast/base/whole_file.hpp"
 
 #include <nlohmann/json.hpp>
 
+#include <algorithm>
+#include <array>
 #include <bit>
 
 namespace xraycast {
@@ -82,23 +83,24 @@ void write_one_xa(const ProjectionImage& image, const std::filesystem::path& pat
 
 }  // namespace
 
-bool is_picture(const std::filesystem::path& path) { return extension_of(path) == ".png"; }
+bool is_picture(const std::filesystem::path& path) {
+  constexpr std::array kValues{".exr", ".nrrd", ".tif", ".tiff"};
+  return std::ranges::find(kValues, extension_of(path)) == kValues.end() && !is_xa(path);
+}
 
 void check_projection_format(const std::filesystem::path& path) {
   const std::string extension = extension_of(path);
-  if (extension != ".exr" && extension != ".png" && extension != ".nrrd" && extension != ".tif" &&
-      extension != ".tiff" && !is_xa(path))
-    throw InputError(
-        "{}: a single picture is written as .exr, .tif, .nrrd (float), .dcm (DICOM XA) or .png (for display)",
-        path.string());
+  if (extension != ".exr" && extension != ".nrrd" && !is_xa(path) && !is_picture_name(path))
+    throw InputError("{}: a single picture is written as .exr, .nrrd (float), .dcm (DICOM XA) or one of {}",
+                     path.string(), picture_extensions());
 }
 
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma,
                       bool inverted, const XaOptions& xa) {
   check_projection_format(path);
   if (is_picture(path))
-    return write_png(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
-                     image.view.height, 1, path);
+    return write_picture(windowed(image.tau, automatic_window(image.tau, gamma, inverted)), image.view.width,
+                         image.view.height, 1, path);
   if (is_xa(path)) return write_one_xa(image, path, xa);
   if (extension_of(path) == ".nrrd") return write_nrrd(image, path);
   write_float_image(image, kOpticalDepth, path);

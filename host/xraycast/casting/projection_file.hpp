@@ -9,9 +9,9 @@ namespace xraycast {
 
 /// Writes a projection by the extension: `.exr` and `.tif` hold float tau with the view in their metadata;
 /// `.nrrd` holds float tau with the picture's pose in space, which 3D Slicer loads; `.dcm` is a DICOM X-Ray
-/// Angiographic Image of the transmission (see XaWriter); `.png` holds the displayed picture: exp(-tau) in
-/// the automatic window, with this gamma, inverted or not. Throws InputError for another extension or a path
-/// that cannot be written, Error when the disk is full.
+/// Angiographic Image of the transmission (see XaWriter); names that write_picture knows hold the displayed
+/// picture: exp(-tau) in the automatic window, with this gamma, inverted or not. Throws InputError for
+/// another extension or a path that cannot be written, Error when the disk is full.
 void write_projection(const ProjectionImage& image, const std::filesystem::path& path, double gamma = 1,
                       bool inverted = false, const XaOptions& xa = {});
 

@@ -1,6 +1,6 @@
 #include "xraycast/acquisition/frame_file.hpp"
 
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/casting/projection_file.hpp"
 
 #include <utility>
@@ -44,7 +44,7 @@ bool FrameFile::is_shown() const { return cine_ || is_picture(file_); }
 void FrameFile::add(std::span<const std::uint8_t> picture) {
   if (cine_) return cine_->add(picture);
   const auto pixels = static_cast<std::size_t>(view_.width) * static_cast<std::size_t>(view_.height);
-  write_png(picture, view_.width, view_.height, static_cast<int>(picture.size() / pixels), file_);
+  write_picture(picture, view_.width, view_.height, static_cast<int>(picture.size() / pixels), file_);
 }
 
 void FrameFile::add(const AcquiredFrame& frame, const GreyDisplay& display) {

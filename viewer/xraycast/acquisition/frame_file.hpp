@@ -11,8 +11,8 @@
 
 namespace xraycast {
 
-/// Writes the frames of an acquisition as they come: displayed pictures in a .png,
-/// a .gif or a folder, a float picture, or a DICOM XA image.
+/// Writes the frames of an acquisition as they come: displayed pictures in a .png
+/// or another picture file, a .gif or a folder, a float picture, or a DICOM XA image.
 class FrameFile {
  public:
   struct Kind {

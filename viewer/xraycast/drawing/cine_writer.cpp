@@ -2,7 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/drawing/gif_file.hpp"
 
 #include <fmt/format.h>
@@ -24,7 +24,7 @@ void CineWriter::add(std::span<const std::uint8_t> rgb) {
     if (!animation_) animation_ = std::make_unique<GifFile>(output_, width_, height_, frame_s_);
     animation_->add(rgb);
   } else {
-    write_png(rgb, width_, height_, 3, frame(count_));
+    write_picture(rgb, width_, height_, 3, frame(count_));
   }
   ++count_;
 }

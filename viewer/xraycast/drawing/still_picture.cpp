@@ -1,6 +1,6 @@
 #include "xraycast/drawing/still_picture.hpp"
 
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
 #include "xraycast/drawing/headless_context.hpp"
 

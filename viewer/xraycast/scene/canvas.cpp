@@ -135,20 +135,6 @@ void Canvas::picture(std::span<const std::uint8_t> rgb, int width, int height, c
   drawing_->scaled(surface_of(rgb, width, height).get(), box);
 }
 
-void Canvas::png(const std::filesystem::path& file, const PixelBox& box) {
-  const CairoSurface picture(cairo_image_surface_create_from_png(file.c_str()));
-  if (const auto status = cairo_surface_status(picture.get()); status != CAIRO_STATUS_SUCCESS)
-    throw Error("{}: {}", file.string(), cairo_status_to_string(status));
-  const int width = cairo_image_surface_get_width(picture.get()),
-            height = cairo_image_surface_get_height(picture.get());
-  const double scale = std::min(box.width / width, box.height / height);
-  const int w = std::max(1, static_cast<int>(width * scale)),
-            h = std::max(1, static_cast<int>(height * scale));
-  // Whole pixels, so that borders are sharp.
-  drawing_->scaled(picture.get(), {std::floor(box.left + 0.5 * (box.width - w)),
-                                   std::floor(box.top + 0.5 * (box.height - h)), double(w), double(h)});
-}
-
 void Canvas::text(const glm::dvec2& at, const std::string& words, double size, const Colour& colour,
                   Align align) {
   const glm::dvec2 start = drawing_->start(at, words, size, align);

@@ -3,7 +3,6 @@
 #include <glm/vec2.hpp>
 
 #include <cstdint>
-#include <filesystem>
 #include <memory>
 #include <span>
 #include <string>
@@ -49,9 +48,6 @@ class Canvas {
 
   /// Another picture, 8-bit RGB, scaled to a box. At its own size and whole pixels its values are unchanged.
   void picture(std::span<const std::uint8_t> rgb, int width, int height, const PixelBox& box);
-
-  /// A PNG file, scaled to fit into a box, in its middle. Throws Error when it cannot be read.
-  void png(const std::filesystem::path& file, const PixelBox& box);
 
   /// Text in a sans-serif font of `size` pixels. `at` is on their baseline, at their left, middle or right.
   void text(const glm::dvec2& at, const std::string& words, double size, const Colour& colour,

@@ -2,7 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/file_extension.hpp"
-#include "xraycast/base/png_file.hpp"
+#include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
@@ -195,7 +195,7 @@ void Viewer::save_picture() {
     // The name is chosen by the job: the one before it is done by then, and its file is there.
     writing_.start("Saving", [this, rgb = std::move(rgb), width, height](Progress&) -> Worker::Delivery {
       const fs::path path = unused("xraycast", ".png");
-      write_png(rgb, width, height, 3, path);
+      write_picture(rgb, width, height, 3, path);
       return [this, path] { message_ = "saved " + fs::absolute(path).string(); };
     });
   });

@@ -1,0 +1,85 @@
+#include "xraycast/base/picture_file.hpp"
+
+#include "xraycast/base/atomic_file.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/file_extension.hpp"
+#include "xraycast/base/loaded_module.hpp"
+#include "xraycast/base/picture_formats.hpp"
+
+#include <algorithm>
+#include <array>
+
+namespace xraycast {
+namespace {
+
+/// What is offered of the formats that OpenImageIO writes: those that hold 8-bit pictures of any size, and
+/// whose files it makes in memory.
+constexpr std::array kPictureExtensions{".png", ".jpg",  ".jpeg", ".tif", ".tiff", ".gif", ".hdr",
+                                        ".bmp", ".webp", ".tga",  ".ppm", ".pgm",  ".dpx"};
+
+/// Twice of what was measured: where there is less, the rest of a run needs it more.
+constexpr MemoryNeed kOpenImageIo{1000 << 20, 250 << 20};
+
+/// Throws Error when the module cannot be loaded.
+const PictureFormats& formats() {
+  using Get = const PictureFormats* (*)();
+  static const PictureFormats& loaded =
+      *reinterpret_cast<Get>(module_function(XRAYCAST_PICTURES_MODULE, "xraycast_pictures", kOpenImageIo))();
+  return loaded;
+}
+
+/// What `work` returns; its failure names the file.
+template <typename Work>
+decltype(auto) naming(const std::filesystem::path& path, const char* what, const Work& work) {
+  try {
+    return work();
+  } catch (const std::exception& error) {
+    throw Error("{}: {}: {}", path.string(), what, error.what());
+  }
+}
+
+template <typename Bytes>
+void write_bytes_of(const std::filesystem::path& path, const Bytes& bytes) {
+  AtomicFile file(path);
+  const std::string content = naming(path, "could not be written", bytes);
+  file.write(content, std::ssize(content));
+  file.commit();
+}
+
+}  // namespace
+
+void write_picture(std::span<const std::uint8_t> pixels, int width, int height, int channels,
+                   const std::filesystem::path& path) {
+  const std::string extension = extension_of(path);
+  write_bytes_of(path, [&] {
+    return extension == ".png" ? png_bytes(pixels, width, height, channels)
+                               : formats().bytes_of(pixels, width, height, channels, extension);
+  });
+}
+
+void write_tiff(std::span<const float> values, int width, int height, const std::string& description,
+                const std::filesystem::path& path) {
+  write_bytes_of(path, [&] { return formats().tiff_of(values, width, height, description); });
+}
+
+bool is_picture_name(const std::filesystem::path& path) {
+  const std::string extension = extension_of(path);
+  if (std::ranges::find(kPictureExtensions, extension) == kPictureExtensions.end()) return false;
+  if (extension != ".png") naming(path, "takes OpenImageIO, unlike .png and .exr", formats);
+  return true;
+}
+
+std::string picture_extensions() { return fmt::format("{}", fmt::join(kPictureExtensions, ", ")); }
+
+void check_picture_name(const std::filesystem::path& path, const std::string& name) {
+  if (!is_picture_name(path))
+    throw InputError("{}: a picture's name must end in {}", name, picture_extensions());
+  check_writable(path);
+}
+
+RgbPicture read_fitted(const std::filesystem::path& path, int width, int height) {
+  return naming(path, "could not be read",
+                [&] { return formats().read_fitted(path.string(), width, height); });
+}
+
+}  // namespace xraycast

@@ -1,0 +1,20 @@
+#pragma once
+
+#include "xraycast/base/picture_file.hpp"
+
+namespace xraycast {
+
+/// What the module of OpenImageIO does. Failures are std::exceptions that say what is wrong without naming
+/// the file.
+class PictureFormats {
+ public:
+  virtual ~PictureFormats() = default;
+
+  virtual std::string bytes_of(std::span<const std::uint8_t> pixels, int width, int height, int channels,
+                               const std::string& extension) const = 0;
+  virtual std::string tiff_of(std::span<const float> values, int width, int height,
+                              const std::string& description) const = 0;
+  virtual RgbPicture read_fitted(const std::string& path, int width, int height) const = 0;
+};
+
+}  // namespace xraycast

@@ -1,0 +1,132 @@
+#include "xraycast/base/picture_file.hpp"
+
+#include "support/pictures.hpp"
+#include "support/temporary_folder.hpp"
+#include "xraycast/base/error.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <chrono>
+#include <sstream>
+#include <thread>
+
+namespace xraycast::picture_file_test {
+namespace {
+
+constexpr int kWidth = 64, kHeight = 48;
+
+/// Smooth, so that what compresses with loss comes close.
+std::vector<std::uint8_t> smooth_picture(int channels) {
+  std::vector<std::uint8_t> pixels;
+  for (int y = 0; y < kHeight; ++y)
+    for (int x = 0; x < kWidth; ++x)
+      for (int c = 0; c < channels; ++c) pixels.push_back(static_cast<std::uint8_t>(3 * x + y / (c + 1)));
+  return pixels;
+}
+
+std::vector<std::string> offered_extensions() {
+  std::vector<std::string> extensions;
+  std::istringstream words(picture_extensions());
+  for (std::string word; words >> word;) extensions.push_back(word.substr(0, word.find(',')));
+  return extensions;
+}
+
+TEST(PictureFile, EveryOfferedFormatReadsBack) {
+  const TemporaryFolder folder;
+  EXPECT_THAT(offered_extensions(), testing::IsSupersetOf({".png", ".jpg", ".tif", ".gif", ".hdr", ".webp"}));
+  for (const std::string& extension : offered_extensions())
+    for (const int channels : {1, 3}) {
+      SCOPED_TRACE(extension);
+      const std::vector<std::uint8_t> pixels = smooth_picture(channels);
+      write_picture(pixels, kWidth, kHeight, channels, folder / ("p" + extension));
+      const RgbPicture read = read_fitted(folder / ("p" + extension), kWidth, kHeight);
+      ASSERT_EQ(read.rgb.size(), std::size_t{3} * kWidth * kHeight);
+      int worst = 0;
+      for (std::size_t i = 0; i < read.rgb.size(); ++i)
+        worst = std::max(worst, std::abs(read.rgb[i] - pixels[channels == 1 ? i / 3 : i]));
+      // JPEG quantises blocks, WebP and HDR colours, GIF has 255 of them for the picture's thousands.
+      const bool has_loss = extension == ".jpg" || extension == ".jpeg" || extension == ".webp" ||
+                            extension == ".hdr" || extension == ".gif";
+      EXPECT_LE(worst, has_loss ? 16 : 0);
+    }
+}
+
+TEST(PictureFile, OfAnotherNameIsRefusedWithThoseThatWork) {
+  const TemporaryFolder folder;
+  for (const char* name : {"p.xyz", "p", ".png", "p.png.txt", "p.exr"}) {
+    EXPECT_FALSE(is_picture_name(name)) << name;
+    try {
+      check_picture_name(folder / name, "--plot p");
+      FAIL() << name;
+    } catch (const InputError& error) {
+      EXPECT_THAT(error.what(), testing::StartsWith("--plot p: a picture's name must end in .png, .jpg, "));
+    }
+  }
+  EXPECT_THROW(write_picture(smooth_picture(1), kWidth, kHeight, 1, folder / "p.xyz"), Error);
+  EXPECT_TRUE(is_picture_name("p.JPG"));
+}
+
+TEST(PictureFile, IsFittedIntoABox) {
+  const TemporaryFolder folder;
+  write_picture(smooth_picture(3), kWidth, kHeight, 3, folder / "p.png");
+  for (const auto& [width, height] : {std::pair{32, 100}, std::pair{100, 24}}) {
+    const RgbPicture read = read_fitted(folder / "p.png", width, height);
+    EXPECT_EQ(read.width, 32);
+    EXPECT_EQ(read.height, 24);
+  }
+}
+
+TEST(PictureFile, FittedKeepsItsMean) {
+  const TemporaryFolder folder;
+  std::vector<std::uint8_t> greys;  // a chequerboard
+  for (int i = 0; i < 80 * 40; ++i) greys.push_back((i + i / 80) % 2 == 0 ? 0 : 200);
+  write_picture(greys, 80, 40, 1, folder / "board.png");
+  const RgbPicture read = read_fitted(folder / "board.png", 20, 20);
+  EXPECT_EQ(read.rgb.size(), std::size_t{3} * 20 * 10);
+  // The mean, but for the filter's rounding and its few samples at the border.
+  EXPECT_THAT(read.rgb, testing::Each(testing::AllOf(testing::Ge(90), testing::Le(110))));
+}
+
+TEST(PictureFile, ThatCannotBeReadIsNamed) {
+  const TemporaryFolder folder;
+  write_whole_file(folder / "text.png", "no picture");
+  for (const char* name : {"none.png", "text.png"}) try {
+      read_fitted(folder / name, 10, 10);
+      FAIL() << "read";
+    } catch (const Error& error) {
+      EXPECT_THAT(error.what(), testing::StartsWith((folder / name).string() + ": could not be read: "));
+      EXPECT_THAT(error.what(), testing::Not(testing::HasSubstr("\n")));
+    }
+}
+
+TEST(PictureFile, SamePicturesMakeTheSameBytesLater) {
+  const TemporaryFolder folder;
+  const auto files = [&] {
+    std::vector<std::string> contents;
+    for (const std::string& extension : offered_extensions()) {
+      write_picture(smooth_picture(3), kWidth, kHeight, 3, folder / ("p" + extension));
+      contents.push_back(read_whole_file(folder / ("p" + extension)));
+    }
+    write_tiff(std::vector<float>(6, 0.5f), 3, 2, "tau", folder / "floats.tif");
+    contents.push_back(read_whole_file(folder / "floats.tif"));
+    return contents;
+  };
+  const std::vector<std::string> first = files();
+  std::this_thread::sleep_for(std::chrono::milliseconds(1100));  // times in files are of whole seconds
+  EXPECT_EQ(files(), first);
+}
+
+TEST(PictureFile, OfPngMakesTheSameBytesInMemory) {
+  const TemporaryFolder folder;
+  for (const int channels : {1, 3}) {
+    const std::vector<std::uint8_t> pixels = smooth_picture(channels);
+    write_picture(pixels, kWidth, kHeight, channels, folder / "p.png");
+    EXPECT_EQ(read_png(folder / "p.png").values, pixels);
+    EXPECT_EQ(png_bytes(pixels, kWidth, kHeight, channels), read_whole_file(folder / "p.png"));
+  }
+}
+
+}  // namespace
+}  // namespace xraycast::picture_file_test
