@@ -8,7 +8,6 @@
 #include <ImfChannelList.h>
 #include <ImfFrameBuffer.h>
 #include <ImfHeader.h>
-#include <ImfInputPart.h>
 #include <ImfIntAttribute.h>
 #include <ImfMultiPartOutputFile.h>
 #include <ImfOutputPart.h>
@@ -22,8 +21,6 @@
 #include <cstring>
 #include <fstream>
 #include <half.h>
-#include <mutex>
-#include <openexr.h>
 #include <png.h>
 #include <thread>
 
@@ -37,8 +34,8 @@ Imf::Header header_of(const ExrPart& part) {
   if (!part.name.empty()) header.setName(part.name);
   header.setType(Imf::SCANLINEIMAGE);
   header.compression() = part.is_packed_by_row ? Imf::ZIPS_COMPRESSION : Imf::ZIP_COMPRESSION;
-  for (const ExrChannel& channel : part.channels)
-    header.channels().insert(channel.name, Imf::Channel(pixel_type(part.is_half)));
+  for (const auto& [name, values] : part.channels)
+    header.channels().insert(name, Imf::Channel(pixel_type(part.is_half)));
   for (const auto& [name, value] : part.attributes)
     if (const int* number = std::get_if<int>(&value))
       header.insert(name, Imf::IntAttribute(*number));
@@ -59,74 +56,6 @@ void write_pixels(const ExrPart& part, const Imath::Box2i& window, Imf::OutputPa
   file.writePixels(part.height);
 }
 
-/// What the file takes where nothing can be packed.
-std::int64_t most_bytes(std::span<const ExrPart> parts) {
-  constexpr std::int64_t kHeader_B = 4000, kRow_B = 16;
-  std::int64_t sum_B = 0;
-  for (const auto& part : parts)
-    sum_B +=
-        kHeader_B + part.height * (kRow_B + (part.is_half ? 2 : 4) * std::ssize(part.channels) * part.width);
-  return sum_B;
-}
-
-/// OpenEXR deflates in a pool of threads that the whole process shares, initially without threads. A
-/// program's own setting is kept.
-void use_all_cores() {
-  static std::once_flag once;
-  std::call_once(once, [] {
-    if (Imf::globalThreadCount() == 0)
-      Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
-  });
-}
-
-/// By OpenEXR's C library, which checks the sizes in strict headers against the file's: the C++ one, which
-/// reads the file after that, allocates what they claim.
-void check_headers(const std::string& path) {
-  struct Context {
-    exr_context_t handle = nullptr;
-    ~Context() { exr_finish(&handle); }
-  } context;
-  exr_context_initializer_t options = EXR_DEFAULT_CONTEXT_INITIALIZER;
-  options.error_handler_fn = [](exr_const_context_t, exr_result_t, const char*) {};  // else to stderr
-  options.flags = EXR_CONTEXT_FLAG_STRICT_HEADER;
-  const auto check = [&](exr_result_t result) {
-    if (result != EXR_ERR_SUCCESS)
-      throw InputError("{}: damaged or truncated: {}", path, exr_get_default_error_message(result));
-  };
-  check(exr_start_read(&context.handle, path.c_str(), &options));
-  int parts = 0;
-  check(exr_get_count(context.handle, &parts));
-  double claimed_B = 0;
-  for (int part = 0; part < parts; ++part) {
-    exr_storage_t storage{};
-    exr_attr_box2i_t window{};
-    const exr_attr_chlist_t* channels = nullptr;
-    check(exr_get_storage(context.handle, part, &storage));
-    check(exr_get_data_window(context.handle, part, &window));
-    check(exr_get_channels(context.handle, part, &channels));
-    if (storage != EXR_STORAGE_SCANLINE)
-      throw InputError("{}: part {} is tiled or deep, but only scan lines are read", path, part);
-    for (const exr_attr_chlist_entry_t& channel : std::span(channels->entries, channels->num_channels))
-      claimed_B += (channel.pixel_type == EXR_PIXEL_HALF ? 2 : 4) * (1.0 + window.max.x - window.min.x) *
-                   (1.0 + window.max.y - window.min.y);
-  }
-  constexpr double kMaxDeflated = 1032;  // times; zlib's limit
-  const auto size_B = static_cast<double>(std::filesystem::file_size(path));
-  if (claimed_B > kMaxDeflated * size_B)
-    throw InputError("{}: damaged: a file of {:.0f} bytes cannot hold pixels of {:.0f}", path, size_B,
-                     claimed_B);
-}
-
-/// What `read` returns; what OpenEXR throws becomes an InputError.
-template <typename Read>
-auto reading(const std::string& path, const Read& read) {
-  try {
-    return read();
-  } catch (const Iex::BaseExc& error) {
-    throw InputError("{}: damaged or truncated: {}", path, excerpt(error.what()));
-  }
-}
-
 }  // namespace
 
 std::string png_bytes(std::span<const std::uint8_t> pixels, int width, int height, int channels) {
@@ -144,14 +73,22 @@ std::string png_bytes(std::span<const std::uint8_t> pixels, int width, int heigh
 }
 
 void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path) {
+  constexpr std::int64_t kHeader_B = 4000, kRow_B = 16;
   AtomicFile file(path);
+  std::vector<Imf::Header> headers;
+  std::int64_t most_B = 0;  // where nothing can be packed
+  for (const ExrPart& part : parts) {
+    headers.push_back(header_of(part));
+    most_B +=
+        kHeader_B + part.height * (kRow_B + (part.is_half ? 2 : 4) * std::ssize(part.channels) * part.width);
+  }
+  // OpenEXR deflates in a pool of threads of the whole process, initially none. A program's setting is kept.
+  if (Imf::globalThreadCount() == 0)
+    Imf::setGlobalThreadCount(static_cast<int>(std::thread::hardware_concurrency()));
   errno = 0;
   std::ofstream out(file.temporary(), std::ios::binary);
   std::string problem;
   try {
-    std::vector<Imf::Header> headers;
-    for (const ExrPart& part : parts) headers.push_back(header_of(part));
-    use_all_cores();
     Imf::StdOFStream stream(out, path.c_str());
     Imf::MultiPartOutputFile exr(stream, headers.data(), static_cast<int>(headers.size()));
     for (std::size_t k = 0; k < parts.size(); ++k) {
@@ -163,7 +100,7 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
   }
   // OpenEXR's destructors write the tables of rows, and do not report when that fails; the stream does.
   out.close();
-  if (!out) throw file.failure(errno, most_bytes(parts));
+  if (!out) throw file.failure(errno, most_B);
   if (!problem.empty()) throw Error("{}: could not be written: {}", path.string(), problem);
   file.commit();
 }
@@ -178,35 +115,117 @@ bool is_exr(const std::filesystem::path& path) {
   return in.read(first.data(), first.size()) && first == kMagic;
 }
 
-Imf::MultiPartInputFile open_exr(const std::filesystem::path& path) {
-  check_headers(path.string());
-  // No threads: callers read parts in their own. No search for the rows of a file without a table of them.
-  return reading(path.string(), [&] { return Imf::MultiPartInputFile(path.c_str(), 0, false); });
+// Files are read by OpenEXR's C library: it checks the sizes in headers against the file's size, where the
+// C++ one allocates whatever an attribute claims.
+
+void ExrReader::check(exr_result_t result) const {
+  if (result != EXR_ERR_SUCCESS)
+    throw InputError("{}: damaged or truncated: {}", name_, exr_get_default_error_message(result));
 }
 
-Imath::V2i exr_size(const Imf::MultiPartInputFile& file, int part) {
-  return file.header(part).dataWindow().size() + Imath::V2i(1);
-}
+ExrReader::ExrReader(const std::filesystem::path& path) : name_(path.string()) {
+  exr_context_initializer_t options = EXR_DEFAULT_CONTEXT_INITIALIZER;
+  options.error_handler_fn = [](exr_const_context_t, exr_result_t, const char*) {};  // else to stderr
+  exr_context_t context = nullptr;
+  const exr_result_t result = exr_start_read(&context, path.c_str(), &options);
+  context_.reset(context);
+  check(result);
 
-void read_exr_part(Imf::MultiPartInputFile& file, int part, bool is_half, std::span<const ExrTarget> targets,
-                   const std::string& path) {
-  const Imf::ChannelList& channels = file.header(part).channels();
-  for (auto channel = channels.begin(); channel != channels.end(); ++channel)
-    if (std::ranges::find(targets, channel.name(), &ExrTarget::channel) == targets.end() ||
-        !(channel.channel() == Imf::Channel(pixel_type(is_half))))
-      throw InputError("{}: layer {} has an unexpected channel {}", path, part, excerpt(channel.name()));
-  const Imath::Box2i& window = file.header(part).dataWindow();
-  Imf::FrameBuffer buffer;
-  for (const auto& [channel, values] : targets) {
-    if (!channels.findChannel(channel))
-      throw InputError("{}: layer {} has no channel {}", path, part, channel);
-    buffer.insert(channel, Imf::Slice::Make(Imf::FLOAT, values.data(), window));
+  constexpr double kMaxDeflated = 1032;  // times; zlib's limit
+  double claimed_B = 0;
+  for (int part = 0; part < parts(); ++part) {
+    exr_storage_t storage{};
+    check(exr_get_storage(context, part, &storage));
+    if (storage != EXR_STORAGE_SCANLINE)
+      throw InputError("{}: part {} is tiled or deep, but only scan lines are read", name_, part);
+    for (const exr_attr_chlist_entry_t& channel : channels(part))
+      claimed_B += (channel.pixel_type == EXR_PIXEL_HALF ? 2.0 : 4.0) * size(part).x * size(part).y;
   }
-  reading(path, [&] {
-    Imf::InputPart in(file, part);
-    in.setFrameBuffer(buffer);
-    in.readPixels(window.min.y, window.max.y);
-  });
+  const auto size_B = static_cast<double>(std::filesystem::file_size(path));
+  if (claimed_B > kMaxDeflated * size_B)
+    throw InputError("{}: damaged: a file of {:.0f} bytes cannot hold pixels of {:.0f}", name_, size_B,
+                     claimed_B);
+}
+
+int ExrReader::parts() const {
+  int count = 0;
+  check(exr_get_count(context_.get(), &count));
+  return count;
+}
+
+exr_attr_box2i_t ExrReader::window(int part) const {
+  exr_attr_box2i_t window{};
+  check(exr_get_data_window(context_.get(), part, &window));
+  return window;
+}
+
+glm::ivec2 ExrReader::size(int part) const {
+  const auto [min, max] = window(part);
+  return {max.x - min.x + 1, max.y - min.y + 1};
+}
+
+std::span<const exr_attr_chlist_entry_t> ExrReader::channels(int part) const {
+  const exr_attr_chlist_t* channels = nullptr;
+  check(exr_get_channels(context_.get(), part, &channels));
+  return {channels->entries, static_cast<std::size_t>(channels->num_channels)};
+}
+
+const exr_attribute_t* ExrReader::attribute(const std::string& name, exr_attribute_type_t type) const {
+  const exr_attribute_t* found = nullptr;
+  const exr_result_t result = exr_get_attribute_by_name(context_.get(), 0, name.c_str(), &found);
+  return result == EXR_ERR_SUCCESS && found->type == type ? found : nullptr;
+}
+
+std::string ExrReader::text(const std::string& name) const {
+  const exr_attribute_t* found = attribute(name, EXR_ATTR_STRING);
+  return found ? std::string(found->string->str, static_cast<std::size_t>(found->string->length)) : "";
+}
+
+int ExrReader::number(const std::string& name) const {
+  const exr_attribute_t* found = attribute(name, EXR_ATTR_INT);
+  return found ? found->i : 0;
+}
+
+void ExrReader::read(int part, bool is_half, const std::map<std::string, std::span<float>>& targets) const {
+  std::vector<float*> values;  // of the file's channels, in their order
+  for (const exr_attr_chlist_entry_t& channel : channels(part)) {
+    const auto target = targets.find(channel.name.str);
+    if (target == targets.end() || channel.pixel_type != (is_half ? EXR_PIXEL_HALF : EXR_PIXEL_FLOAT) ||
+        channel.x_sampling != 1 || channel.y_sampling != 1)
+      throw InputError("{}: layer {} has an unexpected channel {}", name_, part, excerpt(channel.name.str));
+    values.push_back(target->second.data());
+  }
+  for (const auto& [channel, target] : targets)
+    if (std::ranges::find(values, target.data()) == values.end())
+      throw InputError("{}: layer {} has no channel {}", name_, part, channel);
+
+  struct Decoder {
+    exr_const_context_t context;
+    exr_decode_pipeline_t pipeline{};
+    ~Decoder() { exr_decoding_destroy(context, &pipeline); }
+  } decoder{context_.get()};
+  exr_decode_pipeline_t& pipeline = decoder.pipeline;
+  const auto [min, max] = window(part);
+  const std::ptrdiff_t width = size(part).x;
+  int rows = 0;
+  check(exr_get_scanlines_per_chunk(decoder.context, part, &rows));
+  for (std::int64_t y = min.y; y <= max.y; y += rows) {
+    exr_chunk_info_t chunk{};
+    check(exr_read_scanline_chunk_info(decoder.context, part, static_cast<int>(y), &chunk));
+    const bool is_first = y == min.y;
+    check(is_first ? exr_decoding_initialize(decoder.context, part, &chunk, &pipeline)
+                   : exr_decoding_update(decoder.context, part, &chunk, &pipeline));
+    for (std::size_t c = 0; c < values.size(); ++c) {
+      exr_coding_channel_info_t& channel = pipeline.channels[c];
+      channel.decode_to_ptr = reinterpret_cast<std::uint8_t*>(values[c] + (y - min.y) * width);
+      channel.user_data_type = EXR_PIXEL_FLOAT;
+      channel.user_bytes_per_element = sizeof(float);
+      channel.user_pixel_stride = sizeof(float);
+      channel.user_line_stride = static_cast<std::int32_t>(sizeof(float) * static_cast<std::size_t>(width));
+    }
+    if (is_first) check(exr_decoding_choose_default_routines(decoder.context, part, &pipeline));
+    check(exr_decoding_run(decoder.context, part, &pipeline));
+  }
 }
 
 }  // namespace xraycast

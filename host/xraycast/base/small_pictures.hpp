@@ -2,10 +2,11 @@
 
 #include "xraycast/base/picture_file.hpp"
 
-#include <ImathBox.h>
-#include <ImfHeader.h>
-#include <ImfMultiPartInputFile.h>
+#include <glm/vec2.hpp>
+
 #include <map>
+#include <memory>
+#include <openexr.h>
 #include <variant>
 
 namespace xraycast {
@@ -14,19 +15,13 @@ namespace xraycast {
 // OpenImageIO takes four times as long as drawing a frame of a map, and it needs 260 libraries of Debian,
 // some under the GPL, which a Python wheel cannot carry.
 
-/// A channel of floats: W x H, row 0 on top.
-struct ExrChannel {
-  std::string name;
-  std::span<const float> values;
-};
-
 /// One picture of an OpenEXR file.
 struct ExrPart {
   std::string name{};  ///< different in each part; may be empty in a file of one part
   int width = 0, height = 0;
   bool is_half = false;           ///< stored as 16-bit floats, to which values are rounded
   bool is_packed_by_row = false;  ///< else 16 rows at a time
-  std::vector<ExrChannel> channels{};
+  std::map<std::string, std::span<const float>> channels{};  ///< each W x H, row 0 on top
   std::map<std::string, std::variant<int, std::string>> attributes{};
 };
 
@@ -37,23 +32,35 @@ void write_exr(std::span<const ExrPart> parts, const std::filesystem::path& path
 /// Whether a file begins as OpenEXR files do. Throws InputError when it cannot be opened.
 bool is_exr(const std::filesystem::path& path);
 
-/// Opens an OpenEXR file. Throws InputError when it is damaged, has other parts than of scan lines, or claims
-/// more pixels than it can hold; so memory may be allocated for its sizes.
-Imf::MultiPartInputFile open_exr(const std::filesystem::path& path);
+/// An OpenEXR file of scan-line parts, open for reading. Several threads may read from one.
+class ExrReader {
+ public:
+  /// Reads the headers. Throws InputError when the file cannot be opened, is damaged, or claims more pixels
+  /// than it can hold; so memory may be allocated for its sizes.
+  explicit ExrReader(const std::filesystem::path& path);
 
-/// A part's width and height.
-Imath::V2i exr_size(const Imf::MultiPartInputFile& file, int part);
+  int parts() const;
+  glm::ivec2 size(int part) const;  ///< width and height
 
-/// Where `read_exr_part` puts a channel: W x H floats.
-struct ExrTarget {
-  std::string channel;
-  std::span<float> values;
+  /// An attribute of the first part; empty or 0 when there is none of that type.
+  std::string text(const std::string& attribute) const;
+  int number(const std::string& attribute) const;
+
+  /// Reads a part whose channels are those of `targets`, of W x H values each, stored as 16-bit or 32-bit
+  /// floats. Throws InputError when it has others or the file is damaged.
+  void read(int part, bool is_half, const std::map<std::string, std::span<float>>& targets) const;
+
+ private:
+  struct Finish {
+    void operator()(exr_context_t context) const { exr_finish(&context); }
+  };
+  void check(exr_result_t result) const;
+  exr_attr_box2i_t window(int part) const;
+  std::span<const exr_attr_chlist_entry_t> channels(int part) const;
+  const exr_attribute_t* attribute(const std::string& name, exr_attribute_type_t type) const;
+
+  std::string name_;
+  std::unique_ptr<std::remove_pointer_t<exr_context_t>, Finish> context_;
 };
-
-/// Reads a part whose channels are those of `targets`, in any order, stored as 16-bit or 32-bit floats.
-/// Throws InputError, which names the `path`, when it has others or the file is damaged. Several threads may
-/// read from a file.
-void read_exr_part(Imf::MultiPartInputFile& file, int part, bool is_half, std::span<const ExrTarget> targets,
-                   const std::string& path);
 
 }  // namespace xraycast

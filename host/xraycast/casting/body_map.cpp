@@ -88,8 +88,7 @@ ExrPart part_of_layer(const BodyMap& map, const StoredValues& stored, int layer)
                .is_packed_by_row = map.precision == MapPrecision::float32};
   const auto channels = channels_of(map);
   for (std::size_t c = 0; c < channels.size(); ++c)
-    part.channels.push_back(
-        {channels[c].first, stored.channels[c].subspan(layer * map.layer_size(), map.layer_size())});
+    part.channels[channels[c].first] = stored.channels[c].subspan(layer * map.layer_size(), map.layer_size());
   const auto set = [&](const std::string& name, std::variant<int, std::string> value) {
     part.attributes["xraycast:" + name] = std::move(value);
   };
@@ -129,13 +128,12 @@ std::vector<float> read_outline(Imf::MultiPartInputFile& file, const MapGeometry
                                 const std::string& path) {
   const int part = geometry.layers();
   if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
-  const Imath::V2i size = exr_size(file, part);
-  if (size != Imath::V2i(geometry.width, geometry.height))
-    throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart, size.x,
-                     size.y, geometry.width, geometry.height);
+  if (file.size(part) != file.size(0))
+    throw InputError("{}: part {} has {} x {} radii for layers of {} x {} texels", path, kOutlinePart,
+                     file.size(part).x, file.size(part).y, geometry.width, geometry.height);
   const auto width = static_cast<std::ptrdiff_t>(geometry.width);
   std::vector<float> rows(static_cast<std::size_t>(width) * geometry.height);
-  read_exr_part(file, part, false, std::array{ExrTarget{kOutlineChannel, rows}}, path);
+  file.read(part, false, {{kOutlineChannel, rows}});
   bool are_alike = geometry.projection == Projection::cylinder;
   for (auto row = rows.begin() + width; are_alike && row != rows.end(); row += width)
     are_alike = std::equal(row, row + width, rows.begin());
@@ -143,16 +141,9 @@ std::vector<float> read_outline(Imf::MultiPartInputFile& file, const MapGeometry
   return rows;
 }
 
-/// An xraycast attribute, an int or a std::string; 0 or empty when there is none of that type.
-template <typename T>
-T value_of(const Imf::MultiPartInputFile& file, const std::string& name) {
-  const auto* found = file.header(0).findTypedAttribute<Imf::TypedAttribute<T>>("xraycast:" + name);
-  return found ? found->value() : T();
-}
-
 /// An xraycast attribute as JSON, or an InputError that names it.
-json attribute(const Imf::MultiPartInputFile& file, const std::string& name, const std::string& path) {
-  json value = parse_json(value_of<std::string>(file, name), path);
+json attribute(const ExrReader& file, const std::string& name, const std::string& path) {
+  json value = parse_json(file.text("xraycast:" + name), path);
   if (value.is_discarded())
     throw InputError("{}: attribute xraycast:{} is missing or damaged; cast the map again", path, name);
   return value;
@@ -161,12 +152,12 @@ json attribute(const Imf::MultiPartInputFile& file, const std::string& name, con
 MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& path) {
   MapGeometry geometry;
   try {
-    geometry.projection = parse_projection(value_of<std::string>(file, "projection"));
+    geometry.projection = parse_projection(file.text("xraycast:projection"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:projection: {}", path, error.what());
   }
-  geometry.width = exr_size(file, 0).x;
-  geometry.height = exr_size(file, 0).y;
+  geometry.width = file.size(0).x;
+  geometry.height = file.size(0).y;
   const auto read = [&](const char* name, auto& value) {
     try {
       attribute(file, name, path).get_to(value);
@@ -188,7 +179,7 @@ MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& 
     geometry.views = static_cast<int>(*views);
   }
   for (const auto& [x, y] : centres) geometry.centre_mm.emplace_back(x, y);
-  if (!value_of<std::string>(file, "field_mm").empty()) {
+  if (!file.text("xraycast:field_mm").empty()) {
     FieldOfView::Corners corners_mm{};
     read("field_mm", corners_mm);
     geometry.field = FieldOfView::between(corners_mm);
@@ -200,7 +191,7 @@ MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& 
 MapPrecision precision_of(const Imf::MultiPartInputFile& file, int version, const std::string& path) {
   if (version < kPrecisionVersion) return MapPrecision::float32;
   try {
-    return parse_map_precision(value_of<std::string>(file, "precision"));
+    return parse_map_precision(file.text("xraycast:precision"));
   } catch (const InputError& error) {
     throw InputError("{}: attribute xraycast:precision: {}; cast the map again", path, error.what());
   }
@@ -246,8 +237,8 @@ BodyMap read_map(const std::filesystem::path& path) {
     throw InputError("{}: a folder, but a body map is needed; make one from a scan with `xraycast cast`",
                      name);
   if (!is_exr(path)) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
-  Imf::MultiPartInputFile file = open_exr(path);
-  const int version = value_of<int>(file, "version");
+  const ExrReader file(path);
+  const int version = file.number("xraycast:version");
   if (version == 0) throw InputError("{}: not a body map; make one with `xraycast cast`", name);
   if (version < kTauVersion || version > kPrecisionVersion)
     throw InputError("{}: body map version {}, but this program reads versions {} to {}; {}", name, version,
@@ -257,35 +248,33 @@ BodyMap read_map(const std::filesystem::path& path) {
   BodyMap map;
   map.geometry = geometry_of(file, name);
   map.precision = precision_of(file, version, name);
-  if (version == kSpectrumVersion ||
-      (version >= kOutlineVersion && !value_of<std::string>(file, "spectrum").empty()))
+  if (version == kSpectrumVersion || (version >= kOutlineVersion && !file.text("xraycast:spectrum").empty()))
     map.attenuation =
-        Spectrum::from_json(value_of<std::string>(file, "spectrum"), name + ": attribute xraycast:spectrum");
+        Spectrum::from_json(file.text("xraycast:spectrum"), name + ": attribute xraycast:spectrum");
   else
     map.attenuation =
-        Opacity::from_json(value_of<std::string>(file, "opacity"), name + ": attribute xraycast:opacity");
-  map.source = value_of<std::string>(file, "source");
-  map.frame_of_reference_uid = value_of<std::string>(file, "frame_of_reference_uid");
+        Opacity::from_json(file.text("xraycast:opacity"), name + ": attribute xraycast:opacity");
+  map.source = file.text("xraycast:source");
+  map.frame_of_reference_uid = file.text("xraycast:frame_of_reference_uid");
   if (!map.frame_of_reference_uid.empty() && !is_dicom_uid(map.frame_of_reference_uid))
     throw InputError("{}: attribute xraycast:frame_of_reference_uid is not a DICOM UID; cast the map again",
                      name);
   const int layers = map.geometry.layers();
   if (file.parts() < layers) throw InputError("{}: layer {} of {} is missing", name, file.parts(), layers);
-  if (version == kOutlineVersion || value_of<int>(file, "outline") != 0) {
+  if (version == kOutlineVersion || file.number("xraycast:outline") != 0) {
     map.geometry.outline_mm = read_outline(file, map.geometry, name);
     validate(map.geometry, name);
   }
   for (int k = 0; k < layers; ++k)
-    if (exr_size(file, k) != exr_size(file, 0))
-      throw InputError("{}: layer {} differs in size from layer 0", name, k);
+    if (file.size(k) != file.size(0)) throw InputError("{}: layer {} differs in size from layer 0", name, k);
 
   const auto channels = channels_of(map);
   for (const auto& [channel, values] : channels) values->resize(layers * map.layer_size());
   parallel_for(layers, [&](std::int64_t k) {
-    std::vector<ExrTarget> targets;
+    std::map<std::string, std::span<float>> targets;
     for (const auto& [channel, values] : channels)
-      targets.push_back({channel, std::span(*values).subspan(k * map.layer_size(), map.layer_size())});
-    read_exr_part(file, static_cast<int>(k), map.precision != MapPrecision::float32, targets, name);
+      targets[channel] = std::span(*values).subspan(k * map.layer_size(), map.layer_size());
+    file.read(static_cast<int>(k), map.precision != MapPrecision::float32, targets);
   });
   if (map.precision == MapPrecision::byte) expand_bytes(map, file, name);
   for (const auto& [channel, values] : channels)
