@@ -41,6 +41,16 @@ TEST(Camera, TableTravelMovesThePictureAlongTheAxisAndStopsAtTheEnds) {
   EXPECT_EQ(camera.table_mm, 200);
 }
 
+TEST(Camera, TableTravelMovesThePictureAcrossTheAxis) {
+  Camera camera;
+  camera.travel({30, -40, 50}, kBody);
+  EXPECT_EQ(view_of(camera, kBody, 640, 480).centre_mm, kBody.centre_mm + glm::dvec3(30, -40, 50));
+  EXPECT_NEAR(view_of(camera, kBody, 640, 480).pixel_mm, 400.0 / 480, kRounding);
+  camera.travel({1000, -1000, 1000}, kBody);
+  EXPECT_EQ(camera.across_mm, glm::dvec2(150, -150));
+  EXPECT_EQ(camera.table_mm, 200);
+}
+
 TEST(Camera, ZoomMagnifiesAboutTheCentre) {
   Camera camera;
   const double before = view_of(camera, kBody, 640, 480).pixel_mm;

@@ -6,6 +6,7 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -36,6 +37,7 @@ Json camera_to_json(const Camera& camera) {
             {"tilt_deg", camera.tilt_rad * kDegrees},
             {"table_mm", camera.table_mm},
             {"zoom", camera.zoom}};
+  if (camera.across_mm != glm::dvec2(0)) json["across_mm"] = {camera.across_mm.x, camera.across_mm.y};
   if (camera.cone) json["cone_mm"] = {camera.cone->source_axis_mm, camera.cone->source_detector_mm};
   return json;
 }
@@ -132,6 +134,14 @@ Camera camera_of(const Fields& fields) {
   camera.tilt_rad = fields.number("tilt_deg", -50.001, 50.001) / kDegrees;
   camera.table_mm = fields.number("table_mm", -1e4, 1e4);
   camera.zoom = fields.number("zoom", Camera::kMinZoom, Camera::kMaxZoom);
+  if (fields.has("across_mm")) {
+    const auto across_mm = fields.get<std::array<double, 2>>("across_mm");
+    camera.across_mm = {across_mm[0], across_mm[1]};
+    constexpr double kFarthest_mm = 1e4;
+    if (!(glm::length(camera.across_mm) <= kFarthest_mm))
+      throw InputError("{}: across_mm is {:g}, {:g}, which is farther than {:g} mm", fields.name(),
+                       across_mm[0], across_mm[1], kFarthest_mm);
+  }
   if (fields.has("cone_mm")) {
     const auto cone = fields.get<std::array<double, 2>>("cone_mm");
     camera.cone = Cone{cone[0], cone[1]};
