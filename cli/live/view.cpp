@@ -61,12 +61,14 @@ void view(const ViewArguments& options, const Session& session) {
                     "without a run; leave it out or give --simulate too");
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
+  std::optional<FluoroscopyOptions> fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (options.has_run()) {
     simulation = simulation_of(options, scene);
+    if (!fluoroscopy) fluoroscopy = options_of({});
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
-  run_viewer(scene, session.device, session.progress, simulation, parse_fluoroscope(options.fluoroscope));
+  run_viewer(scene, session.device, session.progress, simulation, fluoroscopy);
   session.progress.check();  // a signal closed it
 }
 
@@ -90,7 +92,7 @@ void add_view(CLI::App& app, Session& session) {
   command->add_option("--basis", options->basis, "The map's basis, for editing the opacity")
       ->type_name("FILE");
   add_scene_options(*command, options->scene);
-  command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
+  command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels, under the fluoroscope of a fixed C-arm by default");
   Intervention::Options& simulation = options->simulation;
   add_coaxial_options(*command, simulation.instrument_models, options->entry);
   command->add_option("--haptic", simulation.haptic, "Input device that moves the hub")
