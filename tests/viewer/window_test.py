@@ -516,9 +516,39 @@ class Window(unittest.TestCase):
         held = self.picture()
         time.sleep(0.5)
         self.assertEqual(self.picture(), held)
+        self.do("key", "x")
+        self.wait_until(lambda: self.picture() != held, "a picture by a tap on the pedal")
+        self.keep_screen("fluoroscope")
+
+    def bar_px(self, y):
+        places = self.screen().find(INK, 0, y, 965, 1)
+        return places[-1][0] - places[0][0]
+
+    def test_keeps_the_shape_of_a_held_picture(self):
+        self.operate()
+        self.frame()
+        bar = self.bar_px(606)
+        self.do("windowsize", "--sync", self.window, 1000, 700)
+        self.wait_until(lambda: self.screen().at(1100, 300) == (0, 0, 0), "a smaller window")
+        self.frame()
+        # 685 pixels wide, and lower than the 631 there are for it.
+        lit = lambda y: self.screen().at(600, y)[0] > 20
+        self.assertEqual([lit(y) for y in (40, 60, 570, 600)], [False, True, True, False])
+        self.assertAlmostEqual(self.bar_px(586), bar * 685 / 841, delta=2)
         self.do("key", "p")
         self.wait_until(self.pictures, "the stored image")
-        self.keep_screen("fluoroscope")
+        self.assertEqual(struct.unpack(">II", self.pictures()[0].read_bytes()[16:24]), (685, 631))
+
+    def test_forgets_a_message_with_the_next_key(self):
+        self.operate()
+        message = lambda: self.screen().find((255, 255, 255), 975, 565, 290, 50)
+        self.session()
+        self.wait_until(message, "saved ...")
+        self.do("keydown", "Up", "keyup", "Up")
+        self.session()
+        self.assertTrue(message(), "what steers is no answer")
+        self.do("key", "t")
+        self.wait_until(lambda: not message(), "none")
 
     def monitor(self):
         """The numbers beside the picture, above the messages."""

@@ -361,6 +361,15 @@ void Viewer::press_pedal(bool is_down) {
   if (intervention_) intervention_->press_pedal(is_down);
 }
 
+View Viewer::shown_in(const Pane& pane) const {
+  if (!is_fluoroscopy(pane) || console()->image().empty()) return view_in(pane.width, pane.height);
+  View view = console()->view();
+  view.pixel_mm *= view.width / box_in(pane, view).width;
+  view.width = pane.width;
+  view.height = pane.height;
+  return view;
+}
+
 bool Viewer::is_held() const {
   return shown_ && !pedal_ && (intervention_ || (console() && !console()->image().empty()));
 }
@@ -401,7 +410,7 @@ void Viewer::pick(const glm::dvec2& position, float width, float height) {
   if (!tree() || !shown_) return;
   for (const Pane& pane : panes(static_cast<int>(width), static_cast<int>(height)))
     if (position.x >= pane.x && position.x < pane.x + pane.width)
-      picked_ = vessel_at(*tree(), view_in(pane.width, pane.height), position - glm::dvec2(pane.x, 0));
+      picked_ = vessel_at(*tree(), shown_in(pane), position - glm::dvec2(pane.x, 0));
 }
 
 // ---- how it is shown ------------------------------------------------------------------------------

@@ -125,6 +125,9 @@ class Viewer {
   };
   std::vector<Pane> panes(int width, int height) const;
 
+  /// The view that a pane shows, which is that of the last exposure with a fluoroscope, in the pane's pixels.
+  View shown_in(const Pane& pane) const;
+
   /// Keeps the right and the lower edge of the window for what is beside the picture, in pixels.
   void reserve(int right, int below) {
     reserved_right_ = right;

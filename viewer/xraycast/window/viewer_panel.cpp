@@ -45,9 +45,11 @@ void continue_row_if_fits(const char* next) {
   if (end < ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x) ImGui::SameLine();
 }
 
-/// Orientation letters, axis and scale bar of a part of the window that begins at `left`.
-void annotate(const Viewer& viewer, float left, float width, float height) {
-  const View view = viewer.view_in(static_cast<int>(width), static_cast<int>(height));
+/// Orientation letters, axis and scale bar.
+void annotate(const Viewer& viewer, const Viewer::Pane& pane) {
+  const View view = viewer.shown_in(pane);
+  const auto left = static_cast<float>(pane.x), width = static_cast<float>(pane.width),
+             height = static_cast<float>(pane.height);
   const glm::dvec3 half(0, 0, viewer.bounds().half_height_mm);
   const Annotations annotations =
       annotations_of(view, viewer.bounds().centre_mm + half, viewer.bounds().centre_mm - half);
@@ -90,7 +92,7 @@ void draw_picked(const Viewer& viewer, const ImVec2& size) {
   const auto& picked = viewer.picked();
   if (!viewer.map() || !viewer.tree() || !picked) return;
   for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
-    const glm::vec2 at(pixel_of(viewer.view_in(pane.width, pane.height), picked->centre_mm));
+    const glm::vec2 at(pixel_of(viewer.shown_in(pane), picked->centre_mm));
     const float x = static_cast<float>(pane.x) + at.x, reach = 0.4f * ImGui::GetFontSize();
     ImGui::GetBackgroundDrawList()->AddCircle({x, at.y}, reach, kInk, 0, 2);
     write(x + 2 * reach, at.y - reach, describe(*viewer.tree(), *picked));
@@ -113,7 +115,7 @@ void overlays(Viewer& viewer) {
   if (viewer.map()) {
     for (const Viewer::Pane& pane : panes) {
       const auto left = static_cast<float>(pane.x), width = static_cast<float>(pane.width);
-      annotate(viewer, left, width, bottom);
+      annotate(viewer, pane);
       if (panes.size() < 2) continue;
       std::string title = "body map";
       if (pane.is_drr) title = "true projection";
