@@ -58,13 +58,14 @@ void view(const ViewArguments& options, const Invocation& invocation) {
                     "without a run; leave it out or give --simulate too");
   ViewSession scene = resolve(options);
   std::optional<Intervention::Options> simulation;
+  std::optional<FluoroscopyOptions> fluoroscopy = parse_fluoroscope(options.fluoroscope);
   if (options.has_run()) {
     simulation = simulation_of(options, scene);
+    if (!fluoroscopy) fluoroscopy = options_of({});
     // Without it a thin catheter in a trunk is hardly visible; a session has its own setting.
     if (options.session.empty()) scene.style.full_contrast = true;
   }
-  run_viewer(scene, invocation.device, invocation.progress, simulation,
-             parse_fluoroscope(options.fluoroscope));
+  run_viewer(scene, invocation.device, invocation.progress, simulation, fluoroscopy);
   invocation.progress.check();  // a signal closed it
 }
 
@@ -88,7 +89,9 @@ void add_view(CLI::App& app, Invocation& invocation) {
   command->add_option("--basis", options->basis, "The map's basis, for editing the opacity")
       ->type_name("FILE");
   add_scene_options(*command, options->scene);
-  command->add_flag("--simulate", options->simulate, "Steer a catheter through the tree of --vessels");
+  command->add_flag(
+      "--simulate", options->simulate,
+      "Steer a catheter through the tree of --vessels, under the fluoroscope of a fixed C-arm by default");
   add_coaxial_options(*command, options->run);
   command->add_option("--haptic", options->haptic, "Input device that moves the hub")
       ->check(CLI::IsMember(Intervention::haptic_names()))

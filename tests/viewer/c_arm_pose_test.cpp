@@ -41,6 +41,16 @@ TEST(CArmPose, TableTravelMovesThePictureAlongTheAxisAndStopsAtTheEnds) {
   EXPECT_EQ(pose.table_mm, 200);
 }
 
+TEST(CArmPose, TableTravelMovesThePictureAcrossTheAxis) {
+  CArmPose pose;
+  pose.travel({30, -40, 50}, kBody);
+  EXPECT_EQ(view_of(pose, kBody, 640, 480).centre_mm, kBody.centre_mm + glm::dvec3(30, -40, 50));
+  EXPECT_NEAR(view_of(pose, kBody, 640, 480).pixel_mm, 400.0 / 480, kRounding);
+  pose.travel({1000, -1000, 1000}, kBody);
+  EXPECT_EQ(pose.across_mm, glm::dvec2(150, -150));
+  EXPECT_EQ(pose.table_mm, 200);
+}
+
 TEST(CArmPose, ZoomMagnifiesAboutTheCentre) {
   CArmPose pose;
   const double before = view_of(pose, kBody, 640, 480).pixel_mm;

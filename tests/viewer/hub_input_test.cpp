@@ -35,6 +35,12 @@ TEST(HubInput, ArrowsPushAndTurn) {
   EXPECT_DOUBLE_EQ(slowly.rotation_rad_s, 24 * kRadians);
 }
 
+TEST(HubInput, KnowsTheKeysThatAreHeldDown) {
+  for (const int key : {GLFW_KEY_UP, GLFW_KEY_RIGHT, GLFW_KEY_X, GLFW_KEY_I, GLFW_KEY_LEFT_SHIFT})
+    EXPECT_TRUE(is_held_down(key)) << key;
+  for (const int key : {GLFW_KEY_G, GLFW_KEY_ENTER, GLFW_KEY_1}) EXPECT_FALSE(is_held_down(key)) << key;
+}
+
 TEST(HubInput, KeysAreThePedalAndTheSyringe) {
   EXPECT_FALSE(with_keys({GLFW_KEY_UP}).pedal);
   EXPECT_TRUE(with_keys({GLFW_KEY_X}).pedal);

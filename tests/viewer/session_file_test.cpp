@@ -26,6 +26,22 @@ TEST(SessionFile, KeepsTheDevicesThatWereSteered) {
   EXPECT_NEAR(read.pose.lao_rad, session.pose.lao_rad, 1e-12);
 }
 
+TEST(SessionFile, KeepsTheTablesTravelAcross) {
+  const TemporaryFolder folder;
+  ViewSession session;
+  write_session(session, folder / "s.json");
+  EXPECT_EQ(read_whole_file(folder / "s.json").find("across"), std::string::npos) << "as older sessions";
+  session.pose.across_mm = {12.5, -30};
+  write_session(session, folder / "s.json");
+  EXPECT_EQ(read_session(folder / "s.json").pose.across_mm, session.pose.across_mm);
+
+  session.pose.across_mm = {12.5, 1e5};
+  write_session(session, folder / "s.json");
+  EXPECT_THAT([&] { read_session(folder / "s.json"); },
+              testing::ThrowsMessage<InputError>(
+                  testing::HasSubstr(": pose: across_mm is 12.5, 100000, which is farther than 10000 mm")));
+}
+
 TEST(SessionFile, ReadsTheOneCatheterOfAnOlderSession) {
   const TemporaryFolder folder;
   write_session({}, folder / "s.json");

@@ -23,6 +23,7 @@ import zlib
 PROGRAM, FILES = sys.argv[1], pathlib.Path(sys.argv[2])
 PATIENCE_S = 30
 INK, ROAD_MAP = (255, 210, 90), (190, 150, 60)
+XRAYS, HELD, CAP = (255, 196, 60), (130, 190, 255), (46, 52, 60)  # on the operator's screen
 
 
 def run(*words, **options):
@@ -84,8 +85,8 @@ class Screen:
                          chunk(b"IEND", b""))
 
 
-class Dragged:
-    """A source of dragged files, by version 5 of the XDND protocol."""
+class Desktop:
+    """A user's settings, and a source of dragged files, by version 5 of the XDND protocol."""
 
     def __init__(self, display):
         self.x = ctypes.CDLL("libX11.so.6")
@@ -97,6 +98,14 @@ class Dragged:
 
     def atom(self, name):
         return self.x.XInternAtom(self.display, name.encode(), 0)
+
+    def set_density(self, dots_per_inch):
+        """As desktops tell new windows how dense a screen is."""
+        text = f"Xft.dpi: {dots_per_inch}\n".encode()
+        root = ctypes.c_ulong(self.x.XDefaultRootWindow(self.display))
+        kind = ctypes.c_ulong(31)  # a string
+        self.x.XChangeProperty(self.display, root, ctypes.c_ulong(self.atom("RESOURCE_MANAGER")), kind, 8, 0, text, len(text))
+        self.x.XFlush(self.display)
 
     def tell(self, target, kind, *values):
         """A ClientMessage: type, serial, send_event, display, window, message type, format, five longs."""
@@ -143,16 +152,22 @@ class Dragged:
 
 class Window(unittest.TestCase):
     def setUp(self):
+        self.start_display("1280x800x24")
+        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-window-"))
+        self.viewer = None
+
+    def start_display(self, size):
         told, tells = os.pipe()
-        self.xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-noreset", "-screen", "0", "1280x800x24",
-                                      "-nolisten", "tcp"],
+        self.xvfb = subprocess.Popen(["Xvfb", "-displayfd", str(tells), "-noreset", "-screen", "0", size, "-nolisten", "tcp"],
                                      pass_fds=[tells], stderr=subprocess.DEVNULL)
         os.close(tells)
         with os.fdopen(told) as number:
             self.display = ":" + number.readline().strip()
         self.environment = dict(os.environ, DISPLAY=self.display)
-        self.folder = pathlib.Path(tempfile.mkdtemp(prefix="xraycast-window-"))
-        self.viewer = None
+
+    def stop_display(self):
+        self.xvfb.kill()
+        self.xvfb.communicate()
 
     def tearDown(self):
         try:
@@ -206,9 +221,9 @@ class Window(unittest.TestCase):
         return self.screen().region(500, 100, 500, 500)
 
     def frame(self):
-        """Between two sessions the window has taken in what was before, and drawn it."""
-        self.session()
-        self.session()
+        """By the third session the window has taken in what was before the first, and drawn it."""
+        for _ in range(3):
+            self.session()
 
     def drag(self, button, x, y, dx, dy):
         for step in (("mousemove", x, y), ("mousedown", button), ("mousemove", x + dx // 2, y + dy // 2),
@@ -263,7 +278,7 @@ class Window(unittest.TestCase):
     def test_adapts_the_brightness_to_what_is_seen(self):
         self.view(FILES / "map.exr")
         self.frame()
-        lightest = lambda: max(self.screen().region(400, 30, 850, 600)[::4])
+        lightest = lambda: max(self.screen().region(430, 30, 820, 600)[::4])
         self.assertEqual(lightest(), 255, "the air beside the body")
         self.drag(3, 700, 400, 1, 0)  # a window chosen by hand, though nearly the same
         self.do("mousemove", 640, 360)
@@ -320,8 +335,9 @@ class Window(unittest.TestCase):
         self.assertEqual(self.body(), before)
         x, y = 645, 410  # in the aorta
         self.do("mousemove", x, y, "click", 1)
+        # Smoothed letters: some pixels have all of the ink.
         words = lambda: self.screen().find(INK, x, y - 20, 350, 90)
-        self.wait_until(lambda: len(words()) > 200, "the branch's name beside where it was clicked")
+        self.wait_until(lambda: len(words()) > 30, "the branch's name beside where it was clicked")
         self.frame()
         named = words()
         # Another place of it, and another one's name.
@@ -333,14 +349,32 @@ class Window(unittest.TestCase):
 
     # ---- the catheter
 
-    def steer(self, *words):
-        """A body with a catheter in it, whose picture is there."""
+    def operate(self, *words):
+        """A body with a catheter in it under a fluoroscope, whose first picture is there."""
         self.view(FILES / "map.exr", "--vessels", FILES / "truth", "--simulate", *words)
-        self.wait_until(lambda: self.screen().find(ROAD_MAP, 500, 400, 400, 300), "the road map")
+        self.wait_until(self.is_held, "the first picture")
+
+    def steer(self, *words):
+        """The same without noise and with the vessels' outline."""
+        self.operate(*words)
+        self.do("key", "e")
+        self.wait_until(lambda: self.screen().find(ROAD_MAP, 500, 100, 400, 500), "the road map")
+        self.frame()
 
     def picture(self):
-        """All of it between the panels."""
-        return self.screen().region(470, 100, 400, 580)
+        """Most of it, without what is written around it."""
+        return self.screen().region(100, 100, 780, 490)
+
+    def is_held(self):
+        """What the upper right corner of the fluoroscope's picture says."""
+        return self.screen().find(HELD, 700, 0, 200, 40)
+
+    def is_live(self):
+        return self.screen().find(XRAYS, 700, 0, 200, 40)
+
+    def tip(self):
+        """Of the first device, in mm, as the picture has it."""
+        return self.session()["simulation"]["devices"][0]["nodes_mm"][-1]
 
     def hold(self, key, seconds):
         self.do("keydown", key)
@@ -348,8 +382,8 @@ class Window(unittest.TestCase):
         self.do("keyup", key)
 
     def fluoroscopy(self):
-        """What the panel's line says of fluoroscopy time and contrast agent, as it stands on the screen."""
-        return self.screen().region(930, 251, 330, 17)
+        """The time, as it stands on the screen."""
+        return self.screen().region(1100, 78, 90, 30)
 
     def recording(self, number=1):
         """The rows (time_s, insertion_mm, rotation_deg) of a run that Enter has ended."""
@@ -428,7 +462,7 @@ class Window(unittest.TestCase):
 
     def test_shows_the_road_map(self):
         self.steer()
-        lines = lambda: len(self.screen().find(ROAD_MAP, 500, 100, 400, 600))
+        lines = lambda: len(self.screen().find(ROAD_MAP, 500, 100, 400, 530))
         with_map = lines()
         self.assertGreater(with_map, 300)
         self.do("key", "m")
@@ -436,39 +470,240 @@ class Window(unittest.TestCase):
         self.do("key", "m")
         self.wait_until(lambda: lines() == with_map, "the road map")
 
-    def test_takes_pictures_as_a_fluoroscope(self):
-        self.steer()
-        self.hold("Up", 3)
-        smooth = self.picture()
-        self.drag(2, 700, 500, 0, -190)  # to the groin
-        self.do("key", "e")
-        self.wait_until(lambda: self.picture() != smooth, "the fluoroscope's picture")
-        self.frame()
+    # ---- the operator's screen
+
+    def noise(self):
+        """The mean difference of neighbours in the picture, in greys."""
+        greys = self.screen().region(300, 150, 300, 200)[::4]
+        return sum(abs(a - b) for a, b in zip(greys, greys[1:])) / len(greys)
+
+    def test_opens_with_a_fluoroscopes_picture(self):
+        self.operate()
+        # Photons' noise makes 13 greys, the vessels' outline without it 3.
+        self.wait_until(lambda: self.noise() > 8, "a picture, though nothing was pressed")
+        # The shape of a fixed C-arm's detector, 381.9 x 295.7 mm, 651 pixels high.
+        screen = self.screen()
+        lit = [x for x in range(960) if screen.at(x, 300)[0] > 20]
+        self.keep_screen("opened")
+        self.assertAlmostEqual(lit[-1] - lit[0] + 1, 651 * 381.9 / 295.7, delta=2)
         held = self.picture()
         time.sleep(0.5)
         self.assertEqual(self.picture(), held, "without the pedal there are no pulses")
+        tip_z, camera = self.tip()[2], self.session()["camera"]
+        self.assertGreater(tip_z, -358)
+        self.assertLess(camera["table_mm"], -200, "the table is where the catheter enters, not at mid-body")
+        self.do("key", "e")
+        self.wait_until(lambda: self.noise() < 5, "the picture without noise")
+        self.do("key", "e")
+        self.wait_until(lambda: self.noise() > 8, "the fluoroscope again, at once")
+
+    def test_says_whether_the_picture_is_live_or_held(self):
+        self.operate()
+        self.assertFalse(self.is_live())
+        lamp = lambda: self.screen().at(990, 15)
+        self.assertEqual(lamp(), CAP)
         self.do("keydown", "x")
+        self.wait_until(self.is_live, "X-rays on")
+        self.assertEqual(lamp(), XRAYS)
+        self.assertFalse(self.is_held())
+        seen = self.picture()
         for _ in range(3):
-            self.wait_until(lambda: self.picture() != held, "another pulse, with other noise")
-            held = self.picture()
+            self.wait_until(lambda: self.picture() != seen, "another pulse, with other noise")
+            seen = self.picture()
         self.do("keyup", "x")
+        self.wait_until(self.is_held, "the last image, held")
         self.frame()
         held = self.picture()
         time.sleep(0.5)
-        self.assertEqual(self.picture(), held, "last image hold")
+        self.assertEqual(self.picture(), held)
+        self.do("key", "x")
+        self.wait_until(lambda: self.picture() != held, "a picture by a tap on the pedal")
+        self.keep_screen("fluoroscope")
+
+    def bar_px(self, y):
+        places = self.screen().find(INK, 0, y, 965, 1)
+        return places[-1][0] - places[0][0]
+
+    def test_keeps_the_shape_of_a_held_picture(self):
+        self.operate()
+        self.frame()
+        bar = self.bar_px(606)
+        self.do("windowsize", "--sync", self.window, 1000, 700)
+        self.wait_until(lambda: self.screen().at(1100, 300) == (0, 0, 0), "a smaller window")
+        self.frame()
+        # 685 pixels wide, and lower than the 631 there are for it.
+        lit = lambda y: self.screen().at(600, y)[0] > 20
+        self.assertEqual([lit(y) for y in (40, 60, 570, 600)], [False, True, True, False])
+        self.assertAlmostEqual(self.bar_px(586), bar * 685 / 841, delta=2)
         self.do("key", "p")
         self.wait_until(self.pictures, "the stored image")
-        self.keep_screen("fluoroscope")
-        self.do("key", "e")
-        self.wait_until(lambda: self.screen().find(ROAD_MAP, 500, 400, 400, 300), "the picture without noise, and its outline")
+        self.assertEqual(struct.unpack(">II", self.pictures()[0].read_bytes()[16:24]), (685, 631))
+
+    def test_forgets_a_message_with_the_next_key(self):
+        self.operate()
+        message = lambda: self.screen().find((255, 255, 255), 975, 565, 290, 50)
+        self.session()
+        self.wait_until(message, "saved ...")
+        self.do("keydown", "Up", "keyup", "Up")
+        self.session()
+        self.assertTrue(message(), "what steers is no answer")
+        self.do("key", "t")
+        self.wait_until(lambda: not message(), "none")
+
+    def monitor(self):
+        """The numbers beside the picture, above the messages."""
+        return self.screen().region(1100, 60, 170, 320)
+
+    def test_shows_dose_time_and_loads(self):
+        self.operate()
+        before = self.monitor()
+        time.sleep(0.5)
+        self.assertEqual(self.monitor(), before)
+        rows = {"air kerma": 80, "fluoroscopy": 200, "injected": 282, "inserted": 343}
+        numbers = {name: self.screen().region(1100, y, 90, 28) for name, y in rows.items()}
+        self.do("keydown", "x", "keydown", "Up", "keydown", "i")
+        for name, y in rows.items():
+            self.wait_until(lambda: self.screen().region(1100, y, 90, 28) != numbers[name], f"more {name}")
+        self.do("keyup", "x", "keyup", "Up", "keyup", "i")
+        self.keep_screen("monitor")
+
+    def panels(self):
+        """Where they cover the black beside the picture."""
+        return self.screen().at(30, 200) != self.screen().at(30, 640)
+
+    def test_has_the_panels_behind_a_key(self):
+        self.operate()
+        self.assertFalse(self.panels())
+        monitor = self.monitor()
+        self.do("key", "a")
+        self.wait_until(self.panels, "the panels")
+        self.assertNotEqual(self.monitor(), monitor, "the catheter's panel takes the monitor's place")
+        self.keep_screen("panels")
+        self.do("key", "a")
+        self.wait_until(lambda: not self.panels(), "no panels")
+        # Where nothing is steered they are there at first.
+        self.viewer.kill()
+        self.viewer.communicate()
+        self.view(FILES / "map.exr")
+        self.wait_until(self.panels, "the panels")
+        self.do("key", "a")
+        self.wait_until(lambda: not self.panels(), "no panels")
+
+    def caps(self):
+        """How many keys the strip below shows."""
+        screen = self.screen()
+        edges = lambda y: (screen.at(x, y) != CAP and screen.at(x + 1, y) == CAP for x in range(1279))
+        return sum(map(sum, map(edges, (662, 690))))
+
+    def test_lists_the_keys_that_are_usable_now(self):
+        self.operate()
+        self.frame()
+        keys = self.wait_until(self.caps, "keys")
+        self.do("key", "g", "d")
+        self.do("keydown", "x", "keydown", "i")
+        self.wait_until(lambda: self.caps() == keys + 2, "new mask, and road map")
+        self.do("keyup", "x", "keyup", "i")
+        self.do("key", "g", "Return", "Return")
+        self.wait_until(self.folder.joinpath("xraycast-run-001.csv").exists, "a recording")
+        self.wait_until(lambda: self.caps() == keys + 2, "road map, and replay")
+
+    def first_steps(self):
+        """The ground of the box over the picture."""
+        return self.screen().at(252, 170) == self.screen().at(252, 225)
+
+    def test_begins_with_four_lines_of_help(self):
+        self.viewer = subprocess.Popen([PROGRAM, "view", FILES / "map.exr", "--vessels", FILES / "truth", "--simulate"],
+                                       env=self.environment, cwd=self.folder, stderr=subprocess.PIPE, text=True)
+        self.window = int(self.wait_until(self.found, "a window").split()[0])
+        self.do("windowfocus", self.window)
+        self.wait_until(self.is_held, "the first picture")
+        time.sleep(0.5)
+        self.assertTrue(self.first_steps())
+        self.keep_screen("first-steps")
+        self.do("keydown", "x")
+        self.wait_until(lambda: not self.first_steps(), "the picture alone")
+        self.do("keyup", "x")
+
+    def place(self):
+        """Of the tip in the picture, in pixels of a picture of 841 x 651."""
+        self.frame()
+        session, tip = self.session(), self.tip()
+        camera = session["camera"]
+        # The map is 720 mm high about 0 mm, and seen from the front.
+        pixel_mm, across = 720 / 651 / camera["zoom"], camera.get("across_mm", [0, 0])
+        return (tip[0] - across[0]) / pixel_mm + 420, 325 - (tip[2] - camera["table_mm"]) / pixel_mm
+
+    def test_follows_the_tip(self):
+        self.operate()
+        table_mm = lambda: self.session()["camera"]["table_mm"]
+        first = table_mm()
+        self.do("key", "t")
+        self.do("keydown", "x")
+        self.hold("Up", 1)
+        self.assertEqual(table_mm(), first, "switched off")
+        self.do("key", "t")
+        self.hold("Up", 4)
+        self.assertGreater(table_mm(), first + 20)
+        for _ in range(12):
+            self.do("click", 4)
+        self.frame()
+        self.assertGreater(self.session()["camera"]["zoom"], 8)
+        # What is near the tip is in the picture; six times magnified, without following, it would not be.
+        x, y = self.place()
+        self.assertTrue(0 < x < 841 and 0 < y < 651, (x, y))
+        self.do("keyup", "x")
+
+    def test_suggests_cine_for_subtraction(self):
+        self.operate()
+        advice = lambda: len(self.screen().find(XRAYS, 250, 35, 460, 60))
+        self.assertEqual(advice(), 0)
+        self.do("key", "g", "keydown", "x")
+        many = self.wait_until(advice, "advice")
+        time.sleep(1)
+        self.assertTrue(advice(), "as long as the dose is normal")
+        self.keep_screen("advice")
+        self.do("key", "d")
+        self.wait_until(lambda: not advice(), "none for a cine, once it has its mask")
+        self.do("keyup", "x")
+
+    def test_is_as_large_on_a_dense_screen(self):
+        self.stop_display()
+        self.start_display("2560x1600x24")
+        Desktop(self.display).set_density(192)
+        self.view(FILES / "map.exr", "--vessels", FILES / "truth", "--simulate")
+        self.wait_until(lambda: self.screen().find(HELD, 1500, 0, 400, 80), "the first picture")
+        screen = self.screen()
+        width = max(x for x in range(2560) if screen.at(x, 1430) != (0, 0, 0)) + 1
+        self.assertEqual(width, 2560)
+        cap = [y for y in range(1300, 1370) if screen.at(40, y) == CAP]
+        self.assertEqual(len(cap), 45, "a key's cap, twice as high")
+        self.do("key", "p")
+        self.wait_until(self.pictures, "the stored image")
+        self.wait_until(lambda: self.pictures()[0].read_bytes()[-8:] == b"IEND\xaeB`\x82", "the whole of it")
+        self.assertEqual(struct.unpack(">II", self.pictures()[0].read_bytes()[16:24]), (1682, 1302))
+
+    def test_reaches_a_renal_artery(self):
+        """As someone does who has read no more than what the window says."""
+        self.operate("--entry", "89,-54,-357")
+        self.do("keydown", "x", "keydown", "Up")
+        in_it = lambda: (tip := self.tip())[0] > 27 and -65 < tip[2] < -40
+        self.wait_until(in_it, "the tip in the left renal artery")
+        self.do("keyup", "Up", "keydown", "i")
+        time.sleep(1.5)
+        self.keep_screen("renal-artery")
+        x, y = (int(at) for at in self.place())
+        self.assertGreater(sum(g < 40 for g in self.screen().region(62 + x - 10, y - 40, 90, 80)[::4]), 300, "it is filled")
+        self.do("keyup", "i", "keyup", "x")
 
     def test_subtracts_and_maps_the_road(self):
-        self.steer()
+        self.operate()
         self.hold("Up", 4.2)
-        self.drag(2, 700, 500, 0, -190)  # to the groin
-        self.do("key", "e", "g", "d")  # at the dose of a cine, subtracted
         self.do("keydown", "x")
-        grey = lambda: self.screen().region(370, 100, 540, 580)[::4]
+        self.frame()
+        self.do("keyup", "x")
+        self.do("key", "g", "d")  # at the dose of a cine, subtracted
+        self.do("keydown", "x")
+        grey = lambda: self.screen().region(120, 110, 540, 480)[::4]
         light = lambda: sum(150 < g < 250 for g in grey()) / len(grey())
         dark = lambda: sum(g < 90 for g in grey())
         self.wait_until(lambda: light() > 0.98, "an even picture, subtracted from its mask")
@@ -490,7 +725,9 @@ class Window(unittest.TestCase):
     def test_holds_the_hub_by_the_mouse(self):
         self.steer("--haptic", "mouse")
         self.do("key", "Return")
-        pose = lambda: self.screen().region(930, 105, 330, 17)  # the panel's line
+        self.do("key", "a")
+        self.frame()
+        pose = lambda: self.screen().region(970, 72, 300, 17)  # the panel's line
         self.do("keydown", "ctrl", "mousemove", 700, 400, "mousedown", 1)
         for step in (("mousemove", 720, 350), ("mousemove", 740, 300), ("mouseup", 1, "click", 4), ("click", 4)):
             before = pose()
@@ -506,14 +743,15 @@ class Window(unittest.TestCase):
 
     def choose(self, choice):
         """From the list beside the second device, which is in the hand, by the number from the top."""
-        self.do("mousemove", 1000, 206, "click", 1)
+        self.do("mousemove", 1000, 208, "click", 1)
         self.frame()
         self.keep_screen("instruments")
-        self.do("mousemove", 1000, 230 + 17 * choice, "click", 1)
+        self.do("mousemove", 1000, 234 + 19 * choice, "click", 1)
         self.frame()
 
     def test_exchanges_a_wire_that_is_drawn_back(self):
         self.steer("--device-model", "guide-6f", "--device-model", "guidewire-035-j")
+        self.do("key", "a")
         inner = lambda: self.session()["simulation"]["devices"][1]
         self.do("key", "Tab")
         self.do("keydown", "x")
@@ -584,6 +822,8 @@ class Window(unittest.TestCase):
         self.viewer.kill()
         self.viewer.communicate()
         self.view("--session", path)
+        self.do("windowsize", "--sync", self.window, 965, 651)  # what the picture had of the window
+        self.do("key", "a")
         differs = lambda: sum(abs(a - b) > 16 for a, b in zip(shown, self.picture())) / len(shown)
         self.wait_until(lambda: differs() < 1e-3, "the picture as it was")
 
@@ -593,7 +833,7 @@ class Window(unittest.TestCase):
         self.do("keydown", "x")
         self.do("keydown", "Up")
         time.sleep(0.5)
-        desk = Dragged(self.display)
+        desk = Desktop(self.display)
         desk.tell(self.window, "WM_PROTOCOLS", desk.atom("WM_DELETE_WINDOW"))
         self.assertEqual(self.viewer.wait(PATIENCE_S), 0)
         self.assertEqual(self.viewer.stderr.read(), "")
@@ -603,11 +843,11 @@ class Window(unittest.TestCase):
     def test_opens_what_is_dropped_and_survives_what_is_damaged(self):
         self.view()
         self.assertNotIn("files", self.session())
-        Dragged(self.display).drop(self.window, FILES / "map.exr")
+        Desktop(self.display).drop(self.window, FILES / "map.exr")
         self.wait_until(lambda: self.session()["style"]["strengths"] == [1, 1, 1, 1], "the map")
         before = self.body()
-        Dragged(self.display).drop(self.window, FILES / "damaged.exr")
-        Dragged(self.display).drop(self.window, FILES / "truth")
+        Desktop(self.display).drop(self.window, FILES / "damaged.exr")
+        Desktop(self.display).drop(self.window, FILES / "truth")
         self.wait_until(lambda: "vessels" in self.session()["files"], "vessels")
         self.assertTrue(self.session()["files"]["map"].endswith("map.exr"))
         self.wait_until(lambda: self.body() != before, "vessels in the picture")
@@ -615,7 +855,7 @@ class Window(unittest.TestCase):
     def test_opens_what_is_dropped_together(self):
         self.view()
         self.frame()
-        Dragged(self.display).drop(self.window, FILES / "truth", FILES / "map.basis", FILES / "map.exr")
+        Desktop(self.display).drop(self.window, FILES / "truth", FILES / "map.basis", FILES / "map.exr")
         self.wait_until(lambda: "map" in self.session().get("files", {}), "the map")
         self.assertEqual(sorted(self.session()["files"]), ["basis", "map", "vessels"])
 
@@ -737,7 +977,7 @@ class Window(unittest.TestCase):
 
     def test_ends_when_it_is_closed(self):
         self.view(FILES / "map.exr")
-        desk = Dragged(self.display)
+        desk = Desktop(self.display)
         desk.tell(self.window, "WM_PROTOCOLS", desk.atom("WM_DELETE_WINDOW"))
         self.assertEqual(self.viewer.wait(PATIENCE_S), 0)
         self.assertEqual(self.viewer.stderr.read(), "")

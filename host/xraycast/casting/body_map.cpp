@@ -10,8 +10,6 @@
 
 #include <nlohmann/json.hpp>
 
-#include <ImfIntAttribute.h>
-#include <ImfStringAttribute.h>
 #include <algorithm>
 #include <array>
 #include <cmath>
@@ -124,8 +122,7 @@ std::vector<float> outline_rows(const MapGeometry& geometry) {
 }
 
 /// The outline behind the layers: one row of it where all are the same.
-std::vector<float> read_outline(Imf::MultiPartInputFile& file, const MapGeometry& geometry,
-                                const std::string& path) {
+std::vector<float> read_outline(const ExrReader& file, const MapGeometry& geometry, const std::string& path) {
   const int part = geometry.layers();
   if (file.parts() <= part) throw InputError("{}: its part {} is missing", path, kOutlinePart);
   if (file.size(part) != file.size(0))
@@ -149,7 +146,7 @@ json attribute(const ExrReader& file, const std::string& name, const std::string
   return value;
 }
 
-MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& path) {
+MapGeometry geometry_of(const ExrReader& file, const std::string& path) {
   MapGeometry geometry;
   try {
     geometry.projection = parse_projection(file.text("xraycast:projection"));
@@ -188,7 +185,7 @@ MapGeometry geometry_of(const Imf::MultiPartInputFile& file, const std::string& 
   return geometry;
 }
 
-MapPrecision precision_of(const Imf::MultiPartInputFile& file, int version, const std::string& path) {
+MapPrecision precision_of(const ExrReader& file, int version, const std::string& path) {
   if (version < kPrecisionVersion) return MapPrecision::float32;
   try {
     return parse_map_precision(file.text("xraycast:precision"));
@@ -219,7 +216,7 @@ std::vector<LayerByteRange> byte_ranges_of(const json& attribute, const char* ch
 }
 
 /// Turns the bytes of a map's layers, as they were read, into values.
-void expand_bytes(BodyMap& map, const Imf::MultiPartInputFile& file, const std::string& path) {
+void expand_bytes(BodyMap& map, const ExrReader& file, const std::string& path) {
   const json ranges_of_channels = attribute(file, "byte_ranges", path);
   for (const auto& [channel, values] : channels_of(map)) {
     if (!std::ranges::all_of(*values, [](float byte) { return byte >= 0 && byte <= 255; }))

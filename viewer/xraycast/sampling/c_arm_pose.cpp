@@ -53,6 +53,12 @@ void CArmPose::travel(double mm, const BodyBounds& bounds) {
   table_mm = std::clamp(table_mm + mm, -bounds.half_height_mm, bounds.half_height_mm);
 }
 
+void CArmPose::travel(const glm::dvec3& mm, const BodyBounds& bounds) {
+  travel(mm.z, bounds);
+  const glm::dvec2 farthest(bounds.radius_mm);
+  across_mm = glm::clamp(across_mm + glm::dvec2(mm), -farthest, farthest);
+}
+
 void CArmPose::magnify(double times) { zoom = std::clamp(zoom * times, kMinZoom, kMaxZoom); }
 
 View fitted(View view, const BodyBounds& bounds) {
@@ -77,7 +83,7 @@ View view_of(const CArmPose& pose, const BodyBounds& bounds, int width, int heig
   View untilted = view;
   untilted.cranial_rad = 0;
   view.pixel_mm = fitted(untilted, bounds).pixel_mm / pose.zoom;
-  view.centre_mm.z += pose.table_mm;
+  view.centre_mm += glm::dvec3(pose.across_mm, pose.table_mm);
   return fitted(view, bounds);
 }
 

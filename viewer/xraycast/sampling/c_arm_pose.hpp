@@ -22,13 +22,14 @@ struct BodyBounds {
 BodyBounds bounds_of(const MapGeometry& geometry);
 
 /// The pose of C-arm and table: rotation about the body's axis, cranial or caudal tilt, the table's travel
-/// along the axis, and the magnification.
+/// along the axis and across it, and the magnification.
 struct CArmPose {
   double lao_rad = 0;      ///< LAO is positive
   double cranial_rad = 0;  ///< cranial is positive
   double table_mm = 0;     ///< height of the picture's centre above mid-height
   double zoom = 1;         ///< 1: the whole body fits
   std::optional<Cone> cone{};
+  glm::dvec2 across_mm{0, 0};  ///< the picture's centre from the axis, towards the patient's left and back
 
   static constexpr double kMinZoom = 0.25, kMaxZoom = 40;
   static constexpr double kMaxTilt_rad = 0.8726646259971648;  ///< 50 deg, farther than C-arms go
@@ -37,6 +38,7 @@ struct CArmPose {
   void rotate(double degrees);
   void tilt(double degrees);
   void travel(double mm, const BodyBounds& bounds);
+  void travel(const glm::dvec3& mm, const BodyBounds& bounds);
   void magnify(double times);
 
   bool operator==(const CArmPose&) const = default;

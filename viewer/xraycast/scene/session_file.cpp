@@ -6,6 +6,7 @@
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/coaxial/instruments.hpp"
 
+#include <glm/geometric.hpp>
 #include <nlohmann/json.hpp>
 
 #include <algorithm>
@@ -36,6 +37,7 @@ Json pose_to_json(const CArmPose& pose) {
             {"tilt_deg", pose.cranial_rad * kDegrees},
             {"table_mm", pose.table_mm},
             {"zoom", pose.zoom}};
+  if (pose.across_mm != glm::dvec2(0)) json["across_mm"] = {pose.across_mm.x, pose.across_mm.y};
   if (pose.cone) json["cone_mm"] = {pose.cone->source_axis_mm, pose.cone->source_detector_mm};
   return json;
 }
@@ -132,6 +134,14 @@ CArmPose pose_of(const Fields& fields) {
   pose.cranial_rad = fields.number("tilt_deg", -50.001, 50.001) / kDegrees;
   pose.table_mm = fields.number("table_mm", -1e4, 1e4);
   pose.zoom = fields.number("zoom", CArmPose::kMinZoom, CArmPose::kMaxZoom);
+  if (fields.has("across_mm")) {
+    const auto across_mm = fields.get<std::array<double, 2>>("across_mm");
+    pose.across_mm = {across_mm[0], across_mm[1]};
+    constexpr double kFarthest_mm = 1e4;
+    if (!(glm::length(pose.across_mm) <= kFarthest_mm))
+      throw InputError("{}: across_mm is {:g}, {:g}, which is farther than {:g} mm", fields.name(),
+                       across_mm[0], across_mm[1], kFarthest_mm);
+  }
   if (fields.has("cone_mm")) {
     const auto cone = fields.get<std::array<double, 2>>("cone_mm");
     pose.cone = Cone{cone[0], cone[1]};

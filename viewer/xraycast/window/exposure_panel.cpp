@@ -1,5 +1,7 @@
 #include "xraycast/window/exposure_panel.hpp"
 
+#include "xraycast/window/operator_keys.hpp"
+
 #include <fmt/format.h>
 
 #define GLFW_INCLUDE_NONE
@@ -11,11 +13,6 @@
 #include <string>
 
 namespace xraycast {
-
-const char* const kFluoroscopeHelp =
-    "D              dose level: low, normal, cine\n"
-    "G              subtraction (DSA) on or off\n"
-    "N              new mask\n";
 
 namespace {
 
@@ -44,10 +41,7 @@ void settings(FluoroscopyConsole& console) {
   }
   ImGui::NewLine();
   if (is_other) console.set(options);
-  const char* const level = options.dose == DoseLevel::low      ? "low"
-                            : options.dose == DoseLevel::normal ? "normal"
-                                                                : "cine";
-  if (ImGui::Button(fmt::format("dose: {}###dose", level).c_str())) console.next_dose();
+  if (ImGui::Button(fmt::format("dose: {}###dose", to_string(options.dose)).c_str())) console.next_dose();
 }
 
 void technique_and_dose(const FluoroscopyConsole& console) {
@@ -120,10 +114,12 @@ bool handle_console_key(Viewer& viewer, int key) {
   }
 }
 
-float exposure_panel_top(float height) {
+float exposure_panel_top(const Viewer& viewer) {
+  const ImVec2 size = ImGui::GetIO().DisplaySize;
+  const int height = viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y)).front().height;
   const float line = ImGui::GetFontSize();
-  constexpr float kHighest = 21.5f, kStatus = 2, kLeast = 12;  // in lines; the highest is that of DSA
-  return std::max(kLeast * line, height - (kHighest + kStatus) * line);
+  constexpr float kHighest = 19, kStatus = 2, kLeast = 12;  // in lines; the highest is that of DSA
+  return std::max(kLeast * line, static_cast<float>(height) - (kHighest + kStatus) * line);
 }
 
 void draw_exposure_panel(Viewer& viewer) {
@@ -132,7 +128,7 @@ void draw_exposure_panel(Viewer& viewer) {
   const float width = 27 * ImGui::GetFontSize();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   // The catheter's panel is on the right.
-  ImGui::SetNextWindowPos(viewer.intervention() ? ImVec2(8, exposure_panel_top(size.y))
+  ImGui::SetNextWindowPos(viewer.intervention() ? ImVec2(8, exposure_panel_top(viewer))
                                                 : ImVec2(size.x - width - 8, 3 * ImGui::GetFontSize()),
                           ImGuiCond_FirstUseEver);
   ImGui::SetNextWindowSizeConstraints({width, 0}, {width, FLT_MAX});

@@ -5,6 +5,7 @@
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
 #include <algorithm>
+#include <array>
 #include <cmath>
 
 namespace xraycast {
@@ -26,6 +27,13 @@ HubInput held_keys(const std::function<bool(int key)>& is_down) {
   return {speed * kPush_mm_s * way(GLFW_KEY_UP, GLFW_KEY_DOWN),
           speed * kRotate_rad_s * way(GLFW_KEY_RIGHT, GLFW_KEY_LEFT), is_down(GLFW_KEY_X),
           is_down(GLFW_KEY_I)};
+}
+
+bool is_held_down(int key) {
+  constexpr std::array kKeys{GLFW_KEY_UP,    GLFW_KEY_DOWN, GLFW_KEY_LEFT,
+                             GLFW_KEY_RIGHT, GLFW_KEY_X,    GLFW_KEY_I};
+  return std::ranges::find(kKeys, key) != kKeys.end() ||
+         (key >= GLFW_KEY_LEFT_SHIFT && key <= GLFW_KEY_RIGHT_SUPER);
 }
 
 HubInput held_pad(const GLFWgamepadstate& pad) {

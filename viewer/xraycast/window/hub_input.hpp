@@ -16,6 +16,9 @@ struct HubInput {
 /// By keys of GLFW: arrows move the hub (with Shift slowly), X is the pedal, I injects.
 HubInput held_keys(const std::function<bool(int key)>& is_down);
 
+/// Whether a key is one of these, or changes what others do: it is held rather than pressed.
+bool is_held_down(int key);
+
 /// By a gamepad: the left stick sets the hub's velocity, with a dead zone of a seventh; A is the pedal, B
 /// injects.
 HubInput held_pad(const GLFWgamepadstate& pad);

@@ -4,6 +4,7 @@
 #include "xraycast/haptics/hand_rates.hpp"
 #include "xraycast/simulation/agent_outlet.hpp"
 #include "xraycast/window/hub_input.hpp"
+#include "xraycast/window/operator_screen.hpp"
 #include "xraycast/window/viewer_input.hpp"
 
 #include <fmt/format.h>
@@ -38,17 +39,22 @@ void drag_hub(ManualDevice& hand) {
 
 void write_wrapped(const std::string& text) { ImGui::TextWrapped("%s", text.c_str()); }
 
-void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load, double scale,
-           const char* unit, float width) {
+void load_chart(const char* name, const SimulatedRun& run, std::size_t hub, double HubLoad::*load,
+                double scale, const char* unit, float width) {
   std::vector<float> values;
   for (const SimulatedRun::Load& at : run.loads())
     values.push_back(static_cast<float>(scale * (at.hubs[hub].*load)));
   float largest = 0.1f;
   for (const float value : values) largest = std::max(largest, std::abs(value));
-  const std::string now =
-      fmt::format("{} {:+.2f} {}", name, no_negative_zero(values.empty() ? 0 : values.back(), 2), unit);
+  ImGui::BeginGroup();
+  ImGui::AlignTextToFramePadding();
+  ImGui::TextDisabled("%s", name);
+  ImGui::SameLine();
+  ImGui::TextUnformatted(
+      fmt::format("{:+.2f} {}", no_negative_zero(values.empty() ? 0 : values.back(), 2), unit).c_str());
   ImGui::PlotLines(fmt::format("##{}", name).c_str(), values.data(), static_cast<int>(values.size()), 0,
-                   now.c_str(), -largest, largest, {width, 4 * ImGui::GetFontSize()});
+                   nullptr, -largest, largest, {width, 4 * ImGui::GetFontSize()});
+  ImGui::EndGroup();
 }
 
 /// Over a network every hub is moved, and one leads while the valve is locked.
@@ -62,7 +68,7 @@ const char* note_on_hand(const Intervention& intervention) {
 /// What the device in the hand can be exchanged for.
 void choose_instrument(Intervention& intervention, std::size_t number) {
   const std::string present = intervention.run().models()[number].name();
-  ImGui::SetNextItemWidth(15.5f * ImGui::GetFontSize());
+  ImGui::SetNextItemWidth(12 * ImGui::GetFontSize());
   if (ImGui::BeginCombo(note_on_hand(intervention), present.c_str(), ImGuiComboFlags_HeightLargest)) {
     for (const InstrumentModel& choice : intervention.choices()) {
       const bool is_present = choice.name() == present;
@@ -89,13 +95,7 @@ void show_device(Intervention& intervention, std::size_t number) {
                             no_negative_zero(device.pose.rotation_rad / kRadians, 0)));
   write_wrapped(fmt::format("tip: branch {}, at {:.0f} mm", device.tip.branch,
                             no_negative_zero(device.tip.arc_length_mm, 0)));
-  // One above the other, or side by side where there are more devices.
-  const bool is_alone = run.now().count() == 1;
-  const float row = 25 * ImGui::GetFontSize(), gap = ImGui::GetStyle().ItemSpacing.x;
-  const float width = is_alone ? row : (row - gap) / 2;
-  load_chart("force", run, number, &HubLoad::force_N, 1, "N", width);
-  if (!is_alone) ImGui::SameLine();
-  load_chart("torque", run, number, &HubLoad::torque_Nm, 1000, "N mm", width);
+  show_loads(run, number);
   ImGui::PopID();
 }
 
@@ -118,9 +118,22 @@ void show_usage(const Viewer& viewer, Intervention& intervention) {
 
 }  // namespace
 
+/// One above the other, or side by side where there are more devices.
+void show_loads(const SimulatedRun& run, std::size_t hub) {
+  const bool is_alone = run.now().count() == 1;
+  const float row = ImGui::GetContentRegionAvail().x, gap = ImGui::GetStyle().ItemSpacing.x;
+  const float width = is_alone ? row : (row - gap) / 2, top = ImGui::GetCursorPosY();
+  load_chart("force", run, hub, &HubLoad::force_N, 1, "N", width);
+  if (!is_alone) {
+    ImGui::SameLine();
+    ImGui::SetCursorPosY(top);
+  }
+  load_chart("torque", run, hub, &HubLoad::torque_Nm, 1000, "N mm", width);
+}
+
 void handle_held_input(Viewer& viewer, GLFWwindow* window) {
   const bool types = ImGui::GetIO().WantTextInput;
-  const HubInput keys = held_keys([&](int key) { return !types && glfwGetKey(window, key) == GLFW_PRESS; });
+  const HubInput keys = held_keys([&](int key) { return glfwGetKey(window, key) == GLFW_PRESS && !types; });
   const auto pad_state = connected_pad();
   const HubInput pad = pad_state ? held_pad(*pad_state) : HubInput{};
   viewer.press_pedal(keys.pedal || pad.pedal);
@@ -135,35 +148,17 @@ void handle_held_input(Viewer& viewer, GLFWwindow* window) {
   hand->set_rates(held.insertion_mm_s, held.rotation_rad_s);
 }
 
-std::string help_on_steering(const Intervention& intervention) {
-  std::string help =
-      "I (hold)       inject contrast agent\n"
-      "Enter          start or stop a recording\n"
-      "L              replay the last recording\n"
-      "Backspace      restart at the vessel entry\n";
-  if (intervention.manual() && intervention.haptic() != "gamepad")
-    help +=
-        "Up, Down       advance and withdraw (with Shift: slowly)\n"
-        "Left, Right    rotate (torque)\n";
-  if (intervention.manual() && intervention.haptic() == "mouse")
-    help += "Ctrl and drag  advance and rotate (Ctrl and wheel: advance)\n";
-  if (intervention.run().has_valve())
-    help +=
-        "Tab            hold the next device (a wire in a catheter)\n"
-        "V              valve: lock the devices together or release them\n";
-  return help;
-}
-
 void draw_intervention_panel(Viewer& viewer) {
   Intervention* intervention = viewer.intervention();
   if (!intervention) return;
   const SimulatedRun& run = intervention->run();
   const CatheterSnapshot& now = run.now();
-  const float width = 27 * ImGui::GetFontSize(), top = 3 * ImGui::GetFontSize();
+  const float width = monitor_width();
   const ImVec2 size = ImGui::GetIO().DisplaySize;
-  ImGui::SetNextWindowPos({size.x - width - 8, top}, ImGuiCond_FirstUseEver);
-  ImGui::SetNextWindowSizeConstraints({width, 0},
-                                      {width, std::max(10 * ImGui::GetFontSize(), size.y - top - 8)});
+  const int height = viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y)).front().height;
+  ImGui::SetNextWindowPos({size.x - width, 0}, ImGuiCond_FirstUseEver);
+  ImGui::SetNextWindowSizeConstraints(
+      {width, 0}, {width, std::max(10 * ImGui::GetFontSize(), static_cast<float>(height))});
   ImGui::Begin("catheter", nullptr, ImGuiWindowFlags_AlwaysAutoResize);
   write_wrapped(fmt::format("hub input: {}", intervention->run().device().status()));
   for (std::size_t d = 0; d < now.count(); ++d) show_device(*intervention, d);

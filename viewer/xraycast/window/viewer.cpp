@@ -6,11 +6,15 @@
 #include "xraycast/base/stopwatch.hpp"
 #include "xraycast/base/whole_file.hpp"
 #include "xraycast/drawing/brightness.hpp"
+#include "xraycast/fluoroscope/fluoroscope_request.hpp"
+#include "xraycast/sampling/clip_space.hpp"
 #include "xraycast/scene/annotations.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
 #include "xraycast/scene/vessels.hpp"
 
 #include <fmt/format.h>
+#include <glm/common.hpp>
+#include <glm/geometric.hpp>
 
 #include <algorithm>
 #include <cmath>
@@ -182,15 +186,15 @@ void Viewer::save_session() {
 void Viewer::save_picture() {
   attempt([&] {
     if (!shown_) throw InputError("there is no picture to save yet; open a body map first");
-    const int width = width_, height = height_;
+    const std::vector<Pane> all = panes(width_, height_);
+    const int left = all.front().x, width = all.back().x + all.back().width - left,
+              height = all.front().height;
     std::vector<std::uint8_t> rgb(static_cast<std::size_t>(3) * width * height);
-    for (const Pane& pane : panes(width, height)) {
-      View drawn;
-      const std::vector<std::uint8_t> part = annotated_picture(pane, drawn);
-      const std::size_t row = std::size_t{3} * drawn.width;
-      for (int j = 0; j < std::min(height, drawn.height); ++j)
-        std::copy_n(&part[j * row], std::min(row, std::size_t{3} * pane.width),
-                    &rgb[3 * (static_cast<std::size_t>(j) * width + pane.x)]);
+    for (const Pane& pane : all) {
+      const std::vector<std::uint8_t> part = annotated_picture(pane);
+      const std::size_t row = std::size_t{3} * pane.width;
+      for (int j = 0; j < height; ++j)
+        std::copy_n(&part[j * row], row, &rgb[3 * (static_cast<std::size_t>(j) * width + pane.x - left)]);
     }
     // The name is chosen by the job: the one before it is done by then, and its file is there.
     writing_.start("Saving", [this, rgb = std::move(rgb), width, height](Progress&) -> Worker::Delivery {
@@ -201,10 +205,10 @@ void Viewer::save_picture() {
   });
 }
 
-/// What a pane shows, and the view that it was drawn for.
-std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& drawn) {
+/// What a pane shows.
+std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane) {
   const ProjectionImage* drr = pane.is_drr ? drrs_.latest() : nullptr;
-  drawn = drr ? drr->view : view_in(pane.width, pane.height);
+  View drawn = drr ? drr->view : view_in(pane.width, pane.height);
   std::vector<std::uint8_t> rgb;
   if (is_fluoroscopy(pane) && !console()->image().empty()) {
     drawn = console()->view();
@@ -214,7 +218,10 @@ std::vector<std::uint8_t> Viewer::annotated_picture(const Pane& pane, View& draw
   }
   annotate(rgb, drawn, bounds_, status_of(picture_pose()));
   draw_outline(road_map(drawn), kRoadMapColour, drawn.width, rgb);
-  return rgb;
+  if (drawn.width == pane.width && drawn.height == pane.height) return rgb;
+  Canvas canvas(pane.width, pane.height, {0, 0, 0});
+  canvas.picture(rgb, drawn.width, drawn.height, box_in(pane, drawn));
+  return canvas.rgb();
 }
 
 void Viewer::save_cine() {
@@ -265,6 +272,26 @@ void Viewer::show_catheter() {
     renderer_.replace_surface(i, intervention_->surfaces()[i]);
 }
 
+/// Keeps the tip of the device in the hand within the middle of live pictures when it or the zoom has
+/// changed. What was subtracted or mapped would be lost with the view: then the table stays where it is.
+void Viewer::follow_tip(const Pane& pane) {
+  constexpr double kStill_mm = 0.5;
+  const bool keeps_view = console() && (console_->subtracts() || console_->shows_road_map());
+  if (!follows || keeps_view || !(pedal_ || lacks_picture_)) return;
+  CArmPose& pose = session_.pose;
+  const glm::dvec3 tip_mm = intervention_->run().now().device(intervention_->held_hub()).nodes_mm.back();
+  if (glm::distance(tip_mm, followed_mm_) < kStill_mm && pose.zoom == followed_zoom_) return;
+  followed_mm_ = tip_mm;
+  followed_zoom_ = pose.zoom;
+  const View view = view_of(pose, bounds_, pane.width, pane.height);
+  const glm::dvec2 size(pane.width, pane.height), tip = pixel_of(view, tip_mm);
+  // Most entries are at the body's lower end, and most ways go up from there.
+  const glm::dvec2 beyond = tip - glm::clamp(tip, 0.25 * size, glm::dvec2(0.75, 0.88) * size);
+  // Pixels per mm in the plane of the tip.
+  const double scale = glm::distance(pixel_of(view, tip_mm + view.right()), tip);
+  pose.travel((beyond.x * view.right() - beyond.y * view.up()) / scale, bounds_);
+}
+
 void Viewer::toggle_recording() {
   attempt([&] {
     SimulatedRun& run = intervention_->run();
@@ -284,6 +311,7 @@ void Viewer::replay() {
 }
 
 void Viewer::restart_run() {
+  lacks_picture_ = true;
   attempt([&] { intervention_->restart(); });
 }
 
@@ -299,10 +327,9 @@ std::span<const glm::ivec2> Viewer::road_map(const View& view) {
 
 void Viewer::toggle_console() {
   attempt([&] {
-    if (console_)
-      is_console_on_ = !is_console_on_;
-    else
-      use_fluoroscope({.c_arm = CArm::named("mobile-flat-panel")});
+    if (!console_) return use_fluoroscope(options_of({}));
+    is_console_on_ = !is_console_on_;
+    lacks_picture_ = is_console_on_;
   });
 }
 
@@ -310,16 +337,17 @@ void Viewer::use_fluoroscope(const FluoroscopyOptions& options) {
   FluoroscopyOptions with_field = options;
   if (with_field.field_mm == 0) with_field.field_mm = options.c_arm.fields_mm.front();
   console_.emplace(with_field);
-  is_console_on_ = fits_field_ = true;
+  is_console_on_ = fits_field_ = lacks_picture_ = true;
 }
 
-/// Magnifies so that the fluoroscope's field fills the height of the picture.
+/// Magnifies so that the fluoroscope's field fills the picture.
 void Viewer::fit_field(const Pane& pane) {
   fits_field_ = false;
   const Cone& distances = console_->options().c_arm.distances;
-  const double field_mm =
-      console_->options().field_mm * distances.source_axis_mm / distances.source_detector_mm;
-  session_.pose.magnify(view_in(pane.width, pane.height).pixel_mm * pane.height / field_mm);
+  const double pixel_mm = std::max(field_mm().x / pane.width, field_mm().y / pane.height) *
+                          distances.source_axis_mm / distances.source_detector_mm;
+  const View now = view_of(session_.pose, bounds_, pane.width, pane.height);
+  session_.pose.magnify(now.pixel_mm / pixel_mm);
 }
 
 void Viewer::toggle_console_road_map() {
@@ -333,15 +361,42 @@ void Viewer::press_pedal(bool is_down) {
   if (intervention_) intervention_->press_pedal(is_down);
 }
 
-/// A pulse where one is due, and the held image; black before the pedal's first pulse.
+View Viewer::shown_in(const Pane& pane) const {
+  if (!is_fluoroscopy(pane) || console()->image().empty()) return view_in(pane.width, pane.height);
+  View view = console()->view();
+  view.pixel_mm *= view.width / box_in(pane, view).width;
+  view.width = pane.width;
+  view.height = pane.height;
+  return view;
+}
+
+bool Viewer::is_held() const {
+  return shown_ && !pedal_ && (intervention_ || (console() && !console()->image().empty()));
+}
+
+/// Where a picture of another size is in a pane, without changing its shape; from the pane's corner on.
+PixelBox Viewer::box_in(const Pane& pane, const View& view) {
+  const double scale = std::min(1.0 * pane.width / view.width, 1.0 * pane.height / view.height);
+  const double width = std::round(scale * view.width), height = std::round(scale * view.height);
+  return {std::floor((pane.width - width) / 2), std::floor((pane.height - height) / 2), width, height};
+}
+
+/// A pulse where one is due, and the held image. Like a detector's, the picture has no more pixels than are
+/// worth their noise: on a screen of high density each is shown as several.
 void Viewer::draw_fluoroscopy(const Pane& pane) {
-  if (is_pulse_due_) {
-    const View view = view_in(pane.width, pane.height);
+  if (std::exchange(lacks_picture_, false) || is_pulse_due_) {
+    constexpr int kMostPixels = 1280;
+    const int screen_px = 1 + (std::max(pane.width, pane.height) - 1) / kMostPixels;
+    exposed_from_ = session_.pose;
+    const View view = view_in(pane.width / screen_px, pane.height / screen_px);
     if (!water_path_) water_path_.emplace(shown_->attenuation);
     console_->expose(renderer_.tau(view, session_.style), view, *water_path_);
     held_.set(console_->image(), view.width, view.height);
   }
-  held_.draw(pane.x, 0, pane.width, pane.height);
+  if (console_->image().empty()) return;
+  const PixelBox box = box_in(pane, console_->view());
+  held_.draw(pane.x + static_cast<int>(box.left), pane.y + static_cast<int>(box.top),
+             static_cast<int>(box.width), static_cast<int>(box.height));
 }
 
 // ---- the vessels ----------------------------------------------------------------------------------
@@ -355,7 +410,7 @@ void Viewer::pick(const glm::dvec2& position, float width, float height) {
   if (!tree() || !shown_) return;
   for (const Pane& pane : panes(static_cast<int>(width), static_cast<int>(height)))
     if (position.x >= pane.x && position.x < pane.x + pane.width)
-      picked_ = vessel_at(*tree(), view_in(pane.width, pane.height), position - glm::dvec2(pane.x, 0));
+      picked_ = vessel_at(*tree(), shown_in(pane), position - glm::dvec2(pane.x, 0));
 }
 
 // ---- how it is shown ------------------------------------------------------------------------------
@@ -388,7 +443,10 @@ void Viewer::set_look(Look look) {
 
 void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
   if (!map || map == shown_) return;
-  if (!shown_ || shown_->geometry != map->geometry) adapted_to_.reset();
+  if (!shown_ || shown_->geometry != map->geometry) {
+    adapted_to_.reset();
+    lacks_picture_ = true;
+  }
   shown_ = std::move(map);
   water_path_.reset();
   if (console_) console_->forget_pictures();
@@ -398,32 +456,52 @@ void Viewer::show_map(std::shared_ptr<const BodyMap> map) {
 
 // ---- the picture ----------------------------------------------------------------------------------
 
-const CArmPose& Viewer::picture_pose() const { return intervention_ ? intervention_->pose() : session_.pose; }
+const CArmPose& Viewer::picture_pose() const {
+  if (intervention_) return intervention_->pose();
+  return is_held() ? exposed_from_ : session_.pose;
+}
 
 std::string Viewer::caption() const {
-  return intervention_ ? intervention_->caption(session_.pose) : status_of(session_.pose);
+  return intervention_ ? intervention_->caption(session_.pose) : status_of(picture_pose());
+}
+
+void Viewer::reset_view() {
+  session_.pose = {};
+  fits_field_ = console() != nullptr;
 }
 
 View Viewer::view_in(int width, int height) const {
   return view_of(picture_pose(), bounds_, std::max(1, width), std::max(1, height));
 }
 
+/// What the fluoroscope's detector sees, on the detector.
+glm::dvec2 Viewer::field_mm() const {
+  const FluoroscopyOptions& options = console_->options();
+  return glm::min(glm::dvec2(options.field_mm),
+                  {options.c_arm.detector.width_mm, options.c_arm.detector.height_mm});
+}
+
 std::vector<Viewer::Pane> Viewer::panes(int width, int height) const {
   const bool is_drr = source() == BodySource::drr;
-  if (!is_split || !has_scan() || width < 2) return {{0, width, height, is_drr}};
-  const int half = width / 2;
-  return {{0, half, height, false}, {half, width - half, height, true}};
+  const int across = std::max(1, width - reserved_right_), down = std::max(1, height - reserved_below_),
+            y = height - down, half = across / 2;
+  if (is_split && has_scan() && half > 0)
+    return {{0, y, half, down, false}, {half, y, across - half, down, true}};
+  if (!console() || is_drr) return {{0, y, across, down, is_drr}};
+  // The detector's shape.
+  const int seen = std::clamp(static_cast<int>(std::lround(down * field_mm().x / field_mm().y)), 1, across);
+  return {{(across - seen) / 2, y, seen, down, false}};
 }
 
 void Viewer::draw_pane(const Pane& pane) {
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
-  glViewport(pane.x, 0, pane.width, pane.height);
+  glViewport(pane.x, pane.y, pane.width, pane.height);
   if (pane.is_drr)
     draw_drr(pane);
   else if (is_fluoroscopy(pane))
     draw_fluoroscopy(pane);
   else
-    renderer_.draw(view_in(pane.width, pane.height), session_.style, pane.x, 0);
+    renderer_.draw(view_in(pane.width, pane.height), session_.style, pane.x, pane.y);
 }
 
 /// The latest DRR that was projected; another one is requested when something has changed.
@@ -431,7 +509,7 @@ void Viewer::draw_drr(const Pane& pane) {
   drrs_.request(view_in(pane.width, pane.height), shown_->opacity(), opened_.scan);
   const ProjectionImage* drr = drrs_.latest();
   if (drr && drr->view.width == pane.width && drr->view.height == pane.height)
-    renderer_.draw(*drr, session_.style, pane.x, 0);
+    renderer_.draw(*drr, session_.style, pane.x, pane.y);
 }
 
 /// The grey window follows the C-arm and the table, until one is chosen by hand. Motion and edits within the
@@ -468,14 +546,19 @@ void Viewer::draw(int width, int height) {
   constexpr double kRotation_deg = 2.5;
   if (is_rotating) session_.pose.rotate(kRotation_deg);
   if (console() && fits_field_) fit_field(panes(width, height).front());
-  if (intervention_) attempt([&] { show_catheter(); });
+  if (intervention_)
+    attempt([&] {
+      follow_tip(panes(width, height).front());
+      show_catheter();
+    });
   is_pulse_due_ = console() && console_->is_due(pedal_, since_frame_.ms() / 1000);
   since_frame_ = {};
   if (cine_ && !attempt([&] { export_cine_frame(); })) cine_.reset();
   attempt([&] {
-    const Pane first = panes(width, height).front();
-    adapt_brightness(view_in(first.width, first.height));
-    for (const Pane& pane : panes(width, height)) draw_pane(pane);
+    const std::vector<Pane> all = panes(width, height);
+    if (!std::ranges::all_of(all, [&](const Pane& pane) { return is_fluoroscopy(pane); }))
+      adapt_brightness(view_in(all.front().width, all.front().height));
+    for (const Pane& pane : all) draw_pane(pane);
   });
   glBindFramebuffer(GL_FRAMEBUFFER, 0);
   glViewport(0, 0, width, height);

@@ -5,6 +5,7 @@
 #include "xraycast/drawing/grey_picture.hpp"
 #include "xraycast/drawing/renderer.hpp"
 #include "xraycast/sampling/c_arm_pose.hpp"
+#include "xraycast/scene/canvas.hpp"
 #include "xraycast/serving/intervention.hpp"
 #include "xraycast/window/cine_exporter.hpp"
 #include "xraycast/window/drr_comparison.hpp"
@@ -51,15 +52,16 @@ class Viewer {
   const Intervention* intervention() const { return intervention_ ? &*intervention_ : nullptr; }
   void toggle_recording();
   void replay();  ///< the last recording
+  bool has_recording() const { return !recording_.empty(); }
   void restart_run();
   std::span<const glm::ivec2> road_map(const View& view);
 
   // ---- the fluoroscope
-  /// Takes pictures of the map as a fluoroscope does from now on, while the pedal is down. Throws as its
-  /// console does.
+  /// Takes pictures of the map as a fluoroscope does from now on: one at once, and more while the pedal is
+  /// down. Throws as its console does.
   void use_fluoroscope(const FluoroscopyOptions& options);
 
-  /// Off, and on again with its counters; the first time with a mobile C-arm.
+  /// Off, and on again with its counters; the first time with a fixed C-arm.
   void toggle_console();
 
   /// Null while it is off.
@@ -70,6 +72,9 @@ class Viewer {
   void toggle_console_road_map();
   void press_pedal(bool is_down);
   bool pedal() const { return pedal_; }
+
+  /// The picture is that of the last exposure, and does not change with what happens since.
+  bool is_held() const;
 
   // ---- the vessels
   /// The tree of the folder of vessels, or that in which the catheter is steered; none: there is only a
@@ -85,6 +90,7 @@ class Viewer {
   CArmPose& pose() { return session_.pose; }
   const CArmPose& pose() const { return session_.pose; }
   std::string caption() const;  ///< of the picture
+  void reset_view();            ///< the whole body or, with a fluoroscope, all of its field
   Style& style() { return session_.style; }
   BodySource source() const;
   void set_source(BodySource source);
@@ -92,7 +98,9 @@ class Viewer {
   void set_look(Look look);
   bool is_rotating = false;  ///< the C-arm, as a cine loop
   bool is_split = false;     ///< a DRR beside the map
-  bool shows_help = false;
+  bool shows_help = false, shows_panels = true;
+  bool shows_first_steps = false;  ///< until the first key
+  bool follows = true;             ///< the table follows the tip of the device in the hand as it moves
 
   /// Opacity and layers, with undo. `attempt` handles its errors.
   OpacityEditor& opacity() { return opacity_; }
@@ -103,6 +111,7 @@ class Viewer {
   const BodyBounds& bounds() const { return bounds_; }
   View view_in(int width, int height) const;
   const std::string& message() const { return message_; }
+  void clear_message() { message_.clear(); }
   std::optional<Worker::Status> status() const;
   bool is_animating() const;  ///< every frame differs from the last
   std::optional<double> psnr_db() const { return drrs_.psnr_db(); }
@@ -111,10 +120,19 @@ class Viewer {
 
   /// A part of the framebuffer that shows one view, from its lower left corner on.
   struct Pane {
-    int x, width, height;
+    int x, y, width, height;
     bool is_drr;
   };
   std::vector<Pane> panes(int width, int height) const;
+
+  /// The view that a pane shows, which is that of the last exposure with a fluoroscope, in the pane's pixels.
+  View shown_in(const Pane& pane) const;
+
+  /// Keeps the right and the lower edge of the window for what is beside the picture, in pixels.
+  void reserve(int right, int below) {
+    reserved_right_ = right;
+    reserved_below_ = below;
+  }
 
   /// Takes the workers' results and draws the picture on the default framebuffer. Throws as open_files if the
   /// viewer's first session cannot be opened.
@@ -130,8 +148,11 @@ class Viewer {
   void draw_pane(const Pane& pane);
   void draw_drr(const Pane& pane);
   void draw_fluoroscopy(const Pane& pane);
+  static PixelBox box_in(const Pane& pane, const View& view);
   void fit_field(const Pane& pane);
-  std::vector<std::uint8_t> annotated_picture(const Pane& pane, View& drawn);
+  void follow_tip(const Pane& pane);
+  glm::dvec2 field_mm() const;
+  std::vector<std::uint8_t> annotated_picture(const Pane& pane);
   void take_results();
   void export_cine_frame();
   void show_catheter();
@@ -157,7 +178,11 @@ class Viewer {
   std::optional<RoadMap> road_map_;  ///< of a session whose catheter was steered
   std::optional<FluoroscopyConsole> console_;
   bool is_console_on_ = true, fits_field_ = false, pedal_ = false, is_pulse_due_ = false;
-  GreyPicture held_;  ///< the fluoroscope's last image
+  bool lacks_picture_ = false;  ///< the fluoroscope has none of this body and run, and needs no pedal for it
+  GreyPicture held_;            ///< the fluoroscope's last image
+  CArmPose exposed_from_;       ///< at that image
+  glm::dvec3 followed_mm_{0};   ///< the tip that the table has followed last
+  double followed_zoom_ = 0;
   Stopwatch since_frame_;
   long shown_exposures_ = -1;
   std::size_t shown_surfaces_ = 0;  ///< of the last exposure
@@ -166,6 +191,7 @@ class Viewer {
   std::filesystem::path recording_;
   std::vector<InstrumentModel> recorded_;  ///< the instruments of that recording
   int width_ = 0, height_ = 0;             ///< of the last frame
+  int reserved_right_ = 0, reserved_below_ = 0;
   double frame_ms_ = 0;
 
   Worker opening_, writing_;

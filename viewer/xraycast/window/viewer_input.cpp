@@ -1,6 +1,7 @@
 #include "xraycast/window/viewer_input.hpp"
 
 #include "xraycast/window/exposure_panel.hpp"
+#include "xraycast/window/hub_input.hpp"
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
@@ -30,24 +31,25 @@ void drag_window(GreyWindow& window, double across, double down) {
 
 }  // namespace
 
-const char* const kHelp =
-    "left drag      rotate the C-arm (with Shift also tilt)\n"
-    "left click     identify a vessel branch\n"
-    "wheel          zoom\n"
-    "middle drag    move the table\n"
-    "right drag     window and level\n"
-    "R              reset\n"
-    "1 .. 9         show or hide a layer\n"
-    "F              look: fluoro, surface\n"
-    "C              compositing: path, wall, true projection\n"
-    "S              split view with the true projection\n"
-    "P              save a picture\n"
-    "Space          cine rotation\n"
-    "Ctrl+O         open\n"
-    "Escape         cancel reading or casting\n"
-    "Ctrl+S         save the session\n"
-    "Ctrl+Z, Ctrl+Y undo, redo\n"
-    "E              fluoroscope on or off\n";
+std::vector<KeyHint> general_keys(const Viewer& viewer) {
+  std::vector<KeyHint> keys{{"left drag", "rotate the C-arm (with Shift also tilt)"},
+                            {"left click", "identify a vessel branch"},
+                            {"wheel", "zoom"},
+                            {"middle drag", "move the table"},
+                            {"right drag", "window and level"},
+                            {"R", "reset"},
+                            {"1 .. 9", "show or hide a layer"},
+                            {"F", "look: fluoro, surface"},
+                            {"C", "compositing: path, wall, true projection"},
+                            {"S", "split view with the true projection"},
+                            {"Space", "cine rotation"},
+                            {"Ctrl+O", "open"},
+                            {"Escape", "cancel reading or casting"},
+                            {"Ctrl+S", "save the session"},
+                            {"Ctrl+Z, Ctrl+Y", "undo, redo"}};
+  if (!viewer.intervention()) keys.push_back({"I", "invert"});
+  return keys;
+}
 
 bool is_dragged(int button) { return ImGui::IsMouseDragging(button, 0) && !ImGui::IsMouseClicked(button); }
 
@@ -64,7 +66,9 @@ void handle_mouse(Viewer& viewer) {
   }
   if (is_clicked()) viewer.pick({io.MousePos.x, io.MousePos.y}, io.DisplaySize.x, io.DisplaySize.y);
   if (is_dragged(ImGuiMouseButton_Middle)) {
-    const View view = viewer.view_in(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y));
+    const Viewer::Pane pane =
+        viewer.panes(static_cast<int>(io.DisplaySize.x), static_cast<int>(io.DisplaySize.y)).front();
+    const View view = viewer.view_in(pane.width, pane.height);
     pose.travel(io.MouseDelta.y * view.pixel_mm, viewer.bounds());
   }
   if (is_dragged(ImGuiMouseButton_Right)) {
@@ -76,6 +80,7 @@ void handle_mouse(Viewer& viewer) {
 
 bool handle_key(Viewer& viewer, int key, int mods) {
   Style& style = viewer.style();
+  if (!is_held_down(key)) viewer.clear_message();
   if ((mods & GLFW_MOD_CONTROL) != 0) {
     if (key == GLFW_KEY_Z) viewer.attempt([&] { viewer.opacity().undo(); });
     if (key == GLFW_KEY_Y) viewer.attempt([&] { viewer.opacity().redo(); });
@@ -90,7 +95,13 @@ bool handle_key(Viewer& viewer, int key, int mods) {
       viewer.cancel();
       break;
     case GLFW_KEY_R:
-      viewer.pose() = {};
+      viewer.reset_view();
+      break;
+    case GLFW_KEY_A:
+      viewer.shows_panels = !viewer.shows_panels;
+      break;
+    case GLFW_KEY_T:
+      viewer.follows = !viewer.follows;
       break;
     case GLFW_KEY_F:
       viewer.set_look(style.look == Look::fluoro ? Look::surface : Look::fluoro);

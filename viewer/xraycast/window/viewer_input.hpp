@@ -1,6 +1,9 @@
 #pragma once
 
+#include "xraycast/window/operator_keys.hpp"
 #include "xraycast/window/viewer.hpp"
+
+#include <vector>
 
 namespace xraycast {
 
@@ -17,7 +20,7 @@ void handle_mouse(Viewer& viewer);
 /// dialogue.
 bool handle_key(Viewer& viewer, int key, int mods);
 
-/// Help on mouse and keys that hold in every mode, one line each.
-extern const char* const kHelp;
+/// The mouse and the keys beside an operator's (see usable_keys).
+std::vector<KeyHint> general_keys(const Viewer& viewer);
 
 }  // namespace xraycast

@@ -6,17 +6,19 @@
 #include "xraycast/scene/road_map.hpp"
 #include "xraycast/scene/vessel_pick.hpp"
 #include "xraycast/window/exposure_panel.hpp"
-#include "xraycast/window/intervention_panel.hpp"
+#include "xraycast/window/operator_screen.hpp"
 #include "xraycast/window/viewer_input.hpp"
 
 #include <fmt/format.h>
 
 #define GLFW_INCLUDE_NONE
 #include <GLFW/glfw3.h>
+#include <algorithm>
 #include <cfloat>
 #include <cmath>
 #include <imgui.h>
 #include <imgui_stdlib.h>
+#include <iterator>
 #include <numbers>
 
 namespace xraycast {
@@ -43,9 +45,11 @@ void continue_row_if_fits(const char* next) {
   if (end < ImGui::GetWindowPos().x + ImGui::GetWindowContentRegionMax().x) ImGui::SameLine();
 }
 
-/// Orientation letters, axis and scale bar of a part of the window that begins at `left`.
-void annotate(const Viewer& viewer, float left, float width, float height) {
-  const View view = viewer.view_in(static_cast<int>(width), static_cast<int>(height));
+/// Orientation letters, axis and scale bar.
+void annotate(const Viewer& viewer, const Viewer::Pane& pane) {
+  const View view = viewer.shown_in(pane);
+  const auto left = static_cast<float>(pane.x), width = static_cast<float>(pane.width),
+             height = static_cast<float>(pane.height);
   const glm::dvec3 half(0, 0, viewer.bounds().half_height_mm);
   const Annotations annotations =
       annotations_of(view, viewer.bounds().centre_mm + half, viewer.bounds().centre_mm - half);
@@ -88,7 +92,7 @@ void draw_picked(const Viewer& viewer, const ImVec2& size) {
   const auto& picked = viewer.picked();
   if (!viewer.map() || !viewer.tree() || !picked) return;
   for (const Viewer::Pane& pane : viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y))) {
-    const glm::vec2 at(pixel_of(viewer.view_in(pane.width, pane.height), picked->centre_mm));
+    const glm::vec2 at(pixel_of(viewer.shown_in(pane), picked->centre_mm));
     const float x = static_cast<float>(pane.x) + at.x, reach = 0.4f * ImGui::GetFontSize();
     ImGui::GetBackgroundDrawList()->AddCircle({x, at.y}, reach, kInk, 0, 2);
     write(x + 2 * reach, at.y - reach, describe(*viewer.tree(), *picked));
@@ -96,60 +100,50 @@ void draw_picked(const Viewer& viewer, const ImVec2& size) {
 }
 
 std::string status_line(const Viewer& viewer, const ImVec2& size) {
+  if (!viewer.shows_panels) return viewer.caption();
   const ImVec2 scale = ImGui::GetIO().DisplayFramebufferScale;
   return fmt::format("{}   {:.0f} ms   {:.0f} x {:.0f}   {}   {:.1f} MB", viewer.caption(), viewer.frame_ms(),
                      size.x * scale.x, size.y * scale.y, gl_device_name(),
                      static_cast<double>(viewer.texture_B()) / 1e6);
 }
 
-/// The keys that do something now.
-std::string help_on(const Viewer& viewer) {
-  const bool steers = viewer.intervention(), exposes = viewer.console();
-  std::string help = kHelp;
-  if (!steers) help += "I              invert\n";
-  if (steers || exposes) help += "X (hold)       pedal: fluoroscopy\n";
-  if (exposes)
-    help += "M              road map of the last injection\n";
-  else if (steers)
-    help += "M              road map\n";
-  if (exposes) help += kFluoroscopeHelp;
-  if (steers) help += help_on_steering(*viewer.intervention());
-  help += "H or ?         this help";
-  return help;
-}
-
 void overlays(Viewer& viewer) {
   const ImVec2 size = ImGui::GetIO().DisplaySize;
   const float line = ImGui::GetFontSize();
+  const auto panes = viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y));
+  const auto bottom = static_cast<float>(panes.front().height);
   if (viewer.map()) {
-    const auto panes = viewer.panes(static_cast<int>(size.x), static_cast<int>(size.y));
     for (const Viewer::Pane& pane : panes) {
       const auto left = static_cast<float>(pane.x), width = static_cast<float>(pane.width);
-      annotate(viewer, left, width, size.y);
+      annotate(viewer, pane);
       if (panes.size() < 2) continue;
       std::string title = "body map";
       if (pane.is_drr) title = "true projection";
       if (pane.is_drr && viewer.psnr_db()) title += fmt::format(", PSNR {:.1f} dB", *viewer.psnr_db());
       write(left + width - line - width_of(title), line / 2, title);
     }
-  } else if (!viewer.status()) {
-    const std::string invitation = "Drop a body map, a scan, vessels or a session here, or press Ctrl+O";
-    write((size.x - width_of(invitation)) / 2, size.y / 2, invitation);
+  } else {
+    const auto status = viewer.status();
+    const std::string words =
+        status ? fmt::format("{}: {} ({:.0f} %)", status->name, status->stage, 100 * status->fraction)
+               : "Drop a body map, a scan, vessels or a session here, or press Ctrl+O";
+    write((size.x - width_of(words)) / 2, size.y / 2, words);
   }
-  write(line, size.y - 1.4f * line, status_line(viewer, size));
+  write(static_cast<float>(panes.front().x) + line, bottom - 1.4f * line, status_line(viewer, size));
   draw_road_map(viewer, size);
   draw_picked(viewer, size);
   if (!viewer.shows_help) return;
-  ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Always, {0.5f, 0.5f});
+  ImGui::SetNextWindowPos({size.x / 2, size.y / 2}, ImGuiCond_Appearing, {0.5f, 0.5f});
   ImGui::Begin("Help", &viewer.shows_help, ImGuiWindowFlags_AlwaysAutoResize);
-  ImGui::TextUnformatted(help_on(viewer).c_str());
+  std::vector<KeyHint> keys = usable_keys(operator_state(viewer));
+  std::ranges::copy(general_keys(viewer), std::back_inserter(keys));
+  list_keys(keys);
   ImGui::End();
 }
 
 /// Of the panel: above the exposure panel where that is at the lower left.
 float highest(const Viewer& viewer) {
-  const float height = ImGui::GetIO().DisplaySize.y;
-  return viewer.intervention() && viewer.console() ? exposure_panel_top(height) - 16 : FLT_MAX;
+  return viewer.intervention() && viewer.console() ? exposure_panel_top(viewer) - 16 : FLT_MAX;
 }
 
 /// What follows the hashes identifies the header for all maps.
@@ -162,6 +156,8 @@ std::string layers_title(const MapGeometry& geometry) {
 
 void ViewerPanel::draw(Viewer& viewer) {
   overlays(viewer);
+  open_dialogue(viewer);
+  if (!viewer.shows_panels) return;
   ImGui::SetNextWindowPos({8, 8}, ImGuiCond_FirstUseEver);
   const float panel_width = 27 * ImGui::GetFontSize();
   ImGui::SetNextWindowSizeConstraints({panel_width, 0}, {panel_width, highest(viewer)});
@@ -175,7 +171,6 @@ void ViewerPanel::draw(Viewer& viewer) {
     opacity_controls(viewer);
   file_controls(viewer);
   ImGui::End();
-  open_dialogue(viewer);
 }
 
 void ViewerPanel::style_controls(Viewer& viewer) {
@@ -184,7 +179,7 @@ void ViewerPanel::style_controls(Viewer& viewer) {
     if (ImGui::Button(preset.name)) viewer.pose().lao_rad = preset.angle_deg * std::numbers::pi / 180;
     ImGui::SameLine();
   }
-  if (ImGui::Button("Reset")) viewer.pose() = {};
+  if (ImGui::Button("Reset")) viewer.reset_view();
   int look = style.look == Look::fluoro ? 0 : 1;
   if (ImGui::Combo("look", &look, "fluoro\0surface\0"))
     viewer.set_look(look == 0 ? Look::fluoro : Look::surface);

@@ -2,6 +2,7 @@
 
 #include "xraycast/window/exposure_panel.hpp"
 #include "xraycast/window/intervention_panel.hpp"
+#include "xraycast/window/operator_screen.hpp"
 #include "xraycast/window/viewer.hpp"
 #include "xraycast/window/viewer_input.hpp"
 #include "xraycast/window/viewer_panel.hpp"
@@ -31,6 +32,7 @@ void set_callbacks(GLFWwindow* window, Desk& desk) {
   });
   glfwSetKeyCallback(window, [](GLFWwindow* w, int key, int, int action, int mods) {
     if (action != GLFW_PRESS || desk_of(w).panel.takes_key(key)) return;
+    desk_of(w).viewer.shows_first_steps = false;
     if (handle_key(desk_of(w).viewer, key, mods)) desk_of(w).panel.ask_for_file();
   });
 }
@@ -55,9 +57,15 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
   Window window;
   Desk desk{Viewer(session, device, [] { glfwPostEmptyEvent(); }), {}};
   if (simulation) desk.viewer.simulate(*simulation);
+  desk.viewer.shows_panels = !simulation;
+  desk.viewer.shows_first_steps = simulation.has_value();
   if (fluoroscopy) desk.viewer.use_fluoroscope(*fluoroscopy);
   set_callbacks(window.handle(), desk);
+  glfwSetInputMode(window.handle(), GLFW_STICKY_KEYS, GLFW_TRUE);  // a tap between two frames counts
   window.attach_gui();
+  window.begin_gui();
+  draw_operator_screen(desk.viewer);  // the first picture needs to know its room
+  window.end_gui();
   while (!glfwWindowShouldClose(window.handle()) && !progress.cancelled()) {
     wait_for_events(desk.viewer);
     const auto [width, height] = window.framebuffer();
@@ -66,8 +74,11 @@ void run_viewer(const ViewSession& session, const std::string& device, const Pro
     handle_mouse(desk.viewer);
     handle_held_input(desk.viewer, window.handle());
     desk.panel.draw(desk.viewer);
-    draw_intervention_panel(desk.viewer);
-    draw_exposure_panel(desk.viewer);
+    if (desk.viewer.shows_panels) {
+      draw_intervention_panel(desk.viewer);
+      draw_exposure_panel(desk.viewer);
+    }
+    draw_operator_screen(desk.viewer);
     window.end_gui();
   }
 }

@@ -1,0 +1,40 @@
+#pragma once
+
+#include "xraycast/fluoroscope/exposure.hpp"
+
+#include <string>
+#include <vector>
+
+namespace xraycast {
+
+/// What keys and advice depend on.
+struct OperatorState {
+  // A run.
+  bool steers = false;
+  bool is_steered_by_keys = false, is_steered_by_mouse = false;
+  bool has_valve = false, has_agent_outlet = false, is_recording = false, has_recording = false;
+  bool follows = false;         ///< the table follows the tip
+  bool shows_road_map = false;  ///< or, without a fluoroscope, the vessels' outline
+
+  // A fluoroscope.
+  bool exposes = false;
+  bool is_live = false;  ///< the pedal is down
+  bool is_automatic = true;
+  DoseLevel dose = DoseLevel::normal;
+  bool subtracts = false, is_masking = false, has_angiogram = false;
+};
+
+/// A key, or several, and what it does now: `X`, `X-rays (hold)`.
+struct KeyHint {
+  std::string keys, does;
+};
+
+/// The operator's keys that do something now, the most important first.
+std::vector<KeyHint> usable_keys(const OperatorState& state);
+
+/// What the operator should do next or otherwise, one line each; mostly none.
+std::vector<std::string> advice_on(const OperatorState& state);
+
+std::string to_string(DoseLevel dose);
+
+}  // namespace xraycast
