@@ -7,6 +7,7 @@
 #include <atomic>
 #include <cerrno>
 #include <csignal>
+#include <limits>
 #include <mutex>
 #include <thread>
 #include <unistd.h>
@@ -41,14 +42,19 @@ bool is_ignored(int signal) {
 
 void watch(sigset_t set) {
   // What other libraries do cannot be cancelled, such as meshing and the compiling of kernels.
-  constexpr timespec kPatience{1, 500'000'000};
+  timespec patience{1, 500'000'000};
+  int written = 0;
   for (;;) {
     const bool is_first = first_signal == 0;
-    const int signal = is_first ? sigwaitinfo(&set, nullptr) : sigtimedwait(&set, nullptr, &kPatience);
+    const int signal = is_first ? sigwaitinfo(&set, nullptr) : sigtimedwait(&set, nullptr, &patience);
     const std::lock_guard lock(job_mutex);
     if (is_first && signal > 0) {
       first_signal = signal;
+      written = files_written();
       if (job) job->cancel();
+    } else if (signal < 0 && job && written < files_written()) {  // it has just done its work
+      written = std::numeric_limits<int>::max();
+      patience = {0, 400'000'000};
     } else if (signal > 0 || (errno == EAGAIN && job)) {
       if (signal < 0) log_to_stderr(cancelled_in_words());
       remove_temporary_files();

@@ -94,7 +94,7 @@ def test_exports_a_session_as_it_was_saved(small_map, tmp_path):
     with pytest.warns(UserWarning, match="constant shells are not exported"):
         xc.export(small_map, tmp_path / "page.html", session=tmp_path / "s.json")
     header = header_of(tmp_path / "page.html")
-    assert header["camera"]["lao_deg"] == pytest.approx(30) and len(header["catheters"]) == 1
+    assert header["pose"]["lao_deg"] == pytest.approx(30) and len(header["catheters"]) == 1
 
 
 def test_bad_arguments_are_named(tree, small_map, tmp_path):
