@@ -82,6 +82,15 @@ def _record_of(line, place):
         record = json.loads(line)
     except ValueError:
         record = None
-    if not isinstance(record, dict) or not isinstance(record.get("scan"), str) or "hash" not in record:
+    if not isinstance(record, dict) or not _is_whole(record):
         raise InputError(f"{place}: not a record of an attempt; remove the line")
     return record
+
+
+def _is_whole(record):
+    error, seconds = record.get("error", ""), record.get("seconds", {})
+    is_told = error is None or isinstance(error, dict) and all(isinstance(error.get(name), str) for name in ("class", "line"))
+    is_timed = isinstance(seconds, dict) and all(isinstance(time, (int, float)) for time in seconds.values())
+    outputs = record.get("outputs", [])
+    has_outputs = isinstance(outputs, list) and all(isinstance(path, str) for path in outputs)
+    return is_told and is_timed and has_outputs and isinstance(record.get("scan"), str) and isinstance(record.get("hash"), str)

@@ -10,6 +10,7 @@ from .._errors import InputError
 
 VOLUMES = (".nrrd", ".nhdr", ".nii", ".nii.gz", ".mha", ".mhd", ".vti", ".vtk", ".zip")
 DICOM_MAGIC_AT = 128
+MOST_LETTERS = 255  # of a folder's name, in all common file systems
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,8 +32,11 @@ def is_url(path):
 
 def read_cohort(source):
     """The scans of a manifest (.csv) or folder, local or by URL, in order. Raises InputError."""
-    scans = read_manifest(source) if source.lower().endswith(".csv") else find_scans(source)
-    _check_unique(scans, source)
+    try:
+        scans = read_manifest(source) if source.lower().endswith(".csv") else find_scans(source)
+    except csv.Error as error:
+        raise InputError(f"{source}: {error}; correct or remove that line") from None
+    _check_names(scans, source)
     return scans
 
 
@@ -43,6 +47,8 @@ def read_manifest(source):
         raise InputError(f"{source}: has no column path; its first line must name the column path and optionally name")
     scans = []
     for row in rows:
+        if None in row:
+            raise InputError(f"{source} line {rows.line_num}: more cells than columns; quote a cell that holds a comma")
         path = (row["path"] or "").strip()
         if not path:
             raise InputError(f"{source} line {rows.line_num}: path is empty; name a scan, or remove the line")
@@ -135,12 +141,25 @@ def _found_by_url(source):
     return scans + [CohortScan(os.path.relpath(path, root), system.unstrip_protocol(path)) for path in dicom_folders]
 
 
-def _check_unique(scans, source):
+def _check_names(scans, source):
+    """Each becomes that of a folder, and is told in the ledger."""
     seen = set()
     for scan in scans:
+        if reason := _fault_of(scan):
+            raise InputError(f"{source}: the name {ascii(scan.name[:80])} {reason}")
         if scan.name in seen:
             raise InputError(f"{source}: two scans have the name {scan.name}; give each line another name")
         seen.add(scan.name)
+
+
+def _fault_of(scan):
+    if "\0" in scan.name:
+        return "holds a zero byte; remove it"
+    try:
+        scan.path.encode()
+        return "is too long for a folder; give it a shorter one" if len(scan.folder) > MOST_LETTERS else None
+    except UnicodeEncodeError:
+        return "or the path of its file is no UTF-8; rename it"
 
 
 def identity_of(path):

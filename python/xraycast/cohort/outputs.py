@@ -19,7 +19,7 @@ def finished_record(out, scan, hash_):
         record = json.loads((folder_of(out, scan) / RECORD).read_text())
     except (OSError, ValueError):
         return None
-    return record if record.get("hash") == hash_ else None
+    return record if isinstance(record, dict) and record.get("hash") == hash_ else None
 
 
 @contextlib.contextmanager

@@ -10,7 +10,7 @@ from .ledger import read_ledger
 MOST_PREVIEWS = 200
 MOST_EXAMPLES = 5
 TEMPLATE = """<!doctype html>
-<html lang="en"><meta charset="utf-8"><title>Cohort {name}</title>
+<html lang="en"><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1"><title>Cohort {name}</title>
 <style>
 body {{ font: 15px/1.4 sans-serif; margin: 2em auto; max-width: 75em; padding: 0 1em; }}
 table {{ border-collapse: collapse; margin: 1em 0; }}
@@ -46,7 +46,7 @@ def write_report(out):
 
 
 def _count_workers(records):
-    return len({record["worker"] for record in records if record["worker"]})
+    return len({str(worker) for record in records if (worker := record.get("worker"))})
 
 
 def _table(title, heads, rows):
@@ -76,7 +76,7 @@ def _errors(records, last):
 def _times(good):
     by_step = collections.defaultdict(list)
     for record in good:
-        for step, seconds in record["seconds"].items():
+        for step, seconds in record.get("seconds", {}).items():
             by_step[step].append(seconds)
     rows = [(step, round(statistics.median(seconds), 3), round(max(seconds), 3), round(sum(seconds) / 3600, 3))
             for step, seconds in by_step.items()]
@@ -88,7 +88,7 @@ def _sheet(out, good):
     shown = [(record["scan"], preview) for record in good if (preview := _preview_of(record))]
     step = max(1, -(-len(shown) // MOST_PREVIEWS))
     figures = [f'<figure><img alt="" src="data:image/png;base64,{data}"><figcaption>{html.escape(scan)}</figcaption></figure>'
-               for scan, preview in sorted(shown)[::step] if (data := _encoded(out / preview))]
+               for scan, preview in sorted(shown)[::step] if (data := _encoded(out, preview))]
     if not figures:
         return ""
     title = f"{len(figures)} of {len(shown)} previews" if step > 1 else "Previews"
@@ -96,11 +96,13 @@ def _sheet(out, good):
 
 
 def _preview_of(record):
-    return next((path for path in record["outputs"] if path.endswith(("/map.png", "/frames/0000.png"))), None)
+    return next((path for path in record.get("outputs", ()) if path.endswith(("/map.png", "/frames/0000.png"))), None)
 
 
-def _encoded(path):
+def _encoded(out, preview):
+    """Of the run's own folder alone."""
     try:
-        return base64.b64encode(path.read_bytes()).decode()
-    except OSError:
+        path = (out / preview).resolve()
+        return base64.b64encode(path.read_bytes()).decode() if path.is_relative_to(out.resolve()) else ""
+    except (OSError, ValueError):
         return ""

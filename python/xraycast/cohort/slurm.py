@@ -3,6 +3,7 @@ import os
 import shlex
 import sys
 
+from .._errors import InputError
 from .manifest import is_url, read_cohort
 
 SCRIPT = """#!/bin/bash
@@ -26,6 +27,8 @@ exit "$status"
 
 def array_job(source, out, parts, run_arguments):
     """The script, for sbatch. Raises InputError."""
+    if "\n" in str(out):
+        raise InputError(f"-o {str(out)!r}: a job's comments hold no line break; give another folder")
     scans = len(read_cohort(source))
     parts = min(parts, scans)
     os.makedirs(out, exist_ok=True)  # Slurm writes its logs there before the first task runs

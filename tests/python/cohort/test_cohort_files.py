@@ -46,9 +46,13 @@ def test_a_line_that_was_cut_off_is_removed(tmp_path, torn):
     assert len([json.loads(line) for line in open(path)]) == 2
 
 
-def test_a_line_that_is_no_record_is_named(tmp_path):
+@pytest.mark.parametrize("line", [
+    "nonsense", "[]", "null", '{"scan": "a"}', '{"scan": 1, "hash": "1", "error": null}', '{"scan": "a", "hash": "1"}',
+    '{"scan": "a", "hash": "1", "error": {}}', '{"scan": "a", "hash": "1", "error": null, "seconds": {"read": "<b>"}}',
+    '{"scan": "a", "hash": "1", "error": null, "outputs": [1]}', '{"scan": "a", "hash": {}, "error": null}'])
+def test_a_line_that_is_no_record_is_named(tmp_path, line):
     path = tmp_path / "ledger.jsonl"
-    path.write_text(json.dumps(LINE) + "\nnonsense\n")
+    path.write_text(json.dumps(LINE) + f"\n{line}\n")
     with pytest.raises(xc.InputError, match="line 2: not a record"):
         list(read_ledger(path))
 
@@ -83,6 +87,14 @@ def test_outputs_appear_with_their_record(tmp_path):
     assert record["outputs"] == ["scans/a/map.txt"]
     assert finished_record(tmp_path, SCAN, "1") == record and finished_record(tmp_path, SCAN, "2") is None
     assert os.listdir(tmp_path / "unfinished") == []
+
+
+@pytest.mark.parametrize("text", ["", "[]", "null", "no", "\udcff"])
+def test_outputs_with_a_damaged_record_are_made_again(tmp_path, text):
+    write_output(tmp_path, "1", "first")
+    (tmp_path / "scans/a/record.json").write_text(text, errors="surrogateescape")
+    assert finished_record(tmp_path, SCAN, "1") is None
+    assert write_output(tmp_path, "1", "second")["text"] == "second"
 
 
 def test_of_two_attempts_the_first_counts(tmp_path):

@@ -30,6 +30,14 @@ def test_a_manifest_names_scans_beside_itself(tmp_path):
     ("path\n", "names no scan"),
     ("path,name\nscan.nrrd,x\nscan.nrrd,x\n", "two scans have the name x"),
     ("path,name\n,x\n", "line 2: path is empty"),
+    ("name,path\nx\n", "line 2: path is empty"),
+    ("path,name\nscan.nrrd,x,y\n", "line 2: more cells than columns; quote a cell that holds a comma"),
+    ('path,name\n"scan.nrrd,x\n', "line 2: path scan.nrrd,x: no such file"),
+    (f"path,name\nscan.nrrd,{'x' * 200000}\n", "field larger than field limit (131072); correct or remove that line"),
+    (f"path{'x' * 200000}\n", "field larger than field limit (131072); correct or remove that line"),
+    (f"path,name\nscan.nrrd,{'x' * 256}\n", "is too long for a folder; give it a shorter one"),
+    ("path,name\nscan.nrrd,x\0y\n", "the name 'x\\x00y' holds a zero byte; remove it"),
+    ("path\nscan\0.nrrd\n", "no such file"),
 ])
 def test_a_bad_manifest_is_refused_in_one_line(tmp_path, text, reason):
     (tmp_path / "scan.nrrd").write_bytes(b"")
@@ -49,6 +57,21 @@ def test_a_missing_source_is_refused(tmp_path, source, reason):
 def test_an_empty_folder_is_refused(tmp_path):
     with pytest.raises(xc.InputError, match="holds no scan"):
         read_cohort(str(tmp_path))
+
+
+def test_a_file_whose_name_is_no_utf_8_is_refused(tmp_path):
+    (tmp_path / "\udcff.nrrd").write_bytes(b"")
+    with pytest.raises(xc.InputError) as error:
+        read_cohort(str(tmp_path))
+    assert str(error.value) == f"{tmp_path}: the name '\\udcff.nrrd' or the path of its file is no UTF-8; rename it"
+
+
+@pytest.mark.parametrize("name, folder", [
+    ("../../escape", "%2E.+..+escape"), ("/etc", "+etc"), ("<script>alert(1)</script>", "%3Cscript%3Ealert%281%29%3C+script%3E"),
+    ("=cmd|' /C calc'!A0", "%3Dcmd%7C%27 +C calc%27%21A0"), ("two\nlines", "two%0Alines"), ("$(reboot)", "%24%28reboot%29"),
+])
+def test_a_folder_stays_in_its_place(name, folder):
+    assert CohortScan(name, "").folder == folder
 
 
 def test_different_names_have_different_folders():

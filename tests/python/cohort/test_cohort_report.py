@@ -1,4 +1,5 @@
 """The page of a cohort, and the array job for Slurm."""
+import html.parser
 import json
 import os
 import re
@@ -30,6 +31,50 @@ def test_the_page_counts_scans_errors_and_times(tmp_path):
     assert cells["WorkerDied"] == ["1", "0", ""]
     assert cells["read"][:2] == ["2.0", "3.0"] and cells["cast"][:2] == ["4.0", "5.0"]
     assert page.count("<figure>") == 1 and "cGljdHVyZQ==" in page
+
+
+class Elements(html.parser.HTMLParser):
+    """The names of a page's elements and attributes."""
+
+    def __init__(self, page):
+        super().__init__()
+        self.names = set()
+        self.feed(page)
+
+    def handle_starttag(self, tag, attributes):
+        self.names |= {tag, *(name for name, _ in attributes)}
+
+
+def test_no_text_of_a_run_becomes_markup(tmp_path):
+    out = tmp_path / "<script>alert(0)<"
+    attack = "\"'><script>alert(1)</script><img src=x onerror=alert(2)>&lt;b onload='x'>"
+    ledger_of = lambda folder: Ledger((folder.mkdir(), folder / "ledger.jsonl")[1])
+    plain, attacked = ledger_of(tmp_path / "plain"), ledger_of(out)
+    for ledger, text in ((plain, "text"), (attacked, attack)):
+        ledger.append(record(text, outputs=["scans/a/map.png"], seconds={text: 1.0}, worker=text))
+        ledger.append({**record("bad"), "error": {"class": text, "line": f"{text}\n{text}"}})
+    for folder in (tmp_path / "plain", out):
+        (folder / "scans/a").mkdir(parents=True)
+        (folder / "scans/a/map.png").write_bytes(b"picture")
+    page = write_report(out).read_text()
+    assert Elements(page).names == Elements(write_report(tmp_path / "plain").read_text()).names
+    assert page.count("&lt;script&gt;") >= 6 and "<script" not in page and 'alt=""' in page
+
+
+@pytest.mark.parametrize("preview", ["../secret/map.png", "{}/secret/map.png", "scans/link/map.png", "scans/\0/map.png"])
+def test_a_page_holds_no_pictures_of_other_folders(tmp_path, preview):
+    out, secret = tmp_path / "out", tmp_path / "secret"
+    (out / "scans").mkdir(parents=True)
+    secret.mkdir()
+    (secret / "map.png").write_bytes(b"secret")
+    (out / "scans/link").symlink_to(secret)
+    Ledger(out / "ledger.jsonl").append(record("a", outputs=[preview.format(tmp_path)]))
+    assert "<figure>" not in write_report(out).read_text()
+
+
+def test_a_folder_of_two_lines_is_no_part_of_a_job(cohort, phantoms, tmp_path):
+    done = cohort("slurm", phantoms, "-o", f"{tmp_path}/out\nreboot")
+    assert (done.returncode, done.stdout) == (3, "") and "a job's comments hold no line break" in done.stderr
 
 
 def test_a_report_of_nothing_is_refused(tmp_path):
