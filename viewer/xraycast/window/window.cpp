@@ -41,7 +41,7 @@ std::string font_file() {
 /// Fonts that are legible at the window's first size on a screen of usual density; the second is for numbers.
 void load_fonts(float scale) {
   constexpr float kText_px = 15, kNumbers_px = 24;
-  static const ImWchar kGlyphs[] = {0x20, 0xFF, 0x2190, 0x2193, 0};  // Latin, and arrows
+  static constexpr ImWchar kGlyphs[] = {0x20, 0xFF, 0x2190, 0x2193, 0};  // Latin, and arrows
   ImFontAtlas& fonts = *ImGui::GetIO().Fonts;
   const std::string file = font_file();
   for (const float size_px : {kText_px, kNumbers_px}) {
