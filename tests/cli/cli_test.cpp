@@ -850,7 +850,10 @@ TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
   const auto said = [&](const char* options) {
     return output_of("cast @/ct.nrrd -o @/map.exr --layers 2 " + std::string(options));
   };
-  EXPECT_THAT(said(""), testing::AllOf(HasSubstr(", outline body, "),
+  const char* const cut_off = "\ncut off: the scan ends within the body at its right and left side; pictures";
+  EXPECT_THAT(said("--outline circle"), HasSubstr(cut_off));
+  EXPECT_THAT(said("--radius 150"), testing::Not(HasSubstr("cut off")));
+  EXPECT_THAT(said(""), testing::AllOf(HasSubstr(", outline body, "), HasSubstr(cut_off),
                                        HasSubstr("% of the scan's attenuation"), HasSubstr(" ms, outline ")));
   for (const char* options : {"--opacity spectrum:80", "--memory-limit 1.2M", "--centre-line @/line.csv"}) {
     EXPECT_THAT(said(options), testing::AllOf(HasSubstr(", outline body, "),
