@@ -117,6 +117,7 @@ void report_cast(const Casting& casting, const CastArguments& options, double wr
       std::visit([](const auto& one) { return one.name(); }, casting.map.attenuation), casting.load.read_ms,
       casting.load.upload_ms, casting.outline_ms, casting.kernel_ms, write_ms, total_ms);
   if (casting.outside_share) json["outside_share"] = *casting.outside_share;
+  if (!casting.cut_off.empty()) text += casting.cut_off + "\n";
   if (!casting.left_out.empty()) text += invocation.spelled(casting.left_out) + "\n";
   report_preview(geometry, options.output, json, text);
   if (casting.basis) {

@@ -266,6 +266,8 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   Style style;
   style.sampling.compositing = parse_compositing(options.compositing);
   if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
+  if (style.sampling.compositing == Compositing::wall)
+    check_not_given(*options.command, {"--reconstruction"}, "to --compositing wall; leave it out");
   if (options.plot.empty())
     check_not_given(*options.command, {"--plot-of"}, "without a plot; leave it out or give --plot too");
   else

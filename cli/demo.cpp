@@ -2,6 +2,7 @@
 #include "options/command.hpp"
 #include "pictures/contact_sheet.hpp"
 #include "pictures/hub_plot.hpp"
+#include "pictures/index_page.hpp"
 #include "pictures/map_preview.hpp"
 #include "pictures/vessel_report.hpp"
 #include "xraycast/acquisition/run_cine.hpp"
@@ -88,7 +89,8 @@ class Report {
 
 constexpr int kFrameLayers = 32;  // with fewer, ribs are blurred
 
-// Frames are placed below the true projections of the same angles.
+// Frames are placed below the true projections of the same angles. Both are collimated to the scan's field of
+// view, beyond whose sides the arms reach: they would end there in straight edges.
 constexpr std::array kAngles_deg{0.0, 45.0, 90.0, -30.0};
 
 BodyMap make_map(const SpectralScan& scan, const OutlineFinder& body, int layers, Report& report,
@@ -125,7 +127,7 @@ void make_projection(const ResidentScan& scan, const BodyOutline& body, double a
   view.centre_mm.z += 70;  // the chest
   view.width = 480;
   view.height = 600;
-  view.pixel_mm = 1.4;
+  view.pixel_mm = 1.2;
   const ProjectionImage image = report.timed("true projection, " + label(view), [&] {
     return project(scan, fitted(view, volume, body), Opacity::paper(), progress);
   });
@@ -143,7 +145,7 @@ void make_frames(const Phantom& phantom, const std::shared_ptr<const BodyMap>& m
   Surface vessels{tube_mesh(VesselTree(phantom.vessel_branches(), "thorax phantom"))};
   vessels.mu_per_mm = 0.01;
   renderer.set_surfaces(std::span(&vessels, 1));
-  CArmPose pose{.table_mm = 70, .zoom = 1.3};
+  CArmPose pose{.table_mm = 70, .zoom = 1.55};
   for (const Look look : {Look::fluoro, Look::surface})
     for (const double angle_deg : kAngles_deg) {
       pose.lao_rad = angle_deg * std::numbers::pi / 180;
@@ -190,7 +192,11 @@ std::shared_ptr<const BodyMap> make_map_without_vessels(ComputeDevice& device, R
 
 // From the left groin up the aorta into the left renal artery; then contrast agent is injected.
 constexpr const char* kScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n8,375,0\n10.5,375,0\n";
-constexpr Injection kLongInjection{.from_s = 8.5, .to_s = 11}, kShortInjection{.from_s = 8.5, .to_s = 9.5};
+constexpr Injection kSelective{.from_s = 8.5, .to_s = 11};
+
+// To above both renal arteries; 20 ml by a power injector fill them with the aorta.
+constexpr const char* kFlushScript = "time_s,insertion_mm,rotation_deg\n0,0,0\n4,412,0\n7.5,412,0\n";
+constexpr Injection kFlush{.from_s = 4.5, .to_s = 4.5 + 20.0 / 15, .rate_ml_s = 15};
 
 double darkness(const std::vector<std::uint8_t>& rgb) {
   return -std::accumulate(rgb.begin(), rgb.end(), 0.0);
@@ -236,8 +242,7 @@ struct Film {
   std::vector<std::uint8_t> still;
 };
 
-/// A catheter's run by the script, as cines in both looks and as subtraction angiography, with the loads at
-/// the hub.
+/// A catheter's run by the script, as cines in both looks, with the loads at the hub.
 void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_ptr<const BodyMap>& map,
               Report& report, Progress& progress) {
   const HeadlessContext context;
@@ -246,18 +251,11 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
       fitted({.centre_mm = bounds_of(map->geometry).centre_mm, .width = 360, .height = 450, .pixel_mm = 0.7},
              bounds_of(map->geometry));
   options.view.centre_mm.z -= 100;  // the abdomen, as narrow as a fluoroscope's field
+  options.injection = kSelective;
   std::vector<std::unique_ptr<Film>> films;
-  for (const char* look : {"fluoro", "surface", "dsa"}) {
-    PictureOptions& picture = options.picture;
-    choose_look(look, picture);
-    picture.style.window.inverted = picture.style.look == Look::surface;
-    options.injection = picture.acquisition.subtracts ? kShortInjection : kLongInjection;
-    if (picture.acquisition.subtracts) {
-      picture.acquisition.fluoroscope = {
-          .c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine, .pulses_per_s = 10};
-      options.view.pixel_mm *= 0.5;
-      options.view.centre_mm += glm::dvec3(35, 0, 35);  // the left renal artery
-    }
+  for (const char* look : {"fluoro", "surface"}) {
+    choose_look(look, options.picture);
+    options.picture.style.window.inverted = options.picture.style.look == Look::surface;
     films.push_back(std::make_unique<Film>(map, *tree, options, report.file(fmt::format("run-{}", look))));
   }
 
@@ -278,8 +276,29 @@ void make_run(const std::shared_ptr<const VesselTree>& tree, const std::shared_p
   for (const std::vector<RunRecord>& records : run.records) course.push_back(records[0]);
   write_hub_plot("Cobra 5 F: force and torque at the hub", course, report.file("run-forces.png"));
   report.picture("run-forces.png", "Force and torque at the hub");
-  report.film("run-dsa", "DSA, 5 ml of contrast agent");
   write_run_page(*tree, map, std::move(recorded), report);
+}
+
+/// Contrast agent from a pigtail in the aorta into both renal arteries, as subtraction angiography.
+void make_angiography(const std::shared_ptr<const VesselTree>& tree,
+                      const std::shared_ptr<const BodyMap>& map, Report& report, Progress& progress) {
+  const HeadlessContext context;
+  RunCine::Options options;
+  options.injection = kFlush;
+  options.view = fitted({.centre_mm = {5, -10, -85}, .width = 360, .height = 450, .pixel_mm = 0.5},
+                        bounds_of(map->geometry));  // from the renal arteries to the bifurcation
+  choose_look("dsa", options.picture);
+  options.picture.acquisition.fluoroscope = {
+      .c_arm = CArm::named("fixed-single-plane"), .dose = DoseLevel::cine, .pulses_per_s = 10};
+  Film film(map, *tree, options, report.file("run-dsa"));
+  const RunRequest request{.tree = tree,
+                           .instruments = instruments_named({"pigtail-5f"}),
+                           .script = Script::parse(kFlushScript, "demo")};
+  report.timed("angiography of the renal arteries", [&] {
+    return run(request, progress, [&](const Instruments& moved, double time_s) { film.see(moved, time_s); });
+  });
+  film.finish();
+  report.film("run-dsa", "DSA, 20 ml into the aorta");
 }
 
 /// A wire steered from the right groin into the left carotid artery, and the catheter over it.
@@ -289,7 +308,7 @@ void make_steering(const std::shared_ptr<const VesselTree>& tree, const std::sha
   const BodyBounds bounds = bounds_of(map->geometry);
   RunCine::Options options;
   options.view =
-      fitted({.centre_mm = bounds.centre_mm, .width = 320, .height = 450, .pixel_mm = 1.6}, bounds);
+      fitted({.centre_mm = bounds.centre_mm, .width = 248, .height = 450, .pixel_mm = 1.6}, bounds);
   options.step_s = 0.2;
   Film film(map, *tree, options, report.file("carotid"));
   const EmbeddedFile& script = embedded_scripts().front();
@@ -332,6 +351,7 @@ void run_demo(const std::string& folder, Invocation& invocation) {
   const auto tree = std::make_shared<const VesselTree>(segment_phantom(volume, device, report, progress));
   const auto without_vessels = make_map_without_vessels(device, report, progress);
   make_run(tree, without_vessels, report, progress);
+  make_angiography(tree, without_vessels, report, progress);
   make_steering(tree, without_vessels, report, progress);
   report.finish();
   invocation.report(

@@ -12,12 +12,14 @@ void add_map_output_options(CLI::App& command, MapOutput& output) {
   command.add_option("-o,--output", output.map, "The body map, an OpenEXR file")
       ->required()
       ->type_name("MAP.exr");
-  command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
-      ->type_name("IMAGE");
+  CLI::Option* preview =
+      command.add_option("--preview", output.preview, "Also write a picture of the layers, innermost on top")
+          ->type_name("IMAGE");
   command
       .add_option("--preview-window", output.window,
                   "auto: grey window from the map's values; paper: transmission exp(-tau), unscaled")
       ->check(CLI::IsMember({"auto", "paper"}))
+      ->needs(preview)
       ->capture_default_str()
       ->type_name("auto|paper");
   command

@@ -57,6 +57,10 @@ void make(PhantomArguments options, Invocation& invocation) {
   const Phantom phantom = make_phantom(options.name, options.phantom);
   check_volume_format(options.output);
   check_writable(options.output);
+  if (options.phantom.table && phantom.vessel_branches().empty())
+    throw InputError(
+        "--table: the phantom {} has no table; make thorax, head or abdomen, or leave --table out",
+        phantom.name());
   if (!options.truth.empty()) check_truth_folder(phantom, options.truth);
 
   ComputeDevice device(invocation.device);

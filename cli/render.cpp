@@ -43,6 +43,9 @@ struct RenderArguments {
 void apply_style(const RenderArguments& options, Style& style) {
   SampleOptions& sampling = style.sampling;
   if (options.compositing) sampling.compositing = parse_compositing(*options.compositing);
+  if (options.reconstruction && sampling.compositing == Compositing::wall)
+    throw InputError("--reconstruction {}: applies only to --compositing path; leave it out",
+                     *options.reconstruction);
   if (options.reconstruction)
     sampling.reconstruction =
         *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;

@@ -55,6 +55,7 @@ Casting cast_held(HeldScan& scan, const CastRequest& request, Progress& progress
 HeldBody cast_scan(HeldScan& scan, const CastRequest& request, const nb::object& progress) {
   return result_of(progress, [&](Progress& reported) {
     Casting casting = cast_held(scan, request, reported);
+    if (!casting.cut_off.empty()) casting.notes.push_back(casting.cut_off);
     if (!casting.left_out.empty()) casting.notes.push_back(casting.left_out);
     for (std::string& note : casting.notes) note = with_arguments(note);
     return HeldBody{std::make_shared<const BodyMap>(std::move(casting.map)),

@@ -98,6 +98,7 @@ nb::bytes png_of(const Frame& frame) {
 
 void write_frame(const Frame& frame, nb::handle path, double gamma, bool inverted) {
   const std::string file = path_of(path);
+  if (!(gamma >= 0.1 && gamma <= 10)) throw InputError("gamma {:g}: must be 0.1 to 10", gamma);
   if (std::holds_alternative<PinholeCamera>(frame.pose) && !is_picture(file))
     throw InputError(
         "{}: a frame made by K and RT is written as a picture, such as .png; numpy.save keeps its depths",

@@ -17,6 +17,7 @@ namespace xraycast::python {
 namespace {
 
 constexpr double kDegree = std::numbers::pi / 180;
+constexpr std::size_t kMostPictures = 1'000'000;  // of a call: their poses alone take 200 MB
 
 /// Angles: one, or one for each picture.
 Numbers angles_of(const nb::object& object, const std::string& name) {
@@ -35,6 +36,8 @@ std::size_t count_of(std::initializer_list<std::pair<const char*, std::size_t>> 
     if (first && size != count)
       throw InputError("{} has {} values, but {} has {}; give lists of the same length, or one value", first,
                        count, name, size);
+    if (size > kMostPictures)
+      throw InputError("{} has {} values; give at most {} at a time", name, size, kMostPictures);
     first = name;
     count = size;
   }
@@ -133,7 +136,7 @@ PinholeCamera camera_of(const double* k, const double* rt, glm::ivec2 size) {
 
 void check_without_view(const PoseArguments& arguments) {
   const auto is_zero = [](const nb::object& angle) {
-    return nb::isinstance<nb::int_>(angle) && nb::cast<int>(angle) == 0;
+    return nb::isinstance<nb::int_>(angle) && angle.equal(nb::int_(0));
   };
   if (!is_zero(arguments.lao) || !is_zero(arguments.cranial) || !arguments.cone_mm.is_none() ||
       !arguments.pixel_mm.is_none() || !arguments.centre_mm.is_none())

@@ -7,6 +7,7 @@
 #include "xraycast/image_file/write_volume.hpp"
 #include "xraycast/phantom/phantom.hpp"
 #include "xraycast/scan/convert.hpp"
+#include "xraycast/volume/bodily_geometry.hpp"
 
 #include <algorithm>
 #include <filesystem>
@@ -132,8 +133,9 @@ HeldScan from_array(const nb::object& hu, const nb::object& spacing, const nb::o
   geometry.size = Index3(voxels.shape(2), voxels.shape(1), voxels.shape(0));
   geometry.spacing_mm = spacing_mm;
   geometry.origin_mm = origin_mm;
-  if (axes == axes_of(nb::none())) return {volume_over(array, geometry), info_of("array"), "array"};
   validate(geometry, "hu");
+  require_bodily(geometry, "hu");
+  if (axes == axes_of(nb::none())) return {volume_over(array, geometry), info_of("array"), "array"};
   return result_of(progress, [&](Progress& reported) {
     const std::span<const std::int16_t> all(voxels.data(), voxels.size());
     const std::array<glm::dvec3, 3> step_mm{axes[0] * spacing_mm.x, axes[1] * spacing_mm.y,

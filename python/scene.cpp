@@ -8,7 +8,11 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <cmath>
+#include <iterator>
 #include <memory>
+#include <optional>
 
 namespace xraycast::python {
 namespace {
@@ -23,14 +27,23 @@ Surface vessels_of(nb::handle vessels, double contrast_mg_ml) {
   return read_vessels(path_of(vessels), contrast_mg_ml);
 }
 
+/// Of one object; none for what is no device.
+std::optional<std::vector<DeviceShape>> shapes_of_one(nb::handle device) {
+  if (DeviceShape shape; nb::try_cast(device, shape)) return std::vector{shape};
+  return steered_shapes(device);
+}
+
 std::vector<DeviceShape> shapes_of(nb::handle devices) {
-  if (DeviceShape shape; nb::try_cast(devices, shape)) return {shape};
-  if (auto steered = steered_shapes(devices)) return *steered;
-  if (!nb::isinstance<nb::sequence>(devices) || nb::isinstance<nb::str>(devices))
-    throw InputError("devices: must be a Catheter, CoaxialDevices, a DeviceShape, or a list of these");
+  constexpr const char* kWhat =
+      "devices: must be a Catheter, CoaxialDevices, a DeviceShape, or a list of these";
+  if (auto alone = shapes_of_one(devices)) return *alone;
+  if (!nb::isinstance<nb::sequence>(devices)) throw InputError(kWhat);
   std::vector<DeviceShape> all;
-  for (const nb::handle one : nb::borrow<nb::sequence>(devices))
-    for (DeviceShape& shape : shapes_of(one)) all.push_back(std::move(shape));
+  for (const nb::handle one : nb::borrow<nb::sequence>(devices)) {
+    auto shapes = shapes_of_one(one);
+    if (!shapes) throw InputError(kWhat);
+    std::ranges::move(*shapes, std::back_inserter(all));
+  }
   return all;
 }
 
@@ -38,7 +51,8 @@ void make_shape(DeviceShape* shape, const nb::object& nodes_mm, double diameter_
   constexpr std::size_t kFewest = 4;
   std::vector<glm::dvec3> nodes = points_of(nodes_mm, "nodes_mm");
   if (nodes.size() < kFewest) throw InputError("nodes_mm: must be at least {} points", kFewest);
-  if (!(diameter_mm > 0)) throw InputError("diameter_mm {:g}: must be above 0", diameter_mm);
+  if (!(diameter_mm > 0 && std::isfinite(diameter_mm)))
+    throw InputError("diameter_mm {:g}: must be above 0", diameter_mm);
   new (shape) DeviceShape{std::move(nodes), 0.5 * diameter_mm, !is_wire};
 }
 

@@ -13,24 +13,29 @@
 namespace xraycast::cli {
 
 void add_injection_options(CLI::App& command, InjectionOptions& options) {
-  command
-      .add_option(
-          "--inject", options.times,
-          "--cine: inject contrast agent at the tip between these times in s; with --injection-volume TO may "
-          "be left out, as in --inject 8 --injection-rate 6 --injection-volume 12")
-      ->type_name("FROM_S[,TO_S]");
+  CLI::Option* inject = command
+                            .add_option("--inject", options.times,
+                                        "--cine: inject contrast agent at the tip between these times in s; "
+                                        "with --injection-volume TO may "
+                                        "be left out, as in --inject 8 --injection-rate 6 --injection-volume "
+                                        "12; with both the earlier end counts")
+                            ->type_name("FROM_S[,TO_S]");
   command.add_option("--injection-rate", options.rate_ml_s, "--inject: flow rate of the injection")
+      ->needs(inject)
       ->capture_default_str()
       ->type_name("ML/S");
   command.add_option("--injection-volume", options.volume_ml, "--inject: end after this volume")
+      ->needs(inject)
       ->type_name("ML");
   command
       .add_option("--iodine", options.iodine_mg_ml, "--inject: iodine concentration of the contrast agent")
+      ->needs(inject)
       ->capture_default_str()
       ->type_name("MG/ML");
   command
       .add_option("--heart-rate", options.heart_rate_bpm,
                   "--inject: heart rate in beats per minute, which paces the blood flow")
+      ->needs(inject)
       ->capture_default_str()
       ->type_name("BPM");
 }

@@ -37,6 +37,9 @@ ViewSession resolve_scene(const std::string& session_file, const std::string& ma
   if (!map.empty()) scene.map = map;
   apply(options, scene);
   if (scene.map.empty()) throw InputError("no body map is given; give a MAP.exr or --session");
+  if (options.contrast_mg_ml && scene.vessels.empty())
+    throw InputError("--contrast {:g}: there are no vessels that it could fill; give --vessels too",
+                     *options.contrast_mg_ml);
   return scene;
 }
 

@@ -259,6 +259,29 @@ const BadCall kBadCalls[] = {
     {"SimulateInAMapWithoutPictures",
      "simulate @/tree.json --device-model microcatheter-27f --script @/push.csv -o @/log.csv --map @/map.exr",
      3, "--map does not apply without pictures of the run", make_run},
+    {"InjectAtARateNothing", SIMULATE_DSA " --injection-rate 4", 2, "--injection-rate requires --inject",
+     make_run},
+    {"InjectAVolumeNever", SIMULATE_DSA " --injection-volume 4", 2, "--injection-volume requires --inject",
+     make_run},
+    {"IodineOfNoInjection", SIMULATE_DSA " --iodine 300", 2, "--iodine requires --inject", make_run},
+    {"HeartWithoutInjection", SIMULATE_DSA " --heart-rate 80", 2, "--heart-rate requires --inject", make_run},
+    {"CastWindowWithoutPreview", "cast @/nothing -o @/out.exr --preview-window paper", 2,
+     "--preview-window requires --preview"},
+    {"RecastWindowWithoutPreview", "recast @/nothing -o @/out.exr --opacity paper --preview-window paper", 2,
+     "--preview-window requires --preview"},
+    {"RenderReconstructedWalls", "render @/map.exr -o @/out.png --compositing wall --reconstruction linear",
+     3, "--reconstruction linear: applies only to --compositing path; leave it out", make_run},
+    {"CompareReconstructedWalls", "compare @/nothing @/map.exr --compositing wall --reconstruction constant",
+     3, "--reconstruction does not apply to --compositing wall; leave it out", make_run},
+    {"RenderContrastInNothing", "render @/map.exr -o @/out.png --contrast 100", 3,
+     "--contrast 100: there are no vessels that it could fill; give --vessels too", make_run},
+    {"ExportContrastInNothing", "export @/map.exr -o @/out.html --contrast 100", 3,
+     "--contrast 100: there are no vessels that it could fill; give --vessels too", make_run},
+    {"ProjectAtTwoVoltages", "project @/ct.nii -o @/out.png --opacity spectrum:80 --kvp 90", 3,
+     "--kvp 90 with --opacity spectrum:80: both set the tube voltage; leave one of them out",
+     [](const TemporaryFolder& f) { write_bytes(f / "ct.nii", little_scan().bytes()); }},
+    {"TableOfABox", "phantom box -o @/out.nrrd --table", 3,
+     "--table: the phantom box has no table; make thorax, head or abdomen, or leave --table out"},
     {"InjectBackInTime", SIMULATE_DSA " --inject 0.8,0.4", 3, "--inject 0.8,0.4: must be FROM,TO in seconds",
      make_run},
     {"InjectWithoutEnd", SIMULATE_DSA " --inject 0.5", 3, "or add --injection-volume", make_run},
@@ -854,7 +877,10 @@ TEST_F(Cli, CastSaysWhatItsOutlineLeavesOut) {
   const auto said = [&](const char* options) {
     return output_of("cast @/ct.nrrd -o @/map.exr --layers 2 " + std::string(options));
   };
-  EXPECT_THAT(said(""), testing::AllOf(HasSubstr(", outline body, "),
+  const char* const cut_off = "\ncut off: the scan ends within the body at its right and left side; pictures";
+  EXPECT_THAT(said("--outline circle"), HasSubstr(cut_off));
+  EXPECT_THAT(said("--radius 150"), testing::Not(HasSubstr("cut off")));
+  EXPECT_THAT(said(""), testing::AllOf(HasSubstr(", outline body, "), HasSubstr(cut_off),
                                        HasSubstr("% of the scan's attenuation"), HasSubstr(" ms, outline ")));
   for (const char* options : {"--opacity spectrum:80", "--memory-limit 1.2M", "--centre-line @/line.csv"}) {
     EXPECT_THAT(said(options), testing::AllOf(HasSubstr(", outline body, "),

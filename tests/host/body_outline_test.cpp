@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 
+#include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
 #include <algorithm>
@@ -46,6 +47,23 @@ TEST(BodyOutline, EnclosesTheBodyTightly) {
   const BodyOutline outline = find_outline(make(in_trunk));
   EXPECT_GE(outline.radius_mm, 150 - kCell_mm / 2);
   EXPECT_LE(outline.radius_mm, 150 + kCell_mm);
+}
+
+TEST(BodyOutline, TellsAtWhichSidesTheScanCutsIt) {
+  using testing::ElementsAre;
+  using testing::IsEmpty;
+  EXPECT_THAT(find_outline(make(in_trunk)).cut_sides, IsEmpty());
+  // Arms that reach beyond the scan on both sides, on one, and one that touches its side in less than 1 cm2.
+  const auto with_arms = [](double from, double to, double half_mm) {
+    return make(
+        [=](double x, double y) { return in_trunk(x, y) || (std::abs(y) < half_mm && x > from && x < to); });
+  };
+  EXPECT_THAT(find_outline(with_arms(-300, 300, 20)).cut_sides, ElementsAre("right", "left"));
+  EXPECT_THAT(find_outline(with_arms(0, 300, 20)).cut_sides, ElementsAre("left"));
+  EXPECT_THAT(find_outline(with_arms(0, 300, 0.5)).cut_sides, IsEmpty());
+  EXPECT_THAT(find_outline(make([](double x, double y) { return std::abs(x) < 100 && y < 0; })).cut_sides,
+              ElementsAre("anterior"));
+  EXPECT_THAT(find_outline(make([](double, double) { return true; })).cut_sides, IsEmpty());
 }
 
 TEST(BodyOutline, TellsHowFarMostOfTheBodyReaches) {

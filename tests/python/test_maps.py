@@ -85,7 +85,10 @@ def test_a_cast_by_slabs_is_the_same_map(body):
 
 
 def test_a_cast_says_what_its_outline_leaves_out(body):
-    assert body.cast().notes == ["left out: everything outside the outline; keep_table includes the table"]
+    left_out = "left out: everything outside the outline; keep_table includes the table"
+    assert body.cast(radius_mm=150).notes == [left_out]
+    assert body.cast().notes == ["cut off: the scan ends within the body at its right and left side; pictures that are wider than "
+                                 "the scan have straight edges there", left_out]
 
 
 def test_a_map_has_its_basis_where_knots_are_given(body):

@@ -35,7 +35,7 @@ const { filled } = await module_of("contrast.ts");
 const { held_of } = await module_of("steering.ts");
 const { LastLoads } = await module_of("live.ts");
 
-const kRun = { pictures: 151, step_s: 1 / 15 };
+const kRun = { pictures: 151, step_s: 1 / 15, devices: [] };
 const kBounds = { centre_mm: [0, 0, 0], radius_mm: 200, half_height_mm: 360, finest_mm: 6.24 };
 const session = ({ header = {}, ...more } = {}) => ({
   header: {
@@ -54,6 +54,15 @@ test("a link to each picture of a run opens that picture", () => {
       const state = { ...opened(data).state, time_s: shown_time_s(kRun, k * kRun.step_s + later_s) };
       assert.equal(picture_at(kRun, again(state, data).time_s), k);
     }
+});
+
+test("a run opens with most of its devices in the body, wherever that is", () => {
+  const reach = (mm) => [0, 1, 2, 3].map((i) => [0, 0, (i * mm) / 3]), shapes = (reaches) => [reaches.map(reach)];
+  const run = { pictures: 4, step_s: 0.5, devices: [{ shapes: shapes([20, 90, 90, 20]) }, { shapes: shapes([20, 20, 300, 50]) }] };
+  const data = session({ run }), { state } = opened(data);
+  assert.equal(state.time_s, 1); // neither the first picture nor the last, in which they are withdrawn
+  assert.match(hash_of({ ...state, time_s: 0 }, state), /&t=0$/);
+  assert.equal(again({ ...state, time_s: 0 }, data).time_s, 0);
 });
 
 test("a link says what differs from the export, also where that is a usual value", () => {

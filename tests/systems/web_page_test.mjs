@@ -260,6 +260,39 @@ browser_test("drag, wheel, pinch and keys move the C-arm", async () => {
   await close(opened);
 });
 
+browser_test("no text of a session becomes a part of its page", async () => {
+  const attack = `"'><script>document.body.remove()</script><img src=x onerror=alert(1)></title></script><!--<script>@xraycast-data@`;
+  const cobra = JSON.parse(readFileSync(join(web, "../simulation/instruments/cobra-5f.json"), "utf8"));
+  writeFileSync(file("attack.json"), JSON.stringify({ ...cobra, name: attack }));
+  run("export", file("map.exr"), "--vessels", file("truth"), "--script", file("pair.csv"), "--device-model", file("attack.json"),
+    "--device-model", "guidewire-035-j", "--title", attack, "-o", file("attack.html"));
+  const plain = await open("pair.html", "lao=0"), attacked = await open("attack.html", `lao=0&look=${attack}&hide=${attack}&window=${attack}&t=${attack}`);
+  const dialogs = [];
+  attacked.page.on("dialog", (dialog) => dialogs.push(dialog.message()) && dialog.dismiss());
+  const elements = ({ page }) => page.$$eval("*", (all) => all.map((one) => [one.localName, ...one.getAttributeNames()].sort().join(" ")));
+  await settled(plain.page);
+  await settled(attacked.page);
+  assert.deepEqual(await elements(attacked), await elements(plain));
+  assert.equal(await attacked.page.title(), attack);
+  assert.deepEqual(await attacked.page.$$eval("#hub option", (options) => options.map(({ textContent }) => textContent)), [attack, "guidewire-035-j"]);
+  assert.ok((await attacked.page.$eval("#strip", (strip) => strip.getAttribute("aria-label"))).includes(attack));
+  assert.deepEqual(dialogs, []);
+  await close(plain);
+  await close(attacked);
+});
+
+browser_test("the run opens where its devices are, and plays from its beginning", async () => {
+  const opened = await open("run.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
+  const time = () => page.$eval("#time", (range) => Number(range.value));
+  assert.ok((await time()) > 2.5, "of 3 s, in which the catheter is pushed");
+  await page.click("#play");
+  await wait(700);
+  await page.click("#play");
+  const played = await time();
+  assert.ok(played > 0 && played < 2, `${played} s`);
+  await close(opened);
+});
+
 browser_test("the run plays, is scrubbed, and says its forces", async () => {
   const opened = await open("run.html", "lao=0", { width: 900, height: 700 }), { page } = opened;
   assert.equal(await page.title(), "A <run> & its film");

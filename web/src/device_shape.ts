@@ -1,7 +1,7 @@
 // Devices as surfaces: a tube about the curve of each part. Those of a run at a time.
 import type { DeviceHeader, Run, Surface } from "./data";
 import { curve_points, tube } from "./mesh";
-import type { Vec3 } from "./vectors";
+import { Vec3, length, minus } from "./vectors";
 
 const kRingsPerPoint = 3, kSides = 8;
 
@@ -13,6 +13,18 @@ export const picture_at = (run: Run, time_s: number): number =>
 export const shown_time_s = (run: Run, time_s: number): number => picture_at(run, time_s) * run.step_s;
 
 export const length_s = (run: Run): number => Math.max(0, (run.pictures - 1) * run.step_s);
+
+const length_mm = (points: readonly Vec3[]): number => points.slice(1).reduce((sum, point, i) => sum + length(minus(point, points[i]!)), 0);
+
+/** When most of the devices is in the body: at the start of a run there may be nothing to see. */
+export function fullest_s(run: Run): number {
+  let time_s = 0, most_mm = 0;
+  for (let k = 0; k < run.pictures; ++k) {
+    const all_mm = run.devices.reduce((sum, { shapes }) => shapes.reduce((parts, part) => parts + length_mm(part[k]!), sum), 0);
+    if (all_mm > most_mm) [time_s, most_mm] = [k * run.step_s, all_mm];
+  }
+  return time_s;
+}
 
 /** The parts of a device, with the control points of each; without those that are shorter than a curve takes. */
 export function surfaces_of({ radius_mm, parts }: DeviceHeader, controls_mm: readonly (readonly Vec3[])[]): Surface[] {

@@ -35,7 +35,8 @@ export class RunPlayer {
 
   toggle(): void {
     if (this.is_playing) return this.stop();
-    if (this.store.state.time_s >= length_s(this.run) - 1e-6) this.show(0);
+    const { time_s } = this.store.state;
+    if (time_s >= length_s(this.run) - 1e-6 || time_s === this.store.first.time_s) this.show(0); // from the end, or as it opened
     this.is_playing = true;
     this.mark();
     requestAnimationFrame((ms) => {

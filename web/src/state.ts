@@ -2,7 +2,7 @@
 import { CArmPose, limited } from "./c_arm_pose";
 import type { Look } from "./compositing";
 import type { SessionData } from "./data";
-import { length_s } from "./device_shape";
+import { fullest_s, length_s } from "./device_shape";
 import type { GreyWindow } from "./grey_window";
 import { clamp } from "./vectors";
 
@@ -20,7 +20,7 @@ export interface State {
 }
 
 /** As the session was exported. */
-export function first_state({ header }: SessionData): State {
+export function first_state({ header, run }: SessionData): State {
   return {
     pose: header.pose,
     look: header.look,
@@ -29,7 +29,7 @@ export function first_state({ header }: SessionData): State {
     hidden_layers: header.layer_weights.flatMap((weight, k) => (weight === 0 ? [k] : [])),
     shows_vessels: header.shows_vessels,
     shows_road_map: header.shows_road_map,
-    time_s: 0,
+    time_s: run ? fullest_s(run) : 0,
     is_bare: false,
   };
 }

@@ -27,6 +27,30 @@ glm::dvec3 any_perpendicular(const glm::dvec3& v) {
   return glm::normalize(glm::cross(v, least));
 }
 
+/// The cross-sections that stand on tangents; the frame is transported from the direction `first` on.
+std::vector<Ring> rings_across(std::span<const VesselPoint> points, const glm::dvec3& first,
+                               const std::vector<glm::dvec3>& tangents) {
+  std::vector<Ring> rings;
+  glm::dvec3 tangent = first, normal = any_perpendicular(first);
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const glm::dvec3& next = tangents[k];
+    normal = transported(normal, tangent, next);
+    normal = glm::normalize(normal - glm::dot(normal, next) * next);
+    tangent = next;
+    rings.push_back({points[k].position_mm, points[k].radius_mm, normal, glm::cross(tangent, normal)});
+  }
+  return rings;
+}
+
+/// The point that is a radius on along the line from point k, or back for a step of -1; else the line's end.
+const glm::dvec3& a_radius_on(std::span<const VesselPoint> points, std::size_t k, int step) {
+  const std::size_t end = step > 0 ? points.size() - 1 : 0;
+  const double radius_mm = points[k].radius_mm;
+  for (double way_mm = 0; way_mm < radius_mm && k != end; k += step)
+    way_mm += glm::distance(points[k].position_mm, points[k + step].position_mm);
+  return points[k].position_mm;
+}
+
 /// The cross-sections of a tube's round end beyond `ring`, but for the pole; outwards from the ring.
 std::vector<Ring> rings_of_end(const Ring& ring, const glm::dvec3& outwards, int count) {
   std::vector<Ring> rings;
@@ -87,23 +111,27 @@ glm::dvec3 Ring::at_mm(double angle_rad) const {
 }
 
 std::vector<Ring> rings_along(std::span<const VesselPoint> points) {
-  std::vector<glm::dvec3> directions;
+  std::vector<glm::dvec3> directions, tangents;
   for (std::size_t k = 0; k + 1 < points.size(); ++k)
     directions.push_back(glm::normalize(points[k + 1].position_mm - points[k].position_mm));
-
-  std::vector<Ring> rings;
-  glm::dvec3 tangent = directions.front(), normal = any_perpendicular(tangent);
   for (std::size_t k = 0; k < points.size(); ++k) {
     const glm::dvec3 before = directions[k == 0 ? 0 : k - 1],
                      after = directions[std::min(k, directions.size() - 1)];
     const glm::dvec3 sum = before + after;
-    const glm::dvec3 next = glm::length(sum) > 1e-6 ? glm::normalize(sum) : after;
-    normal = transported(normal, tangent, next);
-    normal = glm::normalize(normal - glm::dot(normal, next) * next);
-    tangent = next;
-    rings.push_back({points[k].position_mm, points[k].radius_mm, normal, glm::cross(tangent, normal)});
+    tangents.push_back(glm::length(sum) > 1e-6 ? glm::normalize(sum) : after);
   }
-  return rings;
+  return rings_across(points, directions.front(), tangents);
+}
+
+std::vector<Ring> rings_across_chords(std::span<const VesselPoint> points) {
+  std::vector<glm::dvec3> tangents;
+  for (std::size_t k = 0; k < points.size(); ++k) {
+    const std::size_t before = k == 0 ? 0 : k - 1;
+    const glm::dvec3 chord = a_radius_on(points, k, 1) - a_radius_on(points, k, -1),
+                     step = points[before + 1].position_mm - points[before].position_mm;
+    tangents.push_back(glm::normalize(glm::length(chord) > 1e-6 ? chord : step));
+  }
+  return rings_across(points, tangents.front(), tangents);
 }
 
 Mesh tube_mesh(const VesselTree& tree, int sides) {

@@ -23,4 +23,8 @@ struct Ring {
 /// transported (no twist); each bisects the directions before and after its point.
 std::vector<Ring> rings_along(std::span<const VesselPoint> points);
 
+/// The same across the chords that reach a radius to each side of their points: a kink that is small beside
+/// the radius, as where branches meet, turns no cross-section into its neighbours.
+std::vector<Ring> rings_across_chords(std::span<const VesselPoint> points);
+
 }  // namespace xraycast

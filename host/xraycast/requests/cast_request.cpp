@@ -10,6 +10,7 @@
 #include "xraycast/geometry/curved_axis.hpp"
 #include "xraycast/scan/scan.hpp"
 
+#include <glm/common.hpp>
 #include <glm/geometric.hpp>
 
 #include <algorithm>
@@ -127,6 +128,18 @@ std::optional<std::string> radius_hint(const CastRequest& request, const BodyOut
       radius_99_mm, body.radius_mm, radius_99_mm);
 }
 
+/// Of a map that reaches as far: the scan's field of view ends within the body, as often at the arms.
+std::string cut_off_of(const BodyOutline& body, const MapGeometry& map, const FieldOfView& field) {
+  const glm::dvec2 centre_mm = map.centre_mm.front();
+  const glm::dvec2 room_mm =
+      glm::min(glm::dvec2(field.upper_mm) - centre_mm, centre_mm - glm::dvec2(field.lower_mm));
+  if (body.cut_sides.empty() || map.radius_mm() < std::min(room_mm.x, room_mm.y)) return {};
+  return fmt::format(
+      "cut off: the scan ends within the body at its {} side; pictures that are wider than the scan have "
+      "straight edges there",
+      fmt::join(body.cut_sides, " and "));
+}
+
 /// The centre and radius as given, else from the body.
 BodyOutline resolve_outline(const CastRequest& request, const OutlineFinder& finder,
                             std::vector<std::string>& notes) {
@@ -177,15 +190,16 @@ MapGeometry resolve_geometry(const CastRequest& request, const VolumeGeometry& v
 /// The same with shells that follow the body, unless circles are asked for. Where there is no body, and its
 /// outline was not asked for, they are circles too.
 MapGeometry resolve_shells(const CastRequest& request, const VolumeGeometry& volume,
-                           const OutlineFinder& finder, std::vector<std::string>& notes) {
-  const BodyOutline outline = resolve_outline(request, finder, notes);
+                           const OutlineFinder& finder, Casting& casting) {
+  const BodyOutline outline = resolve_outline(request, finder, casting.notes);
   MapGeometry circles = resolve_geometry(request, volume, outline);
+  casting.cut_off = cut_off_of(outline, circles, field_of(volume));
   if (!request.has_body_outline()) return circles;
   try {
     return fit_to_body(circles, finder);
   } catch (const InputError& error) {
     if (request.outline || has_shares(request)) throw;
-    notes.push_back(fmt::format("the shells are circles: {}", error.what()));
+    casting.notes.push_back(fmt::format("the shells are circles: {}", error.what()));
     CastRequest as_circles = request;
     as_circles.outline = ShellOutline::circle;
     return resolve_geometry(as_circles, volume, outline);
@@ -260,7 +274,7 @@ Casting cast_slabs(const CastRequest& request, const ScanOpener& open, Scan scan
     casting.load.read_ms = looking.ms();
   }
   const Stopwatch finding;
-  const MapGeometry geometry = resolve_shells(request, volume, finder, casting.notes);
+  const MapGeometry geometry = resolve_shells(request, volume, finder, casting);
   casting.outline_ms = finding.ms();
   put(cast_by_slabs(device, *scan.source, geometry, *opacity, slices, casting.load, progress), casting);
   std::ranges::move(scan.source->hu_range().warnings(), std::back_inserter(casting.notes));
@@ -338,7 +352,7 @@ Casting cast(const CastRequest& request, const SpectralScan& scan, const Outline
   check(request);
   Casting casting{.notes = opacity_hints(request.opacity, hu)};
   const Stopwatch finding;
-  const MapGeometry geometry = resolve_shells(request, scan.native.geometry(), body, casting.notes);
+  const MapGeometry geometry = resolve_shells(request, scan.native.geometry(), body, casting);
   casting.outline_ms = finding.ms();
   const auto* opacity = std::get_if<Opacity>(&request.opacity);
   if (request.makes_map)

@@ -62,6 +62,7 @@ struct Casting {
   BodyMap map{};  ///< empty where the request makes none
   std::optional<Basis> basis{};
   std::vector<std::string> notes{};  ///< on what was chosen or could be better, one line each
+  std::string cut_off{};             ///< where the scan ends within the body, one line; or empty
   std::string left_out{};            ///< what lies outside of the outline, one line; empty for circles
 
   /// The share of the scan's attenuation that lies outside of the shells, by a coarse projection. Of a whole

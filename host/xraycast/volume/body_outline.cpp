@@ -152,6 +152,27 @@ const std::vector<std::int64_t>& OutlineFinder::body_cells() const {
   return body_cells_ = std::move(body);
 }
 
+/// The sides at which the body fills 1 cm2 of the scan's border or more; none where it does so at all four,
+/// as in a part of a body, or without air.
+std::vector<std::string> OutlineFinder::cut_sides() const {
+  constexpr double kLeast_mm2 = 100;
+  const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
+  std::array<double, 4> cut_mm2{};
+  for (const std::int64_t cell : body_cells()) {
+    const std::int64_t x = cell % size_.x, y = cell / size_.x % size_.y;
+    if (x == 0) cut_mm2[0] += cell_mm.y * cell_mm.z;
+    if (x == size_.x - 1) cut_mm2[1] += cell_mm.y * cell_mm.z;
+    if (y == 0) cut_mm2[2] += cell_mm.x * cell_mm.z;
+    if (y == size_.y - 1) cut_mm2[3] += cell_mm.x * cell_mm.z;
+  }
+  constexpr std::array kSides{"right", "left", "anterior", "posterior"};
+  std::vector<std::string> sides;
+  for (std::size_t side = 0; side < kSides.size(); ++side)
+    if (cut_mm2[side] >= kLeast_mm2) sides.emplace_back(kSides[side]);
+  if (sides.size() == kSides.size()) sides.clear();
+  return sides;
+}
+
 BodyOutline OutlineFinder::finish() const {
   const glm::dvec3 cell_mm = geometry_.spacing_mm * glm::dvec3(stride_);
   std::vector<std::int64_t> body = body_cells();
@@ -163,6 +184,7 @@ BodyOutline OutlineFinder::finish() const {
   glm::dvec2 sum_mm(0);
   for (const std::int64_t cell : body) sum_mm += position_mm(cell);
   BodyOutline outline{sum_mm / static_cast<double>(body.size()), 0};
+  outline.cut_sides = cut_sides();
   if (options_.keeps_table) {
     body.clear();
     for (std::size_t cell = 0; cell < dense_.size(); ++cell)

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <functional>
 #include <span>
+#include <string>
 #include <vector>
 
 namespace xraycast {
@@ -16,6 +17,9 @@ struct BodyOutline {
   glm::dvec2 centre_mm;     ///< x, y of the centroid of the body's voxels
   double radius_mm;         ///< of a circle about the centre that encloses the body in every slice
   double radius_99_mm = 0;  ///< of one that encloses 99 % of the body's voxels
+  /// Right, left, anterior or posterior: where the scan ends within the body. None where it does so at all
+  /// four, as a scan of a part of the body.
+  std::vector<std::string> cut_sides{};
 };
 
 /// What an OutlineFinder looks for besides the circle around the body.
@@ -52,6 +56,7 @@ class OutlineFinder {
 
  private:
   const std::vector<std::int64_t>& body_cells() const;
+  std::vector<std::string> cut_sides() const;
   std::vector<std::uint8_t> cells_around_body() const;
   std::vector<std::uint64_t> shadow() const;
   std::int64_t coarse(std::int64_t fine, int axis) const;

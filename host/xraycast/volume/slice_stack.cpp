@@ -2,6 +2,7 @@
 
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/parallel.hpp"
+#include "xraycast/volume/bodily_geometry.hpp"
 #include "xraycast/volume/resample.hpp"
 #include "xraycast/volume/rescale.hpp"
 
@@ -142,25 +143,6 @@ VolumeGeometry covering_grid(const SliceStack& stack, const Layout& layout) {
     grid.spacing_mm[k_axis] =
         stated_or((highest - lowest)[k_axis] / static_cast<double>(slices - 1), stack.thickness_mm);
   return grid;
-}
-
-/// Throws InputError for voxels, an extent or a place that no body has, from micro-CT to long tables: steps
-/// that follow would take any memory and time for them.
-void require_bodily(const VolumeGeometry& grid, const std::string& name) {
-  constexpr double kLeast_mm = 0.001, kMost_mm = 100, kMostExtent_mm = 10'000, kMostPlace_mm = 100'000;
-  const glm::dvec3 &voxel_mm = grid.spacing_mm, &origin_mm = grid.origin_mm;
-  const glm::dvec3 extent_mm = voxel_mm * glm::dvec3(grid.size);
-  for (int axis = 0; axis < 3; ++axis) {
-    if (voxel_mm[axis] < kLeast_mm || voxel_mm[axis] > kMost_mm)
-      throw InputError("{}: voxel spacing {:g} x {:g} x {:g} mm must be {:g} to {:g} mm; check its unit",
-                       name, voxel_mm.x, voxel_mm.y, voxel_mm.z, kLeast_mm, kMost_mm);
-    if (extent_mm[axis] > kMostExtent_mm)
-      throw InputError("{}: its extent of {:g} x {:g} x {:g} mm must be below {:g} m; check its unit", name,
-                       extent_mm.x, extent_mm.y, extent_mm.z, kMostExtent_mm / 1000);
-    if (std::abs(origin_mm[axis]) > kMostPlace_mm)
-      throw InputError("{}: the origin ({:g}, {:g}, {:g}) mm must be within {:g} m of 0; check its unit",
-                       name, origin_mm.x, origin_mm.y, origin_mm.z, kMostPlace_mm / 1000);
-  }
 }
 
 /// Whether the stack's voxels are the grid's, reversed and exchanged axes allowed.

@@ -14,13 +14,13 @@ std::optional<int> tube_kvp(const std::string& name, const Spectrum& spectrum) {
 
 void use_spectrum(const std::string& name, const Spectrum& spectrum, FluoroscopyOptions& options) {
   const std::optional<int> kvp = tube_kvp(name, spectrum);
-  if (!kvp && options.kvp)
+  if (options.kvp && options.kvp != kvp)
     throw InputError("`kvp` {} with `opacity` {}: both set the tube voltage; leave one of them out",
                      *options.kvp, name);
-  if (!kvp)
-    options.spectrum = spectrum;
-  else if (!options.kvp)
+  if (kvp)
     options.kvp = kvp;
+  else
+    options.spectrum = spectrum;
   check(options);
 }
 

@@ -2,6 +2,7 @@
 
 #include "xraycast/base/base64.hpp"
 #include "xraycast/base/deflated.hpp"
+#include "xraycast/base/html_text.hpp"
 #include "xraycast/export/embedded_page.hpp"
 #include "xraycast/export/packed_layers.hpp"
 #include "xraycast/export/packed_mesh.hpp"
@@ -29,27 +30,6 @@ using PageJson = nlohmann::ordered_json;
 constexpr int kFormat = 2;
 
 // ---- text -----------------------------------------------------------------------------------------
-
-std::string in_html(std::string_view text) {
-  std::string escaped;
-  for (const char c : text) switch (c) {
-      case '&':
-        escaped += "&amp;";
-        break;
-      case '<':
-        escaped += "&lt;";
-        break;
-      case '>':
-        escaped += "&gt;";
-        break;
-      case '"':
-        escaped += "&quot;";
-        break;
-      default:
-        escaped += c;
-    }
-  return escaped;
-}
 
 /// JSON that can stand in a script element.
 std::string in_script(const PageJson& json) {

@@ -44,7 +44,7 @@ std::vector<std::size_t> divide(const std::vector<double>& arc_length_mm) {
 ContrastSurface::ContrastSurface(const VesselTree& tree, double mu_per_mm) : mu_per_mm_(mu_per_mm) {
   for (std::size_t b = 0; b < tree.branches().size(); ++b) {
     const VesselBranch& branch = tree.branches()[b];
-    const std::vector<Ring> rings = rings_along(branch.points);
+    const std::vector<Ring> rings = rings_across_chords(branch.points);
     const std::vector<std::size_t> bounds = divide(branch.arc_length_mm);
     for (std::size_t d = 0; d + 1 < bounds.size(); ++d)
       drums_.push_back(

@@ -1,0 +1,66 @@
+#include "pictures/index_page.hpp"
+
+#include "xraycast/base/html_text.hpp"
+#include "xraycast/base/whole_file.hpp"
+
+#include <fmt/format.h>
+
+namespace xraycast::cli {
+namespace {
+
+constexpr const char* kHead = R"(<!doctype html>
+<html lang="en">
+<head>
+<meta charset="utf-8">
+<meta name="viewport" content="width=device-width, initial-scale=1">
+<meta name="generator" content="xraycast">
+<title>{0}</title>
+<style>
+body {{ background: #1a1c21; color: #e6e6e6; font: 16px/1.5 sans-serif; margin: 2em auto; max-width: 1200px; padding: 0 1em; }}
+figure {{ display: inline-block; margin: 0 1em 1em 0; max-width: 100%; vertical-align: top; }}
+img {{ max-height: 640px; max-width: min(560px, 100%); }}
+a {{ color: #8cc8ff; }}
+iframe {{ border: 0; height: 46em; max-height: 90vh; width: 100%; }}
+td {{ overflow-wrap: anywhere; padding: .1em 1.5em .1em 0; }}
+</style>
+</head>
+<body>
+<h1>{0}</h1>
+)";
+
+constexpr const char* kFoot = "<p>Not for clinical use.</p>\n</body>\n</html>\n";
+
+/// Shows a film, or its still where less motion is asked for.
+std::string figure(const std::string& still, const std::string& film, const std::string& caption) {
+  const std::string shown = in_html(film.empty() ? still : film), words = in_html(caption);
+  std::string source;
+  if (!film.empty())
+    source = fmt::format("<source srcset=\"{}\" media=\"(prefers-reduced-motion: reduce)\">", in_html(still));
+  return fmt::format(
+      "<figure><a href=\"{0}\"><picture>{1}<img src=\"{0}\" alt=\"{2}\" loading=\"lazy\"></picture></a>"
+      "<figcaption>{2}</figcaption></figure>\n",
+      shown, source, words);
+}
+
+}  // namespace
+
+void write_index_page(const std::string& title, const Picture& page, const std::vector<Picture>& pictures,
+                      const std::vector<std::pair<std::string, std::string>>& facts,
+                      const std::filesystem::path& path) {
+  const auto beside_page = [&](const std::filesystem::path& file) {
+    return file.empty() ? std::string() : file.lexically_relative(path.parent_path()).string();
+  };
+  std::string html = fmt::format(kHead, in_html(title));
+  html += fmt::format("<iframe src=\"{0}\" title=\"{1}\"></iframe>\n<p><a href=\"{0}\">{1}</a></p>\n",
+                      in_html(beside_page(page.file)), in_html(page.caption));
+  for (const Picture& picture : pictures)
+    html += figure(beside_page(picture.file), beside_page(picture.film), picture.caption);
+  html += "<table>\n";
+  for (const auto& [name, value] : facts)
+    html += fmt::format("<tr><td>{}</td><td>{}</td></tr>\n", in_html(name), in_html(value));
+  html += "</table>\n";
+  html += kFoot;
+  write_whole_file(path, std::move(html));
+}
+
+}  // namespace xraycast::cli
