@@ -277,8 +277,7 @@ void check_command(const IgtlinkReceiver::Event& event) {
   if (const auto* move = std::get_if<CArmMove>(&event)) {
     expect(std::abs(move->pose.lao_rad) <= 3.15 && std::abs(move->pose.cranial_rad) <= 1.6,
            "angles out of range");
-    expect(std::abs(move->pose.centre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm,
-           "an isocentre out of range");
+    expect(std::abs(move->pose.centre_mm.z) <= IgtlinkReceiver::kMaxPosition_mm, "an isocentre out of range");
   } else if (const auto* rate = std::get_if<ContrastRate>(&event)) {
     expect(rate->ml_s >= 0 && rate->ml_s <= kMaxInjection_ml_s, "an injection out of range");
   } else if (const auto* request = std::get_if<StreamRequest>(&event)) {
