@@ -2,22 +2,18 @@
 #include "options/view_options.hpp"
 #include "pictures/comparison_picture.hpp"
 #include "pictures/plot.hpp"
+#include "xraycast/acquisition/compare_request.hpp"
 #include "xraycast/base/atomic_file.hpp"
 #include "xraycast/base/error.hpp"
 #include "xraycast/base/picture_file.hpp"
 #include "xraycast/base/pluralize.hpp"
-#include "xraycast/casting/comparison.hpp"
-#include "xraycast/casting/rays_within.hpp"
 #include "xraycast/drawing/headless_context.hpp"
-#include "xraycast/drawing/renderer.hpp"
-#include "xraycast/sampling/c_arm_pose.hpp"
-#include "xraycast/scene/same_scan.hpp"
+#include "xraycast/scan/scan.hpp"
+#include "xraycast/scene/scene.hpp"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <cmath>
-#include <deque>
 #include <filesystem>
 #include <memory>
 #include <string>
@@ -32,92 +28,9 @@ struct CompareArguments {
   std::vector<std::string> maps;
   ScanOptions scan;
   int views = 12;
-  double tilt_deg = 0;
+  CompareRequest request;
   const CLI::App* command = nullptr;
-
-  /// From this C-arm angle; the sizes are for `fitted`.
-  View view(double angle_deg) const {
-    ViewOptions options;
-    options.cone = cone;
-    options.angle_deg = angle_deg;
-    options.tilt_deg = tilt_deg;
-    return parse_view(options);
-  }
 };
-
-/// The DRR of the part of the scan that the map covers, and the pixels whose rays meet its circle.
-struct Drr {
-  std::vector<float> tau;
-  std::vector<std::uint8_t> counts;
-  std::vector<float> whole_tau;  ///< of the whole scan
-};
-
-Drr drr_of(const ResidentScan& scan, const View& view, const BodyMap& map, Progress& progress) {
-  const auto rays = rays_within(view, map.geometry);
-  Drr drr{std::vector<float>(rays.size()), {}, project(scan, view, map.opacity(), progress).tau};
-  for (const auto& ray : rays) drr.counts.push_back(ray ? 1 : 0);
-  const std::vector<PixelSegment> parts = segments_within(view, map.geometry);
-  std::vector<RaySegment> segments;
-  for (const PixelSegment& part : parts) segments.push_back(part.segment);
-  const std::vector<float> depths = project(scan, segments, map.opacity(), progress);
-  for (std::size_t i = 0; i < parts.size(); ++i) drr.tau[parts[i].pixel] += depths[i];
-  return drr;
-}
-
-/// The DRRs of the view at hand, which maps of the same opacity and extent share.
-class DrrsOfView {
- public:
-  DrrsOfView(const ResidentScan& scan, Progress& progress) : scan_(scan), progress_(progress) {}
-
-  const Drr& of(const View& view, const BodyMap& map) {
-    const MapGeometry extent = extent_of(map.geometry);
-    if (!known_.empty() && known_.front().view != view) known_.clear();
-    const auto found = std::ranges::find_if(
-        known_, [&](const Known& known) { return known.opacity == map.opacity() && known.extent == extent; });
-    if (found != known_.end()) return found->drr;
-    known_.push_back({view, map.opacity(), extent, drr_of(scan_, view, map, progress_)});
-    return known_.back().drr;
-  }
-
- private:
-  struct Known {
-    View view;
-    Opacity opacity;
-    MapGeometry extent;
-    Drr drr;
-  };
-
-  /// What of a map its DRR depends on: not how many shells there are, nor their samples.
-  static MapGeometry extent_of(MapGeometry geometry) {
-    geometry.radii_mm = {geometry.radii_mm.front(), geometry.radii_mm.back()};
-    geometry.step_mm = 1;
-    return geometry;
-  }
-
-  const ResidentScan& scan_;
-  Progress& progress_;
-  std::deque<Known> known_;
-};
-
-/// A picture's similarity to the DRR of what the map covers, and its PSNR against that of the whole scan.
-struct Similarity {
-  ImageSimilarity covered;
-  double whole_psnr_db;
-};
-
-Json similarity_json(const Similarity& similarity) {
-  return {{"psnr_db", similarity.covered.psnr_db},
-          {"ssim", similarity.covered.ssim},
-          {"rmse", similarity.covered.rmse},
-          {"whole_psnr_db", similarity.whole_psnr_db}};
-}
-
-std::shared_ptr<const BodyMap> read_map(const std::string& path) {
-  auto map = std::make_shared<const BodyMap>(read_body_map(path));
-  if (map->spectrum())
-    throw InputError("{}: a spectrum map; only maps that hold optical depths can be compared", path);
-  return map;
-}
 
 /// A measure that --plot shows, and the label of its axis.
 struct Measure {
@@ -135,14 +48,15 @@ const Measure& parse_measure(const std::string& name) {
                             [](const Measure& measure) { return std::string(measure.name); });
 }
 
-/// The C-arm angles of the compared frames.
-std::vector<double> resolve_angles_deg(const CompareArguments& options) {
-  if (!options.angles.empty()) return parse_angles_deg(options.angles, "--angles");
-  if (options.views < 1 || options.views > 3600)
-    throw InputError("--views {}: must be 1 to 3600", options.views);
-  std::vector<double> angles_deg;
-  for (int i = 0; i < options.views; ++i) angles_deg.push_back(360.0 * i / options.views);
-  return angles_deg;
+/// The request, without the maps.
+CompareRequest parse_request(const CompareArguments& options) {
+  CompareRequest request = options.request;
+  request.angles_deg = options.angles.empty() ? angles_around_deg(options.views)
+                                              : parse_angles_deg(options.angles, "--angles");
+  request.cone = parse_cone(options.cone);
+  request.sampling.compositing = parse_compositing(options.compositing);
+  request.sampling.reconstruction = parse_reconstruction(options.reconstruction);
+  return request;
 }
 
 /// Throws InputError when --pictures is not a folder or two maps' pictures would have the same names.
@@ -164,121 +78,99 @@ void make_picture_folder(const CompareArguments& options) {
   check_writable(std::filesystem::path(options.pictures) / "picture.png");
 }
 
-/// One map's frames against the scan: {"map", "mean", "views"}, a line of text, and a measure over the angle.
-struct Comparison {
-  Json json;
-  std::string text;
-  Curve curve;
-};
+/// The content of a map, as text for the user.
+std::string contents_of(const BodyMap& map) {
+  const MapGeometry& geometry = map.geometry;
+  return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
+}
 
-/// A map, what draws it, and what its frames were found to be.
-struct Compared {
-  std::shared_ptr<const BodyMap> map;
-  std::string name;
-  std::unique_ptr<Renderer> renderer;
-  std::vector<Similarity> similarities;
+std::string title_of(const ComparedMap& compared) {
+  return fmt::format("{}, {}", std::filesystem::path(compared.name).stem().string(),
+                     contents_of(*compared.map));
+}
 
-  /// The content of the map, as text for the user.
-  std::string contents() const {
-    const MapGeometry& geometry = map->geometry;
-    return pluralize(geometry.layers(), geometry.projection == Projection::rectangle ? "picture" : "layer");
-  }
-  std::string title() const {
-    return fmt::format("{}, {}", std::filesystem::path(name).stem().string(), contents());
-  }
-};
-
-void write_view(const View& view, const std::vector<float>& frame, const Drr& drr,
-                const ImageSimilarity& similarity, double angle_deg, const Compared& compared,
-                const CompareArguments& options) {
+void write_frame(const ComparedFrame& frame, const ComparedMap& compared, const std::string& folder) {
   write_comparison_picture(
-      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", compared.title(), label(view), similarity.psnr_db,
-                  similarity.ssim),
-      frame, drr.tau, view.width,
-      std::filesystem::path(options.pictures) /
-          fmt::format("{}-{:03g}.png", std::filesystem::path(compared.name).stem().string(), angle_deg));
+      fmt::format("{}, {}: PSNR {:.1f} dB, SSIM {:.3f}", title_of(compared), label(frame.view),
+                  frame.similarity.psnr_db, frame.similarity.ssim),
+      frame.tau, frame.drr_tau, frame.view.width,
+      std::filesystem::path(folder) / fmt::format("{}-{:03g}.png",
+                                                  std::filesystem::path(compared.name).stem().string(),
+                                                  frame.angle_deg));
 }
 
-void compare_view(Compared& compared, double angle_deg, const Style& style, DrrsOfView& drrs,
-                  const CompareArguments& options) {
-  const BodyBounds bounds = bounds_of(compared.map->geometry);
-  View view = options.view(angle_deg);
-  view.centre_mm = bounds.centre_mm;
-  view = fitted(view, bounds);
-  const std::vector<float> frame = compared.renderer->tau(view, style);
-  const Drr& drr = drrs.of(view, *compared.map);
-  const auto similarity_to = [&](const std::vector<float>& tau) {
-    return compare(frame, tau, drr.counts, view.width, view.height);
-  };
-  const Similarity similarity{similarity_to(drr.tau), similarity_to(drr.whole_tau).psnr_db};
-  if (!options.pictures.empty())
-    write_view(view, frame, drr, similarity.covered, angle_deg, compared, options);
-  compared.similarities.push_back(similarity);
+Json json_of(const FrameSimilarity& similarity) {
+  return {{"psnr_db", similarity.covered.psnr_db},
+          {"ssim", similarity.covered.ssim},
+          {"rmse", similarity.covered.rmse},
+          {"whole_psnr_db", similarity.whole_psnr_db}};
 }
 
-/// Errors of optical depth become shares of the largest in any view: shares of each view's own would weigh
-/// thin views more.
-void take_largest_of_all(std::vector<Similarity>& similarities) {
-  double deepest = 0;
-  for (const Similarity& one : similarities) deepest = std::max(deepest, one.covered.deepest);
-  for (Similarity& one : similarities)
-    if (deepest > 0) one.covered.rmse *= one.covered.deepest / deepest;
-}
-
-Similarity mean_of(const std::vector<Similarity>& similarities) {
-  Similarity mean{{0, 0, 0, 0}, 0};
-  const auto count = static_cast<double>(similarities.size());
-  for (const auto& [covered, whole_psnr_db] : similarities) {
-    mean.covered.psnr_db += covered.psnr_db / count;
-    mean.covered.ssim += covered.ssim / count;
-    mean.covered.rmse += covered.rmse / count;
-    mean.whole_psnr_db += whole_psnr_db / count;
-  }
-  return mean;
-}
-
-Comparison comparison_of(Compared& compared, const std::vector<double>& angles_deg, const Measure& plotted) {
-  std::vector<Similarity>& similarities = compared.similarities;
-  take_largest_of_all(similarities);
-  Curve curve{compared.title(), {}};
+/// {"map", "mean", "views"}
+Json json_of(const MapComparison& comparison, const std::string& map, const std::vector<double>& angles_deg) {
   Json views = Json::array();
-  double lowest_db = 1e9;
   for (std::size_t i = 0; i < angles_deg.size(); ++i) {
-    Json row{{"angle_deg", angles_deg[i]}};
-    row.update(similarity_json(similarities[i]));
-    views.push_back(row);
-    curve.points.emplace_back(angles_deg[i], plotted.of(similarities[i].covered));
-    lowest_db = std::min(lowest_db, similarities[i].covered.psnr_db);
+    views.push_back({{"angle_deg", angles_deg[i]}});
+    views.back().update(json_of(comparison.views[i]));
   }
-  const Similarity mean = mean_of(similarities);
-  return {
-      {{"map", compared.name}, {"mean", similarity_json(mean)}, {"views", views}},
-      fmt::format("{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
-                  "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum; PSNR against the whole scan {:.1f} dB\n",
-                  compared.name, pluralize(views.size(), "view"), compared.contents(), mean.covered.psnr_db,
-                  lowest_db, mean.covered.ssim, 100 * mean.covered.rmse, mean.whole_psnr_db),
-      curve};
+  return {{"map", map}, {"mean", json_of(comparison.mean)}, {"views", views}};
+}
+
+std::string text_of(const MapComparison& comparison, const ComparedMap& compared) {
+  const auto& [covered, whole_psnr_db] = comparison.mean;
+  const auto lowest = std::ranges::min(comparison.views, {},
+                                       [](const FrameSimilarity& view) { return view.covered.psnr_db; });
+  return fmt::format(
+      "{}: {} of {} against true projections: PSNR {:.1f} dB (lowest {:.1f}), "
+      "SSIM {:.3f}, RMSE of tau {:.2f} % of its maximum; PSNR against the whole scan {:.1f} dB\n",
+      compared.name, pluralize(comparison.views.size(), "view"), contents_of(*compared.map), covered.psnr_db,
+      lowest.covered.psnr_db, covered.ssim, 100 * covered.rmse, whole_psnr_db);
+}
+
+void plot_comparisons(const std::vector<MapComparison>& comparisons, const CompareRequest& request,
+                      const CompareArguments& options) {
+  const Measure& measure = parse_measure(options.plotted);
+  std::vector<Curve> curves;
+  for (std::size_t i = 0; i < comparisons.size(); ++i) {
+    curves.push_back({title_of(request.maps[i]), {}});
+    for (std::size_t v = 0; v < request.angles_deg.size(); ++v)
+      curves.back().points.emplace_back(request.angles_deg[v], measure.of(comparisons[i].views[v].covered));
+  }
+  write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
+                         options.compositing),
+             "C-arm angle (deg)", measure.label, curves, options.plot);
+}
+
+void report_comparisons(const std::vector<MapComparison>& comparisons, const CompareRequest& request,
+                        const CompareArguments& options, const Invocation& invocation) {
+  Json result{{"input", options.input}}, all = Json::array();
+  std::string text;
+  for (std::size_t i = 0; i < comparisons.size(); ++i) {
+    all.push_back(json_of(comparisons[i], request.maps[i].name, request.angles_deg));
+    text += text_of(comparisons[i], request.maps[i]);
+  }
+  if (all.size() == 1)
+    result.update(all[0]);
+  else
+    result["maps"] = all;
+  invocation.answer(result, text);
 }
 
 void compare_maps(const CompareArguments& options, Invocation& invocation) {
-  const std::vector<double> angles_deg = resolve_angles_deg(options);
-  options.view(0);
-  Style style;
-  style.sampling.compositing = parse_compositing(options.compositing);
-  if (options.reconstruction == "constant") style.sampling.reconstruction = Reconstruction::constant;
-  if (style.sampling.compositing == Compositing::wall)
+  CompareRequest request = parse_request(options);
+  if (request.sampling.compositing == Compositing::wall)
     check_not_given(*options.command, {"--reconstruction"}, "to --compositing wall; leave it out");
   if (options.plot.empty())
     check_not_given(*options.command, {"--plot-of"}, "without a plot; leave it out or give --plot too");
   else
     check_picture_name(options.plot, "--plot " + options.plot);
   if (!options.pictures.empty()) check_pictures(options);
-  std::vector<std::shared_ptr<const BodyMap>> maps;
-  for (const std::string& path : options.maps) maps.push_back(read_map(path));
+  for (const std::string& path : options.maps)
+    request.maps.push_back({std::make_shared<const BodyMap>(read_body_map(path)), path});
+  check(request);
   const Scan scan = open_scan(options.input, options.scan, invocation.progress);
   invocation.say_about(scan.info);
-  for (std::size_t i = 0; i < maps.size(); ++i)
-    check_same_scan(maps[i]->geometry, options.maps[i], scan.source->geometry(), options.input);
+  check(request, scan.source->geometry(), options.input);
   if (!options.pictures.empty()) make_picture_folder(options);
   ComputeDevice device(invocation.device);
   OutlineFinder finder(scan.source->geometry());
@@ -287,40 +179,12 @@ void compare_maps(const CompareArguments& options, Invocation& invocation) {
   invocation.say_about(*scan.source);
 
   const HeadlessContext context;
-  std::vector<Compared> all_compared;
-  for (std::size_t i = 0; i < maps.size(); ++i) {
-    all_compared.push_back({maps[i], options.maps[i], std::make_unique<Renderer>(), {}});
-    all_compared.back().renderer->set_map(maps[i]);
-  }
-  // The stages of each projection are not told, only ended with the whole.
-  Progress of_each([&](const Progress::State&) { invocation.progress.check(); });
-  DrrsOfView drrs(resident, of_each);
-  invocation.progress.begin("comparing", std::ssize(angles_deg) * std::ssize(all_compared), "frames");
-  for (const double angle_deg : angles_deg)
-    for (Compared& one : all_compared) {
-      compare_view(one, angle_deg, style, drrs, options);
-      invocation.progress.advance();
-    }
-
-  Json all = Json::array();
-  std::string text;
-  std::vector<Curve> curves;
-  for (Compared& one : all_compared) {
-    Comparison comparison = comparison_of(one, angles_deg, parse_measure(options.plotted));
-    all.push_back(std::move(comparison.json));
-    text += comparison.text;
-    curves.push_back(std::move(comparison.curve));
-  }
-  if (!options.plot.empty())
-    write_plot(fmt::format("{}, compositing {}", std::filesystem::path(options.input).filename().string(),
-                           options.compositing),
-               "C-arm angle (deg)", parse_measure(options.plotted).label, curves, options.plot);
-  Json result{{"input", options.input}};
-  if (all.size() == 1)
-    result.update(all[0]);
-  else
-    result["maps"] = all;
-  invocation.answer(result, text);
+  const std::vector<MapComparison> comparisons =
+      compare(request, resident, invocation.progress, [&](const ComparedFrame& frame) {
+        if (!options.pictures.empty()) write_frame(frame, request.maps[frame.map], options.pictures);
+      });
+  if (!options.plot.empty()) plot_comparisons(comparisons, request, options);
+  report_comparisons(comparisons, request, options, invocation);
 }
 
 }  // namespace
@@ -364,7 +228,7 @@ void add_compare(CLI::App& app, Invocation& invocation) {
       ->capture_default_str()
       ->type_name("NAME");
   command
-      ->add_option("--tilt,--cranial", options->tilt_deg,
+      ->add_option("--tilt,--cranial", options->request.tilt_deg,
                    "Tilt of the detector in all views: cranial positive, caudal negative")
       ->capture_default_str()
       ->type_name("DEG");

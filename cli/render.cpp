@@ -46,9 +46,7 @@ void apply_style(const RenderArguments& options, Style& style) {
   if (options.reconstruction && sampling.compositing == Compositing::wall)
     throw InputError("--reconstruction {}: applies only to --compositing path; leave it out",
                      *options.reconstruction);
-  if (options.reconstruction)
-    sampling.reconstruction =
-        *options.reconstruction == "constant" ? Reconstruction::constant : Reconstruction::linear;
+  if (options.reconstruction) sampling.reconstruction = parse_reconstruction(*options.reconstruction);
   if (options.wall_radius_mm) sampling.wall_radius_mm = options.wall_radius_mm;
   if (!options.layer_weights.empty()) {
     const std::vector<double> weights = parse_numbers(options.layer_weights, "--layer-weights");

@@ -19,6 +19,9 @@ struct HeldBody {
   std::vector<std::string> notes{};
 };
 
+/// compare() and Comparison.
+void add_compare(nb::module_& module);
+
 /// Pages and glTF scenes of what is held.
 void add_export(nb::module_& module);
 

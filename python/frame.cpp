@@ -13,7 +13,6 @@
 #include <cmath>
 #include <nanobind/stl/optional.h>
 #include <nanobind/stl/string.h>
-#include <numbers>
 
 namespace xraycast::python {
 namespace {
@@ -142,8 +141,6 @@ void add_array_protocols(Class& held, nb::object (*array)(const Type&)) {
       .def("__dlpack_device__",
            [array](const Type& self) { return array(self).attr("__dlpack_device__")(); });
 }
-
-constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 }  // namespace
 

@@ -98,6 +98,7 @@ NB_MODULE(_core, module) {
   add_scene(module);
   add_frames(module);
   add_scan(module);
+  add_compare(module);
   add_catheter(module);
   add_run(module);
   add_export(module);

@@ -10,12 +10,10 @@
 #include <array>
 #include <limits>
 #include <nanobind/stl/string.h>
-#include <numbers>
+#include <nanobind/stl/vector.h>
 
 namespace xraycast::python {
 namespace {
-
-constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 /// A branch's number, as operator.index gives it; none for what is no number, such as a point.
 std::optional<int> branch_of(const nb::object& entry) {
@@ -107,7 +105,6 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   std::vector<PackedRecord> all;
   for (const std::vector<RunRecord>& of_devices : records)
     for (const RunRecord& record : of_devices) all.push_back(packed(record));
-  const nb::object numpy = nb::module_::import_("numpy");
   nb::list fields;
   for (const char* name : {"time_s", "insertion_mm", "rotation_deg", "force_N", "torque_Nm"})
     fields.append(nb::make_tuple(name, "f8"));
@@ -116,9 +113,7 @@ nb::object records_array(const std::vector<std::vector<RunRecord>>& records) {
   fields.append(nb::make_tuple("arc_length_mm", "f8"));
   fields.append(nb::make_tuple("contacts", "i8"));
   for (const char* name : {"contact_force_N", "deepest_mm"}) fields.append(nb::make_tuple(name, "f8"));
-  const nb::bytes bytes(reinterpret_cast<const char*>(all.data()), all.size() * sizeof(PackedRecord));
-  return numpy.attr("frombuffer")(bytes, numpy.attr("dtype")(fields))
-      .attr("reshape")(records.size(), records.front().size());
+  return record_array(all, fields).attr("reshape")(records.size(), records.front().size());
 }
 
 std::vector<std::string> names_of(const HeldRun& held) {

@@ -9,6 +9,7 @@
 #include <memory>
 #include <nanobind/nanobind.h>
 #include <nanobind/ndarray.h>
+#include <numbers>
 #include <string>
 #include <string_view>
 #include <vector>
@@ -16,6 +17,8 @@
 namespace xraycast::python {
 
 namespace nb = nanobind;
+
+inline constexpr double kDegreesPerRadian = 180 / std::numbers::pi;
 
 /// Numbers that Python gave, in an array of any shape; `shape` is empty for a single one.
 struct Numbers {
@@ -55,6 +58,14 @@ inline bool always(PyObject*) { return true; }
 class RecordArray : public nb::object {
   NB_OBJECT(RecordArray, nb::object, "numpy.ndarray", always)
 };
+
+/// An array over a copy of the records, whose fields are as NumPy's dtype takes them.
+template <typename Record>
+RecordArray record_array(const std::vector<Record>& records, const nb::list& fields) {
+  const nb::object numpy = nb::module_::import_("numpy");
+  const nb::bytes bytes(reinterpret_cast<const char*>(records.data()), records.size() * sizeof(Record));
+  return nb::borrow<RecordArray>(numpy.attr("frombuffer")(bytes, numpy.attr("dtype")(fields)));
+}
 
 /// Warns of each line, named as with_arguments does.
 void warn(const std::vector<std::string>& lines);

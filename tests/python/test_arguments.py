@@ -49,7 +49,7 @@ def test_is_refused_in_one_line(box, case):
 
 
 def bound_functions():
-    yield from ((name, getattr(xc, name)) for name in ("devices", "open", "phantom", "use_device"))
+    yield from ((name, getattr(xc, name)) for name in ("compare", "devices", "open", "phantom", "use_device"))
     for name in xc.__all__:
         kind = getattr(xc, name)
         if inspect.isclass(kind) and kind.__module__ == "xraycast._core":

@@ -120,6 +120,11 @@ BAD = {
         "too long a run": (dict(script=HEAD + "0,0,0\n601,20,0\n"),
                            "script.csv: lasts 601 s, but an export holds a run of at most 600 s; shorten it"),
     },
+    "compare": {
+        "no views": (dict(views=0), "`views` 0: must be 1 to 3600"),
+        "too many views": (dict(views=3601), "`views` 3601: must be 1 to 3600"),
+        "another scan's map": (dict(), "...was not cast from ...: it has 60 rows, but the scan has 64 slices; give its own scan"),
+    },
     "convert": {
         "missing scan": (dict(input="gone.nrrd"), "gone.nrrd: no such file or folder; check its name"),
         "unknown format": (dict(output="ct.pdf"), "ct.pdf: unknown volume format..."),
@@ -180,7 +185,7 @@ def by_program(subcommand, changed):
     if not PROGRAM:
         pytest.skip("XRAYCAST_PROGRAM names no program")
     inputs = {"cast": ["water.nrrd", "-o", "out.exr"], "segment": ["tube.nrrd", "-o", "out"],
-              "simulate": ["vessels", "-o", "log.csv"], "export": [changed.pop("body", "map.exr")],
+              "simulate": ["vessels", "-o", "log.csv"], "compare": ["water.nrrd", "map.exr"], "export": [changed.pop("body", "map.exr")],
               "convert": [changed.pop("input", "water.nrrd")]}[subcommand]
     for output in ("path", "output"):
         if output in changed:
@@ -202,6 +207,8 @@ def by_python(subcommand, changed):
         elif subcommand == "export":
             body = xc.BodyMap.read(changed.pop("body", "map.exr"))
             xc.export(body, run=run() if "script" in changed else None, **changed)
+        elif subcommand == "compare":
+            xc.compare(xc.open("water.nrrd"), xc.BodyMap.read("map.exr"), **changed)
         elif subcommand == "convert":
             xc.convert(changed.pop("input", "water.nrrd"), **changed)
         else:

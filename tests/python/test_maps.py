@@ -129,3 +129,25 @@ def test_too_many_frames_are_refused_before_the_first_is_drawn(body):
         with pytest.raises(xc.Error, match="2000 pictures of 16384 x 16384 pixels") as error:
             make(lao=[0] * 2000, size=(16384, 16384), pixel_mm=1, centre_mm=body.centre_mm)
         assert "\n" not in str(error.value)
+
+
+def test_maps_are_compared_as_by_the_program(body, tmp_path):
+    few, many = body.cast(layers=2), body.cast(layers=8)
+    both = xc.compare(body, [few, many], views=2, cranial=10, cone_mm=(800, 1200))
+    assert both.angles == [0, 180] and both.views.shape == (2, 2) and both.mean.shape == (2,)
+    assert both.mean["psnr_db"][1] > both.mean["psnr_db"][0] + 3
+    one = xc.compare(body, many, angles=[180], cranial=10, cone_mm=(800, 1200))
+    assert one.views["psnr_db"][0, 0] == both.views["psnr_db"][1, 1]
+    wall = xc.compare(body, many, angles=[0], compositing="wall")
+    assert wall.views["ssim"][0, 0] < xc.compare(body, many, angles=[0]).views["ssim"][0, 0]
+    assert xc.compare(body, many, angles=[0], reconstruction="constant").mean != xc.compare(body, many, angles=[0]).mean
+
+
+@pytest.mark.parametrize("arguments, words", [
+    (dict(maps=[]), "maps: there are none"), (dict(angles=[]), "angles: must be one angle"),
+    (dict(angles=[float("nan")]), "angles: must be one angle"), (dict(reconstruction="cubic"), "choose linear or constant"),
+    (dict(cone_mm=(0, 10)), "source"),
+])
+def test_what_cannot_be_compared_is_rejected(body, arguments, words):
+    with pytest.raises(xc.InputError, match=words):
+        xc.compare(body, **(dict(maps=body.cast()) | arguments))

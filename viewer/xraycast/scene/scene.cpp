@@ -18,6 +18,12 @@ Compositing parse_compositing(const std::string& name) {
   throw InputError("unknown compositing '{}'; choose wall or path", excerpt(name));
 }
 
+Reconstruction parse_reconstruction(const std::string& name) {
+  if (name == "linear") return Reconstruction::linear;
+  if (name == "constant") return Reconstruction::constant;
+  throw InputError("unknown reconstruction '{}'; choose linear or constant", excerpt(name));
+}
+
 void check(const Surface& surface) {
   const Mesh& mesh = surface.mesh;
   if (!surface.mu_weights.empty() && surface.mu_weights.size() != mesh.points_mm.size())

@@ -15,9 +15,11 @@ enum class Look {
   fluoro,   ///< attenuating like the body; transmissions multiply
 };
 
-/// `surface` and `fluoro`; `wall` and `path`. Throw InputError, naming the valid ones, for other names.
+/// `surface` and `fluoro`; `wall` and `path`; `linear` and `constant`. Throw InputError, naming the valid
+/// ones, for other names.
 Look parse_look(const std::string& name);
 Compositing parse_compositing(const std::string& name);
+Reconstruction parse_reconstruction(const std::string& name);
 std::string to_string(Look look);
 std::string to_string(Compositing compositing);
 
